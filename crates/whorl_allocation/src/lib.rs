@@ -1,0 +1,1 @@
+//! Thruster and wheel allocation: quadratic program, pulse modulation, exact oracle.

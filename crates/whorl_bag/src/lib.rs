@@ -1,0 +1,1 @@
+//! Recordings: rosbag2 MCAP, CSV, and the run directory with its manifest.

@@ -1,0 +1,1 @@
+//! Attitude tracking, reference shaping, relative-attitude laws and momentum management.

@@ -1,0 +1,1 @@
+//! Attitude and gyro-bias filters with consistency statistics.

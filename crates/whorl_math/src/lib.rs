@@ -1,0 +1,1 @@
+//! Rotations, conventions and small numerical tools.

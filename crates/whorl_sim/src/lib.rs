@@ -1,0 +1,1 @@
+//! Deterministic in-process simulation of the whole node set.

@@ -1,0 +1,1 @@
+//! Commands the formation: relative-attitude laws, experiment sequence, link watch.

@@ -1,0 +1,1 @@
+//! Estimates attitude and gyro bias of one platform.

@@ -1,0 +1,1 @@
+//! Tracks the attitude reference of one platform with wheels and jets.

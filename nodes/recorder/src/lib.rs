@@ -1,0 +1,1 @@
+//! Records every topic into a run directory.
