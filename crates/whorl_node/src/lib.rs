@@ -1,1 +1,77 @@
-//! The contract between a node's pure core and the shells that run it: time, events, outputs.
+//! The contract between a node's pure core and the shells that run it.
+//!
+//! A core is a state machine: [`NodeCore::step`] takes the time and one [`Event`] and appends
+//! messages and log lines to [`Outputs`]. It knows no ROS, clock, file, thread or randomness.
+//! Three shells run the same cores unchanged: `whorl_ros` (DDS, real time), `whorl_sim`
+//! (one process, simulated time) and replay.
+
+mod outputs;
+mod timestamp;
+
+pub use outputs::{LogLevel, LogLine, Outputs, Publication, TriggerResponse};
+pub use timestamp::Timestamp;
+pub use whorl_msgs::topics::{Message, Route, Topic};
+
+use std::time::Duration;
+
+/// What happened to a node.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event<'a> {
+    /// A message arrived on one of the core's subscriptions.
+    Message {
+        /// The topic and, for a topic in a platform's namespace, which platform.
+        route: Route,
+        /// The message itself.
+        message: &'a Message,
+    },
+    /// The core's periodic timer fired; see [`NodeCore::timer_period`]. The n-th firing is due at
+    /// start + n * period; a late shell fires late but never skips.
+    Timer,
+    /// Somebody called one of the core's `std_srvs/Trigger` services; answer with
+    /// [`Outputs::respond`].
+    Trigger {
+        /// The service's name relative to the node, as in [`NodeCore::trigger_services`].
+        service: &'a str,
+    },
+    /// The shell is stopping (Ctrl-C, SIGTERM): the last chance to command a safe state.
+    Shutdown,
+}
+
+/// A node without its transport.
+pub trait NodeCore: Send {
+    /// Topics the core reads. `Route::platform` is an index into the list of platforms.
+    fn subscriptions(&self) -> Vec<Route>;
+
+    /// Topics the core writes.
+    fn publications(&self) -> Vec<Route>;
+
+    /// Period of [`Event::Timer`]; `None` for a core that only answers messages.
+    fn timer_period(&self) -> Option<Duration>;
+
+    /// Names of `std_srvs/Trigger` services, relative to the node's namespace and name
+    /// (`start` becomes `/coordinator/start`).
+    fn trigger_services(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// Advances the state machine by one event. `now` never decreases.
+    fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs);
+
+    /// True once the node has done all it was started for; a shell may then stop it.
+    fn finished(&self) -> bool {
+        false
+    }
+}
+
+/// A core that can be built from, and reconfigured with, validated parameters.
+pub trait Configurable: NodeCore + Sized {
+    /// Validated parameters, as read from YAML by `whorl_params`.
+    type Parameters: Clone + Send;
+
+    /// Applies changed parameters to the running core (`ros2 param set`).
+    ///
+    /// # Errors
+    /// The reason, in words, why these parameters cannot be changed while the node runs. The
+    /// core is then unchanged.
+    fn reconfigure(&mut self, parameters: &Self::Parameters) -> Result<(), String>;
+}

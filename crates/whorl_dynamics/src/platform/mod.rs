@@ -1,0 +1,56 @@
+//! What a platform is made of, as its parameter file says.
+//!
+//! Everything here is data, valid by construction or checked by `whorl_params` with the range
+//! given in each field's doc. The truth of a simulation and the model that estimator and control
+//! use are two values of the same type.
+
+mod actuators;
+mod sensors;
+
+pub use actuators::{Jet, Tank, Wheel};
+pub use sensors::{
+    Accelerometer, BusVoltage, RateGyro, ScalarSensor, SensorSuite, TriaxialErrors, VectorSensor,
+    WheelSpeedSensor,
+};
+
+use std::collections::BTreeMap;
+
+use crate::MassProperties;
+
+/// A platform.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlatformModel {
+    /// Mass, inertia, gravity offset.
+    pub mass_properties: MassProperties,
+    /// Momentum wheels, in the order of every per-wheel array in messages.
+    pub wheels: Vec<Wheel>,
+    /// Cold-gas jets, in the order of every per-jet array in messages.
+    pub jets: Vec<Jet>,
+    /// Gas supply of the jets.
+    pub tank: Tank,
+    /// Bus voltage supply at full charge and its fall, for actuators that depend on it.
+    pub bus: BusVoltage,
+    /// Where the bearing stops.
+    pub tilt_limit: TiltLimit,
+    /// The sensors.
+    pub sensors: SensorSuite,
+    /// Physical effects beyond the base model: effect id of the catalogue -> parameter name -> value.
+    /// Names and ranges are checked against the catalogue when the model is read.
+    pub effects: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// Freedom of the bearing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TiltLimit {
+    /// Tabletop: the angle between body z and the vertical stays below this.
+    Cone {
+        /// Largest tilt [rad], 0 < x < pi.
+        max_rad: f64,
+    },
+    /// Dumbbell: the elevation of body x above the horizontal stays within +- this; yaw and roll
+    /// (about body x) are free.
+    Pitch {
+        /// Largest pitch [rad], 0 < x < pi/2.
+        max_rad: f64,
+    },
+}
