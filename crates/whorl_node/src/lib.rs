@@ -8,9 +8,9 @@
 mod outputs;
 mod timestamp;
 
-pub use outputs::{LogLevel, LogLine, Outputs, Publication, TriggerResponse};
+pub use outputs::{LogLevel, LogLine, Outputs, Publication, Response};
 pub use timestamp::Timestamp;
-pub use whorl_msgs::topics::{Message, Route, Topic};
+pub use whorl_msgs::topics::{Message, Route, Service, Topic};
 
 use std::time::Duration;
 
@@ -27,11 +27,12 @@ pub enum Event<'a> {
     /// The core's periodic timer fired; see [`NodeCore::timer_period`]. The n-th firing is due at
     /// start + n * period; a late shell fires late but never skips.
     Timer,
-    /// Somebody called one of the core's `std_srvs/Trigger` services; answer with
-    /// [`Outputs::respond`].
-    Trigger {
-        /// The service's name relative to the node, as in [`NodeCore::trigger_services`].
-        service: &'a str,
+    /// Somebody called one of the core's services; answer with [`Outputs::respond`].
+    Request {
+        /// Which one; always one of [`NodeCore::services`].
+        service: Service,
+        /// The request's only field (experiment name, reason); may be empty.
+        argument: &'a str,
     },
     /// The shell is stopping (Ctrl-C, SIGTERM): the last chance to command a safe state.
     Shutdown,
@@ -48,9 +49,8 @@ pub trait NodeCore: Send {
     /// Period of [`Event::Timer`]; `None` for a core that only answers messages.
     fn timer_period(&self) -> Option<Duration>;
 
-    /// Names of `std_srvs/Trigger` services, relative to the node's namespace and name
-    /// (`start` becomes `/coordinator/start`).
-    fn trigger_services(&self) -> &'static [&'static str] {
+    /// Services that the core offers.
+    fn services(&self) -> &'static [Service] {
         &[]
     }
 

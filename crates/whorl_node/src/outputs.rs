@@ -33,9 +33,9 @@ pub struct LogLine {
     pub text: String,
 }
 
-/// The answer to [`crate::Event::Trigger`].
+/// The answer to [`crate::Event::Request`].
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TriggerResponse {
+pub struct Response {
     /// Whether the request was carried out.
     pub success: bool,
     /// One sentence on what happened, or why not.
@@ -49,8 +49,8 @@ pub struct Outputs {
     pub messages: Vec<Publication>,
     /// Log lines.
     pub log: Vec<LogLine>,
-    /// The answer to a trigger.
-    pub response: Option<TriggerResponse>,
+    /// The answer to a request.
+    pub response: Option<Response>,
 }
 
 impl Outputs {
@@ -64,9 +64,9 @@ impl Outputs {
         self.log.push(LogLine { level, text: text.into() });
     }
 
-    /// Answers the trigger service that is being served.
+    /// Answers the request that is being served.
     pub fn respond(&mut self, success: bool, message: impl Into<String>) {
-        self.response = Some(TriggerResponse { success, message: message.into() });
+        self.response = Some(Response { success, message: message.into() });
     }
 
     /// Empties all lists, keeping their memory.
