@@ -10,6 +10,8 @@
 
 pub mod builtin_interfaces;
 pub mod cdr;
+#[cfg(test)]
+mod conformity;
 pub mod definitions;
 pub mod diagnostic_msgs;
 pub mod geometry_msgs;
