@@ -1,1 +1,10 @@
 //! Deterministic in-process simulation of the whole node set.
+//!
+//! The same node cores as over DDS, joined by an event queue instead: same seed, same parameters,
+//! same outputs to the bit, whatever the machine's load.
+
+mod bus;
+mod link;
+
+pub use bus::{Bus, Host, Observer};
+pub use link::{Cut, LinkParameters};

@@ -1,0 +1,227 @@
+//! The in-process stand-in for DDS: an event queue ordered by time, then by order of sending.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
+use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
+
+use crate::link::{Link, LinkParameters};
+
+/// Where a node runs. Messages between nodes of one host take the local delay; all others cross
+/// the radio link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Host {
+    /// On a platform's own computer.
+    Platform(PlatformId),
+    /// On the ground computer: coordinator.
+    Ground,
+}
+
+/// Sees everything that happens, in order of time.
+pub trait Observer {
+    /// Why it could not take what it saw.
+    type Error;
+
+    /// A node published a message.
+    ///
+    /// # Errors
+    /// Ends the simulation.
+    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), Self::Error>;
+
+    /// A node wrote a log line.
+    fn logged(&mut self, now: Timestamp, node: &str, line: &LogLine);
+
+    /// A node is about to be stepped with this event; for journals.
+    fn stepping(&mut self, _now: Timestamp, _node: &str, _event: &Event<'_>) {}
+}
+
+struct Node {
+    name: String,
+    host: Host,
+    core: Box<dyn NodeCore>,
+    timer_period: Option<Duration>,
+}
+
+enum Delivery {
+    Timer,
+    Message { route: Route, message: Arc<Message> },
+}
+
+struct Entry {
+    at: Timestamp,
+    order: u64,
+    node: usize,
+    delivery: Delivery,
+}
+
+// Ordered by time, then by order of sending: deterministic, and never by content.
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        (self.at, self.order) == (other.at, other.order)
+    }
+}
+impl Eq for Entry {}
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.at, self.order).cmp(&(other.at, other.order))
+    }
+}
+
+/// A set of node cores and the queue of what will happen to them.
+pub struct Bus {
+    nodes: Vec<Node>,
+    /// Subscribers of each route, by [`Bus::route_index`].
+    subscribers: Vec<Vec<usize>>,
+    platforms: usize,
+    queue: BinaryHeap<Reverse<Entry>>,
+    order: u64,
+    now: Timestamp,
+    local_delay: Duration,
+    link: Link,
+    outputs: Outputs,
+    stepped: Vec<usize>,
+}
+
+impl Bus {
+    /// An empty bus for `platforms` platforms. `seed` drives link loss and jitter only.
+    #[must_use]
+    pub fn new(start: Timestamp, platforms: usize, local_delay: Duration, link: LinkParameters, seed: u64) -> Self {
+        Self {
+            nodes: Vec::new(),
+            subscribers: vec![Vec::new(); Topic::ALL.len() * (platforms + 1)],
+            platforms,
+            queue: BinaryHeap::new(),
+            order: 0,
+            now: start,
+            local_delay,
+            link: Link::new(link, start, seed),
+            outputs: Outputs::default(),
+            stepped: Vec::new(),
+        }
+    }
+
+    /// Adds a node whose timer first fires `phase` after the start.
+    pub fn add(&mut self, name: impl Into<String>, host: Host, core: Box<dyn NodeCore>, phase: Duration) {
+        let index = self.nodes.len();
+        for route in core.subscriptions() {
+            if let Some(slot) = self.route_index(route) {
+                self.subscribers[slot].push(index);
+            }
+        }
+        let timer_period = core.timer_period();
+        if timer_period.is_some() {
+            self.push(self.now + phase, index, Delivery::Timer);
+        }
+        self.nodes.push(Node { name: name.into(), host, core, timer_period });
+    }
+
+    /// Simulated time.
+    #[must_use]
+    pub fn now(&self) -> Timestamp {
+        self.now
+    }
+
+    /// Whether the named node has finished its work.
+    #[must_use]
+    pub fn finished(&self, name: &str) -> bool {
+        self.nodes.iter().any(|n| n.name == name && n.core.finished())
+    }
+
+    /// Delivers everything that happens up to and including `until`.
+    ///
+    /// # Errors
+    /// The observer's.
+    pub fn run_until<O: Observer>(&mut self, until: Timestamp, observer: &mut O) -> Result<(), O::Error> {
+        while let Some(Reverse(next)) = self.queue.peek() {
+            if next.at > until {
+                break;
+            }
+            let Some(Reverse(entry)) = self.queue.pop() else { break };
+            self.now = entry.at;
+            match entry.delivery {
+                Delivery::Timer => {
+                    if let Some(period) = self.nodes[entry.node].timer_period {
+                        self.push(entry.at + period, entry.node, Delivery::Timer);
+                    }
+                    self.step(entry.node, Event::Timer, observer)?;
+                }
+                Delivery::Message { route, message } => {
+                    self.step(entry.node, Event::Message { route, message: &message }, observer)?;
+                }
+            }
+        }
+        self.now = self.now.max(until);
+        Ok(())
+    }
+
+    /// Tells every node that the run ends.
+    ///
+    /// # Errors
+    /// The observer's.
+    pub fn shut_down<O: Observer>(&mut self, observer: &mut O) -> Result<(), O::Error> {
+        (0..self.nodes.len()).try_for_each(|node| self.step(node, Event::Shutdown, observer))
+    }
+
+    fn step<O: Observer>(&mut self, index: usize, event: Event<'_>, observer: &mut O) -> Result<(), O::Error> {
+        let mut outputs = std::mem::take(&mut self.outputs);
+        outputs.clear();
+        let node = &mut self.nodes[index];
+        observer.stepping(self.now, &node.name, &event);
+        node.core.step(self.now, event, &mut outputs);
+        let host = node.host;
+        for line in &outputs.log {
+            observer.logged(self.now, &self.nodes[index].name, line);
+        }
+        for publication in outputs.messages.drain(..) {
+            observer.published(self.now, publication.route, &publication.message)?;
+            self.send(host, publication.route, publication.message);
+        }
+        self.outputs = outputs;
+        Ok(())
+    }
+
+    fn send(&mut self, from: Host, route: Route, message: Message) {
+        let Some(slot) = self.route_index(route) else { return };
+        if self.subscribers[slot].is_empty() {
+            return;
+        }
+        let message = Arc::new(message);
+        let mut stepped = std::mem::take(&mut self.stepped);
+        stepped.clone_from(&self.subscribers[slot]);
+        for &node in &stepped {
+            let delay = if self.nodes[node].host == from {
+                Some(self.local_delay)
+            } else {
+                self.link.delay(self.now)
+            };
+            if let Some(delay) = delay {
+                let message = Arc::clone(&message);
+                self.push(self.now + delay, node, Delivery::Message { route, message });
+            }
+        }
+        self.stepped = stepped;
+    }
+
+    fn push(&mut self, at: Timestamp, node: usize, delivery: Delivery) {
+        self.queue.push(Reverse(Entry { at, order: self.order, node, delivery }));
+        self.order += 1;
+    }
+
+    /// `None` for a platform that does not exist.
+    fn route_index(&self, route: Route) -> Option<usize> {
+        let column = match route.platform {
+            None => 0,
+            Some(PlatformId(id)) if usize::from(id) < self.platforms => usize::from(id) + 1,
+            Some(_) => return None,
+        };
+        Some(column * Topic::ALL.len() + route.topic as usize)
+    }
+}
