@@ -1,0 +1,130 @@
+# Shared by the scripts in this folder; sourced, not run.
+# Shell only: gains, limits and sequences are in params/, logic is in the nodes.
+
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+bin=${WHORL_BIN:-$root/target/release}
+params=$root/params
+experiment=leader_follower
+seed=1
+build=yes
+domain=${ROS_DOMAIN_ID:-0}
+# Process ids of everything started here, one file per process, for stop_all.sh.
+run_state=${XDG_RUNTIME_DIR:-/tmp}/whorl-$(id -u)-domain-$domain
+
+die() {
+    printf 'error: %s\n' "$*" >&2
+    exit 2
+}
+
+need_value() {
+    [ $# -ge 2 ] && [ -n "$2" ] || die "$1 needs a value"
+}
+
+# Builds the node set, unless the caller brings binaries (WHORL_BIN) or asked for --no-build.
+build_nodes() {
+    [ "$build" = yes ] && [ -z "${WHORL_BIN:-}" ] || return 0
+    command -v cargo >/dev/null || die "cargo is not on the PATH: install a Rust toolchain (https://rustup.rs)"
+    (cd "$root" && cargo build --release --locked --workspace --bins)
+}
+
+check_binaries() {
+    local name
+    for name in "$@"; do
+        [ -x "$bin/$name" ] || die "$bin/$name is not there: build with 'cargo build --release', or run without --no-build"
+    done
+}
+
+# The experiment's file: a name in the parameter folder, or a path.
+experiment_file() {
+    local candidate
+    for candidate in "$experiment" "$params/experiments/$experiment.yaml" "$root/params/experiments/$experiment.yaml"; do
+        [ -f "$candidate" ] && { printf '%s\n' "$candidate"; return; }
+    done
+    die "no experiment '$experiment': not a file, and not one of $(cd "$params/experiments" 2>/dev/null && ls ./*.yaml | sed 's|^\./||; s|\.yaml$||' | tr '\n' ' ')"
+}
+
+# start LABEL LOG PROGRAM ARGS...: runs it in the background and remembers its process id.
+start() {
+    local label=$1 log=$2
+    shift 2
+    mkdir -p "$run_state" "$(dirname "$log")"
+    "$@" >"$log" 2>&1 &
+    pids+=($!)
+    labels+=("$label")
+    logs+=("$log")
+    printf '%s\n' "$!" >"$run_state/$label.pid"
+}
+
+# stop_started: asks what this script started to stop (newest last started, recorder last), then insists.
+stop_started() {
+    local i waited
+    for i in "${!pids[@]}"; do
+        [ "${labels[$i]}" = recorder ] || kill -INT "${pids[$i]}" 2>/dev/null || true
+    done
+    wait_for_exit 30
+    for i in "${!pids[@]}"; do
+        kill -INT "${pids[$i]}" 2>/dev/null || true
+    done
+    wait_for_exit 50
+    for i in "${!pids[@]}"; do
+        if kill -0 "${pids[$i]}" 2>/dev/null; then
+            printf 'warning: %s did not stop, killing it\n' "${labels[$i]}" >&2
+            kill -KILL "${pids[$i]}" 2>/dev/null || true
+        fi
+        wait "${pids[$i]}" 2>/dev/null || true
+        rm -f "$run_state/${labels[$i]}.pid"
+    done
+    rmdir "$run_state" 2>/dev/null || true
+}
+
+# Waits up to $1 tenths of a second until all but the recorder have ended.
+wait_for_exit() {
+    local tenths=$1 i alive
+    while [ "$tenths" -gt 0 ]; do
+        alive=no
+        for i in "${!pids[@]}"; do
+            [ "${labels[$i]}" != recorder ] || [ "$1" -gt 30 ] || continue
+            kill -0 "${pids[$i]}" 2>/dev/null && alive=yes
+        done
+        [ "$alive" = yes ] || return 0
+        sleep 0.1
+        tenths=$((tenths - 1))
+    done
+}
+
+# First started process that has ended, if any: prints its last words and fails.
+check_alive() {
+    local i
+    for i in "${!pids[@]}"; do
+        if ! kill -0 "${pids[$i]}" 2>/dev/null; then
+            printf 'error: %s ended. Its log, %s, says:\n' "${labels[$i]}" "${logs[$i]}" >&2
+            tail -n 20 "${logs[$i]}" >&2
+            return 1
+        fi
+    done
+}
+
+# start_platform_nodes NAME BACKEND SOURCE LOGDIR: driver, estimator and local control of one platform.
+start_platform_nodes() {
+    local name=$1 backend=$2 source=$3 logdir=$4 file node
+    local common=(--ros-args -r "__ns:=/$name")
+    for file in "$params/common.yaml" "$params/$name.yaml"; do
+        [ -f "$file" ] || die "no parameter file $file for platform '$name'"
+        common+=(--params-file "$file")
+    done
+    local model=("${common[@]}" --params-file "$experiment_path")
+    local truth=("${common[@]}")
+    [ ! -f "$params/truth/$name.yaml" ] || truth+=(--params-file "$params/truth/$name.yaml")
+    truth+=(--params-file "$experiment_path" -p "backend:=$backend" -p "seed:=$seed")
+    [ -z "$source" ] || truth+=(-p "replay.source:=$source")
+    start "${name}_driver" "$logdir/${name}_driver.log" "$bin/driver" "${truth[@]}"
+    for node in estimator local_control; do
+        start "${name}_$node" "$logdir/${name}_$node.log" "$bin/$node" "${model[@]}"
+    done
+}
+
+pids=()
+labels=()
+logs=()
