@@ -172,6 +172,8 @@ pub struct FormationState {
     pub run_elapsed_s: f64,
     pub run_length_s: f64,
     pub platforms: Vec<String>,
+    pub leader: Vec<i32>,
+    pub q_leader_platform: Vec<Quaternion>,
     pub relative_error_rad: Vec<Vector3>,
     pub link_age_s: Vec<f64>,
     pub link_ok: Vec<bool>,
