@@ -59,3 +59,54 @@ pub struct TransformStamped {
     pub child_frame_id: String,
     pub transform: Transform,
 }
+
+impl From<nalgebra::Vector3<f64>> for Vector3 {
+    fn from(v: nalgebra::Vector3<f64>) -> Self {
+        Self { x: v.x, y: v.y, z: v.z }
+    }
+}
+
+impl From<Vector3> for nalgebra::Vector3<f64> {
+    fn from(v: Vector3) -> Self {
+        Self::new(v.x, v.y, v.z)
+    }
+}
+
+impl From<nalgebra::UnitQuaternion<f64>> for Quaternion {
+    fn from(q: nalgebra::UnitQuaternion<f64>) -> Self {
+        Self { x: q.i, y: q.j, z: q.k, w: q.w }
+    }
+}
+
+impl Quaternion {
+    /// How far from 1 the norm of a quaternion in a message may be.
+    pub const NORM_TOLERANCE: f64 = 1e-3;
+
+    /// The rotation. `None` when a component is not finite or the norm is off by more than
+    /// [`Self::NORM_TOLERANCE`]: then the sender is broken and nothing should be made of it.
+    #[must_use]
+    pub fn to_unit(self) -> Option<nalgebra::UnitQuaternion<f64>> {
+        let q = nalgebra::Quaternion::new(self.w, self.x, self.y, self.z);
+        let norm = q.norm();
+        // A NaN fails the comparison.
+        ((norm - 1.0).abs() <= Self::NORM_TOLERANCE)
+            .then(|| nalgebra::UnitQuaternion::new_unchecked(q / norm))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quaternions_keep_their_order_and_bad_ones_are_refused() {
+        let q = nalgebra::UnitQuaternion::from_euler_angles(0.1, -0.2, 2.9);
+        assert_eq!(Quaternion::from(q).to_unit().unwrap().coords, (q.quaternion() / q.norm()).coords);
+        let quarter_turn_about_z = Quaternion { x: 0.0, y: 0.0, z: 0.5f64.sqrt(), w: 0.5f64.sqrt() };
+        let y = quarter_turn_about_z.to_unit().unwrap() * nalgebra::Vector3::x();
+        assert!((y - nalgebra::Vector3::y()).norm() < 1e-15);
+        assert_eq!(Quaternion { x: f64::NAN, ..Quaternion::default() }.to_unit(), None);
+        assert_eq!(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 0.0 }.to_unit(), None);
+        assert_eq!(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.01 }.to_unit(), None);
+    }
+}
