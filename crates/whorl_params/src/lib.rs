@@ -1,1 +1,50 @@
-//! ROS 2 parameter files to validated types, with errors that name file, line, key and what is allowed.
+//! ROS 2 parameter files to validated types, with errors that name file, line, key, value and what
+//! is allowed.
+//!
+//! ```
+//! use whorl_params::{ParameterTree, Reader, range};
+//!
+//! struct Parameters {
+//!     rate_hz: f64,
+//! }
+//!
+//! // The single definition of a node's parameters: names, ranges, defaults, docs.
+//! fn read(r: &mut Reader<'_>) -> Parameters {
+//!     Parameters { rate_hz: r.f64_or("rate_hz", 100.0, range(1.0..=1000.0), "update rate [Hz]") }
+//! }
+//!
+//! let file = "/whorl_1/estimator:\n  ros__parameters:\n    rate_hz: 5000\n";
+//! let tree = ParameterTree::from_texts(&[("whorl_1.yaml", file)], &[])?;
+//! let errors = whorl_params::read(&tree.for_node("/whorl_1/estimator"), read).map(|_| ()).unwrap_err();
+//! assert_eq!(
+//!     errors.to_string(),
+//!     "whorl_1.yaml:3: rate_hz = 5000.0: allowed: a number from 1 to 1000 (update rate [Hz])"
+//! );
+//! # Ok::<(), whorl_params::ParameterErrors>(())
+//! ```
+
+mod command_line;
+mod descriptor;
+mod document;
+mod error;
+mod formation;
+mod limits;
+mod nearest;
+mod node_parameters;
+mod node_pattern;
+mod reader;
+mod scalar;
+mod serialise;
+mod tree;
+mod value;
+
+pub use command_line::Override;
+pub use descriptor::{Descriptor, NumericRange};
+pub use error::{Origin, ParameterError, ParameterErrors};
+pub use formation::{FORMATION_NODES, Formation, PLATFORM_NODES, formation, node_names};
+pub use limits::{Limits, any, non_negative, positive, range};
+pub use node_parameters::{Entry, NodeParameters};
+pub use reader::{Reader, read, try_read};
+pub use serialise::effective_yaml;
+pub use tree::{ParameterTree, SHARED_GROUPS, is_shared, standard_layers};
+pub use value::{Kind, Value};

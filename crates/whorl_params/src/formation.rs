@@ -1,0 +1,71 @@
+//! The shared group `formation`: which platforms there are.
+
+use crate::node_pattern::is_ros_name;
+use crate::reader::Reader;
+
+/// The platforms of the laboratory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Formation {
+    /// Platform names, which are the ROS namespaces of their nodes. The order gives every
+    /// platform its index.
+    pub platforms: Vec<String>,
+}
+
+impl Formation {
+    /// Index of a platform by name.
+    #[must_use]
+    pub fn index_of(&self, platform: &str) -> Option<usize> {
+        self.platforms.iter().position(|name| name == platform)
+    }
+
+    /// Index of the platform that a node belongs to, by the node's fully qualified name:
+    /// `/whorl_2/estimator` belongs to `whorl_2`.
+    #[must_use]
+    pub fn platform_of_node(&self, node: &str) -> Option<usize> {
+        node.trim_start_matches('/').rsplit_once('/').and_then(|(namespace, _)| self.index_of(namespace))
+    }
+}
+
+/// Reads the group `formation`.
+pub fn formation(r: &mut Reader<'_>) -> Formation {
+    r.claim_group("formation");
+    r.group("formation", |r| {
+        let platforms =
+            r.string_array("platforms", "names of the platforms, which are the namespaces of their nodes");
+        if let Some(bad) = platforms.iter().find(|name| !is_ros_name(name)) {
+            r.reject(
+                "platforms",
+                format!("`{bad}` is not a ROS name; allowed: letters, digits and _, the first no digit"),
+            );
+        }
+        let mut sorted: Vec<&String> = platforms.iter().collect();
+        sorted.sort_unstable();
+        let distinct = {
+            sorted.dedup();
+            sorted.len() == platforms.len()
+        };
+        if !distinct {
+            r.reject("platforms", "a name stands twice; allowed: every platform once");
+        }
+        if platforms.is_empty() && r.has("platforms") {
+            r.reject("platforms", "the list is empty; allowed: at least one platform");
+        }
+        Formation { platforms }
+    })
+}
+
+/// Nodes of every platform, below its namespace.
+pub const PLATFORM_NODES: [&str; 3] = ["driver", "estimator", "local_control"];
+
+/// Nodes that exist once.
+pub const FORMATION_NODES: [&str; 2] = ["coordinator", "recorder"];
+
+/// Fully qualified names of all nodes, for [`crate::ParameterTree::check_sections`].
+#[must_use]
+pub fn node_names(formation: &Formation) -> Vec<String> {
+    let own = formation
+        .platforms
+        .iter()
+        .flat_map(|platform| PLATFORM_NODES.iter().map(move |node| format!("/{platform}/{node}")));
+    own.chain(FORMATION_NODES.iter().map(|node| format!("/{node}"))).collect()
+}
