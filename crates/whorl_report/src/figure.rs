@@ -1,0 +1,114 @@
+//! One figure, drawn by Plotly. The only file that knows it.
+
+use plotly::common::{Line, Mode, Orientation, Title};
+use plotly::configuration::DisplayModeBar;
+use plotly::layout::{Axis, Legend, Margin, Shape, ShapeLayer, ShapeType};
+use plotly::{Configuration, Layout, Plot, Scatter};
+
+use crate::metrics::Interval;
+use crate::series::Curve;
+
+/// Points per curve beyond which it is thinned.
+const POINTS: usize = 2400;
+
+/// Line colours and dashes that stay apart in grey and for colour-blind readers (Okabe-Ito).
+const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#999933"];
+
+/// A figure to be drawn.
+#[derive(Debug, Clone, Default)]
+pub struct Figure {
+    /// Heading above it.
+    pub title: String,
+    /// One sentence on how to read it.
+    pub caption: String,
+    /// Quantity and unit on the vertical axis.
+    pub y_label: String,
+    /// Solid curves.
+    pub curves: Vec<Curve>,
+    /// Dashed curves, coloured like the solid curve of the same position.
+    pub dashed: Vec<Curve>,
+    /// Logarithmic vertical axis.
+    pub log: bool,
+}
+
+impl Figure {
+    /// Whether there is anything to draw.
+    pub fn is_empty(&self) -> bool {
+        self.curves.iter().chain(&self.dashed).all(|c| c.time_s.is_empty())
+    }
+
+    /// HTML of the figure; `shaded` stretches of time are drawn in grey behind the curves.
+    pub fn html(&self, id: &str, shaded: &[Interval], duration_s: f64) -> String {
+        let mut plot = Plot::new();
+        let solid = self.curves.iter().enumerate().map(|(i, c)| (i, c, "solid", 1.6));
+        let dashed = self.dashed.iter().enumerate().map(|(i, c)| (i, c, "dash", 1.2));
+        for (index, curve, dash, width) in solid.chain(dashed).filter(|(_, c, ..)| !c.time_s.is_empty()) {
+            let curve = curve.clone().thinned(POINTS);
+            let colour = COLOURS.get(index % COLOURS.len()).copied().unwrap_or("#000000");
+            let dash =
+                if dash == "dash" { plotly::common::DashType::Dash } else { plotly::common::DashType::Solid };
+            let line = Line::new().color(colour).width(width).dash(dash);
+            plot.add_trace(
+                Scatter::new(rounded(curve.time_s), rounded(curve.value))
+                    .mode(Mode::Lines)
+                    .name(curve.name)
+                    .line(line),
+            );
+        }
+        let axis = Axis::new()
+            .grid_color("#e5e5e5")
+            .zero_line_color("#bbbbbb")
+            .line_color("#333333")
+            .show_line(true);
+        let mut y = axis.clone().title(Title::with_text(self.y_label.clone()));
+        if self.log {
+            y = y.type_(plotly::layout::AxisType::Log);
+        }
+        let shapes = shaded.iter().map(|(start, end)| {
+            Shape::new()
+                .shape_type(ShapeType::Rect)
+                .x_ref("x")
+                .y_ref("paper")
+                .x0(*start)
+                .x1(*end)
+                .y0(0)
+                .y1(1)
+                .fill_color("#eef2f7")
+                .layer(ShapeLayer::Below)
+                .line(plotly::layout::ShapeLine::new().width(0.))
+        });
+        plot.set_layout(
+            Layout::new()
+                .height(300)
+                .margin(Margin::new().top(10).bottom(45).left(70).right(15))
+                .paper_background_color("#ffffff")
+                .plot_background_color("#ffffff")
+                .legend(Legend::new().orientation(Orientation::Horizontal).y(1.12).x(0.))
+                .x_axis(axis.title(Title::with_text("time [s]")).range(vec![0., duration_s]))
+                .y_axis(y)
+                .shapes(shapes.collect()),
+        );
+        plot.set_configuration(
+            Configuration::new().responsive(true).display_mode_bar(DisplayModeBar::Hover).display_logo(false),
+        );
+        plot.to_inline_html(Some(id))
+    }
+}
+
+/// The script that draws the figures, for embedding once in a page.
+///
+/// The library's sources also bring a typesetter for formulas, which is half of their size and of
+/// no use here.
+pub fn script() -> String {
+    let sources = Plot::offline_js_sources();
+    sources.split_once("</script>").map_or(sources.clone(), |(plotly, _)| format!("{plotly}</script>"))
+}
+
+/// Six significant digits: what a plot can show, at a third of the size.
+fn rounded(values: Vec<f64>) -> Vec<f64> {
+    values
+        .into_iter()
+        .map(|x| if x == 0.0 || !x.is_finite() { x } else { format!("{x:.5e}").parse().unwrap_or(x) })
+        .collect()
+}

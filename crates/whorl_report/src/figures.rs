@@ -1,0 +1,236 @@
+//! Which figures a report has.
+
+use nalgebra::Vector3;
+use whorl_math::{EulerAngles, EulerSequence, deg_from_rad, rpm_from_rad_s};
+
+use crate::data::{PlatformData, RunData};
+use crate::figure::Figure;
+use crate::metrics::{Attitudes, RelativeError, estimator_errors};
+use crate::series::{AttitudeSeries, Curve, components};
+
+const XYZ: [&str; 3] = ["x", "y", "z"];
+
+/// Relative error of a pair and the links.
+pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> Vec<Figure> {
+    let angle = |name: &str, f: &dyn Fn(&RelativeError) -> Option<f64>| {
+        Curve::new(name, errors.iter().filter_map(|e| Some((e.time_s, deg_from_rad(f(e)?)))))
+    };
+    vec![
+        Figure {
+            title: format!("Relative pointing error of {follower} to {leader}"),
+            caption:
+                "Angle between the relative attitude and the commanded one, and its two parts: what the \
+                      estimators got wrong, and what the controllers left over. Grey: hold."
+                    .to_owned(),
+            y_label: "angle [deg]".to_owned(),
+            curves: vec![
+                angle("total", &|e| Some(e.total_rad.norm())),
+                angle("estimator", &|e| e.estimator_rad.map(|v| v.norm())),
+                angle("control", &|e| Some(e.control_rad.norm())),
+            ],
+            log: true,
+            ..Figure::default()
+        },
+        Figure {
+            title: format!("Relative pointing error of {follower} to {leader}, by axis"),
+            caption: "Total error as a rotation vector in the follower's body axes.".to_owned(),
+            y_label: "error [deg]".to_owned(),
+            curves: components(XYZ, deg_from_rad(1.0), errors.iter().map(|e| (e.time_s, e.total_rad))),
+            ..Figure::default()
+        },
+    ]
+}
+
+/// Age of every platform's estimate at the coordinator.
+pub fn link_figure(run: &RunData) -> Figure {
+    let names = run.formation.last().map(|s| s.message.platforms.clone()).unwrap_or_default();
+    let curves = names.iter().enumerate().map(|(i, name)| {
+        let ages = run.formation.iter().filter_map(|s| {
+            let age_s = s.message.link_age_s.get(i).copied().filter(|a| a.is_finite())?;
+            Some((s.stamp_s, age_s * 1e3))
+        });
+        Curve::new(name.as_str(), ages)
+    });
+    Figure {
+        title: "Link age".to_owned(),
+        caption: "Age of each platform's newest estimate when the coordinator looked.".to_owned(),
+        y_label: "age [ms]".to_owned(),
+        curves: curves.collect(),
+        ..Figure::default()
+    }
+}
+
+/// Everything about one platform.
+pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figure> {
+    let mut figures = attitude_figures(attitudes);
+    figures.push(Figure {
+        title: "Control error".to_owned(),
+        caption: "Rotation from reference to estimated attitude, body axes, as the controller saw it."
+            .to_owned(),
+        y_label: "error [deg]".to_owned(),
+        curves: components(
+            XYZ,
+            deg_from_rad(1.0),
+            data.control.iter().map(|c| (c.stamp_s, Vector3::from(c.message.attitude_error_b_rad))),
+        ),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Estimator error".to_owned(),
+        caption:
+            "Rotation from estimated to true attitude, world axes (z is heading). Dashed: the filter's own \
+                  three-sigma of its largest axis."
+                .to_owned(),
+        y_label: "error [deg]".to_owned(),
+        curves: components(XYZ, deg_from_rad(1.0), estimator_errors(attitudes)),
+        dashed: three_sigma(data),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Gyro bias".to_owned(),
+        caption: "Estimated (solid) and true (dashed), body axes.".to_owned(),
+        y_label: "bias [deg/s]".to_owned(),
+        curves: bias(&data.estimate),
+        dashed: bias(&data.truth),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Wheel speeds".to_owned(),
+        caption: "Relative to the body.".to_owned(),
+        y_label: "speed [rpm]".to_owned(),
+        curves: wheel_speeds(data),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Torque".to_owned(),
+        caption:
+            "Achieved by the actuators' model (solid) and asked for by the controller (dashed), body axes. \
+                  They part where the actuators are at their limits."
+                .to_owned(),
+        y_label: "torque [mN m]".to_owned(),
+        curves: torque(data, |c| c.torque_achieved_b_n_m),
+        dashed: torque(data, |c| c.torque_commanded_b_n_m),
+        ..Figure::default()
+    });
+    figures.extend(jet_figures(data));
+    figures.retain(|f| !f.is_empty());
+    figures
+}
+
+fn torque(
+    data: &PlatformData,
+    of: impl Fn(&whorl_msgs::whorl::ControlStatus) -> whorl_msgs::geometry_msgs::Vector3,
+) -> Vec<Curve> {
+    components(XYZ, 1e3, data.control.iter().map(|c| (c.stamp_s, Vector3::from(of(&c.message)))))
+}
+
+fn bias(estimates: &[crate::data::Recorded<whorl_msgs::whorl::AttitudeEstimate>]) -> Vec<Curve> {
+    let usable = estimates.iter().filter(|e| e.message.usable());
+    components(
+        XYZ,
+        deg_from_rad(1.0),
+        usable.map(|e| (e.stamp_s, Vector3::from(e.message.gyro_bias_b_rad_s))),
+    )
+}
+
+fn three_sigma(data: &PlatformData) -> Vec<Curve> {
+    let largest = data.estimate.iter().filter(|e| e.message.usable()).map(|e| {
+        let variance = [0, 7, 14]
+            .into_iter()
+            .filter_map(|i| e.message.covariance.get(i))
+            .fold(0.0, |a, b| f64::max(a, *b));
+        (e.stamp_s, 3.0 * deg_from_rad(variance.sqrt()))
+    });
+    let upper = Curve::new("+3 sigma", largest);
+    let lower = Curve {
+        name: "-3 sigma".to_owned(),
+        time_s: upper.time_s.clone(),
+        value: upper.value.iter().map(|v| -v).collect(),
+    };
+    vec![upper, lower]
+}
+
+fn wheel_speeds(data: &PlatformData) -> Vec<Curve> {
+    let names = data.wheels.first().map(|w| w.message.name.clone()).unwrap_or_default();
+    let speeds = names.iter().enumerate().map(|(i, name)| {
+        Curve::new(
+            name.as_str(),
+            data.wheels.iter().filter_map(|w| Some((w.stamp_s, rpm_from_rad_s(*w.message.velocity.get(i)?)))),
+        )
+    });
+    speeds.collect()
+}
+
+fn jet_figures(data: &PlatformData) -> Vec<Figure> {
+    let jets = data.thrusters.last().map_or(0, |t| t.message.total_on_time_s.len());
+    // A run without a pulse needs no figure of pulses.
+    let fired = data.thrusters.last().is_some_and(|t| t.message.total_on_time_s.iter().any(|s| *s > 0.0));
+    let on_time = (0..if fired { jets } else { 0 }).map(|i| {
+        let total =
+            data.thrusters.iter().filter_map(|t| Some((t.stamp_s, *t.message.total_on_time_s.get(i)?)));
+        Curve::new(format!("jet {}", i + 1), total)
+    });
+    vec![
+        Figure {
+            title: "Jets".to_owned(),
+            caption: "Time for which each valve was open so far.".to_owned(),
+            y_label: "on-time [s]".to_owned(),
+            curves: on_time.collect(),
+            ..Figure::default()
+        },
+        Figure {
+            title: "Gas".to_owned(),
+            caption: "Used so far, by the controller's model.".to_owned(),
+            y_label: "gas [g]".to_owned(),
+            curves: if fired {
+                vec![Curve::new(
+                    "gas used",
+                    data.control.iter().map(|c| (c.stamp_s, c.message.gas_used_kg * 1e3)),
+                )]
+            } else {
+                Vec::new()
+            },
+            ..Figure::default()
+        },
+        Figure {
+            title: "Tank pressure".to_owned(),
+            caption: "As measured.".to_owned(),
+            y_label: "pressure [MPa]".to_owned(),
+            curves: vec![Curve::new(
+                "tank",
+                data.tank_pressure.iter().map(|p| (p.stamp_s, p.message.fluid_pressure * 1e-6)),
+            )],
+            ..Figure::default()
+        },
+    ]
+}
+
+fn attitude_figures(attitudes: &Attitudes) -> Vec<Figure> {
+    let series = [("estimate", &attitudes.estimate), ("truth", &attitudes.truth)];
+    let figure = |title: &str, angles: &[(usize, &str)]| {
+        let curves = |(name, series): &(&str, &AttitudeSeries)| -> Vec<Curve> {
+            angles.iter().map(|(i, angle)| euler_curve(&format!("{angle} {name}"), series, *i)).collect()
+        };
+        Figure {
+            title: title.to_owned(),
+            caption: "Estimate and truth (solid) and reference (dashed), as z-y-x Euler angles.".to_owned(),
+            y_label: "angle [deg]".to_owned(),
+            curves: series.iter().filter(|(_, s)| !s.is_empty()).flat_map(curves).collect(),
+            dashed: curves(&("reference", &attitudes.reference)),
+            ..Figure::default()
+        }
+    };
+    vec![figure("Yaw", &[(0, "yaw")]), figure("Pitch and roll", &[(1, "pitch"), (2, "roll")])]
+}
+
+/// One z-y-x angle over time [deg], unwrapped so that a full turn draws no vertical line.
+fn euler_curve(name: &str, series: &AttitudeSeries, index: usize) -> Curve {
+    let mut previous: Option<f64> = None;
+    let points = series.iter().map(|(t, q)| {
+        let angle = EulerAngles::from_quaternion(&q, EulerSequence::E321).angles_rad[index];
+        let continuous = previous.map_or(angle, |p| p + whorl_math::wrap_angle_rad(angle - p));
+        previous = Some(continuous);
+        (t, deg_from_rad(continuous))
+    });
+    Curve::new(name, points.collect::<Vec<_>>())
+}
