@@ -1,5 +1,19 @@
 //! Attitude tracking, reference shaping, relative-attitude laws and momentum management.
 //!
 //! Everything here is pure: time, measurements and settings are arguments.
+//!
+//! | module | what for | used by |
+//! |---|---|---|
+//! | [`reference`] | moving references, slews, command filter, tilt envelope | coordinator, local control |
+//! | [`formation`] | relative-attitude laws | coordinator |
+//! | [`tracking`] | the quaternion tracking law | local control |
+//! | [`momentum`] | unloading of the wheels by the jets | local control |
+//! | [`safe_mode`] | rate damping, then coasting | local control |
 
+pub mod formation;
+pub mod momentum;
 pub mod reference;
+pub mod safe_mode;
+pub mod tracking;
+
+pub use reference::Reference;
