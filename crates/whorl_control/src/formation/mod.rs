@@ -22,10 +22,15 @@ mod shaper;
 mod virtual_structure;
 mod yaw_pitch_roll;
 
+#[cfg(test)]
+mod law_tests;
+#[cfg(test)]
+mod shaper_tests;
+
 pub use graph::{GraphError, LeaderGraph};
-pub use law::{Demand, Goals, LawError, LawInput, Member, Offset, RelativeAttitudeLaw};
+pub use law::{Demand, Goals, LawError, LawInput, Member, Offset, Relation, RelativeAttitudeLaw};
 pub use leader_follower::LeaderFollower;
-pub use limits::{LimitsError, ReferenceLimits, TiltFreedom};
+pub use limits::{LimitsError, ReferenceLimits};
 pub use shaper::{ReferenceShaper, Shaped};
 pub use virtual_structure::{VirtualStructure, VirtualStructureGains};
 pub use yaw_pitch_roll::{YawPitchRoll, YawPitchRollMotion};

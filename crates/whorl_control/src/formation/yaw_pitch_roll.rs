@@ -200,10 +200,8 @@ mod tests {
     #[test]
     fn at_the_singularity_the_rates_are_zero_not_infinite() {
         let up = YawPitchRoll { yaw_rad: 0.3, pitch_rad: std::f64::consts::FRAC_PI_2, roll_rad: 0.0 };
-        let moving = Reference {
-            omega_wr_r_rad_s: Vector3::new(0.1, 0.2, 0.3),
-            ..Reference::at_rest(up.attitude())
-        };
+        let moving =
+            Reference { omega_wr_r_rad_s: Vector3::new(0.1, 0.2, 0.3), ..Reference::at_rest(up.attitude()) };
         assert_eq!(YawPitchRollMotion::of(&moving).rates_rad_s, Vector3::zeros());
     }
 }

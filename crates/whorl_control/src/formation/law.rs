@@ -1,0 +1,199 @@
+//! The interface of all relative-attitude laws.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use thiserror::Error;
+use whorl_math::attitude_error;
+
+use crate::reference::Reference;
+
+/// What a law knows of one platform at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Member {
+    /// Estimated attitude, extrapolated to the instant; meaningless unless `usable`.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Estimated rate, body axes \[rad/s\]; meaningless unless `usable`.
+    pub omega_wb_b_rad_s: Vector3<f64>,
+    /// Age of the estimate \[s\]; infinite when there never was one.
+    pub age_s: f64,
+    /// Whether the estimate is fresh and healthy.
+    pub usable: bool,
+    /// Whether the platform's controller follows its reference.
+    pub tracking: bool,
+    /// The reference that the platform follows at this instant.
+    pub reference: Reference,
+}
+
+/// Commanded attitude of a platform relative to its leader or to the virtual structure:
+/// `q_world_platform = q_world_leader * q_leader_platform`. It may move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    /// Rotates the platform's axes into the leader's.
+    pub q_leader_platform: UnitQuaternion<f64>,
+    /// Rate of the platform seen from the leader, in the platform's axes \[rad/s\].
+    pub omega_lp_p_rad_s: Vector3<f64>,
+    /// Time derivative of that rate in the platform's axes \[rad/s^2\].
+    pub omega_dot_lp_p_rad_s2: Vector3<f64>,
+}
+
+impl Offset {
+    /// An offset that does not move.
+    #[must_use]
+    pub fn constant(q_leader_platform: UnitQuaternion<f64>) -> Self {
+        Self {
+            q_leader_platform,
+            omega_lp_p_rad_s: Vector3::zeros(),
+            omega_dot_lp_p_rad_s2: Vector3::zeros(),
+        }
+    }
+
+    /// The motion of a platform that keeps this offset exactly to a leader that moves so.
+    ///
+    /// With `w = R^T omega_leader`: `omega = w + omega_lp` and
+    /// `omega' = R^T omega_leader' + omega_lp' - omega_lp x w` (transport theorem).
+    #[must_use]
+    pub fn apply(&self, leader: &Reference) -> Reference {
+        let carried = leader.with_offset(&self.q_leader_platform);
+        Reference {
+            q_world_reference: carried.q_world_reference,
+            omega_wr_r_rad_s: carried.omega_wr_r_rad_s + self.omega_lp_p_rad_s,
+            omega_dot_wr_r_rad_s2: carried.omega_dot_wr_r_rad_s2 + self.omega_dot_lp_p_rad_s2
+                - self.omega_lp_p_rad_s.cross(&carried.omega_wr_r_rad_s),
+        }
+    }
+}
+
+/// Where the experiment wants the formation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Goals {
+    /// Motion asked of the formation: of its leaders, or of the virtual structure.
+    pub formation: Reference,
+    /// A motion of its own for a platform, in place of the formation's. Empty when there is none.
+    pub individual: Vec<Option<Reference>>,
+}
+
+impl Goals {
+    /// The motion asked of a platform that leads.
+    #[must_use]
+    pub fn of(&self, platform: usize) -> &Reference {
+        self.individual.get(platform).and_then(Option::as_ref).unwrap_or(&self.formation)
+    }
+}
+
+/// Everything a law sees at one instant. All slices are in the order of platforms.
+#[derive(Debug, Clone, Copy)]
+pub struct LawInput<'a> {
+    /// Time since the previous call \[s\].
+    pub dt_s: f64,
+    /// The platforms.
+    pub members: &'a [Member],
+    /// Where to.
+    pub goals: &'a Goals,
+    /// Commanded offset of each platform; unused for one that leads.
+    pub offsets: &'a [Offset],
+}
+
+/// What a law asks of one platform. Unshaped: it may jump and ignore limits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Demand {
+    /// Move so.
+    Follow(Reference),
+    /// Whom it depends on is not known now: come to rest and stay.
+    Hold,
+}
+
+/// Commanded attitude of a platform relative to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relation {
+    /// The platform that it is relative to; `None`: the world.
+    pub leader: Option<usize>,
+    /// `q_world_platform = q_world_leader * q_leader_platform`; without a leader, the reference itself.
+    pub q_leader_platform: UnitQuaternion<f64>,
+}
+
+/// Why a law was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum LawError {
+    /// A gain outside its proven range.
+    #[error("{law}: {gain} = {value} must be {allowed}")]
+    Gain {
+        /// The law.
+        law: &'static str,
+        /// Which gain.
+        gain: &'static str,
+        /// As given.
+        value: f64,
+        /// The bound, in words.
+        allowed: &'static str,
+    },
+}
+
+/// A relative-attitude law.
+///
+/// Deterministic and without limits of its own on what the platforms can do; see the module's doc for
+/// who shapes the demands.
+pub trait RelativeAttitudeLaw: std::fmt::Debug + Send {
+    /// Its name in messages and reports.
+    fn name(&self) -> &'static str;
+
+    /// Forgets the past and starts from the references that the platforms follow now, at rest.
+    fn restart(&mut self, input: &LawInput<'_>);
+
+    /// Replaces `demands` with one demand per platform.
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>);
+
+    /// What the law asks of a platform relative to another one, or to the world. `None` for a
+    /// platform that does not exist.
+    fn relation(&self, input: &LawInput<'_>, platform: usize) -> Option<Relation>;
+
+    /// The rotation vector \[rad\], in body axes, of the platform's estimated attitude against its
+    /// [`Relation`]. `None` while either attitude is unknown.
+    fn relative_error_rad(&self, input: &LawInput<'_>, platform: usize) -> Option<Vector3<f64>> {
+        let relation = self.relation(input, platform)?;
+        let usable = |index: usize| input.members.get(index).filter(|m| m.usable);
+        let asked = match relation.leader {
+            None => relation.q_leader_platform,
+            Some(leader) => usable(leader)?.q_world_body * relation.q_leader_platform,
+        };
+        Some(attitude_error(&asked, &usable(platform)?.q_world_body))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_math::quaternion_exp;
+
+    #[test]
+    fn a_moving_offset_on_a_moving_leader_gives_the_derivatives() {
+        let leader = Reference {
+            q_world_reference: quaternion_exp(&Vector3::new(0.3, -0.2, 1.0)),
+            omega_wr_r_rad_s: Vector3::new(0.1, 0.2, -0.3),
+            omega_dot_wr_r_rad_s2: Vector3::new(-0.2, 0.05, 0.1),
+        };
+        let offset = Offset {
+            q_leader_platform: quaternion_exp(&Vector3::new(-0.5, 0.4, 0.2)),
+            omega_lp_p_rad_s: Vector3::new(0.3, -0.1, 0.15),
+            omega_dot_lp_p_rad_s2: Vector3::new(0.07, 0.2, -0.1),
+        };
+        let at = |t: f64| {
+            let own = Reference {
+                q_world_reference: offset.q_leader_platform,
+                omega_wr_r_rad_s: offset.omega_lp_p_rad_s,
+                omega_dot_wr_r_rad_s2: offset.omega_dot_lp_p_rad_s2,
+            }
+            .extrapolated(t);
+            let moved = Offset {
+                q_leader_platform: own.q_world_reference,
+                omega_lp_p_rad_s: own.omega_wr_r_rad_s,
+                ..offset
+            };
+            moved.apply(&leader.extrapolated(t))
+        };
+        let h = 1e-4;
+        let (before, now, after) = (at(-h), at(0.0), at(h));
+        let rate = attitude_error(&before.q_world_reference, &after.q_world_reference) / (2.0 * h);
+        assert!((rate - now.omega_wr_r_rad_s).norm() < 1e-7);
+        let acceleration = (after.omega_wr_r_rad_s - before.omega_wr_r_rad_s) / (2.0 * h);
+        assert!((acceleration - now.omega_dot_wr_r_rad_s2).norm() < 1e-7);
+    }
+}

@@ -1,0 +1,189 @@
+//! Virtual structure: all platforms hang on one virtual rigid body that waits for those that lag.
+//!
+//! # Equations
+//!
+//! The structure has an attitude `q_v` and a rate `omega_v`. With `e` the rotation vector from its
+//! goal to it, in its own axes, and unit virtual inertia:
+//!
+//! ```text
+//! q_v'     = 1/2 q_v (x) [0, omega_v]
+//! omega_v' = sat_a( -k sat_s(e) - Gamma (omega_v - omega_goal) + omega_goal' )
+//! Gamma    = d (1 + E / e_half^2),   E = mean over members of |attitude error to own reference|^2
+//! k = w^2,   d = 2 z w,   s = d rate_max / k
+//! ```
+//!
+//! and every member is asked for `q_v * q_offset` with the rate and acceleration that belong to it.
+//! `Gamma` is the formation feedback `D_G + K_F E` of Ren and Beard with `D_G = d` and
+//! `K_F = d / e_half^2`. During a long slew the goal term is saturated at `d rate_max`, so the
+//! structure turns at `rate_max / (1 + E / e_half^2)`: half speed where the members' RMS error is
+//! `e_half`, and nearly stopped where it is several times that. `e_half` infinite is the open loop.
+//!
+//! # Source
+//! W. Ren, R. W. Beard, "Virtual structure based spacecraft formation control with formation feedback",
+//! AIAA 2002-4963; the same, "Decentralized scheme for spacecraft formation flying via the virtual
+//! structure approach", J. Guidance, Control, and Dynamics 27(1), 2004. The saturations are ours.
+//!
+//! # Stability
+//! For a goal at rest and without `sat_a`, `V = U(e) + |omega_v|^2 / 2` with `U` the potential of
+//! the saturated goal term (`dU/dt = k sat_s(e) . omega_v`) falls along `V' = -Gamma |omega_v|^2`, for
+//! every `Gamma >= d > 0`: formation feedback only adds damping, whatever the members do. By LaSalle
+//! the structure reaches its goal, except from exactly half a turn away. `sat_a` is inactive during
+//! braking when `w rate_max / e <= a_max` (a critically damped stop from `rate_max` peaks there, e =
+//! 2.718); [`VirtualStructure::new`] refuses gains beyond that bound. While a member is not seen the
+//! structure brakes at `a_max` and stands.
+//!
+//! # Assumptions
+//! One instance (in the coordinator) integrates the structure. Members report errors against the
+//! references they were given, so a reference clipped in tilt does not count as lagging.
+
+use nalgebra::Vector3;
+use whorl_math::attitude_error;
+
+use super::{Demand, LawError, LawInput, Relation, RelativeAttitudeLaw};
+use crate::reference::Reference;
+
+/// Gains and limits of the structure's own motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VirtualStructureGains {
+    /// Natural frequency w \[rad/s\], > 0.
+    pub bandwidth_rad_s: f64,
+    /// Damping ratio z without formation feedback, >= 1.
+    pub damping: f64,
+    /// RMS member error at which the structure turns at half speed \[rad\], > 0; infinite: no feedback.
+    pub half_speed_error_rad: f64,
+    /// Largest rate \[rad/s\], > 0.
+    pub rate_max_rad_s: f64,
+    /// Largest acceleration \[rad/s^2\], >= `bandwidth * rate_max / 2.718`.
+    pub acceleration_max_rad_s2: f64,
+}
+
+/// The law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VirtualStructure {
+    gains: VirtualStructureGains,
+    structure: Option<Reference>,
+}
+
+impl VirtualStructure {
+    /// A structure that starts where its members are.
+    ///
+    /// # Errors
+    /// The first gain outside its range, with the bound.
+    pub fn new(gains: VirtualStructureGains) -> Result<Self, LawError> {
+        let refuse = |gain, value, allowed| LawError::Gain { law: "virtual_structure", gain, value, allowed };
+        for (gain, value) in [
+            ("bandwidth_rad_s", gains.bandwidth_rad_s),
+            ("rate_max_rad_s", gains.rate_max_rad_s),
+            ("acceleration_max_rad_s2", gains.acceleration_max_rad_s2),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(refuse(gain, value, "positive and finite"));
+            }
+        }
+        if !(gains.damping >= 1.0 && gains.damping.is_finite()) {
+            return Err(refuse("damping", gains.damping, "at least 1: less overshoots"));
+        }
+        if gains.half_speed_error_rad.is_nan() || gains.half_speed_error_rad <= 0.0 {
+            return Err(refuse("half_speed_error_rad", gains.half_speed_error_rad, "positive"));
+        }
+        let braking_rad_s2 = gains.bandwidth_rad_s * gains.rate_max_rad_s / std::f64::consts::E;
+        if braking_rad_s2 > gains.acceleration_max_rad_s2 {
+            return Err(refuse(
+                "bandwidth_rad_s",
+                gains.bandwidth_rad_s,
+                "at most 2.718 acceleration_max / rate_max: it could not brake in time",
+            ));
+        }
+        Ok(Self { gains, structure: None })
+    }
+
+    /// The structure's own motion; `None` before the first demand.
+    #[must_use]
+    pub fn structure(&self) -> Option<&Reference> {
+        self.structure.as_ref()
+    }
+
+    fn acceleration_rad_s2(&self, at: &Reference, input: &LawInput<'_>) -> Vector3<f64> {
+        let (g, dt_s) = (&self.gains, input.dt_s);
+        let omega = at.omega_wr_r_rad_s;
+        if input.members.iter().any(|m| !m.usable) {
+            return if dt_s > 0.0 {
+                limited(-omega / dt_s, g.acceleration_max_rad_s2)
+            } else {
+                Vector3::zeros()
+            };
+        }
+        let goal = &input.goals.formation;
+        let stiffness = g.bandwidth_rad_s * g.bandwidth_rad_s;
+        let damping = 2.0 * g.damping * g.bandwidth_rad_s;
+        let error = attitude_error(&goal.q_world_reference, &at.q_world_reference);
+        let saturated = limited(error, damping * g.rate_max_rad_s / stiffness);
+
+        // The goal's motion in the structure's axes.
+        let q_structure_goal = at.q_world_reference.inverse() * goal.q_world_reference;
+        let omega_goal = q_structure_goal * goal.omega_wr_r_rad_s;
+        let omega_dot_goal = q_structure_goal * goal.omega_dot_wr_r_rad_s2 - omega.cross(&omega_goal);
+
+        let gamma = damping * (1.0 + mean_square_error_rad2(input) / g.half_speed_error_rad.powi(2));
+        // Implicit in the damping term: stable however large the members' errors make it.
+        let rate_error = omega - omega_goal;
+        let asked = (-saturated * stiffness - rate_error * gamma) / (1.0 + gamma * dt_s) + omega_dot_goal;
+        limited(asked, g.acceleration_max_rad_s2)
+    }
+
+    /// Where the structure is when the first member stands where its reference does.
+    fn start(input: &LawInput<'_>) -> Reference {
+        let first = input.members.first().map(|m| m.reference.q_world_reference).unwrap_or_default();
+        let offset = input.offsets.first().map(|o| o.q_leader_platform).unwrap_or_default();
+        Reference::at_rest(first * offset.inverse())
+    }
+}
+
+fn mean_square_error_rad2(input: &LawInput<'_>) -> f64 {
+    let sum: f64 = input
+        .members
+        .iter()
+        .map(|m| attitude_error(&m.reference.q_world_reference, &m.q_world_body).norm_squared())
+        .sum();
+    sum / input.members.len().max(1) as f64
+}
+
+fn limited(vector: Vector3<f64>, max_norm: f64) -> Vector3<f64> {
+    let norm = vector.norm();
+    if norm > max_norm { vector * (max_norm / norm) } else { vector }
+}
+
+impl RelativeAttitudeLaw for VirtualStructure {
+    fn name(&self) -> &'static str {
+        "virtual_structure"
+    }
+
+    fn restart(&mut self, input: &LawInput<'_>) {
+        self.structure = Some(Self::start(input));
+    }
+
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+        let mut structure =
+            self.structure.map_or_else(|| Self::start(input), |last| last.extrapolated(input.dt_s));
+        structure.omega_dot_wr_r_rad_s2 = self.acceleration_rad_s2(&structure, input);
+        self.structure = Some(structure);
+        demands.clear();
+        demands.extend(input.members.iter().enumerate().map(|(platform, member)| {
+            match input.offsets.get(platform) {
+                Some(offset) if member.usable => Demand::Follow(offset.apply(&structure)),
+                _ => Demand::Hold,
+            }
+        }));
+    }
+
+    fn relation(&self, input: &LawInput<'_>, platform: usize) -> Option<Relation> {
+        let own = input.offsets.get(platform)?.q_leader_platform;
+        if platform == 0 {
+            let q_leader_platform = input.members.first()?.reference.q_world_reference;
+            return Some(Relation { leader: None, q_leader_platform });
+        }
+        // Members are rigid to each other: what counts between platforms is seen from the first.
+        let first = input.offsets.first()?.q_leader_platform;
+        Some(Relation { leader: Some(0), q_leader_platform: first.inverse() * own })
+    }
+}
