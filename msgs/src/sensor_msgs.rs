@@ -64,3 +64,7 @@ pub struct BatteryState {
     pub location: String,
     pub serial_number: String,
 }
+
+impl BatteryState {
+    pub const POWER_SUPPLY_STATUS_DISCHARGING: u8 = 2;
+}

@@ -87,7 +87,13 @@ impl Gate {
     /// A gate for a platform with these wheel torque limits [N m] and number of jets.
     #[must_use]
     pub fn new(wheel_limits_n_m: Vec<f64>, jets: usize) -> Self {
-        Self { wheels: wheel_limits_n_m.len(), jets, wheel_limits_n_m, latest: None, counts: GateCounts::default() }
+        Self {
+            wheels: wheel_limits_n_m.len(),
+            jets,
+            wheel_limits_n_m,
+            latest: None,
+            counts: GateCounts::default(),
+        }
     }
 
     /// What was counted so far.
@@ -137,13 +143,20 @@ impl Gate {
             return Err(Refusal::Expired);
         }
         // A sender that was restarted counts from zero again; its stamps still grow.
-        if self.latest.is_some_and(|l| stamp < l.stamp || (stamp == l.stamp && command.sequence <= l.sequence)) {
+        if self
+            .latest
+            .is_some_and(|l| stamp < l.stamp || (stamp == l.stamp && command.sequence <= l.sequence))
+        {
             return Err(Refusal::OutOfOrder);
         }
         let restarted = self.latest.is_some_and(|l| command.sequence <= l.sequence);
         let slot_seen = if restarted { None } else { self.latest.and_then(|l| l.slot) };
 
-        let clipped = command.wheel_torque_n_m.iter().zip(&self.wheel_limits_n_m).map(|(u, limit)| u.clamp(-limit, *limit));
+        let clipped = command
+            .wheel_torque_n_m
+            .iter()
+            .zip(&self.wheel_limits_n_m)
+            .map(|(u, limit)| u.clamp(-limit, *limit));
         let mut actions = vec![Action::Wheels(clipped.collect())];
         if slot_seen.is_none_or(|seen| command.jet_slot > seen) {
             actions.push(Action::Pulses(command.jet_on_time_s.iter().map(|t| t.min(slot_s)).collect()));

@@ -1,0 +1,221 @@
+//! The driver's state machine.
+
+use std::time::Duration;
+
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
+use whorl_node::{Event, LogLevel, NodeCore, Outputs, Timestamp};
+
+use crate::gate::{Action, Gate};
+use crate::hardware::Hardware;
+
+/// Topics a driver may publish.
+const MEASUREMENTS: [Topic; 8] = [
+    Topic::ImuRaw,
+    Topic::VectorDirection,
+    Topic::WheelState,
+    Topic::ThrusterState,
+    Topic::Battery,
+    Topic::TankPressure,
+    Topic::Temperature,
+    Topic::TruthState,
+];
+
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+
+/// The driver of one platform.
+pub struct DriverCore {
+    platform: PlatformId,
+    name: String,
+    frame_id: String,
+    period: Duration,
+    gate: Gate,
+    hardware: Box<dyn Hardware>,
+    next_diagnostics: Option<Timestamp>,
+    measured: Vec<(Topic, Message)>,
+}
+
+impl DriverCore {
+    /// A driver for the platform called `name`, polling `hardware` with this period.
+    #[must_use]
+    pub fn new(
+        platform: PlatformId,
+        name: &str,
+        period: Duration,
+        gate: Gate,
+        hardware: Box<dyn Hardware>,
+    ) -> Self {
+        Self {
+            platform,
+            name: name.to_owned(),
+            frame_id: format!("{name}/base_link"),
+            period,
+            gate,
+            hardware,
+            next_diagnostics: None,
+            measured: Vec::new(),
+        }
+    }
+
+    fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let deadline = self.gate.deadline();
+        // The deadman acts at its own instant, not at the tick after it.
+        if let Some((action, deadline)) = self.gate.watch(now).zip(deadline) {
+            self.hardware.advance_to(deadline);
+            self.hardware.apply(deadline, &action);
+            outputs.log(
+                LogLevel::Warn,
+                format!("{}: no valid actuator command: valves closed, wheel torque zero", self.name),
+            );
+        }
+        self.hardware.advance_to(now);
+        self.hardware.measurements(now, &self.frame_id, &mut self.measured);
+        for (topic, message) in self.measured.drain(..) {
+            outputs.publish(Route::platform(self.platform, topic), message);
+        }
+        if self.next_diagnostics.is_none_or(|due| due <= now) {
+            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
+            outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now));
+        }
+    }
+
+    fn diagnostics(&self, now: Timestamp) -> DiagnosticArray {
+        let status = self.hardware.status();
+        let counts = self.gate.counts();
+        let value = |key: &str, value: u64| KeyValue { key: key.to_owned(), value: value.to_string() };
+        DiagnosticArray {
+            header: Header { stamp: now.into(), frame_id: String::new() },
+            status: vec![DiagnosticStatus {
+                level: if status.warning { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+                name: format!("{}: driver", self.name),
+                message: status.text,
+                hardware_id: self.name.clone(),
+                values: vec![
+                    value("commands accepted", counts.accepted),
+                    value("commands refused", counts.refused),
+                    value("command timeouts", counts.timeouts),
+                ],
+            }],
+        }
+    }
+}
+
+impl NodeCore for DriverCore {
+    fn subscriptions(&self) -> Vec<Route> {
+        vec![Route::platform(self.platform, Topic::ActuatorCommand)]
+    }
+
+    fn publications(&self) -> Vec<Route> {
+        let measurements = MEASUREMENTS.map(|topic| Route::platform(self.platform, topic));
+        measurements.into_iter().chain([Route::shared(Topic::Diagnostics)]).collect()
+    }
+
+    fn timer_period(&self) -> Option<Duration> {
+        Some(self.period)
+    }
+
+    fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
+        match event {
+            Event::Timer => self.tick(now, outputs),
+            Event::Message { message: Message::ActuatorCommand(command), .. } => {
+                match self.gate.command(now, command) {
+                    Ok(actions) => {
+                        self.hardware.advance_to(now);
+                        actions.iter().for_each(|action| self.hardware.apply(now, action));
+                    }
+                    Err(refusal) => outputs.log(
+                        LogLevel::Warn,
+                        format!(
+                            "{}: actuator command {} refused: {}",
+                            self.name,
+                            command.sequence,
+                            refusal.reason()
+                        ),
+                    ),
+                }
+            }
+            Event::Shutdown => {
+                self.hardware.advance_to(now);
+                self.hardware.apply(now, &Action::AllOff);
+            }
+            Event::Message { .. } | Event::Request { .. } => {}
+        }
+    }
+
+    fn finished(&self) -> bool {
+        self.hardware.ended()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulated::{SimulatedHardware, Start};
+    use whorl_dynamics::PlatformModel;
+    use whorl_msgs::whorl::{ActuatorCommand, ThrusterState};
+
+    fn at(ms: i64) -> Timestamp {
+        Timestamp(1_700_000_000_000_000_000 + ms * 1_000_000)
+    }
+
+    fn driver() -> (DriverCore, PlatformModel) {
+        let model = PlatformModel::whorl_1_reference();
+        let limits = model.wheels.iter().map(|w| w.max_torque_n_m).collect();
+        let gate = Gate::new(limits, model.jets.len());
+        let hardware = SimulatedHardware::new(model.clone(), Start::default(), 1, Vec::new()).unwrap();
+        (
+            DriverCore::new(PlatformId(0), "whorl_1", Duration::from_millis(10), gate, Box::new(hardware)),
+            model,
+        )
+    }
+
+    fn thrusters(outputs: &Outputs) -> ThrusterState {
+        let found = outputs.messages.iter().find_map(|p| match &p.message {
+            Message::ThrusterState(m) => Some(m.clone()),
+            _ => None,
+        });
+        found.unwrap()
+    }
+
+    #[test]
+    fn silence_closes_the_valves_at_the_deadline_and_not_at_the_next_tick() {
+        let (mut driver, model) = driver();
+        let mut outputs = Outputs::default();
+        let mut tick = |driver: &mut DriverCore, ms: i64| {
+            outputs.clear();
+            driver.step(at(ms), Event::Timer, &mut outputs);
+            thrusters(&outputs)
+        };
+        tick(&mut driver, 0);
+        let mut jet_on_time_s = vec![0.0; model.jets.len()];
+        jet_on_time_s[2] = 0.2;
+        let command = ActuatorCommand {
+            header: Header { stamp: at(0).into(), frame_id: String::new() },
+            valid_until: at(53).into(),
+            wheel_torque_n_m: vec![0.0; model.wheels.len()],
+            jet_slot_length_s: 0.2,
+            jet_on_time_s,
+            ..ActuatorCommand::default()
+        };
+        let message = Message::from(command);
+        let route = Route::platform(PlatformId(0), Topic::ActuatorCommand);
+        driver.step(at(3), Event::Message { route, message: &message }, &mut Outputs::default());
+        assert!(tick(&mut driver, 50).valve_open[2]);
+        let after = tick(&mut driver, 60);
+        assert!(!after.valve_open[2]);
+        // Opened at 3 ms, closed at 53 ms.
+        assert!((after.total_on_time_s[2] - 0.050).abs() < 1e-9, "{}", after.total_on_time_s[2]);
+    }
+
+    #[test]
+    fn measurements_come_at_their_rates() {
+        let (mut driver, _) = driver();
+        let mut outputs = Outputs::default();
+        (0..100).for_each(|k| driver.step(at(10 * k), Event::Timer, &mut outputs));
+        let count = |topic| outputs.messages.iter().filter(|p| p.route.topic == topic).count();
+        let topics =
+            [Topic::ImuRaw, Topic::TruthState, Topic::VectorDirection, Topic::Battery, Topic::Temperature];
+        assert_eq!(topics.map(count), [100, 100, 10, 10, 1]);
+    }
+}

@@ -1,0 +1,35 @@
+//! What a driver drives: simulated hardware, a recording, or real hardware.
+
+use whorl_msgs::topics::{Message, Topic};
+use whorl_node::Timestamp;
+
+use crate::gate::Action;
+
+/// One platform's actuators and sensors.
+pub trait Hardware: Send {
+    /// Brings the hardware's own time line up to `now`. Real hardware needs nothing of the kind.
+    fn advance_to(&mut self, now: Timestamp);
+
+    /// Carries out what the gate decided, now.
+    fn apply(&mut self, now: Timestamp, action: &Action);
+
+    /// Measurements that have become due by `now`, stamped, in order of time.
+    fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>);
+
+    /// One sentence on its state, and whether something is wrong, for diagnostics.
+    fn status(&self) -> Status;
+
+    /// Whether there is nothing left to drive (a recording has ended).
+    fn ended(&self) -> bool {
+        false
+    }
+}
+
+/// State of the hardware in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Status {
+    /// Whether a person should look at it.
+    pub warning: bool,
+    /// One sentence.
+    pub text: String,
+}

@@ -1,0 +1,152 @@
+//! The driver's parameters: the single definition of their names, ranges and meaning.
+
+use std::time::Duration;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::PlatformModel;
+use whorl_math::rad_from_deg;
+use whorl_msgs::topics::PlatformId;
+use whorl_params::{Formation, Reader, any, formation, platform_model, range, truth_model};
+
+use crate::faults::{self, Fault};
+use crate::simulated::Start;
+
+/// What the driver drives.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Backend {
+    /// Simulated hardware.
+    Simulated {
+        /// The truth.
+        truth: Box<PlatformModel>,
+        /// Where it starts.
+        start: Start,
+        /// Seed of its sensors' noise.
+        seed: u64,
+        /// What breaks, and when.
+        faults: Vec<Fault>,
+    },
+    /// A recording.
+    Replay {
+        /// Run directory, bag or CSV file.
+        source: String,
+        /// For CSV: file that says which column is which.
+        channels: Option<String>,
+    },
+    /// Real hardware: devices by what they are for.
+    Hardware {
+        /// What each device is for, and its path.
+        devices: Vec<(&'static str, String)>,
+    },
+}
+
+/// Validated parameters of a driver.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    /// The platform's index.
+    pub platform: PlatformId,
+    /// The platform's name.
+    pub name: String,
+    /// The platform as estimator and control see it.
+    pub model: PlatformModel,
+    /// What is driven.
+    pub backend: Backend,
+}
+
+impl Parameters {
+    /// Sample period of the fast sensors.
+    #[must_use]
+    pub fn period(&self) -> Duration {
+        Duration::from_secs_f64(1.0 / self.model.sensors.rate_hz)
+    }
+}
+
+/// Reads them for the platform called `platform`. `None` when the model is unusable: the reader
+/// then holds the reasons.
+pub fn read(r: &mut Reader<'_>, platform: &str) -> Option<Parameters> {
+    let Formation { platforms } = formation(r);
+    let index = platforms.iter().position(|name| name == platform);
+    if index.is_none() && r.error_count() == 0 {
+        r.reject(
+            "formation.platforms",
+            format!("this driver runs in the namespace /{platform}, which is not in the list; start it with -r __ns:=/PLATFORM"),
+        );
+    }
+    let model = platform_model(r, "model");
+    let truth = truth_model(r);
+    let seed =
+        r.i64_or("seed", 1, range(0..), "seed of the simulated sensors' noise; platforms of one seed differ");
+    let kind = r.choice_or("backend", "sim", &["sim", "replay", "hardware"], "what the driver drives");
+    let source = r.group("replay", |r| {
+        r.string_or("source", "", "recording to replay: run directory, bag or CSV file")
+    });
+    let channels = r.group("replay", |r| {
+        r.optional_string("channels", "for CSV: YAML file that says which column is which")
+    });
+    let start = r.group("initial", read_start);
+    let devices = r.group("hardware", |r| {
+        vec![
+            (
+                "rate gyro and accelerometer",
+                r.string_or("imu_device", "/dev/whorl/imu", "device of the inertial sensor"),
+            ),
+            ("wheel drives", r.string_or("wheels_device", "/dev/whorl/wheels", "device of the wheel drives")),
+            ("valve board", r.string_or("valves_device", "/dev/whorl/valves", "device of the valve board")),
+        ]
+    });
+    let (model, truth) = (model?, truth?);
+    let jets: Vec<String> = truth.jets.iter().map(|j| j.name.clone()).collect();
+    let faults = faults::read(r, &jets);
+    if kind == "replay" && source.is_empty() {
+        r.reject(
+            "replay.source",
+            "backend replay needs a recording; allowed: path of a run directory, bag or CSV file",
+        );
+    }
+    let wheels = truth.wheels.len();
+    if ![0, wheels].contains(&start.wheel_speed_rad_s.len()) {
+        r.reject("initial.wheel_speed_rad_s", format!("allowed: {wheels} numbers, one per wheel, or none"));
+    }
+    let platform_id = PlatformId(u16::try_from(index?).ok()?);
+    Some(Parameters {
+        platform: platform_id,
+        name: platform.to_owned(),
+        model,
+        backend: match kind {
+            "replay" => Backend::Replay { source, channels },
+            "hardware" => Backend::Hardware { devices },
+            // Platforms must not share their noise: spread the seed by an odd constant (2^64 / golden ratio).
+            _ => Backend::Simulated {
+                truth: Box::new(truth),
+                start,
+                seed: seed
+                    .unsigned_abs()
+                    .wrapping_add(u64::from(platform_id.0).wrapping_mul(0x9e37_79b9_7f4a_7c15)),
+                faults,
+            },
+        },
+    })
+}
+
+fn read_start(r: &mut Reader<'_>) -> Start {
+    let yaw_deg = r.f64_or("yaw_deg", 0.0, range(-360.0..=360.0), "yaw at the start [deg]");
+    let pitch_deg = r.f64_or("pitch_deg", 0.0, range(-90.0..=90.0), "pitch at the start [deg]");
+    let roll_deg = r.f64_or("roll_deg", 0.0, range(-180.0..=180.0), "roll at the start [deg]");
+    let rate_deg_s = r.vector3_or(
+        "rate_deg_s",
+        Vector3::zeros(),
+        range(-60.0..=60.0),
+        "body rate at the start, body axes [deg/s]",
+    );
+    let wheel_speed_rad_s = r.f64_array_or(
+        "wheel_speed_rad_s",
+        &[],
+        any(),
+        "wheel speeds at the start [rad/s]; left out: stopped",
+    );
+    let [roll, pitch, yaw] = [roll_deg, pitch_deg, yaw_deg].map(rad_from_deg);
+    Start {
+        q_world_body: UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        omega_wb_b_rad_s: rate_deg_s.map(rad_from_deg),
+        wheel_speed_rad_s,
+    }
+}

@@ -1,0 +1,310 @@
+//! Simulated hardware: the truth plant behind the interface of real hardware.
+
+use std::time::Duration;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::{InitialState, JetFailure, Plant, PlantError, PlatformModel};
+use whorl_msgs::geometry_msgs::Vector3Stamped;
+use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Message, Topic};
+use whorl_msgs::whorl::{AttitudeEstimate, ThrusterState};
+use whorl_node::Timestamp;
+
+use crate::faults::{Fault, FaultKind, spoil_imu};
+use crate::gate::Action;
+use crate::hardware::{Hardware, Status};
+
+/// Rates of the slow channels [Hz].
+const BUS_RATE_HZ: f64 = 10.0;
+const TEMPERATURE_RATE_HZ: f64 = 1.0;
+/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
+const CELSIUS_ZERO_K: f64 = 273.15;
+
+/// Where a simulated platform starts.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Start {
+    /// Attitude.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Body rate seen from the world, body axes [rad/s].
+    pub omega_wb_b_rad_s: Vector3<f64>,
+    /// Wheel speeds [rad/s]; empty: all stopped.
+    pub wheel_speed_rad_s: Vec<f64>,
+}
+
+/// A platform that exists only in numbers.
+pub struct SimulatedHardware {
+    model: PlatformModel,
+    start: Start,
+    seed: u64,
+    faults: Vec<Fault>,
+    /// Made when the first call says when time starts.
+    running: Option<Running>,
+    wheel_names: Vec<String>,
+}
+
+struct Running {
+    plant: Plant,
+    began: Timestamp,
+    diverged: Option<PlantError>,
+    due: Due,
+    sequence: u64,
+    truth_sequence: u64,
+    driven_s: Vec<f64>,
+    valve_closes: Vec<Timestamp>,
+    last_good_rate: Option<Vector3<f64>>,
+}
+
+/// When each slower channel is next measured.
+struct Due {
+    vector: Timestamp,
+    bus: Timestamp,
+    temperature: Timestamp,
+}
+
+impl SimulatedHardware {
+    /// Simulates `model`, which is the truth, from `start`.
+    ///
+    /// # Errors
+    /// When the platform cannot be simulated.
+    pub fn new(
+        model: PlatformModel,
+        start: Start,
+        seed: u64,
+        faults: Vec<Fault>,
+    ) -> Result<Self, PlantError> {
+        // The plant proper is made at the first call, which says when time starts; one is made here
+        // too, so that a platform that cannot be simulated is refused at once.
+        Plant::new(&model, &initial_state(&start, Timestamp(0)), seed)?;
+        let wheel_names = model.wheels.iter().map(|w| w.name.clone()).collect();
+        Ok(Self { model, start, seed, faults, running: None, wheel_names })
+    }
+
+    fn running(&mut self, now: Timestamp) -> Option<&mut Running> {
+        if self.running.is_none() {
+            // `new` made a plant of the same model: this one does not fail either.
+            let plant = Plant::new(&self.model, &initial_state(&self.start, now), self.seed).ok()?;
+            self.running = Some(Running {
+                plant,
+                began: now,
+                diverged: None,
+                due: Due { vector: now, bus: now, temperature: now },
+                sequence: 0,
+                truth_sequence: 0,
+                driven_s: vec![0.0; self.model.jets.len()],
+                valve_closes: vec![now; self.model.jets.len()],
+                last_good_rate: None,
+            });
+        }
+        self.running.as_mut()
+    }
+}
+
+fn initial_state(start: &Start, now: Timestamp) -> InitialState {
+    InitialState {
+        time_ns: now.0,
+        q_world_body: start.q_world_body,
+        omega_wb_b_rad_s: start.omega_wb_b_rad_s,
+        wheel_speed_rad_s: start.wheel_speed_rad_s.clone(),
+    }
+}
+
+impl Hardware for SimulatedHardware {
+    fn advance_to(&mut self, now: Timestamp) {
+        let faults = self.faults.clone();
+        let Some(running) = self.running(now) else { return };
+        let elapsed_s = now.seconds_since(running.began);
+        for jet in 0..running.driven_s.len() {
+            let active = faults.iter().filter(|f| f.active(elapsed_s)).find_map(|f| match f.kind {
+                FaultKind::JetStuckClosed { jet: j } if j == jet => Some(JetFailure::StuckClosed),
+                FaultKind::JetStuckOpen { jet: j } if j == jet => Some(JetFailure::StuckOpen),
+                _ => None,
+            });
+            let failure = active.unwrap_or(JetFailure::None);
+            if running.plant.jet_failure(jet) != failure {
+                // The jet exists: fault parameters are checked against the platform.
+                let _ = running.plant.set_jet_failure(jet, failure);
+            }
+        }
+        if now.0 > running.plant.now_ns() && running.diverged.is_none() {
+            running.diverged = running.plant.advance_to(now.0).err();
+        }
+    }
+
+    fn apply(&mut self, now: Timestamp, action: &Action) {
+        let wheels = self.model.wheels.len();
+        let min_on_time_s: Vec<f64> = self.model.jets.iter().map(|j| j.min_on_time_s).collect();
+        let Some(running) = self.running(now) else { return };
+        // The gate has checked sizes and numbers; pulses too short for a valve are not made.
+        match action {
+            Action::Wheels(torque_n_m) => {
+                let _ = running.plant.command_wheels(torque_n_m);
+            }
+            Action::Pulses(on_time_s) => {
+                for (jet, (on_time_s, min)) in on_time_s.iter().zip(&min_on_time_s).enumerate() {
+                    let made = *on_time_s > 0.0
+                        && *on_time_s >= *min
+                        && running.plant.command_jet_pulse(jet, now.0, *on_time_s).is_ok();
+                    if let Some(closes) = running.valve_closes.get_mut(jet).filter(|_| made) {
+                        *closes = (*closes).max(now + Duration::from_secs_f64(*on_time_s));
+                    }
+                }
+            }
+            Action::AllOff => {
+                let _ = running.plant.command_wheels(&vec![0.0; wheels]);
+                running.plant.close_all_valves(now.0);
+                running.valve_closes.fill(now);
+            }
+        }
+    }
+
+    fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>) {
+        let vector_period = self.model.sensors.vector.map(|v| Duration::from_secs_f64(1.0 / v.rate_hz));
+        let initial_v = self.model.bus.initial_v;
+        let sensors = self.model.sensors;
+        let (faults, wheel_names) = (self.faults.clone(), self.wheel_names.clone());
+        let Some(running) = self.running(now) else { return };
+        if running.diverged.is_some() {
+            return;
+        }
+        let elapsed_s = now.seconds_since(running.began);
+        let active = || faults.iter().filter(|f| f.active(elapsed_s)).map(|f| f.kind);
+        let header = Header { stamp: now.into(), frame_id: frame_id.to_owned() };
+
+        let mut imu = running.imu(&header, &sensors);
+        if spoil_imu(&mut imu, &mut running.last_good_rate, active()) {
+            out.push((Topic::ImuRaw, imu.into()));
+        }
+        out.push((Topic::WheelState, running.wheels(&header, wheel_names).into()));
+        out.push((Topic::ThrusterState, running.thrusters(now, &header).into()));
+        if due(&mut running.due.vector, now, vector_period) {
+            let sample = running.plant.sample_vector();
+            if let Some(sample) = sample.filter(|_| !active().any(|f| f == FaultKind::VectorSilent)) {
+                let vector = sample.direction.into_inner().into();
+                out.push((Topic::VectorDirection, Vector3Stamped { header: header.clone(), vector }.into()));
+            }
+        }
+        if due(&mut running.due.bus, now, Some(Duration::from_secs_f64(1.0 / BUS_RATE_HZ))) {
+            out.push((Topic::Battery, running.battery(&header, initial_v).into()));
+            out.push((
+                Topic::TankPressure,
+                running.pressure(&header, sensors.tank_pressure.noise_stddev).into(),
+            ));
+        }
+        if due(&mut running.due.temperature, now, Some(Duration::from_secs_f64(1.0 / TEMPERATURE_RATE_HZ))) {
+            let temperature = running.plant.sample_temperature_k() - CELSIUS_ZERO_K;
+            let variance = sensors.temperature.noise_stddev.powi(2);
+            out.push((Topic::Temperature, Temperature { header, temperature, variance }.into()));
+        }
+        out.push((Topic::TruthState, running.truth(now).into()));
+    }
+
+    fn status(&self) -> Status {
+        match self.running.as_ref().and_then(|r| r.diverged.as_ref()) {
+            Some(error) => Status { warning: true, text: format!("simulated hardware stopped: {error}") },
+            None => Status { warning: false, text: "simulated hardware".to_owned() },
+        }
+    }
+}
+
+/// Whether a channel is due; if so, says when it is due again. A channel that fell behind is measured
+/// once, not several times.
+fn due(next: &mut Timestamp, now: Timestamp, period: Option<Duration>) -> bool {
+    let Some(period) = period.filter(|_| *next <= now) else { return false };
+    while *next <= now {
+        *next = *next + period;
+    }
+    true
+}
+
+impl Running {
+    fn imu(&mut self, header: &Header, sensors: &whorl_dynamics::platform::SensorSuite) -> Imu {
+        let sample = self.plant.sample_imu();
+        let diagonal = |sigma: &Vector3<f64>| {
+            [sigma.x.powi(2), 0., 0., 0., sigma.y.powi(2), 0., 0., 0., sigma.z.powi(2)]
+        };
+        let mut orientation_covariance = [0.0; 9];
+        orientation_covariance[0] = -1.0;
+        Imu {
+            header: header.clone(),
+            orientation_covariance,
+            angular_velocity: sample.angular_velocity_rad_s.into(),
+            angular_velocity_covariance: diagonal(&sensors.gyro.errors.noise_stddev),
+            linear_acceleration: sample.specific_force_m_s2.into(),
+            linear_acceleration_covariance: diagonal(&sensors.accelerometer.errors.noise_stddev),
+            ..Imu::default()
+        }
+    }
+
+    fn wheels(&mut self, header: &Header, name: Vec<String>) -> JointState {
+        let samples = self.plant.sample_wheels();
+        JointState {
+            header: header.clone(),
+            name,
+            position: Vec::new(),
+            velocity: samples.iter().map(|s| s.speed_rad_s).collect(),
+            effort: samples.iter().map(|s| s.motor_torque_n_m).collect(),
+        }
+    }
+
+    fn thrusters(&mut self, now: Timestamp, header: &Header) -> ThrusterState {
+        let jets = self.driven_s.len();
+        let total_on_time_s: Vec<f64> = (0..jets).map(|j| self.plant.valve_driven_s(j)).collect();
+        let on_time_s =
+            total_on_time_s.iter().zip(&self.driven_s).map(|(total, before)| total - before).collect();
+        self.driven_s.clone_from(&total_on_time_s);
+        let sequence = self.sequence;
+        self.sequence += 1;
+        let health = (0..jets).map(|j| match self.plant.jet_failure(j) {
+            JetFailure::None => ThrusterState::HEALTH_OK,
+            _ => ThrusterState::HEALTH_FAILED,
+        });
+        ThrusterState {
+            header: header.clone(),
+            sequence,
+            valve_open: self.valve_closes.iter().map(|closes| *closes > now).collect(),
+            on_time_s,
+            total_on_time_s,
+            health: health.collect(),
+        }
+    }
+
+    fn battery(&mut self, header: &Header, initial_v: f64) -> BatteryState {
+        let voltage = self.plant.sample_bus_voltage_v();
+        BatteryState {
+            header: header.clone(),
+            voltage: voltage as f32,
+            // What is not measured is NaN, as the message's definition asks.
+            temperature: f32::NAN,
+            current: f32::NAN,
+            charge: f32::NAN,
+            capacity: f32::NAN,
+            design_capacity: f32::NAN,
+            percentage: (voltage / initial_v).clamp(0.0, 1.0) as f32,
+            power_supply_status: BatteryState::POWER_SUPPLY_STATUS_DISCHARGING,
+            present: true,
+            ..BatteryState::default()
+        }
+    }
+
+    fn pressure(&mut self, header: &Header, noise_pa: f64) -> FluidPressure {
+        let fluid_pressure = self.plant.sample_tank_pressure_pa();
+        FluidPressure { header: header.clone(), fluid_pressure, variance: noise_pa.powi(2) }
+    }
+
+    fn truth(&mut self, now: Timestamp) -> AttitudeEstimate {
+        let truth = self.plant.truth();
+        let sequence = self.truth_sequence;
+        self.truth_sequence += 1;
+        AttitudeEstimate {
+            header: Header { stamp: now.into(), frame_id: "world".to_owned() },
+            sequence,
+            q_world_body: truth.q_world_body.into(),
+            omega_wb_b_rad_s: truth.omega_wb_b_rad_s.into(),
+            gyro_bias_b_rad_s: truth.gyro_bias_rad_s.into(),
+            nis: f64::NAN,
+            health: AttitudeEstimate::HEALTH_OK,
+            ..AttitudeEstimate::default()
+        }
+    }
+}
