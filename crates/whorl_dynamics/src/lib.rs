@@ -1,7 +1,23 @@
-//! Platform model: gyrostat, mass properties, actuators, sensors and the catalogue of physical effects.
+//! Platform model, truth plant and the catalogue of physical effects.
+//!
+//! [`PlatformModel`] says what a platform is made of. [`Gyrostat`] is that platform with its
+//! physical effects applied: the one set of equations that estimator, controller and diagnosis
+//! use as their model. [`Plant`] integrates it between actuator events and samples its sensors.
+//! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate.
 
+pub mod effects;
+mod environment;
+pub mod gyrostat;
 pub mod mass_properties;
+pub mod plant;
 pub mod platform;
+pub mod sensing;
+#[cfg(test)]
+mod validation;
 
+pub use effects::{Effect, EffectError, EffectInfo, EffectKind, EffectSet, ParameterSpec, TrueImu};
+pub use environment::Environment;
+pub use gyrostat::{Gyrostat, GyrostatError, State};
 pub use mass_properties::MassProperties;
+pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, Truth};
 pub use platform::PlatformModel;

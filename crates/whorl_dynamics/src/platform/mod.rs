@@ -5,6 +5,7 @@
 //! use are two values of the same type.
 
 mod actuators;
+mod reference;
 mod sensors;
 
 pub use actuators::{Jet, Tank, Wheel};

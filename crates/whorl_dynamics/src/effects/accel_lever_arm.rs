@@ -1,0 +1,35 @@
+//! Accelerometer not where the model says.
+
+use super::parameter::{per_axis, vector};
+use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use crate::PlatformModel;
+
+#[derive(Debug)]
+pub(super) struct AccelLeverArm;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "accel_lever_arm",
+    title: "accelerometer position off",
+    explanation: "The accelerometer sits elsewhere than the model says, so it feels other centripetal and tangential accelerations.",
+    equation: "y += dw/dt x d + w x (w x d)",
+    source: "Schwartz 2004, eq. 4.40 (rotation terms)",
+    kind: EffectKind::Sensor,
+    confusable_with: &["accel_bias", "imu_latency"],
+    separated_by: "constant spin, then quick reversals",
+    is_passive: false,
+};
+
+impl Effect for AccelLeverArm {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        per_axis("d", "_m", "m", 1.0, 0.02, "Added to the model's position, body axes.")
+    }
+
+    fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        model.sensors.accelerometer.lever_arm_b_m += vector(values, 0);
+        Ok(())
+    }
+}

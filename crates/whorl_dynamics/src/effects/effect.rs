@@ -1,0 +1,142 @@
+//! The one definition behind the four uses of a physical effect.
+
+use std::fmt;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{EffectError, ParameterSpec};
+use crate::{Environment, PlatformModel};
+
+/// Where an effect enters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EffectKind {
+    /// A torque on the body.
+    Torque,
+    /// What an actuator does with its command.
+    Actuator,
+    /// What is measured, not what happens.
+    Sensor,
+    /// A torque with states of its own.
+    HiddenState,
+}
+
+impl fmt::Display for EffectKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Torque => "torque",
+            Self::Actuator => "actuator",
+            Self::Sensor => "sensor",
+            Self::HiddenState => "hidden_state",
+        })
+    }
+}
+
+/// What an effect is, for people.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EffectInfo {
+    /// Fixed name in parameter files, reports and JSON.
+    pub id: &'static str,
+    /// A few words.
+    pub title: &'static str,
+    /// One sentence: what happens, and how it shows itself.
+    pub explanation: &'static str,
+    /// The equation, in plain text.
+    pub equation: &'static str,
+    /// Where the equation comes from.
+    pub source: &'static str,
+    /// Where it enters.
+    pub kind: EffectKind,
+    /// Effects that typical data cannot tell from this one.
+    pub confusable_with: &'static [&'static str],
+    /// What separates it from those.
+    pub separated_by: &'static str,
+    /// Its torque never does positive work: torque . omega <= 0 for every state.
+    pub is_passive: bool,
+}
+
+/// The inertial unit's true input: what ideal sensors would read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrueImu {
+    /// Rate seen by the gyro, body axes [rad/s].
+    pub angular_velocity_b_rad_s: Vector3<f64>,
+    /// Specific force at the accelerometer, body axes [m/s^2].
+    pub specific_force_b_m_s2: Vector3<f64>,
+}
+
+/// A physical effect beyond the base model, written once and used four times: the truth plant
+/// simulates with it, the model predicts with it, the diagnosis fits it (columns by differences in
+/// `values`), estimator and controller compensate it.
+///
+/// An effect either corrects constants of the platform ([`Self::adjust`]) or adds physics in the
+/// other hooks, each of which does nothing unless an effect overrides it. `values` holds one number
+/// per entry of [`Self::parameters`], in that order. With every parameter at its neutral value no
+/// hook may change anything, and each hook must be differentiable in `values` there, if need be
+/// from one side.
+pub trait Effect: Sync + fmt::Debug {
+    /// What it is.
+    fn info(&self) -> &'static EffectInfo;
+
+    /// Its parameters on this platform (per wheel or per jet where it says so).
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec>;
+
+    /// Corrects constants of the platform. Corrections of several effects add up.
+    ///
+    /// # Errors
+    /// When the corrected platform is not one that can exist.
+    fn adjust(&self, _values: &[f64], _model: &mut PlatformModel) -> Result<(), EffectError> {
+        Ok(())
+    }
+
+    /// Torque on the body about the centre of rotation, body axes [N m].
+    fn torque_b_n_m(&self, _values: &[f64], _environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    /// Inertia of what does not follow the body rigidly, body axes [kg m^2]: it stays part of the
+    /// total inertia but does not resist angular acceleration, exactly as sum J a a^T of the wheels.
+    fn reaction_inertia_b_kg_m2(&self, _values: &[f64], _model: &PlatformModel) -> Matrix3<f64> {
+        Matrix3::zeros()
+    }
+
+    /// Torque on wheel `wheel` about its spin axis besides motor and bearing friction [N m]; the
+    /// body takes the opposite.
+    fn wheel_torque_n_m(&self, _values: &[f64], _environment: &Environment<'_>, _wheel: usize) -> f64 {
+        0.0
+    }
+
+    /// Gas lost besides what the jets use [kg/s], >= 0.
+    fn gas_rate_kg_s(&self, _values: &[f64], _environment: &Environment<'_>) -> f64 {
+        0.0
+    }
+
+    /// Added delay of a valve's opening and closing [s], taken when the pulse is commanded.
+    fn valve_delay_s(&self, _values: &[f64], _environment: &Environment<'_>) -> (f64, f64) {
+        (0.0, 0.0)
+    }
+
+    /// Time constant of the first-order build-up and tail-off of thrust [s]; 0 = immediate.
+    fn jet_rise_time_s(&self, _values: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// Number of hidden states; they start at zero.
+    fn hidden_states(&self, _model: &PlatformModel) -> usize {
+        0
+    }
+
+    /// Derivative of the hidden states [unit/s]; `environment` holds the angular acceleration.
+    fn hidden_derivative(
+        &self,
+        _values: &[f64],
+        _environment: &Environment<'_>,
+        _hidden: &[f64],
+        _derivative: &mut [f64],
+    ) {
+    }
+
+    /// Random-walk intensity of each hidden state, unit per sqrt(s).
+    fn hidden_noise(&self, _values: &[f64], _intensity: &mut [f64]) {}
+
+    /// Changes what the inertial sensors see, before their own errors.
+    fn measure_imu(&self, _values: &[f64], _environment: &Environment<'_>, _imu: &mut TrueImu) {}
+}

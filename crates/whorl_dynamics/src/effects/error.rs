@@ -1,0 +1,101 @@
+//! Why effects were refused.
+
+use thiserror::Error;
+
+/// Why a set of effects was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum EffectError {
+    /// No effect of the catalogue has this id.
+    #[error("there is no effect `{name}`; nearest: {}", nearest.join(", "))]
+    UnknownEffect {
+        /// What was asked for.
+        name: String,
+        /// The ids nearest to it.
+        nearest: Vec<String>,
+    },
+    /// The effect has no such parameter on this platform.
+    #[error("effect `{effect}` has no parameter `{name}` on this platform; it has: {}", nearest.join(", "))]
+    UnknownParameter {
+        /// The effect.
+        effect: &'static str,
+        /// What was asked for.
+        name: String,
+        /// Names it has, nearest first.
+        nearest: Vec<String>,
+    },
+    /// A value is NaN, infinite or outside its range.
+    #[error("effect `{effect}`: {name} = {value} {unit} is outside {min} .. {max} {unit}")]
+    OutOfRange {
+        /// The effect.
+        effect: &'static str,
+        /// The parameter.
+        name: String,
+        /// The refused value.
+        value: f64,
+        /// Unit of the value and the range.
+        unit: &'static str,
+        /// Smallest value allowed.
+        min: f64,
+        /// Largest value allowed.
+        max: f64,
+    },
+    /// With these values the platform could not exist.
+    #[error("effect `{effect}` with these values makes a platform that cannot exist: {reason}")]
+    NotPhysical {
+        /// The effect.
+        effect: &'static str,
+        /// What is impossible.
+        reason: String,
+    },
+    /// More hidden states than the integrator holds.
+    #[error("these effects need {needed} hidden states; {available} are available")]
+    TooManyHiddenStates {
+        /// Number needed.
+        needed: usize,
+        /// Number available.
+        available: usize,
+    },
+}
+
+/// `candidates`, at most `count`, those with the smallest edit distance to `name` first.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl Iterator<Item = &'a str>,
+    count: usize,
+) -> Vec<String> {
+    let mut ranked: Vec<(usize, &str)> = candidates.map(|c| (edit_distance(name, c), c)).collect();
+    ranked.sort_by_key(|(distance, _)| *distance);
+    ranked.into_iter().take(count).map(|(_, c)| c.to_owned()).collect()
+}
+
+/// Levenshtein distance.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = i;
+        let mut left = i + 1;
+        for (cell, to) in row.iter_mut().skip(1).zip(b.chars()) {
+            let substituted = diagonal + usize::from(from != to);
+            diagonal = *cell;
+            left = substituted.min(diagonal + 1).min(left + 1);
+            *cell = left;
+        }
+        if let Some(first) = row.first_mut() {
+            *first = i + 1;
+        }
+    }
+    row.last().copied().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edit_distances_of_the_textbook() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("abc", ""), 3);
+        assert_eq!(edit_distance("flaw", "lawn"), 2);
+    }
+}

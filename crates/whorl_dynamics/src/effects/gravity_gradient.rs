@@ -1,0 +1,41 @@
+//! Gravity that falls with height.
+
+use nalgebra::Vector3;
+
+use super::parameter::value;
+use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use crate::{Environment, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct GravityGradient;
+
+/// mu / R^3 at the Earth's surface [1/s^2]: 3.986004e14 / 6.371e6^3.
+const MU_OVER_R3_S2: f64 = 1.5413e-6;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "gravity_gradient",
+    title: "gravity gradient",
+    explanation: "The lower side is pulled a little harder: a few micronewton metres, negligible in this laboratory and kept to say so.",
+    equation: "g = 3 mu/R^3 k_b x (I k_b)",
+    source: "Hughes, Spacecraft Attitude Dynamics, 1986, section 8.1; gravity gradient of Schwartz 2004, Table 3.1",
+    kind: EffectKind::Torque,
+    confusable_with: &["gravity_offset", "anisoelastic_sag"],
+    separated_by: "",
+    is_passive: false,
+};
+
+impl Effect for GravityGradient {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        vec![ParameterSpec::new("scale", "1", (0.0, 1.0), 1.0, "1 = present, 0 = absent.")]
+    }
+
+    fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
+        let k_b = environment.vertical_b;
+        let inertia = environment.model.mass_properties.inertia_b_kg_m2();
+        3.0 * MU_OVER_R3_S2 * value(values, 0) * k_b.cross(&(inertia * k_b))
+    }
+}

@@ -1,0 +1,40 @@
+//! Centre of mass away from the centre of rotation.
+
+use nalgebra::Vector3;
+
+use super::parameter::{per_axis, vector};
+use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use crate::{MassProperties, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct GravityOffset;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "gravity_offset",
+    title: "centre of mass away from the centre of rotation",
+    explanation: "Weight acts beside the bearing's centre, so the platform swings like a pendulum; every base model has it, the parameters are what is to be added to the model's m g r_cg.",
+    equation: "g = -(m g r_cg) x k_b",
+    source: "Schwartz 2004, eq. 4.74 and Table 4.1 (static unbalance of Table 3.1)",
+    kind: EffectKind::Torque,
+    confusable_with: &["anisoelastic_sag", "magnetic_torque"],
+    separated_by: "tilt to several azimuths and amplitudes",
+    is_passive: false,
+};
+
+impl Effect for GravityOffset {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        per_axis("mgr", "_n_m", "N m", 20.0, 0.1, "Weight times offset of the centre of mass, added to the model's.")
+    }
+
+    fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        let properties = &model.mass_properties;
+        let offset: Vector3<f64> = properties.gravity_offset_b_n_m() + vector(values, 0);
+        model.mass_properties = MassProperties::new(*properties.inertia_b_kg_m2(), offset, properties.mass_kg())
+            .map_err(|error| EffectError::NotPhysical { effect: INFO.id, reason: error.to_string() })?;
+        Ok(())
+    }
+}

@@ -1,0 +1,35 @@
+//! Gyro bias that follows temperature.
+
+use super::parameter::{per_axis, vector};
+use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};
+use crate::{Environment, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct GyroTemperature;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "gyro_temperature",
+    title: "gyro bias follows temperature",
+    explanation: "As the sensor warms up its bias moves with the temperature channel.",
+    equation: "y = w + c (T - T_ambient)",
+    source: "temperature variation of the MotionPak II, Schwartz 2004, section 4.4; linearised",
+    kind: EffectKind::Sensor,
+    confusable_with: &["gyro_bias"],
+    separated_by: "rest while the platform warms up and while it is warm",
+    is_passive: false,
+};
+
+impl Effect for GyroTemperature {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        per_axis("slope", "_rad_s_k", "rad/(s K)", 0.01, 3e-4, "Change of bias per kelvin above ambient.")
+    }
+
+    fn measure_imu(&self, values: &[f64], environment: &Environment<'_>, imu: &mut TrueImu) {
+        let warming_k = environment.temperature_k - environment.model.sensors.ambient_temperature_k;
+        imu.angular_velocity_b_rad_s += vector(values, 0) * warming_k;
+    }
+}

@@ -1,0 +1,36 @@
+//! Inertial data older than their stamp.
+
+use super::parameter::value;
+use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use crate::PlatformModel;
+
+#[derive(Debug)]
+pub(super) struct ImuLatency;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "imu_latency",
+    title: "inertial data late",
+    explanation: "Gyro and accelerometer data are older than their stamp: the same lag in every channel, not tied to one actuator.",
+    equation: "y(t) = true(t - t_model - t_late)",
+    source: "definition",
+    kind: EffectKind::Sensor,
+    confusable_with: &["thruster_delay", "thruster_rise"],
+    separated_by: "wheels and jets in turn: latency delays the response to both",
+    is_passive: false,
+};
+
+impl Effect for ImuLatency {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        vec![ParameterSpec::new("t_s", "s", (0.0, 0.5), 0.01, "Added to the model's latency.")]
+    }
+
+    fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        model.sensors.gyro.errors.latency_s += value(values, 0);
+        model.sensors.accelerometer.errors.latency_s += value(values, 0);
+        Ok(())
+    }
+}

@@ -1,0 +1,45 @@
+//! A magnetised platform in the Earth's field.
+
+use nalgebra::Vector3;
+
+use super::parameter::{per_axis, vector};
+use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use crate::{Environment, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct MagneticTorque;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "magnetic_torque",
+    title: "magnetic dipole of the platform",
+    explanation: "Steel parts and currents make the platform a compass needle: the torque changes with heading and with tilt.",
+    equation: "g = m x (R^T B_world)",
+    source: "magnetic fields of Schwartz 2004, Table 3.1; field of Blacksburg, Virginia, from the geomagnetic reference field, rounded",
+    kind: EffectKind::Torque,
+    confusable_with: &["air_current", "gravity_offset"],
+    separated_by: "slow yaw by 90 and 180 degrees at fixed tilt, then a tilt change",
+    is_passive: false,
+};
+
+impl Effect for MagneticTorque {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        let mut specs = per_axis("dipole", "_a_m2", "A m^2", 1000.0, 30.0, "Dipole along this body axis.");
+        // East, north, up: declination about 8 degrees west, inclination about 65 degrees down.
+        for (name, tesla) in [("field_x_t", -3.0e-6), ("field_y_t", 21.0e-6), ("field_z_t", -47.0e-6)] {
+            specs.push(
+                ParameterSpec::new(name, "T", (-1e-3, 1e-3), 5e-6, "Field along this world axis (east, north, up).")
+                    .with_neutral(tesla)
+                    .known(),
+            );
+        }
+        specs
+    }
+
+    fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
+        vector(values, 0).cross(&environment.to_body(&vector(values, 3)))
+    }
+}

@@ -1,0 +1,83 @@
+//! The catalogue of physical effects: one effect, one file, four uses.
+//!
+//! The truth plant simulates with an effect, the model predicts with it, the diagnosis fits it,
+//! estimator and controller compensate it, all from the one definition in its file. To add an
+//! effect to the system: write a file beside the others and name it in `register!` below.
+
+mod effect;
+mod error;
+mod parameter;
+mod set;
+mod tilted;
+
+pub use effect::{Effect, EffectInfo, EffectKind, TrueImu};
+pub use error::EffectError;
+pub use parameter::ParameterSpec;
+pub use set::{ActiveEffect, EffectSet, MAX_HIDDEN_STATES, describe, describe_catalogue};
+pub use thruster_rise::remaining_after_step;
+pub(crate) use tilt_stop_contact::contact_torque_b_n_m;
+
+macro_rules! register {
+    ($($module:ident::$effect:ident),* $(,)?) => {
+        $(mod $module;)*
+
+        /// Every effect, torques first, then actuators, sensors and hidden states.
+        #[must_use]
+        pub fn catalogue() -> &'static [&'static dyn Effect] {
+            static CATALOGUE: &[&dyn Effect] = &[$(&$module::$effect),*];
+            CATALOGUE
+        }
+    };
+}
+
+register! {
+    gravity_offset::GravityOffset,
+    inertia_products::InertiaProducts,
+    bearing_viscous_friction::BearingViscousFriction,
+    bearing_coulomb_friction::BearingCoulombFriction,
+    air_drag_quadratic::AirDragQuadratic,
+    air_current::AirCurrent,
+    air_current_periodic::AirCurrentPeriodic,
+    bearing_turbine::BearingTurbine,
+    magnetic_torque::MagneticTorque,
+    harness_spring::HarnessSpring,
+    anisoelastic_sag::AnisoelasticSag,
+    mass_shift::MassShift,
+    moving_ballast_backlash::MovingBallastBacklash,
+    tilt_stop_contact::TiltStopContact,
+    earth_rotation::EarthRotation,
+    gravity_gradient::GravityGradient,
+    thruster_strength::ThrusterStrength,
+    thruster_misalignment::ThrusterMisalignment,
+    thruster_delay::ThrusterDelay,
+    thruster_rise::ThrusterRise,
+    thruster_leak::ThrusterLeak,
+    thruster_pressure::ThrusterPressure,
+    supply_voltage::SupplyVoltage,
+    wheel_friction::WheelFriction,
+    wheel_misalignment::WheelMisalignment,
+    wheel_inertia::WheelInertia,
+    wheel_imbalance::WheelImbalance,
+    wheel_windage::WheelWindage,
+    gyro_bias::GyroBias,
+    gyro_scale::GyroScale,
+    gyro_misalignment::GyroMisalignment,
+    gyro_temperature::GyroTemperature,
+    gyro_g_sensitivity::GyroGSensitivity,
+    gyro_saturation::GyroSaturation,
+    accel_bias::AccelBias,
+    accel_scale::AccelScale,
+    accel_lever_arm::AccelLeverArm,
+    imu_latency::ImuLatency,
+    vector_sensor_misalignment::VectorSensorMisalignment,
+    vibration_alias::VibrationAlias,
+    slosh::Slosh,
+    flexible_mode::FlexibleMode,
+    unmodelled_torque::UnmodelledTorque,
+}
+
+/// The effect with this id.
+#[must_use]
+pub fn find(id: &str) -> Option<&'static dyn Effect> {
+    catalogue().iter().copied().find(|effect| effect.info().id == id)
+}

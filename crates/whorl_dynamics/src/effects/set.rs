@@ -1,0 +1,235 @@
+//! The effects that a platform has, with their values.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::error::nearest;
+use super::{Effect, EffectError, TrueImu, catalogue, find};
+use crate::{Environment, PlatformModel};
+
+/// Hidden states the integrator holds.
+pub const MAX_HIDDEN_STATES: usize = 16;
+
+/// One effect with its values.
+#[derive(Debug, Clone)]
+pub struct ActiveEffect {
+    effect: &'static dyn Effect,
+    values: Vec<f64>,
+    hidden: Range<usize>,
+}
+
+impl ActiveEffect {
+    /// The effect.
+    #[must_use]
+    pub fn effect(&self) -> &'static dyn Effect {
+        self.effect
+    }
+
+    /// Its values, in the order of [`Effect::parameters`].
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    fn hidden<'h>(&self, hidden: &'h [f64]) -> &'h [f64] {
+        hidden.get(self.hidden.clone()).unwrap_or(&[])
+    }
+}
+
+/// A checked set of effects. Empty by default: the base model.
+#[derive(Debug, Clone, Default)]
+pub struct EffectSet {
+    active: Vec<ActiveEffect>,
+    hidden_states: usize,
+}
+
+impl EffectSet {
+    /// Reads effect id -> parameter -> value. Parameters that are left out keep their neutral value.
+    ///
+    /// # Errors
+    /// Unknown effect or parameter (with the nearest valid names), value out of its range, too
+    /// many hidden states.
+    pub fn from_map(
+        map: &BTreeMap<String, BTreeMap<String, f64>>,
+        model: &PlatformModel,
+    ) -> Result<Self, EffectError> {
+        let mut set = Self::default();
+        for (id, given) in map {
+            let effect = find(id).ok_or_else(|| EffectError::UnknownEffect {
+                name: id.clone(),
+                nearest: nearest(id, catalogue().iter().map(|e| e.info().id), 3),
+            })?;
+            let specs = effect.parameters(model);
+            let mut values: Vec<f64> = specs.iter().map(|spec| spec.neutral).collect();
+            for (name, &value) in given {
+                let found = specs.iter().zip(&mut values).find(|(spec, _)| spec.name == *name);
+                let Some((spec, slot)) = found else {
+                    return Err(EffectError::UnknownParameter {
+                        effect: effect.info().id,
+                        name: name.clone(),
+                        nearest: nearest(name, specs.iter().map(|s| s.name.as_str()), 4),
+                    });
+                };
+                if !(value >= spec.min && value <= spec.max) {
+                    return Err(EffectError::OutOfRange {
+                        effect: effect.info().id,
+                        name: name.clone(),
+                        value,
+                        unit: spec.unit,
+                        min: spec.min,
+                        max: spec.max,
+                    });
+                }
+                *slot = value;
+            }
+            set.push(effect, values, model);
+        }
+        if set.hidden_states > MAX_HIDDEN_STATES {
+            return Err(EffectError::TooManyHiddenStates {
+                needed: set.hidden_states,
+                available: MAX_HIDDEN_STATES,
+            });
+        }
+        Ok(set)
+    }
+
+    fn push(&mut self, effect: &'static dyn Effect, values: Vec<f64>, model: &PlatformModel) {
+        let first = self.hidden_states;
+        self.hidden_states += effect.hidden_states(model);
+        self.active.push(ActiveEffect { effect, values, hidden: first..self.hidden_states });
+    }
+
+    /// The effects in it.
+    pub fn iter(&self) -> impl Iterator<Item = &ActiveEffect> {
+        self.active.iter()
+    }
+
+    /// True for the base model.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.active.is_empty()
+    }
+
+    /// Number of hidden states of all its effects.
+    #[must_use]
+    pub fn hidden_states(&self) -> usize {
+        self.hidden_states
+    }
+
+    /// The platform with every constant that an effect corrects. The map of effects in the result
+    /// is empty, so that they cannot be applied twice.
+    ///
+    /// # Errors
+    /// When no such platform can exist.
+    pub fn adjusted(&self, model: &PlatformModel) -> Result<PlatformModel, EffectError> {
+        let mut adjusted = model.clone();
+        adjusted.effects.clear();
+        for active in &self.active {
+            active.effect.adjust(&active.values, &mut adjusted)?;
+        }
+        Ok(adjusted)
+    }
+
+    /// Sum of [`Effect::torque_b_n_m`].
+    #[must_use]
+    pub fn torque_b_n_m(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
+        let torque = |a: &ActiveEffect| a.effect.torque_b_n_m(&a.values, environment, a.hidden(hidden));
+        self.active.iter().map(torque).sum()
+    }
+
+    /// Sum of [`Effect::reaction_inertia_b_kg_m2`].
+    #[must_use]
+    pub fn reaction_inertia_b_kg_m2(&self, model: &PlatformModel) -> Matrix3<f64> {
+        self.active.iter().map(|a| a.effect.reaction_inertia_b_kg_m2(&a.values, model)).sum()
+    }
+
+    /// Sum of [`Effect::wheel_torque_n_m`] for one wheel.
+    #[must_use]
+    pub fn wheel_torque_n_m(&self, environment: &Environment<'_>, wheel: usize) -> f64 {
+        self.active.iter().map(|a| a.effect.wheel_torque_n_m(&a.values, environment, wheel)).sum()
+    }
+
+    /// Sum of [`Effect::gas_rate_kg_s`].
+    #[must_use]
+    pub fn gas_rate_kg_s(&self, environment: &Environment<'_>) -> f64 {
+        self.active.iter().map(|a| a.effect.gas_rate_kg_s(&a.values, environment)).sum()
+    }
+
+    /// Sums of [`Effect::valve_delay_s`].
+    #[must_use]
+    pub fn valve_delay_s(&self, environment: &Environment<'_>) -> (f64, f64) {
+        self.active.iter().map(|a| a.effect.valve_delay_s(&a.values, environment)).fold(
+            (0.0, 0.0),
+            |(opening, closing), (more_opening, more_closing)| {
+                (opening + more_opening, closing + more_closing)
+            },
+        )
+    }
+
+    /// The longest [`Effect::jet_rise_time_s`].
+    #[must_use]
+    pub fn jet_rise_time_s(&self) -> f64 {
+        self.active.iter().map(|a| a.effect.jet_rise_time_s(&a.values)).fold(0.0, f64::max)
+    }
+
+    /// [`Effect::hidden_derivative`] of every effect.
+    pub fn hidden_derivative(&self, environment: &Environment<'_>, hidden: &[f64], derivative: &mut [f64]) {
+        for a in self.active.iter().filter(|a| !a.hidden.is_empty()) {
+            if let Some(slots) = derivative.get_mut(a.hidden.clone()) {
+                a.effect.hidden_derivative(&a.values, environment, a.hidden(hidden), slots);
+            }
+        }
+    }
+
+    /// [`Effect::hidden_noise`] of every effect.
+    pub fn hidden_noise(&self, intensity: &mut [f64]) {
+        for a in self.active.iter().filter(|a| !a.hidden.is_empty()) {
+            if let Some(slots) = intensity.get_mut(a.hidden.clone()) {
+                a.effect.hidden_noise(&a.values, slots);
+            }
+        }
+    }
+
+    /// [`Effect::measure_imu`] of every effect, in the order of their ids.
+    pub fn measure_imu(&self, environment: &Environment<'_>, imu: &mut TrueImu) {
+        for a in &self.active {
+            a.effect.measure_imu(&a.values, environment, imu);
+        }
+    }
+}
+
+/// The whole catalogue as text: id, what it is, equation, parameters with unit, range and prior.
+#[must_use]
+pub fn describe_catalogue(model: &PlatformModel) -> String {
+    catalogue().iter().map(|effect| describe(*effect, model)).collect::<Vec<_>>().join("\n")
+}
+
+/// One effect as text.
+#[must_use]
+pub fn describe(effect: &dyn Effect, model: &PlatformModel) -> String {
+    let info = effect.info();
+    // Writing to a String cannot fail.
+    let mut text = String::new();
+    let _ = writeln!(text, "{} ({}): {}", info.id, info.kind, info.title);
+    let _ = writeln!(text, "  {}", info.explanation);
+    let _ = writeln!(text, "  equation: {}", info.equation);
+    let _ = writeln!(text, "  source: {}", info.source);
+    if !info.confusable_with.is_empty() {
+        let _ = writeln!(text, "  easily confused with: {}", info.confusable_with.join(", "));
+    }
+    if !info.separated_by.is_empty() {
+        let _ = writeln!(text, "  told apart by: {}", info.separated_by);
+    }
+    for spec in effect.parameters(model) {
+        let role = if spec.known { "known" } else { "fitted" };
+        let _ = writeln!(
+            text,
+            "  - {} [{}] {} .. {}, default {}, prior sigma {} ({role}): {}",
+            spec.name, spec.unit, spec.min, spec.max, spec.neutral, spec.prior_stddev, spec.doc
+        );
+    }
+    text
+}

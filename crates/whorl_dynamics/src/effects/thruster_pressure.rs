@@ -1,0 +1,35 @@
+//! Thrust that follows the tank's pressure otherwise than the model says.
+
+use super::parameter::value;
+use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use crate::PlatformModel;
+
+#[derive(Debug)]
+pub(super) struct ThrusterPressure;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "thruster_pressure",
+    title: "thrust follows tank pressure",
+    explanation: "The regulator is not perfect: thrust falls as the tank empties by another law than the model's.",
+    equation: "F = F_ref (p / p_ref)^(n_model + exponent)",
+    source: "choked nozzle: thrust proportional to feed pressure (Sutton, Rocket Propulsion Elements, eq. 3-29); exponent for an imperfect regulator",
+    kind: EffectKind::Actuator,
+    confusable_with: &["mass_shift", "supply_voltage", "thruster_strength"],
+    separated_by: "the same pulses with a full and an empty tank",
+    is_passive: false,
+};
+
+impl Effect for ThrusterPressure {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        vec![ParameterSpec::new("exponent", "1", (-2.0, 2.0), 0.3, "Added to the model's exponent.")]
+    }
+
+    fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        model.tank.thrust_pressure_exponent += value(values, 0);
+        Ok(())
+    }
+}

@@ -1,0 +1,146 @@
+//! Contact with the bearing's stop; also the law of the stop in the base model.
+
+use nalgebra::Vector3;
+
+use super::parameter::value;
+use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use crate::platform::TiltLimit;
+use crate::{Environment, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct TiltStopContact;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "tilt_stop_contact",
+    title: "contact with a tilt stop",
+    explanation: "Beyond an angle smaller than the model's limit something touches: a spring and damper that push back only, seen as impulses always at the same tilt.",
+    equation: "g = max(0, k (tilt - angle) + c d(tilt)/dt) about the axis that rights the platform, when tilt > angle",
+    source: "one-sided Kelvin-Voigt contact without adhesion",
+    kind: EffectKind::Torque,
+    confusable_with: &[],
+    separated_by: "slow tilts into the stop",
+    is_passive: false,
+};
+
+impl Effect for TiltStopContact {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        let limit_rad = match model.tilt_limit {
+            TiltLimit::Cone { max_rad } | TiltLimit::Pitch { max_rad } => max_rad,
+        };
+        vec![
+            ParameterSpec::new("k_n_m_rad", "N m/rad", (0.0, 5000.0), 100.0, "Stiffness."),
+            ParameterSpec::new("c_n_m_s", "N m s", (0.0, 500.0), 10.0, "Damping."),
+            ParameterSpec::new("angle_rad", "rad", (0.0, limit_rad), 0.2 * limit_rad, "Tilt at first contact.")
+                .with_neutral(limit_rad),
+        ]
+    }
+
+    fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
+        let angle_rad = value(values, 2);
+        let stop = match environment.model.tilt_limit {
+            TiltLimit::Cone { .. } => TiltLimit::Cone { max_rad: angle_rad },
+            TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: angle_rad },
+        };
+        contact_torque_b_n_m(
+            &stop,
+            value(values, 0),
+            value(values, 1),
+            &environment.vertical_b,
+            &environment.omega_wb_b_rad_s,
+        )
+    }
+}
+
+/// Torque of a one-sided spring and damper at `stop`, body axes [N m].
+///
+/// Cone: tilt = acos(z_b . k_b), tilt rate = w . n with n = k_b x z_b / |k_b x z_b|, about which a
+/// positive rotation of the body tilts it further. Pitch: elevation of body x above the horizontal
+/// e = asin(x_b . k_b), d(e)/dt = w . (x_b x k_b)... see the code: both follow from
+/// d(k_b)/dt = -w x k_b.
+pub(crate) fn contact_torque_b_n_m(
+    stop: &TiltLimit,
+    stiffness_n_m_rad: f64,
+    damping_n_m_s: f64,
+    vertical_b: &Vector3<f64>,
+    omega_wb_b_rad_s: &Vector3<f64>,
+) -> Vector3<f64> {
+    // `axis_b`: rotation of the body about it increases the angle at unit rate.
+    let (depth_rad, axis_b) = match stop {
+        TiltLimit::Cone { max_rad } => {
+            // Cheap test first: the stop is rarely touched.
+            if vertical_b.z > max_rad.cos() {
+                return Vector3::zeros();
+            }
+            let sine = vertical_b.x.hypot(vertical_b.y);
+            // k x z; upside down it has no direction and no torque is defined.
+            let Some(axis_b) = Vector3::new(vertical_b.y, -vertical_b.x, 0.0).try_normalize(1e-12) else {
+                return Vector3::zeros();
+            };
+            (sine.atan2(vertical_b.z) - max_rad, axis_b)
+        }
+        TiltLimit::Pitch { max_rad } => {
+            if vertical_b.x.abs() < max_rad.sin() {
+                return Vector3::zeros();
+            }
+            // x . dk/dt = -x . (w x k) = w . (x x k).
+            let Some(axis_b) = Vector3::new(0.0, -vertical_b.z, vertical_b.y).try_normalize(1e-12) else {
+                return Vector3::zeros();
+            };
+            let elevation_rad = vertical_b.x.clamp(-1.0, 1.0).asin();
+            (elevation_rad.abs() - max_rad, axis_b * elevation_rad.signum())
+        }
+    };
+    if depth_rad <= 0.0 {
+        return Vector3::zeros();
+    }
+    let rate_rad_s = omega_wb_b_rad_s.dot(&axis_b);
+    -(stiffness_n_m_rad * depth_rad + damping_n_m_s * rate_rad_s).max(0.0) * axis_b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::UnitQuaternion;
+    use whorl_math::vertical_b;
+
+    #[test]
+    fn the_stop_rights_the_platform_along_the_shortest_way() {
+        for azimuth in [0.0, 1.0, 2.5, 4.0] {
+            let axis = Vector3::new(f64::cos(azimuth), f64::sin(azimuth), 0.0);
+            let q = UnitQuaternion::from_scaled_axis(axis * 0.1);
+            let cone = TiltLimit::Cone { max_rad: 0.09 };
+            // Tilted by +0.1 about `axis`: the torque must be -k * 0.01 about it.
+            let torque = contact_torque_b_n_m(&cone, 100.0, 0.0, &vertical_b(&q), &Vector3::zeros());
+            assert!((torque + axis * 1.0).norm() < 1e-9, "{torque}");
+            // Damping acts on the way in only.
+            let inwards = contact_torque_b_n_m(&cone, 100.0, 10.0, &vertical_b(&q), &(axis * 0.05));
+            assert!((inwards + axis * 1.5).norm() < 1e-9, "{inwards}");
+            let outwards = contact_torque_b_n_m(&cone, 100.0, 10.0, &vertical_b(&q), &(axis * -0.5));
+            assert_eq!(outwards.norm(), 0.0, "a stop does not pull");
+        }
+    }
+
+    #[test]
+    fn the_pitch_stop_leaves_yaw_and_roll_free() {
+        let stop = TiltLimit::Pitch { max_rad: 0.5 };
+        for (roll, pitch, yaw) in [(2.0, 0.6, 1.0), (0.0, -0.6, 0.0), (-1.0, 0.6, 3.0)] {
+            let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            let torque = contact_torque_b_n_m(&stop, 100.0, 0.0, &vertical_b(&q), &Vector3::zeros());
+            // By virtual work: rotating the body a little along the torque must lower |elevation|
+            // at unit rate, and the size is k times the depth.
+            assert!((torque.norm() - 10.0).abs() < 1e-9, "{torque}");
+            let step = torque * 1e-7;
+            let turned = q * UnitQuaternion::from_scaled_axis(step);
+            let elevation = |q: &UnitQuaternion<f64>| (q * Vector3::x()).z.asin().abs();
+            let fall = elevation(&q) - elevation(&turned);
+            assert!((fall / step.norm() - 1.0).abs() < 1e-5, "{fall}");
+        }
+        let free = UnitQuaternion::from_euler_angles(2.0, 0.4, 1.0);
+        let none = contact_torque_b_n_m(&stop, 100.0, 10.0, &vertical_b(&free), &Vector3::x());
+        assert_eq!(none.norm(), 0.0);
+    }
+}

@@ -1,0 +1,37 @@
+//! Vector sensor mounted askew.
+
+use super::parameter::{per_axis, vector};
+use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use crate::PlatformModel;
+
+#[derive(Debug)]
+pub(super) struct VectorSensorMisalignment;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "vector_sensor_misalignment",
+    title: "vector sensor mounted askew",
+    explanation: "The vector sensor's axes are turned against the body's: a constant rotation between its attitude and the accelerometer's.",
+    equation: "y = exp([m]x)^T v_b",
+    source: "definition",
+    kind: EffectKind::Sensor,
+    confusable_with: &["accel_bias"],
+    separated_by: "rest at several azimuths",
+    is_passive: false,
+};
+
+impl Effect for VectorSensorMisalignment {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
+        per_axis("m", "_rad", "rad", 0.3, 0.01, "Rotation from body to sensor axes, added to the model's.")
+    }
+
+    fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        if let Some(sensor) = &mut model.sensors.vector {
+            sensor.misalignment_rad += vector(values, 0);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,75 @@
+//! A wheel whose mass is not balanced about its axis.
+
+use nalgebra::Vector3;
+use whorl_math::unit_or;
+
+use super::parameter::value;
+use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use crate::{Environment, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct WheelImbalance;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "wheel_imbalance",
+    title: "unbalanced wheel",
+    explanation: "A wheel's unbalanced mass shakes the platform once per turn with a torque that grows with the square of its speed.",
+    equation: "g = U_j Om_j^2 (cos(phi_j) e1 + sin(phi_j) e2), d(phi_j)/dt = Om_j, e1 and e2 across the axis",
+    source: "Masterson, Miller and Grogan, Development and validation of reaction wheel disturbance models, J. Sound and Vibration 249(3), 2002 (fundamental harmonic)",
+    kind: EffectKind::Actuator,
+    confusable_with: &["vibration_alias", "flexible_mode"],
+    separated_by: "wheel sweep: the line follows the wheel's speed",
+    is_passive: false,
+};
+
+impl Effect for WheelImbalance {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        model
+            .wheels
+            .iter()
+            .map(|wheel| {
+                ParameterSpec::new(
+                    format!("{}_kg_m2", wheel.name),
+                    "kg m^2",
+                    (0.0, 1e-3),
+                    1e-6,
+                    "Imbalance about axes across the spin axis, static imbalance times its arm included.",
+                )
+            })
+            .collect()
+    }
+
+    fn hidden_states(&self, model: &PlatformModel) -> usize {
+        // The angle of each wheel.
+        model.wheels.len()
+    }
+
+    fn hidden_derivative(
+        &self,
+        _values: &[f64],
+        environment: &Environment<'_>,
+        _hidden: &[f64],
+        derivative: &mut [f64],
+    ) {
+        for (j, rate) in derivative.iter_mut().enumerate() {
+            *rate = environment.wheel_speed(j);
+        }
+    }
+
+    fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
+        let mut torque = Vector3::zeros();
+        for (j, wheel) in environment.model.wheels.iter().enumerate() {
+            let axis = wheel.spin_axis_b;
+            let helper = if axis.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
+            let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();
+            let (sine, cosine) = value(hidden, j).sin_cos();
+            let size = value(values, j) * environment.wheel_speed(j).powi(2);
+            torque += size * (e1 * cosine + axis.cross(&e1) * sine);
+        }
+        torque
+    }
+}

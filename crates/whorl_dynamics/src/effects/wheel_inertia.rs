@@ -1,0 +1,43 @@
+//! Wheels heavier or lighter than the drawing says.
+
+use super::parameter::value;
+use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use crate::PlatformModel;
+
+#[derive(Debug)]
+pub(super) struct WheelInertia;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "wheel_inertia",
+    title: "wheel spin inertia off by a factor",
+    explanation: "A wheel holds more or less momentum at the same speed; the platform's total inertia, wheels at rest, is unchanged.",
+    equation: "J_j = J_model_j (1 + e_j)",
+    source: "definition; I_s in Schwartz 2004, eqs. 4.9-4.12",
+    kind: EffectKind::Actuator,
+    confusable_with: &["wheel_misalignment", "gyro_scale", "wheel_friction"],
+    separated_by: "wheel sweep at zero body rate, then at constant yaw rate",
+    is_passive: false,
+};
+
+impl Effect for WheelInertia {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        model
+            .wheels
+            .iter()
+            .map(|wheel| {
+                ParameterSpec::new(wheel.name.as_str(), "1", (-0.5, 0.5), 0.02, "Relative error of this wheel.")
+            })
+            .collect()
+    }
+
+    fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        for (j, wheel) in model.wheels.iter_mut().enumerate() {
+            wheel.spin_inertia_kg_m2 *= 1.0 + value(values, j);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,48 @@
+//! Air drag on the wheels.
+
+use super::parameter::value;
+use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use crate::{Environment, PlatformModel};
+
+#[derive(Debug)]
+pub(super) struct WheelWindage;
+
+static INFO: EffectInfo = EffectInfo {
+    id: "wheel_windage",
+    title: "air drag of a wheel",
+    explanation: "Air brakes a fast wheel with the square of its speed. The drag is taken as acting between wheel and housing, so the body takes the torque.",
+    equation: "torque on wheel j = -d_j Om_j |Om_j|; the body takes the opposite",
+    source: "turbulent drag of a disk in a housing (Daily and Nece 1960, quadratic part)",
+    kind: EffectKind::Actuator,
+    confusable_with: &["wheel_friction"],
+    separated_by: "wheel coast-down from high speed to a stop",
+    is_passive: false,
+};
+
+impl Effect for WheelWindage {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        model
+            .wheels
+            .iter()
+            .map(|wheel| {
+                let largest = wheel.max_torque_n_m / wheel.max_speed_rad_s.powi(2);
+                ParameterSpec::new(
+                    format!("{}_n_m_s2", wheel.name),
+                    "N m s^2",
+                    (0.0, largest),
+                    0.05 * largest,
+                    "Drag per squared speed.",
+                )
+            })
+            .collect()
+    }
+
+    fn wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, wheel: usize) -> f64 {
+        let speed = environment.wheel_speed(wheel);
+        -value(values, wheel) * speed * speed.abs()
+    }
+}

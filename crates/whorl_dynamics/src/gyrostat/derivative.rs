@@ -1,0 +1,196 @@
+//! The right-hand side of the equations of motion.
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use whorl_math::vertical_b;
+
+use super::{Gyrostat, MAX_JETS, MAX_WHEELS, State, friction_n_m};
+use crate::Environment;
+use crate::effects::{MAX_HIDDEN_STATES, contact_torque_b_n_m};
+
+/// Stiffness of the bearing's own stop [N m/rad]: a platform of 10 kg m^2 rebounds within 0.25 s and
+/// sinks in by less than half a degree at 0.1 rad/s.
+const STOP_STIFFNESS_N_M_RAD: f64 = 2000.0;
+/// Damping of the bearing's own stop [N m s]: about a third of critical for 10 kg m^2.
+const STOP_DAMPING_N_M_S: f64 = 100.0;
+/// A wheel's motor loses its torque over this last share of the largest speed, as back-EMF does.
+const SPEED_LIMIT_BAND: f64 = 0.01;
+
+/// Time derivative of [`State`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Derivative {
+    pub quaternion: Quaternion<f64>,
+    pub omega: Vector3<f64>,
+    pub wheel_speed: [f64; MAX_WHEELS],
+    pub gas: f64,
+    pub hidden: [f64; MAX_HIDDEN_STATES],
+}
+
+/// What holds during a segment between two events.
+#[derive(Debug, Clone)]
+pub(crate) struct Drive {
+    /// Motor torques, within the motors' limits.
+    pub motor_torque_n_m: [f64; MAX_WHEELS],
+    /// Sense of sliding of each wheel's bearing, -1 or 1; 0 where Coulomb friction holds the wheel.
+    pub sliding: [f64; MAX_WHEELS],
+    /// Wheels held by Coulomb friction.
+    pub stuck: [bool; MAX_WHEELS],
+    /// Inverse of the inertia that resists, for this set of stuck wheels.
+    pub inverse_inertia: Matrix3<f64>,
+    pub valve_fraction: [f64; MAX_JETS],
+    /// Moment of the linear mass actuators' displacement, body axes [N m].
+    pub ballast_moment_b_n_m: Vector3<f64>,
+    pub ballast_direction: Vector3<f64>,
+    /// The body is held still (wheel bench test).
+    pub clamped: bool,
+    pub initial_gas_kg: f64,
+}
+
+/// Jets at one instant, at reference pressure.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct JetDrive {
+    pub torque_b_n_m: Vector3<f64>,
+    pub thrust_n: f64,
+}
+
+impl Gyrostat {
+    /// What effects see in this state. `omega_dot` is zero while it is unknown.
+    pub(crate) fn environment<'a>(
+        &'a self,
+        time_s: f64,
+        state: &'a State,
+        drive: &'a Drive,
+    ) -> Environment<'a> {
+        let (wheels, jets) = (self.model.wheels.len(), self.model.jets.len());
+        // Sizes were checked in `Gyrostat::new`.
+        let motor_torque = drive.motor_torque_n_m.get(..wheels).unwrap_or(&[]);
+        let load: f64 = motor_torque.iter().map(|u| u.abs()).sum();
+        let (bus, sensors) = (&self.model.bus, &self.model.sensors);
+        Environment {
+            model: &self.model,
+            time_s,
+            q_world_body: state.q_world_body,
+            vertical_b: vertical_b(&state.q_world_body),
+            omega_wb_b_rad_s: state.omega_wb_b_rad_s,
+            omega_dot_wb_b_rad_s2: Vector3::zeros(),
+            wheel_speed_rad_s: state.wheel_speed_rad_s.get(..wheels).unwrap_or(&[]),
+            wheel_motor_torque_n_m: motor_torque,
+            valve_fraction: drive.valve_fraction.get(..jets).unwrap_or(&[]),
+            tank_pressure_pa: self.pressure_pa(state.gas_kg),
+            gas_used_kg: drive.initial_gas_kg - state.gas_kg,
+            bus_voltage_v: bus.initial_v - bus.discharge_v_s * time_s - bus.sag_v_n_m * load,
+            temperature_k: sensors.ambient_temperature_k + sensors.temperature_drift_k_s * time_s,
+            ballast_direction: drive.ballast_direction,
+        }
+    }
+
+    /// Time derivative of `state`.
+    pub(crate) fn derivative(
+        &self,
+        time_s: f64,
+        state: &State,
+        drive: &Drive,
+        jets: &JetDrive,
+    ) -> Derivative {
+        let mut environment = self.environment(time_s, state, drive);
+        let omega = state.omega_wb_b_rad_s;
+        let properties = &self.model.mass_properties;
+        let base_model = self.effects.is_empty();
+
+        let mut momentum = properties.inertia_b_kg_m2() * omega;
+        let mut reaction = Vector3::zeros();
+        let mut wheel_torque = [0.0; MAX_WHEELS];
+        for (j, wheel) in self.model.wheels.iter().enumerate() {
+            let speed = state.wheel_speed_rad_s[j];
+            let axis = wheel.spin_axis_b.into_inner();
+            momentum += axis * (wheel.spin_inertia_kg_m2 * speed);
+            if drive.stuck[j] {
+                continue;
+            }
+            let mut torque =
+                available_motor_torque_n_m(drive.motor_torque_n_m[j], speed, wheel.max_speed_rad_s)
+                    + friction_n_m(wheel, speed, drive.sliding[j]);
+            if !base_model {
+                torque += self.effects.wheel_torque_n_m(&environment, j);
+            }
+            wheel_torque[j] = torque;
+            reaction += axis * torque;
+        }
+
+        let thrust_factor = self.thrust_factor(environment.pressure_ratio());
+        let offset = properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
+        let mut torque = jets.torque_b_n_m * thrust_factor - offset.cross(&environment.vertical_b)
+            + contact_torque_b_n_m(
+                &self.model.tilt_limit,
+                STOP_STIFFNESS_N_M_RAD,
+                STOP_DAMPING_N_M_S,
+                &environment.vertical_b,
+                &omega,
+            );
+        let mut gas_rate_kg_s = self.gas_rate_kg_s(jets.thrust_n * thrust_factor);
+        if !base_model {
+            torque += self.effects.torque_b_n_m(&environment, &state.hidden);
+            if state.gas_kg > 0.0 {
+                gas_rate_kg_s += self.effects.gas_rate_kg_s(&environment);
+            }
+        }
+
+        let omega_dot = if drive.clamped {
+            Vector3::zeros()
+        } else {
+            drive.inverse_inertia * (torque - omega.cross(&momentum) - reaction)
+        };
+        let mut wheel_speed = [0.0; MAX_WHEELS];
+        for (j, wheel) in self.model.wheels.iter().enumerate() {
+            if !drive.stuck[j] {
+                wheel_speed[j] =
+                    wheel_torque[j] / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&omega_dot);
+            }
+        }
+        let mut hidden = [0.0; MAX_HIDDEN_STATES];
+        if self.effects.hidden_states() > 0 {
+            environment.omega_dot_wb_b_rad_s2 = omega_dot;
+            self.effects.hidden_derivative(&environment, &state.hidden, &mut hidden);
+        }
+        Derivative {
+            quaternion: quaternion_rate(&state.q_world_body, &omega),
+            omega: omega_dot,
+            wheel_speed,
+            gas: -gas_rate_kg_s,
+            hidden,
+        }
+    }
+
+    /// Torque that the bearing of stuck wheel `j` must give to hold it [N m].
+    pub(crate) fn holding_torque_n_m(
+        &self,
+        j: usize,
+        time_s: f64,
+        state: &State,
+        drive: &Drive,
+        omega_dot: &Vector3<f64>,
+    ) -> f64 {
+        let Some(wheel) = self.model.wheels.get(j) else { return 0.0 };
+        let mut drive_torque = drive.motor_torque_n_m[j];
+        if !self.effects.is_empty() {
+            drive_torque += self.effects.wheel_torque_n_m(&self.environment(time_s, state, drive), j);
+        }
+        wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot) - drive_torque
+    }
+}
+
+/// 1/2 q (x) [0, omega].
+fn quaternion_rate(q: &UnitQuaternion<f64>, omega: &Vector3<f64>) -> Quaternion<f64> {
+    let (w, v) = (q.w, q.imag());
+    let half = 0.5 * omega;
+    Quaternion::from_parts(-v.dot(&half), half * w + v.cross(&half))
+}
+
+/// What the motor can give at this speed of what it was asked: less and less torque that would
+/// exceed the largest speed.
+fn available_motor_torque_n_m(asked_n_m: f64, speed_rad_s: f64, max_speed_rad_s: f64) -> f64 {
+    if asked_n_m * speed_rad_s <= 0.0 {
+        return asked_n_m;
+    }
+    let band = SPEED_LIMIT_BAND * max_speed_rad_s;
+    asked_n_m * ((max_speed_rad_s - speed_rad_s.abs()) / band).clamp(0.0, 1.0)
+}

@@ -1,0 +1,299 @@
+//! Gyrostat about the bearing's centre of rotation.
+//!
+//! The total angular momentum about the centre of rotation, in body axes, is (eq. 4.9)
+//!
+//! ```text
+//! h = I w + A J Om
+//! ```
+//!
+//! with I the inertia of platform and wheels locked to it, w = omega_wb_b, A the wheels' axes as
+//! columns, J their spin inertias, Om their speeds relative to the body. Momentum balance in
+//! turning axes, and of each wheel about its axis (eq. 4.14, u the torque on the wheel):
+//!
+//! ```text
+//! I dw/dt + A J dOm/dt + w x h = g
+//! J (dOm/dt + A^T dw/dt) = u
+//! ```
+//!
+//! Eliminating dOm/dt gives, as eqs. 4.11-4.13 and 4.81,
+//!
+//! ```text
+//! (I - A J A^T) dw/dt = g - w x h - A u
+//! ```
+//!
+//! The gravity torque is -(m g r_cg) x k_b (eq. 4.74). Other bodies that do not follow rigidly
+//! (slosh, flexible modes) enter like the wheels: see
+//! [`crate::Effect::reaction_inertia_b_kg_m2`]. A wheel that is stuck by Coulomb friction turns
+//! with the body: its u is the constraint torque and it drops out of both sums.
+//!
+//! The dissertation's eq. 4.6 lacks the factor 1/2 in the quaternion kinematics; q here follows
+//! dq/dt = 1/2 q (x) [0, w].
+
+mod derivative;
+mod state;
+
+pub(crate) use derivative::{Derivative, Drive, JetDrive};
+pub use state::{MAX_JETS, MAX_WHEELS, State};
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use thiserror::Error;
+use whorl_math::{GRAVITY_M_S2, vertical_b};
+
+use crate::effects::{EffectError, EffectSet};
+use crate::platform::Wheel;
+use crate::{Environment, PlatformModel};
+
+/// Why a platform cannot be simulated.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum GyrostatError {
+    /// Its effects were refused.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// More wheels than [`MAX_WHEELS`].
+    #[error("{count} wheels; at most {MAX_WHEELS} can be simulated")]
+    TooManyWheels {
+        /// Wheels in the model.
+        count: usize,
+    },
+    /// More jets than [`MAX_JETS`].
+    #[error("{count} jets; at most {MAX_JETS} can be simulated")]
+    TooManyJets {
+        /// Jets in the model.
+        count: usize,
+    },
+    /// Wheels or moving masses have more inertia than the platform that contains them.
+    #[error(
+        "the inertia left when the wheels' spin inertias and moving masses are taken out is not positive definite"
+    )]
+    NothingLeft,
+    /// A number of the model that the dynamics divide by is not positive and finite.
+    #[error("{what} must be positive and finite")]
+    NotPositive {
+        /// Which number.
+        what: &'static str,
+    },
+}
+
+/// A platform with its effects applied: the one model behind simulation, fits and compensation.
+#[derive(Debug, Clone)]
+pub struct Gyrostat {
+    model: PlatformModel,
+    effects: EffectSet,
+    jet_rise_time_s: f64,
+    reaction_inertia_b_kg_m2: Matrix3<f64>,
+}
+
+impl Gyrostat {
+    /// Applies the effects that `model` names.
+    ///
+    /// # Errors
+    /// See [`GyrostatError`].
+    pub fn new(model: &PlatformModel) -> Result<Self, GyrostatError> {
+        let (wheels, jets) = (model.wheels.len(), model.jets.len());
+        if wheels > MAX_WHEELS {
+            return Err(GyrostatError::TooManyWheels { count: wheels });
+        }
+        if jets > MAX_JETS {
+            return Err(GyrostatError::TooManyJets { count: jets });
+        }
+        let effects = EffectSet::from_map(&model.effects, model)?;
+        let adjusted = effects.adjusted(model)?;
+        check_divisors(&adjusted)?;
+        let gyrostat = Self {
+            jet_rise_time_s: effects.jet_rise_time_s(),
+            reaction_inertia_b_kg_m2: effects.reaction_inertia_b_kg_m2(&adjusted),
+            model: adjusted,
+            effects,
+        };
+        // With fewer free wheels the matrix only grows, so all wheels free is the case to check.
+        let all_free = gyrostat.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
+        if all_free.cholesky().is_none() {
+            return Err(GyrostatError::NothingLeft);
+        }
+        Ok(gyrostat)
+    }
+
+    /// The platform, constants corrected by its effects.
+    #[must_use]
+    pub fn model(&self) -> &PlatformModel {
+        &self.model
+    }
+
+    /// Its effects.
+    #[must_use]
+    pub fn effects(&self) -> &EffectSet {
+        &self.effects
+    }
+
+    /// Time constant of the build-up of thrust [s], 0 = immediate.
+    #[must_use]
+    pub fn jet_rise_time_s(&self) -> f64 {
+        self.jet_rise_time_s
+    }
+
+    /// Total angular momentum about the centre of rotation, body axes [N m s] (eq. 4.9). Wheels
+    /// without an entry in `wheel_speed_rad_s` count as stopped.
+    #[must_use]
+    pub fn momentum_b_n_m_s(
+        &self,
+        omega_wb_b_rad_s: &Vector3<f64>,
+        wheel_speed_rad_s: &[f64],
+    ) -> Vector3<f64> {
+        let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * omega_wb_b_rad_s;
+        for (wheel, speed) in self.model.wheels.iter().zip(wheel_speed_rad_s) {
+            momentum += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
+        }
+        momentum
+    }
+
+    /// Kinetic energy of platform and wheels [J].
+    #[must_use]
+    pub fn kinetic_energy_j(&self, omega_wb_b_rad_s: &Vector3<f64>, wheel_speed_rad_s: &[f64]) -> f64 {
+        let inertia = self.model.mass_properties.inertia_b_kg_m2();
+        let mut twice = omega_wb_b_rad_s.dot(&(inertia * omega_wb_b_rad_s));
+        for (wheel, speed) in self.model.wheels.iter().zip(wheel_speed_rad_s) {
+            // J (a.w + Om)^2 - J (a.w)^2: the locked wheel is in I already.
+            twice +=
+                wheel.spin_inertia_kg_m2 * speed * (2.0 * wheel.spin_axis_b.dot(omega_wb_b_rad_s) + speed);
+        }
+        0.5 * twice
+    }
+
+    /// Potential energy of the gravity offset [J], zero with the centre of mass level with the
+    /// centre of rotation.
+    #[must_use]
+    pub fn potential_energy_j(&self, q_world_body: &UnitQuaternion<f64>) -> f64 {
+        self.model.mass_properties.gravity_offset_b_n_m().dot(&vertical_b(q_world_body))
+    }
+
+    /// Torque that is there without any command, body axes [N m]: gravity offset and effects. This is
+    /// what a controller feeds forward.
+    #[must_use]
+    pub fn modelled_torque_b_n_m(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
+        let gravity = self.model.mass_properties.gravity_offset_b_n_m().cross(&environment.vertical_b);
+        self.effects.torque_b_n_m(environment, hidden) - gravity
+    }
+
+    /// Torque of the jets that are open now, at the present tank pressure, body axes [N m].
+    #[must_use]
+    pub fn jet_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
+        let mut torque = Vector3::zeros();
+        for (jet, fraction) in self.model.jets.iter().zip(environment.valve_fraction) {
+            if *fraction != 0.0 {
+                torque += jet.torque_b_n_m() * *fraction;
+            }
+        }
+        torque * self.thrust_factor(environment.pressure_ratio())
+    }
+
+    /// Torque on a wheel about its axis [N m]: motor, friction and effects. The body takes the
+    /// opposite. A wheel at zero speed is given no Coulomb friction here.
+    #[must_use]
+    pub fn wheel_torque_n_m(&self, environment: &Environment<'_>, wheel: usize) -> f64 {
+        let friction = self.model.wheels.get(wheel).map_or(0.0, |w| {
+            friction_n_m(w, environment.wheel_speed(wheel), sign(environment.wheel_speed(wheel)))
+        });
+        environment.wheel_motor_torque(wheel) + friction + self.effects.wheel_torque_n_m(environment, wheel)
+    }
+
+    /// Angular acceleration with every wheel free, body axes [rad/s^2].
+    #[must_use]
+    pub fn angular_acceleration_b_rad_s2(
+        &self,
+        environment: &Environment<'_>,
+        hidden: &[f64],
+    ) -> Vector3<f64> {
+        let omega = environment.omega_wb_b_rad_s;
+        let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
+        let mut torque = self.modelled_torque_b_n_m(environment, hidden) + self.jet_torque_b_n_m(environment)
+            - omega.cross(&momentum);
+        for (j, wheel) in self.model.wheels.iter().enumerate() {
+            torque -= wheel.spin_axis_b.into_inner() * self.wheel_torque_n_m(environment, j);
+        }
+        let free = self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
+        // Positive definite by construction.
+        free.cholesky().map_or_else(Vector3::zeros, |factor| factor.solve(&torque))
+    }
+
+    /// I - sum J a a^T over the wheels that are not stuck, less what effects take out.
+    pub(crate) fn inertia_without_free_wheels_b_kg_m2(&self, stuck: &[bool; MAX_WHEELS]) -> Matrix3<f64> {
+        let mut inertia = self.model.mass_properties.inertia_b_kg_m2() - self.reaction_inertia_b_kg_m2;
+        for (wheel, stuck) in self.model.wheels.iter().zip(stuck) {
+            if !stuck {
+                let axis = wheel.spin_axis_b.into_inner();
+                inertia -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
+            }
+        }
+        inertia
+    }
+
+    /// Thrust over nominal thrust at this pressure over reference pressure.
+    #[must_use]
+    pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
+        let exponent = self.model.tank.thrust_pressure_exponent;
+        if pressure_ratio <= 0.0 {
+            0.0
+        } else if exponent == 0.0 {
+            1.0
+        } else if exponent == 1.0 {
+            pressure_ratio
+        } else {
+            pressure_ratio.powf(exponent)
+        }
+    }
+
+    /// Gas in the full tank [kg].
+    #[must_use]
+    pub fn initial_gas_kg(&self) -> f64 {
+        let tank = &self.model.tank;
+        tank.initial_pressure_pa * tank.volume_m3 / (tank.gas_constant_j_kg_k * tank.temperature_k)
+    }
+
+    /// Pressure of this much gas in the tank [Pa], isothermal.
+    #[must_use]
+    pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
+        let tank = &self.model.tank;
+        gas_kg * tank.gas_constant_j_kg_k * tank.temperature_k / tank.volume_m3
+    }
+
+    /// Gas used per second by this much thrust [kg/s].
+    #[must_use]
+    pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
+        thrust_n / (GRAVITY_M_S2 * self.model.tank.specific_impulse_s)
+    }
+}
+
+/// Friction torque on a wheel [N m] for the given sense of sliding (-1, 0, 1).
+fn friction_n_m(wheel: &Wheel, speed_rad_s: f64, sense: f64) -> f64 {
+    -wheel.viscous_friction_n_m_s * speed_rad_s - wheel.coulomb_friction_n_m * sense
+}
+
+/// -1, 0 or 1.
+pub(crate) fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
+fn check_divisors(model: &PlatformModel) -> Result<(), GyrostatError> {
+    let tank = &model.tank;
+    let numbers = [
+        (tank.volume_m3, "the tank's volume"),
+        (tank.initial_pressure_pa, "the tank's initial pressure"),
+        (tank.reference_pressure_pa, "the tank's reference pressure"),
+        (tank.temperature_k, "the tank's temperature"),
+        (tank.gas_constant_j_kg_k, "the gas constant"),
+        (tank.specific_impulse_s, "the specific impulse"),
+    ];
+    let wheels = model.wheels.iter().flat_map(|wheel| {
+        [
+            (wheel.spin_inertia_kg_m2, "a wheel's spin inertia"),
+            (wheel.max_torque_n_m, "a wheel's largest torque"),
+            (wheel.max_speed_rad_s, "a wheel's largest speed"),
+        ]
+    });
+    for (number, what) in numbers.into_iter().chain(wheels) {
+        if !(number > 0.0 && number.is_finite()) {
+            return Err(GyrostatError::NotPositive { what });
+        }
+    }
+    Ok(())
+}

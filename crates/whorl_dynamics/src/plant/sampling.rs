@@ -1,0 +1,97 @@
+//! What the platform's sensors read.
+
+use whorl_math::vertical_b;
+
+use super::{Plant, ns_from_s};
+use crate::TrueImu;
+use crate::sensing::{ImuSample, Snapshot, VectorSample, WheelSample, specific_force_b_m_s2};
+
+impl Plant {
+    /// Reads gyro and accelerometer now.
+    pub fn sample_imu(&mut self) -> ImuSample {
+        let sensors = &self.gyrostat.model().sensors;
+        let now = self.snapshot();
+        let gyro_truth = self.true_imu(&now, sensors.gyro.errors.latency_s);
+        let accelerometer_truth = self.true_imu(&now, sensors.accelerometer.errors.latency_s);
+        ImuSample {
+            stamp_ns: self.now_ns,
+            angular_velocity_rad_s: self.gyro.sample(&gyro_truth.angular_velocity_b_rad_s, self.now_ns),
+            specific_force_m_s2: self
+                .accelerometer
+                .sample(&accelerometer_truth.specific_force_b_m_s2, self.now_ns),
+        }
+    }
+
+    /// Reads the vector sensor now; `None` if the platform has none.
+    pub fn sample_vector(&mut self) -> Option<VectorSample> {
+        let sensor = self.gyrostat.model().sensors.vector?;
+        let then = self.history.at(self.now_ns - ns_from_s(sensor.latency_s), &self.snapshot());
+        let noise = [self.vector_noise.draw(), self.vector_noise.draw()];
+        Some(VectorSample { stamp_ns: self.now_ns, direction: sensor.reading(&then.q_world_body, &noise) })
+    }
+
+    /// Reads the wheels' drives now, in the order of the model's wheels.
+    pub fn sample_wheels(&mut self) -> Vec<WheelSample> {
+        let model = self.gyrostat.model();
+        let sensor = model.sensors.wheel_speed;
+        let states = self.state.wheel_speed_rad_s.iter().zip(&self.drive.motor_torque_n_m);
+        states
+            .take(model.wheels.len())
+            .map(|(speed, torque)| WheelSample {
+                speed_rad_s: sensor.reading_rad_s(*speed, self.wheel_noise.draw()),
+                motor_torque_n_m: *torque,
+            })
+            .collect()
+    }
+
+    /// Reads the bus voltage now [V].
+    pub fn sample_bus_voltage_v(&mut self) -> f64 {
+        let truth = self.gyrostat.environment(self.time_s(), &self.state, &self.drive).bus_voltage_v;
+        self.gyrostat.model().sensors.bus_voltage.reading(truth, self.bus_noise.draw())
+    }
+
+    /// Reads the tank pressure now [Pa].
+    pub fn sample_tank_pressure_pa(&mut self) -> f64 {
+        let truth = self.gyrostat.pressure_pa(self.state.gas_kg);
+        self.gyrostat.model().sensors.tank_pressure.reading(truth, self.pressure_noise.draw())
+    }
+
+    /// Reads the platform's temperature now [K].
+    pub fn sample_temperature_k(&mut self) -> f64 {
+        let truth = self.gyrostat.environment(self.time_s(), &self.state, &self.drive).temperature_k;
+        self.gyrostat.model().sensors.temperature.reading(truth, self.temperature_noise.draw())
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            time_ns: self.now_ns,
+            q_world_body: self.state.q_world_body,
+            omega_wb_b_rad_s: self.state.omega_wb_b_rad_s,
+            omega_dot_wb_b_rad_s2: self.angular_acceleration_b_rad_s2(),
+        }
+    }
+
+    /// What ideal inertial sensors would have read `latency_s` ago. Wheels, valves and temperature
+    /// enter as they are now: only effects on the sensors use them, and they change little meanwhile.
+    fn true_imu(&self, now: &Snapshot, latency_s: f64) -> TrueImu {
+        let latency_ns = ns_from_s(latency_s);
+        let then = self.history.at(self.now_ns - latency_ns, now);
+        let mut environment = self.gyrostat.environment(self.time_s(), &self.state, &self.drive);
+        environment.time_s -= latency_s;
+        environment.q_world_body = then.q_world_body;
+        environment.vertical_b = vertical_b(&then.q_world_body);
+        environment.omega_wb_b_rad_s = then.omega_wb_b_rad_s;
+        environment.omega_dot_wb_b_rad_s2 = then.omega_dot_wb_b_rad_s2;
+        let mut imu = TrueImu {
+            angular_velocity_b_rad_s: then.omega_wb_b_rad_s,
+            specific_force_b_m_s2: specific_force_b_m_s2(
+                &self.gyrostat.model().sensors.accelerometer.lever_arm_b_m,
+                &then.omega_wb_b_rad_s,
+                &then.omega_dot_wb_b_rad_s2,
+                &environment.vertical_b,
+            ),
+        };
+        self.gyrostat.effects().measure_imu(&environment, &mut imu);
+        imu
+    }
+}
