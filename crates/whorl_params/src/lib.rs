@@ -26,24 +26,30 @@
 mod command_line;
 mod descriptor;
 mod document;
+mod edit;
 mod error;
 mod formation;
 mod limits;
 mod nearest;
 mod node_parameters;
 mod node_pattern;
+mod platform_model;
 mod reader;
 mod scalar;
 mod serialise;
+#[cfg(test)]
+mod tests;
 mod tree;
 mod value;
 
 pub use command_line::Override;
 pub use descriptor::{Descriptor, NumericRange};
+pub use edit::{set_in_file, set_in_text};
 pub use error::{Origin, ParameterError, ParameterErrors};
 pub use formation::{FORMATION_NODES, Formation, PLATFORM_NODES, formation, node_names};
 pub use limits::{Limits, any, non_negative, positive, range};
 pub use node_parameters::{Entry, NodeParameters};
+pub use platform_model::{platform_model, truth_model};
 pub use reader::{Reader, read, try_read};
 pub use serialise::effective_yaml;
 pub use tree::{ParameterTree, SHARED_GROUPS, is_shared, standard_layers};

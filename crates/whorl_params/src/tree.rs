@@ -164,7 +164,13 @@ pub fn standard_layers(directory: &Path, platforms: &[&str], experiment: Option<
     files
 }
 
-/// All sections of a file's text.
+/// All sections of a file's text, or everything that is wrong with its form.
+pub(crate) fn sections_of(file: &Arc<str>, text: &str) -> Result<Vec<Section>, ParameterErrors> {
+    let mut errors = Vec::new();
+    let sections = sections(file, text, &mut errors);
+    ParameterErrors::check(errors).map(|()| sections)
+}
+
 fn sections(file: &Arc<str>, text: &str, errors: &mut Vec<ParameterError>) -> Vec<Section> {
     let at = |line| Origin::File { file: file.clone(), line };
     let root = match document::parse(file, text) {

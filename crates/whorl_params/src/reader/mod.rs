@@ -7,7 +7,7 @@ mod texts;
 use std::collections::{BTreeSet, HashMap};
 
 use crate::descriptor::{Descriptor, NumericRange};
-use crate::error::{Origin, ParameterError, ParameterErrors};
+use crate::error::{ParameterError, ParameterErrors};
 use crate::nearest::nearest;
 use crate::node_parameters::{Entry, NodeParameters};
 use crate::tree::is_shared;
@@ -98,10 +98,14 @@ impl<'a> Reader<'a> {
         value
     }
 
-    /// Names below a key, in file order: `children("jets")`.
+    /// Names below a key, in file order: `children("jets")`; of the open group itself below `""`.
     #[must_use]
     pub fn children(&self, key: &str) -> Vec<String> {
-        self.parameters.children(&self.full(key)).into_iter().map(str::to_owned).collect()
+        self.parameters
+            .children(self.full(key).trim_end_matches('.'))
+            .into_iter()
+            .map(str::to_owned)
+            .collect()
     }
 
     /// True when a value, or a group with at least one value, is set under this key.
@@ -131,6 +135,18 @@ impl<'a> Reader<'a> {
         self.errors.push(error);
     }
 
+    /// As [`Self::reject`] for a whole group; its keys are not reported as unknown as well.
+    pub(crate) fn reject_group(&mut self, key: &str, problem: impl Into<String>) {
+        let full = self.full(key);
+        for group in self.overlaid(&full).into_iter().chain([full]) {
+            let dot = format!("{group}.");
+            let below =
+                self.parameters.iter().filter(|entry| entry.key == group || entry.key.starts_with(&dot));
+            self.known.extend(below.map(|entry| entry.key.clone()));
+        }
+        self.reject(key, problem);
+    }
+
     /// How many errors were found so far.
     #[must_use]
     pub fn error_count(&self) -> usize {
@@ -140,6 +156,13 @@ impl<'a> Reader<'a> {
     /// Makes every key below a shared group one that must be known to this node.
     pub fn claim_group(&mut self, group: &str) {
         self.claimed.push(format!("{group}."));
+    }
+
+    /// Takes all keys of the node itself as known: for a test of shared groups alone.
+    #[cfg(test)]
+    pub(crate) fn release_own_keys(&mut self) {
+        let own = self.parameters.iter().filter(|entry| !is_shared(&entry.key));
+        self.known.extend(own.map(|entry| entry.key.clone()));
     }
 
     /// Ends reading: all descriptors, or all errors, unknown keys included.
@@ -206,7 +229,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn children_with_overlay(&self, key: &str) -> Vec<String> {
         let mut names = self.children(key);
         if let Some(overlaid) = self.overlaid(&self.full(key)) {
-            for name in self.parameters.children(&overlaid) {
+            for name in self.parameters.children(overlaid.trim_end_matches('.')) {
                 if !names.iter().any(|known| known == name) {
                     names.push(name.to_owned());
                 }
@@ -310,11 +333,6 @@ impl<'a> Reader<'a> {
             [] => "no parameter file was given".into(),
             files => format!("looked in {}", files.join(", ")),
         }
-    }
-
-    /// Where a full key was given.
-    pub(crate) fn origin(&self, full: &str) -> Option<&'a Origin> {
-        self.entry(full).map(|entry| &entry.origin)
     }
 }
 

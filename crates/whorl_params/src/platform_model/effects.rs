@@ -1,0 +1,40 @@
+//! Physical effects beyond the base model, checked against the catalogue.
+
+use std::collections::BTreeMap;
+
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::{catalogue, find};
+
+use crate::limits::range;
+use crate::nearest::nearest;
+use crate::reader::Reader;
+
+/// Effect id -> parameter -> value. Parameters that are left out stay out and keep the neutral
+/// value of the catalogue.
+pub(super) fn read(r: &mut Reader<'_>, model: &PlatformModel) -> BTreeMap<String, BTreeMap<String, f64>> {
+    let mut effects = BTreeMap::new();
+    r.group("effects", |r| {
+        for id in r.children_with_overlay("") {
+            let Some(effect) = find(&id) else {
+                let ids = || catalogue().iter().map(|effect| effect.info().id);
+                let hint = match nearest(&id, ids()) {
+                    Some(near) => format!("did you mean {near}?"),
+                    None => format!("the catalogue has: {}", ids().collect::<Vec<_>>().join(", ")),
+                };
+                r.reject_group(&id, format!("unknown effect; {hint}"));
+                continue;
+            };
+            let mut values = BTreeMap::new();
+            r.group(&id, |r| {
+                for spec in effect.parameters(model) {
+                    let doc = format!("{}: {} [{}]", effect.info().title, spec.doc, spec.unit);
+                    if let Some(value) = r.optional_f64(&spec.name, range(spec.min..=spec.max), &doc) {
+                        values.insert(spec.name.clone(), value);
+                    }
+                }
+            });
+            effects.insert(id, values);
+        }
+    });
+    effects
+}

@@ -1,0 +1,144 @@
+//! Sensors and their errors.
+
+use nalgebra::Vector3;
+use whorl_dynamics::platform::{
+    Accelerometer, RateGyro, ScalarSensor, SensorSuite, TriaxialErrors, VectorSensor, WheelSpeedSensor,
+};
+
+use crate::limits::{any, non_negative, positive, range};
+use crate::reader::Reader;
+
+pub(super) fn read(r: &mut Reader<'_>) -> SensorSuite {
+    r.group("sensors", |r| {
+        let rate_hz = r.f64("rate_hz", rate(), "sample rate of gyro, accelerometer and wheel speed [Hz]");
+        let gyro = r.group("gyro", |r| RateGyro { errors: triaxial(r, "rad_s", "rad/s") });
+        let accelerometer = r.group("accelerometer", |r| Accelerometer {
+            errors: triaxial(r, "m_s2", "m/s^2"),
+            lever_arm_b_m: r.vector3(
+                "lever_arm_m",
+                any(),
+                "position from the centre of rotation, body axes [m]",
+            ),
+        });
+        let vector = r.has("vector").then(|| r.group("vector", vector));
+        let wheel_speed = r.group("wheel_speed", |r| {
+            let ScalarSensor { noise_stddev, quantum } = scalar(r, "rad_s", "rad/s");
+            WheelSpeedSensor { noise_stddev_rad_s: noise_stddev, quantum_rad_s: quantum }
+        });
+        let bus_voltage = r.group("bus_voltage", |r| scalar(r, "v", "V"));
+        let tank_pressure = r.group("tank_pressure", |r| scalar(r, "pa", "Pa"));
+        let temperature = r.group("temperature", |r| scalar(r, "k", "K"));
+        SensorSuite {
+            rate_hz,
+            gyro,
+            accelerometer,
+            vector,
+            wheel_speed,
+            bus_voltage,
+            tank_pressure,
+            temperature,
+            ambient_temperature_k: r.f64(
+                "ambient_temperature_k",
+                positive(),
+                "temperature at the start of a run [K]",
+            ),
+            temperature_drift_k_s: r.f64(
+                "temperature_drift_k_s",
+                range(-1.0..=1.0),
+                "drift of the temperature [K/s]",
+            ),
+        }
+    })
+}
+
+fn rate() -> crate::Limits<f64> {
+    range(0.1..=10_000.0)
+}
+
+fn latency(r: &mut Reader<'_>) -> f64 {
+    r.f64("latency_s", range(0.0..=1.0), "age of the data when stamped [s]")
+}
+
+fn misalignment(r: &mut Reader<'_>) -> Vector3<f64> {
+    r.per_axis(
+        "misalignment_rad",
+        range(-0.5..=0.5),
+        "small rotation from body axes to the sensor's own axes [rad]",
+    )
+}
+
+fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str) -> TriaxialErrors {
+    TriaxialErrors {
+        noise_stddev: r.per_axis(
+            &format!("noise_stddev_{suffix}"),
+            non_negative(),
+            &format!("white noise, standard deviation of one sample [{unit}]"),
+        ),
+        bias: r.per_axis(
+            &format!("bias_{suffix}"),
+            any(),
+            &format!("constant part of the turn-on bias [{unit}]"),
+        ),
+        bias_turn_on_stddev: r.per_axis(
+            &format!("bias_turn_on_stddev_{suffix}"),
+            non_negative(),
+            &format!("random part of the turn-on bias, standard deviation over runs [{unit}]"),
+        ),
+        bias_walk: r.per_axis(
+            &format!("bias_walk_{suffix}_sqrt_s"),
+            non_negative(),
+            &format!("random walk of the bias [{unit}/sqrt(s)]"),
+        ),
+        scale: r.per_axis(
+            "scale",
+            range((std::ops::Bound::Excluded(-0.5), std::ops::Bound::Excluded(0.5))),
+            "scale factor error [1]",
+        ),
+        misalignment_rad: misalignment(r),
+        quantum: r.f64(
+            &format!("quantum_{suffix}"),
+            non_negative(),
+            &format!("step of the digitised output, 0 = none [{unit}]"),
+        ),
+        range: r.f64(&format!("range_{suffix}"), positive(), &format!("clips at +- this [{unit}]")),
+        latency_s: latency(r),
+    }
+}
+
+fn vector(r: &mut Reader<'_>) -> VectorSensor {
+    let reference_direction_world =
+        r.direction("reference_direction", "direction the sensor sees, world axes (east, north, up)");
+    // The accelerometer already gives the vertical: a vertical reference would leave yaw unseen.
+    if reference_direction_world.xy().norm() < 0.1 {
+        r.reject(
+            "reference_direction",
+            "is vertical, which leaves yaw unseen; allowed: at least 6 deg off the vertical",
+        );
+    }
+    VectorSensor {
+        reference_direction_world,
+        noise_stddev_rad: r.f64(
+            "noise_stddev_rad",
+            range(0.0..=0.5),
+            "white noise of one sample, across each of two axes [rad]",
+        ),
+        misalignment_rad: misalignment(r),
+        rate_hz: r.f64("rate_hz", rate(), "sample rate [Hz]"),
+        latency_s: latency(r),
+    }
+}
+
+fn scalar(r: &mut Reader<'_>, suffix: &str, unit: &str) -> ScalarSensor {
+    ScalarSensor {
+        noise_stddev: r.f64(
+            &format!("noise_stddev_{suffix}"),
+            non_negative(),
+            &format!("white noise, standard deviation of one sample [{unit}]"),
+        ),
+        quantum: r.f64(
+            &format!("quantum_{suffix}"),
+            non_negative(),
+            &format!("step of the digitised output, 0 = none [{unit}]"),
+        ),
+    }
+}

@@ -1,0 +1,168 @@
+//! The files in `params/`: they load, every node can read its shared groups, and the platforms
+//! they describe can do their work.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use whorl_dynamics::PlatformModel;
+
+use super::params_directory;
+use crate::{
+    FORMATION_NODES, ParameterTree, formation, node_names, platform_model, read, standard_layers,
+    truth_model, try_read,
+};
+
+fn layers(experiment: Option<&Path>) -> Vec<PathBuf> {
+    standard_layers(&params_directory(), &["whorl_1", "whorl_2"], experiment)
+}
+
+fn model(platform: &str) -> PlatformModel {
+    let tree = ParameterTree::load(&layers(None), &[]).unwrap();
+    let parameters = tree.for_node(&format!("/{platform}/local_control"));
+    let group = |r: &mut crate::Reader<'_>| {
+        formation(r);
+        let model = platform_model(r, "model");
+        r.release_own_keys();
+        model
+    };
+    try_read(&parameters, group).unwrap().0
+}
+
+#[test]
+fn every_file_loads_for_every_node() {
+    let mut experiments: Vec<Option<PathBuf>> = vec![None];
+    if let Ok(entries) = std::fs::read_dir(params_directory().join("experiments")) {
+        experiments.extend(
+            entries
+                .flatten()
+                .map(|entry| entry.path())
+                .filter(|path| path.extension().is_some_and(|ext| ext == "yaml"))
+                .map(Some),
+        );
+    }
+    for experiment in experiments {
+        let tree = ParameterTree::load(&layers(experiment.as_deref()), &[])
+            .unwrap_or_else(|errors| panic!("{experiment:?}:\n{errors}"));
+        let any_node = tree.for_node("/coordinator");
+        let formation_of = |r: &mut crate::Reader<'_>| {
+            let formation = formation(r);
+            r.release_own_keys();
+            formation
+        };
+        let (platforms, _) = read(&any_node, formation_of).unwrap_or_else(|errors| panic!("{errors}"));
+        assert_eq!(platforms.platforms, ["whorl_1", "whorl_2"]);
+        let names = node_names(&platforms);
+        assert_eq!(names.len(), 2 * 3 + FORMATION_NODES.len());
+        tree.check_sections(names.iter().map(String::as_str)).unwrap_or_else(|errors| panic!("{errors}"));
+        for name in &names {
+            let node = tree.for_node(name);
+            read(&node, formation_of).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
+            if platforms.platform_of_node(name).is_some() {
+                let models = |r: &mut crate::Reader<'_>| {
+                    let model = platform_model(r, "model");
+                    let truth = truth_model(r);
+                    r.release_own_keys();
+                    model.zip(truth)
+                };
+                try_read(&node, models).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn no_parameter_file_is_left_out_of_that() {
+    let mut unseen: BTreeSet<PathBuf> = BTreeSet::new();
+    let known: Vec<PathBuf> = layers(None);
+    for directory in [params_directory(), params_directory().join("truth")] {
+        for entry in std::fs::read_dir(directory).unwrap().flatten() {
+            let path = entry.path();
+            if path.extension().is_some_and(|ext| ext == "yaml") && !known.contains(&path) {
+                unseen.insert(path);
+            }
+        }
+    }
+    assert!(unseen.is_empty(), "{unseen:?}");
+}
+
+/// Table 4.1 of the dissertation, as printed.
+#[test]
+fn whorl_1_has_the_mass_properties_of_table_4_1() {
+    let whorl_1 = model("whorl_1");
+    let inertia = whorl_1.mass_properties.inertia_b_kg_m2();
+    let printed =
+        [((0, 0), 6.2), ((0, 1), -0.9), ((0, 2), -0.2), ((1, 1), 7.5), ((1, 2), 0.1), ((2, 2), 12.1)];
+    for ((i, j), value) in printed {
+        assert_eq!(inertia[(i, j)], value);
+        assert_eq!(inertia[(j, i)], value);
+    }
+    assert_eq!(*whorl_1.mass_properties.gravity_offset_b_n_m(), Vector3::new(-0.02, -0.07, -2.0));
+}
+
+/// Largest torque that jets can give in every direction: the least distance from zero to a facet of
+/// the zonotope of their torques. A facet's normal is the cross product of two of them.
+fn attainable_in_every_direction_n_m(torques: &[Vector3<f64>]) -> f64 {
+    let mut least = f64::INFINITY;
+    for (i, a) in torques.iter().enumerate() {
+        for b in &torques[i + 1..] {
+            let Some(normal) = a.cross(b).try_normalize(1e-12) else { continue };
+            for normal in [normal, -normal] {
+                least = least.min(torques.iter().map(|t| normal.dot(t).max(0.0)).sum());
+            }
+        }
+    }
+    least
+}
+
+#[test]
+fn any_single_jet_may_fail() {
+    // Four unit torques along +-x and +-y cannot turn about z; adding +-z gives the unit ball.
+    let mut octahedron = vec![Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y()];
+    assert_eq!(attainable_in_every_direction_n_m(&octahedron), 0.0);
+    octahedron.extend([Vector3::z(), -Vector3::z()]);
+    assert_eq!(attainable_in_every_direction_n_m(&octahedron), 1.0);
+
+    for (platform, all_n_m, one_failed_n_m) in [("whorl_1", 0.36, 0.18), ("whorl_2", 0.48, 0.33)] {
+        let torques: Vec<Vector3<f64>> = model(platform).jets.iter().map(|jet| jet.torque_b_n_m()).collect();
+        assert_eq!(torques.len(), 12);
+        let all = attainable_in_every_direction_n_m(&torques);
+        let worst = (0..torques.len())
+            .map(|failed| {
+                let mut left = torques.clone();
+                left.remove(failed);
+                attainable_in_every_direction_n_m(&left)
+            })
+            .fold(f64::INFINITY, f64::min);
+        assert!((all - all_n_m).abs() < 0.005, "{platform}: {all}");
+        assert!((worst - one_failed_n_m).abs() < 0.005 && worst >= 0.1, "{platform}: {worst}");
+    }
+}
+
+#[test]
+fn truth_differs_from_the_model_where_it_says_so() {
+    let tree = ParameterTree::load(&layers(None), &[]).unwrap();
+    let driver = tree.for_node("/whorl_1/driver");
+    let models = |r: &mut crate::Reader<'_>| {
+        let pair = platform_model(r, "model").zip(truth_model(r));
+        r.release_own_keys();
+        pair
+    };
+    let ((model, truth), _) = try_read(&driver, models).unwrap();
+    assert_eq!(truth.mass_properties.inertia_b_kg_m2()[(2, 2)], 12.28);
+    assert_eq!(model.mass_properties.inertia_b_kg_m2()[(2, 2)], 12.1);
+    assert_eq!((model.jets[2].thrust_n, truth.jets[2].thrust_n, truth.jets[3].thrust_n), (0.4, 0.39, 0.4));
+    assert_eq!(truth.sensors.gyro.errors.scale, Vector3::new(1.0e-3, -0.5e-3, 1.0e-3));
+    assert_eq!(truth.effects["bearing_viscous_friction"]["c_n_m_s"], 0.002);
+    assert!(model.effects.is_empty());
+    assert_eq!(truth.wheels[1].coulomb_friction_n_m, 1.3e-3);
+    assert_eq!(truth.wheels[0].coulomb_friction_n_m, 1.0e-3);
+    // Everything else is the model's.
+    assert_eq!(truth.tank, model.tank);
+    assert_eq!(truth.tilt_limit, model.tilt_limit);
+
+    // Estimator and control never see the truth.
+    for node in ["/whorl_1/estimator", "/whorl_1/local_control", "/coordinator", "/recorder"] {
+        assert!(tree.for_node(node).iter().all(|entry| !entry.key.starts_with("truth")), "{node}");
+    }
+}
