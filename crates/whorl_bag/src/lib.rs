@@ -1,1 +1,41 @@
 //! Recordings: rosbag2 MCAP, CSV, and the run directory with its manifest.
+//!
+//! The only crate that knows MCAP.
+//!
+//! - [`BagWriter`] and [`BagReader`]: rosbag2 directories (`metadata.yaml` and MCAP), readable up to the last
+//!   half second after the writer was killed; [`recover`] makes such a bag complete.
+//! - [`RunWriter`] and [`RunDirectory`]: `<UTC time>_<experiment>/` with `bag/`, `params/`, `manifest.yaml`
+//!   and `summary.json`.
+//! - [`SequenceTracker`], [`TopicStatistics`]: losses, gaps and rates, without files or clocks.
+
+mod error;
+mod manifest;
+mod metadata;
+mod qos;
+mod reader;
+mod recover;
+mod run_directory;
+mod run_writer;
+mod scan;
+mod sequence;
+mod statistics;
+mod storage;
+mod utc;
+mod writer;
+mod yaml;
+
+pub use error::BagError;
+pub use manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
+pub use metadata::{BagMetadata, BagTopic, METADATA_FILE};
+pub use qos::offered_qos_profiles;
+pub use reader::{BagReader, MessageFilter, Messages, RecordedMessage};
+pub use recover::{Recovery, recover};
+pub use run_directory::{BAG_DIRECTORY, PARAMETER_DIRECTORY, RunDirectory, SUMMARY_FILE};
+pub use run_writer::{RawSample, RunTopicHandle, RunWriter, sequence_of};
+pub use scan::Integrity;
+pub use sequence::{Arrival, SequenceCounts, SequenceTracker};
+pub use statistics::{GAP_PERIODS, TopicStatistics, TopicSummary, WriterId};
+pub use writer::{BagOptions, BagWriter, Compression, Sample, TopicHandle};
+
+#[cfg(test)]
+mod tests;

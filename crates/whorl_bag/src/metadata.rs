@@ -1,0 +1,185 @@
+//! `metadata.yaml` of rosbag2, version 9.
+
+use std::path::{Path, PathBuf};
+
+use whorl_msgs::{MessageType, Topic};
+
+use crate::BagError;
+use crate::yaml::{self, YamlWriter};
+
+/// One topic of a bag.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BagTopic {
+    /// Full topic name.
+    pub name: String,
+    /// ROS type, `package/msg/Type`.
+    pub type_name: String,
+    /// Encoding of the messages; `cdr` in every ROS 2 bag.
+    pub encoding: String,
+    /// Quality of service of its writers, YAML as rosbag2 stores it; may be empty.
+    pub offered_qos_profiles: String,
+    /// Number of messages.
+    pub message_count: u64,
+}
+
+impl BagTopic {
+    /// Its type, if Whorl knows it.
+    #[must_use]
+    pub fn message_type(&self) -> Option<MessageType> {
+        (self.encoding == "cdr")
+            .then(|| MessageType::ALL.iter().copied().find(|t| t.name() == self.type_name))
+            .flatten()
+    }
+
+    /// Which of Whorl's topics this is, and of which platform: `/whorl_1/imu/data_raw` is
+    /// `(Some("whorl_1"), Topic::ImuRaw)`, `/tf` is `(None, Topic::Tf)`. `None` for any other topic, or when
+    /// its type is not the topic's.
+    #[must_use]
+    pub fn whorl_topic(&self) -> Option<(Option<&str>, Topic)> {
+        let name = self.name.strip_prefix('/')?;
+        let (platform, topic) = match Topic::find(name, false) {
+            Some(topic) => (None, topic),
+            None => {
+                let (platform, name) = name.split_once('/')?;
+                (Some(platform), Topic::find(name, true)?)
+            }
+        };
+        (self.message_type() == Some(topic.info().message_type)).then_some((platform, topic))
+    }
+}
+
+/// What `metadata.yaml` says about the whole bag.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct BagMetadata {
+    /// Log time of the first message [ns]; 0 when there is none.
+    pub start_ns: u64,
+    /// Log time of the last message [ns]; 0 when there is none.
+    pub end_ns: u64,
+    /// Number of messages.
+    pub message_count: u64,
+    /// Topics in the order in which they were added.
+    pub topics: Vec<BagTopic>,
+}
+
+/// Name of the metadata file in a bag directory.
+pub const METADATA_FILE: &str = "metadata.yaml";
+
+impl BagMetadata {
+    /// The file's text, for a bag of one file.
+    #[must_use]
+    pub fn to_yaml(&self, file_name: &str) -> String {
+        let duration = self.end_ns.saturating_sub(self.start_ns);
+        let mut root = YamlWriter::default();
+        root.group("rosbag2_bagfile_information", |y| {
+            y.raw("version", 9);
+            y.raw("storage_identifier", "mcap");
+            y.group("duration", |y| y.raw("nanoseconds", duration));
+            y.group("starting_time", |y| y.raw("nanoseconds_since_epoch", self.start_ns));
+            y.raw("message_count", self.message_count);
+            y.list("topics_with_message_count", &self.topics, |y, topic| {
+                y.group("topic_metadata", |y| {
+                    y.text("name", &topic.name);
+                    y.text("type", &topic.type_name);
+                    y.text("serialization_format", &topic.encoding);
+                    if topic.offered_qos_profiles.is_empty() {
+                        y.raw("offered_qos_profiles", "[]");
+                    } else {
+                        y.block("offered_qos_profiles", &topic.offered_qos_profiles);
+                    }
+                    // Hashes need the type descriptions of rosidl; an empty one means "not known".
+                    y.text("type_description_hash", "");
+                });
+                y.raw("message_count", topic.message_count);
+            });
+            y.text("compression_format", "");
+            y.text("compression_mode", "");
+            y.scalars("relative_file_paths", &[file_name]);
+            y.list("files", [file_name], |y, file| {
+                y.text("path", file);
+                y.group("starting_time", |y| y.raw("nanoseconds_since_epoch", self.start_ns));
+                y.group("duration", |y| y.raw("nanoseconds", duration));
+                y.raw("message_count", self.message_count);
+            });
+            y.raw("custom_data", "~");
+            y.text("ros_distro", "");
+        });
+        root.finish()
+    }
+
+    /// Replaces `metadata.yaml` in one step, so that a reader sees the old or the new one.
+    pub(crate) fn write(&self, bag: &Path, file_name: &str) -> Result<(), BagError> {
+        replace_file(&bag.join(METADATA_FILE), self.to_yaml(file_name).as_bytes())
+    }
+}
+
+/// Writes a file beside its target and renames it, so that a reader sees the old or the new one.
+pub(crate) fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), BagError> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let beside = PathBuf::from(beside);
+    std::fs::write(&beside, bytes).map_err(|e| BagError::io("cannot write", &beside, e))?;
+    std::fs::rename(&beside, path).map_err(|e| BagError::io("cannot write", path, e))
+}
+
+/// The `.mcap` files of a bag directory, in order.
+pub(crate) fn mcap_files(bag: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let path = bag.join(METADATA_FILE);
+    match std::fs::read_to_string(&path) {
+        Ok(text) => files_of_metadata(bag, &path, &text),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => files_of_directory(bag),
+        Err(error) => Err(BagError::io("cannot read", &path, error)),
+    }
+}
+
+fn files_of_metadata(bag: &Path, path: &Path, text: &str) -> Result<Vec<PathBuf>, BagError> {
+    let wrong = |reason: String| BagError::Metadata { path: path.to_owned(), reason };
+    let root = yaml::load(path, text)?;
+    let information = yaml::find(&root, &["rosbag2_bagfile_information"]).ok_or_else(|| {
+        wrong("there is no rosbag2_bagfile_information: this is not a bag's metadata".into())
+    })?;
+    let storage =
+        yaml::find(information, &["storage_identifier"]).and_then(|v| v.as_str()).unwrap_or_default();
+    if storage != "mcap" {
+        return Err(BagError::Storage { path: bag.to_owned(), storage: storage.to_owned() });
+    }
+    let compression =
+        yaml::find(information, &["compression_mode"]).and_then(|v| v.as_str()).unwrap_or_default();
+    if !matches!(compression.to_ascii_lowercase().as_str(), "" | "none") {
+        return Err(wrong(format!(
+            "compression_mode {compression} wraps the storage: decompress it first with `ros2 bag convert`"
+        )));
+    }
+    let names = yaml::find(information, &["relative_file_paths"])
+        .and_then(|v| v.as_sequence())
+        .ok_or_else(|| wrong("there is no list relative_file_paths".into()))?;
+    // Only the file's name counts, as in other readers: bags of before version 4 wrote a longer path.
+    let files: Vec<PathBuf> = names
+        .iter()
+        .filter_map(|name| Path::new(name.as_str()?).file_name())
+        .map(|name| bag.join(name))
+        .collect();
+    match files.iter().find(|file| !file.exists()) {
+        Some(missing) => Err(BagError::NotFound { path: missing.clone() }),
+        None if files.is_empty() => Err(wrong("relative_file_paths is empty".into())),
+        None => Ok(files),
+    }
+}
+
+/// Without metadata: every `.mcap` file by name.
+fn files_of_directory(bag: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let entries = std::fs::read_dir(bag).map_err(|e| BagError::io("cannot read", bag, e))?;
+    let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    files.sort();
+    let has = |extension: &str| {
+        let extension = Some(std::ffi::OsStr::new(extension));
+        files.iter().filter(move |f| f.extension() == extension).cloned().collect::<Vec<_>>()
+    };
+    let mcap = has("mcap");
+    if !mcap.is_empty() {
+        Ok(mcap)
+    } else if !has("db3").is_empty() {
+        Err(BagError::Storage { path: bag.to_owned(), storage: "sqlite3".into() })
+    } else {
+        Err(BagError::NotABag { path: bag.to_owned() })
+    }
+}

@@ -1,0 +1,356 @@
+//! Reading bags.
+
+use std::collections::{BTreeSet, HashMap, VecDeque};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::sans_io::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
+use whorl_msgs::Message;
+use whorl_node::Timestamp;
+
+use crate::metadata::mcap_files;
+use crate::scan::{Contents, Integrity, LooseMessage, RECORD_LIMIT};
+use crate::{BagError, BagTopic};
+
+/// A bag, opened for reading: recorded by Whorl, or by `ros2 bag record` with the mcap storage.
+///
+/// A file whose writer was killed is read up to its last whole chunk; see [`Self::integrity`].
+pub struct BagReader {
+    path: PathBuf,
+    files: Vec<PathBuf>,
+    topics: Vec<Arc<BagTopic>>,
+    bounds: Option<(u64, u64)>,
+    integrity: Integrity,
+}
+
+/// A message as it stands in a bag.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordedMessage {
+    /// When it was recorded.
+    pub log_time: Timestamp,
+    /// When its writer sent it.
+    pub publish_time: Timestamp,
+    /// The writer's sequence number, low 32 bits; 0 if it was not known.
+    pub sequence: u32,
+    /// Topic and type.
+    pub topic: Arc<BagTopic>,
+    /// CDR with its 4-byte header.
+    pub cdr: Vec<u8>,
+}
+
+impl RecordedMessage {
+    /// Decodes the message.
+    ///
+    /// # Errors
+    /// [`BagError::UnknownType`]; [`BagError::Decode`] with topic and time.
+    pub fn decode(&self) -> Result<Message, BagError> {
+        let message_type = self.topic.message_type().ok_or_else(|| BagError::UnknownType {
+            topic: self.topic.name.clone(),
+            type_name: self.topic.type_name.clone(),
+        })?;
+        Message::decode(message_type, &self.cdr).map_err(|source| BagError::Decode {
+            topic: self.topic.name.clone(),
+            log_time_ns: self.log_time.0,
+            source,
+        })
+    }
+}
+
+/// Which messages to read. The default is all of them.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct MessageFilter {
+    /// Full names of topics; `None` for all.
+    pub topics: Option<Vec<String>>,
+    /// First log time.
+    pub from: Option<Timestamp>,
+    /// First log time that is too late.
+    pub until: Option<Timestamp>,
+}
+
+impl BagReader {
+    /// Opens a bag directory or a single `.mcap` file.
+    ///
+    /// # Errors
+    /// [`BagError::NotFound`], [`BagError::NotABag`], [`BagError::Storage`] for a bag in another storage
+    /// format, [`BagError::Metadata`], [`BagError::Mcap`].
+    pub fn open(path: &Path) -> Result<Self, BagError> {
+        let kind = std::fs::metadata(path).map_err(|e| BagError::io("cannot open", path, e))?;
+        let files = if kind.is_dir() {
+            mcap_files(path)?
+        } else if path.extension().is_some_and(|extension| extension == "db3") {
+            return Err(BagError::Storage { path: path.to_owned(), storage: "sqlite3".into() });
+        } else {
+            vec![path.to_owned()]
+        };
+        let mut reader = Self {
+            path: path.to_owned(),
+            files: Vec::new(),
+            topics: Vec::new(),
+            bounds: None,
+            integrity: Integrity { complete: true, ..Integrity::default() },
+        };
+        for file in files {
+            reader.add_file(&file)?;
+            reader.files.push(file);
+        }
+        Ok(reader)
+    }
+
+    fn add_file(&mut self, path: &Path) -> Result<(), BagError> {
+        let contents = open_contents(path)?.1;
+        let integrity = contents.integrity;
+        self.integrity.complete &= integrity.complete;
+        self.integrity.bytes_cut_off += integrity.bytes_cut_off;
+        self.integrity.damaged_chunks += integrity.damaged_chunks;
+        self.bounds = match (self.bounds, contents.bounds) {
+            (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+            (a, b) => a.or(b),
+        };
+        let mut channels: Vec<_> = contents.summary.channels.values().collect();
+        channels.sort_by_key(|channel| channel.id);
+        for channel in channels {
+            let count = contents.counts.get(&channel.id).copied().unwrap_or(0);
+            // Several channels of one topic (writers with different quality of service, or several
+            // files) are one topic here.
+            match self.topics.iter_mut().find(|topic| topic.name == channel.topic) {
+                Some(topic) => Arc::make_mut(topic).message_count += count,
+                None => self.topics.push(Arc::new(topic_of(channel, count))),
+            }
+        }
+        Ok(())
+    }
+
+    /// The path that was opened.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The topics, in the order in which they were first written.
+    #[must_use]
+    pub fn topics(&self) -> &[Arc<BagTopic>] {
+        &self.topics
+    }
+
+    /// The topic with this full name.
+    #[must_use]
+    pub fn topic(&self, name: &str) -> Option<&BagTopic> {
+        self.topics.iter().find(|topic| topic.name == name).map(AsRef::as_ref)
+    }
+
+    /// Log times of the first and of the last message; `None` when there is none.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(Timestamp, Timestamp)> {
+        self.bounds.map(|(first, last)| (signed(first), signed(last)))
+    }
+
+    /// Number of messages.
+    #[must_use]
+    pub fn message_count(&self) -> u64 {
+        self.topics.iter().map(|topic| topic.message_count).sum()
+    }
+
+    /// Whether the bag ends as it should, and what is lost if not.
+    #[must_use]
+    pub fn integrity(&self) -> Integrity {
+        self.integrity
+    }
+
+    /// All messages in the order of their log time.
+    #[must_use]
+    pub fn messages(&self) -> Messages {
+        self.select(MessageFilter::default())
+    }
+
+    /// The messages of some topics in the order of their log time. A topic that is not in the bag has none.
+    #[must_use]
+    pub fn messages_of<S: AsRef<str>>(&self, topics: &[S]) -> Messages {
+        let topics = Some(topics.iter().map(|topic| topic.as_ref().to_owned()).collect());
+        self.select(MessageFilter { topics, ..MessageFilter::default() })
+    }
+
+    /// The messages that pass a filter, in the order of their log time. (Files of a split bag are read one
+    /// after the other, as rosbag2 splits them by time.)
+    #[must_use]
+    pub fn select(&self, filter: MessageFilter) -> Messages {
+        Messages { filter, topics: self.topics.clone(), files: self.files.clone().into(), current: None }
+    }
+}
+
+/// Iterates over messages. After an error it goes on with the next file, if there is one.
+pub struct Messages {
+    filter: MessageFilter,
+    topics: Vec<Arc<BagTopic>>,
+    files: VecDeque<PathBuf>,
+    current: Option<FileMessages>,
+}
+
+impl Iterator for Messages {
+    type Item = Result<RecordedMessage, BagError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(current) = &mut self.current {
+                match current.next() {
+                    Some(Ok(message)) => return Some(Ok(message)),
+                    Some(Err(error)) => {
+                        self.current = None;
+                        return Some(Err(error));
+                    }
+                    None => self.current = None,
+                }
+            }
+            let path = self.files.pop_front()?;
+            match FileMessages::open(path, &self.filter, &self.topics) {
+                Ok(messages) => self.current = Some(messages),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+/// The messages of one file: those in chunks and those outside, merged.
+pub(crate) struct FileMessages {
+    path: PathBuf,
+    file: File,
+    topics: HashMap<u16, Arc<BagTopic>>,
+    chunked: IndexedReader,
+    buffer: Vec<u8>,
+    /// The next message from a chunk, or why there is none.
+    head: Option<Result<RecordedMessage, BagError>>,
+    loose: VecDeque<LooseMessage>,
+}
+
+impl FileMessages {
+    pub fn open(path: PathBuf, filter: &MessageFilter, topics: &[Arc<BagTopic>]) -> Result<Self, BagError> {
+        let (file, mut contents) = open_contents(&path)?;
+        let wanted = |name: &str| filter.topics.as_ref().is_none_or(|list| list.iter().any(|t| t == name));
+        let topics: HashMap<u16, Arc<BagTopic>> = contents
+            .summary
+            .channels
+            .iter()
+            .filter(|(_, channel)| wanted(&channel.topic))
+            .filter_map(|(&id, channel)| {
+                Some((id, Arc::clone(topics.iter().find(|t| t.name == channel.topic)?)))
+            })
+            .collect();
+        let from = filter.from.map_or(0, |t| u64::try_from(t.0).unwrap_or(0));
+        let until = filter.until.map_or(u64::MAX, |t| u64::try_from(t.0).unwrap_or(0));
+        contents.loose.retain(|message| {
+            topics.contains_key(&message.header.channel_id)
+                && (from..until).contains(&message.header.log_time)
+        });
+        if topics.is_empty() || until <= from {
+            // To the indexed reader an empty selection means everything.
+            contents.summary.chunk_indexes.clear();
+        }
+        let names: BTreeSet<String> = topics.values().map(|topic| topic.name.clone()).collect();
+        let mut options =
+            IndexedReaderOptions::new().include_topics(names).with_record_length_limit(RECORD_LIMIT);
+        if from > 0 {
+            options = options.starting_at(from);
+        }
+        if filter.until.is_some() && until > from {
+            options = options.ending_before(until);
+        }
+        let chunked =
+            IndexedReader::new_with_options(&contents.summary, options).map_err(BagError::mcap(&path))?;
+        let mut messages = Self {
+            path,
+            file,
+            topics,
+            chunked,
+            buffer: Vec::new(),
+            head: None,
+            loose: contents.loose.into(),
+        };
+        messages.head = messages.next_chunked().transpose();
+        Ok(messages)
+    }
+
+    pub fn next(&mut self) -> Option<Result<RecordedMessage, BagError>> {
+        let loose_first = match (&self.head, self.loose.front()) {
+            (Some(Ok(head)), Some(loose)) => signed(loose.header.log_time) < head.log_time,
+            (_, Some(_)) => true,
+            (_, None) => false,
+        };
+        if loose_first {
+            let message = self.loose.pop_front()?;
+            return Some(self.read_loose(message));
+        }
+        let head = self.head.take()?;
+        if head.is_ok() {
+            self.head = self.next_chunked().transpose();
+        }
+        Some(head)
+    }
+
+    fn next_chunked(&mut self) -> Result<Option<RecordedMessage>, BagError> {
+        while let Some(event) = self.chunked.next_event() {
+            match event.map_err(BagError::mcap(&self.path))? {
+                IndexedReadEvent::ReadChunkRequest { offset, length } => {
+                    self.buffer.resize(length, 0);
+                    self.file
+                        .seek(SeekFrom::Start(offset))
+                        .and_then(|_| self.file.read_exact(&mut self.buffer))
+                        .map_err(|e| BagError::io("cannot read", &self.path, e))?;
+                    self.chunked
+                        .insert_chunk_record_data(offset, &self.buffer)
+                        .map_err(BagError::mcap(&self.path))?;
+                }
+                IndexedReadEvent::Message { header, data } => {
+                    if let Some(topic) = self.topics.get(&header.channel_id) {
+                        return Ok(Some(recorded(&header, topic, data.to_vec())));
+                    }
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn read_loose(&mut self, message: LooseMessage) -> Result<RecordedMessage, BagError> {
+        let mut cdr = vec![0; message.length];
+        self.file
+            .seek(SeekFrom::Start(message.offset))
+            .and_then(|_| self.file.read_exact(&mut cdr))
+            .map_err(|e| BagError::io("cannot read", &self.path, e))?;
+        match self.topics.get(&message.header.channel_id) {
+            Some(topic) => Ok(recorded(&message.header, topic, cdr)),
+            // Filtered out when the file was opened.
+            None => Err(BagError::UnknownTopic { index: message.header.channel_id.into() }),
+        }
+    }
+}
+
+fn recorded(header: &mcap::records::MessageHeader, topic: &Arc<BagTopic>, cdr: Vec<u8>) -> RecordedMessage {
+    RecordedMessage {
+        log_time: signed(header.log_time),
+        publish_time: signed(header.publish_time),
+        sequence: header.sequence,
+        topic: Arc::clone(topic),
+        cdr,
+    }
+}
+
+pub(crate) fn open_contents(path: &Path) -> Result<(File, Contents), BagError> {
+    let mut file = File::open(path).map_err(|e| BagError::io("cannot open", path, e))?;
+    let contents = Contents::read(path, &mut file)?;
+    Ok((file, contents))
+}
+
+pub(crate) fn topic_of(channel: &mcap::Channel<'_>, message_count: u64) -> BagTopic {
+    BagTopic {
+        name: channel.topic.clone(),
+        type_name: channel.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
+        encoding: channel.message_encoding.clone(),
+        offered_qos_profiles: channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default(),
+        message_count,
+    }
+}
+
+/// Bags count nanoseconds unsigned; no time after 2262 is meant.
+fn signed(time: u64) -> Timestamp {
+    Timestamp(i64::try_from(time).unwrap_or(i64::MAX))
+}

@@ -1,0 +1,128 @@
+//! Making a bag complete whose writer was killed.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::records::MessageHeader;
+
+use crate::metadata::mcap_files;
+use crate::reader::{FileMessages, MessageFilter, open_contents, topic_of};
+use crate::storage::{Reserve, lock};
+use crate::{BagError, BagMetadata, BagTopic};
+
+/// What [`recover`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Recovery {
+    /// Files that were incomplete and are complete now.
+    pub files: usize,
+    /// Messages in them.
+    pub messages: u64,
+    /// Bytes of half-written records that had to go.
+    pub bytes_cut_off: u64,
+    /// Damaged chunks that had to go.
+    pub damaged_chunks: u64,
+}
+
+/// Rewrites the incomplete files of a bag with index and footer, and `metadata.yaml`, so that every reader
+/// can open it. Complete bags are not touched. Each file is replaced in one step: whatever happens, the old
+/// or the new one is there. Needs as much free space as the file is long.
+///
+/// # Errors
+/// [`BagError::InUse`] while the bag is being recorded; [`BagError::DiskFull`]; as [`crate::BagReader::open`].
+pub fn recover(bag: &Path) -> Result<Recovery, BagError> {
+    let mut recovery = Recovery::default();
+    let files = mcap_files(bag)?;
+    for path in &files {
+        let (file, contents) = open_contents(path)?;
+        lock(&file, path)?;
+        if contents.integrity.complete {
+            continue;
+        }
+        let metadata = rewrite(path)?;
+        recovery.files += 1;
+        recovery.messages += metadata.message_count;
+        recovery.bytes_cut_off += contents.integrity.bytes_cut_off;
+        recovery.damaged_chunks += contents.integrity.damaged_chunks;
+        if let ([_], Some(name)) = (files.as_slice(), path.file_name()) {
+            metadata.write(bag, &name.to_string_lossy())?;
+        }
+    }
+    // Left behind by the killed writer; nobody holds the lock of its file any more.
+    if recovery.files > 0 {
+        let _ = std::fs::remove_file(bag.join(Reserve::FILE));
+    }
+    Ok(recovery)
+}
+
+/// Copies the readable messages, in the order of their log time, and takes the original's place.
+fn rewrite(path: &Path) -> Result<BagMetadata, BagError> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".recovering");
+    let beside = PathBuf::from(beside);
+    let result = copy(path, &beside).and_then(|metadata| {
+        std::fs::rename(&beside, path).map_err(|e| BagError::io("cannot replace", path, e))?;
+        Ok(metadata)
+    });
+    if result.is_err() {
+        let _ = std::fs::remove_file(&beside);
+    }
+    result
+}
+
+fn copy(from: &Path, to: &Path) -> Result<BagMetadata, BagError> {
+    let contents = open_contents(from)?.1;
+    let output = File::create(to).map_err(|e| BagError::io("cannot create", to, e))?;
+    let mut writer = mcap::WriteOptions::new()
+        .profile("ros2")
+        .library(concat!("whorl ", env!("CARGO_PKG_VERSION")))
+        .compression(None)
+        .create(BufWriter::new(output))
+        .map_err(BagError::mcap(to))?;
+    let mut channels: Vec<_> = contents.summary.channels.values().collect();
+    channels.sort_by_key(|channel| channel.id);
+    let mut topics: Vec<Arc<BagTopic>> = Vec::new();
+    for channel in channels {
+        if topics.iter().any(|topic| topic.name == channel.topic) {
+            continue;
+        }
+        let schema = match &channel.schema {
+            Some(schema) => {
+                writer.add_schema(&schema.name, &schema.encoding, &schema.data).map_err(BagError::mcap(to))?
+            }
+            None => 0,
+        };
+        let id = writer
+            .add_channel(schema, &channel.topic, &channel.message_encoding, &channel.metadata)
+            .map_err(BagError::mcap(to))?;
+        // Channels are numbered from 1 in the order in which they are added.
+        debug_assert_eq!(usize::from(id), topics.len() + 1);
+        topics.push(Arc::new(topic_of(channel, 0)));
+    }
+    let mut metadata =
+        BagMetadata { topics: topics.iter().map(|t| (**t).clone()).collect(), ..BagMetadata::default() };
+    let mut messages = FileMessages::open(from.to_owned(), &MessageFilter::default(), &topics)?;
+    while let Some(message) = messages.next() {
+        let message = message?;
+        let Some(index) = topics.iter().position(|topic| Arc::ptr_eq(topic, &message.topic)) else {
+            continue;
+        };
+        let time = |t: whorl_node::Timestamp| u64::try_from(t.0).unwrap_or(0);
+        let header = MessageHeader {
+            channel_id: u16::try_from(index + 1).unwrap_or(u16::MAX),
+            sequence: message.sequence,
+            log_time: time(message.log_time),
+            publish_time: time(message.publish_time),
+        };
+        writer.write_to_known_channel(&header, &message.cdr).map_err(BagError::mcap(to))?;
+        metadata.start_ns = if metadata.message_count == 0 { header.log_time } else { metadata.start_ns };
+        metadata.end_ns = header.log_time;
+        metadata.message_count += 1;
+        if let Some(topic) = metadata.topics.get_mut(index) {
+            topic.message_count += 1;
+        }
+    }
+    writer.finish().map_err(BagError::mcap(to))?;
+    Ok(metadata)
+}

@@ -1,0 +1,219 @@
+//! Reading a run directory.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
+use whorl_msgs::Topic;
+
+use crate::manifest::{MANIFEST_FILE, Manifest, RunDescription, RunState};
+use crate::metadata::replace_file;
+use crate::run_writer::{expected_rate_hz, manifest_summary};
+use crate::statistics::TopicStatistics;
+use crate::{BagError, BagReader, BagTopic, METADATA_FILE, Recovery, recover};
+
+/// The bag in a run directory.
+pub const BAG_DIRECTORY: &str = "bag";
+/// The parameter files in a run directory.
+pub const PARAMETER_DIRECTORY: &str = "params";
+/// Headline numbers in a run directory.
+pub const SUMMARY_FILE: &str = "summary.json";
+
+/// A run directory, or a plain bag taken for one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunDirectory {
+    path: PathBuf,
+    bag: PathBuf,
+    manifest: Option<Manifest>,
+}
+
+impl RunDirectory {
+    /// Opens a run directory, a rosbag2 directory or an `.mcap` file. Nothing is changed; see
+    /// [`Self::recover`] for runs whose recorder was killed.
+    ///
+    /// # Errors
+    /// [`BagError::NotFound`], [`BagError::NotABag`], [`BagError::Metadata`].
+    pub fn open(path: &Path) -> Result<Self, BagError> {
+        let kind = std::fs::metadata(path).map_err(|e| BagError::io("cannot open", path, e))?;
+        let inner = path.join(BAG_DIRECTORY);
+        if kind.is_dir() && (path.join(MANIFEST_FILE).exists() || inner.is_dir()) {
+            let manifest = match Manifest::read(path) {
+                Ok(manifest) => Some(manifest),
+                Err(BagError::NotFound { .. }) => None,
+                Err(error) => return Err(error),
+            };
+            return Ok(Self { path: path.to_owned(), bag: inner, manifest });
+        }
+        if kind.is_dir() && !path.join(METADATA_FILE).exists() {
+            crate::metadata::mcap_files(path)?;
+        }
+        Ok(Self { path: path.to_owned(), bag: path.to_owned(), manifest: None })
+    }
+
+    /// The directory (or file) that was opened.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The bag in it.
+    #[must_use]
+    pub fn bag_path(&self) -> &Path {
+        &self.bag
+    }
+
+    /// The manifest; `None` for a plain bag.
+    #[must_use]
+    pub fn manifest(&self) -> Option<&Manifest> {
+        self.manifest.as_ref()
+    }
+
+    /// Opens the bag.
+    ///
+    /// # Errors
+    /// As [`BagReader::open`].
+    pub fn bag(&self) -> Result<BagReader, BagError> {
+        BagReader::open(&self.bag)
+    }
+
+    /// The names of the platforms: from the manifest, or else from the topics of the bag, by name.
+    ///
+    /// # Errors
+    /// As [`BagReader::open`].
+    pub fn platforms(&self) -> Result<Vec<String>, BagError> {
+        match &self.manifest {
+            Some(manifest) if !manifest.description.platforms.is_empty() => {
+                Ok(manifest.description.platforms.clone())
+            }
+            _ => Ok(platforms_of(&self.bag()?)),
+        }
+    }
+
+    /// The copies of the parameter files, in the order in which they were given. Empty for a plain bag.
+    #[must_use]
+    pub fn parameter_files(&self) -> Vec<PathBuf> {
+        let files = self.manifest.iter().flat_map(|manifest| &manifest.parameters);
+        files.map(|file| self.path.join(&file.file)).collect()
+    }
+
+    /// `summary.json`; empty when there is none.
+    ///
+    /// # Errors
+    /// [`BagError::Metadata`] when it is not a JSON object.
+    pub fn summary(&self) -> Result<Map<String, Value>, BagError> {
+        read_summary(&self.path)
+    }
+
+    /// Sets entries of `summary.json` and keeps the others.
+    ///
+    /// # Errors
+    /// As [`Self::summary`]; [`BagError::Io`].
+    pub fn update_summary(&self, entries: &Map<String, Value>) -> Result<(), BagError> {
+        update_summary(&self.path, entries)
+    }
+
+    /// Makes a run complete whose recorder was killed: bag (see [`recover`]), manifest and summary. Does
+    /// nothing to a complete one.
+    ///
+    /// # Errors
+    /// [`BagError::InUse`] while it is being recorded; as [`recover`].
+    pub fn recover(&mut self) -> Result<Recovery, BagError> {
+        if self.bag.is_file() {
+            return Ok(Recovery::default());
+        }
+        let recovery = recover(&self.bag)?;
+        let Some(mut manifest) = self.manifest.take() else { return Ok(recovery) };
+        if manifest.state == RunState::Recording {
+            let reader = self.bag()?;
+            complete_from_bag(&mut manifest, &reader)?;
+            manifest.write(&self.path)?;
+            update_summary(&self.path, &manifest_summary(&manifest))?;
+        }
+        self.manifest = Some(manifest);
+        Ok(recovery)
+    }
+
+    /// The manifest that fits the bag: the one that was recorded if it is final, or one made from the bag's
+    /// messages. Changes no file.
+    ///
+    /// # Errors
+    /// As [`BagReader::open`], or a damaged bag.
+    pub fn manifest_or_from_bag(&self) -> Result<Manifest, BagError> {
+        match &self.manifest {
+            Some(manifest) if manifest.state != RunState::Recording => Ok(manifest.clone()),
+            other => {
+                let reader = self.bag()?;
+                let mut manifest = other.clone().unwrap_or_else(|| Manifest {
+                    description: RunDescription {
+                        platforms: platforms_of(&reader),
+                        ..RunDescription::default()
+                    },
+                    ..Manifest::default()
+                });
+                complete_from_bag(&mut manifest, &reader)?;
+                Ok(manifest)
+            }
+        }
+    }
+}
+
+fn platforms_of(reader: &BagReader) -> Vec<String> {
+    let names = reader.topics().iter().filter_map(|topic| topic.whorl_topic()?.0.map(str::to_owned));
+    names.collect::<std::collections::BTreeSet<_>>().into_iter().collect()
+}
+
+/// Fills in what the recorder would have written at its end.
+fn complete_from_bag(manifest: &mut Manifest, reader: &BagReader) -> Result<(), BagError> {
+    let mut statistics: Vec<(&BagTopic, bool, TopicStatistics)> = reader
+        .topics()
+        .iter()
+        .map(|topic| {
+            let known = topic.whorl_topic().map(|(_, topic)| topic);
+            // Topics with one writer: the numbers in the bag do not say whose they are.
+            let single = known.is_some_and(|topic| !matches!(topic, Topic::Diagnostics | Topic::Tf));
+            (topic.as_ref(), single, TopicStatistics::new(known.and_then(expected_rate_hz)))
+        })
+        .collect();
+    for message in reader.messages() {
+        let message = message?;
+        if let Some((_, single, entry)) = statistics.iter_mut().find(|(t, ..)| t.name == message.topic.name) {
+            entry.observe(message.log_time, message.cdr.len());
+            if *single {
+                entry.observe_sequence_32(0, message.sequence);
+            }
+        }
+    }
+    manifest.state = RunState::Recovered;
+    manifest.bounds = reader.bounds();
+    manifest.topics = statistics.iter().map(|(t, _, s)| s.summary(&t.name, &t.type_name)).collect();
+    manifest.bag_bytes = bytes_below(reader.path());
+    Ok(())
+}
+
+fn bytes_below(path: &Path) -> u64 {
+    match std::fs::read_dir(path) {
+        Ok(entries) => entries
+            .filter_map(|entry| entry.ok()?.metadata().ok())
+            .filter(std::fs::Metadata::is_file)
+            .map(|metadata| metadata.len())
+            .sum(),
+        Err(_) => std::fs::metadata(path).map_or(0, |metadata| metadata.len()),
+    }
+}
+
+fn read_summary(run: &Path) -> Result<Map<String, Value>, BagError> {
+    let path = run.join(SUMMARY_FILE);
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Map::new()),
+        Err(e) => return Err(BagError::io("cannot read", &path, e)),
+    };
+    serde_json::from_str(&text).map_err(|e| BagError::Metadata { path, reason: e.to_string() })
+}
+
+pub(crate) fn update_summary(run: &Path, entries: &Map<String, Value>) -> Result<(), BagError> {
+    let mut summary = read_summary(run)?;
+    summary.extend(entries.iter().map(|(key, value)| (key.clone(), value.clone())));
+    let mut text = format!("{:#}", Value::Object(summary));
+    text.push('\n');
+    replace_file(&run.join(SUMMARY_FILE), text.as_bytes())
+}

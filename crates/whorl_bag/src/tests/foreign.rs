@@ -1,0 +1,89 @@
+//! Bags of other programs, and things that are not bags.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+use mcap::records::MessageHeader;
+
+use crate::{BagError, BagReader, recover};
+
+fn error(path: &Path) -> String {
+    BagReader::open(path).err().unwrap().to_string()
+}
+
+#[test]
+fn what_is_not_a_bag_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path();
+    assert!(error(&path.join("absent")).ends_with("absent does not exist"));
+    assert!(error(path).ends_with("is not a bag: it holds neither metadata.yaml nor a .mcap file"));
+    std::fs::write(path.join("text.mcap"), "no magic here").unwrap();
+    assert!(error(path).contains("text.mcap is not a readable MCAP file: Bad magic number"));
+    std::fs::write(path.join("metadata.yaml"), "a: [").unwrap();
+    assert!(error(path).contains("metadata.yaml: "));
+    std::fs::write(path.join("metadata.yaml"), "a: 1").unwrap();
+    assert!(error(path).contains("no rosbag2_bagfile_information"));
+    let metadata = "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  relative_file_paths: [x.db3]\n";
+    std::fs::write(path.join("metadata.yaml"), metadata).unwrap();
+    assert!(matches!(BagReader::open(path), Err(BagError::Storage { storage, .. }) if storage == "sqlite3"));
+    assert!(error(path).contains("ros2 bag convert"));
+    std::fs::write(path.join("metadata.yaml"), metadata.replace("sqlite3", "mcap")).unwrap();
+    assert!(matches!(BagReader::open(path), Err(BagError::NotFound { path }) if path.ends_with("x.db3")));
+    let wrapped = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  compression_mode: FILE\n  relative_file_paths: [text.mcap]\n";
+    std::fs::write(path.join("metadata.yaml"), wrapped).unwrap();
+    assert!(error(path).contains("compression_mode FILE"));
+    std::fs::remove_file(path.join("metadata.yaml")).unwrap();
+    std::fs::remove_file(path.join("text.mcap")).unwrap();
+    std::fs::write(path.join("x.db3"), "").unwrap();
+    assert!(matches!(BagReader::open(path), Err(BagError::Storage { .. })));
+    assert!(matches!(BagReader::open(&path.join("x.db3")), Err(BagError::Storage { .. })));
+}
+
+/// As `ros2 bag record --storage-preset-profile fastwrite`: no chunks; in two files; one topic with two
+/// channels. With and without an end.
+#[test]
+fn split_bags_without_chunks_are_read() {
+    for complete in [true, false] {
+        let directory = tempfile::tempdir().unwrap();
+        for file in 0..2u64 {
+            let path = directory.path().join(format!("x_{file}.mcap"));
+            let options = mcap::WriteOptions::new().profile("ros2").use_chunks(false);
+            let mut writer = options.create(File::create(&path).unwrap()).unwrap();
+            let schema = writer.add_schema("std_msgs/msg/Header", "ros2msg", b"string frame_id").unwrap();
+            let channels: Vec<u16> = ["- history: 1", "- history: 3"]
+                .iter()
+                .map(|qos| {
+                    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), (*qos).to_owned())]);
+                    writer.add_channel(schema, "/a", "cdr", &metadata).unwrap()
+                })
+                .collect();
+            for i in 0..10u64 {
+                // Within a file the times run backwards.
+                let log_time = file * 100 + 9 - i;
+                let header = MessageHeader {
+                    channel_id: channels[(i % 2) as usize],
+                    sequence: 0,
+                    log_time,
+                    publish_time: log_time,
+                };
+                writer.write_to_known_channel(&header, &[log_time as u8]).unwrap();
+            }
+            writer.finish().unwrap();
+            if !complete {
+                let length = std::fs::metadata(&path).unwrap().len();
+                // Into the summary section: footer and magic are 37 bytes, the statistics more than 20.
+                File::options().write(true).open(&path).unwrap().set_len(length - 60).unwrap();
+            }
+        }
+        let expected: Vec<u8> = (0..10).chain(100..110).collect();
+        for round in 0..2 {
+            let reader = BagReader::open(directory.path()).unwrap();
+            assert_eq!((reader.topics().len(), reader.message_count()), (1, 20));
+            assert_eq!(reader.integrity().complete, complete || round == 1);
+            let read: Vec<u8> = reader.messages().map(|m| m.unwrap().cdr[0]).collect();
+            assert_eq!(read, expected);
+            assert_eq!(recover(directory.path()).unwrap().files, if complete || round == 1 { 0 } else { 2 });
+        }
+    }
+}

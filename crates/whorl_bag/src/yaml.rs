@@ -1,0 +1,154 @@
+//! Writing and reading the YAML files of a recording (`metadata.yaml`, `manifest.yaml`).
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use saphyr::{LoadableYamlNode, Yaml};
+
+use crate::BagError;
+
+/// Writes block-style YAML line by line.
+#[derive(Debug, Default)]
+pub(crate) struct YamlWriter {
+    text: String,
+    indent: usize,
+}
+
+impl YamlWriter {
+    /// `key: value` with a value that is already YAML.
+    pub fn raw(&mut self, key: &str, value: impl std::fmt::Display) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.text, "{:1$}{key}: {value}", "", self.indent);
+    }
+
+    /// `key: "text"`.
+    pub fn text(&mut self, key: &str, value: &str) {
+        self.raw(key, quoted(value));
+    }
+
+    /// `key: number`, so that a reader finds a number also for NaN and infinities.
+    pub fn number(&mut self, key: &str, value: f64) {
+        self.raw(key, number(value));
+    }
+
+    /// `key:` and what `body` writes, indented.
+    pub fn group(&mut self, key: &str, body: impl FnOnce(&mut Self)) {
+        let _ = writeln!(self.text, "{:1$}{key}:", "", self.indent);
+        self.indent += 2;
+        body(self);
+        self.indent -= 2;
+    }
+
+    /// `key:` and one list entry per item; `[]` when there is none.
+    pub fn list<T>(
+        &mut self,
+        key: &str,
+        items: impl IntoIterator<Item = T>,
+        mut body: impl FnMut(&mut Self, T),
+    ) {
+        let mut items = items.into_iter().peekable();
+        if items.peek().is_none() {
+            self.raw(key, "[]");
+            return;
+        }
+        let _ = writeln!(self.text, "{:1$}{key}:", "", self.indent);
+        for item in items {
+            let start = self.text.len();
+            self.indent += 4;
+            body(self, item);
+            self.indent -= 4;
+            // The first line of the entry carries the dash.
+            let dash = start + self.indent + 2;
+            if self.text.len() > dash {
+                self.text.replace_range(dash..=dash, "-");
+            }
+        }
+    }
+
+    /// `key:` and one scalar per item.
+    pub fn scalars(&mut self, key: &str, items: &[impl AsRef<str>]) {
+        if items.is_empty() {
+            self.raw(key, "[]");
+            return;
+        }
+        let _ = writeln!(self.text, "{:1$}{key}:", "", self.indent);
+        for item in items {
+            let _ = writeln!(self.text, "{:1$}  - {2}", "", self.indent, quoted(item.as_ref()));
+        }
+    }
+
+    /// Lines that are YAML already, indented.
+    pub fn block(&mut self, key: &str, yaml: &str) {
+        let _ = writeln!(self.text, "{:1$}{key}:", "", self.indent);
+        for line in yaml.lines() {
+            let _ = writeln!(self.text, "{:1$}  {line}", "", self.indent);
+        }
+    }
+
+    /// The text.
+    pub fn finish(self) -> String {
+        self.text
+    }
+}
+
+/// A double-quoted YAML scalar; JSON's escapes are a subset of YAML's.
+pub(crate) fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+/// A YAML number.
+pub(crate) fn number(value: f64) -> String {
+    if value.is_nan() {
+        ".nan".into()
+    } else if value.is_infinite() {
+        if value > 0.0 { ".inf".into() } else { "-.inf".into() }
+    } else {
+        // `{:?}` keeps every digit and always writes a point or an exponent.
+        format!("{value:?}")
+    }
+}
+
+/// The first document of a file.
+pub(crate) fn load<'a>(path: &Path, text: &'a str) -> Result<Yaml<'a>, BagError> {
+    let documents = Yaml::load_from_str(text)
+        .map_err(|error| BagError::Metadata { path: path.to_owned(), reason: error.to_string() })?;
+    documents
+        .into_iter()
+        .next()
+        .ok_or_else(|| BagError::Metadata { path: path.to_owned(), reason: "the file is empty".into() })
+}
+
+/// Walks down keys. `None` when one is absent.
+pub(crate) fn find<'a, 'input>(node: &'a Yaml<'input>, path: &[&str]) -> Option<&'a Yaml<'input>> {
+    path.iter().try_fold(node, |node, key| node.as_mapping_get(key))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let mut yaml = YamlWriter::default();
+        yaml.text("name", "a \"quoted\": #text\n\u{e9}");
+        yaml.number("nan", f64::NAN);
+        yaml.number("small", 1e-300);
+        yaml.group("group", |y| {
+            y.list("items", [1, 2], |y, i| {
+                y.raw("id", i);
+                y.scalars("tags", &["x", "- y"]);
+            });
+            y.list("none", [0; 0], |_, _| {});
+        });
+        let text = yaml.finish();
+        let root = load(Path::new("x"), &text).unwrap();
+        assert_eq!(find(&root, &["name"]).unwrap().as_str(), Some("a \"quoted\": #text\n\u{e9}"));
+        assert!(find(&root, &["nan"]).unwrap().as_floating_point().unwrap().is_nan());
+        assert_eq!(find(&root, &["small"]).unwrap().as_floating_point(), Some(1e-300));
+        let items = find(&root, &["group", "items"]).unwrap().as_sequence().unwrap();
+        assert_eq!(items[1].as_mapping_get("id").unwrap().as_integer(), Some(2));
+        assert_eq!(items[1].as_mapping_get("tags").unwrap().as_sequence().unwrap()[1].as_str(), Some("- y"));
+        assert_eq!(find(&root, &["group", "none"]).unwrap().as_sequence().unwrap().len(), 0);
+        assert!(load(Path::new("x"), "").is_err() && load(Path::new("x"), "a: [").is_err());
+    }
+}
