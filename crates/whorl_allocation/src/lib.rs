@@ -1,1 +1,76 @@
 //! Thruster and wheel allocation: quadratic program, pulse modulation, exact oracle.
+//!
+//! # The problem
+//!
+//! Jets give torque b_j u_j with on-time fractions u_j in 0..=1; wheels give -g_i w_i, where g_i is
+//! the spin axis and w_i the *motor torque on the wheel* (the body turns the other way). A demand tau
+//! is met as far as it can be, without ever turning it:
+//!
+//! sum b_j u_j - sum g_i w_i = alpha tau,  0 <= alpha <= 1
+//!
+//! minimise  sum c_j u_j + e/2 sum u_j^2 + W/2 sum ((w_i - desired_i) / limit_i)^2
+//!           + F/2 |net force|^2 - M alpha
+//!
+//! with gas rates c_j, a curvature e so small that it costs at most 1e-4 of the gas, the price W of
+//! missing the wheel torque that momentum management desires, and (off by default, the bearing takes
+//! it) the price F of net force. [`Allocator::allocate`] answers; [`pulses`] turns fractions into
+//! valve pulses; [`zonotope`] knows the exact answer by other means.
+//!
+//! # How it is solved
+//!
+//! 1. Nothing asked, or the free effectors linearly independent (three wheels, say): the solution is
+//!    unique and linear in alpha, and no program is needed ([`Status::ClosedForm`]).
+//! 2. Otherwise Clarabel solves the program, with the demand as a column of the constraints, updated
+//!    in place; then the interior point is moved to the exact optimum ([`Status::Solved`]). The share
+//!    alpha comes from the facets of the attainable set, so it is exact, and M need not exceed every
+//!    price of torque.
+//! 3. When there is no such allocation, or the solver fails: the fallback.
+//!
+//! # Fallback rules
+//!
+//! [`Status::Fallback`] says why; the answer is always admissible and never a panic.
+//!
+//! | reason | when | answer |
+//! |---|---|---|
+//! | [`FallbackReason::NoEffector`] | nothing may move and a torque is wanted | everything at rest |
+//! | [`FallbackReason::DirectionUnattainable`] | alpha would be zero: a failed jet or a missing wheel leaves no torque along the demand | bounded least squares |
+//! | [`FallbackReason::BoundsExcludeDemand`] | lower bounds (a stuck-open jet, a wheel that must slow down) force a torque that no share of the demand matches | bounded least squares |
+//! | [`FallbackReason::NotSolved`] | solver and polish both failed | bounded least squares |
+//!
+//! Bounded least squares comes as near to tau as it can. It may turn the torque: an axis that cannot
+//! be controlled must not take the others with it. `alpha` is then the achieved part along tau.
+//! A caller that would rather do nothing reads the status. Malformed demands (NaN, crossed bounds,
+//! wrong counts) are errors, not fallbacks: [`DemandError`].
+//!
+//! # Limits
+//!
+//! Torque is taken as proportional to on-time within a slot: valve delays, tank pressure and thrust
+//! during wheel spin-up belong to whoever builds [`Effectors`] and the bounds. With wheels and jets in
+//! one program, jets fire for momentum only where W times the miss saves more than the gas costs.
+//!
+//! # Sources
+//!
+//! W. C. Durham, "Constrained Control Allocation", J. Guidance, Control, and Dynamics 16(4), 1993
+//! (attainable moments); M. Bodson, "Evaluation of Optimization Methods for Control Allocation", same
+//! journal 25(4), 2002 (direction-preserving form); P. J. Goulart and Y. Chen, "Clarabel", 2024 (solver).
+
+mod allocation;
+mod allocator;
+mod closed_form;
+mod demand;
+mod effectors;
+#[cfg(test)]
+mod layouts;
+mod least_squares;
+mod polish;
+mod problem;
+pub mod pulses;
+mod quadratic_program;
+#[cfg(test)]
+mod tests;
+pub mod zonotope;
+
+pub use allocation::{Allocation, FallbackReason, SolverOutcome, Status};
+pub use allocator::{Allocator, AllocatorError};
+pub use demand::{Demand, DemandError, JetMask, Mode};
+pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_WHEELS};

@@ -1,0 +1,211 @@
+//! What is asked of the allocation at one instant.
+
+use nalgebra::Vector3;
+
+use crate::effectors::Effectors;
+
+/// A set of jets, one bit each: bit j is jet j.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct JetMask(pub u32);
+
+impl JetMask {
+    /// Every jet.
+    pub const ALL: Self = Self(u32::MAX);
+    /// No jet.
+    pub const NONE: Self = Self(0);
+
+    /// True when jet `jet` is in the set.
+    #[must_use]
+    pub fn contains(self, jet: usize) -> bool {
+        jet < 32 && (self.0 >> jet) & 1 == 1
+    }
+
+    /// The set with jet `jet` added.
+    #[must_use]
+    pub fn with(self, jet: usize) -> Self {
+        Self(self.0 | u32::try_from(jet).ok().and_then(|j| 1_u32.checked_shl(j)).unwrap_or(0))
+    }
+
+    /// The set with jet `jet` taken out.
+    #[must_use]
+    pub fn without(self, jet: usize) -> Self {
+        Self(self.0 & !Self::NONE.with(jet).0)
+    }
+}
+
+/// Which effectors may take part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// Wheels only: jets rest.
+    Wheels,
+    /// Jets only: wheels rest.
+    Jets,
+    /// Jets and wheels in one program.
+    Both,
+}
+
+impl Mode {
+    pub(crate) fn uses_jets(self) -> bool {
+        self != Self::Wheels
+    }
+
+    pub(crate) fn uses_wheels(self) -> bool {
+        self != Self::Jets
+    }
+}
+
+/// A torque and what may be used for it. Fields are plain; [`crate::Allocator::allocate`] checks
+/// them all at every call.
+///
+/// An effector that the mode leaves out rests at the value nearest to zero within its bounds: a
+/// stuck-open jet (bounds 1..1) or a wheel that its speed limit forces to slow down is allowed for
+/// in every mode. A jet outside `jet_available` is closed whatever its bounds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Demand {
+    /// Torque wanted on the body, body axes [N m].
+    pub torque_b_n_m: Vector3<f64>,
+    /// Which effectors may take part.
+    pub mode: Mode,
+    /// Jets that work.
+    pub jet_available: JetMask,
+    /// Least on-time fraction of each jet, 0..=1.
+    pub jet_on_fraction_min: Vec<f64>,
+    /// Largest on-time fraction of each jet, 0..=1, not below the least.
+    pub jet_on_fraction_max: Vec<f64>,
+    /// Least motor torque of each wheel at this instant [N m]; speed limits included.
+    pub wheel_motor_torque_min_n_m: Vec<f64>,
+    /// Largest motor torque of each wheel at this instant [N m]; speed limits included.
+    pub wheel_motor_torque_max_n_m: Vec<f64>,
+    /// Motor torque that momentum management would like [N m]: -k (h - h_target) pulls the
+    /// momentum h of the wheel to its target.
+    pub wheel_motor_torque_desired_n_m: Vec<f64>,
+    /// Price of missing the desired wheel torque, >= 0: a miss by the whole torque limit costs as
+    /// much as `wheel_weight / 2` of the thirstiest jet fully open. Jets join in only where that
+    /// saves more than their gas costs, so a small miss costs no gas at all.
+    pub wheel_weight: f64,
+    /// Price of net force, >= 0; 0 turns it off. A net force as large as the strongest jet's costs
+    /// as much as `net_force_weight / 2` of the thirstiest jet fully open.
+    pub net_force_weight: f64,
+}
+
+/// Why a demand is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DemandError {
+    /// A component of the torque is NaN or infinite.
+    #[error("torque demand {0:?} N m is not finite")]
+    Torque([f64; 3]),
+    /// A list does not have one entry per jet or wheel.
+    #[error("{field} has {found} entries where {expected} are needed")]
+    Count {
+        /// The field.
+        field: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of jets or wheels.
+        expected: usize,
+    },
+    /// A number is NaN, infinite or outside its range.
+    #[error("{field}[{index}] = {value}: must be {allowed}")]
+    Value {
+        /// The field.
+        field: &'static str,
+        /// Which jet or wheel; 0 for a single number.
+        index: usize,
+        /// The offending number.
+        value: f64,
+        /// What is allowed, in words.
+        allowed: &'static str,
+    },
+    /// A lower bound above its upper bound.
+    #[error("{what} {index}: lower bound {min} above upper bound {max}")]
+    Crossed {
+        /// "jet" or "wheel".
+        what: &'static str,
+        /// Which one.
+        index: usize,
+        /// Lower bound.
+        min: f64,
+        /// Upper bound.
+        max: f64,
+    },
+    /// `net_force_weight` > 0, but the layout has no jet forces.
+    #[error("net_force_weight needs jet_force_b_n in the effector layout")]
+    NoForces,
+}
+
+impl Demand {
+    /// A demand with every effector whole: jets 0..1, wheels within their torque limits, no wheel
+    /// preference, no net-force price.
+    #[must_use]
+    pub fn nominal(effectors: &Effectors, mode: Mode, torque_b_n_m: Vector3<f64>) -> Self {
+        let limit = &effectors.layout().wheel_torque_limit_n_m;
+        Self {
+            torque_b_n_m,
+            mode,
+            jet_available: JetMask::ALL,
+            jet_on_fraction_min: vec![0.0; effectors.jets()],
+            jet_on_fraction_max: vec![1.0; effectors.jets()],
+            wheel_motor_torque_min_n_m: limit.iter().map(|limit| -limit).collect(),
+            wheel_motor_torque_max_n_m: limit.clone(),
+            wheel_motor_torque_desired_n_m: vec![0.0; limit.len()],
+            wheel_weight: 0.0,
+            net_force_weight: 0.0,
+        }
+    }
+
+    /// Checks every field against the effectors.
+    ///
+    /// # Errors
+    /// [`DemandError`] naming the first field that is wrong.
+    pub fn check(&self, effectors: &Effectors) -> Result<(), DemandError> {
+        if !self.torque_b_n_m.iter().all(|value| value.is_finite()) {
+            return Err(DemandError::Torque(self.torque_b_n_m.into()));
+        }
+        let fraction = |value: f64| (0.0..=1.0).contains(&value);
+        for (field, values) in [
+            ("jet_on_fraction_min", &self.jet_on_fraction_min),
+            ("jet_on_fraction_max", &self.jet_on_fraction_max),
+        ] {
+            check_values(field, values, effectors.jets(), fraction, "0..=1")?;
+        }
+        for (field, values) in [
+            ("wheel_motor_torque_min_n_m", &self.wheel_motor_torque_min_n_m),
+            ("wheel_motor_torque_max_n_m", &self.wheel_motor_torque_max_n_m),
+            ("wheel_motor_torque_desired_n_m", &self.wheel_motor_torque_desired_n_m),
+        ] {
+            check_values(field, values, effectors.wheels(), f64::is_finite, "finite")?;
+        }
+        check_order("jet", &self.jet_on_fraction_min, &self.jet_on_fraction_max)?;
+        check_order("wheel", &self.wheel_motor_torque_min_n_m, &self.wheel_motor_torque_max_n_m)?;
+        let weight = |value: f64| (0.0..=1e6).contains(&value);
+        check_values("wheel_weight", &[self.wheel_weight], 1, weight, "0..=1e6")?;
+        check_values("net_force_weight", &[self.net_force_weight], 1, weight, "0..=1e6")?;
+        if self.net_force_weight > 0.0 && effectors.layout().jet_force_b_n.is_none() {
+            return Err(DemandError::NoForces);
+        }
+        Ok(())
+    }
+}
+
+fn check_values(
+    field: &'static str,
+    values: &[f64],
+    expected: usize,
+    valid: impl Fn(f64) -> bool,
+    allowed: &'static str,
+) -> Result<(), DemandError> {
+    if values.len() != expected {
+        return Err(DemandError::Count { field, found: values.len(), expected });
+    }
+    match values.iter().enumerate().find(|(_, value)| !valid(**value)) {
+        None => Ok(()),
+        Some((index, &value)) => Err(DemandError::Value { field, index, value, allowed }),
+    }
+}
+
+fn check_order(what: &'static str, min: &[f64], max: &[f64]) -> Result<(), DemandError> {
+    match min.iter().zip(max).enumerate().find(|(_, (min, max))| min > max) {
+        None => Ok(()),
+        Some((index, (&min, &max))) => Err(DemandError::Crossed { what, index, min, max }),
+    }
+}

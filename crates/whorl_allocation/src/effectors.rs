@@ -1,0 +1,168 @@
+//! What can turn the body: jets and wheels, checked once.
+
+use nalgebra::{Matrix3xX, Vector3};
+
+/// Most jets an [`Effectors`] may have: one bit each in a [`crate::JetMask`].
+pub const MAX_JETS: usize = 32;
+/// Most wheels an [`Effectors`] may have.
+pub const MAX_WHEELS: usize = 8;
+
+/// The plain description from which [`Effectors`] are checked and built.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectorLayout {
+    /// One column per jet: torque on the body about the centre of rotation at full thrust, body
+    /// axes [N m].
+    pub jet_torque_b_n_m: Matrix3xX<f64>,
+    /// One column per jet: force on the body at full thrust, body axes \[N\]. `None` when net force
+    /// is of no concern, as on an air bearing; needed for [`crate::Demand::net_force_weight`].
+    pub jet_force_b_n: Option<Matrix3xX<f64>>,
+    /// Gas drawn by each jet while open [kg/s] (any other unit serves as a relative cost); > 0.
+    pub jet_gas_rate_kg_s: Vec<f64>,
+    /// One column per wheel: spin axis, body axes, unit length.
+    pub wheel_axis_b: Matrix3xX<f64>,
+    /// Largest motor torque of each wheel [N m]; > 0.
+    pub wheel_torque_limit_n_m: Vec<f64>,
+}
+
+/// Jets and wheels of a platform: finite, counted, consistent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Effectors {
+    layout: EffectorLayout,
+}
+
+/// Why a layout is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum EffectorError {
+    /// Neither jets nor wheels.
+    #[error("no jets and no wheels: nothing to allocate to")]
+    Empty,
+    /// More jets than [`MAX_JETS`].
+    #[error("{0} jets; at most {MAX_JETS} are supported")]
+    TooManyJets(usize),
+    /// More wheels than [`MAX_WHEELS`].
+    #[error("{0} wheels; at most {MAX_WHEELS} are supported")]
+    TooManyWheels(usize),
+    /// Two fields disagree on how many jets or wheels there are.
+    #[error("{field} has {found} entries where {expected} are needed")]
+    Count {
+        /// The field.
+        field: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length that fits the others.
+        expected: usize,
+    },
+    /// A number is NaN, infinite, or outside its range.
+    #[error("{field}[{index}] = {value}: must be {allowed}")]
+    Value {
+        /// The field.
+        field: &'static str,
+        /// Which jet or wheel.
+        index: usize,
+        /// The offending number.
+        value: f64,
+        /// What is allowed, in words.
+        allowed: &'static str,
+    },
+}
+
+impl Effectors {
+    /// Checks a layout.
+    ///
+    /// # Errors
+    /// [`EffectorError`] naming the field, the jet or wheel and the value.
+    pub fn new(layout: EffectorLayout) -> Result<Self, EffectorError> {
+        let jets = layout.jet_torque_b_n_m.ncols();
+        let wheels = layout.wheel_axis_b.ncols();
+        if jets + wheels == 0 {
+            return Err(EffectorError::Empty);
+        }
+        if jets > MAX_JETS {
+            return Err(EffectorError::TooManyJets(jets));
+        }
+        if wheels > MAX_WHEELS {
+            return Err(EffectorError::TooManyWheels(wheels));
+        }
+        check_count("jet_gas_rate_kg_s", layout.jet_gas_rate_kg_s.len(), jets)?;
+        check_count("wheel_torque_limit_n_m", layout.wheel_torque_limit_n_m.len(), wheels)?;
+        check_columns("jet_torque_b_n_m", &layout.jet_torque_b_n_m)?;
+        if let Some(force) = &layout.jet_force_b_n {
+            check_count("jet_force_b_n", force.ncols(), jets)?;
+            check_columns("jet_force_b_n", force)?;
+        }
+        check_positive("jet_gas_rate_kg_s", &layout.jet_gas_rate_kg_s)?;
+        check_positive("wheel_torque_limit_n_m", &layout.wheel_torque_limit_n_m)?;
+        check_columns("wheel_axis_b", &layout.wheel_axis_b)?;
+        for (index, axis) in layout.wheel_axis_b.column_iter().enumerate() {
+            let norm = axis.norm();
+            if (norm - 1.0).abs() > 1e-6 {
+                return Err(EffectorError::Value {
+                    field: "wheel_axis_b",
+                    index,
+                    value: norm,
+                    allowed: "of length 1",
+                });
+            }
+        }
+        Ok(Self { layout })
+    }
+
+    /// Number of jets.
+    #[must_use]
+    pub fn jets(&self) -> usize {
+        self.layout.jet_torque_b_n_m.ncols()
+    }
+
+    /// Number of wheels.
+    #[must_use]
+    pub fn wheels(&self) -> usize {
+        self.layout.wheel_axis_b.ncols()
+    }
+
+    /// The checked layout.
+    #[must_use]
+    pub fn layout(&self) -> &EffectorLayout {
+        &self.layout
+    }
+
+    /// Torque on the body [N m] per unit of effector `k`: a jet's on-time fraction, then a wheel's
+    /// motor torque [N m]. A motor that accelerates its wheel turns the body the other way, hence
+    /// the minus sign.
+    pub(crate) fn column(&self, k: usize) -> Vector3<f64> {
+        let jets = self.jets();
+        if k < jets {
+            self.layout.jet_torque_b_n_m.column(k).into_owned()
+        } else {
+            -self.layout.wheel_axis_b.column(k - jets)
+        }
+    }
+
+    /// Torque on the body of given jet fractions and wheel motor torques [N m].
+    pub(crate) fn torque_b_n_m(&self, jet_on_fraction: &[f64], wheel_n_m: &[f64]) -> Vector3<f64> {
+        jet_on_fraction
+            .iter()
+            .chain(wheel_n_m)
+            .enumerate()
+            .fold(Vector3::zeros(), |sum, (k, &x)| sum + self.column(k) * x)
+    }
+}
+
+fn check_count(field: &'static str, found: usize, expected: usize) -> Result<(), EffectorError> {
+    if found == expected { Ok(()) } else { Err(EffectorError::Count { field, found, expected }) }
+}
+
+fn check_columns(field: &'static str, columns: &Matrix3xX<f64>) -> Result<(), EffectorError> {
+    for (index, column) in columns.column_iter().enumerate() {
+        if let Some(&value) = column.iter().find(|value| !value.is_finite()) {
+            return Err(EffectorError::Value { field, index, value, allowed: "finite" });
+        }
+    }
+    Ok(())
+}
+
+fn check_positive(field: &'static str, values: &[f64]) -> Result<(), EffectorError> {
+    match values.iter().enumerate().find(|(_, value)| !(value.is_finite() && **value > 0.0)) {
+        None => Ok(()),
+        Some((index, &value)) => Err(EffectorError::Value { field, index, value, allowed: "finite and > 0" }),
+    }
+}

@@ -1,0 +1,315 @@
+//! The quadratic program against the oracle, which shares nothing with the solver.
+
+use nalgebra::{Matrix3, Vector3};
+use rand_pcg::Pcg64;
+
+use crate::layouts::{
+    canted_pods, direction, eight_jets, no_wheels, six_jets, three_wheels, uniform, wheels_only,
+};
+use crate::zonotope::LeastCost;
+use crate::{Allocator, Demand, Effectors, FallbackReason, JetMask, Mode, Status};
+
+/// Random demand up to `reach` times the strongest jet, every failure mode in turn.
+fn jets_only_sweep(effectors: &Effectors, cases: usize, reach: f64, seed: u128) -> Sweep {
+    let mut rng = Pcg64::new(seed, 7);
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let full = effectors.layout().jet_torque_b_n_m.column_iter().map(|b| b.norm()).fold(0.0, f64::max);
+    let mut sweep = Sweep::default();
+    for case in 0..cases {
+        let failed = case % (effectors.jets() + 1);
+        let torque = direction(&mut rng) * (full * uniform(&mut rng, 0.0, reach));
+        let mut demand = Demand::nominal(effectors, Mode::Jets, torque);
+        demand.jet_available = JetMask::ALL.without(failed);
+        let allocation = allocator.allocate(&demand).unwrap();
+        let check = allocator.check(&demand, &allocation).unwrap();
+        assert!(check.bound_violation <= 0.0, "{check:?}");
+        assert!(failed == effectors.jets() || allocation.jet_on_fraction[failed] == 0.0);
+        match allocation.status {
+            Status::Solved { polished, iterations } => {
+                sweep.solved += 1;
+                sweep.polished += usize::from(polished);
+                sweep.iterations = sweep.iterations.max(iterations);
+                assert!(check.agrees(), "case {case}: {check:?} {allocation:?}");
+                let gas = check.gas_rate_kg_s / check.least_gas_rate_kg_s.max(1e-12);
+                sweep.gas = sweep.gas.max(gas);
+                sweep.torque_error = sweep.torque_error.max(check.torque_error);
+                let alpha_error = (check.alpha - check.alpha_max.unwrap()).abs();
+                sweep.alpha_error = sweep.alpha_error.max(alpha_error);
+                if allocation.alpha < 1.0 {
+                    sweep.unattainable += 1;
+                    let achieved = allocation.achieved_torque_b_n_m;
+                    let angle = achieved.cross(&torque).norm() / achieved.norm() / torque.norm();
+                    sweep.angle = sweep.angle.max(angle);
+                }
+            }
+            Status::ClosedForm => panic!("jets are never unique here"),
+            Status::Fallback(reason) => {
+                assert_eq!(reason, FallbackReason::DirectionUnattainable);
+                assert!(check.alpha_max.unwrap() * torque.norm() < 1e-8 * full);
+                sweep.fallbacks += 1;
+            }
+        }
+    }
+    sweep
+}
+
+#[derive(Debug, Default)]
+struct Sweep {
+    solved: usize,
+    polished: usize,
+    unattainable: usize,
+    fallbacks: usize,
+    iterations: u32,
+    gas: f64,
+    torque_error: f64,
+    alpha_error: f64,
+    angle: f64,
+}
+
+#[test]
+fn canted_jets_meet_the_oracle_with_every_single_failure() {
+    let sweep = jets_only_sweep(&canted_pods(no_wheels()), 5200, 3.0, 1);
+    println!("{sweep:?}");
+    assert_eq!(sweep.solved, 5200, "all directions stay attainable: {sweep:?}");
+    assert!(sweep.unattainable > 800, "{sweep:?}");
+    assert!(sweep.torque_error < 1e-9 && sweep.alpha_error < 1e-9 && sweep.angle < 1e-9, "{sweep:?}");
+    assert!(sweep.gas < 1.001, "{sweep:?}");
+    assert!(sweep.polished * 100 >= sweep.solved * 99, "{sweep:?}");
+}
+
+#[test]
+fn couples_and_one_sided_jets_meet_the_oracle() {
+    for (effectors, seed) in [(eight_jets(no_wheels()), 2), (six_jets(no_wheels()), 3)] {
+        let sweep = jets_only_sweep(&effectors, 1500, 2.5, seed);
+        println!("{sweep:?}");
+        assert!(sweep.torque_error < 1e-9 && sweep.alpha_error < 1e-9 && sweep.angle < 1e-9, "{sweep:?}");
+        assert!(sweep.gas < 1.001 && sweep.solved > 800, "{sweep:?}");
+    }
+}
+
+#[test]
+fn demands_along_an_axis_are_degenerate_and_still_exact() {
+    // One or two jets give all the torque there is: the basis is degenerate.
+    for effectors in [eight_jets(no_wheels()), six_jets(no_wheels()), canted_pods(no_wheels())] {
+        let mut allocator = Allocator::new(effectors.clone()).unwrap();
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            for size in [-1e3, -0.7, -0.24, -1e-4, 1e-9, 1e-6, 0.1, 0.24, 0.48, 5.0] {
+                let demand = Demand::nominal(&effectors, Mode::Jets, axis * size);
+                let allocation = allocator.allocate(&demand).unwrap();
+                let check = allocator.check(&demand, &allocation).unwrap();
+                assert!(matches!(allocation.status, Status::Solved { .. }), "{size}: {allocation:?}");
+                assert!(check.agrees(), "{axis:?} {size}: {check:?} {allocation:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bounds_on_jets_and_wheels_meet_the_oracle() {
+    let effectors = canted_pods(three_wheels());
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let mut rng = Pcg64::new(4, 7);
+    let (mut solved, mut excluded) = (0, 0);
+    for _ in 0..1500 {
+        let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 1.5);
+        let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
+        for j in 0..effectors.jets() {
+            demand.jet_on_fraction_max[j] = uniform(&mut rng, 0.0, 1.0);
+            if uniform(&mut rng, 0.0, 1.0) < 0.1 {
+                // A jet that is stuck open, wholly or in part.
+                demand.jet_on_fraction_min[j] = demand.jet_on_fraction_max[j];
+            }
+        }
+        for i in 0..3 {
+            let (a, b) = (uniform(&mut rng, -0.5, 0.3), uniform(&mut rng, -0.3, 0.5));
+            demand.wheel_motor_torque_min_n_m[i] = a.min(b);
+            demand.wheel_motor_torque_max_n_m[i] = a.max(b);
+        }
+        let allocation = allocator.allocate(&demand).unwrap();
+        let check = allocator.check(&demand, &allocation).unwrap();
+        match allocation.status {
+            Status::Solved { .. } => {
+                solved += 1;
+                assert!(check.agrees(), "{check:?} {allocation:?}");
+            }
+            Status::Fallback(FallbackReason::BoundsExcludeDemand) => {
+                excluded += 1;
+                assert!(check.alpha_max.is_none());
+            }
+            status => panic!("{status:?}"),
+        }
+    }
+    assert!(solved > 500 && excluded > 100, "{solved} {excluded}");
+}
+
+#[test]
+fn wheels_and_jets_share_at_the_optimum() {
+    // Lagrangian: gas + weight/2 sum ((w - desired)/limit)^2 + m'(B u - G w - tau). With no wheel at a
+    // bound its own condition gives m in closed form (the axes are x, y, z), and the jets' gradients
+    // c + b'm must then be >= 0 where shut, 0 between, <= 0 where open. The small curvature shifts
+    // them by about 2e-4.
+    let effectors = canted_pods(three_wheels());
+    let layout = effectors.layout();
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let mut rng = Pcg64::new(5, 7);
+    let most = layout.jet_gas_rate_kg_s.iter().copied().fold(0.0, f64::max);
+    let mut firing = [0; 3];
+    for _ in 0..1000 {
+        let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 0.5);
+        let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
+        demand.wheel_motor_torque_min_n_m = vec![-100.0; 3];
+        demand.wheel_motor_torque_max_n_m = vec![100.0; 3];
+        demand.wheel_weight = 10.0_f64.powf(uniform(&mut rng, -1.0, 3.0));
+        for desired in &mut demand.wheel_motor_torque_desired_n_m {
+            *desired = uniform(&mut rng, -0.2, 0.2);
+        }
+        let allocation = allocator.allocate(&demand).unwrap();
+        assert!(matches!(allocation.status, Status::Solved { .. }), "{allocation:?}");
+        assert!(allocation.unallocated_torque_b_n_m.norm() < 1e-9, "{allocation:?}");
+        let multiplier = Vector3::from_fn(|i, _| {
+            let miss = allocation.wheel_motor_torque_n_m[i] - demand.wheel_motor_torque_desired_n_m[i];
+            demand.wheel_weight * miss / layout.wheel_torque_limit_n_m[i].powi(2)
+        });
+        let missed: f64 = allocation.wheel_motor_torque_n_m.iter().map(|w| w.abs()).sum();
+        let tolerance = 4e-4 * (1.0 + missed);
+        for (j, &u) in allocation.jet_on_fraction.iter().enumerate() {
+            let gradient =
+                layout.jet_gas_rate_kg_s[j] / most + layout.jet_torque_b_n_m.column(j).dot(&multiplier);
+            let case = if u < 1e-9 {
+                0
+            } else if u > 1.0 - 1e-9 {
+                2
+            } else {
+                1
+            };
+            firing[case] += 1;
+            match case {
+                0 => assert!(gradient > -tolerance, "{j} {u} {gradient} {allocation:?}"),
+                1 => assert!(gradient.abs() < tolerance, "{j} {u} {gradient} {allocation:?}"),
+                _ => assert!(gradient < tolerance, "{j} {u} {gradient} {allocation:?}"),
+            }
+        }
+    }
+    assert!(firing.iter().all(|&count| count > 100), "{firing:?}");
+}
+
+#[test]
+fn wheels_follow_their_desired_torque_when_it_is_dear_and_jets_make_up() {
+    let effectors = canted_pods(three_wheels());
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::new(0.05, 0.0, 0.02));
+    let desired = [0.03, -0.05, 0.04];
+    demand.wheel_motor_torque_desired_n_m = desired.to_vec();
+    demand.wheel_weight = 1e5;
+    let dear = allocator.allocate(&demand).unwrap();
+    for (w, d) in dear.wheel_motor_torque_n_m.iter().zip(desired) {
+        assert!((w - d).abs() < 1e-3, "{dear:?}");
+    }
+    assert!(dear.gas_rate_kg_s > 0.0 && dear.unallocated_torque_b_n_m.norm() < 1e-9);
+    demand.wheel_weight = 0.0;
+    let free = allocator.allocate(&demand).unwrap();
+    assert_eq!(free.gas_rate_kg_s, 0.0, "wheels can do it all: {free:?}");
+    // A motor that spins its wheel up about +x turns the body about -x.
+    assert!((free.wheel_motor_torque_n_m[0] + 0.05).abs() < 1e-9, "{free:?}");
+}
+
+#[test]
+fn three_wheels_are_unique_and_the_program_agrees() {
+    let skew = [Vector3::new(1.0, 0.1, 0.0), Vector3::new(-0.2, 1.0, 0.3), Vector3::new(0.1, 0.2, 1.0)];
+    let effectors = wheels_only(&skew, 0.2);
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let inverse = Matrix3::from_columns(&skew.map(|axis| -axis / axis.norm())).try_inverse().unwrap();
+    let mut rng = Pcg64::new(6, 7);
+    for case in 0..500 {
+        let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 0.6);
+        let mut demand = Demand::nominal(&effectors, Mode::Wheels, torque);
+        if case % 2 == 1 {
+            demand.wheel_motor_torque_max_n_m[case % 3] = 0.03;
+            demand.wheel_motor_torque_min_n_m[case % 3] = -0.01;
+        }
+        let closed = allocator.allocate(&demand).unwrap();
+        assert_eq!(closed.status, Status::ClosedForm);
+        // By hand: the wheel that runs out first sets alpha.
+        let unlimited = inverse * torque;
+        let mut alpha = 1.0_f64;
+        for (i, &w) in unlimited.iter().enumerate() {
+            let most = demand.wheel_motor_torque_max_n_m[i];
+            let least = demand.wheel_motor_torque_min_n_m[i];
+            alpha = alpha.min(if w > 0.0 { most / w } else { least / w });
+        }
+        assert!((closed.alpha - alpha).abs() < 1e-9, "{} {alpha}", closed.alpha);
+        for (w, expected) in closed.wheel_motor_torque_n_m.iter().zip((unlimited * alpha).iter()) {
+            assert!((w - expected).abs() < 1e-9);
+        }
+        let program = allocator.allocate_by_program(&demand).unwrap();
+        assert!(matches!(program.status, Status::Solved { .. }), "{program:?}");
+        let difference = closed.achieved_torque_b_n_m - program.achieved_torque_b_n_m;
+        assert!(difference.norm() < 1e-8, "{closed:?} {program:?}");
+    }
+}
+
+#[test]
+fn four_wheels_share_with_least_effort() {
+    // A pyramid: the minimum-norm solution is the pseudo-inverse while no wheel saturates.
+    let axes = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].map(|(x, y)| Vector3::new(x, y, 1.0));
+    let effectors = wheels_only(&axes, 0.2);
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let columns = -effectors.layout().wheel_axis_b.clone();
+    let inverse = columns.pseudo_inverse(1e-9).unwrap();
+    let torque = Vector3::new(0.05, -0.08, 0.11);
+    let demand = Demand::nominal(&effectors, Mode::Both, torque);
+    let allocation = allocator.allocate(&demand).unwrap();
+    for (w, expected) in allocation.wheel_motor_torque_n_m.iter().zip((inverse * torque).iter()) {
+        assert!((w - expected).abs() < 1e-7, "{allocation:?}");
+    }
+}
+
+#[test]
+fn net_force_falls_when_it_is_priced_and_the_torque_stays() {
+    let effectors = canted_pods(no_wheels());
+    let force = effectors.layout().jet_force_b_n.clone().unwrap();
+    let mut allocator = Allocator::new(effectors.clone()).unwrap();
+    let mut demand = Demand::nominal(&effectors, Mode::Jets, Vector3::new(0.1, 0.05, -0.08));
+    let plain = allocator.allocate(&demand).unwrap();
+    demand.net_force_weight = 100.0;
+    let priced = allocator.allocate(&demand).unwrap();
+    let norm = |u: &[f64]| (&force * nalgebra::DVector::from_column_slice(u)).norm();
+    assert!(norm(&priced.jet_on_fraction) < 0.2 * norm(&plain.jet_on_fraction), "{priced:?}");
+    assert!(priced.unallocated_torque_b_n_m.norm() < 1e-6 * 0.25, "{priced:?}");
+    assert!(priced.gas_rate_kg_s > plain.gas_rate_kg_s);
+    demand.torque_b_n_m *= 20.0;
+    let far = allocator.allocate(&demand).unwrap();
+    let check = allocator.check(&demand, &far).unwrap();
+    assert!((check.alpha - check.alpha_max.unwrap()).abs() < 1e-5 && check.torque_error < 1e-6, "{check:?}");
+}
+
+#[test]
+fn answers_do_not_depend_on_earlier_calls() {
+    let effectors = canted_pods(three_wheels());
+    let mut used = Allocator::new(effectors.clone()).unwrap();
+    let mut rng = Pcg64::new(8, 7);
+    for _ in 0..20 {
+        let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 2.0);
+        let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
+        demand.wheel_weight = uniform(&mut rng, 0.0, 5.0);
+        demand.jet_available = JetMask(0xffff_ffff).without((uniform(&mut rng, 0.0, 12.0)) as usize);
+        let mut fresh = Allocator::new(effectors.clone()).unwrap();
+        assert_eq!(used.allocate(&demand).unwrap(), fresh.allocate(&demand).unwrap());
+    }
+}
+
+#[test]
+fn least_cost_is_no_more_than_any_admissible_allocation() {
+    // Independent of every solver: random admissible on-times define the torque.
+    let effectors = canted_pods(no_wheels());
+    let generators: Vec<_> = (0..12).map(|j| effectors.column(j)).collect();
+    let cost = vec![1.0; 12];
+    let table = LeastCost::new(&generators, Vector3::zeros(), &cost);
+    let mut rng = Pcg64::new(9, 7);
+    for _ in 0..500 {
+        let u: Vec<f64> = (0..12).map(|_| uniform(&mut rng, 0.0, 1.0)).collect();
+        let torque = effectors.torque_b_n_m(&u, &[]);
+        let least = table.of(&torque);
+        assert!(least > 0.0 && least <= u.iter().sum::<f64>() + 1e-9);
+    }
+}
