@@ -54,6 +54,25 @@ pub fn formation(r: &mut Reader<'_>) -> Formation {
     })
 }
 
+/// Index and name of the platform that the reading node belongs to, by the node's namespace. `None`,
+/// with the reason left in the reader, when that namespace is no platform of the formation.
+pub fn own_platform(r: &mut Reader<'_>) -> Option<(u16, String)> {
+    let formation = formation(r);
+    let node = r.parameters().node().to_owned();
+    let index = formation.platform_of_node(&node);
+    if index.is_none() && !formation.platforms.is_empty() {
+        r.reject(
+            "formation.platforms",
+            format!(
+                "node {node} is in no platform's namespace; allowed: start it with -r __ns:=/PLATFORM, PLATFORM one of {}",
+                formation.platforms.join(", ")
+            ),
+        );
+    }
+    let index = index?;
+    Some((u16::try_from(index).ok()?, formation.platforms.get(index)?.clone()))
+}
+
 /// Nodes of every platform, below its namespace.
 pub const PLATFORM_NODES: [&str; 3] = ["driver", "estimator", "local_control"];
 

@@ -46,7 +46,7 @@ pub use command_line::Override;
 pub use descriptor::{Descriptor, NumericRange};
 pub use edit::{set_in_file, set_in_text};
 pub use error::{Origin, ParameterError, ParameterErrors};
-pub use formation::{FORMATION_NODES, Formation, PLATFORM_NODES, formation, node_names};
+pub use formation::{FORMATION_NODES, Formation, PLATFORM_NODES, formation, node_names, own_platform};
 pub use limits::{Limits, any, non_negative, positive, range};
 pub use node_parameters::{Entry, NodeParameters};
 pub use platform_model::{platform_model, truth_model};

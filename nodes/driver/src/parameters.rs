@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_math::rad_from_deg;
 use whorl_msgs::topics::PlatformId;
-use whorl_params::{Formation, Reader, any, formation, platform_model, range, truth_model};
+use whorl_params::{Reader, any, own_platform, platform_model, range, truth_model};
 
 use crate::faults::{self, Fault};
 use crate::simulated::Start;
@@ -60,17 +60,10 @@ impl Parameters {
     }
 }
 
-/// Reads them for the platform called `platform`. `None` when the model is unusable: the reader
+/// Reads them for the platform in whose namespace the node is. `None` when the model is unusable: the reader
 /// then holds the reasons.
-pub fn read(r: &mut Reader<'_>, platform: &str) -> Option<Parameters> {
-    let Formation { platforms } = formation(r);
-    let index = platforms.iter().position(|name| name == platform);
-    if index.is_none() && r.error_count() == 0 {
-        r.reject(
-            "formation.platforms",
-            format!("this driver runs in the namespace /{platform}, which is not in the list; start it with -r __ns:=/PLATFORM"),
-        );
-    }
+pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
+    let own = own_platform(r);
     let model = platform_model(r, "model");
     let truth = truth_model(r);
     let seed =
@@ -106,10 +99,11 @@ pub fn read(r: &mut Reader<'_>, platform: &str) -> Option<Parameters> {
     if ![0, wheels].contains(&start.wheel_speed_rad_s.len()) {
         r.reject("initial.wheel_speed_rad_s", format!("allowed: {wheels} numbers, one per wheel, or none"));
     }
-    let platform_id = PlatformId(u16::try_from(index?).ok()?);
+    let (index, name) = own?;
+    let platform_id = PlatformId(index);
     Some(Parameters {
         platform: platform_id,
-        name: platform.to_owned(),
+        name,
         model,
         backend: match kind {
             "replay" => Backend::Replay { source, channels },
