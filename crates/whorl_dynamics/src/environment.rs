@@ -14,7 +14,7 @@ use crate::PlatformModel;
 pub struct Environment<'a> {
     /// The platform, effects that correct its constants already applied.
     pub model: &'a PlatformModel,
-    /// Time since the start of the run [s].
+    /// Time since the start of the run \[s\].
     pub time_s: f64,
     /// Attitude, v_world = q v_body.
     pub q_world_body: UnitQuaternion<f64>,
@@ -31,13 +31,13 @@ pub struct Environment<'a> {
     pub wheel_motor_torque_n_m: &'a [f64],
     /// Share of each valve's flow that passes now, 0..1.
     pub valve_fraction: &'a [f64],
-    /// Tank pressure [Pa].
+    /// Tank pressure \[Pa\].
     pub tank_pressure_pa: f64,
-    /// Gas used since the start [kg].
+    /// Gas used since the start \[kg\].
     pub gas_used_kg: f64,
-    /// Bus voltage [V].
+    /// Bus voltage \[V\].
     pub bus_voltage_v: f64,
-    /// Temperature of the platform [K].
+    /// Temperature of the platform \[K\].
     pub temperature_k: f64,
     /// Sense of the last travel of the linear mass actuators along body x, y, z: -1, 0 (never moved), 1.
     pub ballast_direction: Vector3<f64>,
@@ -94,7 +94,7 @@ impl<'a> Environment<'a> {
         self.wheel_motor_torque_n_m.get(wheel).copied().unwrap_or(0.0)
     }
 
-    /// Heading: the angle of body x about the vertical, from world x towards world y [rad], -pi..pi.
+    /// Heading: the angle of body x about the vertical, from world x towards world y \[rad\], -pi..pi.
     #[must_use]
     pub fn yaw_rad(&self) -> f64 {
         azimuth_rad(&self.q_world_body)

@@ -12,7 +12,7 @@ pub(super) struct EarthRotation;
 /// Sidereal rate of the Earth [rad/s].
 const EARTH_RATE_RAD_S: f64 = 7.292_115e-5;
 
-/// Latitude of Blacksburg, Virginia [rad] (Schwartz 2004, section 4.3.1: 37.21 degrees north).
+/// Latitude of Blacksburg, Virginia \[rad\] (Schwartz 2004, section 4.3.1: 37.21 degrees north).
 const BLACKSBURG_RAD: f64 = 0.649_437;
 
 static INFO: EffectInfo = EffectInfo {

@@ -109,12 +109,12 @@ pub trait Effect: Sync + fmt::Debug {
         0.0
     }
 
-    /// Added delay of a valve's opening and closing [s], taken when the pulse is commanded.
+    /// Added delay of a valve's opening and closing \[s\], taken when the pulse is commanded.
     fn valve_delay_s(&self, _values: &[f64], _environment: &Environment<'_>) -> (f64, f64) {
         (0.0, 0.0)
     }
 
-    /// Time constant of the first-order build-up and tail-off of thrust [s]; 0 = immediate.
+    /// Time constant of the first-order build-up and tail-off of thrust \[s\]; 0 = immediate.
     fn jet_rise_time_s(&self, _values: &[f64]) -> f64 {
         0.0
     }

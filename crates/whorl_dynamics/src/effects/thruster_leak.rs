@@ -22,7 +22,7 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
-/// Thrust of the leak of jet `j` now [N].
+/// Thrust of the leak of jet `j` now \[N\].
 fn leak_n(values: &[f64], environment: &Environment<'_>, j: usize) -> f64 {
     let shut = 1.0 - environment.valve_fraction.get(j).copied().unwrap_or(0.0);
     value(values, j) * shut * environment.pressure_ratio()

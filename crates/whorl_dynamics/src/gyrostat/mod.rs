@@ -125,7 +125,7 @@ impl Gyrostat {
         &self.effects
     }
 
-    /// Time constant of the build-up of thrust [s], 0 = immediate.
+    /// Time constant of the build-up of thrust \[s\], 0 = immediate.
     #[must_use]
     pub fn jet_rise_time_s(&self) -> f64 {
         self.jet_rise_time_s
@@ -146,7 +146,7 @@ impl Gyrostat {
         momentum
     }
 
-    /// Kinetic energy of platform and wheels [J].
+    /// Kinetic energy of platform and wheels \[J\].
     #[must_use]
     pub fn kinetic_energy_j(&self, omega_wb_b_rad_s: &Vector3<f64>, wheel_speed_rad_s: &[f64]) -> f64 {
         let inertia = self.model.mass_properties.inertia_b_kg_m2();
@@ -159,7 +159,7 @@ impl Gyrostat {
         0.5 * twice
     }
 
-    /// Potential energy of the gravity offset [J], zero with the centre of mass level with the
+    /// Potential energy of the gravity offset \[J\], zero with the centre of mass level with the
     /// centre of rotation.
     #[must_use]
     pub fn potential_energy_j(&self, q_world_body: &UnitQuaternion<f64>) -> f64 {
@@ -242,14 +242,14 @@ impl Gyrostat {
         }
     }
 
-    /// Gas in the full tank [kg].
+    /// Gas in the full tank \[kg\].
     #[must_use]
     pub fn initial_gas_kg(&self) -> f64 {
         let tank = &self.model.tank;
         tank.initial_pressure_pa * tank.volume_m3 / (tank.gas_constant_j_kg_k * tank.temperature_k)
     }
 
-    /// Pressure of this much gas in the tank [Pa], isothermal.
+    /// Pressure of this much gas in the tank \[Pa\], isothermal.
     #[must_use]
     pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
         let tank = &self.model.tank;

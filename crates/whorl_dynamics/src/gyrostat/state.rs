@@ -21,7 +21,7 @@ pub struct State {
     pub omega_wb_b_rad_s: Vector3<f64>,
     /// Wheel speeds relative to the body [rad/s].
     pub wheel_speed_rad_s: [f64; MAX_WHEELS],
-    /// Gas in the tank [kg].
+    /// Gas in the tank \[kg\].
     pub gas_kg: f64,
     /// Hidden states of effects.
     pub hidden: [f64; MAX_HIDDEN_STATES],

@@ -135,7 +135,7 @@ impl Plant {
         self.valves.failure(jet)
     }
 
-    /// Time a valve's driver has been switched on since the start [s], as its electronics know it (a
+    /// Time a valve's driver has been switched on since the start \[s\], as its electronics know it (a
     /// stuck valve counts all the same). Differences of two calls give the on-time between them.
     #[must_use]
     pub fn valve_driven_s(&self, jet: usize) -> f64 {

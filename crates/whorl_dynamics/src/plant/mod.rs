@@ -21,7 +21,7 @@ use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State};
 use noise::{Normal, Stream, TriaxialSensor};
 use valves::Valves;
 
-/// Largest integration step [ns]: 1 kHz.
+/// Largest integration step \[ns\]: 1 kHz.
 pub const DEFAULT_STEP_NS: i64 = 1_000_000;
 
 /// Why a plant cannot be made or moved.
@@ -60,7 +60,7 @@ pub enum PlantError {
 /// Where a run starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InitialState {
-    /// Time of the start [ns].
+    /// Time of the start \[ns\].
     pub time_ns: i64,
     /// Attitude, v_world = q v_body.
     pub q_world_body: UnitQuaternion<f64>,
@@ -85,7 +85,7 @@ impl Default for InitialState {
 /// What really happens, for records and tests; no sensor sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
-    /// Time [ns].
+    /// Time \[ns\].
     pub time_ns: i64,
     /// Attitude, v_world = q v_body.
     pub q_world_body: UnitQuaternion<f64>,
@@ -101,15 +101,15 @@ pub struct Truth {
     pub gyro_bias_rad_s: Vector3<f64>,
     /// Whole bias of the accelerometer now [m/s^2].
     pub accelerometer_bias_m_s2: Vector3<f64>,
-    /// Gas left [kg].
+    /// Gas left \[kg\].
     pub gas_kg: f64,
-    /// Tank pressure [Pa].
+    /// Tank pressure \[Pa\].
     pub tank_pressure_pa: f64,
-    /// Bus voltage [V].
+    /// Bus voltage \[V\].
     pub bus_voltage_v: f64,
-    /// Temperature [K].
+    /// Temperature \[K\].
     pub temperature_k: f64,
-    /// Time each valve has really been open since the start [s].
+    /// Time each valve has really been open since the start \[s\].
     pub valve_open_s: Vec<f64>,
     /// Hidden states of effects.
     pub hidden: Vec<f64>,
@@ -201,14 +201,14 @@ impl Plant {
         Ok(plant)
     }
 
-    /// The same with another largest step [ns], at least 1 us; for studies of the integrator.
+    /// The same with another largest step \[ns\], at least 1 us; for studies of the integrator.
     #[must_use]
     pub fn with_step_ns(mut self, step_ns: i64) -> Self {
         self.step_ns = step_ns.max(1_000);
         self
     }
 
-    /// Present time [ns].
+    /// Present time \[ns\].
     #[must_use]
     pub fn now_ns(&self) -> i64 {
         self.now_ns
@@ -261,7 +261,7 @@ impl Plant {
         }
     }
 
-    /// Time since the start of the run [s].
+    /// Time since the start of the run \[s\].
     #[must_use]
     pub fn time_s(&self) -> f64 {
         (self.now_ns - self.start_ns) as f64 * 1e-9

@@ -44,19 +44,19 @@ impl Plant {
             .collect()
     }
 
-    /// Reads the bus voltage now [V].
+    /// Reads the bus voltage now \[V\].
     pub fn sample_bus_voltage_v(&mut self) -> f64 {
         let truth = self.gyrostat.environment(self.time_s(), &self.state, &self.drive).bus_voltage_v;
         self.gyrostat.model().sensors.bus_voltage.reading(truth, self.bus_noise.draw())
     }
 
-    /// Reads the tank pressure now [Pa].
+    /// Reads the tank pressure now \[Pa\].
     pub fn sample_tank_pressure_pa(&mut self) -> f64 {
         let truth = self.gyrostat.pressure_pa(self.state.gas_kg);
         self.gyrostat.model().sensors.tank_pressure.reading(truth, self.pressure_noise.draw())
     }
 
-    /// Reads the platform's temperature now [K].
+    /// Reads the platform's temperature now \[K\].
     pub fn sample_temperature_k(&mut self) -> f64 {
         let truth = self.gyrostat.environment(self.time_s(), &self.state, &self.drive).temperature_k;
         self.gyrostat.model().sensors.temperature.reading(truth, self.temperature_noise.draw())

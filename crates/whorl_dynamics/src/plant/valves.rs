@@ -9,13 +9,13 @@ use crate::platform::Jet;
 /// A pulse as the valve carries it out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pulse {
-    /// The valve's driver switches on [ns].
+    /// The valve's driver switches on \[ns\].
     pub on_ns: i64,
-    /// The valve's driver switches off [ns].
+    /// The valve's driver switches off \[ns\].
     pub off_ns: i64,
-    /// Gas begins to flow [ns].
+    /// Gas begins to flow \[ns\].
     pub opens_ns: i64,
-    /// Gas stops [ns]; not after `opens_ns` when the pulse is too short to open the valve.
+    /// Gas stops \[ns\]; not after `opens_ns` when the pulse is too short to open the valve.
     pub closes_ns: i64,
 }
 
@@ -37,9 +37,9 @@ struct Valve {
     thrust_n: f64,
     pulses: Vec<Pulse>,
     failure: JetFailure,
-    /// On-time of pulses that are over [ns].
+    /// On-time of pulses that are over \[ns\].
     driven_ns: i64,
-    /// Open time up to the last update [ns].
+    /// Open time up to the last update \[ns\].
     open_ns: i64,
     is_open: bool,
 }
@@ -124,7 +124,7 @@ impl Valves {
         self.valves.get(jet).map_or(JetFailure::None, |valve| valve.failure)
     }
 
-    /// When [`Self::settle`] must be called next [ns].
+    /// When [`Self::settle`] must be called next \[ns\].
     pub fn next_edge_ns(&self) -> i64 {
         self.next_edge_ns
     }
@@ -182,7 +182,7 @@ impl Valves {
         fractions
     }
 
-    /// Time the valve's driver has been on since the start [ns].
+    /// Time the valve's driver has been on since the start \[ns\].
     pub fn driven_ns(&self, jet: usize, now_ns: i64) -> i64 {
         self.valves.get(jet).map_or(0, |valve| {
             let so_far = |p: &Pulse| (now_ns.min(p.off_ns) - p.on_ns).max(0);
@@ -190,7 +190,7 @@ impl Valves {
         })
     }
 
-    /// Time the valve has really been open since the start [ns].
+    /// Time the valve has really been open since the start \[ns\].
     pub fn open_ns(&self, jet: usize, now_ns: i64) -> i64 {
         self.valves
             .get(jet)

@@ -26,17 +26,17 @@ pub struct Wheel {
 pub struct Jet {
     /// Name in parameter files.
     pub name: String,
-    /// Nozzle position from the centre of rotation, body axes [m].
+    /// Nozzle position from the centre of rotation, body axes \[m\].
     pub position_b_m: Vector3<f64>,
     /// Direction of the force on the platform (opposite to the plume), body axes.
     pub force_direction_b: Unit<Vector3<f64>>,
-    /// Thrust at the tank's reference pressure [N], > 0.
+    /// Thrust at the tank's reference pressure \[N\], > 0.
     pub thrust_n: f64,
-    /// Shortest pulse the valve can make [s], >= 0.
+    /// Shortest pulse the valve can make \[s\], >= 0.
     pub min_on_time_s: f64,
-    /// From the command to full thrust [s], >= 0.
+    /// From the command to full thrust \[s\], >= 0.
     pub opening_delay_s: f64,
-    /// From the end of the command to no thrust [s], >= 0.
+    /// From the end of the command to no thrust \[s\], >= 0.
     pub closing_delay_s: f64,
 }
 
@@ -54,16 +54,16 @@ impl Jet {
 pub struct Tank {
     /// Volume [m^3], > 0.
     pub volume_m3: f64,
-    /// Pressure at the start of a run [Pa], > 0.
+    /// Pressure at the start of a run \[Pa\], > 0.
     pub initial_pressure_pa: f64,
-    /// Pressure at which jets give their nominal thrust [Pa], > 0.
+    /// Pressure at which jets give their nominal thrust \[Pa\], > 0.
     pub reference_pressure_pa: f64,
     /// Exponent of thrust over pressure: 0 = a perfect regulator, 1 = plain blow-down.
     pub thrust_pressure_exponent: f64,
-    /// Gas temperature [K], > 0.
+    /// Gas temperature \[K\], > 0.
     pub temperature_k: f64,
     /// Specific gas constant [J/(kg K)] (nitrogen: 296.8), > 0.
     pub gas_constant_j_kg_k: f64,
-    /// Specific impulse [s], > 0: gas rate of a jet = thrust / (g0 Isp).
+    /// Specific impulse \[s\], > 0: gas rate of a jet = thrust / (g0 Isp).
     pub specific_impulse_s: f64,
 }

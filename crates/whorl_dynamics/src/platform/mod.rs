@@ -45,13 +45,13 @@ pub struct PlatformModel {
 pub enum TiltLimit {
     /// Tabletop: the angle between body z and the vertical stays below this.
     Cone {
-        /// Largest tilt [rad], 0 < x < pi.
+        /// Largest tilt \[rad\], 0 < x < pi.
         max_rad: f64,
     },
     /// Dumbbell: the elevation of body x above the horizontal stays within +- this; yaw and roll
     /// (about body x) are free.
     Pitch {
-        /// Largest pitch [rad], 0 < x < pi/2.
+        /// Largest pitch \[rad\], 0 < x < pi/2.
         max_rad: f64,
     },
 }

@@ -19,13 +19,13 @@ pub struct TriaxialErrors {
     pub bias_walk: Vector3<f64>,
     /// Scale factor error per axis, dimensionless, |x| < 0.5.
     pub scale: Vector3<f64>,
-    /// Small rotation from body axes to the sensor's own axes [rad].
+    /// Small rotation from body axes to the sensor's own axes \[rad\].
     pub misalignment_rad: Vector3<f64>,
     /// Step of the digitised output, >= 0; 0 = none (unit of the sensor).
     pub quantum: f64,
     /// Clips at +- this, > 0 (unit of the sensor).
     pub range: f64,
-    /// Age of the data when stamped [s], >= 0.
+    /// Age of the data when stamped \[s\], >= 0.
     pub latency_s: f64,
 }
 
@@ -41,7 +41,7 @@ pub struct RateGyro {
 pub struct Accelerometer {
     /// Its errors [m/s^2].
     pub errors: TriaxialErrors,
-    /// Position from the centre of rotation, body axes [m].
+    /// Position from the centre of rotation, body axes \[m\].
     pub lever_arm_b_m: Vector3<f64>,
 }
 
@@ -50,13 +50,13 @@ pub struct Accelerometer {
 pub struct VectorSensor {
     /// The direction it sees, world axes.
     pub reference_direction_world: Unit<Vector3<f64>>,
-    /// White noise of one sample, standard deviation across each of two axes [rad], >= 0.
+    /// White noise of one sample, standard deviation across each of two axes \[rad\], >= 0.
     pub noise_stddev_rad: f64,
-    /// Small rotation from body axes to the sensor's own axes [rad].
+    /// Small rotation from body axes to the sensor's own axes \[rad\].
     pub misalignment_rad: Vector3<f64>,
-    /// Sample rate [Hz], > 0.
+    /// Sample rate \[Hz\], > 0.
     pub rate_hz: f64,
-    /// Age of the data when stamped [s], >= 0.
+    /// Age of the data when stamped \[s\], >= 0.
     pub latency_s: f64,
 }
 
@@ -81,7 +81,7 @@ pub struct ScalarSensor {
 /// The electrical bus of a platform on batteries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusVoltage {
-    /// At the start of a run [V], > 0.
+    /// At the start of a run \[V\], > 0.
     pub initial_v: f64,
     /// Fall over time [V/s], >= 0.
     pub discharge_v_s: f64,
@@ -92,7 +92,7 @@ pub struct BusVoltage {
 /// The sensors of a platform.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorSuite {
-    /// Sample rate of gyro, accelerometer and wheel speed [Hz], > 0.
+    /// Sample rate of gyro, accelerometer and wheel speed \[Hz\], > 0.
     pub rate_hz: f64,
     /// Rate gyro.
     pub gyro: RateGyro,
@@ -102,13 +102,13 @@ pub struct SensorSuite {
     pub vector: Option<VectorSensor>,
     /// Tachometers.
     pub wheel_speed: WheelSpeedSensor,
-    /// Bus voltage [V].
+    /// Bus voltage \[V\].
     pub bus_voltage: ScalarSensor,
-    /// Tank pressure [Pa].
+    /// Tank pressure \[Pa\].
     pub tank_pressure: ScalarSensor,
-    /// Temperature of the platform [K].
+    /// Temperature of the platform \[K\].
     pub temperature: ScalarSensor,
-    /// Ambient temperature [K] and its drift [K/s] in simulation.
+    /// Ambient temperature \[K\] and its drift [K/s] in simulation.
     pub ambient_temperature_k: f64,
     /// Drift of the temperature [K/s].
     pub temperature_drift_k_s: f64,

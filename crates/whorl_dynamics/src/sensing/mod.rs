@@ -15,7 +15,7 @@ use whorl_math::GRAVITY_M_S2;
 /// One sample of the inertial unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuSample {
-    /// Stamp [ns]; the data are older by the sensor's latency.
+    /// Stamp \[ns\]; the data are older by the sensor's latency.
     pub stamp_ns: i64,
     /// Gyro reading, sensor axes nominally along the body's [rad/s].
     pub angular_velocity_rad_s: Vector3<f64>,
@@ -26,7 +26,7 @@ pub struct ImuSample {
 /// One sample of the vector sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VectorSample {
-    /// Stamp [ns]; the data are older by the sensor's latency.
+    /// Stamp \[ns\]; the data are older by the sensor's latency.
     pub stamp_ns: i64,
     /// Direction to the reference, sensor axes nominally along the body's.
     pub direction: Unit<Vector3<f64>>,

@@ -10,7 +10,7 @@ impl TriaxialErrors {
     /// What the sensor reads for `truth` in body axes, all in its own unit.
     ///
     /// y = (1 + scale) * R(m)^T truth + bias + noise, then clipped to +-range, then rounded to the
-    /// quantum; R(m) = exp([misalignment]x) turns body axes into sensor axes. `bias` is the whole
+    /// quantum; R(m) = exp(misalignment x) turns body axes into sensor axes. `bias` is the whole
     /// bias of the moment (constant, turn-on and walk), `standard_normal` one draw per axis.
     #[must_use]
     pub fn reading(
