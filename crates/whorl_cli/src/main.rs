@@ -1,1 +1,46 @@
-fn main() {}
+//! The `whorl` command.
+
+mod report;
+mod simulate;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Formation coordination for spherical air-bearing platforms.
+#[derive(Debug, Parser)]
+#[command(name = "whorl", version, about, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Runs an experiment in one process, much faster than real time, and records it.
+    Simulate(simulate::Arguments),
+    /// Writes report.html and summary.json of recorded runs, and prints the headline numbers.
+    Report {
+        /// Run directories or rosbag2 directories.
+        #[arg(required = true, value_name = "RUN")]
+        runs: Vec<PathBuf>,
+        /// Where the page goes; with one RUN only [default: RUN/report.html].
+        #[arg(long, value_name = "FILE")]
+        html: Option<PathBuf>,
+    },
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Report { runs, html } => report::run(&runs, html.as_deref()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -5,6 +5,10 @@
 
 mod bus;
 mod link;
+mod node_set;
+mod run;
 
 pub use bus::{Bus, Host, Observer};
 pub use link::{Cut, LinkParameters};
+pub use node_set::{NodeSet, NodeSetError};
+pub use run::{Outcome, run};

@@ -1,1 +1,10 @@
 //! Estimates attitude and gyro bias of one platform.
+//!
+//! Reads `imu/data_raw` and `vector_sensor/direction`, publishes `attitude/estimate` at every IMU
+//! sample, and `/tf`. The filter is `whorl_estimation::Filter`.
+
+mod core;
+pub mod parameters;
+
+pub use crate::core::EstimatorCore;
+pub use parameters::Parameters;

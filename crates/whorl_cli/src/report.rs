@@ -1,0 +1,134 @@
+//! `whorl report`: from a recorded run to its page and numbers.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use whorl_bag::{Manifest, RunDirectory, RunState};
+use whorl_math::deg_from_rad;
+use whorl_report::{Description, RunData, Summary, TopicRow};
+
+/// Carries out `whorl report`.
+pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
+    if html.is_some() && runs.len() > 1 {
+        bail!("--html goes with one RUN; {} were given", runs.len());
+    }
+    for path in runs {
+        let (page, summary) = write(path, html)?;
+        print_headline(&summary);
+        println!("report: {}", page.display());
+    }
+    Ok(())
+}
+
+/// Writes page and numbers of one run; returns where the page is and the numbers.
+pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summary)> {
+    let mut run = RunDirectory::open(path)?;
+    let recovery = match run.manifest().map(|m| m.state.clone()) {
+        Some(RunState::Recording) => run.recover().map(Some)?,
+        _ => None,
+    };
+    let bag = run.bag()?;
+    let mut data = RunData::default();
+    let mut messages = bag.messages();
+    let mut undecodable = 0u64;
+    while let Some(message) = messages.next() {
+        let message = message?;
+        if message.topic.message_type().is_none() {
+            continue;
+        }
+        match message.decode() {
+            Ok(decoded) => data.add(&message.topic.name, message.log_time.0, decoded),
+            Err(_) => undecodable += 1,
+        }
+    }
+    if data.platforms.is_empty() {
+        bail!(
+            "{} holds none of Whorl's topics (such as /whorl_1/imu/data_raw); it holds: {}",
+            path.display(),
+            bag.topics().iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ")
+        );
+    }
+    let manifest = run.manifest_or_from_bag()?;
+    let summary = whorl_report::summarise(&data);
+    let mut description = describe(path, &manifest);
+    if recovery.is_some() {
+        description.warnings.push("The recorder was killed; this is the run up to its last second.".to_owned());
+    }
+    if let RunState::Stopped(reason) = &manifest.state {
+        description.warnings.push(format!("The recording ended early: {reason}"));
+    }
+    if undecodable > 0 {
+        description.warnings.push(format!("{undecodable} messages do not fit their type and were left out."));
+    }
+    let page = html.map_or_else(
+        || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
+        Path::to_owned,
+    );
+    std::fs::write(&page, whorl_report::html(&data, &summary, &description))
+        .with_context(|| format!("cannot write {}", page.display()))?;
+    if let serde_json::Value::Object(entries) = serde_json::to_value(&summary)? {
+        run.update_summary(&entries)?;
+    }
+    Ok((page, summary))
+}
+
+fn describe(path: &Path, manifest: &Manifest) -> Description {
+    let d = &manifest.description;
+    let mut facts = vec![
+        ("run".to_owned(), path.display().to_string()),
+        ("experiment".to_owned(), d.experiment.clone()),
+        ("platforms".to_owned(), d.platforms.join(", ")),
+        ("recording".to_owned(), manifest.state.name().to_owned()),
+        ("time".to_owned(), if d.simulated_time { "simulated" } else { "real" }.to_owned()),
+        ("Whorl version".to_owned(), d.version.clone()),
+    ];
+    facts.extend(d.git_commit.iter().map(|c| ("git commit".to_owned(), c.clone())));
+    facts.extend(d.seed.iter().map(|s| ("seed".to_owned(), s.to_string())));
+    facts.extend(d.notes.iter().cloned());
+    facts.extend(
+        manifest.parameters.iter().map(|p| (p.file.clone(), format!("sha256 {}", p.sha256.get(..16).unwrap_or(&p.sha256)))),
+    );
+    Description {
+        title: format!("Whorl run: {}", if d.experiment.is_empty() { "recording" } else { &d.experiment }),
+        facts,
+        topics: manifest
+            .topics
+            .iter()
+            .map(|t| TopicRow {
+                name: t.name.clone(),
+                type_name: t.type_name.clone(),
+                messages: t.count,
+                rate_hz: t.rate_hz,
+                lost: t.sequence.map(|s| s.lost),
+                longest_gap_s: t.largest_gap_s,
+            })
+            .collect(),
+        warnings: Vec::new(),
+    }
+}
+
+/// The numbers a person looks for first.
+pub fn print_headline(summary: &Summary) {
+    println!("{} ({}): {} after {:.1} s", summary.experiment, summary.law, summary.outcome, summary.duration_s);
+    for pair in &summary.pairs {
+        println!(
+            "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); of it estimators {:.4}, control {:.4}{}",
+            pair.follower,
+            pair.leader,
+            deg_from_rad(pair.relative_error_rms_rad),
+            deg_from_rad(pair.relative_error_max_rad),
+            deg_from_rad(pair.estimator_error_rms_rad),
+            deg_from_rad(pair.control_error_rms_rad),
+            if pair.from_truth { "" } else { " (from the estimates: there is no truth)" },
+        );
+    }
+    for platform in &summary.platforms {
+        println!(
+            "  {}: estimator error {:.4} deg RMS, gas {:.2} g, sensor to command {:.2} ms (99 %)",
+            platform.name,
+            deg_from_rad(platform.estimator_error_rms_rad),
+            platform.gas_used_kg * 1e3,
+            platform.sensor_to_command_p99_s * 1e3
+        );
+    }
+}

@@ -1,0 +1,171 @@
+//! `whorl simulate`: an experiment in one process, deterministic, recorded like a real one.
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
+use whorl_msgs::topics::{Message, Route};
+use whorl_node::{LogLevel, LogLine, Timestamp};
+use whorl_params::{ParameterTree, Reader, formation, standard_layers};
+use whorl_sim::{NodeSet, Observer, run as run_simulation};
+
+use crate::report;
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Experiment file, e.g. params/experiments/leader_follower.yaml.
+    #[arg(long, value_name = "FILE")]
+    experiment: PathBuf,
+    /// Run directory to write; must not hold a run yet [default: runs/<UTC time>_<experiment>].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Seed of all noise: same seed, same parameters, same run to the bit.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Parameter folder [default: the experiment file's ../, which is params/].
+    #[arg(long, value_name = "DIR")]
+    params: Option<PathBuf>,
+    /// Longest simulated time [s]; an experiment normally ends by itself.
+    #[arg(long, value_name = "SECONDS", default_value_t = 3600.0)]
+    longest: f64,
+    /// Do not record: only simulate and say how fast.
+    #[arg(long, conflicts_with = "out")]
+    no_record: bool,
+    /// Do not write the report.
+    #[arg(long)]
+    no_report: bool,
+    /// Print the nodes' log lines.
+    #[arg(long, short)]
+    verbose: bool,
+}
+
+/// Records what is published and keeps warnings.
+struct Recording {
+    writer: Option<RunWriter>,
+    verbose: bool,
+    messages: u64,
+}
+
+impl Observer for Recording {
+    type Error = BagError;
+
+    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), BagError> {
+        self.messages += 1;
+        match &mut self.writer {
+            Some(writer) => writer.write_message(route, now, message),
+            None => Ok(()),
+        }
+    }
+
+    fn logged(&mut self, now: Timestamp, node: &str, line: &LogLine) {
+        if self.verbose || line.level == LogLevel::Error {
+            // A lost line of a log is no reason to stop.
+            let _ = writeln!(std::io::stderr(), "[{:9.3} s] {node}: {}", now.seconds(), line.text);
+        }
+    }
+}
+
+/// Carries out `whorl simulate`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if !(arguments.longest > 0.0 && arguments.longest.is_finite()) {
+        bail!("--longest is {}; allowed: a positive number of seconds", arguments.longest);
+    }
+    let layers = layers(arguments)?;
+    let tree = ParameterTree::load(&layers, &[])?;
+    let mut set = NodeSet::build(&tree, arguments.seed, Timestamp(0))?;
+    let experiment = arguments.experiment.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let writer = if arguments.no_record { None } else { Some(open_run(arguments, &experiment, &set, &layers)?) };
+    let path = writer.as_ref().map(|w| w.path().to_owned());
+    let mut recording = Recording { writer, verbose: arguments.verbose, messages: 0 };
+
+    let began = Instant::now();
+    let mut shown = None;
+    let outcome = run_simulation(&mut set, Duration::from_secs_f64(arguments.longest), &mut recording, |simulated_s| {
+        progress(&mut shown, began, simulated_s);
+    })?;
+    if shown.is_some() {
+        eprintln!();
+    }
+    if let Some(writer) = recording.writer {
+        writer.finish(utc_now())?;
+    }
+    let elapsed_s = began.elapsed().as_secs_f64();
+    println!(
+        "simulated {:.1} s in {elapsed_s:.2} s ({:.0} times real time), {} messages{}",
+        outcome.simulated_s,
+        outcome.simulated_s / elapsed_s,
+        recording.messages,
+        if outcome.finished { "" } else { "; the experiment had not ended by itself" }
+    );
+    let Some(path) = path else { return Ok(()) };
+    println!("run directory: {}", path.display());
+    if !arguments.no_report {
+        let (page, summary) = report::write(&path, None)?;
+        report::print_headline(&summary);
+        println!("report: {}", page.display());
+    }
+    Ok(())
+}
+
+fn layers(arguments: &Arguments) -> anyhow::Result<Vec<PathBuf>> {
+    let experiment = &arguments.experiment;
+    if !experiment.is_file() {
+        bail!("no experiment file {}", experiment.display());
+    }
+    let folder = match &arguments.params {
+        Some(folder) => folder.clone(),
+        None => experiment
+            .parent()
+            .and_then(Path::parent)
+            .filter(|folder| folder.join("common.yaml").is_file())
+            .map(Path::to_owned)
+            .with_context(|| {
+                format!("{} is not in a folder experiments/ beside a common.yaml; name the parameter folder with --params", experiment.display())
+            })?,
+    };
+    // The platforms decide which further files there are.
+    let tree = ParameterTree::load(&standard_layers(&folder, &[], Some(experiment)), &[])?;
+    let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
+    let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
+    Ok(standard_layers(&folder, &names, Some(experiment)))
+}
+
+fn open_run(arguments: &Arguments, experiment: &str, set: &NodeSet, layers: &[PathBuf]) -> anyhow::Result<RunWriter> {
+    let description = RunDescription {
+        experiment: experiment.to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: Some(arguments.seed),
+        simulated_time: true,
+        platforms: set.platforms.clone(),
+        ..RunDescription::default()
+    };
+    let options = BagOptions::default();
+    let mut writer = match &arguments.out {
+        Some(out) => RunWriter::create_in(out, description, utc_now(), options)?,
+        None => RunWriter::create(Path::new("runs"), description, utc_now(), options)?,
+    };
+    for layer in layers {
+        writer.add_parameter_file(layer)?;
+    }
+    writer.add_parameters("effective.yaml", "the parameters in force", set.effective_parameters.as_bytes())?;
+    Ok(writer)
+}
+
+/// Simulated time so far, on a terminal, from the first second of waiting on.
+fn progress(shown: &mut Option<Instant>, began: Instant, simulated_s: f64) {
+    let now = Instant::now();
+    let due = shown.map_or(began + Duration::from_secs(1), |last| last + Duration::from_millis(200));
+    if now >= due && std::io::stderr().is_terminal() {
+        *shown = Some(now);
+        let factor = simulated_s / began.elapsed().as_secs_f64();
+        eprint!("\rsimulated {simulated_s:7.1} s, {factor:5.0} times real time");
+    }
+}
+
+fn utc_now() -> Timestamp {
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Timestamp(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
+}

@@ -1,0 +1,170 @@
+//! The whole node set from one parameter tree.
+
+use std::time::Duration;
+
+use thiserror::Error;
+use whorl_coordinator::CoordinatorCore;
+use whorl_driver::{Backend, DriverCore, DriverError};
+use whorl_estimator::EstimatorCore;
+use whorl_local_control::LocalControlCore;
+use whorl_msgs::topics::PlatformId;
+use whorl_node::Timestamp;
+use whorl_params::{
+    Formation, Override, ParameterErrors, ParameterTree, Reader, effective_yaml, formation, non_negative, range, try_read,
+};
+
+use crate::bus::{Bus, Host};
+use crate::link::{Cut, LinkParameters};
+
+/// Why a node set cannot be built.
+#[derive(Debug, Error)]
+pub enum NodeSetError {
+    /// Parameters are wrong.
+    #[error("{0}")]
+    Parameters(#[from] ParameterErrors),
+    /// A driver cannot start.
+    #[error("{node}: {source}")]
+    Driver {
+        /// The node.
+        node: String,
+        /// Why.
+        source: DriverError,
+    },
+    /// Another node cannot start.
+    #[error("{node}: {reason}")]
+    Node {
+        /// The node.
+        node: String,
+        /// Why.
+        reason: String,
+    },
+    /// Replay and hardware happen in real time.
+    #[error("{node}: only backend sim runs in a simulation; start the node set for replay or hardware")]
+    Backend {
+        /// The node.
+        node: String,
+    },
+}
+
+/// A node set, ready to run.
+pub struct NodeSet {
+    /// The bus with all nodes on it.
+    pub bus: Bus,
+    /// Names of the platforms.
+    pub platforms: Vec<String>,
+    /// The parameters in force of every node, as a ROS 2 parameter file.
+    pub effective_parameters: String,
+}
+
+/// Parameters of the simulation itself (node name `simulation`).
+#[derive(Debug, Clone, PartialEq)]
+struct SimulationParameters {
+    local_delay: Duration,
+    link: LinkParameters,
+}
+
+fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
+    let local_delay_s = r.f64_or(
+        "local_delay_s",
+        2e-4,
+        range(0.0..=1.0),
+        "delay of messages between nodes of one computer [s]; measured over DDS on loopback: 0.1 to 0.3 ms",
+    );
+    let link = r.group("link", |r| LinkParameters {
+        delay_s: r.f64_or("delay_s", 1e-3, range(0.0..=10.0), "delay between computers [s]"),
+        jitter_s: r.f64_or("jitter_s", 0.0, range(0.0..=10.0), "further delay, uniform from 0 to this [s]"),
+        loss: r.f64_or("loss", 0.0, range(0.0..=1.0), "share of messages lost between computers"),
+        cuts: r
+            .children("cuts")
+            .iter()
+            .map(|name| {
+                r.group("cuts", |r| {
+                    r.group(name, |r| Cut {
+                        start_s: r.f64("start_s", non_negative(), "when the link is cut, from the start [s]"),
+                        length_s: r.f64("length_s", non_negative(), "for how long [s]"),
+                    })
+                })
+            })
+            .collect(),
+    });
+    Some(SimulationParameters { local_delay: Duration::from_secs_f64(local_delay_s), link })
+}
+
+/// Collects what each node's parameters came to.
+struct Builder<'a> {
+    tree: &'a ParameterTree,
+    effective: String,
+    errors: Vec<whorl_params::ParameterError>,
+}
+
+impl Builder<'_> {
+    /// Reads one node's parameters; `None` when they are wrong, with the reasons kept.
+    fn read<T>(&mut self, node: &str, read: impl FnOnce(&mut Reader<'_>) -> Option<T>) -> Option<T> {
+        let own = self.tree.for_node(node);
+        match try_read(&own, read) {
+            Ok((values, descriptors)) => {
+                self.effective.push_str(&effective_yaml([(node, descriptors.as_slice())]));
+                Some(values)
+            }
+            Err(errors) => {
+                self.errors.extend(errors.iter().cloned());
+                None
+            }
+        }
+    }
+}
+
+impl NodeSet {
+    /// Builds driver, estimator and local control of every platform and the coordinator. `seed`
+    /// takes the place of every driver's seed and drives the link.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the parameters of any node; or why a node cannot start.
+    pub fn build(tree: &ParameterTree, seed: u64, start: Timestamp) -> Result<Self, NodeSetError> {
+        let mut builder = Builder { tree, effective: String::new(), errors: Vec::new() };
+        let coordinator = builder.read("/coordinator", whorl_coordinator::parameters::read);
+        let simulation = builder.read("/simulation", read_simulation);
+        let Formation { platforms } = formation(&mut Reader::new(&tree.for_node("/coordinator")));
+        let seeded = tree.clone().with_overrides(&[Override::new("seed", i64::try_from(seed).unwrap_or(i64::MAX))]);
+        let mut sets = Vec::new();
+        for platform in &platforms {
+            builder.tree = &seeded;
+            let driver = builder.read(&format!("/{platform}/driver"), whorl_driver::parameters::read);
+            builder.tree = tree;
+            let estimator = builder.read(&format!("/{platform}/estimator"), whorl_estimator::parameters::read);
+            let control = builder.read(&format!("/{platform}/local_control"), whorl_local_control::parameters::read);
+            sets.extend(driver.zip(estimator).zip(control));
+        }
+        if let Some(error) = ParameterErrors::from_list(std::mem::take(&mut builder.errors)) {
+            return Err(error.into());
+        }
+        tree.check_sections(&whorl_params::node_names(&Formation { platforms: platforms.clone() }))?;
+        // Without errors both were read.
+        let (Some(coordinator), Some(simulation)) = (coordinator, simulation) else {
+            return Err(NodeSetError::Node { node: "/coordinator".into(), reason: "incomplete parameters".into() });
+        };
+        let mut bus = Bus::new(start, platforms.len(), simulation.local_delay, simulation.link, seed);
+        for (index, ((driver, estimator), control)) in (0u16..).zip(sets) {
+            let host = Host::Platform(PlatformId(index));
+            let name = driver.name.clone();
+            let node = |kind: &str| format!("/{name}/{kind}");
+            if !matches!(driver.backend, Backend::Simulated { .. }) {
+                return Err(NodeSetError::Backend { node: node("driver") });
+            }
+            let core = DriverCore::from_parameters(&driver, Vec::new(), |_| false)
+                .map_err(|source| NodeSetError::Driver { node: node("driver"), source })?;
+            bus.add(node("driver"), host, Box::new(core), Duration::ZERO);
+            let core = EstimatorCore::new(estimator).map_err(|e| failed(node("estimator"), e))?;
+            bus.add(node("estimator"), host, Box::new(core), Duration::ZERO);
+            let core = LocalControlCore::new(control).map_err(|e| failed(node("local_control"), e))?;
+            bus.add(node("local_control"), host, Box::new(core), Duration::ZERO);
+        }
+        let core = CoordinatorCore::new(coordinator).map_err(|e| failed("/coordinator".into(), e))?;
+        bus.add("/coordinator", Host::Ground, Box::new(core), Duration::ZERO);
+        Ok(Self { bus, platforms, effective_parameters: builder.effective })
+    }
+}
+
+fn failed(node: String, reason: impl std::fmt::Display) -> NodeSetError {
+    NodeSetError::Node { node, reason: reason.to_string() }
+}

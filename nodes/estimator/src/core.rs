@@ -1,0 +1,261 @@
+//! The estimator's state machine: samples in, estimates out.
+
+use std::time::Duration;
+
+use whorl_estimation::{Filter, FilterEvent, ImuSample, ParameterError, Rejection, Verdict};
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use whorl_msgs::geometry_msgs::{Transform, TransformStamped};
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::tf2_msgs::TFMessage;
+use whorl_msgs::topics::{Message, Route, Topic};
+use whorl_msgs::whorl::AttitudeEstimate;
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+
+use crate::Parameters;
+
+/// How often staleness is looked for when no IMU sample arrives.
+const WATCH_PERIOD: Duration = Duration::from_millis(50);
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+
+/// The estimator of one platform.
+pub struct EstimatorCore {
+    parameters: Parameters,
+    filter: Filter,
+    sequence: u64,
+    last_published: Option<Timestamp>,
+    next_tf: Option<Timestamp>,
+    next_diagnostics: Option<Timestamp>,
+    last_health: u8,
+}
+
+impl EstimatorCore {
+    /// An estimator that waits for its first sample.
+    ///
+    /// # Errors
+    /// The first parameter that the filter cannot work with.
+    pub fn new(parameters: Parameters) -> Result<Self, ParameterError> {
+        Ok(Self {
+            filter: Filter::new(parameters.filter)?,
+            parameters,
+            sequence: 0,
+            last_published: None,
+            next_tf: None,
+            next_diagnostics: None,
+            last_health: AttitudeEstimate::HEALTH_INITIALISING,
+        })
+    }
+
+    fn route(&self, topic: Topic) -> Route {
+        Route::platform(self.parameters.platform, topic)
+    }
+
+    fn publish(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let estimate = self.filter.estimate(now.0);
+        let stamp = Timestamp(estimate.stamp_ns);
+        let mut covariance = [0.0; 36];
+        // nalgebra stores columns; the message has rows. The matrix is symmetric, and symmetrised.
+        covariance.copy_from_slice(estimate.covariance.as_slice());
+        let message = AttitudeEstimate {
+            header: Header { stamp: stamp.into(), frame_id: "world".to_owned() },
+            sequence: self.sequence,
+            q_world_body: estimate.q_world_body.into(),
+            omega_wb_b_rad_s: estimate.omega_wb_b_rad_s.into(),
+            gyro_bias_b_rad_s: estimate.gyro_bias_b_rad_s.into(),
+            covariance,
+            nis: estimate.nis.unwrap_or(f64::NAN),
+            nis_dof: estimate.nis_dof,
+            health: estimate.health as u8,
+            flags: estimate.flags.0,
+            rejected_samples: estimate.rejected_samples,
+        };
+        self.sequence += 1;
+        self.last_published = Some(now);
+        if message.health != self.last_health {
+            let level = if message.usable() { LogLevel::Info } else { LogLevel::Warn };
+            outputs
+                .log(level, format!("{}: estimate is {}", self.parameters.name, health_name(message.health)));
+            self.last_health = message.health;
+        }
+        let usable = message.usable();
+        let rotation = message.q_world_body;
+        outputs.publish(self.route(Topic::AttitudeEstimate), message);
+        self.publish_tf(now, stamp, usable.then_some(rotation), outputs);
+    }
+
+    fn publish_tf(
+        &mut self,
+        now: Timestamp,
+        stamp: Timestamp,
+        rotation: Option<whorl_msgs::geometry_msgs::Quaternion>,
+        outputs: &mut Outputs,
+    ) {
+        let Some(rotation) = rotation.filter(|_| self.parameters.tf_rate_hz > 0.0) else { return };
+        if self.next_tf.is_some_and(|due| now < due) {
+            return;
+        }
+        self.next_tf = Some(now + Duration::from_secs_f64(1.0 / self.parameters.tf_rate_hz));
+        let transform = TransformStamped {
+            header: Header { stamp: stamp.into(), frame_id: "world".to_owned() },
+            child_frame_id: format!("{}/base_link", self.parameters.name),
+            transform: Transform { rotation, ..Transform::default() },
+        };
+        outputs.publish(Route::shared(Topic::Tf), TFMessage { transforms: vec![transform] });
+    }
+
+    fn note(&self, event: Option<FilterEvent>, outputs: &mut Outputs) {
+        let Some(event) = event else { return };
+        let (level, text) = match event {
+            FilterEvent::StartedWithVector => {
+                (LogLevel::Info, "attitude found from gravity and the vector sensor")
+            }
+            FilterEvent::StartedWithoutVector => {
+                (LogLevel::Warn, "attitude found from gravity alone: the heading is assumed")
+            }
+            FilterEvent::RestartedAfterGap => {
+                (LogLevel::Warn, "attitude started anew after a gap in the IMU data")
+            }
+            FilterEvent::RestartedAfterOutliers => {
+                (LogLevel::Warn, "attitude started anew: the accelerometer kept disagreeing with it")
+            }
+            FilterEvent::RestartedAfterClockStep => {
+                (LogLevel::Warn, "attitude started anew after a step of the clock")
+            }
+            FilterEvent::RestartedAfterDivergence => {
+                (LogLevel::Error, "attitude started anew: the filter diverged")
+            }
+            FilterEvent::HeadingForgotten => {
+                (LogLevel::Warn, "heading started anew: the vector sensor kept disagreeing with it")
+            }
+        };
+        outputs.log(level, format!("{}: {text}", self.parameters.name));
+    }
+
+    fn diagnostics(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        if self.next_diagnostics.is_some_and(|due| now < due) {
+            return;
+        }
+        self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
+        let estimate = self.filter.estimate(now.0);
+        let sensors = ["gyro", "accelerometer", "vector sensor"];
+        let mut values: Vec<KeyValue> = sensors
+            .iter()
+            .zip(self.filter.rejections())
+            .map(|(sensor, counts)| KeyValue {
+                key: format!("{sensor} samples rejected"),
+                value: counts.total().to_string(),
+            })
+            .collect();
+        let sigma_deg = |i: usize| estimate.covariance[(i, i)].sqrt().to_degrees();
+        values.push(KeyValue {
+            key: "attitude uncertainty, body axes [deg]".to_owned(),
+            value: format!("{:.4} {:.4} {:.4}", sigma_deg(0), sigma_deg(1), sigma_deg(2)),
+        });
+        let health = estimate.health as u8;
+        let status = DiagnosticStatus {
+            level: match health {
+                AttitudeEstimate::HEALTH_OK => DiagnosticStatus::OK,
+                AttitudeEstimate::HEALTH_UNHEALTHY => DiagnosticStatus::ERROR,
+                _ => DiagnosticStatus::WARN,
+            },
+            name: format!("{}: estimator", self.parameters.name),
+            message: format!("estimate is {}{}", health_name(health), flag_names(estimate.flags.0)),
+            hardware_id: self.parameters.name.clone(),
+            values,
+        };
+        let header = Header { stamp: now.into(), frame_id: String::new() };
+        outputs.publish(Route::shared(Topic::Diagnostics), DiagnosticArray { header, status: vec![status] });
+    }
+}
+
+impl NodeCore for EstimatorCore {
+    fn subscriptions(&self) -> Vec<Route> {
+        [Topic::ImuRaw, Topic::VectorDirection].map(|topic| self.route(topic)).to_vec()
+    }
+
+    fn publications(&self) -> Vec<Route> {
+        vec![self.route(Topic::AttitudeEstimate), Route::shared(Topic::Tf), Route::shared(Topic::Diagnostics)]
+    }
+
+    fn timer_period(&self) -> Option<Duration> {
+        Some(WATCH_PERIOD)
+    }
+
+    fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
+        match event {
+            Event::Message { message: Message::Imu(imu), .. } => {
+                let outcome = self.filter.on_imu(&ImuSample {
+                    stamp_ns: Timestamp::from(imu.header.stamp).0,
+                    gyro_rad_s: imu.angular_velocity.into(),
+                    specific_force_m_s2: imu.linear_acceleration.into(),
+                });
+                self.note(outcome.event, outputs);
+                // A sample that brings nothing new must not make an estimate look fresh.
+                let stale = [Rejection::DuplicateStamp, Rejection::OutOfOrder];
+                if !matches!(outcome.gyro, Verdict::Rejected(r) if stale.contains(&r)) {
+                    self.publish(now, outputs);
+                }
+            }
+            Event::Message { message: Message::Vector3Stamped(vector), .. } => {
+                let stamp_ns = Timestamp::from(vector.header.stamp).0;
+                let (_, event) = self.filter.on_vector(stamp_ns, &vector.vector.into());
+                self.note(event, outputs);
+            }
+            Event::Timer => {
+                if self.last_published.is_none_or(|last| now >= last + WATCH_PERIOD) {
+                    self.publish(now, outputs);
+                }
+                self.diagnostics(now, outputs);
+            }
+            Event::Message { .. } | Event::Request { .. } | Event::Shutdown => {}
+        }
+    }
+}
+
+impl Configurable for EstimatorCore {
+    type Parameters = Parameters;
+
+    fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
+        if (parameters.platform, &parameters.name) != (self.parameters.platform, &self.parameters.name) {
+            return Err("the platform cannot be changed while the estimator runs".to_owned());
+        }
+        if parameters.filter != self.parameters.filter {
+            let estimate = self.filter.estimate(0);
+            // A filter that has an attitude goes on from it; one that has none begins again.
+            self.filter = if self.last_health == AttitudeEstimate::HEALTH_INITIALISING {
+                Filter::new(parameters.filter)
+            } else {
+                Filter::with_attitude(
+                    parameters.filter,
+                    estimate.stamp_ns,
+                    estimate.q_world_body,
+                    estimate.gyro_bias_b_rad_s,
+                    &estimate.covariance,
+                )
+            }
+            .map_err(|e| e.to_string())?;
+        }
+        self.parameters = parameters.clone();
+        Ok(())
+    }
+}
+
+fn health_name(health: u8) -> &'static str {
+    match health {
+        AttitudeEstimate::HEALTH_INITIALISING => "initialising",
+        AttitudeEstimate::HEALTH_OK => "ok",
+        AttitudeEstimate::HEALTH_DEGRADED => "degraded",
+        _ => "unhealthy",
+    }
+}
+
+fn flag_names(flags: u32) -> String {
+    let names = [
+        (AttitudeEstimate::FLAG_GYRO_REJECTED, "gyro rejected"),
+        (AttitudeEstimate::FLAG_ACCELEROMETER_REJECTED, "accelerometer rejected"),
+        (AttitudeEstimate::FLAG_VECTOR_REJECTED, "vector sensor rejected"),
+        (AttitudeEstimate::FLAG_VECTOR_STALE, "vector sensor stale"),
+        (AttitudeEstimate::FLAG_IMU_STALE, "IMU stale"),
+        (AttitudeEstimate::FLAG_INCONSISTENT, "inconsistent"),
+    ];
+    names.iter().filter(|(flag, _)| flags & flag != 0).map(|(_, name)| format!(", {name}")).collect()
+}
