@@ -85,7 +85,7 @@ pub struct ParameterErrors(Vec<ParameterError>);
 
 impl ParameterErrors {
     /// `Ok` when the list is empty. Identical errors are kept once.
-    pub(crate) fn check(errors: Vec<ParameterError>) -> Result<(), Self> {
+    pub fn check(errors: Vec<ParameterError>) -> Result<(), Self> {
         if errors.is_empty() {
             return Ok(());
         }

@@ -77,7 +77,7 @@ pub fn own_platform(r: &mut Reader<'_>) -> Option<(u16, String)> {
 pub const PLATFORM_NODES: [&str; 3] = ["driver", "estimator", "local_control"];
 
 /// Nodes that exist once.
-pub const FORMATION_NODES: [&str; 2] = ["coordinator", "recorder"];
+pub const FORMATION_NODES: [&str; 3] = ["coordinator", "recorder", "simulation"];
 
 /// Fully qualified names of all nodes, for [`crate::ParameterTree::check_sections`].
 #[must_use]

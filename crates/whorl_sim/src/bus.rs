@@ -93,7 +93,13 @@ pub struct Bus {
 impl Bus {
     /// An empty bus for `platforms` platforms. `seed` drives link loss and jitter only.
     #[must_use]
-    pub fn new(start: Timestamp, platforms: usize, local_delay: Duration, link: LinkParameters, seed: u64) -> Self {
+    pub fn new(
+        start: Timestamp,
+        platforms: usize,
+        local_delay: Duration,
+        link: LinkParameters,
+        seed: u64,
+    ) -> Self {
         Self {
             nodes: Vec::new(),
             subscribers: vec![Vec::new(); Topic::ALL.len() * (platforms + 1)],
@@ -170,7 +176,12 @@ impl Bus {
         (0..self.nodes.len()).try_for_each(|node| self.step(node, Event::Shutdown, observer))
     }
 
-    fn step<O: Observer>(&mut self, index: usize, event: Event<'_>, observer: &mut O) -> Result<(), O::Error> {
+    fn step<O: Observer>(
+        &mut self,
+        index: usize,
+        event: Event<'_>,
+        observer: &mut O,
+    ) -> Result<(), O::Error> {
         let mut outputs = std::mem::take(&mut self.outputs);
         outputs.clear();
         let node = &mut self.nodes[index];

@@ -79,7 +79,8 @@ mod tests {
     #[test]
     fn nothing_passes_in_a_cut() {
         let cuts = vec![Cut { start_s: 1.0, length_s: 2.0 }];
-        let mut link = Link::new(LinkParameters { cuts, ..Default::default() }, Timestamp::from_seconds(10.0), 7);
+        let mut link =
+            Link::new(LinkParameters { cuts, ..Default::default() }, Timestamp::from_seconds(10.0), 7);
         let mut passes = |t: f64| link.delay(Timestamp::from_seconds(10.0 + t)).is_some();
         assert_eq!([0.999, 1.0, 2.999, 3.0].map(&mut passes), [true, false, false, true]);
     }

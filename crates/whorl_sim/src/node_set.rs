@@ -10,7 +10,8 @@ use whorl_local_control::LocalControlCore;
 use whorl_msgs::topics::PlatformId;
 use whorl_node::Timestamp;
 use whorl_params::{
-    Formation, Override, ParameterErrors, ParameterTree, Reader, effective_yaml, formation, non_negative, range, try_read,
+    Formation, NodeParameters, ParameterError, ParameterErrors, ParameterTree, Reader, Value, effective_yaml,
+    formation, non_negative, range, try_read,
 };
 
 use crate::bus::{Bus, Host};
@@ -94,16 +95,23 @@ fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
 struct Builder<'a> {
     tree: &'a ParameterTree,
     effective: String,
-    errors: Vec<whorl_params::ParameterError>,
+    errors: Vec<ParameterError>,
 }
 
 impl Builder<'_> {
     /// Reads one node's parameters; `None` when they are wrong, with the reasons kept.
     fn read<T>(&mut self, node: &str, read: impl FnOnce(&mut Reader<'_>) -> Option<T>) -> Option<T> {
-        let own = self.tree.for_node(node);
-        match try_read(&own, read) {
+        self.read_from(&self.tree.for_node(node), read)
+    }
+
+    fn read_from<T>(
+        &mut self,
+        own: &NodeParameters,
+        read: impl FnOnce(&mut Reader<'_>) -> Option<T>,
+    ) -> Option<T> {
+        match try_read(own, read) {
             Ok((values, descriptors)) => {
-                self.effective.push_str(&effective_yaml([(node, descriptors.as_slice())]));
+                self.effective.push_str(&effective_yaml([(own.node(), descriptors.as_slice())]));
                 Some(values)
             }
             Err(errors) => {
@@ -125,23 +133,25 @@ impl NodeSet {
         let coordinator = builder.read("/coordinator", whorl_coordinator::parameters::read);
         let simulation = builder.read("/simulation", read_simulation);
         let Formation { platforms } = formation(&mut Reader::new(&tree.for_node("/coordinator")));
-        let seeded = tree.clone().with_overrides(&[Override::new("seed", i64::try_from(seed).unwrap_or(i64::MAX))]);
+        let seed_value = Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
         let mut sets = Vec::new();
         for platform in &platforms {
-            builder.tree = &seeded;
-            let driver = builder.read(&format!("/{platform}/driver"), whorl_driver::parameters::read);
-            builder.tree = tree;
-            let estimator = builder.read(&format!("/{platform}/estimator"), whorl_estimator::parameters::read);
-            let control = builder.read(&format!("/{platform}/local_control"), whorl_local_control::parameters::read);
+            let own = tree.for_node(&format!("/{platform}/driver")).with("seed", seed_value.clone());
+            let driver = builder.read_from(&own, whorl_driver::parameters::read);
+            let estimator =
+                builder.read(&format!("/{platform}/estimator"), whorl_estimator::parameters::read);
+            let control =
+                builder.read(&format!("/{platform}/local_control"), whorl_local_control::parameters::read);
             sets.extend(driver.zip(estimator).zip(control));
         }
-        if let Some(error) = ParameterErrors::from_list(std::mem::take(&mut builder.errors)) {
-            return Err(error.into());
-        }
+        ParameterErrors::check(std::mem::take(&mut builder.errors))?;
         tree.check_sections(&whorl_params::node_names(&Formation { platforms: platforms.clone() }))?;
         // Without errors both were read.
         let (Some(coordinator), Some(simulation)) = (coordinator, simulation) else {
-            return Err(NodeSetError::Node { node: "/coordinator".into(), reason: "incomplete parameters".into() });
+            return Err(NodeSetError::Node {
+                node: "/coordinator".into(),
+                reason: "incomplete parameters".into(),
+            });
         };
         let mut bus = Bus::new(start, platforms.len(), simulation.local_delay, simulation.link, seed);
         for (index, ((driver, estimator), control)) in (0u16..).zip(sets) {
