@@ -86,6 +86,12 @@ pub fn set_in_text(
                     "is a group of parameters, not one; allowed: the key of a single value".into(),
                 ));
             }
+            Place::BelowValue(found) => {
+                return Err(refuse(
+                    found.key_line,
+                    format!("{} is a single value here, not a group", found.key),
+                ));
+            }
             Place::Value(found) => editor.with_value(found, value),
             Place::Group(group, rest) => {
                 editor.with_new_entry(group, rest, value, group.key == "ros__parameters")
@@ -158,6 +164,8 @@ enum Place<'n, 'k> {
     Value(&'n MapEntry),
     /// The innermost group that exists, and the rest of the key.
     Group(&'n MapEntry, &'k str),
+    /// Below a key that is a single value.
+    BelowValue(&'n MapEntry),
 }
 
 fn find<'n, 'k>(group: &'n MapEntry, key: &'k str) -> Place<'n, 'k> {
@@ -171,10 +179,10 @@ fn find<'n, 'k>(group: &'n MapEntry, key: &'k str) -> Place<'n, 'k> {
             continue;
         };
         if !matches!(entry.value.content, Content::Map(_)) {
-            continue;
+            return Place::BelowValue(entry);
         }
         match find(entry, rest) {
-            found @ Place::Value(_) => return found,
+            found @ (Place::Value(_) | Place::BelowValue(_)) => return found,
             Place::Group(inner, inner_rest) => {
                 let shorter =
                     matches!(best, Place::Group(_, best_rest) if inner_rest.len() < best_rest.len());
@@ -205,10 +213,17 @@ impl<'t> Editor<'t> {
         }
     }
 
-    /// Byte range of a character range, cut to the text.
+    /// Byte range of a character range, cut to the text, without what a parser may count to a
+    /// value although it follows it: spaces, and the comment behind a quoted text.
     fn bytes(&self, characters: &Range<usize>) -> Range<usize> {
         let byte = |at: usize| self.offsets.get(at).copied().unwrap_or(self.text.len());
-        byte(characters.start)..byte(characters.end).max(byte(characters.start))
+        let start = byte(characters.start);
+        let text = self.text.get(start..byte(characters.end)).unwrap_or_default();
+        let length = match text.chars().next() {
+            Some(quote @ ('"' | '\'')) => quoted_length(text, quote),
+            _ => text.trim_end().len(),
+        };
+        start..start + length
     }
 
     /// End of a node's text, in bytes. The span of a block map or list may reach beyond it.
@@ -325,6 +340,20 @@ fn flow(key: &str, value: &Value) -> String {
         None => format!("{key}: {value}"),
         Some((group, rest)) => format!("{group}: {{{}}}", flow(rest, value)),
     }
+}
+
+/// Length in bytes of the quoted text that a text starts with, quotes included.
+fn quoted_length(text: &str, quote: char) -> usize {
+    let mut characters = text.char_indices().skip(1).peekable();
+    while let Some((at, c)) = characters.next() {
+        let next_is_quote = characters.peek().is_some_and(|(_, next)| *next == quote);
+        if c == '\\' && quote == '"' || c == '\'' && quote == '\'' && next_is_quote {
+            characters.next();
+        } else if c == quote {
+            return at + 1;
+        }
+    }
+    text.len()
 }
 
 /// Where a comment starts in the rest of a line that begins outside quotes; its length if none does.

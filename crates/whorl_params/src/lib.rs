@@ -22,6 +22,10 @@
 //! );
 //! # Ok::<(), whorl_params::ParameterErrors>(())
 //! ```
+//!
+//! The format for those who write the files:
+//!
+#![doc = include_str!("../../../params/README.md")]
 
 mod command_line;
 mod descriptor;
@@ -50,7 +54,7 @@ pub use formation::{FORMATION_NODES, Formation, PLATFORM_NODES, formation, node_
 pub use limits::{Limits, any, non_negative, positive, range};
 pub use node_parameters::{Entry, NodeParameters};
 pub use platform_model::{platform_model, truth_model};
-pub use reader::{Reader, read, try_read};
+pub use reader::{Reader, read, read_shared, try_read};
 pub use serialise::effective_yaml;
 pub use tree::{ParameterTree, SHARED_GROUPS, is_shared, standard_layers};
 pub use value::{Kind, Value};

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::error::Origin;
+use crate::tree::is_shared;
 use crate::value::Value;
 
 /// A key with its value and where that came from.
@@ -74,6 +75,16 @@ impl NodeParameters {
         let mut changed = self.clone();
         changed.insert(Entry { key: key.to_owned(), value, origin: Origin::RunTime });
         changed
+    }
+
+    /// A copy without the keys of the node itself.
+    pub(crate) fn only_shared(&self) -> Self {
+        let mut shared = Self::new(&self.node, self.files.clone());
+        self.entries
+            .iter()
+            .filter(|entry| is_shared(&entry.key))
+            .for_each(|entry| shared.insert(entry.clone()));
+        shared
     }
 
     /// Names below a prefix, in file order: `children("jets")` of `jets.a.thrust_n`,

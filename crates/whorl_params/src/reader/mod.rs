@@ -127,9 +127,11 @@ impl<'a> Reader<'a> {
                 .with_value(entry.value.to_string()),
             None => {
                 // A group: point at its first key.
-                let first = self.first_below(&full).map(|entry| entry.origin.clone());
-                ParameterError::new(first.unwrap_or_else(|| self.parameters.node_origin()), problem)
-                    .with_key(full)
+                let overlaid = self.overlaid(&full).filter(|group| self.first_below(group).is_some());
+                let group = overlaid.unwrap_or(full);
+                let origin = self.first_below(&group).map(|entry| entry.origin.clone());
+                ParameterError::new(origin.unwrap_or_else(|| self.parameters.node_origin()), problem)
+                    .with_key(group)
             }
         };
         self.errors.push(error);
@@ -156,13 +158,6 @@ impl<'a> Reader<'a> {
     /// Makes every key below a shared group one that must be known to this node.
     pub fn claim_group(&mut self, group: &str) {
         self.claimed.push(format!("{group}."));
-    }
-
-    /// Takes all keys of the node itself as known: for a test of shared groups alone.
-    #[cfg(test)]
-    pub(crate) fn release_own_keys(&mut self) {
-        let own = self.parameters.iter().filter(|entry| !is_shared(&entry.key));
-        self.known.extend(own.map(|entry| entry.key.clone()));
     }
 
     /// Ends reading: all descriptors, or all errors, unknown keys included.
@@ -252,13 +247,10 @@ impl<'a> Reader<'a> {
         self.overlaid(full).and_then(|key| self.parameters.get(&key)).or_else(|| self.parameters.get(full))
     }
 
-    /// The first entry below a full key, of the overlay if it has one.
+    /// The first entry below a full key.
     fn first_below(&self, full: &str) -> Option<&'a Entry> {
-        let below = |full: &str| {
-            let dot = format!("{full}.");
-            self.parameters.iter().find(|entry| entry.key.starts_with(&dot))
-        };
-        self.overlaid(full).and_then(|key| below(&key)).or_else(|| below(full))
+        let dot = format!("{full}.");
+        self.parameters.iter().find(|entry| entry.key.starts_with(&dot))
     }
 
     /// The heart of every read. `accept` checks the value, already of the requested type where
@@ -347,6 +339,18 @@ pub fn read<T>(
     let mut reader = Reader::new(parameters);
     let value = read(&mut reader);
     reader.finish().map(|descriptors| (value, descriptors))
+}
+
+/// Reads shared groups only ([`crate::SHARED_GROUPS`]): keys of the node itself are neither read nor
+/// refused. For those who need to know the formation or a model before, or without, being the node.
+///
+/// # Errors
+/// Everything that was wrong with these groups.
+pub fn read_shared<T>(
+    parameters: &NodeParameters,
+    read: impl FnOnce(&mut Reader<'_>) -> T,
+) -> Result<T, ParameterErrors> {
+    self::read(&parameters.only_shared(), read).map(|(value, _)| value)
 }
 
 /// As [`read()`], for a `read` that gives `None` when it has met an error.

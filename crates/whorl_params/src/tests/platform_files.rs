@@ -9,8 +9,8 @@ use whorl_dynamics::PlatformModel;
 
 use super::params_directory;
 use crate::{
-    FORMATION_NODES, ParameterTree, formation, node_names, platform_model, read, standard_layers,
-    truth_model, try_read,
+    FORMATION_NODES, ParameterTree, formation, node_names, platform_model, read_shared, standard_layers,
+    truth_model,
 };
 
 fn layers(experiment: Option<&Path>) -> Vec<PathBuf> {
@@ -20,13 +20,7 @@ fn layers(experiment: Option<&Path>) -> Vec<PathBuf> {
 fn model(platform: &str) -> PlatformModel {
     let tree = ParameterTree::load(&layers(None), &[]).unwrap();
     let parameters = tree.for_node(&format!("/{platform}/local_control"));
-    let group = |r: &mut crate::Reader<'_>| {
-        formation(r);
-        let model = platform_model(r, "model");
-        r.release_own_keys();
-        model
-    };
-    try_read(&parameters, group).unwrap().0
+    read_shared(&parameters, |r| platform_model(r, "model")).unwrap().unwrap()
 }
 
 #[test]
@@ -45,27 +39,22 @@ fn every_file_loads_for_every_node() {
         let tree = ParameterTree::load(&layers(experiment.as_deref()), &[])
             .unwrap_or_else(|errors| panic!("{experiment:?}:\n{errors}"));
         let any_node = tree.for_node("/coordinator");
-        let formation_of = |r: &mut crate::Reader<'_>| {
-            let formation = formation(r);
-            r.release_own_keys();
-            formation
-        };
-        let (platforms, _) = read(&any_node, formation_of).unwrap_or_else(|errors| panic!("{errors}"));
+        let platforms = read_shared(&any_node, formation).unwrap_or_else(|errors| panic!("{errors}"));
         assert_eq!(platforms.platforms, ["whorl_1", "whorl_2"]);
         let names = node_names(&platforms);
         assert_eq!(names.len(), 2 * 3 + FORMATION_NODES.len());
         tree.check_sections(names.iter().map(String::as_str)).unwrap_or_else(|errors| panic!("{errors}"));
         for name in &names {
             let node = tree.for_node(name);
-            read(&node, formation_of).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
+            read_shared(&node, formation).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
             if platforms.platform_of_node(name).is_some() {
                 let models = |r: &mut crate::Reader<'_>| {
                     let model = platform_model(r, "model");
                     let truth = truth_model(r);
-                    r.release_own_keys();
                     model.zip(truth)
                 };
-                try_read(&node, models).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
+                let both = read_shared(&node, models).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
+                assert!(both.is_some(), "{name}");
             }
         }
     }
@@ -143,12 +132,8 @@ fn any_single_jet_may_fail() {
 fn truth_differs_from_the_model_where_it_says_so() {
     let tree = ParameterTree::load(&layers(None), &[]).unwrap();
     let driver = tree.for_node("/whorl_1/driver");
-    let models = |r: &mut crate::Reader<'_>| {
-        let pair = platform_model(r, "model").zip(truth_model(r));
-        r.release_own_keys();
-        pair
-    };
-    let ((model, truth), _) = try_read(&driver, models).unwrap();
+    let models = |r: &mut crate::Reader<'_>| platform_model(r, "model").zip(truth_model(r));
+    let (model, truth) = read_shared(&driver, models).unwrap().unwrap();
     assert_eq!(truth.mass_properties.inertia_b_kg_m2()[(2, 2)], 12.28);
     assert_eq!(model.mass_properties.inertia_b_kg_m2()[(2, 2)], 12.1);
     assert_eq!((model.jets[2].thrust_n, truth.jets[2].thrust_n, truth.jets[3].thrust_n), (0.4, 0.39, 0.4));
