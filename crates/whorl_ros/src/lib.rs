@@ -1,1 +1,49 @@
 //! The only crate that knows ROS 2's transport: runs a node core on DDS.
+//!
+//! A node's whole `main`:
+//!
+//! ```ignore
+//! fn main() -> ExitCode {
+//!     let options = NodeOptions::new("estimator", "Estimates the attitude of one platform.");
+//!     whorl_ros::run_node(options, |r| Some(Parameters::read(r)), |context, parameters| {
+//!         Ok::<_, RosError>(Estimator::new(context.own_platform()?, parameters))
+//!     })
+//! }
+//! ```
+//!
+//! [`run_node`] reads the command line ([`arguments`]), the environment ([`environment`]) and the
+//! parameter files, then serves the core from one thread: messages as raw CDR, its timer, its
+//! services, the six parameter services, `/rosout`, `/parameter_events`, `/diagnostics`,
+//! `ros_discovery_info`, SIGINT and SIGTERM. It needs Linux.
+//!
+//! [`Participant`], [`RawReader`] and [`RawWriter`] are for programs that are no cores: the
+//! recorder and `whorl` itself. [`recovery`] says what happens after a cut of the network.
+
+pub mod arguments;
+mod clock;
+mod connection;
+mod endpoints;
+pub mod environment;
+mod error;
+mod graph;
+mod log;
+pub mod names;
+mod node;
+mod nudge;
+mod parameters;
+mod participant;
+mod raw;
+pub mod recovery;
+mod runner;
+mod services;
+mod statistics;
+mod wake;
+
+pub use clock::{monotonic, wall_clock};
+pub use error::RosError;
+pub use graph::NodeList;
+pub use log::to_stderr as log_to_stderr;
+pub use node::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_line, run_node};
+pub use participant::{DiscoveredEndpoint, EndpointQos, Participant, PeerEvent};
+pub use raw::{EndpointId, RawReader, RawSample, RawWriter};
+pub use services::{ServiceAnswer, ServiceClient};

@@ -1,0 +1,192 @@
+//! A node's endpoints and their renewal after the network was cut.
+
+use std::collections::{HashMap, HashSet};
+use std::time::Duration;
+
+use mio::{Registry, Token};
+
+use crate::endpoints::{Endpoints, Plan, Readable};
+use crate::error::RosError;
+use crate::nudge::Nudge;
+use crate::participant::{Participant, PeerEvent};
+use crate::raw::EndpointId;
+use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
+
+/// The old endpoints are dropped at the latest this long after the new ones were created.
+const OVERLAP: Duration = Duration::from_secs(1);
+
+/// Something worth a line in the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Notice {
+    Missing,
+    Renewing(Reason),
+    Renewed,
+}
+
+/// The endpoints in use; for a moment after a renewal, the old and the new ones.
+pub(crate) struct Connection {
+    // Fields are dropped in this order: endpoints before the participant.
+    current: Endpoints,
+    incoming: Option<(Endpoints, Duration)>,
+    matched: HashMap<EndpointId, HashSet<EndpointId>>,
+    lost_writers: Vec<EndpointId>,
+    recovery: Recovery,
+    nudge: Nudge,
+    generation: usize,
+    plan: Plan,
+    participant: Participant,
+}
+
+impl Connection {
+    pub(crate) fn new(participant: Participant, plan: Plan, registry: &Registry) -> Result<Self, RosError> {
+        let mut current = Endpoints::new(&participant, &plan, 0)?;
+        current.register(registry)?;
+        current.announce(&participant, &plan.node, true)?;
+        Ok(Self {
+            current,
+            incoming: None,
+            matched: HashMap::new(),
+            lost_writers: Vec::new(),
+            recovery: Recovery::new(RecoveryTimes::default()),
+            nudge: Nudge::new(&participant)?,
+            generation: 0,
+            plan,
+            participant,
+        })
+    }
+
+    /// The endpoints to write with.
+    pub(crate) fn endpoints(&self) -> &Endpoints {
+        &self.current
+    }
+
+    /// Both generations, the one in use first.
+    pub(crate) fn generations(&self) -> impl Iterator<Item = &Endpoints> {
+        std::iter::once(&self.current).chain(self.incoming.as_ref().map(|(endpoints, _)| endpoints))
+    }
+
+    /// What an event is about: the generation (0 = in use, 1 = incoming) and what is readable.
+    pub(crate) fn at(&self, token: Token) -> Option<(usize, Readable)> {
+        self.generations().enumerate().find_map(|(g, endpoints)| endpoints.at(token).map(|what| (g, what)))
+    }
+
+    pub(crate) fn recovery(&self) -> &Recovery {
+        &self.recovery
+    }
+
+    pub(crate) fn domain_id(&self) -> u16 {
+        self.participant.network().domain_id
+    }
+
+    pub(crate) fn is_localhost(&self) -> bool {
+        self.participant.network().is_localhost()
+    }
+
+    pub(crate) fn is_renewing(&self) -> bool {
+        self.incoming.is_some()
+    }
+
+    /// Writers that are gone since the last call.
+    pub(crate) fn take_lost_writers(&mut self) -> Vec<EndpointId> {
+        std::mem::take(&mut self.lost_writers)
+    }
+
+    /// Ids of all writers known on the network.
+    pub(crate) fn known_writers(&self) -> HashSet<EndpointId> {
+        self.participant.discovered_writers().into_iter().map(|w| w.endpoint).collect()
+    }
+
+    /// Looks after the peers; to be called a few times a second, and every 10 ms while renewing.
+    pub(crate) fn look_after(
+        &mut self,
+        now: Duration,
+        longest_silence: Option<Duration>,
+        registry: &Registry,
+    ) -> Result<Option<Notice>, RosError> {
+        let missing_before = self.recovery.missing();
+        while let Some(event) = self.participant.peer_event() {
+            self.peer(now, event);
+        }
+        if self.try_promote(now, registry)? {
+            return Ok(Some(Notice::Renewed));
+        }
+        match self.recovery.act(now, longest_silence) {
+            Some(Action::Renew(reason)) => {
+                self.renew(now, registry)?;
+                Ok(Some(Notice::Renewing(reason)))
+            }
+            Some(Action::Announce) => {
+                self.nudge.send(self.participant.participant_number());
+                Ok(None)
+            }
+            None => Ok((self.recovery.missing() > missing_before).then_some(Notice::Missing)),
+        }
+    }
+
+    fn peer(&mut self, now: Duration, event: PeerEvent) {
+        let peer = match event {
+            PeerEvent::Discovered(peer) | PeerEvent::Left(peer) | PeerEvent::TimedOut(peer) => Some(peer),
+            _ => None,
+        };
+        if peer.is_some_and(|peer| Nudge::is_own(&peer)) {
+            return;
+        }
+        match event {
+            PeerEvent::ReaderMatched { writer: ours, reader: theirs }
+            | PeerEvent::WriterMatched { reader: ours, writer: theirs } => {
+                self.matched.entry(ours).or_default().insert(theirs);
+            }
+            PeerEvent::ReaderLost(theirs) => self.unmatch(|id| *id == theirs),
+            PeerEvent::WriterLost(theirs) => {
+                self.unmatch(|id| *id == theirs);
+                self.lost_writers.push(theirs);
+            }
+            PeerEvent::Left(peer) | PeerEvent::TimedOut(peer) => {
+                self.unmatch(|id| id.participant() == peer);
+            }
+            PeerEvent::Discovered(_) => {}
+        }
+        self.recovery.peer(now, event);
+    }
+
+    fn unmatch(&mut self, gone: impl Fn(&EndpointId) -> bool) {
+        self.matched.values_mut().for_each(|peers| peers.retain(|id| !gone(id)));
+    }
+
+    fn renew(&mut self, now: Duration, registry: &Registry) -> Result<(), RosError> {
+        if let Some((mut endpoints, _)) = self.incoming.take() {
+            endpoints.deregister(registry);
+        }
+        self.generation += 1;
+        let mut endpoints = Endpoints::new(&self.participant, &self.plan, self.generation)?;
+        endpoints.register(registry)?;
+        self.incoming = Some((endpoints, now));
+        Ok(())
+    }
+
+    /// Puts the incoming endpoints into use when they have found as many peers as those in use.
+    fn try_promote(&mut self, now: Duration, registry: &Registry) -> Result<bool, RosError> {
+        let Some((incoming, since)) = &self.incoming else { return Ok(false) };
+        let peers = |id: EndpointId| self.matched.get(&id).map_or(0, HashSet::len);
+        let found_all = self.current.ids().zip(incoming.ids()).all(|(old, new)| peers(new) >= peers(old));
+        // A peer that was given up is still in the count of a reader that did not notice: do not
+        // wait for ever.
+        if !(found_all || now.saturating_sub(*since) >= OVERLAP) {
+            return Ok(false);
+        }
+        if let Some((incoming, _)) = self.incoming.take() {
+            let mut old = std::mem::replace(&mut self.current, incoming);
+            old.deregister(registry);
+            old.ids().for_each(|id| {
+                self.matched.remove(&id);
+            });
+            self.current.announce(&self.participant, &self.plan.node, true)?;
+        }
+        Ok(true)
+    }
+
+    /// Says goodbye.
+    pub(crate) fn close(self) -> Result<(), RosError> {
+        self.current.announce(&self.participant, &self.plan.node, false)
+    }
+}

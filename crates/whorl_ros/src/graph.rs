@@ -1,0 +1,83 @@
+//! Which node has which endpoints: what `ros2 node list` and `ros2 node info` read.
+//!
+//! <https://design.ros2.org/articles/Node_to_Participant_mapping.html>
+
+use ros2_client::{
+    Gid, NodeName as ClientNodeName,
+    builtin_topics::ros_discovery,
+    entities_info::{NodeEntitiesInfo, ParticipantEntitiesInfo},
+};
+use whorl_msgs::cdr;
+
+use crate::error::RosError;
+use crate::names::NodeName;
+use crate::participant::{EndpointQos, Participant};
+use crate::raw::{EndpointId, RawReader, RawWriter};
+
+const TYPE: &str = "rmw_dds_common/msg/ParticipantEntitiesInfo";
+
+pub(crate) fn writer(participant: &Participant) -> Result<RawWriter, RosError> {
+    participant.dds_writer(ros_discovery::TOPIC_NAME, ros_discovery::TYPE_NAME, EndpointQos::DISCOVERY_INFO)
+}
+
+/// Tells the others what this process consists of: one node, or none.
+pub(crate) fn announce(
+    writer: &RawWriter,
+    participant: EndpointId,
+    node: Option<&NodeName>,
+    readers: impl Iterator<Item = EndpointId>,
+    writers: impl Iterator<Item = EndpointId>,
+) -> Result<(), RosError> {
+    let gid = |id: EndpointId| Gid::from(id.0);
+    let mut nodes = Vec::new();
+    if let Some(node) = node {
+        let name = ClientNodeName::new(node.namespace(), node.base())
+            .map_err(|e| RosError::dds("announcing the node", e))?;
+        let mut entities = NodeEntitiesInfo::new(name);
+        readers.for_each(|id| entities.add_reader(gid(id)));
+        writers.for_each(|id| entities.add_writer(gid(id)));
+        nodes.push(entities);
+    }
+    let info = ParticipantEntitiesInfo::new(gid(participant), nodes);
+    writer.publish(&cdr::encode(TYPE, &info)?)
+}
+
+/// Reads who else is there, for `whorl`'s own list of nodes.
+pub struct NodeList {
+    reader: RawReader,
+    by_participant: std::collections::HashMap<Gid, Vec<String>>,
+}
+
+impl NodeList {
+    /// Begins to listen.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn new(participant: &Participant) -> Result<Self, RosError> {
+        let reader = participant.dds_reader(
+            ros_discovery::TOPIC_NAME,
+            ros_discovery::TYPE_NAME,
+            EndpointQos::DISCOVERY_INFO,
+        )?;
+        Ok(Self { reader, by_participant: std::collections::HashMap::new() })
+    }
+
+    /// Full names of the nodes heard of so far, sorted.
+    ///
+    /// # Errors
+    /// When DDS fails.
+    pub fn nodes(&mut self) -> Result<Vec<String>, RosError> {
+        self.reader.drain_notifications();
+        while let Some(sample) = self.reader.take()? {
+            // What another vendor writes here that we cannot read is no node of ours to list.
+            if let Ok(info) = cdr::decode::<ParticipantEntitiesInfo>(TYPE, &sample.bytes) {
+                let names = info.nodes().iter().map(NodeEntitiesInfo::fully_qualified_name).collect();
+                self.by_participant.insert(info.gid(), names);
+            }
+        }
+        let mut names: Vec<_> = self.by_participant.values().flatten().cloned().collect();
+        names.sort();
+        names.dedup();
+        Ok(names)
+    }
+}

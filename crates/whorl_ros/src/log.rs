@@ -1,0 +1,68 @@
+//! Log lines: to stderr through `tracing`, and to `/rosout`.
+
+use serde::Serialize;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::EnvFilter;
+use whorl_msgs::builtin_interfaces::Time;
+use whorl_msgs::cdr;
+use whorl_node::{LogLevel, LogLine, Timestamp};
+
+use crate::error::RosError;
+use crate::raw::RawWriter;
+
+/// `rcl_interfaces/msg/Log`.
+#[derive(Serialize)]
+struct Log<'a> {
+    stamp: Time,
+    level: u8,
+    name: &'a str,
+    msg: &'a str,
+    file: &'a str,
+    function: &'a str,
+    line: u32,
+}
+
+/// Sends log lines to stderr. `RUST_LOG` chooses what; else `level`, else info. The DDS library
+/// speaks only of errors, unless `RUST_LOG` names it.
+pub fn to_stderr(level: Option<LevelFilter>) {
+    let default = format!("{},rustdds=off,ros2_client=off", level.unwrap_or(LevelFilter::INFO));
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    // A second call, in tests, keeps the first subscriber.
+    let _ = subscriber.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).try_init();
+}
+
+/// Prints a line on stderr.
+pub(crate) fn print(node: &str, line: &LogLine) {
+    let text = &line.text;
+    match line.level {
+        LogLevel::Debug => tracing::debug!(target: "whorl", "{node}: {text}"),
+        LogLevel::Info => tracing::info!(target: "whorl", "{node}: {text}"),
+        LogLevel::Warn => tracing::warn!(target: "whorl", "{node}: {text}"),
+        LogLevel::Error => tracing::error!(target: "whorl", "{node}: {text}"),
+    }
+}
+
+/// Publishes a line as `rcl_interfaces/msg/Log`.
+pub(crate) fn publish(
+    writer: &RawWriter,
+    logger: &str,
+    stamp: Timestamp,
+    line: &LogLine,
+) -> Result<(), RosError> {
+    let message = Log {
+        stamp: stamp.into(),
+        level: match line.level {
+            LogLevel::Debug => 10,
+            LogLevel::Info => 20,
+            LogLevel::Warn => 30,
+            LogLevel::Error => 40,
+        },
+        name: logger,
+        msg: &line.text,
+        file: "",
+        function: "",
+        line: 0,
+    };
+    writer.publish(&cdr::encode("rcl_interfaces/msg/Log", &message)?)
+}

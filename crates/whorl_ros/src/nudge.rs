@@ -1,0 +1,171 @@
+//! Makes our own participant announce itself now.
+//!
+//! RustDDS announces a participant every 10 s, and nobody can ask it to hurry. But it answers the
+//! announcement of a participant that it did not know at once, to everybody. So we send it, on the
+//! loopback interface and to its own port only, the announcement of one that has no endpoints and
+//! is forgotten after a moment. Nobody else ever sees that participant.
+//!
+//! With an address of another machine in it, the same announcement makes RustDDS tell that machine
+//! of us by unicast: so `ROS_STATIC_PEERS` works where a wireless LAN does not carry multicast.
+//!
+//! Wire format: OMG DDSI-RTPS 2.5, 8.5.3 (SPDP), 9.4 (messages), 9.6.2.3 (ports).
+
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+
+use crate::error::RosError;
+use crate::participant::Participant;
+use crate::recovery::ParticipantPrefix;
+
+/// First bytes of the ids that are made here. 0x01 0x?? are the vendors of real participants.
+const MARK: [u8; 8] = *b"\x00\x00whorl\x00";
+
+/// Ids in turn: each is forgotten (after at most 4 s) when its turn comes again.
+const IDS: u32 = 8;
+
+/// Lease of a participant that is only there to be answered [s].
+const NUDGE_LEASE_S: i32 = 1;
+/// For ever, in the sense of DDS.
+const INFINITE_S: i32 = i32::MAX;
+
+/// Bit of `BuiltinEndpointSet_t` that says: I read announcements.
+const READS_ANNOUNCEMENTS: u32 = 2;
+
+/// A machine of `ROS_STATIC_PEERS` may run so many participants (RTPS counts them from 0).
+const PARTICIPANTS_PER_PEER: u16 = 12;
+
+/// Where a participant hears announcements: RTPS 9.6.2.3.
+fn announcement_port(domain_id: u16, participant: u16) -> u16 {
+    7400 + 250 * domain_id + 10 + 2 * participant
+}
+
+/// Sends announcements to our own participant.
+#[derive(Debug)]
+pub(crate) struct Nudge {
+    socket: UdpSocket,
+    domain_id: u16,
+    count: u32,
+}
+
+impl Nudge {
+    pub(crate) fn new(participant: &Participant) -> Result<Self, RosError> {
+        let network = participant.network();
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(RosError::io("opening a socket"))?;
+        socket.set_nonblocking(true).map_err(RosError::io("opening a socket"))?;
+        let nudge = Self { socket, domain_id: network.domain_id, count: 0 };
+        for (index, peer) in network.static_peers.iter().enumerate() {
+            let locators: Vec<_> = (0..PARTICIPANTS_PER_PEER)
+                .map(|p| SocketAddrV4::new(*peer, announcement_port(network.domain_id, p)))
+                .collect();
+            let id = prefix(u32::MAX - u32::try_from(index).unwrap_or(0));
+            let message = announcement(id, 1, INFINITE_S, READS_ANNOUNCEMENTS, &locators);
+            nudge.deliver(participant.participant_number(), &message);
+        }
+        Ok(nudge)
+    }
+
+    /// Whether an id was made here.
+    pub(crate) fn is_own(id: &ParticipantPrefix) -> bool {
+        id.starts_with(&MARK)
+    }
+
+    /// Makes our participant announce itself within some 10 ms.
+    pub(crate) fn send(&mut self, participant_number: u16) {
+        let (id, number) = (self.count % IDS, self.count / IDS + 1);
+        self.count = self.count.wrapping_add(1);
+        // An address is mandatory; nothing is ever sent to it, as no endpoint is offered.
+        let nowhere = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9);
+        let message = announcement(prefix(id), number, NUDGE_LEASE_S, 0, &[nowhere]);
+        self.deliver(participant_number, &message);
+    }
+
+    fn deliver(&self, participant_number: u16, message: &[u8]) {
+        let port = announcement_port(self.domain_id, participant_number);
+        // A datagram to ourselves that does not fit now is sent again a second later.
+        let _ = self.socket.send_to(message, (Ipv4Addr::LOCALHOST, port));
+    }
+}
+
+fn prefix(id: u32) -> ParticipantPrefix {
+    let mut prefix = [0; 12];
+    prefix[..8].copy_from_slice(&MARK);
+    prefix[8..].copy_from_slice(&id.to_be_bytes());
+    prefix
+}
+
+/// An RTPS message with one DATA submessage: SPDP data of a participant, little-endian.
+fn announcement(
+    id: ParticipantPrefix,
+    sequence_number: u32,
+    lease_s: i32,
+    endpoints: u32,
+    locators: &[SocketAddrV4],
+) -> Vec<u8> {
+    const PROTOCOL_VERSION: [u8; 2] = [2, 4];
+    const VENDOR_UNKNOWN: [u8; 2] = [0, 0];
+    const PARTICIPANT: [u8; 4] = [0, 0, 1, 0xc1];
+    const READER: [u8; 4] = [0, 1, 0, 0xc7];
+    const WRITER: [u8; 4] = [0, 1, 0, 0xc2];
+
+    let mut parameters: Vec<u8> = vec![0, 3, 0, 0]; // PL_CDR_LE
+    let mut parameter = |id: u16, value: &[u8]| {
+        parameters.extend(id.to_le_bytes());
+        parameters.extend((value.len() as u16).to_le_bytes());
+        parameters.extend(value);
+    };
+    parameter(0x15, &[PROTOCOL_VERSION[0], PROTOCOL_VERSION[1], 0, 0]);
+    parameter(0x16, &[VENDOR_UNKNOWN[0], VENDOR_UNKNOWN[1], 0, 0]);
+    parameter(0x50, &[&id[..], &PARTICIPANT].concat());
+    for locator in locators {
+        let mut value = [0; 24];
+        value[..4].copy_from_slice(&1_i32.to_le_bytes()); // UDPv4
+        value[4..8].copy_from_slice(&u32::from(locator.port()).to_le_bytes());
+        value[20..].copy_from_slice(&locator.ip().octets());
+        parameter(0x32, &value); // metatraffic unicast
+        parameter(0x31, &value); // default unicast
+    }
+    parameter(0x02, &[lease_s.to_le_bytes(), [0; 4]].concat());
+    parameter(0x58, &endpoints.to_le_bytes());
+    parameter(0x01, &[]);
+
+    let mut body = vec![0, 0, 16, 0]; // no extra flags; 16 bytes to the (absent) inline QoS
+    body.extend(READER);
+    body.extend(WRITER);
+    body.extend(0_i32.to_le_bytes());
+    body.extend(sequence_number.to_le_bytes());
+    body.extend(parameters);
+
+    let mut message = b"RTPS".to_vec();
+    message.extend(PROTOCOL_VERSION);
+    message.extend(VENDOR_UNKNOWN);
+    message.extend(id);
+    message.extend([0x15, 0x05]); // DATA; little-endian, with data
+    message.extend((body.len() as u16).to_le_bytes());
+    message.extend(body);
+    message
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ports_are_those_of_the_standard() {
+        // RTPS 2.5, 9.6.2.3: PB 7400, DG 250, d1 10, PG 2.
+        assert_eq!(announcement_port(0, 0), 7410);
+        assert_eq!(announcement_port(1, 3), 7666);
+    }
+
+    #[test]
+    fn only_our_own_ids_are_ours() {
+        assert!(Nudge::is_own(&prefix(5)));
+        assert!(!Nudge::is_own(b"\x01\x0fwhorl\x00\x00\x00\x00\x01"));
+    }
+
+    #[test]
+    fn the_message_has_the_length_that_its_header_says() {
+        let message = announcement(prefix(1), 1, 1, 0, &[SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9)]);
+        let length = usize::from(u16::from_le_bytes([message[22], message[23]]));
+        assert_eq!(message.len(), 24 + length);
+        assert_eq!(message[24 + 4..24 + 8], [0, 1, 0, 0xc7]);
+    }
+}

@@ -1,0 +1,371 @@
+//! A running node's parameters: checked, applied to the core, and offered by ROS 2's six services.
+
+use ros2_client::parameters::raw;
+use ros2_client::rcl_interfaces::ListParametersResult;
+use serde::Serialize;
+use whorl_params::{Descriptor, NodeParameters, NumericRange, ParameterErrors, Reader, Value};
+
+/// Reads, checks and applies a whole set of parameters; the reason when it is refused.
+pub(crate) type Apply<'a> = dyn FnMut(&NodeParameters) -> Result<Vec<Descriptor>, String> + 'a;
+
+/// Every ROS 2 node has this parameter.
+const USE_SIM_TIME: &str = "use_sim_time";
+
+/// `rcl_interfaces/msg/ParameterEvent`.
+#[derive(Debug, Serialize)]
+pub(crate) struct ParameterEvent {
+    pub stamp: whorl_msgs::builtin_interfaces::Time,
+    pub node: String,
+    pub new_parameters: Vec<raw::Parameter>,
+    pub changed_parameters: Vec<raw::Parameter>,
+    pub deleted_parameters: Vec<raw::Parameter>,
+}
+
+/// The parameters in force.
+#[derive(Debug, Clone)]
+pub(crate) struct ParameterSet {
+    parameters: NodeParameters,
+    descriptors: Vec<Descriptor>,
+    refused: u64,
+}
+
+/// Reads all parameters of a node with its single definition of them.
+pub(crate) fn read<P>(
+    parameters: &NodeParameters,
+    read: impl FnOnce(&mut Reader<'_>) -> Option<P>,
+) -> Result<(P, Vec<Descriptor>), ParameterErrors> {
+    whorl_params::try_read(parameters, read)
+}
+
+impl ParameterSet {
+    pub(crate) fn new(parameters: NodeParameters, descriptors: Vec<Descriptor>) -> Self {
+        let mut set = Self { parameters, descriptors: Vec::new(), refused: 0 };
+        set.describe(descriptors);
+        set
+    }
+
+    fn describe(&mut self, mut descriptors: Vec<Descriptor>) {
+        if !descriptors.iter().any(|d| d.name == USE_SIM_TIME) {
+            descriptors.push(Descriptor {
+                name: USE_SIM_TIME.into(),
+                kind: whorl_params::Kind::Bool,
+                value: Some(Value::Bool(false)),
+                doc: "always false: nodes run on the wall clock, `whorl simulate` on simulated time".into(),
+                allowed: "false".into(),
+                range: None,
+                choices: Vec::new(),
+                read_only: true,
+            });
+        }
+        descriptors.sort_by(|a, b| a.name.cmp(&b.name));
+        self.descriptors = descriptors;
+    }
+
+    /// How many sets were refused.
+    pub(crate) fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    fn find(&self, name: &str) -> Option<&Descriptor> {
+        self.descriptors.binary_search_by(|d| d.name.as_str().cmp(name)).ok().map(|at| &self.descriptors[at])
+    }
+
+    pub(crate) fn get(&self, names: &[String]) -> Vec<raw::ParameterValue> {
+        let value = |name: &String| self.find(name).and_then(|d| d.value.as_ref());
+        names.iter().map(|name| to_wire(value(name))).collect()
+    }
+
+    pub(crate) fn types(&self, names: &[String]) -> Vec<u8> {
+        self.get(names).into_iter().map(|value| value.ptype).collect()
+    }
+
+    pub(crate) fn descriptions(&self, names: &[String]) -> Vec<raw::ParameterDescriptor> {
+        names
+            .iter()
+            .map(|name| match self.find(name) {
+                Some(descriptor) => describe(descriptor),
+                None => raw::ParameterDescriptor { name: name.clone(), ..empty_descriptor() },
+            })
+            .collect()
+    }
+
+    /// Names below one of the prefixes (all for none), at most `depth` parts below it (0 = any).
+    pub(crate) fn list(&self, prefixes: &[String], depth: u64) -> ListParametersResult {
+        let near = |rest: &str| depth == 0 || (rest.matches('.').count() as u64) < depth;
+        let wanted = |name: &str| {
+            prefixes.is_empty() && near(name)
+                || prefixes.iter().any(|prefix| {
+                    name == prefix
+                        || name
+                            .strip_prefix(prefix.as_str())
+                            .and_then(|rest| rest.strip_prefix('.'))
+                            .is_some_and(near)
+                })
+        };
+        let names: Vec<String> =
+            self.descriptors.iter().map(|d| &d.name).filter(|name| wanted(name)).cloned().collect();
+        let mut groups: Vec<String> = names
+            .iter()
+            .filter_map(|name| name.rsplit_once('.').map(|(group, _)| group.to_owned()))
+            .collect();
+        groups.sort();
+        groups.dedup();
+        ListParametersResult { names, prefixes: groups }
+    }
+
+    /// Sets all of `changes` or none. On success the changed parameters, for `/parameter_events`.
+    pub(crate) fn set(
+        &mut self,
+        changes: &[raw::Parameter],
+        apply: &mut Apply<'_>,
+    ) -> Result<Vec<raw::Parameter>, String> {
+        self.try_set(changes, apply).inspect_err(|_| self.refused += 1)
+    }
+
+    fn try_set(
+        &mut self,
+        changes: &[raw::Parameter],
+        apply: &mut Apply<'_>,
+    ) -> Result<Vec<raw::Parameter>, String> {
+        let mut parameters = self.parameters.clone();
+        let mut changed = Vec::new();
+        for change in changes {
+            let value = from_wire(&change.value).map_err(|problem| format!("{}: {problem}", change.name))?;
+            if let Some(descriptor) = self.find(&change.name) {
+                let same = descriptor.value.is_some()
+                    && value.converted(descriptor.kind).as_ref() == descriptor.value.as_ref();
+                if same {
+                    continue;
+                }
+                if descriptor.read_only {
+                    return Err(format!(
+                        "{} can only be set when the node starts, in a parameter file or with -p",
+                        change.name
+                    ));
+                }
+            }
+            parameters = parameters.with(&change.name, value);
+            changed.push(change.name.clone());
+        }
+        if changed.is_empty() {
+            return Ok(Vec::new());
+        }
+        let descriptors = apply(&parameters)?;
+        self.parameters = parameters;
+        self.describe(descriptors);
+        let values = self.get(&changed);
+        Ok(changed.into_iter().zip(values).map(|(name, value)| raw::Parameter { name, value }).collect())
+    }
+}
+
+fn empty_value() -> raw::ParameterValue {
+    raw::ParameterValue {
+        ptype: raw::ParameterType::NOT_SET,
+        boolean_value: false,
+        int_value: 0,
+        double_value: 0.0,
+        string_value: String::new(),
+        byte_array: Vec::new(),
+        bool_array: Vec::new(),
+        int_array: Vec::new(),
+        double_array: Vec::new(),
+        string_array: Vec::new(),
+    }
+}
+
+/// A value as `rcl_interfaces/msg/ParameterValue`; not set for `None`.
+pub(crate) fn to_wire(value: Option<&Value>) -> raw::ParameterValue {
+    let mut wire = empty_value();
+    let Some(value) = value else { return wire };
+    wire.ptype = value.kind().ros_type();
+    match value.clone() {
+        Value::Bool(x) => wire.boolean_value = x,
+        Value::Integer(x) => wire.int_value = x,
+        Value::Double(x) => wire.double_value = x,
+        Value::String(x) => wire.string_value = x,
+        Value::BoolArray(x) => wire.bool_array = x,
+        Value::IntegerArray(x) => wire.int_array = x,
+        Value::DoubleArray(x) => wire.double_array = x,
+        Value::StringArray(x) => wire.string_array = x,
+    }
+    wire
+}
+
+/// A value from the wire; an error for "not set" and for types that parameter files do not have.
+pub(crate) fn from_wire(wire: &raw::ParameterValue) -> Result<Value, String> {
+    use raw::ParameterType as T;
+    Ok(match wire.ptype {
+        T::BOOL => Value::Bool(wire.boolean_value),
+        T::INTEGER => Value::Integer(wire.int_value),
+        T::DOUBLE => Value::Double(wire.double_value),
+        T::STRING => Value::String(wire.string_value.clone()),
+        T::BOOL_ARRAY => Value::BoolArray(wire.bool_array.clone()),
+        T::INTEGER_ARRAY => Value::IntegerArray(wire.int_array.clone()),
+        T::DOUBLE_ARRAY => Value::DoubleArray(wire.double_array.clone()),
+        T::STRING_ARRAY => Value::StringArray(wire.string_array.clone()),
+        T::NOT_SET => return Err("a parameter cannot be deleted while the node runs".into()),
+        other => return Err(format!("parameter type {other} is not supported")),
+    })
+}
+
+fn empty_descriptor() -> raw::ParameterDescriptor {
+    raw::ParameterDescriptor {
+        name: String::new(),
+        r#type: raw::ParameterType::NOT_SET,
+        description: String::new(),
+        additional_constraints: String::new(),
+        read_only: false,
+        dynamic_typing: false,
+        floating_point_range: Vec::new(),
+        integer_range: Vec::new(),
+    }
+}
+
+fn describe(descriptor: &Descriptor) -> raw::ParameterDescriptor {
+    let mut wire = raw::ParameterDescriptor {
+        name: descriptor.name.clone(),
+        r#type: descriptor.kind.ros_type(),
+        description: descriptor.doc.clone(),
+        additional_constraints: descriptor.allowed.clone(),
+        read_only: descriptor.read_only,
+        ..empty_descriptor()
+    };
+    match descriptor.range {
+        Some(NumericRange::Double { from, to }) => {
+            wire.floating_point_range =
+                vec![raw::FloatingPointRange { from_value: from, to_value: to, step: 0.0 }];
+        }
+        Some(NumericRange::Integer { from, to }) => {
+            wire.integer_range = vec![raw::IntegerRange { from_value: from, to_value: to, step: 0 }];
+        }
+        None => {}
+    }
+    wire
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_params::{ParameterTree, range};
+
+    #[derive(Debug, Clone, PartialEq)]
+    struct Gains {
+        kp: f64,
+        axes: i64,
+        law: String,
+    }
+
+    fn gains(r: &mut Reader<'_>) -> Option<Gains> {
+        Some(Gains {
+            kp: r.group("gain", |r| r.f64("kp_n_m", range(0.0..=2.0), "proportional gain [N m]")),
+            axes: r.fixed(|r| r.i64("axes", range(1..=3), "axes under control")),
+            law: r.choice("law", &["pd", "slide"], "control law").to_owned(),
+        })
+    }
+
+    fn set() -> (NodeParameters, ParameterSet) {
+        let text = "/**/control:\n  ros__parameters:\n    gain: {kp_n_m: 0.5}\n    axes: 3\n    law: pd\n";
+        let parameters =
+            ParameterTree::from_texts(&[("p.yaml", text)], &[]).unwrap().for_node("/whorl_1/control");
+        let (_, descriptors) = read(&parameters, gains).unwrap();
+        (parameters.clone(), ParameterSet::new(parameters, descriptors))
+    }
+
+    fn change(name: &str, value: impl Into<Value>) -> raw::Parameter {
+        raw::Parameter { name: name.into(), value: to_wire(Some(&value.into())) }
+    }
+
+    /// Applies to a core that refuses kp above 1.
+    fn apply(applied: &mut Vec<Gains>) -> impl FnMut(&NodeParameters) -> Result<Vec<Descriptor>, String> {
+        move |parameters| {
+            let (new, descriptors) = read(parameters, gains).map_err(|e| e.to_string())?;
+            if new.kp > 1.0 {
+                return Err("kp above 1 is not stable with this filter".into());
+            }
+            applied.push(new);
+            Ok(descriptors)
+        }
+    }
+
+    #[test]
+    fn a_value_in_range_reaches_the_core_and_is_read_back() {
+        let (_, mut set) = set();
+        let mut applied = Vec::new();
+        let events = set.set(&[change("gain.kp_n_m", 0.75)], &mut apply(&mut applied)).unwrap();
+        assert_eq!(events.len(), 1);
+        assert_eq!(applied[0].kp, 0.75);
+        assert_eq!(set.get(&["gain.kp_n_m".into()])[0].double_value, 0.75);
+        // `ros2 param set ... 1` sends an integer; what is read back is a number.
+        set.set(&[change("gain.kp_n_m", 1_i64)], &mut apply(&mut applied)).unwrap();
+        let back = &set.get(&["gain.kp_n_m".into()])[0];
+        assert_eq!((back.ptype, back.double_value), (raw::ParameterType::DOUBLE, 1.0));
+    }
+
+    #[test]
+    fn every_refusal_says_why_and_changes_nothing() {
+        let (_, mut set) = set();
+        let mut applied = Vec::new();
+        for (name, value, expected) in [
+            ("gain.kp_n_m", Value::Double(2.5), "2"),
+            ("gain.kp_n_m", Value::Double(f64::NAN), "gain.kp_n_m"),
+            ("gain.kp_n_m", Value::Double(1.5), "not stable"),
+            ("gain.kp_n_m", Value::String("much".into()), "gain.kp_n_m"),
+            ("gain.kp", Value::Double(0.1), "gain.kp"),
+            ("axes", Value::Integer(2), "when the node starts"),
+            ("use_sim_time", Value::Bool(true), "when the node starts"),
+            ("law", Value::String("pid".into()), "slide"),
+        ] {
+            let reason = set.set(&[change(name, value)], &mut apply(&mut applied)).unwrap_err();
+            assert!(reason.contains(expected), "{name}: {reason}");
+        }
+        assert!(applied.is_empty());
+        assert_eq!(set.refused(), 8);
+        assert_eq!(set.get(&["gain.kp_n_m".into()])[0].double_value, 0.5);
+    }
+
+    #[test]
+    fn an_atomic_set_is_all_or_nothing() {
+        let (_, mut set) = set();
+        let mut applied = Vec::new();
+        let both = [change("gain.kp_n_m", 0.25), change("law", "pid")];
+        assert!(set.set(&both, &mut apply(&mut applied)).is_err());
+        assert_eq!(set.get(&["gain.kp_n_m".into()])[0].double_value, 0.5);
+        let both = [change("gain.kp_n_m", 0.25), change("law", "slide")];
+        assert_eq!(set.set(&both, &mut apply(&mut applied)).unwrap().len(), 2);
+        assert_eq!(applied, [Gains { kp: 0.25, axes: 3, law: "slide".into() }]);
+    }
+
+    #[test]
+    fn setting_a_fixed_parameter_to_its_own_value_is_no_error() {
+        // `ros2 param load` of a full dump does this.
+        let (_, mut set) = set();
+        let mut applied = Vec::new();
+        assert!(set.set(&[change("axes", 3_i64)], &mut apply(&mut applied)).unwrap().is_empty());
+        assert!(applied.is_empty());
+    }
+
+    #[test]
+    fn names_are_listed_by_prefix_and_depth() {
+        let (_, set) = set();
+        assert_eq!(set.list(&[], 0).names, ["axes", "gain.kp_n_m", "law", "use_sim_time"]);
+        assert_eq!(set.list(&[], 1).names, ["axes", "law", "use_sim_time"]);
+        assert_eq!(set.list(&["gain".into()], 0).names, ["gain.kp_n_m"]);
+        assert_eq!(set.list(&[], 0).prefixes, ["gain"]);
+        assert!(set.list(&["gai".into()], 0).names.is_empty());
+    }
+
+    #[test]
+    fn descriptors_carry_doc_range_and_choices() {
+        let (_, set) = set();
+        let d = set.descriptions(&["gain.kp_n_m".into(), "axes".into(), "law".into(), "none".into()]);
+        assert_eq!(
+            (d[0].floating_point_range[0].from_value, d[0].floating_point_range[0].to_value),
+            (0.0, 2.0)
+        );
+        assert!(d[0].description.contains("[N m]") && !d[0].read_only);
+        assert_eq!((d[1].integer_range[0].to_value, d[1].read_only), (3, true));
+        assert!(d[2].additional_constraints.contains("slide"), "{}", d[2].additional_constraints);
+        assert_eq!(d[3].r#type, raw::ParameterType::NOT_SET);
+        assert_eq!(set.types(&["law".into(), "none".into()]), [4, 0]);
+    }
+}

@@ -1,0 +1,284 @@
+//! The process on the DDS network: creates readers and writers, and tells who else is there.
+
+use ros2_client::dds::rustdds::{
+    DomainParticipant, DomainParticipantBuilder, DomainParticipantStatusEvent, Publisher, QosPolicies,
+    QosPolicyBuilder, StatusEvented, Subscriber, TopicKind,
+    no_key::{DataWriter, SimpleDataReader},
+    policy::{Durability, History, Reliability},
+};
+use whorl_msgs::topics::Qos;
+
+use crate::environment::Network;
+use crate::error::RosError;
+use crate::names;
+use crate::raw::{EndpointId, RawReader, RawWriter};
+
+/// How an endpoint is created, beyond what the table of topics says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EndpointQos {
+    /// Reliable or best effort.
+    pub reliable: bool,
+    /// KeepLast depth.
+    pub depth: u16,
+    /// Whether late joiners get the history.
+    pub transient_local: bool,
+}
+
+impl From<Qos> for EndpointQos {
+    fn from(qos: Qos) -> Self {
+        Self { reliable: qos.reliable, depth: qos.depth, transient_local: false }
+    }
+}
+
+impl EndpointQos {
+    /// Services, as `rmw_qos_profile_services_default`.
+    pub const SERVICE: Self = Self { reliable: true, depth: 10, transient_local: false };
+    /// `/rosout`: `rcl`'s profile, without the thousand lines of history.
+    pub const ROSOUT: Self = Self { reliable: true, depth: 10, transient_local: true };
+    /// `/parameter_events`.
+    pub const PARAMETER_EVENTS: Self = Self { reliable: true, depth: 10, transient_local: false };
+    /// `ros_discovery_info`.
+    pub const DISCOVERY_INFO: Self = Self { reliable: true, depth: 1, transient_local: true };
+
+    fn policies(self) -> QosPolicies {
+        // A writer that waits for a slow reliable reader blocks the core: 10 ms at most.
+        let max_blocking_time = ros2_client::dds::rustdds::Duration::from_millis(10);
+        QosPolicyBuilder::new()
+            .reliability(if self.reliable {
+                Reliability::Reliable { max_blocking_time }
+            } else {
+                Reliability::BestEffort
+            })
+            .durability(if self.transient_local { Durability::TransientLocal } else { Durability::Volatile })
+            .history(History::KeepLast { depth: i32::from(self.depth) })
+            .build()
+    }
+}
+
+/// A topic that somebody on the network writes or reads.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct DiscoveredEndpoint {
+    /// DDS name of the topic (`rt/...` for ROS topics).
+    pub dds_topic: String,
+    /// DDS name of the type.
+    pub dds_type: String,
+    /// Who it is.
+    pub endpoint: EndpointId,
+    /// Whether it offers or asks for reliable transport.
+    pub reliable: bool,
+}
+
+impl DiscoveredEndpoint {
+    /// ROS name of the topic, e.g. `/whorl_1/imu/data_raw`; `None` for services and the like.
+    #[must_use]
+    pub fn topic(&self) -> Option<String> {
+        names::ros_topic(&self.dds_topic)
+    }
+
+    /// ROS name of the type, e.g. `sensor_msgs/msg/Imu`.
+    #[must_use]
+    pub fn type_name(&self) -> Option<String> {
+        names::ros_type(&self.dds_type)
+    }
+}
+
+/// A change among the other processes on the network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PeerEvent {
+    /// A participant was seen for the first time, or again after it had been given up.
+    Discovered([u8; 12]),
+    /// A participant said goodbye.
+    Left([u8; 12]),
+    /// A participant was silent for longer than its lease.
+    TimedOut([u8; 12]),
+    /// One of our writers found a reader.
+    ReaderMatched {
+        /// Ours.
+        writer: EndpointId,
+        /// Theirs.
+        reader: EndpointId,
+    },
+    /// One of our readers found a writer.
+    WriterMatched {
+        /// Ours.
+        reader: EndpointId,
+        /// Theirs.
+        writer: EndpointId,
+    },
+    /// A reader is gone.
+    ReaderLost(EndpointId),
+    /// A writer is gone.
+    WriterLost(EndpointId),
+}
+
+/// A DDS domain participant with one publisher and one subscriber.
+pub struct Participant {
+    participant: DomainParticipant,
+    publisher: Publisher,
+    subscriber: Subscriber,
+    network: Network,
+}
+
+impl Participant {
+    /// Joins the network.
+    ///
+    /// # Errors
+    /// When sockets cannot be opened.
+    pub fn new(network: &Network) -> Result<Self, RosError> {
+        let mut builder = DomainParticipantBuilder::new(network.domain_id)
+            // The default of 8 MiB per socket is for point clouds. The kernel clamps to its own
+            // limit anyway and RustDDS warns about that.
+            .socket_receive_buffer_size(SOCKET_BUFFER_BYTES)
+            .socket_send_buffer_size(SOCKET_BUFFER_BYTES);
+        if let Some(interfaces) = &network.interfaces {
+            builder = builder.with_only_networks(interfaces.iter().copied());
+        }
+        let error = |e| RosError::dds(format!("joining domain {}", network.domain_id), e);
+        let participant = builder.build().map_err(error)?;
+        let publisher = participant.create_publisher(&QosPolicies::default()).map_err(error)?;
+        let subscriber = participant.create_subscriber(&QosPolicies::default()).map_err(error)?;
+        Ok(Self { participant, publisher, subscriber, network: network.clone() })
+    }
+
+    /// Reads a ROS topic, e.g. `/whorl_1/imu/data_raw` of `sensor_msgs/msg/Imu`.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn reader(&self, topic: &str, ros_type: &str, qos: EndpointQos) -> Result<RawReader, RosError> {
+        self.dds_reader(&names::dds_topic(topic), &names::dds_type(ros_type), qos)
+    }
+
+    /// Writes a ROS topic.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn writer(&self, topic: &str, ros_type: &str, qos: EndpointQos) -> Result<RawWriter, RosError> {
+        self.dds_writer(&names::dds_topic(topic), &names::dds_type(ros_type), qos)
+    }
+
+    /// Reads a topic by its DDS names.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn dds_reader(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawReader, RosError> {
+        let policies = qos.policies();
+        let error = |e| RosError::dds(format!("creating a reader of {topic}"), e);
+        let dds_topic = self
+            .participant
+            .create_topic(topic.to_owned(), dds_type.to_owned(), &policies, TopicKind::NoKey)
+            .map_err(error)?;
+        let reader: SimpleDataReader<Vec<u8>, _> =
+            self.subscriber.create_simple_datareader_no_key(&dds_topic, Some(policies)).map_err(error)?;
+        Ok(RawReader::new(reader, topic.to_owned()))
+    }
+
+    /// Writes a topic by its DDS names.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn dds_writer(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawWriter, RosError> {
+        let policies = qos.policies();
+        let error = |e| RosError::dds(format!("creating a writer of {topic}"), e);
+        let dds_topic = self
+            .participant
+            .create_topic(topic.to_owned(), dds_type.to_owned(), &policies, TopicKind::NoKey)
+            .map_err(error)?;
+        let writer: DataWriter<_, _> =
+            self.publisher.create_datawriter_no_key(&dds_topic, Some(policies)).map_err(error)?;
+        Ok(RawWriter::new(writer, topic.to_owned()))
+    }
+
+    /// Every writer known on the network, sorted by topic.
+    #[must_use]
+    pub fn discovered_writers(&self) -> Vec<DiscoveredEndpoint> {
+        let mut list: Vec<_> = self
+            .participant
+            .discovered_writers()
+            .into_iter()
+            .map(|w| DiscoveredEndpoint {
+                dds_topic: w.publication_topic_data.topic_name.clone(),
+                dds_type: w.publication_topic_data.type_name.clone(),
+                endpoint: w.writer_proxy.remote_writer_guid.into(),
+                reliable: matches!(w.publication_topic_data.reliability, Some(Reliability::Reliable { .. })),
+            })
+            .collect();
+        list.sort();
+        list
+    }
+
+    /// Every reader known on the network, sorted by topic.
+    #[must_use]
+    pub fn discovered_readers(&self) -> Vec<DiscoveredEndpoint> {
+        let mut list: Vec<_> = self
+            .participant
+            .discovered_readers()
+            .into_iter()
+            .map(|r| DiscoveredEndpoint {
+                dds_topic: r.subscription_topic_data.topic_name().clone(),
+                dds_type: r.subscription_topic_data.type_name().clone(),
+                endpoint: r.reader_proxy.remote_reader_guid.into(),
+                reliable: matches!(
+                    r.subscription_topic_data.qos().reliability(),
+                    Some(Reliability::Reliable { .. })
+                ),
+            })
+            .collect();
+        list.sort();
+        list
+    }
+
+    /// The next change among the others, or `None` when there is none now.
+    pub fn peer_event(&self) -> Option<PeerEvent> {
+        use DomainParticipantStatusEvent as Event;
+        use ros2_client::dds::rustdds::LostReason;
+        let listener = self.participant.status_listener();
+        loop {
+            return Some(match listener.try_recv_status()? {
+                Event::ParticipantDiscovered { dpd } => {
+                    PeerEvent::Discovered(EndpointId::from(dpd.guid).participant())
+                }
+                Event::ParticipantLost { id, reason } => match reason {
+                    LostReason::Disposed => PeerEvent::Left(prefix(id.as_ref())),
+                    LostReason::Timeout { .. } => PeerEvent::TimedOut(prefix(id.as_ref())),
+                },
+                Event::RemoteReaderMatched { local_writer, remote_reader } => {
+                    PeerEvent::ReaderMatched { writer: local_writer.into(), reader: remote_reader.into() }
+                }
+                Event::RemoteWriterMatched { local_reader, remote_writer } => {
+                    PeerEvent::WriterMatched { reader: local_reader.into(), writer: remote_writer.into() }
+                }
+                Event::ReaderLost { guid, .. } => PeerEvent::ReaderLost(guid.into()),
+                Event::WriterLost { guid, .. } => PeerEvent::WriterLost(guid.into()),
+                _ => continue,
+            });
+        }
+    }
+
+    /// Who we are on the network.
+    #[must_use]
+    pub fn id(&self) -> EndpointId {
+        use ros2_client::dds::rustdds::RTPSEntity;
+        self.participant.guid().into()
+    }
+
+    /// Our number among the participants of this machine, which fixes our UDP ports.
+    #[must_use]
+    pub fn participant_number(&self) -> u16 {
+        self.participant.participant_id()
+    }
+
+    /// The network that we joined.
+    #[must_use]
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+}
+
+fn prefix(bytes: &[u8]) -> [u8; 12] {
+    let mut prefix = [0; 12];
+    prefix.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+    prefix
+}
+
+/// Holds a second of traffic of the whole formation (300 messages/s of 400 bytes, each way).
+const SOCKET_BUFFER_BYTES: usize = 512 * 1024;

@@ -1,0 +1,207 @@
+//! What the shell counts and reports in `/diagnostics`.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use whorl_msgs::std_msgs::Header;
+use whorl_node::Timestamp;
+
+use crate::raw::EndpointId;
+
+/// What became of one sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Arrival {
+    /// To be delivered.
+    Fresh,
+    /// Not newer than one that was already delivered from the same writer: a late one, or a
+    /// repetition after a renewal.
+    Old,
+}
+
+/// Counts of one subscription.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SubscriptionCounts {
+    pub received: u64,
+    pub lost: u64,
+    pub old: u64,
+    pub undecodable: u64,
+    /// Monotonic time of the last sample.
+    pub last: Option<Duration>,
+    last_number: HashMap<EndpointId, i64>,
+}
+
+impl SubscriptionCounts {
+    /// Takes note of a sample by its writer's count.
+    pub(crate) fn arrival(&mut self, now: Duration, writer: EndpointId, number: i64) -> Arrival {
+        self.last = Some(now);
+        match self.last_number.insert(writer, number) {
+            Some(last) if number <= last => {
+                self.last_number.insert(writer, last);
+                self.old += 1;
+                return Arrival::Old;
+            }
+            Some(last) => self.lost += u64::try_from(number - last - 1).unwrap_or(0),
+            None => {}
+        }
+        self.received += 1;
+        Arrival::Fresh
+    }
+
+    /// Writers heard so far.
+    pub(crate) fn writers(&self) -> impl Iterator<Item = &EndpointId> {
+        self.last_number.keys()
+    }
+
+    /// Forgets writers that are gone, so that a restarting peer does not fill memory.
+    pub(crate) fn forget(&mut self, writer: EndpointId) {
+        self.last_number.remove(&writer);
+    }
+}
+
+/// Counts of a node.
+#[derive(Debug, Default)]
+pub(crate) struct Statistics {
+    pub subscriptions: Vec<(String, SubscriptionCounts)>,
+    pub publications: Vec<(String, u64)>,
+    pub publish_failures: u64,
+    pub undeclared: u64,
+    pub late_timers: u64,
+    pub parameter_sets_refused: u64,
+    pub renewals: u64,
+    pub missing_participants: usize,
+    reported: Reported,
+}
+
+/// Totals at the time of the last report.
+#[derive(Debug, Default)]
+struct Reported {
+    at: Timestamp,
+    received: Vec<u64>,
+    sent: Vec<u64>,
+    undecodable: u64,
+    publish_failures: u64,
+}
+
+impl Statistics {
+    pub(crate) fn new(subscriptions: Vec<String>, publications: Vec<String>) -> Self {
+        Self {
+            subscriptions: subscriptions.into_iter().map(|t| (t, SubscriptionCounts::default())).collect(),
+            publications: publications.into_iter().map(|t| (t, 0)).collect(),
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn undecodable(&self) -> u64 {
+        self.subscriptions.iter().map(|(_, counts)| counts.undecodable).sum()
+    }
+
+    /// The node's entry in `/diagnostics`; rates are since the last call.
+    pub(crate) fn report(&mut self, node: &str, now: Timestamp) -> DiagnosticArray {
+        let seconds = now.seconds_since(self.reported.at).max(1e-3);
+        let first = self.reported.at == Timestamp(0);
+        let rate = |count: u64, before: Option<&u64>| {
+            if first { 0.0 } else { (count - before.copied().unwrap_or(0)) as f64 / seconds }
+        };
+        let mut values = Vec::new();
+        let mut value = |key: String, value: String| values.push(KeyValue { key, value });
+        for (index, (topic, counts)) in self.subscriptions.iter().enumerate() {
+            value(
+                format!("in {topic}"),
+                format!(
+                    "{:.1} Hz, {} received, {} lost, {} old, {} undecodable",
+                    rate(counts.received, self.reported.received.get(index)),
+                    counts.received,
+                    counts.lost,
+                    counts.old,
+                    counts.undecodable
+                ),
+            );
+        }
+        for (index, (topic, sent)) in self.publications.iter().enumerate() {
+            value(
+                format!("out {topic}"),
+                format!("{:.1} Hz, {sent} sent", rate(*sent, self.reported.sent.get(index))),
+            );
+        }
+        for (key, count) in [
+            ("messages that could not be sent", self.publish_failures),
+            ("messages on topics not declared", self.undeclared),
+            ("timer firings more than a period late", self.late_timers),
+            ("parameter sets refused", self.parameter_sets_refused),
+            ("renewals of the endpoints", self.renewals),
+            ("missing participants", self.missing_participants as u64),
+        ] {
+            value(key.to_owned(), count.to_string());
+        }
+        let undecodable = self.undecodable();
+        let mut problems = Vec::new();
+        if undecodable > self.reported.undecodable {
+            let topics: Vec<_> = self
+                .subscriptions
+                .iter()
+                .filter(|(_, counts)| counts.undecodable > 0)
+                .map(|(topic, _)| topic.as_str())
+                .collect();
+            problems.push(format!("undecodable messages on {}", topics.join(", ")));
+        }
+        if self.publish_failures > self.reported.publish_failures {
+            problems.push("messages could not be sent".to_owned());
+        }
+        if self.missing_participants > 0 {
+            problems.push(format!("{} participant(s) missing", self.missing_participants));
+        }
+        self.reported = Reported {
+            at: now,
+            received: self.subscriptions.iter().map(|(_, counts)| counts.received).collect(),
+            sent: self.publications.iter().map(|(_, sent)| *sent).collect(),
+            undecodable,
+            publish_failures: self.publish_failures,
+        };
+        DiagnosticArray {
+            header: Header { stamp: now.into(), frame_id: String::new() },
+            status: vec![DiagnosticStatus {
+                level: if problems.is_empty() { DiagnosticStatus::OK } else { DiagnosticStatus::WARN },
+                name: format!("{}: transport", node.trim_start_matches('/')),
+                message: if problems.is_empty() { "ok".to_owned() } else { problems.join("; ") },
+                hardware_id: String::new(),
+                values,
+            }],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const W: EndpointId = EndpointId([1; 16]);
+
+    #[test]
+    fn gaps_are_losses_and_repetitions_are_not_delivered() {
+        let mut counts = SubscriptionCounts::default();
+        let mut arrive = |n| counts.arrival(Duration::ZERO, W, n);
+        let fresh: Vec<i64> =
+            [5, 6, 9, 8, 9, 10].into_iter().filter(|n| arrive(*n) == Arrival::Fresh).collect();
+        assert_eq!(fresh, [5, 6, 9, 10]);
+        assert_eq!((counts.received, counts.lost, counts.old), (4, 2, 2));
+        // Another writer counts for itself; a forgotten one starts anew.
+        assert_eq!(counts.arrival(Duration::ZERO, EndpointId([2; 16]), 1), Arrival::Fresh);
+        counts.forget(W);
+        assert_eq!(counts.arrival(Duration::ZERO, W, 1), Arrival::Fresh);
+    }
+
+    #[test]
+    fn the_report_warns_only_of_what_is_new() {
+        let mut statistics = Statistics::new(vec!["/whorl_1/imu/data_raw".into()], vec!["/tf".into()]);
+        assert_eq!(statistics.report("/whorl_1/estimator", Timestamp(1_000_000_000)).status[0].level, 0);
+        statistics.subscriptions[0].1.undecodable = 1;
+        statistics.publications[0].1 = 20;
+        let report = statistics.report("/whorl_1/estimator", Timestamp(2_000_000_000));
+        let status = &report.status[0];
+        assert_eq!((status.level, status.name.as_str()), (1, "whorl_1/estimator: transport"));
+        assert!(status.message.contains("/whorl_1/imu/data_raw"), "{}", status.message);
+        assert!(status.values.iter().any(|v| v.key == "out /tf" && v.value.starts_with("20.0 Hz")));
+        assert_eq!(statistics.report("/whorl_1/estimator", Timestamp(3_000_000_000)).status[0].level, 0);
+    }
+}
