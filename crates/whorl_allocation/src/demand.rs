@@ -91,8 +91,8 @@ pub struct Demand {
 /// Why a demand is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DemandError {
-    /// A component of the torque is NaN or infinite.
-    #[error("torque demand {0:?} N m is not finite")]
+    /// A component of the torque is NaN, infinite or beyond 1e9 N m.
+    #[error("torque demand {0:?} N m: must be finite, at most 1e9 N m")]
     Torque([f64; 3]),
     /// A list does not have one entry per jet or wheel.
     #[error("{field} has {found} entries where {expected} are needed")]
@@ -158,7 +158,7 @@ impl Demand {
     /// # Errors
     /// [`DemandError`] naming the first field that is wrong.
     pub fn check(&self, effectors: &Effectors) -> Result<(), DemandError> {
-        if !self.torque_b_n_m.iter().all(|value| value.is_finite()) {
+        if !self.torque_b_n_m.iter().all(|&value| sane(value)) {
             return Err(DemandError::Torque(self.torque_b_n_m.into()));
         }
         let fraction = |value: f64| (0.0..=1.0).contains(&value);
@@ -173,7 +173,7 @@ impl Demand {
             ("wheel_motor_torque_max_n_m", &self.wheel_motor_torque_max_n_m),
             ("wheel_motor_torque_desired_n_m", &self.wheel_motor_torque_desired_n_m),
         ] {
-            check_values(field, values, effectors.wheels(), f64::is_finite, "finite")?;
+            check_values(field, values, effectors.wheels(), sane, "finite, at most 1e9")?;
         }
         check_order("jet", &self.jet_on_fraction_min, &self.jet_on_fraction_max)?;
         check_order("wheel", &self.wheel_motor_torque_min_n_m, &self.wheel_motor_torque_max_n_m)?;
@@ -185,6 +185,11 @@ impl Demand {
         }
         Ok(())
     }
+}
+
+/// Finite, and small enough for its square to be.
+fn sane(value: f64) -> bool {
+    value.abs() <= 1e9
 }
 
 fn check_values(

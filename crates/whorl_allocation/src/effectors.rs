@@ -7,6 +7,9 @@ pub const MAX_JETS: usize = 32;
 /// Most wheels an [`Effectors`] may have.
 pub const MAX_WHEELS: usize = 8;
 
+/// Largest number in a layout, in its unit: keeps squares and ratios finite.
+const LARGEST: f64 = 1e9;
+
 /// The plain description from which [`Effectors`] are checked and built.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectorLayout {
@@ -153,16 +156,17 @@ fn check_count(field: &'static str, found: usize, expected: usize) -> Result<(),
 
 fn check_columns(field: &'static str, columns: &Matrix3xX<f64>) -> Result<(), EffectorError> {
     for (index, column) in columns.column_iter().enumerate() {
-        if let Some(&value) = column.iter().find(|value| !value.is_finite()) {
-            return Err(EffectorError::Value { field, index, value, allowed: "finite" });
+        if let Some(&value) = column.iter().find(|value| !(value.abs() <= LARGEST)) {
+            let allowed = "finite, at most 1e9";
+            return Err(EffectorError::Value { field, index, value, allowed });
         }
     }
     Ok(())
 }
 
 fn check_positive(field: &'static str, values: &[f64]) -> Result<(), EffectorError> {
-    match values.iter().enumerate().find(|(_, value)| !(value.is_finite() && **value > 0.0)) {
+    match values.iter().enumerate().find(|(_, value)| !(**value >= 1.0 / LARGEST && **value <= LARGEST)) {
         None => Ok(()),
-        Some((index, &value)) => Err(EffectorError::Value { field, index, value, allowed: "finite and > 0" }),
+        Some((index, &value)) => Err(EffectorError::Value { field, index, value, allowed: "in 1e-9..=1e9" }),
     }
 }

@@ -22,7 +22,9 @@ const ITERATIONS: usize = 60;
 /// Gradient, in units of full torque, at which to stop.
 const TARGET_ERROR: f64 = 1e-12;
 /// Gradient that rounding may leave where torque is very dear; the last step removes it.
-const ACCEPTED_ERROR: f64 = 1e-8;
+const ACCEPTED_ERROR: f64 = 1e-7;
+/// Miss of the torque equation after that step.
+const TORQUE_TOLERANCE: f64 = 1e-10;
 /// Height over a facet, relative to a generator's length, that counts as none.
 const ON_FACET: f64 = 1e-12;
 
@@ -73,6 +75,10 @@ pub(crate) fn to_vertex(
     if !price.iter().all(|value| value.is_finite()) {
         price = Vector3::zeros();
     }
+    if let Some(normal) = facet_normal {
+        // Along the normal nothing moves any more; a large component would only bring rounding.
+        price -= normal * normal.dot(&price);
+    }
     let mut best = (f64::INFINITY, price);
     for _ in 0..ITERATIONS {
         let mut gradient = -goal;
@@ -107,6 +113,9 @@ pub(crate) fn to_vertex(
         v[effector.index] = (effector.wish(&price) * effector.softness).clamp(0.0, 1.0);
     }
     onto_torque(problem, torque, &mut v);
+    if (problem.torque_of(&v) - torque).norm() > TORQUE_TOLERANCE {
+        return false;
+    }
     point.v = v;
     point.price = price * unit;
     true

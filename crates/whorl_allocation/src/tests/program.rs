@@ -1,13 +1,14 @@
 //! The quadratic program against the oracle, which shares nothing with the solver.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
+use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use crate::layouts::{
     canted_pods, direction, eight_jets, no_wheels, six_jets, three_wheels, uniform, wheels_only,
 };
 use crate::zonotope::LeastCost;
-use crate::{Allocator, Demand, Effectors, FallbackReason, JetMask, Mode, Status};
+use crate::{Allocator, Demand, EffectorLayout, Effectors, FallbackReason, JetMask, Mode, Status};
 
 /// Random demand up to `reach` times the strongest jet, every failure mode in turn.
 fn jets_only_sweep(effectors: &Effectors, cases: usize, reach: f64, seed: u128) -> Sweep {
@@ -312,4 +313,91 @@ fn least_cost_is_no_more_than_any_admissible_allocation() {
         let least = table.of(&torque);
         assert!(least > 0.0 && least <= u.iter().sum::<f64>() + 1e-9);
     }
+}
+
+#[test]
+fn random_layouts_are_solved_exactly_or_say_why() {
+    // Any number of jets and wheels, parallel, coplanar, dead and tiny ones, narrow and one-sided
+    // bounds, sizes over many decades: nothing panics, nothing leaves its bounds, what is called
+    // solved agrees with the oracle.
+    let mut rng = Pcg64::new(10, 7);
+    let mut counts = [0; 3];
+    for case in 0..1200 {
+        let jets = 1 + (case * 7) % 32;
+        let wheels = (case * 5) % 9;
+        let size = 10.0_f64.powf(uniform(&mut rng, -4.0, 4.0));
+        let flat = case % 10 == 3;
+        let mut axes: Vec<Vector3<f64>> = vec![];
+        let mut columns: Vec<Vector3<f64>> = vec![];
+        for j in 0..jets {
+            let mut b = direction(&mut rng) * (size * uniform(&mut rng, 0.3, 1.0));
+            match (uniform(&mut rng, 0.0, 10.0)) as usize {
+                0 => b *= 0.0,
+                1 => b *= 1e-3,
+                2 | 3 if j > 0 => b = -columns[j - 1],
+                4 if j > 1 => b = columns[j - 1] - columns[j - 2] * 0.5,
+                _ => {}
+            }
+            if flat {
+                b.z = 0.0;
+            }
+            columns.push(b);
+        }
+        for _ in 0..wheels {
+            axes.push(direction(&mut rng));
+        }
+        let effectors = Effectors::new(EffectorLayout {
+            jet_torque_b_n_m: Matrix3xX::from_columns(&columns),
+            jet_force_b_n: None,
+            jet_gas_rate_kg_s: (0..jets).map(|_| uniform(&mut rng, 0.2, 1.0)).collect(),
+            wheel_axis_b: Matrix3xX::from_fn(wheels, |i, k| axes[k][i]),
+            wheel_torque_limit_n_m: vec![size * 10.0_f64.powf(uniform(&mut rng, -2.0, 0.5)); wheels],
+        })
+        .unwrap();
+        let mut allocator = Allocator::new(effectors.clone()).unwrap();
+        for mode in [Mode::Jets, Mode::Both, Mode::Wheels] {
+            let mut torque = direction(&mut rng) * (size * 10.0_f64.powf(uniform(&mut rng, -3.0, 1.5)));
+            if flat {
+                torque.z = 0.0;
+            }
+            let mut demand = Demand::nominal(&effectors, mode, torque);
+            demand.jet_available = JetMask(rng.next_u32() | rng.next_u32());
+            demand.wheel_weight = 10.0_f64.powf(uniform(&mut rng, -3.0, 3.0));
+            for j in 0..jets {
+                if uniform(&mut rng, 0.0, 1.0) < 0.2 {
+                    demand.jet_on_fraction_max[j] = uniform(&mut rng, 0.0, 1.0);
+                    demand.jet_on_fraction_min[j] =
+                        demand.jet_on_fraction_max[j] * if case % 3 == 0 { 0.999_999 } else { 0.0 };
+                }
+            }
+            let allocation = allocator.allocate(&demand).unwrap();
+            let check = allocator.check(&demand, &allocation).unwrap();
+            assert!(check.bound_violation <= 0.0, "{check:?}");
+            assert!(allocation.achieved_torque_b_n_m.iter().all(|t| t.is_finite()));
+            match allocation.status {
+                Status::Solved { .. } => {
+                    counts[0] += 1;
+                    assert!(check.agrees(), "{case} {mode:?} {check:?}\n{allocation:?}\n{demand:?}");
+                }
+                Status::ClosedForm => {
+                    counts[1] += 1;
+                    assert!(check.agrees(), "{case} {mode:?} {check:?}\n{allocation:?}\n{demand:?}");
+                }
+                Status::Fallback(reason) => {
+                    counts[2] += 1;
+                    assert!(
+                        !matches!(reason, FallbackReason::NotSolved(_)),
+                        "{case} {mode:?} {allocation:?}\n{demand:?}"
+                    );
+                    // Never worse than doing nothing, unless bounds forbid to do nothing.
+                    if case % 3 != 0 {
+                        let left = allocation.unallocated_torque_b_n_m.norm();
+                        assert!(left <= torque.norm() * (1.0 + 1e-6), "{allocation:?}");
+                    }
+                }
+            }
+        }
+    }
+    println!("solved, closed form, fallback: {counts:?}");
+    assert!(counts.iter().all(|&count| count > 50), "{counts:?}");
 }
