@@ -231,6 +231,15 @@ pub enum Service {
 }
 
 impl Service {
+    /// ROS name of its type.
+    #[must_use]
+    pub fn type_name(self) -> &'static str {
+        match self {
+            Self::StartExperiment => "whorl_msgs/srv/StartExperiment",
+            Self::AbortExperiment => "whorl_msgs/srv/AbortExperiment",
+        }
+    }
+
     /// Absolute service name.
     #[must_use]
     pub fn name(self) -> &'static str {

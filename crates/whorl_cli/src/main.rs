@@ -1,5 +1,7 @@
 //! The `whorl` command.
 
+mod command;
+mod monitor;
 mod report;
 mod simulate;
 
@@ -20,6 +22,20 @@ struct Arguments {
 enum Command {
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
+    /// Starts the experiment that the coordinator was loaded with.
+    Start {
+        /// Its name as a check; left out: whichever is loaded.
+        #[arg(default_value = "")]
+        experiment: String,
+    },
+    /// Ends the running experiment: every platform goes to its safe mode.
+    Abort {
+        /// For the log.
+        #[arg(default_value = "")]
+        reason: String,
+    },
+    /// Shows phase, attitudes, errors, links and gas of a running formation; ends with the experiment.
+    Monitor(monitor::Arguments),
     /// Writes report.html and summary.json of recorded runs, and prints the headline numbers.
     Report {
         /// Run directories or rosbag2 directories.
@@ -34,6 +50,9 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Start { experiment } => command::start(experiment),
+        Command::Abort { reason } => command::abort(reason),
+        Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Report { runs, html } => report::run(&runs, html.as_deref()),
     };
     match result {

@@ -52,7 +52,9 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summa
     let summary = whorl_report::summarise(&data);
     let mut description = describe(path, &manifest);
     if recovery.is_some() {
-        description.warnings.push("The recorder was killed; this is the run up to its last second.".to_owned());
+        description
+            .warnings
+            .push("The recorder was killed; this is the run up to its last second.".to_owned());
     }
     if let RunState::Stopped(reason) = &manifest.state {
         description.warnings.push(format!("The recording ended early: {reason}"));
@@ -86,7 +88,10 @@ fn describe(path: &Path, manifest: &Manifest) -> Description {
     facts.extend(d.seed.iter().map(|s| ("seed".to_owned(), s.to_string())));
     facts.extend(d.notes.iter().cloned());
     facts.extend(
-        manifest.parameters.iter().map(|p| (p.file.clone(), format!("sha256 {}", p.sha256.get(..16).unwrap_or(&p.sha256)))),
+        manifest
+            .parameters
+            .iter()
+            .map(|p| (p.file.clone(), format!("sha256 {}", p.sha256.get(..16).unwrap_or(&p.sha256)))),
     );
     Description {
         title: format!("Whorl run: {}", if d.experiment.is_empty() { "recording" } else { &d.experiment }),
@@ -109,7 +114,10 @@ fn describe(path: &Path, manifest: &Manifest) -> Description {
 
 /// The numbers a person looks for first.
 pub fn print_headline(summary: &Summary) {
-    println!("{} ({}): {} after {:.1} s", summary.experiment, summary.law, summary.outcome, summary.duration_s);
+    println!(
+        "{} ({}): {} after {:.1} s",
+        summary.experiment, summary.law, summary.outcome, summary.duration_s
+    );
     for pair in &summary.pairs {
         println!(
             "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); of it estimators {:.4}, control {:.4}{}",

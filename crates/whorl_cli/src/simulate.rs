@@ -76,16 +76,23 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let layers = layers(arguments)?;
     let tree = ParameterTree::load(&layers, &[])?;
     let mut set = NodeSet::build(&tree, arguments.seed, Timestamp(0))?;
-    let experiment = arguments.experiment.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let writer = if arguments.no_record { None } else { Some(open_run(arguments, &experiment, &set, &layers)?) };
+    let experiment =
+        arguments.experiment.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let writer =
+        if arguments.no_record { None } else { Some(open_run(arguments, &experiment, &set, &layers)?) };
     let path = writer.as_ref().map(|w| w.path().to_owned());
     let mut recording = Recording { writer, verbose: arguments.verbose, messages: 0 };
 
     let began = Instant::now();
     let mut shown = None;
-    let outcome = run_simulation(&mut set, Duration::from_secs_f64(arguments.longest), &mut recording, |simulated_s| {
-        progress(&mut shown, began, simulated_s);
-    })?;
+    let outcome = run_simulation(
+        &mut set,
+        Duration::from_secs_f64(arguments.longest),
+        &mut recording,
+        |simulated_s| {
+            progress(&mut shown, began, simulated_s);
+        },
+    )?;
     if shown.is_some() {
         eprintln!();
     }
@@ -133,7 +140,12 @@ fn layers(arguments: &Arguments) -> anyhow::Result<Vec<PathBuf>> {
     Ok(standard_layers(&folder, &names, Some(experiment)))
 }
 
-fn open_run(arguments: &Arguments, experiment: &str, set: &NodeSet, layers: &[PathBuf]) -> anyhow::Result<RunWriter> {
+fn open_run(
+    arguments: &Arguments,
+    experiment: &str,
+    set: &NodeSet,
+    layers: &[PathBuf],
+) -> anyhow::Result<RunWriter> {
     let description = RunDescription {
         experiment: experiment.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -150,7 +162,11 @@ fn open_run(arguments: &Arguments, experiment: &str, set: &NodeSet, layers: &[Pa
     for layer in layers {
         writer.add_parameter_file(layer)?;
     }
-    writer.add_parameters("effective.yaml", "the parameters in force", set.effective_parameters.as_bytes())?;
+    writer.add_parameters(
+        "effective.yaml",
+        "the parameters in force",
+        set.effective_parameters.as_bytes(),
+    )?;
     Ok(writer)
 }
 
