@@ -1,0 +1,34 @@
+//! `whorl start` and `whorl abort`: the coordinator's services.
+
+use std::time::Duration;
+
+use anyhow::bail;
+use serde::Serialize;
+use whorl_msgs::topics::Service;
+use whorl_msgs::whorl::srv::{AbortExperimentRequest, ExperimentResponse, StartExperimentRequest};
+use whorl_ros::environment::Network;
+use whorl_ros::{Participant, ServiceClient};
+
+/// How long the coordinator may take to be found and to answer.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Carries out `whorl start`.
+pub fn start(experiment: String) -> anyhow::Result<()> {
+    call(Service::StartExperiment, &StartExperimentRequest { experiment })
+}
+
+/// Carries out `whorl abort`.
+pub fn abort(reason: String) -> anyhow::Result<()> {
+    call(Service::AbortExperiment, &AbortExperimentRequest { reason })
+}
+
+fn call(service: Service, request: &impl Serialize) -> anyhow::Result<()> {
+    let participant = Participant::new(&Network::from_environment()?)?;
+    let client = ServiceClient::new(&participant, service.name(), service.type_name())?;
+    let response: ExperimentResponse = client.call(&participant, request, TIMEOUT)?;
+    if !response.success {
+        bail!("{}", response.message);
+    }
+    println!("{}", response.message);
+    Ok(())
+}
