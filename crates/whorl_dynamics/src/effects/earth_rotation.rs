@@ -60,19 +60,19 @@ impl Effect for EarthRotation {
             wheel_momentum +=
                 wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * environment.wheel_speed(j));
         }
-        // The wheels take their part of I (w x e) themselves: `wheel_torque_n_m` below, whose reaction
+        // The wheels take their part of I (w x e) themselves: `add_wheel_torque_n_m` below, whose reaction
         // on the body the plant adds.
         inertia * omega.cross(&earth)
             - omega.cross(&(inertia * earth))
             - earth.cross(&(inertia * (omega + earth) + wheel_momentum))
     }
 
-    fn wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, wheel: usize) -> f64 {
+    fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
         // J (a . (dw/dt - w x e) + dOm/dt) = u.
-        environment.model.wheels.get(wheel).map_or(0.0, |w| {
-            let frame = environment.omega_wb_b_rad_s.cross(&rate_b_rad_s(values, environment));
-            w.spin_inertia_kg_m2 * w.spin_axis_b.dot(&frame)
-        })
+        let frame = environment.omega_wb_b_rad_s.cross(&rate_b_rad_s(values, environment));
+        for (torque, wheel) in torque_n_m.iter_mut().zip(&environment.model.wheels) {
+            *torque += wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(&frame);
+        }
     }
 
     fn measure_imu(&self, values: &[f64], environment: &Environment<'_>, imu: &mut TrueImu) {

@@ -98,10 +98,9 @@ pub trait Effect: Sync + fmt::Debug {
         Matrix3::zeros()
     }
 
-    /// Torque on wheel `wheel` about its spin axis besides motor and bearing friction [N m]; the
-    /// body takes the opposite.
-    fn wheel_torque_n_m(&self, _values: &[f64], _environment: &Environment<'_>, _wheel: usize) -> f64 {
-        0.0
+    /// Adds to `torque_n_m` the torque on each wheel about its spin axis besides motor and bearing
+    /// friction \[N m\]; the body takes the opposite.
+    fn add_wheel_torque_n_m(&self, _values: &[f64], _environment: &Environment<'_>, _torque_n_m: &mut [f64]) {
     }
 
     /// Gas lost besides what the jets use [kg/s], >= 0.

@@ -146,10 +146,11 @@ impl EffectSet {
         self.active.iter().map(|a| a.effect.reaction_inertia_b_kg_m2(&a.values, model)).sum()
     }
 
-    /// Sum of [`Effect::wheel_torque_n_m`] for one wheel.
-    #[must_use]
-    pub fn wheel_torque_n_m(&self, environment: &Environment<'_>, wheel: usize) -> f64 {
-        self.active.iter().map(|a| a.effect.wheel_torque_n_m(&a.values, environment, wheel)).sum()
+    /// [`Effect::add_wheel_torque_n_m`] of every effect.
+    pub fn add_wheel_torque_n_m(&self, environment: &Environment<'_>, torque_n_m: &mut [f64]) {
+        for a in &self.active {
+            a.effect.add_wheel_torque_n_m(&a.values, environment, torque_n_m);
+        }
     }
 
     /// Sum of [`Effect::gas_rate_kg_s`].

@@ -36,8 +36,11 @@ impl Effect for SupplyVoltage {
         ]
     }
 
-    fn wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, wheel: usize) -> f64 {
-        -value(values, 0) * drop_v(environment) * environment.wheel_motor_torque(wheel)
+    fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
+        let loss = value(values, 0) * drop_v(environment);
+        for (j, torque) in torque_n_m.iter_mut().enumerate() {
+            *torque -= loss * environment.wheel_motor_torque(j);
+        }
     }
 
     fn valve_delay_s(&self, values: &[f64], environment: &Environment<'_>) -> (f64, f64) {

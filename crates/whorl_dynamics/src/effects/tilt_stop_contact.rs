@@ -57,10 +57,10 @@ impl Effect for TiltStopContact {
 
 /// Torque of a one-sided spring and damper at `stop`, body axes [N m].
 ///
-/// Cone: tilt = acos(z_b . k_b), tilt rate = w . n with n = k_b x z_b / |k_b x z_b|, about which a
-/// positive rotation of the body tilts it further. Pitch: elevation of body x above the horizontal
-/// e = asin(x_b . k_b), d(e)/dt = w . (x_b x k_b)... see the code: both follow from
-/// d(k_b)/dt = -w x k_b.
+/// Cone: the angle is the tilt, cos(tilt) = z_b . k_b; a rotation of the body about
+/// n = k_b x z_b / |k_b x z_b| increases it. Pitch: the angle is the elevation of body x above the
+/// horizontal, sin(e) = x_b . k_b; a rotation about n = x_b x k_b / |x_b x k_b| increases it. Both
+/// follow from d(k_b)/dt = -w x k_b.
 pub(crate) fn contact_torque_b_n_m(
     stop: &TiltLimit,
     stiffness_n_m_rad: f64,
@@ -71,8 +71,9 @@ pub(crate) fn contact_torque_b_n_m(
     // `axis_b`: rotation of the body about it increases the angle at unit rate.
     let (depth_rad, axis_b) = match stop {
         TiltLimit::Cone { max_rad } => {
-            // Cheap test first: the stop is rarely touched.
-            if vertical_b.z > max_rad.cos() {
+            // Cheap test first, as the stop is rarely touched: cos(x) <= 1 - x^2/2 + x^4/24.
+            let square = max_rad * max_rad;
+            if vertical_b.z > 1.0 - square * (0.5 - square / 24.0) {
                 return Vector3::zeros();
             }
             let sine = vertical_b.x.hypot(vertical_b.y);
@@ -83,7 +84,8 @@ pub(crate) fn contact_torque_b_n_m(
             (sine.atan2(vertical_b.z) - max_rad, axis_b)
         }
         TiltLimit::Pitch { max_rad } => {
-            if vertical_b.x.abs() < max_rad.sin() {
+            // sin(x) >= x - x^3/6.
+            if vertical_b.x.abs() < max_rad * (1.0 - max_rad * max_rad / 6.0) {
                 return Vector3::zeros();
             }
             // x . dk/dt = -x . (w x k) = w . (x x k).

@@ -41,8 +41,10 @@ impl Effect for WheelWindage {
             .collect()
     }
 
-    fn wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, wheel: usize) -> f64 {
-        let speed = environment.wheel_speed(wheel);
-        -value(values, wheel) * speed * speed.abs()
+    fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
+        for (j, torque) in torque_n_m.iter_mut().enumerate() {
+            let speed = environment.wheel_speed(j);
+            *torque -= value(values, j) * speed * speed.abs();
+        }
     }
 }

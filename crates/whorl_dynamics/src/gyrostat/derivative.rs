@@ -52,6 +52,30 @@ pub(crate) struct JetDrive {
     pub thrust_n: f64,
 }
 
+impl Derivative {
+    /// self + factor * other.
+    fn add_scaled(&mut self, other: &Self, factor: f64, wheels: usize, hidden: usize) {
+        self.quaternion += other.quaternion * factor;
+        self.omega += other.omega * factor;
+        for (sum, x) in self.wheel_speed.iter_mut().zip(&other.wheel_speed).take(wheels) {
+            *sum += factor * x;
+        }
+        self.gas += factor * other.gas;
+        for (sum, x) in self.hidden.iter_mut().zip(&other.hidden).take(hidden) {
+            *sum += factor * x;
+        }
+    }
+
+    /// (k1 + 2 k2 + 2 k3 + k4), six times the mean of a Runge-Kutta step.
+    pub fn runge_kutta_sum(k1: &Self, k2: &Self, k3: &Self, k4: &Self, wheels: usize, hidden: usize) -> Self {
+        let mut sum = *k1;
+        sum.add_scaled(k2, 2.0, wheels, hidden);
+        sum.add_scaled(k3, 2.0, wheels, hidden);
+        sum.add_scaled(k4, 1.0, wheels, hidden);
+        sum
+    }
+}
+
 impl Gyrostat {
     /// What effects see in this state. `omega_dot` is zero while it is unknown.
     pub(crate) fn environment<'a>(
@@ -91,63 +115,62 @@ impl Gyrostat {
         drive: &Drive,
         jets: &JetDrive,
     ) -> Derivative {
-        let mut environment = self.environment(time_s, state, drive);
         let omega = state.omega_wb_b_rad_s;
-        let properties = &self.model.mass_properties;
-        let base_model = self.effects.is_empty();
-
-        let mut momentum = properties.inertia_b_kg_m2() * omega;
-        let mut reaction = Vector3::zeros();
+        let vertical_b = vertical_b(&state.q_world_body);
+        let wheels = &self.model.wheels;
+        // Array sizes were checked in `Gyrostat::new`: no index below can be out of bounds.
+        let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * omega;
         let mut wheel_torque = [0.0; MAX_WHEELS];
-        for (j, wheel) in self.model.wheels.iter().enumerate() {
+        for (j, wheel) in wheels.iter().enumerate() {
             let speed = state.wheel_speed_rad_s[j];
-            let axis = wheel.spin_axis_b.into_inner();
-            momentum += axis * (wheel.spin_inertia_kg_m2 * speed);
-            if drive.stuck[j] {
-                continue;
-            }
-            let mut torque =
+            momentum += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
+            wheel_torque[j] =
                 available_motor_torque_n_m(drive.motor_torque_n_m[j], speed, wheel.max_speed_rad_s)
                     + friction_n_m(wheel, speed, drive.sliding[j]);
-            if !base_model {
-                torque += self.effects.wheel_torque_n_m(&environment, j);
-            }
-            wheel_torque[j] = torque;
-            reaction += axis * torque;
         }
 
-        let thrust_factor = self.thrust_factor(environment.pressure_ratio());
-        let offset = properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
-        let mut torque = jets.torque_b_n_m * thrust_factor - offset.cross(&environment.vertical_b)
+        let pressure_ratio = self.pressure_pa(state.gas_kg) / self.model.tank.reference_pressure_pa;
+        let thrust_factor = self.thrust_factor(pressure_ratio);
+        let offset = self.model.mass_properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
+        let mut torque = jets.torque_b_n_m * thrust_factor - offset.cross(&vertical_b)
             + contact_torque_b_n_m(
                 &self.model.tilt_limit,
                 STOP_STIFFNESS_N_M_RAD,
                 STOP_DAMPING_N_M_S,
-                &environment.vertical_b,
+                &vertical_b,
                 &omega,
             );
         let mut gas_rate_kg_s = self.gas_rate_kg_s(jets.thrust_n * thrust_factor);
-        if !base_model {
-            torque += self.effects.torque_b_n_m(&environment, &state.hidden);
+        let mut environment = None;
+        if !self.effects.is_empty() {
+            let environment = environment.insert(self.environment(time_s, state, drive));
+            torque += self.effects.torque_b_n_m(environment, &state.hidden);
+            self.effects.add_wheel_torque_n_m(environment, &mut wheel_torque[..wheels.len()]);
             if state.gas_kg > 0.0 {
-                gas_rate_kg_s += self.effects.gas_rate_kg_s(&environment);
+                gas_rate_kg_s += self.effects.gas_rate_kg_s(environment);
             }
         }
 
+        let mut reaction = Vector3::zeros();
+        for (j, wheel) in wheels.iter().enumerate() {
+            if !drive.stuck[j] {
+                reaction += wheel.spin_axis_b.into_inner() * wheel_torque[j];
+            }
+        }
         let omega_dot = if drive.clamped {
             Vector3::zeros()
         } else {
             drive.inverse_inertia * (torque - omega.cross(&momentum) - reaction)
         };
         let mut wheel_speed = [0.0; MAX_WHEELS];
-        for (j, wheel) in self.model.wheels.iter().enumerate() {
+        for (j, wheel) in wheels.iter().enumerate() {
             if !drive.stuck[j] {
                 wheel_speed[j] =
                     wheel_torque[j] / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&omega_dot);
             }
         }
         let mut hidden = [0.0; MAX_HIDDEN_STATES];
-        if self.effects.hidden_states() > 0 {
+        if let Some(mut environment) = environment.filter(|_| self.effects.hidden_states() > 0) {
             environment.omega_dot_wb_b_rad_s2 = omega_dot;
             self.effects.hidden_derivative(&environment, &state.hidden, &mut hidden);
         }
@@ -170,11 +193,12 @@ impl Gyrostat {
         omega_dot: &Vector3<f64>,
     ) -> f64 {
         let Some(wheel) = self.model.wheels.get(j) else { return 0.0 };
-        let mut drive_torque = drive.motor_torque_n_m[j];
+        let mut torque_n_m = drive.motor_torque_n_m;
         if !self.effects.is_empty() {
-            drive_torque += self.effects.wheel_torque_n_m(&self.environment(time_s, state, drive), j);
+            let environment = self.environment(time_s, state, drive);
+            self.effects.add_wheel_torque_n_m(&environment, &mut torque_n_m[..self.model.wheels.len()]);
         }
-        wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot) - drive_torque
+        wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot) - torque_n_m[j]
     }
 }
 

@@ -186,14 +186,19 @@ impl Gyrostat {
         torque * self.thrust_factor(environment.pressure_ratio())
     }
 
-    /// Torque on a wheel about its axis [N m]: motor, friction and effects. The body takes the
+    /// Torque on each wheel about its axis \[N m\]: motor, friction and effects; the body takes the
     /// opposite. A wheel at zero speed is given no Coulomb friction here.
     #[must_use]
-    pub fn wheel_torque_n_m(&self, environment: &Environment<'_>, wheel: usize) -> f64 {
-        let friction = self.model.wheels.get(wheel).map_or(0.0, |w| {
-            friction_n_m(w, environment.wheel_speed(wheel), sign(environment.wheel_speed(wheel)))
-        });
-        environment.wheel_motor_torque(wheel) + friction + self.effects.wheel_torque_n_m(environment, wheel)
+    pub fn wheel_torque_n_m(&self, environment: &Environment<'_>) -> [f64; MAX_WHEELS] {
+        let mut torque_n_m = [0.0; MAX_WHEELS];
+        for (j, (torque, wheel)) in torque_n_m.iter_mut().zip(&self.model.wheels).enumerate() {
+            let speed = environment.wheel_speed(j);
+            *torque = environment.wheel_motor_torque(j) + friction_n_m(wheel, speed, sign(speed));
+        }
+        if let Some(torque_n_m) = torque_n_m.get_mut(..self.model.wheels.len()) {
+            self.effects.add_wheel_torque_n_m(environment, torque_n_m);
+        }
+        torque_n_m
     }
 
     /// Angular acceleration with every wheel free, body axes [rad/s^2].
@@ -207,8 +212,8 @@ impl Gyrostat {
         let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
         let mut torque = self.modelled_torque_b_n_m(environment, hidden) + self.jet_torque_b_n_m(environment)
             - omega.cross(&momentum);
-        for (j, wheel) in self.model.wheels.iter().enumerate() {
-            torque -= wheel.spin_axis_b.into_inner() * self.wheel_torque_n_m(environment, j);
+        for (wheel, wheel_torque) in self.model.wheels.iter().zip(self.wheel_torque_n_m(environment)) {
+            torque -= wheel.spin_axis_b.into_inner() * wheel_torque;
         }
         let free = self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
         // Positive definite by construction.

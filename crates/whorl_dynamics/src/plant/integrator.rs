@@ -83,12 +83,8 @@ impl Plant {
         let k2 = self.derivative_after(&x.moved(k1, half_s, wheels, hidden), offset_s + half_s);
         let k3 = self.derivative_after(&x.moved(&k2, half_s, wheels, hidden), offset_s + half_s);
         let k4 = self.derivative_after(&x.moved(&k3, h_s, wheels, hidden), offset_s + h_s);
-        let (outer_s, inner_s) = (h_s / 6.0, h_s / 3.0);
-        let mut end = x
-            .moved(k1, outer_s, wheels, hidden)
-            .moved(&k2, inner_s, wheels, hidden)
-            .moved(&k3, inner_s, wheels, hidden)
-            .moved(&k4, outer_s, wheels, hidden);
+        let sum = Derivative::runge_kutta_sum(k1, &k2, &k3, &k4, wheels, hidden);
+        let mut end = x.moved(&sum, h_s / 6.0, wheels, hidden);
         end.gas_kg = end.gas_kg.max(0.0);
         end.normalised()
     }
