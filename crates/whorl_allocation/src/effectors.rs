@@ -156,7 +156,7 @@ fn check_count(field: &'static str, found: usize, expected: usize) -> Result<(),
 
 fn check_columns(field: &'static str, columns: &Matrix3xX<f64>) -> Result<(), EffectorError> {
     for (index, column) in columns.column_iter().enumerate() {
-        if let Some(&value) = column.iter().find(|value| !(value.abs() <= LARGEST)) {
+        if let Some(&value) = column.iter().find(|value| value.is_nan() || value.abs() > LARGEST) {
             let allowed = "finite, at most 1e9";
             return Err(EffectorError::Value { field, index, value, allowed });
         }
@@ -165,7 +165,7 @@ fn check_columns(field: &'static str, columns: &Matrix3xX<f64>) -> Result<(), Ef
 }
 
 fn check_positive(field: &'static str, values: &[f64]) -> Result<(), EffectorError> {
-    match values.iter().enumerate().find(|(_, value)| !(**value >= 1.0 / LARGEST && **value <= LARGEST)) {
+    match values.iter().enumerate().find(|(_, value)| !(1.0 / LARGEST..=LARGEST).contains(*value)) {
         None => Ok(()),
         Some((index, &value)) => Err(EffectorError::Value { field, index, value, allowed: "in 1e-9..=1e9" }),
     }

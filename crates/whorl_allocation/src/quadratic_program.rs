@@ -225,3 +225,48 @@ fn settings() -> DefaultSettings<f64> {
         ..DefaultSettings::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_pcg::Pcg64;
+
+    use super::*;
+    use crate::demand::{Demand, JetMask, Mode};
+    use crate::layouts::{canted_pods, direction, no_wheels, uniform};
+    use crate::zonotope::{LeastCost, Zonotope};
+
+    /// The bare solver, no polish, against the oracle: two programs that share nothing.
+    #[test]
+    fn bare_solver_and_oracle_agree() {
+        let effectors = canted_pods(no_wheels());
+        let mut rng = Pcg64::new(50, 7);
+        let mut problem = Problem::default();
+        problem.fill(&effectors, &Demand::nominal(&effectors, Mode::Jets, Vector3::zeros()));
+        let mut program = QuadraticProgram::new(&problem, false).unwrap();
+        let mut point = InteriorPoint::default();
+        let mut short = 0;
+        for case in 0..1300 {
+            let torque = direction(&mut rng) * uniform(&mut rng, 0.01, 0.8);
+            let mut demand = Demand::nominal(&effectors, Mode::Jets, torque);
+            demand.jet_available = JetMask::ALL.without(case % 13);
+            problem.fill(&effectors, &demand);
+            let target = Target::new(&problem, 1e4);
+            program.solve(&problem, &target, &mut point);
+            assert_eq!(point.outcome, None);
+            let alpha = point.beta * target.alpha_per_beta;
+            let exact = Zonotope::new(&problem.columns, problem.offset).alpha_max(&problem.torque);
+            assert!((alpha - exact.unwrap()).abs() < 1e-5, "{alpha} {exact:?}");
+            let error = problem.torque_of(&point.v) - problem.torque * alpha;
+            assert!(error.norm() < 1e-6, "{error:?}");
+            if alpha < 0.999 {
+                short += 1;
+            } else {
+                let table = LeastCost::new(&problem.columns, problem.offset, &problem.linear);
+                let gas: f64 = point.v.iter().zip(&problem.linear).map(|(v, c)| v * c).sum();
+                let least = table.of(&problem.torque);
+                assert!(gas < 1.001 * least + 1e-5, "{gas} {least}");
+            }
+        }
+        assert!(short > 200, "{short}");
+    }
+}
