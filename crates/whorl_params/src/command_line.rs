@@ -6,7 +6,7 @@ use crate::document;
 use crate::error::{Origin, ParameterError};
 use crate::node_pattern::NodePattern;
 use crate::scalar::value_of;
-use crate::tree::is_key;
+use crate::sections::is_key;
 use crate::value::Value;
 
 /// One `-p` argument: `key:=value` or `node:key:=value`, where the value is YAML and the node may

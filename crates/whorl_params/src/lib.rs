@@ -40,6 +40,7 @@ mod node_pattern;
 mod platform_model;
 mod reader;
 mod scalar;
+mod sections;
 mod serialise;
 #[cfg(test)]
 mod tests;
@@ -55,6 +56,7 @@ pub use limits::{Limits, any, non_negative, positive, range};
 pub use node_parameters::{Entry, NodeParameters};
 pub use platform_model::{platform_model, truth_model};
 pub use reader::{Reader, read, read_shared, try_read};
+pub use sections::{SHARED_GROUPS, is_shared};
 pub use serialise::effective_yaml;
-pub use tree::{ParameterTree, SHARED_GROUPS, is_shared, standard_layers};
+pub use tree::{ParameterTree, standard_layers};
 pub use value::{Kind, Value};

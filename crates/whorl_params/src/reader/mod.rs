@@ -10,7 +10,7 @@ use crate::descriptor::{Descriptor, NumericRange};
 use crate::error::{ParameterError, ParameterErrors};
 use crate::nearest::nearest;
 use crate::node_parameters::{Entry, NodeParameters};
-use crate::tree::is_shared;
+use crate::sections::is_shared;
 use crate::value::{Kind, Value};
 
 /// Reads the parameters of a node.

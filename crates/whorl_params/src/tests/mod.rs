@@ -1,8 +1,10 @@
 //! Tests of the crate as a whole.
 
+mod damaged_files;
 mod editing;
 mod errors;
 mod layering;
+mod platform_errors;
 mod platform_files;
 mod yaml_forms;
 
