@@ -96,6 +96,16 @@ impl SafeMode {
         Ok(Self { settings, state: SafeState::Nominal, damped_s: 0.0, low_s: 0.0, clear_s: 0.0 })
     }
 
+    /// Back to nominal, as after an episode.
+    pub fn reset(&mut self) {
+        self.state = SafeState::Nominal;
+    }
+
+    /// Takes over the settings of another state machine, keeping the state.
+    pub fn reconfigure(&mut self, settings_of: &Self) {
+        self.settings = settings_of.settings;
+    }
+
     /// The present state.
     #[must_use]
     pub fn state(&self) -> SafeState {

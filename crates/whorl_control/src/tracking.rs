@@ -169,8 +169,7 @@ pub struct TrackingOutput {
 pub struct TrackingLaw {
     inertia: GyrostatInertia,
     gains: TrackingGains,
-    /// Torque that the integral contributes, body axes [N m]. Stored as a torque so that it needs no
-    /// conversion when gains change.
+    /// Torque that the integral contributes, body axes [N m].
     integral_b_n_m: Vector3<f64>,
     /// sgn(q_0) with hysteresis.
     sign: f64,
@@ -200,19 +199,6 @@ impl TrackingLaw {
         })
     }
 
-    /// Changes the gains, keeping the integral (as a torque, so that nothing jumps).
-    ///
-    /// # Errors
-    /// As [`Self::new`]; the law is then unchanged.
-    pub fn set_gains(&mut self, gains: TrackingGains) -> Result<(), TrackingError> {
-        check_gains(&gains)?;
-        self.gains = gains;
-        if gains.integral.is_none() {
-            self.integral_b_n_m = Vector3::zeros();
-        }
-        Ok(())
-    }
-
     /// Forgets integral and filter: at the start of tracking.
     pub fn reset(&mut self) {
         self.integral_b_n_m = Vector3::zeros();
@@ -225,6 +211,15 @@ impl TrackingLaw {
     #[must_use]
     pub fn integral_b_n_m(&self) -> Vector3<f64> {
         self.integral_b_n_m
+    }
+
+    /// Takes over the integral of a law with other gains, clamped to this one's limits. It is a
+    /// torque, so nothing jumps.
+    pub fn restore_integral(&mut self, integral_b_n_m: Vector3<f64>) {
+        self.integral_b_n_m = match &self.gains.integral {
+            Some(integral) => integral_b_n_m.zip_map(&integral.limit_n_m, |v, limit| v.clamp(-limit, limit)),
+            None => Vector3::zeros(),
+        };
     }
 
     /// The torque to ask of the actuators.

@@ -1,1 +1,14 @@
-fn main() {}
+//! Local control of one platform as a ROS 2 node.
+
+use std::process::ExitCode;
+
+use whorl_local_control::{LocalControlCore, parameters};
+use whorl_ros::{NodeOptions, run_node};
+
+fn main() -> ExitCode {
+    let options = NodeOptions::new(
+        "local_control",
+        "Tracks the attitude reference of one platform with wheels and jets.",
+    );
+    run_node(options, parameters::read, |_, parameters| LocalControlCore::new(parameters))
+}

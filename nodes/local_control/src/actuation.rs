@@ -1,0 +1,414 @@
+//! From a torque to wheel torques and jet pulses.
+//!
+//! **Wheels** follow every control step in closed form. **Jets** are planned once a slot through the
+//! quadratic program and the sigma-delta modulator.
+//!
+//! With **both**, wheels do the pointing and jets only what wheels cannot: take momentum out of
+//! them, and help when they saturate. At a slot's start the program gets as its wish for each
+//! wheel what pointing needs plus what unloading wants, so that the jets' share is the unloading (and
+//! what is beyond the wheels' limits) and not the pointing's noise. Within the slot the wheels
+//! counter the *mean* torque of the slot's pulses: their net impulse is met exactly, the body moves by
+//! less than `T_jet t_on (slot - t_on) / (2 J)`, a few thousandths of a degree, and neither the valves'
+//! delays nor the wheels' torque limit matter, as they would when countering each edge.
+
+use nalgebra::{Matrix3xX, Vector3};
+use thiserror::Error;
+use whorl_allocation::pulses::{PulseError, PulseModulator};
+use whorl_allocation::{
+    Allocation, Allocator, AllocatorError, Demand, EffectorError, EffectorLayout, Effectors, JetMask, Mode,
+    Status,
+};
+use whorl_control::momentum::{MomentumUnloading, UnloadingError};
+use whorl_dynamics::Gyrostat;
+use whorl_dynamics::platform::{Jet, Wheel};
+use whorl_node::Timestamp;
+
+use crate::parameters::Parameters;
+
+/// Share of its largest speed within which a wheel's torque outwards is tapered to zero.
+const SPEED_TAPER_SHARE: f64 = 0.02;
+/// Speed below which Coulomb friction is compensated in proportion \[rad/s\]: its sign is noise there.
+const COULOMB_SPEED_RAD_S: f64 = 1.0;
+/// Shortfall of alpha that counts as none.
+const ATTAINED: f64 = 1.0 - 1e-6;
+
+/// Why the actuators cannot be used as the parameters say.
+#[derive(Debug, Error)]
+pub enum ActuationError {
+    /// Jets or wheels are not usable.
+    #[error("actuators: {0}")]
+    Effectors(#[from] EffectorError),
+    /// No allocator.
+    #[error(transparent)]
+    Allocator(#[from] AllocatorError),
+    /// Slot or on-times do not fit.
+    #[error("jet pulses: {0}")]
+    Pulses(#[from] PulseError),
+    /// Unloading settings.
+    #[error(transparent)]
+    Unloading(#[from] UnloadingError),
+}
+
+/// How an allocation was found; values of `ControlStatus.allocation`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Found {
+    /// Optimum of the program.
+    Solved,
+    /// Unique solution.
+    Unique,
+    /// Bounded least squares.
+    Fallback,
+    /// Nothing was asked.
+    Off,
+}
+
+/// The actuators' part of a step.
+#[derive(Debug, Clone)]
+pub struct Actuated {
+    /// Share of the asked torque that was attainable, 0..=1.
+    pub alpha: f64,
+    /// Torque on the body by the model, jets as their mean over the slot \[N m\].
+    pub achieved_b_n_m: Vector3<f64>,
+    /// How it was found.
+    pub found: Found,
+}
+
+/// The actuators of a platform.
+pub struct Actuation {
+    mode: Mode,
+    wheels: Vec<Wheel>,
+    jets: Vec<Jet>,
+    gas_rate_kg_s: Vec<f64>,
+    allocator: Allocator,
+    modulator: PulseModulator,
+    unloading: MomentumUnloading,
+    wheel_target_rad_s: Vec<f64>,
+    demand: Demand,
+    unload_n_m: Vec<f64>,
+    friction_n_m: Vec<f64>,
+    wheel_torque_n_m: Vec<f64>,
+    on_time_s: Vec<f64>,
+    slot: u64,
+    slot_start: Option<Timestamp>,
+    slot_length_s: f64,
+    half_step_s: f64,
+    /// Mean torque of this slot's pulses, body axes [N m].
+    jet_torque_b_n_m: Vector3<f64>,
+    jet_alpha: f64,
+    jet_found: Found,
+    saturated_jets: JetMask,
+    failed_by_parameter: Vec<bool>,
+    gas_used_kg: f64,
+    fallbacks: u64,
+}
+
+impl Actuation {
+    /// The actuators of the gyrostat's platform.
+    ///
+    /// # Errors
+    /// [`ActuationError`] when a jet or wheel, the slot, or a setting is not usable.
+    pub fn new(parameters: &Parameters, gyrostat: &Gyrostat) -> Result<Self, ActuationError> {
+        let (wheels, jets) = (gyrostat.model().wheels.clone(), gyrostat.model().jets.clone());
+        let gas_rate_kg_s: Vec<f64> = jets.iter().map(|jet| gyrostat.gas_rate_kg_s(jet.thrust_n)).collect();
+        let columns = |vectors: Vec<Vector3<f64>>| Matrix3xX::from_columns(&vectors);
+        let effectors = Effectors::new(EffectorLayout {
+            jet_torque_b_n_m: columns(jets.iter().map(Jet::torque_b_n_m).collect()),
+            jet_force_b_n: None,
+            jet_gas_rate_kg_s: gas_rate_kg_s.clone(),
+            wheel_axis_b: columns(wheels.iter().map(|w| w.spin_axis_b.into_inner()).collect()),
+            wheel_torque_limit_n_m: wheels.iter().map(|w| w.max_torque_n_m).collect(),
+        })?;
+        let slot_length_s = parameters.jet_slot_length_s;
+        let min_on_time_s = jets.iter().map(|jet| effective_on_s(jet, jet.min_on_time_s)).collect();
+        let modulator = PulseModulator::new(&effectors, min_on_time_s, slot_length_s)?;
+        Ok(Self {
+            mode: parameters.actuators,
+            demand: Demand::nominal(&effectors, Mode::Wheels, Vector3::zeros()),
+            allocator: Allocator::new(effectors)?,
+            modulator,
+            unloading: MomentumUnloading::new(parameters.unloading)?,
+            wheel_target_rad_s: parameters.wheel_speed_target_rad_s.clone(),
+            unload_n_m: vec![0.0; wheels.len()],
+            friction_n_m: vec![0.0; wheels.len()],
+            wheel_torque_n_m: vec![0.0; wheels.len()],
+            on_time_s: vec![0.0; jets.len()],
+            wheels,
+            jets,
+            gas_rate_kg_s,
+            slot: 0,
+            slot_start: None,
+            slot_length_s,
+            half_step_s: 0.5 / parameters.control_rate_hz,
+            jet_torque_b_n_m: Vector3::zeros(),
+            jet_alpha: 1.0,
+            jet_found: Found::Off,
+            saturated_jets: JetMask::NONE,
+            failed_by_parameter: parameters.failed_jets.clone(),
+            gas_used_kg: 0.0,
+            fallbacks: 0,
+        }
+        .with_weights(parameters))
+    }
+
+    fn with_weights(mut self, parameters: &Parameters) -> Self {
+        self.demand.wheel_weight = parameters.wheel_weight;
+        self
+    }
+
+    /// Goes on counting where `previous` stopped, for actuators that were reconfigured.
+    pub fn continuing(mut self, previous: &Self) -> Self {
+        // A new slot in any case: what the previous one had planned is no longer known here.
+        self.slot = previous.slot + 1;
+        self.gas_used_kg = previous.gas_used_kg;
+        self.fallbacks = previous.fallbacks;
+        self
+    }
+
+    /// Asks for a torque on the body \[N m\] at `stamp`.
+    pub fn apply(
+        &mut self,
+        stamp: Timestamp,
+        torque_b_n_m: &Vector3<f64>,
+        wheel_speed_rad_s: &[f64],
+        failed_by_driver: &[bool],
+    ) -> Actuated {
+        self.set_wheel_bounds(wheel_speed_rad_s);
+        self.set_available(failed_by_driver);
+        if self.mode != Mode::Wheels && self.slot_begins(stamp) {
+            self.plan_jets(torque_b_n_m, wheel_speed_rad_s);
+        }
+        if self.mode == Mode::Jets {
+            self.wheel_torque_n_m.fill(0.0);
+            return Actuated {
+                alpha: self.jet_alpha,
+                achieved_b_n_m: self.jet_torque_b_n_m,
+                found: self.jet_found,
+            };
+        }
+        let remainder = torque_b_n_m - self.jet_torque_b_n_m;
+        let Some(allocation) = self.allocate(Mode::Wheels, remainder) else {
+            return self.off();
+        };
+        for ((motor, net), friction) in
+            self.wheel_torque_n_m.iter_mut().zip(&allocation.wheel_motor_torque_n_m).zip(&self.friction_n_m)
+        {
+            *motor = net + friction;
+        }
+        Actuated {
+            alpha: allocation.alpha,
+            achieved_b_n_m: allocation.achieved_torque_b_n_m + self.jet_torque_b_n_m,
+            found: found(&allocation),
+        }
+    }
+
+    /// Everything off.
+    pub fn off(&mut self) -> Actuated {
+        if self.on_time_s.iter().any(|on| *on > 0.0) {
+            // Only a new slot makes the driver close valves that are open.
+            self.slot += 1;
+        }
+        self.wheel_torque_n_m.fill(0.0);
+        self.close_jets();
+        self.slot_start = None;
+        self.modulator.reset();
+        self.unloading.stop();
+        Actuated { alpha: 1.0, achieved_b_n_m: Vector3::zeros(), found: Found::Off }
+    }
+
+    fn close_jets(&mut self) {
+        self.on_time_s.fill(0.0);
+        self.jet_torque_b_n_m = Vector3::zeros();
+        self.saturated_jets = JetMask::NONE;
+        self.jet_alpha = 1.0;
+        self.jet_found = Found::Off;
+    }
+
+    fn slot_begins(&mut self, stamp: Timestamp) -> bool {
+        let begins = match self.slot_start {
+            None => Some(stamp),
+            Some(start) => {
+                let elapsed_s = stamp.seconds_since(start);
+                if elapsed_s < self.slot_length_s - self.half_step_s {
+                    None
+                } else if elapsed_s < 1.5 * self.slot_length_s {
+                    // On the grid, so that late samples do not stretch the slots.
+                    Some(Timestamp(start.0 + (self.slot_length_s * 1e9).round() as i64))
+                } else {
+                    Some(stamp)
+                }
+            }
+        };
+        if begins.is_some() {
+            self.slot_start = begins;
+            self.slot += 1;
+        }
+        begins.is_some()
+    }
+
+    fn plan_jets(&mut self, torque_b_n_m: &Vector3<f64>, wheel_speed_rad_s: &[f64]) {
+        if self.mode == Mode::Both {
+            let Some(wheels_alone) = self.allocate(Mode::Wheels, *torque_b_n_m) else { return };
+            let unload = self.unloading.update(
+                &self.wheels,
+                wheel_speed_rad_s,
+                &self.wheel_target_rad_s,
+                &mut self.unload_n_m,
+            );
+            if !unload && wheels_alone.alpha >= ATTAINED {
+                self.modulator.reset();
+                self.close_jets();
+                return;
+            }
+            for ((wish, need), unload) in self
+                .demand
+                .wheel_motor_torque_desired_n_m
+                .iter_mut()
+                .zip(&wheels_alone.wheel_motor_torque_n_m)
+                .zip(&self.unload_n_m)
+            {
+                *wish = need + unload;
+            }
+        }
+        let torque = self.modulator.compensated_torque_b_n_m(*torque_b_n_m);
+        let planned = self.allocate(self.mode, torque).and_then(|allocation| {
+            Some((self.modulator.modulate(&allocation.jet_on_fraction).ok()?, allocation))
+        });
+        let Some((pulses, allocation)) = planned else {
+            self.close_jets();
+            return;
+        };
+        self.jet_torque_b_n_m = pulses.impulse_b_n_m_s / self.slot_length_s;
+        self.jet_alpha = allocation.alpha;
+        self.jet_found = found(&allocation);
+        self.saturated_jets = allocation.saturated_jets;
+        for (((on, planned), jet), rate) in
+            self.on_time_s.iter_mut().zip(&pulses.on_time_s).zip(&self.jets).zip(&self.gas_rate_kg_s)
+        {
+            *on = commanded_on_s(jet, *planned, self.slot_length_s);
+            self.gas_used_kg += planned * rate;
+        }
+    }
+
+    /// `None` only for a torque that is not finite, which the caller's gates keep out.
+    fn allocate(&mut self, mode: Mode, torque_b_n_m: Vector3<f64>) -> Option<Allocation> {
+        self.demand.mode = mode;
+        self.demand.torque_b_n_m = torque_b_n_m;
+        if mode != Mode::Both {
+            self.demand.wheel_motor_torque_desired_n_m.fill(0.0);
+        }
+        let allocation = self.allocator.allocate(&self.demand).ok();
+        if allocation.as_ref().is_none_or(|a| matches!(a.status, Status::Fallback(_))) {
+            self.fallbacks += 1;
+        }
+        allocation
+    }
+
+    /// Bounds of the net torque on each wheel: motor limit less friction, tapered at top speed.
+    fn set_wheel_bounds(&mut self, wheel_speed_rad_s: &[f64]) {
+        for (j, wheel) in self.wheels.iter().enumerate() {
+            let speed = wheel_speed_rad_s.get(j).copied().unwrap_or(0.0);
+            let coulomb = wheel.coulomb_friction_n_m * (speed / COULOMB_SPEED_RAD_S).clamp(-1.0, 1.0);
+            let friction = wheel.viscous_friction_n_m_s * speed + coulomb;
+            let limit = wheel.max_torque_n_m;
+            let taper = |distance_rad_s: f64| {
+                limit * (distance_rad_s / (SPEED_TAPER_SHARE * wheel.max_speed_rad_s)).clamp(0.0, 1.0)
+            };
+            // Friction beyond the motor's strength cannot be compensated.
+            let friction = friction.clamp(-limit, limit);
+            let most = (limit - friction).min(taper(wheel.max_speed_rad_s - speed));
+            let least = (-limit - friction).max(-taper(wheel.max_speed_rad_s + speed));
+            let slot = |values: &mut Vec<f64>, value: f64| {
+                if let Some(slot) = values.get_mut(j) {
+                    *slot = value;
+                }
+            };
+            slot(&mut self.friction_n_m, friction);
+            slot(&mut self.demand.wheel_motor_torque_max_n_m, most);
+            slot(&mut self.demand.wheel_motor_torque_min_n_m, least.min(most));
+        }
+    }
+
+    fn set_available(&mut self, failed_by_driver: &[bool]) {
+        let mut available = JetMask::ALL;
+        for (j, by_parameter) in self.failed_by_parameter.iter().enumerate() {
+            if *by_parameter || failed_by_driver.get(j).copied().unwrap_or(false) {
+                available = available.without(j);
+            }
+        }
+        self.demand.jet_available = available;
+    }
+
+    /// Motor torque of each wheel \[N m\].
+    pub fn wheel_torque_n_m(&self) -> &[f64] {
+        &self.wheel_torque_n_m
+    }
+
+    /// Commanded on-time of each jet in this slot \[s\].
+    pub fn on_time_s(&self) -> &[f64] {
+        &self.on_time_s
+    }
+
+    /// This slot's number.
+    pub fn slot(&self) -> u64 {
+        self.slot
+    }
+
+    /// Length of a slot \[s\].
+    pub fn slot_length_s(&self) -> f64 {
+        self.slot_length_s
+    }
+
+    /// Whether each jet is at its upper limit.
+    pub fn saturated_jets(&self) -> Vec<bool> {
+        (0..self.jets.len()).map(|j| self.saturated_jets.contains(j)).collect()
+    }
+
+    /// Whether each jet is held at zero.
+    pub fn failed_jets(&self) -> Vec<bool> {
+        (0..self.jets.len()).map(|j| !self.demand.jet_available.contains(j)).collect()
+    }
+
+    /// Momentum of the wheels relative to the body, body axes \[N m s\].
+    pub fn wheel_momentum_b_n_m_s(&self, wheel_speed_rad_s: &[f64]) -> Vector3<f64> {
+        self.wheels.iter().zip(wheel_speed_rad_s).fold(Vector3::zeros(), |sum, (wheel, speed)| {
+            sum + wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed)
+        })
+    }
+
+    /// Gas used by the model \[kg\].
+    pub fn gas_used_kg(&self) -> f64 {
+        self.gas_used_kg
+    }
+
+    /// Allocations that needed the fallback.
+    pub fn fallbacks(&self) -> u64 {
+        self.fallbacks
+    }
+
+    /// Whether the jets are unloading the wheels.
+    pub fn unloading(&self) -> bool {
+        self.unloading.active()
+    }
+}
+
+fn found(allocation: &Allocation) -> Found {
+    match allocation.status {
+        Status::Solved { .. } => Found::Solved,
+        Status::ClosedForm => Found::Unique,
+        Status::Fallback(_) => Found::Fallback,
+    }
+}
+
+/// How long a jet really blows for a commanded on-time [s].
+fn effective_on_s(jet: &Jet, commanded_s: f64) -> f64 {
+    (commanded_s - jet.opening_delay_s + jet.closing_delay_s).max(0.0)
+}
+
+/// The command for which a jet blows that long [s]: zero, or from its minimum to the slot.
+fn commanded_on_s(jet: &Jet, effective_s: f64, slot_length_s: f64) -> f64 {
+    if effective_s <= 0.0 {
+        return 0.0;
+    }
+    let commanded = effective_s + jet.opening_delay_s - jet.closing_delay_s;
+    commanded.max(jet.min_on_time_s).min(slot_length_s)
+}

@@ -1,0 +1,529 @@
+//! The state machine.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use thiserror::Error;
+use whorl_control::reference::{EnvelopeError, Reference, TiltEnvelope};
+use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
+use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, TrackingLaw, TrackingOutput};
+use whorl_dynamics::{Environment, Gyrostat, GyrostatError};
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Message, Route, Topic};
+use whorl_msgs::whorl::{ActuatorCommand, AttitudeReference, ControlStatus};
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+
+use crate::actuation::{Actuated, Actuation, ActuationError, Found};
+use crate::authority::{Authority, Heartbeat};
+use crate::diagnostics::{Summary, diagnostics, phrase};
+use crate::inputs::{Estimate, Inputs};
+use crate::parameters::Parameters;
+use crate::target::{Goal, Target};
+
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+/// Effects whose torque depends on what the controller does not know (phase, hidden states), or
+/// must not be countered (contact).
+const NOT_COMPENSATED: [&str; 5] =
+    ["air_current_periodic", "tilt_stop_contact", "slosh", "flexible_mode", "unmodelled_torque"];
+/// Longest time that one step may count for [s].
+const LONGEST_STEP_S: f64 = 0.1;
+/// Share of a limit below which a tilt or rate fault ends.
+const FAULT_RELEASE: f64 = 0.95;
+
+/// Why local control cannot start.
+#[derive(Debug, Error)]
+pub enum LocalControlError {
+    /// The model is not a possible platform.
+    #[error("model: {0}")]
+    Gyrostat(#[from] GyrostatError),
+    /// Gains.
+    #[error("tracking law: {0}")]
+    Tracking(#[from] TrackingError),
+    /// Safe mode.
+    #[error(transparent)]
+    SafeMode(#[from] SafeModeError),
+    /// Tilt margins.
+    #[error("limits: {0}")]
+    Envelope(#[from] EnvelopeError),
+    /// Actuators.
+    #[error(transparent)]
+    Actuation(#[from] ActuationError),
+}
+
+/// What the latest step did, for `control/status`.
+struct Report {
+    mode: u8,
+    reason: u8,
+    tracking: Option<TrackingOutput>,
+    asked_b_n_m: Vector3<f64>,
+    actuated: Actuated,
+}
+
+/// Local control of one platform.
+pub struct LocalControlCore {
+    parameters: Parameters,
+    frame_id: String,
+    gyrostat: Gyrostat,
+    inertia: GyrostatInertia,
+    law: TrackingLaw,
+    safe_mode: SafeMode,
+    safe_envelope: TiltEnvelope,
+    target: Target,
+    actuation: Actuation,
+    inputs: Inputs,
+    heartbeat: Heartbeat,
+    mode: u8,
+    reason: u8,
+    /// Reason of the present safe episode.
+    fault: Option<u8>,
+    /// Authority was lost and the platform has come to rest since.
+    released: bool,
+    /// Stamp and time of the latest step.
+    latest_stamp: Option<Timestamp>,
+    latest_step: Option<Timestamp>,
+    command_sequence: u64,
+    status_sequence: u64,
+    next_status: Option<Timestamp>,
+    next_diagnostics: Option<Timestamp>,
+}
+
+impl LocalControlCore {
+    /// Local control as the parameters say.
+    ///
+    /// # Errors
+    /// [`LocalControlError`] when model, gains, limits or actuators are not usable.
+    pub fn new(parameters: Parameters) -> Result<Self, LocalControlError> {
+        let mut model = parameters.model.clone();
+        model.effects.retain(|id, _| !NOT_COMPENSATED.contains(&id.as_str()));
+        let gyrostat = Gyrostat::new(&model)?;
+        let adjusted = gyrostat.model();
+        let inertia = GyrostatInertia::new(*adjusted.mass_properties.inertia_b_kg_m2(), &adjusted.wheels);
+        let limits = &parameters.limits;
+        let gains = if parameters.actuators == whorl_allocation::Mode::Jets {
+            parameters.jet_gains
+        } else {
+            parameters.gains
+        };
+        let envelope = TiltEnvelope::new(adjusted.tilt_limit, limits.reference_tilt_margin_rad)?;
+        Ok(Self {
+            law: TrackingLaw::new(inertia, gains)?,
+            safe_mode: SafeMode::new(parameters.safe_mode)?,
+            safe_envelope: TiltEnvelope::new(adjusted.tilt_limit, limits.safe_tilt_margin_rad)?,
+            target: Target::new(parameters.rejoin, limits.deceleration_rad_s2, envelope),
+            actuation: Actuation::new(&parameters, &gyrostat)?,
+            inputs: Inputs::new(adjusted.wheels.len(), adjusted.jets.len(), limits.max_message_age_s),
+            frame_id: format!("{}/base_link", parameters.name),
+            heartbeat: Heartbeat::default(),
+            mode: ControlStatus::MODE_IDLE,
+            reason: ControlStatus::REASON_NO_AUTHORITY,
+            fault: None,
+            released: false,
+            latest_stamp: None,
+            latest_step: None,
+            command_sequence: 0,
+            status_sequence: 0,
+            next_status: None,
+            next_diagnostics: None,
+            inertia,
+            gyrostat,
+            parameters,
+        })
+    }
+
+    /// The parameters in force.
+    #[must_use]
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// Whether actuators may be used now, and how.
+    fn authority(&self, now: Timestamp) -> Authority {
+        match self.heartbeat.authority(now) {
+            Authority::Lost(for_s) if self.released || for_s > self.parameters.limits.authority_grace_s => {
+                Authority::None
+            }
+            authority => authority,
+        }
+    }
+
+    fn fresh_estimate(&self, now: Timestamp) -> Option<&Estimate> {
+        let fresh = |e: &&Estimate| now.seconds_since(e.stamp) <= self.parameters.limits.estimate_timeout_s;
+        self.inputs.estimate().filter(fresh)
+    }
+
+    /// Why the platform may not point now.
+    fn find_fault(&self, now: Timestamp, authority: Authority) -> Option<u8> {
+        if authority == Authority::Abort {
+            return Some(ControlStatus::REASON_ABORT);
+        }
+        let Some(estimate) = self.fresh_estimate(now) else {
+            return Some(ControlStatus::REASON_ESTIMATE_STALE);
+        };
+        if !estimate.usable {
+            return Some(ControlStatus::REASON_ESTIMATE_UNHEALTHY);
+        }
+        // A fault of this kind ends only clearly inside its limit.
+        let limit = |reason: u8, limit: f64| {
+            if self.fault == Some(reason) { limit * FAULT_RELEASE } else { limit }
+        };
+        let tilt = self.safe_envelope.angle_rad(&estimate.q_world_body);
+        if tilt > limit(ControlStatus::REASON_TILT_LIMIT, self.safe_envelope.max_rad()) {
+            return Some(ControlStatus::REASON_TILT_LIMIT);
+        }
+        let max_rate = self.parameters.limits.max_rate_rad_s;
+        if estimate.omega_wb_b_rad_s.norm() > limit(ControlStatus::REASON_RATE_LIMIT, max_rate) {
+            return Some(ControlStatus::REASON_RATE_LIMIT);
+        }
+        None
+    }
+
+    /// A step on a new estimate: the normal case.
+    fn on_estimate(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let Some(estimate) = self.inputs.estimate().copied() else { return };
+        if !self.due(estimate.stamp) {
+            return;
+        }
+        let authority = self.authority(now);
+        if authority == Authority::None {
+            self.idle(now, estimate.stamp, outputs);
+        } else if self.safe_mode.state() == SafeState::Nominal && self.find_fault(now, authority).is_none() {
+            self.track(now, &estimate, authority, outputs);
+        } else if self.safe_mode.state() == SafeState::Nominal {
+            self.safe(now, estimate.stamp, authority, outputs);
+        }
+        // In safe mode the gyro's own samples trigger the steps.
+    }
+
+    fn on_imu(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
+        let authority = self.authority(now);
+        let estimates = self.fresh_estimate(now).is_some();
+        if authority == Authority::None {
+            if !estimates && self.due(stamp) {
+                self.idle(now, stamp, outputs);
+            }
+        } else if (self.safe_mode.state() != SafeState::Nominal || !estimates) && self.due(stamp) {
+            self.safe(now, stamp, authority, outputs);
+        }
+    }
+
+    /// The watchdog: acts only when no message has triggered a step for a while.
+    fn on_timer(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let quiet_s = self.parameters.limits.estimate_timeout_s.min(0.05);
+        if self.latest_step.is_none_or(|at| now.seconds_since(at) >= quiet_s) {
+            let authority = self.authority(now);
+            // A command must not be stamped later than the measurements to come.
+            let stamp = self.latest_stamp.unwrap_or_default();
+            if authority == Authority::None {
+                self.idle(now, stamp, outputs);
+            } else {
+                self.safe(now, stamp, authority, outputs);
+            }
+        }
+        if self.next_diagnostics.is_none_or(|due| due <= now) {
+            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
+            let summary = Summary {
+                mode: self.mode,
+                reason: self.reason,
+                refused: self.inputs.refused(),
+                fallbacks: self.actuation.fallbacks(),
+                failed_jets: self.actuation.failed_jets().iter().filter(|failed| **failed).count(),
+                unloading: self.actuation.unloading(),
+                gas_used_kg: self.actuation.gas_used_kg(),
+            };
+            outputs.publish(
+                Route::shared(Topic::Diagnostics),
+                diagnostics(now, &self.parameters.name, &summary),
+            );
+        }
+    }
+
+    /// Whether a step is due for a measurement of this stamp.
+    fn due(&self, stamp: Timestamp) -> bool {
+        let period_s = 0.9 / self.parameters.control_rate_hz;
+        self.latest_stamp.is_none_or(|latest| stamp.seconds_since(latest) >= period_s)
+    }
+
+    fn idle(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
+        self.leave_tracking();
+        self.safe_mode.reset();
+        self.fault = None;
+        let actuated = self.actuation.off();
+        let report = Report {
+            mode: ControlStatus::MODE_IDLE,
+            reason: ControlStatus::REASON_NO_AUTHORITY,
+            tracking: None,
+            asked_b_n_m: Vector3::zeros(),
+            actuated,
+        };
+        self.finish(now, stamp, report, outputs);
+    }
+
+    fn leave_tracking(&mut self) {
+        self.law.reset();
+        self.target.reset();
+    }
+
+    fn track(&mut self, now: Timestamp, estimate: &Estimate, authority: Authority, outputs: &mut Outputs) {
+        self.fault = None;
+        let dt_s = self.step_length_s(now);
+        let body = Reference {
+            q_world_reference: estimate.q_world_body,
+            omega_wr_r_rad_s: estimate.omega_wb_b_rad_s,
+            omega_dot_wr_r_rad_s2: Vector3::zeros(),
+        };
+        let received = self.inputs.reference();
+        let goal = match (authority, received) {
+            (Authority::Track, Some((stamp, valid_for_s, reference, _))) => {
+                Goal::Follow(*stamp, *valid_for_s, reference)
+            }
+            _ => Goal::Hold,
+        };
+        let source_stale = received.is_none_or(|(_, _, _, mode)| *mode == AttitudeReference::MODE_HOLD);
+        let aim = self.target.step(estimate.stamp, goal, &body);
+        let (mode, reason) = match authority {
+            Authority::Lost(_) => (ControlStatus::MODE_HOLD, ControlStatus::REASON_NO_AUTHORITY),
+            Authority::Hold => (ControlStatus::MODE_HOLD, ControlStatus::REASON_NONE),
+            _ if aim.stale || source_stale => {
+                (ControlStatus::MODE_HOLD, ControlStatus::REASON_REFERENCE_STALE)
+            }
+            _ => (ControlStatus::MODE_TRACK, ControlStatus::REASON_NONE),
+        };
+
+        let wheel_speed = self.inputs.wheel_speed_rad_s();
+        let wheel_momentum = self.actuation.wheel_momentum_b_n_m_s(wheel_speed);
+        let output = self.law.torque(&TrackingInput {
+            q_world_body: &estimate.q_world_body,
+            omega_wb_b_rad_s: &estimate.omega_wb_b_rad_s,
+            reference: &aim.reference,
+            wheel_momentum_b_n_m_s: &wheel_momentum,
+            modelled_torque_b_n_m: &self.modelled_torque(estimate),
+            dt_s,
+        });
+        let actuated =
+            self.actuation.apply(estimate.stamp, &output.torque_b_n_m, wheel_speed, self.inputs.jet_failed());
+        self.law.integrate(dt_s, actuated.alpha > 0.999);
+
+        // After authority was lost: once at rest, let go.
+        let still_rad_s = self.parameters.safe_mode.coast_rate_rad_s;
+        self.released = matches!(authority, Authority::Lost(_))
+            && aim.reference.omega_wr_r_rad_s.norm() < 1e-9
+            && estimate.omega_wb_b_rad_s.norm() < still_rad_s;
+
+        let asked_b_n_m = output.torque_b_n_m;
+        let report = Report { mode, reason, tracking: Some(output), asked_b_n_m, actuated };
+        self.finish(now, estimate.stamp, report, outputs);
+    }
+
+    fn modelled_torque(&self, estimate: &Estimate) -> Vector3<f64> {
+        let model = self.gyrostat.model();
+        let mut environment = Environment::new(model, estimate.q_world_body, estimate.omega_wb_b_rad_s);
+        if !self.parameters.compensate_effects {
+            return -model.mass_properties.gravity_offset_b_n_m().cross(&environment.vertical_b);
+        }
+        environment.wheel_speed_rad_s = self.inputs.wheel_speed_rad_s();
+        environment.gas_used_kg = self.actuation.gas_used_kg();
+        self.gyrostat.modelled_torque_b_n_m(&environment, &[])
+    }
+
+    fn safe(&mut self, now: Timestamp, stamp: Timestamp, authority: Authority, outputs: &mut Outputs) {
+        let dt_s = self.step_length_s(now);
+        let fault = self.find_fault(now, authority);
+        if self.safe_mode.state() == SafeState::Nominal {
+            self.leave_tracking();
+        }
+        let gyro = self.inputs.gyro_rate(now, self.parameters.limits.imu_timeout_s);
+        let state = self.safe_mode.step(dt_s, fault.is_some(), gyro.as_ref());
+        let reason = fault.or(self.fault).unwrap_or(ControlStatus::REASON_NONE);
+        // The reason stays until tracking resumes, also while recovery is being waited for.
+        self.fault = Some(reason);
+        if state == SafeState::Nominal {
+            // Recovered: the next estimate tracks again.
+            return;
+        }
+        let (mode, asked_b_n_m, actuated) = match (state, gyro) {
+            (SafeState::Damping, Some(omega)) => {
+                let torque = self.safe_mode.damping_torque_b_n_m(&self.inertia.resisting_b_kg_m2, &omega);
+                let actuated = self.actuation.apply(
+                    stamp,
+                    &torque,
+                    self.inputs.wheel_speed_rad_s(),
+                    self.inputs.jet_failed(),
+                );
+                (ControlStatus::MODE_SAFE_DAMPING, torque, actuated)
+            }
+            _ => (ControlStatus::MODE_SAFE_COAST, Vector3::zeros(), self.actuation.off()),
+        };
+        let report = Report { mode, reason, tracking: None, asked_b_n_m, actuated };
+        self.finish(now, stamp, report, outputs);
+    }
+
+    fn step_length_s(&self, now: Timestamp) -> f64 {
+        self.latest_step.map_or(0.0, |at| now.seconds_since(at).clamp(0.0, LONGEST_STEP_S))
+    }
+
+    /// Publishes command and status of a step and notes what it was.
+    fn finish(&mut self, now: Timestamp, stamp: Timestamp, report: Report, outputs: &mut Outputs) {
+        let stamp = self.latest_stamp.map_or(stamp, |latest| latest.max(stamp));
+        if (self.mode, self.reason) != (report.mode, report.reason) {
+            let safe = report.mode >= ControlStatus::MODE_SAFE_DAMPING;
+            outputs.log(
+                if safe { LogLevel::Warn } else { LogLevel::Info },
+                format!("{}: {}", self.parameters.name, phrase(report.mode, report.reason)),
+            );
+            self.mode = report.mode;
+            self.reason = report.reason;
+        }
+        self.latest_stamp = Some(stamp);
+        self.latest_step = Some(now);
+        self.publish_command(now, stamp, outputs);
+        if self.next_status.is_none_or(|due| due <= now) {
+            // On the grid of the status rate, whatever the grid of the steps.
+            let period = Duration::from_secs_f64(1.0 / self.parameters.status_rate_hz);
+            let next = self.next_status.map_or(now + period, |due| due + period);
+            self.next_status = Some(if next <= now { now + period } else { next });
+            self.publish_status(now, stamp, &report, outputs);
+        }
+    }
+
+    fn publish_command(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
+        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
+        outputs.publish(
+            Route::platform(self.parameters.platform, Topic::ActuatorCommand),
+            ActuatorCommand {
+                header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
+                sequence: self.command_sequence,
+                valid_until: (now + validity).into(),
+                wheel_torque_n_m: self.actuation.wheel_torque_n_m().to_vec(),
+                jet_slot: self.actuation.slot(),
+                jet_slot_length_s: self.actuation.slot_length_s(),
+                jet_on_time_s: self.actuation.on_time_s().to_vec(),
+            },
+        );
+        self.command_sequence += 1;
+    }
+
+    fn publish_status(&mut self, now: Timestamp, stamp: Timestamp, report: &Report, outputs: &mut Outputs) {
+        let unknown = Vector3::repeat(f64::NAN);
+        let estimate = self.inputs.estimate();
+        let age_s = |stamp: Option<Timestamp>| stamp.map_or(f64::NAN, |stamp| now.seconds_since(stamp));
+        let status = ControlStatus {
+            header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
+            sequence: self.status_sequence,
+            mode: report.mode,
+            reason: report.reason,
+            attitude_error_b_rad: report.tracking.map_or(unknown, |t| t.attitude_error_b_rad).into(),
+            rate_error_b_rad_s: report.tracking.map_or(unknown, |t| t.rate_error_b_rad_s).into(),
+            torque_commanded_b_n_m: report.asked_b_n_m.into(),
+            torque_achieved_b_n_m: report.actuated.achieved_b_n_m.into(),
+            alpha: report.actuated.alpha,
+            allocation: match report.actuated.found {
+                Found::Solved => ControlStatus::ALLOCATION_SOLVED,
+                Found::Unique => ControlStatus::ALLOCATION_UNIQUE,
+                Found::Fallback => ControlStatus::ALLOCATION_FALLBACK,
+                Found::Off => ControlStatus::ALLOCATION_OFF,
+            },
+            jet_saturated: self.actuation.saturated_jets(),
+            jet_failed: self.actuation.failed_jets(),
+            wheel_momentum_b_n_m_s: self
+                .actuation
+                .wheel_momentum_b_n_m_s(self.inputs.wheel_speed_rad_s())
+                .into(),
+            gas_used_kg: self.actuation.gas_used_kg(),
+            tilt_rad: estimate
+                .filter(|e| e.usable)
+                .map_or(f64::NAN, |e| self.safe_envelope.angle_rad(&e.q_world_body)),
+            estimate_age_s: age_s(estimate.map(|e| e.stamp)),
+            reference_age_s: age_s(self.inputs.reference().map(|(stamp, ..)| *stamp)),
+            allocation_fallbacks: self.actuation.fallbacks(),
+        };
+        outputs.publish(Route::platform(self.parameters.platform, Topic::ControlStatus), status);
+        self.status_sequence += 1;
+    }
+}
+
+impl NodeCore for LocalControlCore {
+    fn subscriptions(&self) -> Vec<Route> {
+        let own = [
+            Topic::AttitudeEstimate,
+            Topic::ImuRaw,
+            Topic::WheelState,
+            Topic::ThrusterState,
+            Topic::AttitudeReference,
+        ];
+        let own = own.map(|topic| Route::platform(self.parameters.platform, topic));
+        own.into_iter().chain([Route::shared(Topic::FormationCommand)]).collect()
+    }
+
+    fn publications(&self) -> Vec<Route> {
+        vec![
+            Route::platform(self.parameters.platform, Topic::ActuatorCommand),
+            Route::platform(self.parameters.platform, Topic::ControlStatus),
+            Route::shared(Topic::Diagnostics),
+        ]
+    }
+
+    fn timer_period(&self) -> Option<Duration> {
+        Some(self.parameters.timer_period())
+    }
+
+    fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
+        match event {
+            Event::Message { message, .. } => match message {
+                Message::AttitudeEstimate(estimate) => {
+                    if self.inputs.estimate_arrived(now, estimate) {
+                        self.on_estimate(now, outputs);
+                    }
+                }
+                Message::Imu(imu) => {
+                    if let Some(stamp) = self.inputs.imu_arrived(now, imu) {
+                        self.on_imu(now, stamp, outputs);
+                    }
+                }
+                Message::JointState(wheels) => self.inputs.wheels_arrived(now, wheels),
+                Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
+                Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
+                Message::FormationCommand(command) => {
+                    let max_age_s = self.parameters.limits.max_message_age_s;
+                    self.heartbeat.arrived(now, command, max_age_s, self.inputs.refused_mut());
+                    self.released = false;
+                }
+                _ => {}
+            },
+            Event::Timer => self.on_timer(now, outputs),
+            Event::Shutdown => {
+                let stamp = self.latest_stamp.unwrap_or_default();
+                self.idle(now, stamp, outputs);
+            }
+            Event::Request { .. } => {}
+        }
+    }
+}
+
+impl Configurable for LocalControlCore {
+    type Parameters = Parameters;
+
+    fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
+        if parameters.model != self.parameters.model {
+            return Err("the platform's model cannot change while the node runs".into());
+        }
+        if (parameters.platform, &parameters.name) != (self.parameters.platform, &self.parameters.name) {
+            return Err("the platform cannot change while the node runs".into());
+        }
+        let fresh = Self::new(parameters.clone()).map_err(|error| error.to_string())?;
+        let gains_changed = parameters.gains != self.parameters.gains
+            || parameters.jet_gains != self.parameters.jet_gains
+            || parameters.actuators != self.parameters.actuators;
+        if gains_changed {
+            let integral = self.law.integral_b_n_m();
+            self.law = fresh.law;
+            self.law.restore_integral(integral);
+        }
+        self.actuation = fresh.actuation.continuing(&self.actuation);
+        self.safe_mode.reconfigure(&fresh.safe_mode);
+        self.safe_envelope = fresh.safe_envelope;
+        self.target.reconfigure(fresh.target);
+        self.inputs.set_max_age(parameters.limits.max_message_age_s);
+        self.parameters = parameters.clone();
+        Ok(())
+    }
+}

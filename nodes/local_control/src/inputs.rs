@@ -1,0 +1,236 @@
+//! What the node knows from its subscriptions: the latest good message of each kind, and how many
+//! were refused.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_control::Reference;
+use whorl_msgs::sensor_msgs::{Imu, JointState};
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ThrusterState};
+use whorl_node::Timestamp;
+
+/// Equal consecutive gyro samples that count as a frozen sensor: noise changes every one of a
+/// working sensor's.
+const FROZEN_SAMPLES: u32 = 10;
+
+/// Counts of messages that were not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Refused {
+    /// A value was NaN, infinite, or no rotation.
+    pub not_finite: u64,
+    /// Not newer than the one before.
+    pub out_of_order: u64,
+    /// Older than allowed on arrival.
+    pub late: u64,
+    /// Another number of wheels or jets than the platform's.
+    pub wrong_size: u64,
+}
+
+/// Lets a stamp pass only once and only forwards.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Order {
+    latest: Option<Timestamp>,
+}
+
+impl Order {
+    /// Whether a message with this stamp may be used. A sender that restarted counts its messages
+    /// from zero again; its stamps still grow, so stamps alone decide.
+    pub fn admit(
+        &mut self,
+        header: &Header,
+        now: Timestamp,
+        max_age_s: f64,
+        refused: &mut Refused,
+    ) -> Option<Timestamp> {
+        let stamp = Timestamp::from(header.stamp);
+        let age_s = now.seconds_since(stamp);
+        if age_s > max_age_s || age_s < -max_age_s {
+            refused.late += 1;
+            return None;
+        }
+        if self.latest.is_some_and(|latest| stamp <= latest) {
+            refused.out_of_order += 1;
+            return None;
+        }
+        self.latest = Some(stamp);
+        Some(stamp)
+    }
+}
+
+/// An attitude estimate.
+#[derive(Debug, Clone, Copy)]
+pub struct Estimate {
+    /// Stamp of the measurement.
+    pub stamp: Timestamp,
+    /// Attitude.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Body rate [rad/s].
+    pub omega_wb_b_rad_s: Vector3<f64>,
+    /// Whether it may be used for control.
+    pub usable: bool,
+}
+
+/// The latest of everything.
+#[derive(Debug, Clone)]
+pub struct Inputs {
+    estimate: Option<Estimate>,
+    estimate_order: Order,
+    /// Gyro bias of the latest usable estimate [rad/s].
+    gyro_bias_b_rad_s: Vector3<f64>,
+    gyro: Option<(Timestamp, Vector3<f64>)>,
+    gyro_order: Order,
+    equal_samples: u32,
+    reference: Option<(Timestamp, f64, Reference, u8)>,
+    reference_order: Order,
+    wheel_order: Order,
+    wheel_speed_rad_s: Vec<f64>,
+    thruster_order: Order,
+    jet_failed: Vec<bool>,
+    refused: Refused,
+    max_age_s: f64,
+}
+
+impl Inputs {
+    /// Nothing known yet.
+    pub fn new(wheels: usize, jets: usize, max_age_s: f64) -> Self {
+        Self {
+            estimate: None,
+            estimate_order: Order::default(),
+            gyro_bias_b_rad_s: Vector3::zeros(),
+            gyro: None,
+            gyro_order: Order::default(),
+            equal_samples: 0,
+            reference: None,
+            reference_order: Order::default(),
+            wheel_order: Order::default(),
+            wheel_speed_rad_s: vec![0.0; wheels],
+            thruster_order: Order::default(),
+            jet_failed: vec![false; jets],
+            refused: Refused::default(),
+            max_age_s,
+        }
+    }
+
+    /// Changes the age beyond which messages are refused [s].
+    pub fn set_max_age(&mut self, max_age_s: f64) {
+        self.max_age_s = max_age_s;
+    }
+
+    /// What was refused so far.
+    pub fn refused(&self) -> Refused {
+        self.refused
+    }
+
+    /// The counts, for the authority's messages.
+    pub fn refused_mut(&mut self) -> &mut Refused {
+        &mut self.refused
+    }
+
+    /// Takes an estimate; true when it is good and new.
+    pub fn estimate_arrived(&mut self, now: Timestamp, message: &AttitudeEstimate) -> bool {
+        let omega = Vector3::from(message.omega_wb_b_rad_s);
+        let bias = Vector3::from(message.gyro_bias_b_rad_s);
+        // An estimator that is not ready need not have numbers: that it says so is what counts.
+        let q = message.q_world_body.to_unit().filter(|_| finite(&omega) && finite(&bias));
+        if message.usable() && q.is_none() {
+            self.refused.not_finite += 1;
+            return false;
+        }
+        let admitted = self.estimate_order.admit(&message.header, now, self.max_age_s, &mut self.refused);
+        let Some(stamp) = admitted else { return false };
+        if message.usable() {
+            self.gyro_bias_b_rad_s = bias;
+        }
+        self.estimate = Some(Estimate {
+            stamp,
+            q_world_body: q.unwrap_or_else(UnitQuaternion::identity),
+            omega_wb_b_rad_s: if finite(&omega) { omega } else { Vector3::zeros() },
+            usable: message.usable(),
+        });
+        true
+    }
+
+    /// The latest estimate, whatever its age.
+    pub fn estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// Takes a sample of the inertial unit; its stamp when it is good and new.
+    pub fn imu_arrived(&mut self, now: Timestamp, message: &Imu) -> Option<Timestamp> {
+        let rate = Vector3::from(message.angular_velocity);
+        if !finite(&rate) {
+            self.refused.not_finite += 1;
+            return None;
+        }
+        let stamp = self.gyro_order.admit(&message.header, now, self.max_age_s, &mut self.refused)?;
+        let same = self.gyro.is_some_and(|(_, previous)| previous == rate);
+        self.equal_samples = if same { self.equal_samples.saturating_add(1) } else { 0 };
+        self.gyro = Some((stamp, rate));
+        Some(stamp)
+    }
+
+    /// Body rate by the gyro less the last known bias [rad/s]; `None` when stale or frozen.
+    pub fn gyro_rate(&self, now: Timestamp, timeout_s: f64) -> Option<Vector3<f64>> {
+        let (stamp, rate) = self.gyro?;
+        let fresh = now.seconds_since(stamp) <= timeout_s && self.equal_samples < FROZEN_SAMPLES;
+        fresh.then(|| rate - self.gyro_bias_b_rad_s)
+    }
+
+    /// Takes a reference.
+    pub fn reference_arrived(&mut self, now: Timestamp, message: &AttitudeReference) {
+        let reference = message.q_world_reference.to_unit().map(|q_world_reference| Reference {
+            q_world_reference,
+            omega_wr_r_rad_s: message.omega_wr_r_rad_s.into(),
+            omega_dot_wr_r_rad_s2: message.omega_dot_wr_r_rad_s2.into(),
+        });
+        let Some(reference) = reference.filter(Reference::is_finite) else {
+            self.refused.not_finite += 1;
+            return;
+        };
+        let admitted = self.reference_order.admit(&message.header, now, self.max_age_s, &mut self.refused);
+        let Some(stamp) = admitted else { return };
+        let valid_for_s = Timestamp::from(message.valid_until).seconds_since(stamp).max(0.0);
+        self.reference = Some((stamp, valid_for_s, reference, message.mode));
+    }
+
+    /// The latest reference: stamp, validity after it [s], value, mode.
+    pub fn reference(&self) -> Option<&(Timestamp, f64, Reference, u8)> {
+        self.reference.as_ref()
+    }
+
+    /// Takes wheel speeds.
+    pub fn wheels_arrived(&mut self, now: Timestamp, message: &JointState) {
+        if message.velocity.len() != self.wheel_speed_rad_s.len() {
+            self.refused.wrong_size += 1;
+        } else if !message.velocity.iter().all(|speed| speed.is_finite()) {
+            self.refused.not_finite += 1;
+        } else if self.wheel_order.admit(&message.header, now, self.max_age_s, &mut self.refused).is_some() {
+            self.wheel_speed_rad_s.copy_from_slice(&message.velocity);
+        }
+    }
+
+    /// Latest wheel speeds [rad/s]; zero before the first message.
+    pub fn wheel_speed_rad_s(&self) -> &[f64] {
+        &self.wheel_speed_rad_s
+    }
+
+    /// Takes the health of the jets.
+    pub fn thrusters_arrived(&mut self, now: Timestamp, message: &ThrusterState) {
+        if message.health.len() != self.jet_failed.len() {
+            self.refused.wrong_size += 1;
+        } else if self.thruster_order.admit(&message.header, now, self.max_age_s, &mut self.refused).is_some()
+        {
+            for (failed, health) in self.jet_failed.iter_mut().zip(&message.health) {
+                *failed = *health == ThrusterState::HEALTH_FAILED;
+            }
+        }
+    }
+
+    /// Jets that the driver reports as failed.
+    pub fn jet_failed(&self) -> &[bool] {
+        &self.jet_failed
+    }
+}
+
+fn finite(v: &Vector3<f64>) -> bool {
+    v.iter().all(|x| x.is_finite())
+}
