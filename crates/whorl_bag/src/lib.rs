@@ -6,10 +6,14 @@
 //!   half second after the writer was killed; [`recover`] makes such a bag complete.
 //! - [`RunWriter`] and [`RunDirectory`]: `<UTC time>_<experiment>/` with `bag/`, `params/`, `manifest.yaml`
 //!   and `summary.json`.
+//! - [`CsvRecording`], [`measurements()`]: what a platform's hardware would have sent, for replay;
+//!   [`export_csv`]: a recording for spreadsheets.
 //! - [`SequenceTracker`], [`TopicStatistics`]: losses, gaps and rates, without files or clocks.
 
+mod csv;
 mod error;
 mod manifest;
+mod measurements;
 mod metadata;
 mod qos;
 mod reader;
@@ -24,8 +28,10 @@ mod utc;
 mod writer;
 mod yaml;
 
+pub use csv::{CsvError, CsvMap, CsvRecording, CsvSamples, ExportedTopic, TruthMap, VectorMap, export_csv};
 pub use error::BagError;
 pub use manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
+pub use measurements::{MEASURED_TOPICS, Measurement, measurements, stamp_of};
 pub use metadata::{BagMetadata, BagTopic, METADATA_FILE};
 pub use qos::offered_qos_profiles;
 pub use reader::{BagReader, MessageFilter, Messages, RecordedMessage};

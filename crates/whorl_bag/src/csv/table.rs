@@ -1,0 +1,115 @@
+//! Reading numbers from named columns.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::MultiGzDecoder;
+
+use super::CsvError;
+
+/// A CSV file, compressed with gzip or not, of which some columns are read.
+pub(crate) struct Table {
+    path: PathBuf,
+    reader: ::csv::Reader<Box<dyn Read + Send>>,
+    record: ::csv::StringRecord,
+    header: ::csv::StringRecord,
+    /// Line of `record`; the header is line 1.
+    line: u64,
+}
+
+/// A column, and whether its sign is reversed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Column {
+    index: usize,
+    negative: bool,
+}
+
+impl Table {
+    pub fn open(path: &Path, delimiter: u8) -> Result<Self, CsvError> {
+        let file = File::open(path).map_err(CsvError::io("open", path))?;
+        let mut file = BufReader::new(file);
+        // By content, because names lie.
+        let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
+        let source: Box<dyn Read + Send> =
+            if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        let mut reader =
+            ::csv::ReaderBuilder::new().delimiter(delimiter).trim(::csv::Trim::All).from_reader(source);
+        let mut header = reader.headers().map_err(|e| CsvError::format(path, 1, &e))?.clone();
+        // Spreadsheet programs write a byte order mark in front.
+        if let Some(first) = header.get(0).and_then(|name| name.strip_prefix('\u{feff}')) {
+            let rest = header.iter().skip(1);
+            header = std::iter::once(first).chain(rest).collect();
+        }
+        Ok(Self { path: path.to_owned(), reader, record: ::csv::StringRecord::new(), header, line: 1 })
+    }
+
+    /// Finds a column by name; `-name` is the column with its sign reversed, unless there is one that is
+    /// really called that.
+    pub fn column(&self, name: &str) -> Result<Column, CsvError> {
+        let find = |name: &str| self.header.iter().position(|n| n == name);
+        if let Some(index) = find(name) {
+            return Ok(Column { index, negative: false });
+        }
+        let index = name.strip_prefix('-').and_then(find).ok_or_else(|| CsvError::MissingColumn {
+            path: self.path.clone(),
+            column: name.to_owned(),
+            present: self.header.iter().collect::<Vec<_>>().join(", "),
+        })?;
+        Ok(Column { index, negative: true })
+    }
+
+    pub fn columns<const N: usize>(&self, names: &[String; N]) -> Result<[Column; N], CsvError> {
+        let mut columns = [Column { index: 0, negative: false }; N];
+        for (column, name) in columns.iter_mut().zip(names) {
+            *column = self.column(name)?;
+        }
+        Ok(columns)
+    }
+
+    /// Goes to the next line; `false` at the end.
+    pub fn advance(&mut self) -> Result<bool, CsvError> {
+        let next = self.line + 1;
+        let more =
+            self.reader.read_record(&mut self.record).map_err(|e| CsvError::format(&self.path, next, &e))?;
+        // Where the record begins is before the empty lines that were skipped; where the reader stands now is
+        // one line behind it.
+        let begin = self.record.position().map_or(next, ::csv::Position::line);
+        self.line = begin.max(self.reader.position().line().saturating_sub(1));
+        Ok(more)
+    }
+
+    pub fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// The number in a cell of the present line; `None` when it is empty or says that there is none.
+    pub fn number(&self, column: Column) -> Result<Option<f64>, CsvError> {
+        let text = self.record.get(column.index).unwrap_or_default();
+        if text.is_empty() || text.eq_ignore_ascii_case("nan") || text.eq_ignore_ascii_case("null") {
+            return Ok(None);
+        }
+        match text.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(Some(if column.negative { -number } else { number })),
+            _ => Err(CsvError::NotANumber {
+                path: self.path.clone(),
+                line: self.line,
+                column: self.header.get(column.index).unwrap_or_default().to_owned(),
+                text: text.to_owned(),
+            }),
+        }
+    }
+
+    /// All numbers, or `None` when one of them is missing.
+    pub fn numbers<const N: usize>(&self, columns: &[Column; N]) -> Result<Option<[f64; N]>, CsvError> {
+        let mut numbers = [0.0; N];
+        let mut complete = true;
+        for (number, &column) in numbers.iter_mut().zip(columns) {
+            match self.number(column)? {
+                Some(value) => *number = value,
+                None => complete = false,
+            }
+        }
+        Ok(complete.then_some(numbers))
+    }
+}
