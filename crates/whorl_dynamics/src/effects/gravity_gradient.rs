@@ -9,8 +9,8 @@ use crate::{Environment, PlatformModel};
 #[derive(Debug)]
 pub(super) struct GravityGradient;
 
-/// mu / R^3 at the Earth's surface [1/s^2]: 3.986004e14 / 6.371e6^3.
-const MU_OVER_R3_S2: f64 = 1.5413e-6;
+/// mu / R^3 at the Earth's surface [1/s^2].
+const MU_OVER_R3_S2: f64 = 3.986_004e14 / (6.371e6 * 6.371e6 * 6.371e6);
 
 static INFO: EffectInfo = EffectInfo {
     id: "gravity_gradient",

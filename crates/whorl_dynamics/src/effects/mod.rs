@@ -8,6 +8,8 @@ mod effect;
 mod error;
 mod parameter;
 mod set;
+#[cfg(test)]
+mod tests;
 mod tilted;
 
 pub use effect::{Effect, EffectInfo, EffectKind, TrueImu};

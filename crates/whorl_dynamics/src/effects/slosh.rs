@@ -16,7 +16,7 @@ static INFO: EffectInfo = EffectInfo {
     id: "slosh",
     title: "sloshing mass",
     explanation: "A mass that swings across body z inside the platform: a resonance that motion excites and that goes on after it.",
-    equation: "xi'' + 2 zeta W xi' + W^2 xi = -sqrt(m) [dw/dt x r + w x (w x r) + g k_b]_xy; body: -sqrt(m) (r x xi'' + g xi x k_b), r = (0, 0, h), W = 2 pi f",
+    equation: "s'' + 2 zeta W s' + W^2 s = -[dw/dt x r + w x (w x r) + g k_b]_xy, g = -m (r x s'' + g s x k_b), s = deflection, r = (0, 0, h), W = 2 pi f",
     source: "equivalent pendulum of NASA SP-106 (Abramson 1966), small deflections, written about the centre of rotation; the mass at rest is part of the platform's inertia and gravity offset",
     kind: EffectKind::HiddenState,
     confusable_with: &["flexible_mode", "air_current_periodic"],
@@ -24,9 +24,9 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
-/// sqrt(m), frequency, damping and height of the sloshing mass.
+/// Mass, frequency, damping and height of the sloshing mass.
 struct Pendulum {
-    root_mass_kg: f64,
+    mass_kg: f64,
     omega_rad_s: f64,
     damping_ratio: f64,
     r_b_m: Vector3<f64>,
@@ -35,28 +35,24 @@ struct Pendulum {
 impl Pendulum {
     fn new(values: &[f64], model: &PlatformModel) -> Self {
         Self {
-            root_mass_kg: (value(values, 0) * model.mass_properties.mass_kg()).max(0.0).sqrt(),
+            mass_kg: value(values, 0) * model.mass_properties.mass_kg(),
             omega_rad_s: TAU * value(values, 1),
             damping_ratio: value(values, 2),
             r_b_m: Vector3::z() * value(values, 3),
         }
     }
 
-    /// -2 zeta W xi' - W^2 xi.
-    fn restoring(&self, hidden: &[f64]) -> Vector3<f64> {
-        Vector3::from_fn(|i, _| {
-            if i > 1 {
-                return 0.0;
-            }
-            let (xi, rate) = (value(hidden, i), value(hidden, 2 + i));
-            -2.0 * self.damping_ratio * self.omega_rad_s * rate - self.omega_rad_s.powi(2) * xi
-        })
-    }
-
-    /// Acceleration across body z that moves the mass, the part with dw/dt left out [m/s^2].
-    fn drive_m_s2(&self, environment: &Environment<'_>) -> Vector3<f64> {
+    /// Acceleration of the deflection without the share of dw/dt [m/s^2].
+    fn acceleration_m_s2(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         let omega = environment.omega_wb_b_rad_s;
-        across(&(omega.cross(&omega.cross(&self.r_b_m)) + GRAVITY_M_S2 * environment.vertical_b))
+        let drive = omega.cross(&omega.cross(&self.r_b_m)) + GRAVITY_M_S2 * environment.vertical_b;
+        let (s, s_rate) = (
+            Vector3::new(value(hidden, 0), value(hidden, 1), 0.0),
+            Vector3::new(value(hidden, 2), value(hidden, 3), 0.0),
+        );
+        -2.0 * self.damping_ratio * self.omega_rad_s * s_rate
+            - self.omega_rad_s.powi(2) * s
+            - across(&drive)
     }
 }
 
@@ -81,7 +77,7 @@ impl Effect for Slosh {
     }
 
     fn hidden_states(&self, _model: &PlatformModel) -> usize {
-        // xi_x, xi_y and their rates.
+        // Deflections along body x and y [m] and their rates [m/s].
         4
     }
 
@@ -94,8 +90,7 @@ impl Effect for Slosh {
     ) {
         let pendulum = Pendulum::new(values, environment.model);
         let tangential = across(&environment.omega_dot_wb_b_rad_s2.cross(&pendulum.r_b_m));
-        let acceleration = pendulum.restoring(hidden)
-            - pendulum.root_mass_kg * (tangential + pendulum.drive_m_s2(environment));
+        let acceleration = pendulum.acceleration_m_s2(environment, hidden) - tangential;
         if let [x, y, x_rate, y_rate] = derivative {
             (*x, *y) = (value(hidden, 2), value(hidden, 3));
             (*x_rate, *y_rate) = (acceleration.x, acceleration.y);
@@ -104,11 +99,10 @@ impl Effect for Slosh {
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         let pendulum = Pendulum::new(values, environment.model);
-        // xi'' without its share of dw/dt, which `reaction_inertia_b_kg_m2` carries.
-        let acceleration =
-            pendulum.restoring(hidden) - pendulum.root_mass_kg * pendulum.drive_m_s2(environment);
+        // `reaction_inertia_b_kg_m2` carries the share of dw/dt.
+        let acceleration = pendulum.acceleration_m_s2(environment, hidden);
         let deflection = Vector3::new(value(hidden, 0), value(hidden, 1), 0.0);
-        -pendulum.root_mass_kg
+        -pendulum.mass_kg
             * (pendulum.r_b_m.cross(&acceleration) + GRAVITY_M_S2 * deflection.cross(&environment.vertical_b))
     }
 
@@ -116,6 +110,6 @@ impl Effect for Slosh {
         let pendulum = Pendulum::new(values, model);
         let r = skew(&pendulum.r_b_m);
         let across_z = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0));
-        pendulum.root_mass_kg.powi(2) * r * across_z * r.transpose()
+        pendulum.mass_kg * r * across_z * r.transpose()
     }
 }

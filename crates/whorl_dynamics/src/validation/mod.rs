@@ -2,6 +2,7 @@
 
 mod actuators;
 mod conservation;
+mod effects;
 mod jacobi;
 mod motion;
 mod sensors;
