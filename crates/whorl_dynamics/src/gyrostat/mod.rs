@@ -39,8 +39,9 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::{GRAVITY_M_S2, vertical_b};
 
-use crate::effects::{EffectError, EffectSet};
+use crate::effects::{EffectError, EffectSet, TrueImu};
 use crate::platform::Wheel;
+use crate::sensing::specific_force_b_m_s2;
 use crate::{Environment, PlatformModel};
 
 /// Why a platform cannot be simulated.
@@ -218,6 +219,22 @@ impl Gyrostat {
         let free = self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
         // Positive definite by construction.
         free.cholesky().map_or_else(Vector3::zeros, |factor| factor.solve(&torque))
+    }
+
+    /// What ideal inertial sensors read, body axes: `environment` must hold the angular acceleration.
+    #[must_use]
+    pub fn true_imu(&self, environment: &Environment<'_>) -> TrueImu {
+        let mut imu = TrueImu {
+            angular_velocity_b_rad_s: environment.omega_wb_b_rad_s,
+            specific_force_b_m_s2: specific_force_b_m_s2(
+                &self.model.sensors.accelerometer.lever_arm_b_m,
+                &environment.omega_wb_b_rad_s,
+                &environment.omega_dot_wb_b_rad_s2,
+                &environment.vertical_b,
+            ),
+        };
+        self.effects.measure_imu(environment, &mut imu);
+        imu
     }
 
     /// I - sum J a a^T over the wheels that are not stuck, less what effects take out.

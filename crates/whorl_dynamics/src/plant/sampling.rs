@@ -4,7 +4,7 @@ use whorl_math::vertical_b;
 
 use super::{Plant, ns_from_s};
 use crate::TrueImu;
-use crate::sensing::{ImuSample, Snapshot, VectorSample, WheelSample, specific_force_b_m_s2};
+use crate::sensing::{ImuSample, Snapshot, VectorSample, WheelSample};
 
 impl Plant {
     /// Reads gyro and accelerometer now.
@@ -82,16 +82,6 @@ impl Plant {
         environment.vertical_b = vertical_b(&then.q_world_body);
         environment.omega_wb_b_rad_s = then.omega_wb_b_rad_s;
         environment.omega_dot_wb_b_rad_s2 = then.omega_dot_wb_b_rad_s2;
-        let mut imu = TrueImu {
-            angular_velocity_b_rad_s: then.omega_wb_b_rad_s,
-            specific_force_b_m_s2: specific_force_b_m_s2(
-                &self.gyrostat.model().sensors.accelerometer.lever_arm_b_m,
-                &then.omega_wb_b_rad_s,
-                &then.omega_dot_wb_b_rad_s2,
-                &environment.vertical_b,
-            ),
-        };
-        self.gyrostat.effects().measure_imu(&environment, &mut imu);
-        imu
+        self.gyrostat.true_imu(&environment)
     }
 }

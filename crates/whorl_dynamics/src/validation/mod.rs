@@ -5,6 +5,7 @@ mod conservation;
 mod effects;
 mod jacobi;
 mod motion;
+mod regression;
 mod sensors;
 mod special_functions;
 
