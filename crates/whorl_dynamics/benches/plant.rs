@@ -1,5 +1,5 @@
 //! Cost of one simulated second of Whorl-I: 1000 steps, 100 inertial samples.
-#![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
+#![allow(missing_docs, clippy::expect_used, reason = "a bench: criterion's macros, and a known platform")]
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
