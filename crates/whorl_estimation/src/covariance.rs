@@ -28,6 +28,9 @@ pub(crate) struct Measurement {
     pub(crate) bias: Option<Matrix3x2<f64>>,
     /// Measurement noise \[rad^2\].
     pub(crate) noise: Matrix2<f64>,
+    /// Variance by which the attitude error has grown since it was measured, on average
+    /// \[rad^2\]: the measurement lacks that part of the error, `cov(delta, noise) = -lag h`.
+    pub(crate) lag_variance: f64,
 }
 
 /// A linearised scalar measurement.
@@ -40,6 +43,8 @@ pub(crate) struct ScalarMeasurement {
     pub(crate) bias: Vector3<f64>,
     /// Measurement noise \[rad^2\].
     pub(crate) noise: f64,
+    /// As in [`Measurement`].
+    pub(crate) lag_variance: f64,
     /// Which components of the attitude error it may correct (ones and zeros).
     pub(crate) corrects: Vector3<f64>,
 }
@@ -88,17 +93,18 @@ impl Covariance {
     /// Measurement update of two components; leaves the covariance alone when outside the gate.
     pub(crate) fn update(&mut self, measurement: &Measurement, gate: f64) -> Result<Correction, Outlier> {
         let h = &measurement.attitude;
-        let mut on_attitude = self.attitude * h;
+        // A = P H^T + M and S = H P H^T + H M + M^T H^T + R, M the correlation of state and noise.
+        let lag = h * self.possible_lag(measurement.lag_variance);
+        let mut on_attitude = self.attitude * h - lag;
         let mut on_bias = self.cross.tr_mul(h);
         if let Some(h_bias) = &measurement.bias {
             on_attitude += self.cross * h_bias;
             on_bias += self.bias * h_bias;
         }
-        let mut predicted = h.tr_mul(&on_attitude);
+        let mut innovation_covariance = h.tr_mul(&(on_attitude - lag)) + measurement.noise;
         if let Some(h_bias) = &measurement.bias {
-            predicted += h_bias.tr_mul(&on_bias);
+            innovation_covariance += h_bias.tr_mul(&on_bias);
         }
-        let innovation_covariance = predicted + measurement.noise;
         let inverse = inverse_2x2(&innovation_covariance);
         let z = &measurement.innovation;
         let nis = z.dot(&(inverse * z));
@@ -107,12 +113,11 @@ impl Covariance {
         }
         let gain_attitude = on_attitude * inverse;
         let gain_bias = on_bias * inverse;
-        // Joseph's form (I - K H) P (I - K H)^T + K R K^T, evaluated as M - W K^T with
-        // M = (I - K H) P and W = M H^T - K R; W vanishes but for rounding, and takes the
-        // rounding of M out again.
-        let residual = Matrix2::identity() - inverse * predicted;
-        let w_attitude = on_attitude * residual - gain_attitude * measurement.noise;
-        let w_bias = on_bias * residual - gain_bias * measurement.noise;
+        // Joseph's form for any gain, P - K A^T - A K^T + K S K^T, evaluated as
+        // P - K A^T - W K^T: W = A - K S vanishes but for rounding, and takes the rounding of
+        // the first difference out again.
+        let w_attitude = on_attitude - gain_attitude * innovation_covariance;
+        let w_bias = on_bias - gain_bias * innovation_covariance;
         self.attitude -= gain_attitude * on_attitude.transpose() + w_attitude * gain_attitude.transpose();
         self.cross -= gain_attitude * on_bias.transpose() + w_attitude * gain_bias.transpose();
         self.bias -= gain_bias * on_bias.transpose() + w_bias * gain_bias.transpose();
@@ -128,9 +133,10 @@ impl Covariance {
         gate: f64,
     ) -> Result<Correction, Outlier> {
         let (h, h_bias) = (&measurement.attitude, &measurement.bias);
-        let on_attitude = self.attitude * h + self.cross * h_bias;
+        let lag = h * self.possible_lag(measurement.lag_variance);
+        let on_attitude = self.attitude * h + self.cross * h_bias - lag;
         let on_bias = self.cross.tr_mul(h) + self.bias * h_bias;
-        let variance = h.dot(&on_attitude) + h_bias.dot(&on_bias) + measurement.noise;
+        let variance = h.dot(&(on_attitude - lag)) + h_bias.dot(&on_bias) + measurement.noise;
         let nis = measurement.innovation * measurement.innovation / variance;
         if nis.is_nan() || nis > gate {
             return Err(Outlier(nis));
@@ -173,6 +179,13 @@ impl Covariance {
             self.cross[(2, axis)] = 0.0;
         }
         self.attitude[(2, 2)] = variance;
+    }
+
+    /// The growth since a measurement cannot exceed what is there now: another update in between
+    /// may have taken some of it away.
+    fn possible_lag(&self, lag_variance: f64) -> f64 {
+        let p = &self.attitude;
+        lag_variance.min(0.9 * p.m11.min(p.m22).min(p.m33))
     }
 
     fn symmetrise(&mut self) {
@@ -240,11 +253,41 @@ mod tests {
         let expected = inverse(inverse(full(&p)) + information);
         let innovation = Vector2::new(0.1, -0.2);
         let state = expected * h.transpose() * noise.try_inverse().expect("regular") * innovation;
-        let measurement = Measurement { innovation, attitude: h_attitude, bias: Some(h_bias), noise };
+        let measurement =
+            Measurement { innovation, attitude: h_attitude, bias: Some(h_bias), noise, lag_variance: 0.0 };
         let correction = p.update(&measurement, f64::INFINITY).ok().expect("no gate");
         assert!((full(&p) - expected).amax() < 1e-12);
         assert!((correction.attitude_rad - state.fixed_rows::<3>(0)).norm() < 1e-12);
         assert!((correction.bias_rad_s - state.fixed_rows::<3>(3)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_late_measurement_is_one_of_an_earlier_state() {
+        // The attitude error was measured, then grew by white noise of variance q: the late
+        // update must give what update-then-growth gives.
+        let growth = 0.3;
+        let h = Matrix3x2::new(1.0, 0.2, 0.0, 1.0, -0.3, 0.1);
+        let noise = Matrix2::new(0.02, 0.005, 0.005, 0.03);
+        let innovation = Vector2::new(0.1, -0.2);
+        let mut expected = example();
+        let in_time = Measurement { innovation, attitude: h, bias: None, noise, lag_variance: 0.0 };
+        let first = expected.update(&in_time, f64::INFINITY).ok().expect("no gate");
+        expected.attitude += Matrix3::identity() * growth;
+
+        let mut late = example();
+        late.attitude += Matrix3::identity() * growth;
+        let measurement = Measurement {
+            innovation,
+            attitude: h,
+            bias: None,
+            noise: noise + h.tr_mul(&h) * growth,
+            lag_variance: growth,
+        };
+        let second = late.update(&measurement, f64::INFINITY).ok().expect("no gate");
+        assert!((full(&late) - full(&expected)).amax() < 1e-12);
+        assert!((second.attitude_rad - first.attitude_rad).norm() < 1e-12);
+        assert!((second.bias_rad_s - first.bias_rad_s).norm() < 1e-12);
+        assert!((second.nis - first.nis).abs() < 1e-12);
     }
 
     #[test]
@@ -256,6 +299,7 @@ mod tests {
             attitude: Vector3::new(-0.4, 0.1, 1.0),
             bias: Vector3::new(0.02, 0.0, 0.01),
             noise: 0.02,
+            lag_variance: 0.0,
             corrects: Vector3::z(),
         };
         let h = SMatrix::<f64, 1, 6>::new(-0.4, 0.1, 1.0, 0.02, 0.0, 0.01);
@@ -282,6 +326,7 @@ mod tests {
                 attitude,
                 bias: None,
                 noise: Matrix2::identity() * 1e-12,
+                lag_variance: 0.0,
             };
             assert!(p.update(&measurement, 1.0).is_ok());
             let smallest = full(&p).symmetric_eigenvalues().min();
@@ -298,6 +343,7 @@ mod tests {
             attitude: Matrix3x2::new(1.0, 0.0, 0.0, 1.0, 0.0, 0.0),
             bias: None,
             noise: Matrix2::identity(),
+            lag_variance: 0.0,
         };
         assert!(p.update(&measurement, 30.0).is_err());
         assert_eq!(p, before);

@@ -31,15 +31,6 @@ impl History {
         self.filled = (self.filled + 1).min(LENGTH);
     }
 
-    /// Time between the two newest entries \[s\]; 0.01 before there are two.
-    pub(crate) fn interval_s(&self) -> f64 {
-        let stamp = |age: usize| self.stamps_ns.get((self.next + LENGTH - age) % LENGTH);
-        match (stamp(1), stamp(2)) {
-            (Some(newest), Some(before)) if self.filled > 1 => (newest - before) as f64 * 1e-9,
-            _ => 0.01,
-        }
-    }
-
     /// The attitude at `stamp_ns`, at a constant rate between its neighbours; `None` outside the
     /// ring's time span.
     pub(crate) fn at(&self, stamp_ns: i64) -> Option<UnitQuaternion<f64>> {

@@ -11,6 +11,7 @@ pub mod consistency;
 mod covariance;
 mod estimate;
 mod filter;
+mod gravity_window;
 mod history;
 mod monitor;
 mod parameters;
@@ -25,3 +26,6 @@ pub use parameters::{
     AccelerationRejection, GyroSampling, ParameterError, Parameters, VectorParameters, VectorUse,
 };
 pub use verdict::{FilterEvent, ImuOutcome, Rejection, RejectionCounts, Verdict};
+
+#[cfg(test)]
+mod tests;

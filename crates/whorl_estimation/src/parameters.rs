@@ -55,9 +55,9 @@ pub struct VectorParameters {
 /// Larger accelerometer noise while the sensor itself accelerates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccelerationRejection {
-    /// Standard deviation added per unit of low-passed `| |f| - g |` \[1\].
+    /// Standard deviation added per unit of the deviation `| |f| - g |` \[1\].
     pub gain: f64,
-    /// Time constant of the low pass of that deviation \[s\]; the peak is held while it decays.
+    /// The deviation's peak is held and decays with this time constant \[s\].
     pub decay_s: f64,
 }
 
@@ -75,10 +75,13 @@ pub struct Parameters {
     pub accelerometer_noise_m_s2: f64,
     /// Accelerometer position from the centre of rotation, body axes \[m\] (`r_y` of eq. 4.40).
     pub accelerometer_position_b_m: Vector3<f64>,
-    /// Time constant of the filtered gyro difference that gives the angular acceleration \[s\].
-    pub angular_acceleration_filter_s: f64,
-    /// Uncertainty of the angular acceleration beyond gyro noise (lag, model error) \[rad/s^2\].
-    pub angular_acceleration_sigma_rad_s2: f64,
+    /// With a lever arm or a velocity sigma the specific force is averaged this long, in a frame that
+    /// does not turn, before it corrects \[s\]; with neither every sample corrects. Longer: less noise
+    /// from the lever arm's velocity; shorter: earlier correction.
+    pub accelerometer_window_s: f64,
+    /// Standard deviation of the accelerometer's unknown change of velocity over a window \[m/s\]: 0
+    /// on a fixed pivot, some tenths for a sensor that moves freely.
+    pub accelerometer_velocity_sigma_m_s: f64,
     /// Gravity \[m/s^2\].
     pub gravity_m_s2: f64,
     /// Adaptive accelerometer noise for a sensor that is not on a fixed pivot; `None`: off.
@@ -135,10 +138,10 @@ impl Parameters {
             gyro_sampling: GyroSampling::Instantaneous,
             accelerometer_noise_m_s2: 0.02,
             accelerometer_position_b_m: Vector3::zeros(),
-            angular_acceleration_filter_s: 0.1,
-            angular_acceleration_sigma_rad_s2: 0.02,
-            gravity_m_s2: GRAVITY_M_S2,
+            accelerometer_window_s: 0.25,
+            accelerometer_velocity_sigma_m_s: 0.0,
             acceleration_rejection: None,
+            gravity_m_s2: GRAVITY_M_S2,
             vector: None,
             start_window_s: 0.5,
             start_vector_wait_s: 0.5,
@@ -184,7 +187,6 @@ impl Parameters {
         let positive = [
             ("gyro_noise_rad_s_sqrt_hz", self.gyro_noise_rad_s_sqrt_hz),
             ("accelerometer_noise_m_s2", self.accelerometer_noise_m_s2),
-            ("angular_acceleration_filter_s", self.angular_acceleration_filter_s),
             ("gravity_m_s2", self.gravity_m_s2),
             ("start_window_s", self.start_window_s),
             ("initial_heading_sigma_rad", self.initial_heading_sigma_rad),
@@ -201,7 +203,8 @@ impl Parameters {
         ];
         let not_negative = [
             ("gyro_bias_walk_rad_s2_sqrt_hz", self.gyro_bias_walk_rad_s2_sqrt_hz),
-            ("angular_acceleration_sigma_rad_s2", self.angular_acceleration_sigma_rad_s2),
+            ("accelerometer_window_s", self.accelerometer_window_s),
+            ("accelerometer_velocity_sigma_m_s", self.accelerometer_velocity_sigma_m_s),
             ("start_vector_wait_s", self.start_vector_wait_s),
             ("gap_acceleration_rad_s2", self.gap_acceleration_rad_s2),
         ];
@@ -221,14 +224,11 @@ impl Parameters {
             v.is_finite() && v >= self.imu_gap_s
         })?;
         if let Some(rejection) = &self.acceleration_rejection {
-            require(
-                &[
-                    ("acceleration_rejection.gain", rejection.gain),
-                    ("acceleration_rejection.decay_s", rejection.decay_s),
-                ],
-                "finite and above zero",
-                |v| v.is_finite() && v > 0.0,
-            )?;
+            let fields = [
+                ("acceleration_rejection.gain", rejection.gain),
+                ("acceleration_rejection.decay_s", rejection.decay_s),
+            ];
+            require(&fields, "finite and above zero", |v| v.is_finite() && v > 0.0)?;
         }
         self.vector.as_ref().map_or(Ok(()), VectorParameters::check)
     }

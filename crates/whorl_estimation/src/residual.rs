@@ -1,8 +1,8 @@
 //! Innovations of direction measurements.
 
-use nalgebra::{Matrix3, Matrix3x2, Unit, Vector2, Vector3};
+use nalgebra::{Matrix3x2, Unit, Vector2, Vector3};
 use std::f64::consts::PI;
-use whorl_math::{skew, wrap_angle_rad};
+use whorl_math::wrap_angle_rad;
 
 /// Two unit vectors across a direction, as columns.
 pub(crate) fn across(direction: &Unit<Vector3<f64>>) -> Matrix3x2<f64> {
@@ -52,14 +52,6 @@ pub(crate) fn heading_residual(
     (residual, Vector3::new(-slope * cosine, -slope * sine, 1.0))
 }
 
-/// Acceleration of a point at `r` on a body that turns at `omega`, without the angular
-/// acceleration, and its derivative by `omega`: `omega x (omega x r)` of eq. (4.40), and
-/// the bias block of eq. (4.72).
-pub(crate) fn centripetal(omega: &Vector3<f64>, r: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
-    let velocity = omega.cross(r);
-    (omega.cross(&velocity), -skew(&velocity) - skew(omega) * skew(r))
-}
-
 /// Components of a vector along two columns.
 pub(crate) fn components(columns: &Matrix3x2<f64>, vector: &Vector3<f64>) -> Vector2<f64> {
     columns.tr_mul(vector)
@@ -101,15 +93,6 @@ mod tests {
             let numeric = (at(step) - at(-step)) / (2.0 * step);
             assert!((numeric - slope.dot(&axis)).abs() < 1e-8);
         }
-    }
-
-    #[test]
-    fn centripetal_sensitivity_is_the_derivative() {
-        let (omega, r) = (Vector3::new(0.5, -1.0, 2.0), Vector3::new(0.2, 0.1, -0.3));
-        let (_, slope) = centripetal(&omega, &r);
-        let d = Vector3::new(1.0, -2.0, 0.5) * 1e-6;
-        let numeric = (centripetal(&(omega + d), &r).0 - centripetal(&(omega - d), &r).0) / 2.0;
-        assert!((numeric - slope * d).norm() < 1e-14);
     }
 
     #[test]

@@ -5,52 +5,48 @@
 //! its effect on each average is kept to first order and becomes the initial correlation
 //! of attitude and bias.
 
-use crate::covariance::{Covariance, Measurement};
-use crate::parameters::Parameters;
+use crate::covariance::{Correction, Covariance, Measurement, ScalarMeasurement};
+use crate::gravity_window::GravityWindow;
+use crate::parameters::{Parameters, VectorParameters};
 use crate::residual::{across, components, direction_residual};
-use nalgebra::{Matrix2, Matrix3, Unit, UnitQuaternion, Vector3};
-use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, unit};
+use nalgebra::{Matrix2, Matrix3, UnitQuaternion, Vector3};
+use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
 
-/// Fewest accelerometer samples for a start.
-const MIN_SAMPLES: u32 = 5;
+/// Fewest accelerometer intervals for a start.
+const MIN_INTERVALS: u32 = 5;
 
 /// Attitude variance that leaves the averages alone to decide \[rad^2\].
 const UNKNOWN_VARIANCE: f64 = 10.0;
 
-/// Sums of one direction.
+/// Sums of the vector sensor.
 #[derive(Clone, Debug, PartialEq)]
-struct Average {
+struct VectorAverage {
+    /// Carried frame.
     sum: Vector3<f64>,
     count: u32,
     /// Sum of the integrals of the rotation matrix up to each sample \[s\].
     lever_sum: Matrix3<f64>,
-    /// Sums in body axes, first and second half of the window.
-    body_halves: [(Vector3<f64>, u32); 2],
 }
 
-impl Average {
+/// Sums in body axes over the first and the second half of the window: did the body move?
+#[derive(Clone, Debug, PartialEq)]
+struct Halves([(Vector3<f64>, u32); 2]);
+
+impl Halves {
     fn new() -> Self {
-        Self {
-            sum: Vector3::zeros(),
-            count: 0,
-            lever_sum: Matrix3::zeros(),
-            body_halves: [(Vector3::zeros(), 0); 2],
-        }
+        Self([(Vector3::zeros(), 0); 2])
     }
 
-    fn add(&mut self, inertial: Vector3<f64>, body: Vector3<f64>, lever: &Matrix3<f64>, half: usize) {
-        self.sum += inertial;
-        self.count += 1;
-        self.lever_sum += lever;
-        if let Some((sum, count)) = self.body_halves.get_mut(half) {
-            *sum += body;
-            *count += 1;
-        }
+    fn add(&mut self, second: bool, direction_b: &Vector3<f64>) {
+        let [first_half, second_half] = &mut self.0;
+        let (sum, count) = if second { second_half } else { first_half };
+        *sum += direction_b;
+        *count += 1;
     }
 
-    /// Whether the body-axes direction stayed within noise between the halves of the window.
+    /// Whether the direction stayed within noise between the halves.
     fn still(&self, noise_rad: f64) -> bool {
-        let [(first, n1), (second, n2)] = self.body_halves;
+        let [(first, n1), (second, n2)] = self.0;
         let (Ok(first), Ok(second)) = (unit(first), unit(second)) else {
             return false;
         };
@@ -64,17 +60,17 @@ impl Average {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Start {
     begin_ns: i64,
-    gravity: Average,
-    vector: Average,
-    /// Integral of the rotation matrix since the begin \[s\], in the carried frame.
-    lever: Matrix3<f64>,
-    elapsed_s: f64,
+    q_carried_body_begin: UnitQuaternion<f64>,
+    gravity: Option<GravityWindow>,
+    vector: VectorAverage,
+    force_halves: Halves,
+    vector_halves: Halves,
     rate_sum: Vector3<f64>,
     rate_squares: Vector3<f64>,
     rate_count: u32,
 }
 
-/// The result: correction of the carried frame and covariance.
+/// The result: how to turn the carried frame into the world, and the covariance.
 pub(crate) struct FirstAttitude {
     pub(crate) q_world_carried: UnitQuaternion<f64>,
     pub(crate) bias_change_rad_s: Vector3<f64>,
@@ -82,46 +78,46 @@ pub(crate) struct FirstAttitude {
     pub(crate) with_vector: bool,
 }
 
+/// The filter's state that the start needs.
+pub(crate) struct Carried<'a> {
+    pub(crate) q_carried_body: UnitQuaternion<f64>,
+    pub(crate) omega: Vector3<f64>,
+    pub(crate) bias_covariance: &'a Matrix3<f64>,
+}
+
 impl Start {
-    pub(crate) fn new(begin_ns: i64) -> Self {
+    pub(crate) fn new(begin_ns: i64, q_carried_body: UnitQuaternion<f64>) -> Self {
         Self {
             begin_ns,
-            gravity: Average::new(),
-            vector: Average::new(),
-            lever: Matrix3::zeros(),
-            elapsed_s: 0.0,
+            q_carried_body_begin: q_carried_body,
+            gravity: None,
+            vector: VectorAverage { sum: Vector3::zeros(), count: 0, lever_sum: Matrix3::zeros() },
+            force_halves: Halves::new(),
+            vector_halves: Halves::new(),
             rate_sum: Vector3::zeros(),
             rate_squares: Vector3::zeros(),
             rate_count: 0,
         }
     }
 
-    fn half(&self, parameters: &Parameters, stamp_ns: i64) -> usize {
-        usize::from(seconds(stamp_ns - self.begin_ns) > 0.5 * parameters.start_window_s)
+    fn second_half(&self, parameters: &Parameters, stamp_ns: i64) -> bool {
+        seconds(stamp_ns - self.begin_ns) > 0.5 * parameters.start_window_s
     }
 
-    /// The carried frame turned; `mean_rotation` is that of the interval.
-    pub(crate) fn advance(&mut self, mean_rotation: &Matrix3<f64>, dt_s: f64) {
-        self.lever += mean_rotation * dt_s;
-        self.elapsed_s += dt_s;
-    }
-
-    pub(crate) fn add_rate(&mut self, rate: &Vector3<f64>) {
-        self.rate_sum += rate;
-        self.rate_squares += rate.component_mul(rate);
+    pub(crate) fn add_rate(&mut self, omega: &Vector3<f64>) {
+        self.rate_sum += omega;
+        self.rate_squares += omega.component_mul(omega);
         self.rate_count += 1;
     }
 
-    /// A specific force without its lever-arm part, in body axes, and the carried frame's rotation.
-    pub(crate) fn add_gravity(
-        &mut self,
-        parameters: &Parameters,
-        stamp_ns: i64,
-        specific_force_b: &Vector3<f64>,
-        rotation: &Matrix3<f64>,
-    ) {
-        let half = self.half(parameters, stamp_ns);
-        self.gravity.add(rotation * specific_force_b, *specific_force_b, &self.lever, half);
+    /// The gravity window, whose first sample starts the averages anew.
+    pub(crate) fn gravity_mut(&mut self) -> &mut Option<GravityWindow> {
+        &mut self.gravity
+    }
+
+    pub(crate) fn add_force(&mut self, parameters: &Parameters, stamp_ns: i64, force_b: &Vector3<f64>) {
+        let second = self.second_half(parameters, stamp_ns);
+        self.force_halves.add(second, force_b);
     }
 
     /// A direction of the vector sensor, in the carried frame and in body axes.
@@ -129,41 +125,47 @@ impl Start {
         &mut self,
         parameters: &Parameters,
         stamp_ns: i64,
-        inertial: Vector3<f64>,
-        body: Vector3<f64>,
+        carried: &Vector3<f64>,
+        body: &Vector3<f64>,
     ) {
-        let half = self.half(parameters, stamp_ns);
-        // A late sample belongs to an earlier lever; within a window of half a second and
-        // a delay of some hundredths the difference is far below the sensor's noise.
-        self.vector.add(inertial, body, &self.lever, half);
+        let Some(gravity) = &self.gravity else {
+            return;
+        };
+        let second = self.second_half(parameters, stamp_ns);
+        self.vector_halves.add(second, body);
+        self.vector.sum += carried;
+        self.vector.count += 1;
+        // A late sample belongs to an earlier lever; the difference (bias error times delay)
+        // is far below the sensor's noise.
+        self.vector.lever_sum += gravity.lever();
     }
 
-    /// The first attitude, once there is enough; `bias` is the covariance block known so far and
-    /// `rotation` the carried frame's rotation now.
+    /// The first attitude, once there is enough.
     pub(crate) fn finish(
         &self,
         parameters: &Parameters,
         now_ns: i64,
-        bias: &Matrix3<f64>,
-        q_carried_body: &UnitQuaternion<f64>,
+        carried: &Carried<'_>,
     ) -> Option<FirstAttitude> {
-        let elapsed_s = seconds(now_ns - self.begin_ns);
-        if elapsed_s < parameters.start_window_s || self.gravity.count < MIN_SAMPLES {
+        let gravity = self.gravity.as_ref()?;
+        if gravity.elapsed_s() < parameters.start_window_s || gravity.intervals() < MIN_INTERVALS {
             return None;
         }
-        let missing_vector = parameters.vector.is_some() && self.vector.count == 0;
-        if missing_vector && elapsed_s < parameters.start_window_s + parameters.start_vector_wait_s {
+        let waited_s = seconds(now_ns - self.begin_ns) - parameters.start_window_s;
+        if parameters.vector.is_some() && self.vector.count == 0 && waited_s < parameters.start_vector_wait_s
+        {
             return None;
         }
-        let up = unit(self.gravity.sum).ok()?;
+        let rotation = *carried.q_carried_body.to_rotation_matrix().matrix();
+        let up = unit(gravity.mean_force(&rotation, &carried.omega, parameters)).ok()?;
         let seen = parameters.vector.zip(unit(self.vector.sum).ok());
         let q_world_carried = seen
             .and_then(|(vector, direction)| {
                 attitude_from_two_vectors(&up, &Vector3::z_axis(), &direction, &vector.reference_w).ok()
             })
             .unwrap_or_else(|| {
-                let vertical_b = q_carried_body.inverse() * up;
-                attitude_from_vertical(vertical_b, parameters.initial_heading_rad) * q_carried_body.inverse()
+                let carried_to_body = self.q_carried_body_begin.inverse();
+                attitude_from_vertical(carried_to_body * up, parameters.initial_heading_rad) * carried_to_body
             });
         let mut first = FirstAttitude {
             q_world_carried,
@@ -171,55 +173,53 @@ impl Start {
             covariance: Covariance::diagonal(Vector3::repeat(UNKNOWN_VARIANCE), 1.0),
             with_vector: false,
         };
-        first.covariance.bias = *bias;
-        let tilt_noise = parameters.accelerometer_noise_m_s2 / parameters.gravity_m_s2;
-        self.correct(&mut first, &self.gravity, &Vector3::z_axis(), tilt_noise, f64::INFINITY);
+        first.covariance.bias = *carried.bias_covariance;
+
+        let mut turned = gravity.clone();
+        turned.change_frame(first.q_world_carried.to_rotation_matrix().matrix());
+        let rotation = *(first.q_world_carried * carried.q_carried_body).to_rotation_matrix().matrix();
+        // Nothing is known of the attitude at the begin: the growth within the window is no part
+        // of the covariance set up here.
+        let mut vertical = turned.vertical(&rotation, &carried.omega, parameters);
+        vertical.lag_variance = 0.0;
+        if let Ok(correction) = first.covariance.update(&vertical, f64::INFINITY) {
+            first.apply(&correction);
+        }
         if let Some((vector, _)) = seen {
+            let measurement = self.vector_measurement(&first, gravity, &vector);
             let gate = -2.0 * parameters.outlier_probability.ln();
-            first.with_vector =
-                self.correct(&mut first, &self.vector, &vector.reference_w, vector.noise_rad, gate);
+            if let Ok(correction) = first.covariance.update(&measurement, gate) {
+                first.apply(&correction);
+                first.with_vector = true;
+            }
         }
         if !first.with_vector {
             let sigma = parameters.initial_heading_sigma_rad;
             first.covariance.forget_heading(sigma * sigma);
         }
-        self.use_stillness(&mut first, parameters, q_carried_body);
+        self.use_stillness(&mut first, parameters, gravity, &carried.q_carried_body);
         Some(first)
     }
 
-    /// Kalman update with an average; returns whether it was inside the gate.
-    fn correct(
+    fn vector_measurement(
         &self,
-        first: &mut FirstAttitude,
-        average: &Average,
-        reference: &Unit<Vector3<f64>>,
-        noise_rad: f64,
-        gate: f64,
-    ) -> bool {
-        let Ok(mean) = unit(average.sum) else {
-            return false;
-        };
+        first: &FirstAttitude,
+        gravity: &GravityWindow,
+        vector: &VectorParameters,
+    ) -> Measurement {
+        let count = f64::from(self.vector.count);
         let q = first.q_world_carried;
-        let count = f64::from(average.count);
-        let columns = across(reference);
-        let residual = direction_residual(&(q * mean.into_inner()), reference);
-        // The error when the samples were taken is that of now, less what the bias error
-        // has turned since: delta(then) = delta(now) + integral(R) bias error.
-        let since = q.to_rotation_matrix() * (self.lever - average.lever_sum / count);
-        let measurement = Measurement {
+        let mean = unit(self.vector.sum).unwrap_or(vector.reference_w);
+        let columns = across(&vector.reference_w);
+        let residual = direction_residual(&(q * mean.into_inner()), &vector.reference_w);
+        // delta(then) = delta(now) + integral(R) bias error.
+        let since = q.to_rotation_matrix() * (gravity.lever() - self.vector.lever_sum / count);
+        Measurement {
             innovation: components(&columns, &residual),
             attitude: columns,
             bias: Some(since.tr_mul(&columns)),
-            noise: Matrix2::identity() * (noise_rad * noise_rad / count),
-        };
-        match first.covariance.update(&measurement, gate) {
-            Ok(correction) => {
-                first.q_world_carried =
-                    whorl_math::quaternion_exp(&correction.attitude_rad) * first.q_world_carried;
-                first.bias_change_rad_s += correction.bias_rad_s;
-                true
-            }
-            Err(_) => false,
+            noise: Matrix2::identity() * (vector.noise_rad * vector.noise_rad / count),
+            lag_variance: 0.0,
         }
     }
 
@@ -229,43 +229,45 @@ impl Start {
         &self,
         first: &mut FirstAttitude,
         parameters: &Parameters,
+        gravity: &GravityWindow,
         q_carried_body: &UnitQuaternion<f64>,
     ) {
         let Some(sigma) = parameters.still_rate_sigma_rad_s else {
             return;
         };
-        let count = f64::from(self.rate_count);
-        if self.rate_count < MIN_SAMPLES || self.elapsed_s <= 0.0 {
-            return;
-        }
+        let count = f64::from(self.rate_count.max(1));
         let mean = self.rate_sum / count;
         let variance = self.rate_squares / count - mean.component_mul(&mean);
-        let white = parameters.gyro_noise_rad_s_sqrt_hz.powi(2) * count / self.elapsed_s;
+        let white = parameters.gyro_noise_rad_s_sqrt_hz.powi(2) * count / gravity.elapsed_s();
         let tilt_noise = parameters.accelerometer_noise_m_s2 / parameters.gravity_m_s2;
-        let quiet = variance.max() < 4.0 * white && self.gravity.still(tilt_noise);
-        if !quiet {
+        if variance.max() > 4.0 * white || !self.force_halves.still(tilt_noise) {
             return;
         }
-        let heading_still =
-            first.with_vector && parameters.vector.is_some_and(|vector| self.vector.still(vector.noise_rad));
+        let heading_still = first.with_vector
+            && parameters.vector.is_some_and(|vector| self.vector_halves.still(vector.noise_rad));
         let q = first.q_world_carried * q_carried_body;
-        let noise = sigma * sigma + white / count;
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         for axis_w in axes.iter().take(if heading_still { 3 } else { 2 }) {
             let axis_b = q.inverse() * axis_w;
-            let measurement = crate::covariance::ScalarMeasurement {
+            let measurement = ScalarMeasurement {
                 innovation: axis_b.dot(&(mean - first.bias_change_rad_s)),
                 attitude: Vector3::zeros(),
                 bias: axis_b,
-                noise,
+                noise: sigma * sigma + white / count,
+                lag_variance: 0.0,
                 corrects: Vector3::repeat(1.0),
             };
             if let Ok(correction) = first.covariance.update_scalar(&measurement, 30.0) {
-                first.q_world_carried =
-                    whorl_math::quaternion_exp(&correction.attitude_rad) * first.q_world_carried;
-                first.bias_change_rad_s += correction.bias_rad_s;
+                first.apply(&correction);
             }
         }
+    }
+}
+
+impl FirstAttitude {
+    fn apply(&mut self, correction: &Correction) {
+        self.q_world_carried = quaternion_exp(&correction.attitude_rad) * self.q_world_carried;
+        self.bias_change_rad_s += correction.bias_rad_s;
     }
 }
 

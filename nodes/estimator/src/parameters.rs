@@ -59,17 +59,17 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
             _ => GyroSampling::Instantaneous,
         },
         gravity_m_s2: GRAVITY_M_S2,
-        angular_acceleration_filter_s: r.f64_or(
-            "angular_acceleration_filter_s",
-            d.angular_acceleration_filter_s,
-            range(0.001..=10.0),
-            "time constant of the filtered gyro difference in the accelerometer's lever-arm term [s]",
+        accelerometer_window_s: r.f64_or(
+            "accelerometer_window_s",
+            d.accelerometer_window_s,
+            range(0.0..=10.0),
+            "specific force is averaged this long, in a frame that does not turn, before it corrects [s]",
         ),
-        angular_acceleration_sigma_rad_s2: r.f64_or(
-            "angular_acceleration_sigma_rad_s2",
-            d.angular_acceleration_sigma_rad_s2,
+        accelerometer_velocity_sigma_m_s: r.f64_or(
+            "accelerometer_velocity_sigma_m_s",
+            d.accelerometer_velocity_sigma_m_s,
             non_negative(),
-            "uncertainty of that angular acceleration beyond gyro noise [rad/s^2]",
+            "unknown change of the accelerometer's velocity over that time [m/s]; 0 on a fixed pivot",
         ),
         start_window_s: r.f64_or(
             "start_window_s",
