@@ -1,7 +1,7 @@
 //! A node's endpoints and their renewal after the network was cut.
 
 use std::collections::{HashMap, HashSet};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use mio::{Registry, Token};
 
@@ -14,6 +14,11 @@ use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
 
 /// The old endpoints are dropped at the latest this long after the new ones were created.
 const OVERLAP: Duration = Duration::from_secs(1);
+
+/// How long the end of a node waits for acknowledgements.
+const LAST_WORDS: Duration = Duration::from_millis(100);
+/// How long the end of a node waits for best-effort messages to arrive.
+const BEST_EFFORT_ARRIVES: Duration = Duration::from_millis(10);
 
 /// Something worth a line in the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -185,8 +190,16 @@ impl Connection {
         Ok(true)
     }
 
-    /// Says goodbye.
+    /// Says goodbye, after the last messages have arrived: a reader that hears of the end of a
+    /// participant first drops what still comes from it.
     pub(crate) fn close(self) -> Result<(), RosError> {
-        self.current.announce(&self.participant, &self.plan.node, false)
+        let deadline = Instant::now() + LAST_WORDS;
+        for writer in self.current.reliable_writers() {
+            // Not worth more than the time: a reader that is stuck or gone never acknowledges.
+            let _ = writer.flush(deadline.saturating_duration_since(Instant::now()));
+        }
+        self.current.announce(&self.participant, &self.plan.node, false)?;
+        std::thread::sleep(BEST_EFFORT_ARRIVES);
+        Ok(())
     }
 }

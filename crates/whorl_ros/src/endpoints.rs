@@ -179,6 +179,14 @@ impl Endpoints {
         readers.chain(self.writers.iter().map(|(_, writer)| writer.id()))
     }
 
+    /// Writers whose last words somebody waits for.
+    pub(crate) fn reliable_writers(&self) -> impl Iterator<Item = &RawWriter> {
+        let services = self.services.iter().map(|(_, server)| &server.responses);
+        let parameters = self.parameters.iter().map(|(_, server)| &server.responses);
+        let topics = self.writers.iter().filter(|(route, _)| route.topic.info().qos.reliable);
+        services.chain(parameters).chain(topics.map(|(_, writer)| writer)).chain(self.rosout.as_ref())
+    }
+
     /// Publishes which endpoints belong to the node, or (`alive` false) that it is gone.
     pub(crate) fn announce(
         &self,

@@ -201,8 +201,9 @@ mod tests {
     #[test]
     fn the_domain_ends_where_the_ports_end() {
         assert_eq!(network(&[("ROS_DOMAIN_ID", "232")]).unwrap().domain_id, 232);
-        // RTPS 9.6.2.3: 7400 + 250 * domain + 11 + 2 * participant; 232 leaves room for 61 participants.
-        assert!(7400 + 250 * 232 + 11 + 2 * 60 < 65536);
+        // RTPS 9.6.2.3: the multicast port is 7400 + 250 * domain.
+        let port = |domain: u32| 7400 + 250 * domain;
+        assert!(port(232) <= 65535 && port(233) > 65535);
         for bad in ["233", "-1", "x", "1.5"] {
             assert!(
                 matches!(network(&[("ROS_DOMAIN_ID", bad)]), Err(EnvironmentError::Domain { .. })),

@@ -2,6 +2,8 @@
 //!
 //! <https://design.ros2.org/articles/Node_to_Participant_mapping.html>
 
+use std::collections::{HashMap, HashSet};
+
 use ros2_client::{
     Gid, NodeName as ClientNodeName,
     builtin_topics::ros_discovery,
@@ -45,7 +47,7 @@ pub(crate) fn announce(
 /// Reads who else is there, for `whorl`'s own list of nodes.
 pub struct NodeList {
     reader: RawReader,
-    by_participant: std::collections::HashMap<Gid, Vec<String>>,
+    by_participant: HashMap<Gid, Vec<String>>,
 }
 
 impl NodeList {
@@ -59,14 +61,14 @@ impl NodeList {
             ros_discovery::TYPE_NAME,
             EndpointQos::DISCOVERY_INFO,
         )?;
-        Ok(Self { reader, by_participant: std::collections::HashMap::new() })
+        Ok(Self { reader, by_participant: HashMap::new() })
     }
 
-    /// Full names of the nodes heard of so far, sorted.
+    /// Full names of the nodes that are there, sorted.
     ///
     /// # Errors
     /// When DDS fails.
-    pub fn nodes(&mut self) -> Result<Vec<String>, RosError> {
+    pub fn nodes(&mut self, participant: &Participant) -> Result<Vec<String>, RosError> {
         self.reader.drain_notifications();
         while let Some(sample) = self.reader.take()? {
             // What another vendor writes here that we cannot read is no node of ours to list.
@@ -75,6 +77,11 @@ impl NodeList {
                 self.by_participant.insert(info.gid(), names);
             }
         }
+        // A process that was killed did not say goodbye; DDS notices in time.
+        let mut alive: HashSet<_> =
+            participant.discovered_writers().iter().map(|w| w.endpoint.participant()).collect();
+        alive.insert(participant.id().participant());
+        self.by_participant.retain(|gid, _| alive.contains(&EndpointId(gid.to_bytes16()).participant()));
         let mut names: Vec<_> = self.by_participant.values().flatten().cloned().collect();
         names.sort();
         names.dedup();

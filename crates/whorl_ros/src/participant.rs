@@ -1,5 +1,7 @@
 //! The process on the DDS network: creates readers and writers, and tells who else is there.
 
+use std::net::IpAddr;
+
 use ros2_client::dds::rustdds::{
     DomainParticipant, DomainParticipantBuilder, DomainParticipantStatusEvent, Publisher, QosPolicies,
     QosPolicyBuilder, StatusEvented, Subscriber, TopicKind,
@@ -224,6 +226,23 @@ impl Participant {
             })
             .collect();
         list.sort();
+        list
+    }
+
+    /// Addresses at which the others receive messages, as they announce them.
+    #[must_use]
+    pub fn addresses_of_peers(&self) -> Vec<IpAddr> {
+        let readers = self.participant.discovered_readers();
+        let mut list: Vec<IpAddr> = readers
+            .iter()
+            .filter(|r| {
+                EndpointId::from(r.reader_proxy.remote_reader_guid).participant() != self.id().participant()
+            })
+            .flat_map(|r| r.reader_proxy.unicast_locator_list.iter().cloned())
+            .map(|locator| std::net::SocketAddr::from(locator).ip())
+            .collect();
+        list.sort();
+        list.dedup();
         list
     }
 

@@ -1,5 +1,7 @@
 //! Readers and writers of raw CDR: what travels on a topic, as bytes.
 
+use std::time::Duration;
+
 use mio::{Interest, Registry, Token, event::Source};
 use ros2_client::dds::rustdds::{
     GUID, RTPSEntity, RepresentationIdentifier, Timestamp as DdsTimestamp, WriteOptionsBuilder,
@@ -208,6 +210,13 @@ impl RawWriter {
         self.writer
             .write_with_options(Bytes::copy_from_slice(payload), options)
             .map_err(|error| RosError::dds(format!("writing {}", self.topic), error))
+    }
+
+    /// Waits until every reliable reader has what was written, at most `timeout`; false if it ran
+    /// out. Best-effort readers do not say what they have.
+    #[must_use]
+    pub fn flush(&self, timeout: Duration) -> bool {
+        self.writer.wait_for_acknowledgments(timeout).unwrap_or(false)
     }
 
     /// Who we are on the network.

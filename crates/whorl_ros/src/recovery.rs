@@ -10,7 +10,7 @@
 //!
 //! To return soon, the participants must hear of each other soon: they announce themselves every
 //! 10 s. While somebody is missing, we make our participant announce itself every second
-//! (see [`crate::nudge`]).
+//! (see `nudge.rs`).
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -107,7 +107,8 @@ impl Recovery {
                 self.missing.remove(&peer);
             }
             PeerEvent::Discovered(peer) => {
-                if self.missing.remove(&peer).is_some() {
+                let was_missing = self.missing.remove(&peer).is_some();
+                if was_missing {
                     self.schedule(now);
                 }
             }

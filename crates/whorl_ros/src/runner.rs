@@ -7,6 +7,7 @@ use mio::{Events, Poll, Token};
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces as rcl;
 use serde::{Serialize, de::DeserializeOwned};
+use whorl_msgs::whorl::srv::ExperimentResponse;
 use whorl_msgs::{Message, MessageType, Route, Topic, cdr};
 use whorl_node::{Configurable, Event, LogLevel, LogLine, NodeCore, Outputs, Response, Timestamp};
 use whorl_params::{NodeParameters, Reader};
@@ -21,7 +22,7 @@ use crate::node::NodeContext;
 use crate::parameters::{self, ParameterSet};
 use crate::participant::Participant;
 use crate::recovery::Reason;
-use crate::services::{RequestId, ServiceAnswer, ServiceServer, TextRequest};
+use crate::services::{RequestId, ServiceServer, TextRequest};
 use crate::statistics::{Arrival, Statistics};
 use crate::wake::{Alarm, Signals};
 
@@ -370,11 +371,13 @@ impl<C: Configurable> Node<C> {
                 Ok(request) => {
                     let event = Event::Request { service: *service, argument: &request.argument };
                     match self.step(connection, event) {
-                        Some(Response { success, message }) => ServiceAnswer { success, message },
-                        None => ServiceAnswer { success: false, message: "the node did not answer".into() },
+                        Some(Response { success, message }) => ExperimentResponse { success, message },
+                        None => {
+                            ExperimentResponse { success: false, message: "the node did not answer".into() }
+                        }
                     }
                 }
-                Err(error) => ServiceAnswer { success: false, message: error.to_string() },
+                Err(error) => ExperimentResponse { success: false, message: error.to_string() },
             };
             self.answer(connection, server, id, &answer);
         }

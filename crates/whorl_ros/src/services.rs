@@ -28,19 +28,10 @@ pub(crate) enum RequestId {
     Cyclone([u8; CYCLONE_HEADER_BYTES]),
 }
 
-/// The answer of Whorl's own services, and the request: one string.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// The request of Whorl's own services: `StartExperiment` and `AbortExperiment` are alike.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub(crate) struct TextRequest {
     pub argument: String,
-}
-
-/// The answer of Whorl's own services.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ServiceAnswer {
-    /// Whether the request was carried out.
-    pub success: bool,
-    /// One sentence.
-    pub message: String,
 }
 
 /// The server's side of one service.
