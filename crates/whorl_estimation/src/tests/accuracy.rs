@@ -48,7 +48,6 @@ fn nees_stays_in_its_band() {
     let mut parameters = Parameters::motion_pak_ii().with_vector(Vector3::x_axis());
     parameters.accelerometer_position_b_m = Vector3::new(0.2, -0.1, 0.15);
     let (inside, mean, nis) = consistency(parameters, 200, 120);
-    println!("lever arm: {inside} {mean} {nis}");
     assert!(inside >= 0.90, "inside at {inside} of the steps");
     assert!((mean - 6.0).abs() < 0.2, "mean NEES {mean}");
     assert!((nis - 1.0).abs() < 0.1, "NIS per degree of freedom {nis}");
@@ -60,7 +59,6 @@ fn nees_stays_in_its_band_with_a_slanted_vector() {
     let slanted = unit(Vector3::new(1.0, 0.5, -0.6)).expect("unit");
     let parameters = Parameters::motion_pak_ii().with_vector(slanted);
     let (inside, mean, nis) = consistency(parameters, 200, 120);
-    println!("slanted: {inside} {mean} {nis}");
     assert!(inside >= 0.90, "inside at {inside} of the steps");
     assert!((mean - 6.0).abs() < 0.2, "mean NEES {mean}");
     assert!((nis - 1.0).abs() < 0.05, "NIS per degree of freedom {nis}");
@@ -105,7 +103,6 @@ fn settles_at_farrenkopfs_figures_at_rest() {
         let angle = mean_over_cycle(&mut filter, &mut simulation, |p| p[(axis, axis)].sqrt());
         let bias = mean_over_cycle(&mut filter, &mut simulation, |p| p[(axis + 3, axis + 3)].sqrt());
         let optimal = (0.5 * (expected.angle_minus + expected.angle_plus)).sqrt();
-        println!("axis {axis}: {} {}", angle / optimal, bias / expected.bias_plus.sqrt());
         assert!((angle / optimal - 1.0).abs() < 0.02, "axis {axis}: {angle} {optimal}");
         assert!((bias / expected.bias_plus.sqrt() - 1.0).abs() < 0.02, "axis {axis}: bias");
     }
@@ -158,7 +155,6 @@ fn settles_at_the_riccati_optimum_in_a_spin() {
         ));
         let p = riccati(&phi, &q, &h, &noise, &Vector6::repeat(1e-3)).expect("settles");
         let optimal = p.fixed_view::<3, 3>(0, 0).trace().sqrt();
-        println!("{rate_deg_s} deg/s: {}", settled / optimal);
         assert!((settled / optimal - 1.0).abs() < 0.02, "{rate_deg_s} deg/s: {settled} {optimal}");
     }
 }
@@ -177,7 +173,6 @@ fn errors_are_as_small_as_promised() {
         promised += estimate.covariance.fixed_view::<3, 3>(0, 0).trace();
     }
     let ratio = (squares / promised).sqrt();
-    println!("rms {} deg, ratio {ratio}", (squares / 6000.0).sqrt().to_degrees());
     assert!((0.6..1.5).contains(&ratio), "{ratio}");
     assert!((squares / 6000.0).sqrt().to_degrees() < 0.05);
 }
@@ -219,6 +214,5 @@ fn without_a_vector_the_heading_variance_grows_and_tilt_stays_bounded() {
         let error = simulation.error(&filter.estimate(simulation.stamp_ns()));
         drift_nees += error[2] * error[2] / (sigma[5].powi(2) - sigma_start.powi(2));
     }
-    println!("{}", drift_nees / 50.0);
     assert!((0.5..1.6).contains(&(drift_nees / 50.0)), "{}", drift_nees / 50.0);
 }

@@ -18,6 +18,7 @@ type Sine = (f64, f64, f64);
 pub(super) struct Motion {
     pub(super) yaw_rate_rad_s: f64,
     pub(super) yaw_start_rad: f64,
+    pub(super) roll_offset_rad: f64,
     roll: [Sine; 3],
     pitch: [Sine; 3],
     yaw: [Sine; 3],
@@ -39,7 +40,14 @@ pub(super) fn normal3(rng: &mut Pcg64Mcg) -> Vector3<f64> {
 impl Motion {
     pub(super) fn still() -> Self {
         let none = [(0.0, 0.0, 0.0); 3];
-        Self { yaw_rate_rad_s: 0.0, yaw_start_rad: 0.0, roll: none, pitch: none, yaw: none }
+        Self {
+            yaw_rate_rad_s: 0.0,
+            yaw_start_rad: 0.0,
+            roll_offset_rad: 0.0,
+            roll: none,
+            pitch: none,
+            yaw: none,
+        }
     }
 
     /// Tilt within +-5 deg, any heading, yaw spin up to 30 deg/s with swings.
@@ -55,7 +63,14 @@ impl Motion {
         };
         let (roll, pitch, yaw) = (sines(0.06), sines(0.06), sines(0.5));
         let yaw_start_rad = uniform(rng, -PI, PI);
-        Self { yaw_rate_rad_s: uniform(rng, -0.5, 0.5), yaw_start_rad, roll, pitch, yaw }
+        Self {
+            yaw_rate_rad_s: uniform(rng, -0.5, 0.5),
+            yaw_start_rad,
+            roll_offset_rad: 0.0,
+            roll,
+            pitch,
+            yaw,
+        }
     }
 
     pub(super) fn attitude(&self, t: f64) -> UnitQuaternion<f64> {
@@ -65,7 +80,11 @@ impl Motion {
 
     fn angles(&self, t: f64) -> [f64; 3] {
         let sum = |sines: &[Sine; 3]| sines.iter().map(|(a, w, p)| a * (w * t + p).sin()).sum::<f64>();
-        [sum(&self.roll), sum(&self.pitch), sum(&self.yaw) + self.yaw_start_rad + self.yaw_rate_rad_s * t]
+        [
+            sum(&self.roll) + self.roll_offset_rad,
+            sum(&self.pitch),
+            sum(&self.yaw) + self.yaw_start_rad + self.yaw_rate_rad_s * t,
+        ]
     }
 
     /// Body rates of the yaw-pitch-roll sequence (Stevens and Lewis, eq. 1.3-21).
