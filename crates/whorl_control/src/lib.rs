@@ -4,7 +4,7 @@
 //!
 //! | module | what for | used by |
 //! |---|---|---|
-//! | [`reference`] | moving references, slews, command filter, tilt envelope | coordinator, local control |
+//! | [`mod@reference`] | moving references, slews, command filter, tilt envelope | coordinator, local control |
 //! | [`formation`] | relative-attitude laws | coordinator |
 //! | [`tracking`] | the quaternion tracking law | local control |
 //! | [`momentum`] | unloading of the wheels by the jets | local control |

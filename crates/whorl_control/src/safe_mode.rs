@@ -23,6 +23,9 @@ pub struct SafeModeSettings {
     pub damping_time_constant_s: f64,
     /// Rate below which damping has done its work \[rad/s\], > 0.
     pub coast_rate_rad_s: f64,
+    /// Time constant of the low-pass before rates are compared with limits \[s\], >= 0: a single
+    /// noisy sample decides nothing.
+    pub rate_time_constant_s: f64,
     /// How long the rate must stay below \[s\], >= 0.
     pub dwell_s: f64,
     /// Rate above which coasting goes back to damping \[rad/s\], > `coast_rate_rad_s`.
@@ -61,6 +64,8 @@ pub enum SafeState {
 pub struct SafeMode {
     settings: SafeModeSettings,
     state: SafeState,
+    /// Body rate behind its low-pass [rad/s].
+    rate: Option<Vector3<f64>>,
     /// Time spent damping in this episode [s].
     damped_s: f64,
     /// Time for which the rate has been low [s].
@@ -79,6 +84,7 @@ impl SafeMode {
         for (field, value, valid, allowed) in [
             ("damping_time_constant_s", s.damping_time_constant_s, s.damping_time_constant_s > 0.0, "> 0"),
             ("coast_rate_rad_s", s.coast_rate_rad_s, s.coast_rate_rad_s > 0.0, "> 0"),
+            ("rate_time_constant_s", s.rate_time_constant_s, s.rate_time_constant_s >= 0.0, ">= 0"),
             ("dwell_s", s.dwell_s, s.dwell_s >= 0.0, ">= 0"),
             (
                 "redamp_rate_rad_s",
@@ -93,7 +99,7 @@ impl SafeMode {
                 return Err(SafeModeError { field, value, allowed });
             }
         }
-        Ok(Self { settings, state: SafeState::Nominal, damped_s: 0.0, low_s: 0.0, clear_s: 0.0 })
+        Ok(Self { settings, state: SafeState::Nominal, rate: None, damped_s: 0.0, low_s: 0.0, clear_s: 0.0 })
     }
 
     /// Back to nominal, as after an episode.
@@ -115,7 +121,10 @@ impl SafeMode {
     /// Moves on by `dt_s`. `gyro_rate_rad_s` is the measured body rate, `None` without a fresh sample.
     pub fn step(&mut self, dt_s: f64, fault: bool, gyro_rate_rad_s: Option<&Vector3<f64>>) -> SafeState {
         let dt_s = if dt_s > 0.0 { dt_s } else { 0.0 };
-        let rate = gyro_rate_rad_s.map(|omega| omega.norm()).filter(|rate| rate.is_finite());
+        if self.state == SafeState::Nominal {
+            self.rate = None;
+        }
+        let rate = self.filtered_rate(dt_s, gyro_rate_rad_s);
         if self.state == SafeState::Nominal {
             if fault {
                 self.damped_s = 0.0;
@@ -150,6 +159,19 @@ impl SafeMode {
         self.state
     }
 
+    fn filtered_rate(&mut self, dt_s: f64, sample_rad_s: Option<&Vector3<f64>>) -> Option<f64> {
+        let sample = sample_rad_s.filter(|omega| omega.iter().all(|x| x.is_finite()))?;
+        let time_constant_s = self.settings.rate_time_constant_s;
+        let filtered = match self.rate {
+            Some(rate) if time_constant_s > 0.0 => {
+                rate + (sample - rate) * (1.0 - (-dt_s / time_constant_s).exp())
+            }
+            _ => *sample,
+        };
+        self.rate = Some(filtered);
+        Some(filtered.norm())
+    }
+
     /// The damping torque, body axes \[N m\], for the inertia that resists \[kg m^2\].
     #[must_use]
     pub fn damping_torque_b_n_m(
@@ -169,6 +191,7 @@ mod tests {
         SafeModeSettings {
             damping_time_constant_s: 2.0,
             coast_rate_rad_s: 0.01,
+            rate_time_constant_s: 0.0,
             dwell_s: 0.5,
             redamp_rate_rad_s: 0.05,
             max_damping_s: 30.0,
@@ -247,6 +270,18 @@ mod tests {
         assert_eq!(bench.run(60.0, true, Some(0.9)), SafeState::Coasting, "no time left");
         bench.run(2.0, false, Some(0.0));
         assert_eq!(bench.run(0.1, true, Some(0.2)), SafeState::Damping, "a new episode");
+    }
+
+    #[test]
+    fn noise_does_not_keep_it_from_coasting() {
+        let noisy = SafeModeSettings { rate_time_constant_s: 0.5, ..settings() };
+        let mut safe = SafeMode::new(noisy).unwrap();
+        // Twice the limit in alternate directions: no motion at all on average.
+        for k in 0..100 {
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            safe.step(0.01, true, Some(&(Vector3::y() * (0.02 * sign))));
+        }
+        assert_eq!(safe.state(), SafeState::Coasting);
     }
 
     #[test]

@@ -8,9 +8,10 @@ use whorl_control::reference::{EnvelopeError, Reference, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
 use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, TrackingLaw, TrackingOutput};
 use whorl_dynamics::{Environment, Gyrostat, GyrostatError};
+use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
-use whorl_msgs::whorl::{ActuatorCommand, AttitudeReference, ControlStatus};
+use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, AttitudeReference, ControlStatus};
 use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::actuation::{Actuated, Actuation, ActuationError, Found};
@@ -178,7 +179,10 @@ impl LocalControlCore {
     }
 
     /// A step on a new estimate: the normal case.
-    fn on_estimate(&mut self, now: Timestamp, outputs: &mut Outputs) {
+    fn on_estimate(&mut self, now: Timestamp, message: &AttitudeEstimate, outputs: &mut Outputs) {
+        if !self.inputs.estimate_arrived(now, message) {
+            return;
+        }
         let Some(estimate) = self.inputs.estimate().copied() else { return };
         if !self.due(estimate.stamp) {
             return;
@@ -194,7 +198,8 @@ impl LocalControlCore {
         // In safe mode the gyro's own samples trigger the steps.
     }
 
-    fn on_imu(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
+    fn on_imu(&mut self, now: Timestamp, message: &Imu, outputs: &mut Outputs) {
+        let Some(stamp) = self.inputs.imu_arrived(now, message) else { return };
         let authority = self.authority(now);
         let estimates = self.fresh_estimate(now).is_some();
         if authority == Authority::None {
@@ -469,16 +474,8 @@ impl NodeCore for LocalControlCore {
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
             Event::Message { message, .. } => match message {
-                Message::AttitudeEstimate(estimate) => {
-                    if self.inputs.estimate_arrived(now, estimate) {
-                        self.on_estimate(now, outputs);
-                    }
-                }
-                Message::Imu(imu) => {
-                    if let Some(stamp) = self.inputs.imu_arrived(now, imu) {
-                        self.on_imu(now, stamp, outputs);
-                    }
-                }
+                Message::AttitudeEstimate(estimate) => self.on_estimate(now, estimate, outputs),
+                Message::Imu(imu) => self.on_imu(now, imu, outputs),
                 Message::JointState(wheels) => self.inputs.wheels_arrived(now, wheels),
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),

@@ -281,6 +281,12 @@ fn read_safe_mode(r: &mut Reader<'_>) -> SafeModeSettings {
             positive(),
             "body rate below which damping ends and the platform coasts [rad/s]",
         ),
+        rate_time_constant_s: r.f64_or(
+            "rate_time_constant_s",
+            0.5,
+            range(0.0..=10.0),
+            "time constant of the low-pass before the rate is compared with these limits [s]",
+        ),
         dwell_s: r.f64_or("dwell_s", 1.0, non_negative(), "how long the rate must stay below that [s]"),
         redamp_rate_rad_s: r.f64_or(
             "redamp_rate_rad_s",

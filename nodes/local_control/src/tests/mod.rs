@@ -1,1 +1,7 @@
-//! Tests of the core.
+//! Tests of the core, closed over the truth plant.
+
+mod determinism;
+mod gating;
+mod pointing;
+mod responses;
+mod rig;
