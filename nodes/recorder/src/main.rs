@@ -1,1 +1,28 @@
-fn main() {}
+//! The recorder as a ROS 2 node.
+
+mod recording;
+
+use std::process::ExitCode;
+
+use whorl_recorder::{Parameters, ReportingCore, parameters};
+use whorl_ros::{NodeOptions, run_node};
+
+use crate::recording::Recording;
+
+fn main() -> ExitCode {
+    let options = NodeOptions::new("recorder", "Records every topic into a run directory.");
+    let mut recording = None;
+    let code = run_node(options, parameters::read, |context, parameters: Parameters| {
+        let started = recording.insert(Recording::start(context, &parameters)?);
+        println!("run directory: {}", started.run_directory().display());
+        let run = started.run_directory().display().to_string();
+        anyhow::Ok(ReportingCore::new(run, started.status()))
+    });
+    match recording.map(Recording::finish) {
+        None | Some(Ok(())) => code,
+        Some(Err(error)) => {
+            eprintln!("recorder: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! The thread that takes messages off the wire and writes them.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow, bail};
+use whorl_bag::{Manifest, RawSample, RunDescription, RunWriter};
+use whorl_node::Timestamp;
+use whorl_params::{Value, formation, node_names, read_shared};
+use whorl_recorder::{Parameters, RecordedTopic, RecorderCore, Status};
+use whorl_ros::recovery::{Action, Recovery, RecoveryTimes};
+use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, monotonic, wall_clock};
+
+/// Time between two looks at the readers. Samples carry the time of their arrival, so looking seldom costs
+/// no accuracy and little processor time.
+const LOOK: Duration = Duration::from_millis(10);
+/// Messages per topic that wait for a look, when writing to the disk takes long: some seconds' worth.
+const DEPTH: u16 = 500;
+/// Time between two ticks of the recording, and two looks after the other participants.
+const TICK: Duration = Duration::from_millis(100);
+
+/// A recording that goes on.
+pub struct Recording {
+    run_directory: PathBuf,
+    status: Arc<Mutex<Status>>,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<anyhow::Result<Manifest>>,
+}
+
+impl Recording {
+    /// Creates the run directory and starts the thread.
+    pub fn start(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<Self> {
+        let participant = Participant::new(context.network())?;
+        let mut topics = RecordedTopic::all_of(&parameters.platforms);
+        topics.extend(parameters.extra_topics.iter().cloned());
+        let readers = readers(&participant, &topics)?;
+        let run = create_run(context, parameters)?;
+        let run_directory = run.path().to_owned();
+        let core = RecorderCore::new(run, topics)?;
+        let status = Arc::new(Mutex::new(core.status()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let worker = Worker {
+            participant,
+            readers,
+            core,
+            status: Arc::clone(&status),
+            stop: Arc::clone(&stop),
+            recovery: Recovery::new(RecoveryTimes::default()),
+        };
+        let thread = std::thread::Builder::new()
+            .name("recording".to_owned())
+            .spawn(move || worker.run())
+            .context("cannot start the recording thread")?;
+        Ok(Self { run_directory, status, stop, thread })
+    }
+
+    pub fn run_directory(&self) -> &Path {
+        &self.run_directory
+    }
+
+    /// Tells how it goes.
+    pub fn status(&self) -> impl FnMut() -> Status + Send + use<> {
+        let status = Arc::clone(&self.status);
+        move || status.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Stops the thread and closes the run directory. An error when the recording is not complete.
+    pub fn finish(self) -> anyhow::Result<()> {
+        self.stop.store(true, Ordering::Relaxed);
+        let manifest = self.thread.join().map_err(|_| anyhow!("the recording thread died"))??;
+        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(reason) = &status.stopped_by {
+            bail!("the recording in {} is not complete: {reason}", self.run_directory.display());
+        }
+        tracing::info!(
+            "recorded {} messages in {:.1} s, {} lost: {}",
+            manifest.message_count(),
+            manifest.duration_s(),
+            manifest.lost(),
+            self.run_directory.display()
+        );
+        Ok(())
+    }
+}
+
+fn readers(participant: &Participant, topics: &[RecordedTopic]) -> anyhow::Result<Vec<RawReader>> {
+    let reader = |topic: &RecordedTopic| {
+        let qos = EndpointQos { depth: DEPTH, ..EndpointQos::from(topic.qos) };
+        Ok(participant.reader(&topic.name, &topic.type_name, qos)?)
+    };
+    topics.iter().map(reader).collect()
+}
+
+/// The run directory with the parameter files, and all nodes' parameters after layering.
+fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<RunWriter> {
+    let coordinators = || match context.tree().for_node("/coordinator").get("experiment.name")?.value {
+        Value::String(ref name) => Some(name.clone()),
+        _ => None,
+    };
+    let description = RunDescription {
+        experiment: parameters
+            .experiment
+            .clone()
+            .or_else(coordinators)
+            .unwrap_or_else(|| "recording".to_owned()),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        git_commit: parameters.git_commit.clone(),
+        seed: parameters.seed,
+        simulated_time: false,
+        platforms: parameters.platforms.clone(),
+        notes: Vec::new(),
+    };
+    let mut run = RunWriter::create(&parameters.out_directory, description, wall_clock(), parameters.bag)?;
+    for file in &context.arguments().parameter_files {
+        run.add_parameter_file(file)?;
+    }
+    let formation = read_shared(&context.parameters(), formation)?;
+    let nodes = node_names(&formation);
+    let effective: String = nodes.iter().map(|node| context.tree().for_node(node).to_yaml()).collect();
+    run.add_parameters("effective.yaml", "all files and -p arguments of the recorder", effective.as_bytes())?;
+    Ok(run)
+}
+
+struct Worker {
+    participant: Participant,
+    readers: Vec<RawReader>,
+    core: RecorderCore<RunWriter>,
+    status: Arc<Mutex<Status>>,
+    stop: Arc<AtomicBool>,
+    recovery: Recovery,
+}
+
+impl Worker {
+    fn run(mut self) -> anyhow::Result<Manifest> {
+        let mut next_tick = monotonic();
+        loop {
+            let stopping = self.stop.load(Ordering::Relaxed);
+            self.take();
+            let now = monotonic();
+            if now >= next_tick || stopping {
+                next_tick = now + TICK;
+                self.core.tick(wall_clock());
+                *self.status.lock().unwrap_or_else(PoisonError::into_inner) = self.core.status();
+                self.look_after_peers(now);
+            }
+            if stopping {
+                break;
+            }
+            std::thread::sleep(LOOK);
+        }
+        Ok(self.core.finish().finish(wall_clock())?)
+    }
+
+    fn take(&mut self) {
+        for (topic, reader) in self.readers.iter().enumerate() {
+            reader.drain_notifications();
+            loop {
+                match reader.take() {
+                    Ok(Some(sample)) => {
+                        let log_time = sample.receive_time;
+                        self.core.sample(
+                            topic,
+                            RawSample {
+                                log_time,
+                                publish_time: plausible(sample.source_time).unwrap_or(log_time),
+                                origin: Some((
+                                    u128::from_be_bytes(sample.writer.0),
+                                    u64::try_from(sample.sequence_number).unwrap_or(0),
+                                )),
+                                cdr: &sample.bytes,
+                            },
+                        );
+                    }
+                    Ok(None) => break,
+                    Err(error) => {
+                        tracing::warn!("{error}");
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    /// After a cut of the network RustDDS needs new readers; see [`whorl_ros::recovery`]. What arrives until
+    /// they have found their writers again is lost, and counted.
+    fn look_after_peers(&mut self, now: Duration) {
+        while let Some(event) = self.participant.peer_event() {
+            self.recovery.peer(now, event);
+        }
+        if let Some(Action::Renew(_)) = self.recovery.act(now, None) {
+            let topics: Vec<RecordedTopic> = self.core.topics().cloned().collect();
+            match readers(&self.participant, &topics) {
+                Ok(readers) => self.readers = readers,
+                Err(error) => tracing::warn!("cannot renew the readers: {error:#}"),
+            }
+        }
+    }
+}
+
+/// Bags count from 1970; a writer without a clock says something else.
+fn plausible(time: Option<Timestamp>) -> Option<Timestamp> {
+    time.filter(|time| time.0 > 0)
+}
