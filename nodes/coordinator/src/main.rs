@@ -1,1 +1,11 @@
-fn main() {}
+//! The coordinator as a ROS 2 node.
+
+use std::process::ExitCode;
+
+use whorl_coordinator::{CoordinatorCore, parameters};
+use whorl_ros::{NodeOptions, run_node};
+
+fn main() -> ExitCode {
+    let options = NodeOptions::new("coordinator", "commands the formation through an experiment");
+    run_node(options, parameters::read, |_, parameters| CoordinatorCore::new(parameters))
+}

@@ -86,6 +86,29 @@ impl ReferenceShaper {
         self.accelerations_rad_s2 = Vector3::zeros();
     }
 
+    /// From the motion that a platform has, as far as the limits allow: a rate beyond them is
+    /// lowered, and dropped where the platform could not stop in front of its tilt limit.
+    pub fn restart_moving(
+        &mut self,
+        q_world_body: &UnitQuaternion<f64>,
+        omega_wb_b_rad_s: &Vector3<f64>,
+        dt_s: f64,
+    ) {
+        self.restart(q_world_body);
+        let moving = Reference {
+            omega_wr_r_rad_s: *omega_wb_b_rad_s,
+            ..Reference::at_rest(YawPitchRoll::from_vector(self.angles_rad).attitude())
+        };
+        if moving.is_finite() {
+            let rates_rad_s =
+                limited(YawPitchRollMotion::of(&moving).rates_rad_s, self.limits.rate_max_rad_s);
+            let stop = self.stop_point(&self.angles_rad, &rates_rad_s, dt_s);
+            if self.tilt_rad(&stop) <= self.limits.envelope.max_rad() {
+                self.rates_rad_s = rates_rad_s;
+            }
+        }
+    }
+
     /// Changes limits while running. A state outside new limits comes back by itself, smoothly.
     ///
     /// # Errors
@@ -199,8 +222,11 @@ impl ReferenceShaper {
         let near = braking / (k1 * k1);
         let approach_per_rad =
             if distance <= near { k1 } else { (2.0 * braking * (distance - 0.5 * near)).sqrt() / distance };
-        let commanded = limited(goal.rates_rad_s + error * approach_per_rad, rate_max);
-        let asked = goal.accelerations_rad_s2 + (commanded - self.rates_rad_s) * k2;
+        let wanted = goal.rates_rad_s + error * approach_per_rad;
+        let commanded = limited(wanted, rate_max);
+        // A demand too fast to follow does not know the acceleration of what follows it.
+        let share = if wanted.norm() > rate_max { rate_max / wanted.norm() } else { 1.0 };
+        let asked = goal.accelerations_rad_s2 * share + (commanded - self.rates_rad_s) * k2;
         let step = limited(asked, acceleration_max) * dt_s;
         let bounded = limited(self.rates_rad_s + step, rate_max);
         // A rate limit that was lowered while turning faster is approached, not jumped to.

@@ -223,3 +223,19 @@ fn limits_lowered_while_moving_are_approached_smoothly() {
     assert!(shaper.motion().angles.pitch_rad <= 0.1 + 1e-6);
     assert!(shaper.set_limits(ReferenceLimits { rate_max_rad_s: -1.0, ..lower }, 2.0).is_err());
 }
+
+#[test]
+fn a_restart_takes_over_the_motion_that_the_limits_allow() {
+    let limits = tabletop();
+    let mut shaper = ReferenceShaper::new(limits, 2.0, &UnitQuaternion::identity()).unwrap();
+    let q = angles(1.0, 0.02, 0.0);
+    shaper.restart_moving(&q, &Vector3::new(0.0, 0.0, 0.03), DT_S);
+    assert!((shaper.reference().omega_wr_r_rad_s - Vector3::new(0.0, 0.0, 0.03)).norm() < 1e-12);
+    shaper.restart_moving(&q, &Vector3::new(0.0, 0.0, 3.0), DT_S);
+    assert!((shaper.motion().rates_rad_s.norm() - 0.06).abs() < 1e-12);
+    // 0.06 rad/s takes 0.09 rad to stop, more than the tilt limit leaves.
+    shaper.restart_moving(&q, &Vector3::new(0.0, 0.06, 0.0), DT_S);
+    assert!(shaper.at_rest());
+    shaper.restart_moving(&q, &Vector3::new(f64::NAN, 0.0, 0.0), DT_S);
+    assert!(shaper.at_rest());
+}

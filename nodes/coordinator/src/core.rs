@@ -1,0 +1,458 @@
+//! The coordinator's state machine.
+
+use std::time::Duration;
+
+use whorl_control::formation::LimitsError;
+use whorl_msgs::topics::{Message, PlatformId, Route, Service, Topic};
+use whorl_msgs::whorl::FormationCommand;
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+
+use crate::link::PlatformLink;
+use crate::parameters::{AtEnd, Parameters};
+use crate::report;
+use crate::run::{Progress, Run, Sight};
+
+/// The timer; everything is published at whole multiples of it.
+const PERIOD: Duration = Duration::from_millis(10);
+const REFERENCE_TICKS: u64 = 2;
+const COMMAND_TICKS: u64 = 5;
+const STATE_TICKS: u64 = 10;
+const DIAGNOSTICS_TICKS: u64 = 100;
+/// References are stamped on a grid; a timer later than this moves the grid \[s\].
+const LATEST_S: f64 = 0.1;
+/// The end is published for this long before the node ends \[s\].
+const END_FOR_S: f64 = 1.0;
+
+/// What the coordinator is doing.
+#[derive(Debug)]
+pub(crate) enum Stage {
+    /// For estimates and controllers of all platforms.
+    Waiting {
+        /// Since when.
+        since: Timestamp,
+        /// Since when all platforms are well.
+        well_since: Option<Timestamp>,
+    },
+    /// For the start.
+    Ready,
+    /// An experiment runs.
+    Running(Box<Run>),
+    /// The last step is over.
+    Finished {
+        /// The run, for its last references.
+        run: Box<Run>,
+        /// When.
+        at: Timestamp,
+    },
+    /// It ended early.
+    Aborted {
+        /// The run, when there was one.
+        run: Option<Box<Run>>,
+        /// When.
+        at: Timestamp,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// The coordinator.
+#[derive(Debug)]
+pub struct CoordinatorCore {
+    parameters: Parameters,
+    links: Vec<PlatformLink>,
+    stage: Stage,
+    ticks: u64,
+    /// Instant of the latest tick, on the grid.
+    tick_at: Option<Timestamp>,
+    sequences: Sequences,
+    finished: bool,
+    problems: Vec<String>,
+}
+
+/// Counters of what was sent.
+#[derive(Debug, Default)]
+struct Sequences {
+    reference: u64,
+    command: u64,
+    state: u64,
+}
+
+impl CoordinatorCore {
+    /// A coordinator that waits for its platforms.
+    ///
+    /// # Errors
+    /// Limits of a platform that cannot be.
+    pub fn new(parameters: Parameters) -> Result<Self, LimitsError> {
+        parameters.limits.iter().try_for_each(|limits| limits.check())?;
+        Ok(Self {
+            links: parameters.platforms.iter().map(|name| PlatformLink::new(name)).collect(),
+            parameters,
+            stage: Stage::Waiting { since: Timestamp::default(), well_since: None },
+            ticks: 0,
+            tick_at: None,
+            sequences: Sequences::default(),
+            finished: false,
+            problems: Vec::new(),
+        })
+    }
+
+    fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let first = self.tick_at.is_none();
+        let at = self.tick_at.map_or(now, |last| last + PERIOD);
+        // A shell that was suspended, or a clock that was set: the grid moves, the motion does not jump.
+        let at = if now.seconds_since(at).abs() > LATEST_S { now } else { at };
+        self.tick_at = Some(at);
+        if first && let Stage::Waiting { since, .. } = &mut self.stage {
+            *since = at;
+        }
+        if self.ticks.is_multiple_of(REFERENCE_TICKS) {
+            self.control(at, now, outputs);
+        }
+        if self.ticks.is_multiple_of(COMMAND_TICKS) {
+            self.publish_command(now, self.command(), outputs);
+        }
+        if self.ticks.is_multiple_of(STATE_TICKS) {
+            self.publish_state(now, outputs);
+        }
+        if self.ticks.is_multiple_of(DIAGNOSTICS_TICKS) {
+            let array = report::diagnostics(now, &self.parameters, &self.links, &self.stage, &self.problems);
+            outputs.publish(Route::shared(Topic::Diagnostics), array);
+        }
+        self.ticks += 1;
+    }
+
+    /// One period of the references, for the instant `at`.
+    fn control(&mut self, at: Timestamp, now: Timestamp, outputs: &mut Outputs) {
+        let problems = self.current_problems(now);
+        if problems != self.problems {
+            self.log_problems(&problems, outputs);
+            self.problems = problems;
+        }
+        let sights = self.sights(at);
+        match &mut self.stage {
+            Stage::Waiting { since, well_since } => {
+                let waiting = &self.parameters.waiting;
+                if !self.problems.is_empty() {
+                    *well_since = None;
+                    if now.seconds_since(*since) > waiting.timeout_s {
+                        let reason =
+                            format!("not ready within {} s: {}", waiting.timeout_s, self.problems.join("; "));
+                        self.abort(now, reason, outputs);
+                    }
+                } else {
+                    let well_since = *well_since.get_or_insert(now);
+                    if now.seconds_since(well_since) >= waiting.healthy_for_s {
+                        outputs.log(LogLevel::Info, "all platforms are well: ready");
+                        self.stage = Stage::Ready;
+                    }
+                }
+            }
+            Stage::Ready if !self.problems.is_empty() => {
+                self.stage = Stage::Waiting { since: now, well_since: None };
+            }
+            Stage::Ready if self.parameters.experiment.auto_start => {
+                if let Err(reason) = self.start(at, outputs) {
+                    outputs.log(LogLevel::Warn, format!("cannot start: {reason}"));
+                }
+            }
+            Stage::Ready => {}
+            Stage::Running(run) => {
+                let was_paused = run.paused;
+                let progress = run.tick(&self.parameters, &sights, at, outputs);
+                if run.paused != was_paused {
+                    let text = if run.paused {
+                        format!("the experiment waits: {}", self.problems.join("; "))
+                    } else {
+                        "the experiment goes on".to_owned()
+                    };
+                    outputs.log(if run.paused { LogLevel::Warn } else { LogLevel::Info }, text);
+                }
+                match progress {
+                    Progress::Running => {}
+                    Progress::Finished => self.finish(now, outputs),
+                    Progress::Abort(reason) => {
+                        let why = [vec![reason], self.problems.clone()].concat().join("; ");
+                        self.abort(now, why, outputs);
+                    }
+                }
+                self.publish_references(at, outputs);
+            }
+            Stage::Finished { run, at: ended } => {
+                run.tick_finished();
+                self.finished =
+                    self.parameters.experiment.exit_when_finished && now.seconds_since(*ended) >= END_FOR_S;
+                if self.parameters.experiment.at_end == AtEnd::Hold {
+                    self.publish_references(at, outputs);
+                }
+            }
+            Stage::Aborted { run, at: ended, .. } => {
+                let for_s = if run.is_some() { self.parameters.faults.abort_for_s } else { END_FOR_S };
+                self.finished =
+                    self.parameters.experiment.exit_when_finished && now.seconds_since(*ended) >= for_s;
+            }
+        }
+    }
+
+    fn start(&mut self, at: Timestamp, outputs: &mut Outputs) -> Result<(), String> {
+        let sights = self.sights(at);
+        let name = &self.parameters.experiment.name;
+        outputs.log(LogLevel::Info, format!("experiment {name} starts"));
+        let run = Run::start(&self.parameters, &sights, at, outputs)?;
+        self.stage = Stage::Running(Box::new(run));
+        self.finished = false;
+        Ok(())
+    }
+
+    fn finish(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let before = std::mem::replace(&mut self.stage, Stage::Ready);
+        if let Stage::Running(run) = before {
+            outputs
+                .log(LogLevel::Info, format!("experiment {} is finished", self.parameters.experiment.name));
+            self.stage = Stage::Finished { run, at: now };
+        }
+    }
+
+    fn abort(&mut self, now: Timestamp, reason: String, outputs: &mut Outputs) {
+        outputs.log(LogLevel::Error, format!("aborted: {reason}"));
+        let before = std::mem::replace(&mut self.stage, Stage::Ready);
+        let run = if let Stage::Running(run) = before { Some(run) } else { None };
+        self.stage = Stage::Aborted { run, at: now, reason };
+    }
+
+    fn sights(&self, at: Timestamp) -> Vec<Sight> {
+        let settings = &self.parameters.link;
+        let sight = |link: &PlatformLink| Sight {
+            motion: link.motion(at, settings),
+            age_s: link.age_s(at),
+            fresh: link.fresh(at, settings),
+            following: link.following(at, settings),
+        };
+        self.links.iter().map(sight).collect()
+    }
+
+    /// What is wrong now, in words; one sentence per platform at most.
+    fn current_problems(&self, now: Timestamp) -> Vec<String> {
+        let settings = &self.parameters.link;
+        let running = matches!(self.stage, Stage::Running(_));
+        let problem = |link: &PlatformLink| {
+            link.estimate_problem(now, settings).or_else(|| {
+                if running {
+                    link.following_problem(now, settings)
+                } else {
+                    link.control_problem(now, settings)
+                }
+            })
+        };
+        self.links.iter().filter_map(problem).collect()
+    }
+
+    /// Logs platforms that became unwell, without repeating an age that grows.
+    fn log_problems(&self, problems: &[String], outputs: &mut Outputs) {
+        if !matches!(self.stage, Stage::Waiting { .. } | Stage::Ready) {
+            return;
+        }
+        let kind = |text: &str| text.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
+        for problem in problems {
+            if !self.problems.iter().any(|known| kind(known) == kind(problem)) {
+                outputs.log(LogLevel::Info, format!("waiting for {problem}"));
+            }
+        }
+    }
+
+    fn command(&self) -> u8 {
+        match &self.stage {
+            Stage::Waiting { .. } | Stage::Ready | Stage::Aborted { run: None, .. } => {
+                FormationCommand::COMMAND_STANDBY
+            }
+            Stage::Running(_) => FormationCommand::COMMAND_TRACK,
+            Stage::Finished { .. } => match self.parameters.experiment.at_end {
+                AtEnd::Standby => FormationCommand::COMMAND_STANDBY,
+                AtEnd::Hold => FormationCommand::COMMAND_HOLD,
+            },
+            Stage::Aborted { run: Some(_), .. } => FormationCommand::COMMAND_ABORT,
+        }
+    }
+
+    fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {
+        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
+        let message = report::command(now, self.sequences.command, command, now + validity);
+        self.sequences.command += 1;
+        outputs.publish(Route::shared(Topic::FormationCommand), message);
+    }
+
+    fn publish_references(&mut self, at: Timestamp, outputs: &mut Outputs) {
+        let (Stage::Running(run) | Stage::Finished { run, .. }) = &self.stage else { return };
+        let valid_until = at + Duration::from_secs_f64(self.parameters.reference_validity_s);
+        for (platform, leg) in (0u16..).zip(&run.legs) {
+            let message = report::reference(at, self.sequences.reference, valid_until, leg);
+            outputs.publish(Route::platform(PlatformId(platform), Topic::AttitudeReference), message);
+        }
+        self.sequences.reference += 1;
+    }
+
+    fn publish_state(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let message = report::state(now, self.sequences.state, &self.parameters, &self.links, &self.stage);
+        self.sequences.state += 1;
+        outputs.publish(Route::shared(Topic::FormationState), message);
+    }
+
+    fn take(&mut self, now: Timestamp, route: Route, message: &Message) {
+        let Some(link) = route.platform.and_then(|id| self.links.get_mut(usize::from(id.0))) else { return };
+        match (route.topic, message) {
+            (Topic::AttitudeEstimate, Message::AttitudeEstimate(estimate)) => {
+                link.take_estimate(now, estimate, &self.parameters.link);
+            }
+            (Topic::ControlStatus, Message::ControlStatus(status)) => {
+                link.take_status(now, status, &self.parameters.link);
+            }
+            _ => {}
+        }
+    }
+
+    fn request_start(&mut self, now: Timestamp, experiment: &str, outputs: &mut Outputs) {
+        let name = self.parameters.experiment.name.clone();
+        if !experiment.is_empty() && experiment != name {
+            outputs.respond(false, format!("the experiment loaded is {name}, not {experiment}"));
+            return;
+        }
+        let problems = self.current_problems(now);
+        match &self.stage {
+            Stage::Running(_) => outputs.respond(false, format!("{name} is already running")),
+            _ if !problems.is_empty() => {
+                outputs.respond(false, format!("waiting for {}", problems.join("; ")));
+            }
+            _ => {
+                let at = self.tick_at.unwrap_or(now);
+                match self.start(at, outputs) {
+                    Ok(()) => outputs.respond(true, format!("{name} starts")),
+                    Err(reason) => outputs.respond(false, reason),
+                }
+            }
+        }
+    }
+
+    fn request_abort(&mut self, now: Timestamp, reason: &str, outputs: &mut Outputs) {
+        if matches!(self.stage, Stage::Finished { .. } | Stage::Aborted { .. }) {
+            outputs.respond(false, "no experiment is running");
+            return;
+        }
+        let running = matches!(self.stage, Stage::Running(_));
+        let reason = if reason.is_empty() { "asked for by a service call" } else { reason };
+        self.abort(now, reason.to_owned(), outputs);
+        // Not at the next heartbeat: now.
+        self.publish_command(now, self.command(), outputs);
+        self.publish_state(now, outputs);
+        let answer = if running {
+            "aborted: the platforms go to their safe mode"
+        } else {
+            "aborted before it started"
+        };
+        outputs.respond(true, answer);
+    }
+
+    fn shut_down(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        if matches!(self.stage, Stage::Running(_)) {
+            self.abort(now, "the coordinator was stopped".to_owned(), outputs);
+        }
+        self.publish_command(now, self.command(), outputs);
+        self.publish_state(now, outputs);
+    }
+}
+
+impl NodeCore for CoordinatorCore {
+    fn subscriptions(&self) -> Vec<Route> {
+        self.routes(&[Topic::AttitudeEstimate, Topic::ControlStatus])
+    }
+
+    fn publications(&self) -> Vec<Route> {
+        let mut routes = self.routes(&[Topic::AttitudeReference]);
+        routes
+            .extend([Topic::FormationCommand, Topic::FormationState, Topic::Diagnostics].map(Route::shared));
+        routes
+    }
+
+    fn timer_period(&self) -> Option<Duration> {
+        Some(PERIOD)
+    }
+
+    fn services(&self) -> &'static [Service] {
+        &[Service::StartExperiment, Service::AbortExperiment]
+    }
+
+    fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
+        match event {
+            Event::Message { route, message } => self.take(now, route, message),
+            Event::Timer => self.tick(now, outputs),
+            Event::Request { service: Service::StartExperiment, argument } => {
+                self.request_start(now, argument, outputs);
+            }
+            Event::Request { service: Service::AbortExperiment, argument } => {
+                self.request_abort(now, argument, outputs);
+            }
+            Event::Shutdown => self.shut_down(now, outputs),
+        }
+    }
+
+    fn finished(&self) -> bool {
+        self.finished
+    }
+}
+
+impl CoordinatorCore {
+    fn routes(&self, topics: &[Topic]) -> Vec<Route> {
+        let platforms = (0u16..).zip(&self.links).map(|(id, _)| PlatformId(id));
+        platforms.flat_map(|id| topics.iter().map(move |topic| Route::platform(id, *topic))).collect()
+    }
+
+    /// The phase, `FormationState::PHASE_*`.
+    #[must_use]
+    pub fn phase(&self) -> u8 {
+        report::phase(&self.parameters, &self.stage)
+    }
+
+    /// Why it was aborted, if it was.
+    #[must_use]
+    pub fn abort_reason(&self) -> Option<&str> {
+        match &self.stage {
+            Stage::Aborted { reason, .. } => Some(reason),
+            _ => None,
+        }
+    }
+}
+
+impl Configurable for CoordinatorCore {
+    type Parameters = Parameters;
+
+    fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
+        parameters.limits.iter().try_for_each(|limits| limits.check()).map_err(|e| e.to_string())?;
+        if parameters.platforms != self.parameters.platforms {
+            return Err("the platforms cannot be changed while the coordinator runs".to_owned());
+        }
+        let same_experiment = parameters.steps == self.parameters.steps
+            && parameters.law == self.parameters.law
+            && parameters.experiment == self.parameters.experiment;
+        if let Stage::Running(run) = &mut self.stage {
+            if !same_experiment {
+                return Err("steps, law and experiment cannot be changed while it runs".to_owned());
+            }
+            run.apply_limits(parameters);
+        }
+        self.parameters = parameters.clone();
+        Ok(())
+    }
+}
+
+impl Stage {
+    /// Whether it is `Running` or holds what was left of a run.
+    pub(crate) fn run(&self) -> Option<&Run> {
+        match self {
+            Self::Running(run) | Self::Finished { run, .. } | Self::Aborted { run: Some(run), .. } => {
+                Some(run)
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

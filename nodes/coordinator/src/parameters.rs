@@ -1,0 +1,201 @@
+//! Parameters of the coordinator, experiment included: the single definition of their names, ranges
+//! and docs. `docs/experiments.md` is the user's guide to them.
+
+mod experiment;
+mod law;
+mod limits;
+mod step;
+
+pub use experiment::{AtEnd, ExperimentSettings, YawZero};
+pub use law::{LawKind, LawSettings};
+pub use step::{Axis, PartialAngles, Scan, Slew, Step, StepKind};
+
+use whorl_control::formation::ReferenceLimits;
+use whorl_params::{Reader, positive, range};
+
+/// Everything a coordinator is built with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    /// Names of the platforms, in the order of `PlatformId`.
+    pub platforms: Vec<String>,
+    /// What the experiment is called and how it starts and ends.
+    pub experiment: ExperimentSettings,
+    /// The relative-attitude law and the offsets it begins with.
+    pub law: LawSettings,
+    /// The sequence; at least one step.
+    pub steps: Vec<Step>,
+    /// Per platform: what its reference may do.
+    pub limits: Vec<ReferenceLimits>,
+    /// Natural frequency of every reference towards what the law demands \[rad/s\].
+    pub bandwidth_rad_s: f64,
+    /// Links and their ages.
+    pub link: LinkSettings,
+    /// Waiting for the platforms.
+    pub waiting: WaitingSettings,
+    /// What happens when a platform does not follow.
+    pub faults: FaultSettings,
+    /// How long a reference may be extrapolated \[s\].
+    pub reference_validity_s: f64,
+    /// How long a command gives authority \[s\].
+    pub command_validity_s: f64,
+}
+
+/// Links and their ages.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkSettings {
+    /// Age beyond which an estimate is stale \[s\].
+    pub stale_s: f64,
+    /// Age beyond which a control status is stale \[s\].
+    pub status_stale_s: f64,
+    /// Whether the sequence waits while a platform that does not lead is stale.
+    pub leader_waits: bool,
+    /// A platform that returns further than this from its reference starts anew from where it is \[rad\].
+    pub rejoin_error_rad: f64,
+    /// A link that stays stale for longer ends the experiment \[s\].
+    pub timeout_s: f64,
+}
+
+/// Waiting for the platforms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WaitingSettings {
+    /// All platforms must be well for this long \[s\].
+    pub healthy_for_s: f64,
+    /// Gives up after this long \[s\]; infinite when it is 0 in the file.
+    pub timeout_s: f64,
+}
+
+/// What happens when a platform does not follow its reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FaultSettings {
+    /// Not following for less than this is no fault \[s\].
+    pub grace_s: f64,
+    /// A fault that lasts longer ends the experiment \[s\].
+    pub timeout_s: f64,
+    /// For how long an abort is published before the node ends \[s\].
+    pub abort_for_s: f64,
+}
+
+/// Reads all parameters. `None` after errors that leave nothing to build; the reader has them all.
+pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
+    let platforms = whorl_params::formation(r).platforms;
+    let experiment = r.fixed(|r| r.group("experiment", experiment::read));
+    let limits = r.group("limits", |r| limits::read(r, &platforms));
+    let law = r.fixed(|r| r.group("law", |r| law::read(r, &platforms, &limits)));
+    let steps = r.fixed(|r| step::read_all(r, &platforms, law.as_ref()));
+    let bandwidth_rad_s = r.f64_or(
+        "bandwidth_rad_s",
+        1.0,
+        range(0.05..=5.0),
+        "natural frequency of a reference towards what the law demands; lower passes less of the \
+         leader's estimation noise to its followers [rad/s]",
+    );
+    let link = r.group("link", read_link);
+    let waiting = r.group("waiting", read_waiting);
+    let faults = r.group("faults", read_faults);
+    let reference_validity_s = r.f64_or(
+        "reference_validity_s",
+        0.3,
+        range(0.04..=2.0),
+        "how long a platform may carry a reference on before it brakes to rest [s]",
+    );
+    let command_validity_s = r.f64_or(
+        "command_validity_s",
+        0.4,
+        range(0.3..=0.5),
+        "how long a command gives a platform authority over its actuators; sent every 0.05 s [s]",
+    );
+    if platforms.is_empty() || steps.is_empty() || limits.len() != platforms.len() {
+        return None;
+    }
+    Some(Parameters {
+        platforms,
+        experiment,
+        law: law?,
+        steps,
+        limits,
+        bandwidth_rad_s,
+        link,
+        waiting,
+        faults,
+        reference_validity_s,
+        command_validity_s,
+    })
+}
+
+fn read_link(r: &mut Reader<'_>) -> LinkSettings {
+    LinkSettings {
+        stale_s: r.f64_or(
+            "stale_s",
+            0.3,
+            range(0.05..=5.0),
+            "age beyond which a platform's estimate is stale [s]",
+        ),
+        status_stale_s: r.f64_or(
+            "status_stale_s",
+            1.0,
+            range(0.1..=10.0),
+            "age beyond which a platform's control status is stale [s]",
+        ),
+        leader_waits: r.bool_or(
+            "leader_waits",
+            true,
+            "whether the sequence waits while a follower's link is stale; for a leader's it always does",
+        ),
+        rejoin_error_rad: r
+            .f64_or(
+                "rejoin_error_deg",
+                2.0,
+                range(0.1..=180.0),
+                "a platform that returns further than this from its reference starts anew from where it is \
+                 [deg]",
+            )
+            .to_radians(),
+        timeout_s: r.f64_or(
+            "timeout_s",
+            300.0,
+            positive(),
+            "a link that stays stale for longer ends the experiment [s]",
+        ),
+    }
+}
+
+fn read_waiting(r: &mut Reader<'_>) -> WaitingSettings {
+    let timeout_s = r.f64_or(
+        "timeout_s",
+        60.0,
+        range(0.0..),
+        "gives up when not all platforms are well after this long; 0: never [s]",
+    );
+    WaitingSettings {
+        healthy_for_s: r.f64_or(
+            "healthy_for_s",
+            1.0,
+            range(0.0..=60.0),
+            "all platforms must be well for this long before the experiment is ready [s]",
+        ),
+        timeout_s: if timeout_s > 0.0 { timeout_s } else { f64::INFINITY },
+    }
+}
+
+fn read_faults(r: &mut Reader<'_>) -> FaultSettings {
+    FaultSettings {
+        grace_s: r.f64_or(
+            "grace_s",
+            1.0,
+            range(0.1..=30.0),
+            "a platform that does not follow its reference for less than this is no fault [s]",
+        ),
+        timeout_s: r.f64_or(
+            "timeout_s",
+            20.0,
+            positive(),
+            "the sequence waits this long for a platform that does not follow, then aborts [s]",
+        ),
+        abort_for_s: r.f64_or(
+            "abort_for_s",
+            10.0,
+            range(0.5..=600.0),
+            "for how long an abort is sent before the coordinator ends [s]",
+        ),
+    }
+}

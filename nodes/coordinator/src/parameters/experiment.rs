@@ -1,0 +1,73 @@
+//! Name, start and end of an experiment.
+
+use whorl_params::Reader;
+
+/// What an experiment is called and how it starts and ends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExperimentSettings {
+    /// Its name.
+    pub name: String,
+    /// One line on what it shows; may be empty.
+    pub description: String,
+    /// Whether it starts by itself as soon as all platforms are well.
+    pub auto_start: bool,
+    /// What yaw angles count from.
+    pub yaw_zero: YawZero,
+    /// What the platforms do after the last step.
+    pub at_end: AtEnd,
+    /// Whether the coordinator ends after the experiment.
+    pub exit_when_finished: bool,
+}
+
+/// What yaw angles of the steps count from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum YawZero {
+    /// The leader's yaw when the experiment starts.
+    Start,
+    /// East.
+    World,
+}
+
+/// What the platforms do after the last step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AtEnd {
+    /// Actuators off.
+    Standby,
+    /// Hold the last reference for as long as the coordinator lives.
+    Hold,
+}
+
+pub(super) fn read(r: &mut Reader<'_>) -> ExperimentSettings {
+    ExperimentSettings {
+        name: r.string_or("name", "unnamed", "what the experiment is called"),
+        description: r.string_or("description", "", "one line on what it shows"),
+        auto_start: r.bool_or(
+            "auto_start",
+            true,
+            "start as soon as all platforms are well; false: wait for the service /coordinator/start",
+        ),
+        yaw_zero: match r.choice_or(
+            "yaw_from",
+            "start",
+            &["start", "world"],
+            "what yaw_deg of the steps counts from: the leader's yaw at the start, or east",
+        ) {
+            "world" => YawZero::World,
+            _ => YawZero::Start,
+        },
+        at_end: match r.choice_or(
+            "at_end",
+            "standby",
+            &["standby", "hold"],
+            "after the last step: actuators off, or hold for as long as the coordinator lives",
+        ) {
+            "hold" => AtEnd::Hold,
+            _ => AtEnd::Standby,
+        },
+        exit_when_finished: r.bool_or(
+            "exit_when_finished",
+            true,
+            "whether the coordinator ends after the experiment; false: it can be started again",
+        ),
+    }
+}

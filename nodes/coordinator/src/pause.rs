@@ -1,0 +1,142 @@
+//! Whether the sequence must wait for a platform, and for how long it may.
+
+use whorl_node::Timestamp;
+
+use crate::parameters::{FaultSettings, LinkSettings};
+
+/// What one platform contributes to the decision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PlatformCondition {
+    /// Its estimate is fresh.
+    pub fresh: bool,
+    /// Its estimate is fresh and healthy.
+    pub usable: bool,
+    /// Its controller follows its reference.
+    pub following: bool,
+    /// It takes its motion from the steps, or is rigid with all others.
+    pub leads: bool,
+}
+
+/// What becomes of the sequence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// Goes on.
+    Go,
+    /// Waits.
+    Wait,
+    /// A link has been stale for too long.
+    LinkTimeout,
+    /// A platform has not followed for too long.
+    FaultTimeout,
+}
+
+/// Watches all platforms.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PauseWatch {
+    not_following_since: Vec<Option<Timestamp>>,
+    link_since: Option<Timestamp>,
+    fault_since: Option<Timestamp>,
+}
+
+impl PauseWatch {
+    pub fn new(platforms: usize) -> Self {
+        Self { not_following_since: vec![None; platforms], link_since: None, fault_since: None }
+    }
+
+    pub fn evaluate(
+        &mut self,
+        now: Timestamp,
+        conditions: &[PlatformCondition],
+        link: &LinkSettings,
+        faults: &FaultSettings,
+    ) -> Verdict {
+        let (mut link_down, mut fault) = (false, false);
+        for (condition, since) in conditions.iter().zip(&mut self.not_following_since) {
+            // A platform that is not seen at all is a matter of its link, whatever its controller does.
+            let stopped = condition.fresh && !(condition.following && condition.usable);
+            *since = if stopped { since.or(Some(now)) } else { None };
+            fault |= since.is_some_and(|since| now.seconds_since(since) > faults.grace_s);
+            link_down |= !condition.fresh && (condition.leads || link.leader_waits);
+        }
+        self.link_since = if link_down { self.link_since.or(Some(now)) } else { None };
+        self.fault_since = if fault { self.fault_since.or(Some(now)) } else { None };
+        let longer = |since: Option<Timestamp>, limit_s: f64| {
+            since.is_some_and(|since| now.seconds_since(since) > limit_s)
+        };
+        if longer(self.fault_since, faults.timeout_s) {
+            Verdict::FaultTimeout
+        } else if longer(self.link_since, link.timeout_s) {
+            Verdict::LinkTimeout
+        } else if link_down || fault {
+            Verdict::Wait
+        } else {
+            Verdict::Go
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: PlatformCondition =
+        PlatformCondition { fresh: true, usable: true, following: true, leads: true };
+    const FAULTS: FaultSettings = FaultSettings { grace_s: 1.0, timeout_s: 20.0, abort_for_s: 10.0 };
+
+    fn link(leader_waits: bool) -> LinkSettings {
+        LinkSettings {
+            stale_s: 0.3,
+            status_stale_s: 1.0,
+            leader_waits,
+            rejoin_error_rad: 0.03,
+            timeout_s: 300.0,
+        }
+    }
+
+    fn at(seconds: f64) -> Timestamp {
+        Timestamp::from_seconds(seconds)
+    }
+
+    #[test]
+    fn a_platform_that_stops_following_pauses_after_the_grace_and_aborts_after_the_timeout() {
+        let mut watch = PauseWatch::new(2);
+        let bad = [GOOD, PlatformCondition { following: false, leads: false, ..GOOD }];
+        let expected = [
+            (0.0, Verdict::Go),
+            (0.9, Verdict::Go),
+            (1.1, Verdict::Wait),
+            (21.0, Verdict::Wait),
+            (21.2, Verdict::FaultTimeout),
+        ];
+        for (seconds, verdict) in expected {
+            assert_eq!(watch.evaluate(at(seconds), &bad, &link(true), &FAULTS), verdict, "{seconds}");
+        }
+        assert_eq!(watch.evaluate(at(22.0), &[GOOD, GOOD], &link(true), &FAULTS), Verdict::Go);
+        assert_eq!(watch.evaluate(at(22.5), &bad, &link(true), &FAULTS), Verdict::Go);
+    }
+
+    #[test]
+    fn an_unhealthy_estimate_is_a_fault_too() {
+        let mut watch = PauseWatch::new(1);
+        let bad = [PlatformCondition { usable: false, ..GOOD }];
+        watch.evaluate(at(0.0), &bad, &link(true), &FAULTS);
+        assert_eq!(watch.evaluate(at(2.0), &bad, &link(true), &FAULTS), Verdict::Wait);
+    }
+
+    #[test]
+    fn a_stale_leader_always_pauses_a_stale_follower_only_if_told() {
+        let stale = PlatformCondition { fresh: false, usable: false, following: false, leads: true };
+        let follower = PlatformCondition { leads: false, ..stale };
+        for (conditions, waits, verdict) in [
+            ([stale, GOOD], false, Verdict::Wait),
+            ([GOOD, follower], false, Verdict::Go),
+            ([GOOD, follower], true, Verdict::Wait),
+        ] {
+            let mut watch = PauseWatch::new(2);
+            assert_eq!(watch.evaluate(at(0.0), &conditions, &link(waits), &FAULTS), verdict);
+            let late = watch.evaluate(at(301.0), &conditions, &link(waits), &FAULTS);
+            let expected = if verdict == Verdict::Wait { Verdict::LinkTimeout } else { Verdict::Go };
+            assert_eq!(late, expected);
+        }
+    }
+}

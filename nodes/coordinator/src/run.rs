@@ -1,0 +1,394 @@
+//! A running experiment: steps, goals, law and references.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_control::formation::{
+    Demand, Goals, LawInput, Member, Offset, ReferenceShaper, Relation, RelativeAttitudeLaw, Shaped,
+    YawPitchRoll,
+};
+use whorl_control::reference::Reference;
+use whorl_math::attitude_error;
+use whorl_node::{LogLevel, Outputs, Timestamp};
+
+use crate::goal::{Goal, Planning};
+use crate::parameters::{Parameters, Step, StepKind, YawZero};
+use crate::pause::{PauseWatch, PlatformCondition, Verdict};
+
+/// Period of the references \[s\].
+pub(crate) const REFERENCE_PERIOD_S: f64 = 0.02;
+/// Slower than this a platform is taken to stand when its reference starts from its motion \[rad/s\].
+const STANDING_RAD_S: f64 = 0.01;
+
+/// What the run sees of one platform at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sight {
+    /// Attitude and rate; `None` unless fresh and healthy.
+    pub motion: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
+    /// Age of its estimate \[s\].
+    pub age_s: f64,
+    /// Whether its estimate is fresh.
+    pub fresh: bool,
+    /// Whether its controller follows its reference.
+    pub following: bool,
+}
+
+/// A platform's part of the run.
+#[derive(Debug, Clone)]
+pub(crate) struct Leg {
+    shaper: ReferenceShaper,
+    offset_angles: YawPitchRoll,
+    /// Its own motion, for a platform that leads.
+    goal: Option<Goal>,
+    was_usable: bool,
+    /// The reference at this instant.
+    pub shaped: Shaped,
+    /// Whether it is told to come to rest.
+    pub holding: bool,
+}
+
+/// How a tick ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Progress {
+    /// Goes on, or waits.
+    Running,
+    /// The last step is over.
+    Finished,
+    /// It must end; the reason.
+    Abort(String),
+}
+
+/// The run.
+#[derive(Debug)]
+pub(crate) struct Run {
+    law: Box<dyn RelativeAttitudeLaw>,
+    pub legs: Vec<Leg>,
+    /// The virtual structure's motion, when the law has one.
+    structure_goal: Option<Goal>,
+    step: usize,
+    pub step_elapsed_s: f64,
+    pub paused_s: f64,
+    pub started: Timestamp,
+    watch: PauseWatch,
+    pub paused: bool,
+    members: Vec<Member>,
+    goals: Goals,
+    offsets: Vec<Offset>,
+    demands: Vec<Demand>,
+}
+
+impl Run {
+    /// Starts from where the platforms are. `Err` names a platform that is not seen.
+    pub fn start(
+        parameters: &Parameters,
+        sights: &[Sight],
+        now: Timestamp,
+        outputs: &mut Outputs,
+    ) -> Result<Self, String> {
+        let mut legs = Vec::with_capacity(sights.len());
+        for (platform, sight) in sights.iter().enumerate() {
+            let name = parameters.platforms.get(platform).map_or("?", String::as_str);
+            let (q, _) = sight.motion.ok_or_else(|| format!("{name}: its attitude is not known"))?;
+            let limits = parameters.limits.get(platform).ok_or_else(|| format!("{name}: no limits"))?;
+            let shaper = ReferenceShaper::new(*limits, parameters.bandwidth_rad_s, &q)
+                .map_err(|e| format!("{name}: {e}"))?;
+            let start = shaper.reference();
+            let goal = parameters.law.leads(platform).then(|| goal_at(parameters, &start.q_world_reference));
+            legs.push(Leg {
+                shaped: Shaped { reference: start, clipped: false },
+                shaper,
+                offset_angles: parameters.law.offsets.get(platform).copied().unwrap_or_default(),
+                goal,
+                was_usable: true,
+                holding: true,
+            });
+        }
+        let structure_goal = parameters.law.moves_a_structure().then(|| {
+            let first = legs.first().map(|leg| leg.shaped.reference.q_world_reference).unwrap_or_default();
+            goal_at(parameters, &(first * parameters.law.offset(0).inverse()))
+        });
+        let platforms = legs.len();
+        let mut run = Self {
+            law: parameters.law.build(),
+            legs,
+            structure_goal,
+            step: 0,
+            step_elapsed_s: 0.0,
+            paused_s: 0.0,
+            started: now,
+            watch: PauseWatch::new(platforms),
+            paused: false,
+            members: Vec::with_capacity(platforms),
+            goals: Goals {
+                formation: Reference::at_rest(UnitQuaternion::identity()),
+                individual: vec![None; platforms],
+            },
+            offsets: Vec::with_capacity(platforms),
+            demands: Vec::with_capacity(platforms),
+        };
+        run.look(sights);
+        run.restart_law();
+        run.begin_step(parameters, outputs);
+        Ok(run)
+    }
+
+    /// The present step.
+    pub fn step<'p>(&self, parameters: &'p Parameters) -> Option<&'p Step> {
+        parameters.steps.get(self.step)
+    }
+
+    /// What the law asks of a platform relative to its leader.
+    pub fn relation(&self, platform: usize) -> Option<Relation> {
+        self.law.relation(&self.input(), platform)
+    }
+
+    /// Its error against that \[rad\].
+    pub fn relative_error_rad(&self, platform: usize) -> Option<Vector3<f64>> {
+        self.law.relative_error_rad(&self.input(), platform)
+    }
+
+    /// Takes over limits that were changed while running.
+    pub fn apply_limits(&mut self, parameters: &Parameters) {
+        for (leg, limits) in self.legs.iter_mut().zip(&parameters.limits) {
+            // Both were checked when they were read.
+            let _ = leg.shaper.set_limits(*limits, parameters.bandwidth_rad_s);
+        }
+    }
+
+    /// One period: references for `now`.
+    pub fn tick(
+        &mut self,
+        parameters: &Parameters,
+        sights: &[Sight],
+        now: Timestamp,
+        outputs: &mut Outputs,
+    ) -> Progress {
+        for (leg, sight) in self.legs.iter_mut().zip(sights) {
+            leg.shaper.advance(REFERENCE_PERIOD_S);
+            leg.rejoin(sight, parameters.link.rejoin_error_rad);
+        }
+        self.look(sights);
+        let verdict = self.watch.evaluate(
+            now,
+            &self.conditions(parameters, sights),
+            &parameters.link,
+            &parameters.faults,
+        );
+        match verdict {
+            Verdict::Go => {
+                if self.paused {
+                    self.resume(parameters);
+                }
+                self.advance_steps(parameters, outputs);
+            }
+            Verdict::Wait => {
+                self.paused = true;
+                self.paused_s += REFERENCE_PERIOD_S;
+            }
+            Verdict::LinkTimeout => {
+                return Progress::Abort(format!(
+                    "a link stayed stale for more than {} s",
+                    parameters.link.timeout_s
+                ));
+            }
+            Verdict::FaultTimeout => {
+                return Progress::Abort(format!(
+                    "a platform did not follow its reference for more than {} s",
+                    parameters.faults.timeout_s
+                ));
+            }
+        }
+        self.ask_law();
+        for ((leg, sight), demand) in self.legs.iter_mut().zip(sights).zip(&self.demands) {
+            leg.holding = *demand == Demand::Hold || sight.motion.is_none() || !sight.following;
+            let demand = if leg.holding { &Demand::Hold } else { demand };
+            leg.shaped = leg.shaper.plan(demand, REFERENCE_PERIOD_S);
+        }
+        if self.step < parameters.steps.len() { Progress::Running } else { Progress::Finished }
+    }
+
+    /// One period after the last step: every reference comes to rest and stays.
+    pub fn tick_finished(&mut self) {
+        for leg in &mut self.legs {
+            leg.shaper.advance(REFERENCE_PERIOD_S);
+            leg.shaped = leg.shaper.plan(&Demand::Hold, REFERENCE_PERIOD_S);
+            leg.holding = true;
+        }
+    }
+
+    fn ask_law(&mut self) {
+        if self.paused {
+            self.demands.clear();
+            self.demands.resize(self.legs.len(), Demand::Hold);
+            return;
+        }
+        let input = LawInput {
+            dt_s: REFERENCE_PERIOD_S,
+            members: &self.members,
+            goals: &self.goals,
+            offsets: &self.offsets,
+        };
+        self.law.demands(&input, &mut self.demands);
+    }
+
+    fn restart_law(&mut self) {
+        let input = LawInput {
+            dt_s: REFERENCE_PERIOD_S,
+            members: &self.members,
+            goals: &self.goals,
+            offsets: &self.offsets,
+        };
+        self.law.restart(&input);
+    }
+
+    fn input(&self) -> LawInput<'_> {
+        LawInput {
+            dt_s: REFERENCE_PERIOD_S,
+            members: &self.members,
+            goals: &self.goals,
+            offsets: &self.offsets,
+        }
+    }
+
+    /// Gathers what the law sees.
+    fn look(&mut self, sights: &[Sight]) {
+        self.members.clear();
+        self.offsets.clear();
+        for (leg, sight) in self.legs.iter().zip(sights) {
+            let reference = leg.shaper.reference();
+            let (q_world_body, omega_wb_b_rad_s) =
+                sight.motion.unwrap_or((reference.q_world_reference, Vector3::zeros()));
+            self.members.push(Member {
+                q_world_body,
+                omega_wb_b_rad_s,
+                age_s: sight.age_s,
+                usable: sight.motion.is_some(),
+                tracking: sight.following,
+                reference,
+            });
+            self.offsets.push(Offset::constant(leg.offset_angles.attitude()));
+        }
+        self.gather_goals();
+    }
+
+    fn gather_goals(&mut self) {
+        if let Some(goal) = &self.structure_goal {
+            self.goals.formation = goal.reference();
+        }
+        for (individual, leg) in self.goals.individual.iter_mut().zip(&self.legs) {
+            *individual = leg.goal.as_ref().map(Goal::reference);
+        }
+    }
+
+    fn conditions(&self, parameters: &Parameters, sights: &[Sight]) -> Vec<PlatformCondition> {
+        let rigid = self.structure_goal.is_some();
+        let condition = |(platform, sight): (usize, &Sight)| PlatformCondition {
+            fresh: sight.fresh,
+            usable: sight.motion.is_some(),
+            following: sight.following,
+            leads: rigid || parameters.law.leads(platform),
+        };
+        sights.iter().enumerate().map(condition).collect()
+    }
+
+    fn advance_steps(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
+        let Some(step) = parameters.steps.get(self.step) else { return };
+        self.step_elapsed_s += REFERENCE_PERIOD_S;
+        self.structure_goal
+            .iter_mut()
+            .chain(self.legs.iter_mut().filter_map(|leg| leg.goal.as_mut()))
+            .for_each(|goal| goal.advance(REFERENCE_PERIOD_S));
+        // Half a period of tolerance: sums of periods are not exact.
+        if self.step_elapsed_s + 0.5 * REFERENCE_PERIOD_S >= step.duration_s {
+            self.step += 1;
+            self.step_elapsed_s = 0.0;
+            self.begin_step(parameters, outputs);
+        }
+        for (offset, leg) in self.offsets.iter_mut().zip(&self.legs) {
+            *offset = Offset::constant(leg.offset_angles.attitude());
+        }
+        self.gather_goals();
+    }
+
+    fn begin_step(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
+        let Some(step) = parameters.steps.get(self.step) else { return };
+        outputs.log(LogLevel::Info, format!("step {}: {:.1} s", step.name, step.duration_s));
+        match &step.kind {
+            StepKind::Settle(slew) | StepKind::Slew(slew) => {
+                let mut longest_s = 0.0_f64;
+                if let Some(goal) = &mut self.structure_goal {
+                    goal.slew(slew, Planning::Immediate);
+                }
+                for (platform, leg) in self.legs.iter_mut().enumerate() {
+                    if let Some(goal) = &mut leg.goal
+                        && slew.platform.is_none_or(|wanted| wanted == platform)
+                    {
+                        let limits = *leg.shaper.limits();
+                        longest_s = longest_s.max(goal.slew(slew, Planning::Smooth(&limits)).unwrap_or(0.0));
+                    }
+                }
+                if longest_s > step.duration_s {
+                    outputs.log(
+                        LogLevel::Warn,
+                        format!(
+                            "step {} lasts {:.1} s but its slew takes {longest_s:.1} s within the limits",
+                            step.name, step.duration_s
+                        ),
+                    );
+                }
+            }
+            StepKind::Scan(scan) => {
+                if let Some(goal) = &mut self.structure_goal {
+                    goal.scan(scan);
+                }
+                for (platform, leg) in self.legs.iter_mut().enumerate() {
+                    if let Some(goal) = &mut leg.goal
+                        && scan.platform.is_none_or(|wanted| wanted == platform)
+                    {
+                        goal.scan(scan);
+                    }
+                }
+            }
+            StepKind::Offset { platform, to } => {
+                if let Some(leg) = self.legs.get_mut(*platform) {
+                    leg.offset_angles = to.over(&leg.offset_angles, 0.0);
+                }
+            }
+            StepKind::Hold => {}
+        }
+    }
+
+    fn resume(&mut self, parameters: &Parameters) {
+        self.paused = false;
+        for (platform, leg) in self.legs.iter_mut().enumerate() {
+            if let (Some(goal), Some(limits)) = (&mut leg.goal, parameters.limits.get(platform)) {
+                goal.resume(&leg.shaper.reference().q_world_reference, Planning::Smooth(limits));
+            }
+        }
+        self.restart_law();
+    }
+}
+
+impl Leg {
+    /// A platform that does not follow takes its reference with it; one that was lost from sight and
+    /// comes back far from its reference starts anew from where it is. Else nothing jumps.
+    fn rejoin(&mut self, sight: &Sight, rejoin_error_rad: f64) {
+        let returned = sight.motion.is_some() && !self.was_usable;
+        self.was_usable = sight.motion.is_some();
+        let Some((q, omega)) = sight.motion else { return };
+        let far = || {
+            let reference = self.shaper.reference().q_world_reference;
+            attitude_error(&reference, &q).norm() > rejoin_error_rad
+        };
+        if !sight.following || (returned && far()) {
+            let omega = if omega.norm() > STANDING_RAD_S { omega } else { Vector3::zeros() };
+            self.shaper.restart_moving(&q, &omega, REFERENCE_PERIOD_S);
+        }
+    }
+}
+
+fn goal_at(parameters: &Parameters, q_world_goal: &UnitQuaternion<f64>) -> Goal {
+    let yaw_zero_rad = match parameters.experiment.yaw_zero {
+        YawZero::Start => YawPitchRoll::of(q_world_goal).yaw_rad,
+        YawZero::World => 0.0,
+    };
+    Goal::new(q_world_goal, yaw_zero_rad)
+}
