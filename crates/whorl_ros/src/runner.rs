@@ -177,9 +177,7 @@ impl<C: Configurable> Runner<C> {
 
     fn look_after_connection(&mut self, now: Duration, silence: Option<Duration>) -> Result<(), RosError> {
         let notice = self.connection.look_after(now, silence, self.poll.registry())?;
-        for writer in self.connection.take_lost_writers() {
-            self.node.statistics.subscriptions.iter_mut().for_each(|(_, counts)| counts.forget(writer));
-        }
+        self.node.statistics.writers_gone(now, self.connection.take_lost_writers());
         self.node.statistics.missing_participants = self.connection.recovery().missing();
         self.node.statistics.renewals = self.connection.recovery().renewals();
         let missing = self.connection.recovery().missing();

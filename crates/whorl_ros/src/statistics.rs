@@ -53,8 +53,7 @@ impl SubscriptionCounts {
         self.last_number.keys()
     }
 
-    /// Forgets writers that are gone, so that a restarting peer does not fill memory.
-    pub(crate) fn forget(&mut self, writer: EndpointId) {
+    fn forget(&mut self, writer: EndpointId) {
         self.last_number.remove(&writer);
     }
 }
@@ -70,8 +69,12 @@ pub(crate) struct Statistics {
     pub parameter_sets_refused: u64,
     pub renewals: u64,
     pub missing_participants: usize,
+    gone: Vec<(Duration, EndpointId)>,
     reported: Reported,
 }
+
+/// Longer than DDS's cache keeps a sample that everybody has read.
+const REMEMBER_GONE_WRITERS: Duration = Duration::from_secs(60);
 
 /// Totals at the time of the last report.
 #[derive(Debug, Default)]
@@ -90,6 +93,21 @@ impl Statistics {
             publications: publications.into_iter().map(|t| (t, 0)).collect(),
             ..Self::default()
         }
+    }
+
+    /// Takes note of writers that are gone, and forgets those that have been for a while: a peer
+    /// that restarts often must not fill memory, but a new reader may be served from DDS's cache
+    /// what a writer that is gone said at its end.
+    pub(crate) fn writers_gone(&mut self, now: Duration, writers: impl IntoIterator<Item = EndpointId>) {
+        self.gone.extend(writers.into_iter().map(|writer| (now, writer)));
+        let Self { gone, subscriptions, .. } = self;
+        gone.retain(|(since, writer)| {
+            let keep = now.saturating_sub(*since) < REMEMBER_GONE_WRITERS;
+            if !keep {
+                subscriptions.iter_mut().for_each(|(_, counts)| counts.forget(*writer));
+            }
+            keep
+        });
     }
 
     pub(crate) fn undecodable(&self) -> u64 {
@@ -185,10 +203,19 @@ mod tests {
             [5, 6, 9, 8, 9, 10].into_iter().filter(|n| arrive(*n) == Arrival::Fresh).collect();
         assert_eq!(fresh, [5, 6, 9, 10]);
         assert_eq!((counts.received, counts.lost, counts.old), (4, 2, 2));
-        // Another writer counts for itself; a forgotten one starts anew.
+        // Another writer counts for itself.
         assert_eq!(counts.arrival(Duration::ZERO, EndpointId([2; 16]), 1), Arrival::Fresh);
-        counts.forget(W);
-        assert_eq!(counts.arrival(Duration::ZERO, W, 1), Arrival::Fresh);
+    }
+
+    #[test]
+    fn what_a_writer_said_at_its_end_is_not_heard_twice() {
+        let seconds = Duration::from_secs;
+        let mut statistics = Statistics::new(vec!["/tf".into()], vec![]);
+        assert_eq!(statistics.subscriptions[0].1.arrival(seconds(1), W, 7), Arrival::Fresh);
+        statistics.writers_gone(seconds(2), [W]);
+        assert_eq!(statistics.subscriptions[0].1.arrival(seconds(3), W, 7), Arrival::Old);
+        statistics.writers_gone(seconds(63), []);
+        assert_eq!(statistics.subscriptions[0].1.writers().count(), 0);
     }
 
     #[test]
