@@ -31,12 +31,15 @@ pub mod names;
 mod node;
 mod nudge;
 mod parameter_client;
+mod parameter_wire;
 mod parameters;
 mod participant;
 mod raw;
 pub mod recovery;
+mod requests;
 mod runner;
 mod services;
+mod shell;
 mod statistics;
 mod wake;
 

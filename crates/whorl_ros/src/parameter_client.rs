@@ -9,7 +9,7 @@ use whorl_params::Value;
 
 use crate::endpoints::ParameterService;
 use crate::error::RosError;
-use crate::parameters::{from_wire, to_wire};
+use crate::parameter_wire::{from_wire, to_wire};
 use crate::participant::Participant;
 use crate::services::ServiceClient;
 

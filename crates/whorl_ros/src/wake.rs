@@ -12,12 +12,14 @@ use rustix::time::{
 };
 use signal_hook::consts::{SIGINT, SIGTERM};
 
+use crate::clock::monotonic;
 use crate::error::RosError;
 
 /// A one-shot alarm on the monotonic clock. `mio::Poll`'s own timeout has a resolution of 1 ms.
 #[derive(Debug)]
 pub(crate) struct Alarm {
     timer: OwnedFd,
+    set_to: Option<Duration>,
 }
 
 impl Alarm {
@@ -27,11 +29,15 @@ impl Alarm {
         registry
             .register(&mut SourceFd(&timer.as_raw_fd()), token, Interest::READABLE)
             .map_err(RosError::io("watching a timer"))?;
-        Ok(Self { timer })
+        Ok(Self { timer, set_to: None })
     }
 
-    /// Rings at a monotonic time, at once if that is past.
-    pub(crate) fn set(&self, at: Duration) -> Result<(), RosError> {
+    /// Rings once at a monotonic time, at once if that is past.
+    pub(crate) fn set(&mut self, at: Duration) -> Result<(), RosError> {
+        if self.set_to == Some(at) && at > monotonic() {
+            return Ok(());
+        }
+        self.set_to = Some(at);
         let it_value = Timespec {
             tv_sec: i64::try_from(at.as_secs()).unwrap_or(i64::MAX),
             // Zero in both fields would switch the timer off.

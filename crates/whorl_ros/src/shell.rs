@@ -1,0 +1,177 @@
+//! The core and what surrounds it: messages in, messages and log lines out.
+
+use std::collections::HashSet;
+use std::time::Duration;
+
+use whorl_msgs::{Message, MessageType, Route, Topic};
+use whorl_node::{Configurable, Event, LogLevel, LogLine, Outputs, Response, Timestamp};
+use whorl_params::Reader;
+
+use crate::clock::{Clock, monotonic};
+use crate::connection::Connection;
+use crate::endpoints::Plan;
+use crate::error::RosError;
+use crate::log;
+use crate::names::NodeName;
+use crate::parameters::ParameterSet;
+use crate::statistics::{Arrival, Statistics};
+
+/// A node's single definition of its parameters.
+pub(crate) type Read<P> = Box<dyn Fn(&mut Reader<'_>) -> Option<P>>;
+
+/// The core and what does not depend on the connection.
+pub(crate) struct Shell<C: Configurable> {
+    pub(crate) core: C,
+    pub(crate) name: NodeName,
+    outputs: Outputs,
+    pub(crate) clock: Clock,
+    pub(crate) statistics: Statistics,
+    pub(crate) parameters: ParameterSet,
+    pub(crate) read: Read<C::Parameters>,
+    subscriptions: Vec<(Route, MessageType)>,
+    publications: Vec<Route>,
+    bytes: Vec<u8>,
+    undeclared: HashSet<Route>,
+    pub(crate) stop: bool,
+}
+
+impl<C: Configurable> Shell<C> {
+    pub(crate) fn new(
+        name: NodeName,
+        core: C,
+        plan: &Plan,
+        parameters: ParameterSet,
+        read: Read<C::Parameters>,
+    ) -> Self {
+        let names = |list: &[(Route, String)]| list.iter().map(|(_, name)| name.clone()).collect::<Vec<_>>();
+        let statistics = Statistics::new(names(&plan.subscriptions), names(&plan.publications));
+        Self {
+            name,
+            outputs: Outputs::default(),
+            clock: Clock::default(),
+            statistics,
+            parameters,
+            read,
+            subscriptions: plan
+                .subscriptions
+                .iter()
+                .map(|(route, _)| (*route, route.topic.info().message_type))
+                .collect(),
+            publications: plan.publications.iter().map(|(route, _)| *route).collect(),
+            bytes: Vec::new(),
+            undeclared: HashSet::new(),
+            stop: false,
+            core,
+        }
+    }
+
+    pub(crate) fn timer_period(&self) -> Option<Duration> {
+        self.core.timer_period()
+    }
+
+    /// One step of the core, and everything that it wants done.
+    pub(crate) fn step(&mut self, connection: &Connection, event: Event<'_>) -> Option<Response> {
+        let now = self.clock.now();
+        self.outputs.clear();
+        self.core.step(now, event, &mut self.outputs);
+        let mut outputs = std::mem::take(&mut self.outputs);
+        for publication in outputs.messages.drain(..) {
+            self.publish(connection, publication.route, &publication.message);
+        }
+        for line in outputs.log.drain(..) {
+            self.log(connection, now, &line);
+        }
+        let response = outputs.response.take();
+        self.outputs = outputs;
+        self.stop |= self.core.finished();
+        response
+    }
+
+    pub(crate) fn publish(&mut self, connection: &Connection, route: Route, message: &Message) {
+        let Some(writer) = connection.endpoints().writer(route) else {
+            self.statistics.undeclared += 1;
+            if self.undeclared.insert(route) {
+                self.say(connection, LogLevel::Error, format!("{route:?} is not among the publications"));
+            }
+            return;
+        };
+        match message
+            .encode_into(&mut self.bytes)
+            .map_err(RosError::from)
+            .and_then(|()| writer.publish(&self.bytes))
+        {
+            Ok(()) => {
+                let index = self.publications.iter().position(|r| *r == route);
+                if let Some((_, sent)) = index.and_then(|i| self.statistics.publications.get_mut(i)) {
+                    *sent += 1;
+                }
+            }
+            Err(error) => {
+                self.statistics.publish_failures += 1;
+                // Not to /rosout, which goes the same way.
+                tracing::debug!(target: "whorl", "{}: {error}", self.name.full());
+            }
+        }
+    }
+
+    pub(crate) fn say(&mut self, connection: &Connection, level: LogLevel, text: String) {
+        let now = self.clock.now();
+        self.log(connection, now, &LogLine { level, text });
+    }
+
+    fn log(&mut self, connection: &Connection, now: Timestamp, line: &LogLine) {
+        let full_name = self.name.full();
+        log::print(&full_name, line);
+        if let Some(rosout) = &connection.endpoints().rosout {
+            // `rcl` names loggers with dots and without the leading slash.
+            let logger = full_name.trim_start_matches('/').replace('/', ".");
+            if log::publish(rosout, &logger, now, line).is_err() {
+                self.statistics.publish_failures += 1;
+            }
+        }
+    }
+
+    pub(crate) fn report(&mut self, connection: &Connection) {
+        self.statistics.parameter_sets_refused = self.parameters.refused();
+        let now = self.clock.now();
+        let report = self.statistics.report(&self.name.full(), now);
+        self.publish(connection, Route::shared(Topic::Diagnostics), &report.into());
+    }
+
+    pub(crate) fn take_messages(&mut self, connection: &Connection, generation: usize, index: usize) {
+        let Some(&(route, message_type)) = self.subscriptions.get(index) else { return };
+        let Some(endpoints) = connection.generations().nth(generation) else { return };
+        let Some(reader) = endpoints.subscriptions.get(index) else { return };
+        reader.drain_notifications();
+        while !self.stop {
+            let sample = match reader.take() {
+                Ok(Some(sample)) => sample,
+                Ok(None) => return,
+                Err(error) => {
+                    self.undecodable(connection, index, &error);
+                    continue;
+                }
+            };
+            let Some((_, counts)) = self.statistics.subscriptions.get_mut(index) else { return };
+            if counts.arrival(monotonic(), sample.writer, sample.sequence_number) == Arrival::Old {
+                continue;
+            }
+            match Message::decode(message_type, &sample.bytes) {
+                Ok(message) => {
+                    self.step(connection, Event::Message { route, message: &message });
+                }
+                Err(error) => self.undecodable(connection, index, &error.into()),
+            }
+        }
+    }
+
+    fn undecodable(&mut self, connection: &Connection, index: usize, error: &RosError) {
+        let Some((topic, counts)) = self.statistics.subscriptions.get_mut(index) else { return };
+        counts.undecodable += 1;
+        // The first one is told; /diagnostics counts the others.
+        if counts.undecodable == 1 {
+            let text = format!("{topic}: a message is dropped: {error}");
+            self.say(connection, LogLevel::Warn, text);
+        }
+    }
+}
