@@ -39,7 +39,8 @@ pub struct ImuSample {
 /// Attitude and gyro bias from gyro, accelerometer and an optional vector sensor.
 ///
 /// The filter of the dissertation's section 4.5.4 (eqs. 4.69-4.72): the gyro drives the
-/// attitude, its bias is a state, the accelerometer keeps its lever-arm terms. Three things
+/// attitude, its bias is a state, the accelerometer keeps its lever-arm terms (as a difference of
+/// velocities over a window, so that no rate is differentiated). Three things
 /// differ from the printed one:
 ///
 /// - the attitude error is a rotation vector in world axes instead of a Gibbs vector in body

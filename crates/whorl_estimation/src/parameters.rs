@@ -164,6 +164,51 @@ impl Parameters {
         }
     }
 
+    /// A small inertial unit that moves freely (in a hand, on a limb), not about a pivot.
+    ///
+    /// Its errors are not white: motion, scale and misalignment dominate, so the noises here are
+    /// effective ones, chosen on recordings of a hand-held unit at 286 Hz. Gravity is averaged
+    /// over a second, within which the sensor's velocity is taken to change by 0.05 m/s per
+    /// axis on the whole.
+    #[must_use]
+    pub fn freely_moving() -> Self {
+        Self {
+            gyro_noise_rad_s_sqrt_hz: 3e-3,
+            gyro_bias_walk_rad_s2_sqrt_hz: 2e-5,
+            accelerometer_noise_m_s2: 0.05,
+            accelerometer_window_s: 1.0,
+            accelerometer_velocity_sigma_m_s: 0.05,
+            initial_bias_sigma_rad_s: 0.01,
+            outlier_probability: 1e-9,
+            recovery_s: 5.0,
+            gyro_range_rad_s: rad_from_deg(2000.0),
+            gyro_step_rad_s: 20.0,
+            accelerometer_range_m_s2: 16.0 * GRAVITY_M_S2,
+            // Its own acceleration is averaged out rather than refused.
+            gravity_tolerance_m_s2: 50.0,
+            ..Self::motion_pak_ii()
+        }
+    }
+
+    /// A magnetometer that corrects the heading alone; `north_azimuth_rad` is where magnetic north
+    /// lies in the world, from east towards north: pi/2 in an east-north-up world aligned with it.
+    ///
+    /// Its noise is an effective one: the field inside a building is not uniform, so the error
+    /// does not average out from sample to sample. There is no check of the field's strength or dip.
+    #[must_use]
+    pub fn with_magnetometer(mut self, north_azimuth_rad: f64) -> Self {
+        let (sine, cosine) = north_azimuth_rad.sin_cos();
+        self.vector = Some(VectorParameters {
+            reference_w: Unit::new_unchecked(Vector3::new(cosine, sine, 0.0)),
+            noise_rad: 1.0,
+            usage: VectorUse::Heading,
+            max_age_s: 0.2,
+            stale_after_s: 1.0,
+            recovery_s: 60.0,
+        });
+        self
+    }
+
     /// A vector sensor of 3 mrad at 10 Hz that observes `reference_w`, as a star or sun
     /// simulator does.
     #[must_use]
@@ -275,6 +320,7 @@ mod tests {
     fn presets_are_allowed() {
         let with_vector = Parameters::motion_pak_ii().with_vector(Vector3::x_axis());
         assert_eq!(with_vector.check(), Ok(()));
+        assert_eq!(Parameters::freely_moving().with_magnetometer(1.6).check(), Ok(()));
     }
 
     type Spoil = fn(&mut Parameters);

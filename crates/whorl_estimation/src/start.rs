@@ -7,8 +7,8 @@
 
 use crate::covariance::{Correction, Covariance, Measurement, ScalarMeasurement};
 use crate::gravity_window::GravityWindow;
-use crate::parameters::{Parameters, VectorParameters};
-use crate::residual::{across, components, direction_residual};
+use crate::parameters::{Parameters, VectorParameters, VectorUse};
+use crate::residual::{across, components, direction_residual, heading_residual};
 use nalgebra::{Matrix2, Matrix3, UnitQuaternion, Vector3};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
 
@@ -186,12 +186,7 @@ impl Start {
             first.apply(&correction);
         }
         if let Some((vector, _)) = seen {
-            let measurement = self.vector_measurement(&first, gravity, &vector);
-            let gate = -2.0 * parameters.outlier_probability.ln();
-            if let Ok(correction) = first.covariance.update(&measurement, gate) {
-                first.apply(&correction);
-                first.with_vector = true;
-            }
+            first.with_vector = self.correct_with_vector(&mut first, gravity, &vector, parameters);
         }
         if !first.with_vector {
             let sigma = parameters.initial_heading_sigma_rad;
@@ -201,26 +196,50 @@ impl Start {
         Some(first)
     }
 
-    fn vector_measurement(
+    /// Kalman update with the vector average; returns whether it was inside the gate.
+    fn correct_with_vector(
         &self,
-        first: &FirstAttitude,
+        first: &mut FirstAttitude,
         gravity: &GravityWindow,
         vector: &VectorParameters,
-    ) -> Measurement {
+        parameters: &Parameters,
+    ) -> bool {
         let count = f64::from(self.vector.count);
         let q = first.q_world_carried;
-        let mean = unit(self.vector.sum).unwrap_or(vector.reference_w);
-        let columns = across(&vector.reference_w);
-        let residual = direction_residual(&(q * mean.into_inner()), &vector.reference_w);
+        let mean = q * unit(self.vector.sum).unwrap_or(vector.reference_w).into_inner();
+        let variance = vector.noise_rad * vector.noise_rad / count;
         // delta(then) = delta(now) + integral(R) bias error.
         let since = q.to_rotation_matrix() * (gravity.lever() - self.vector.lever_sum / count);
-        Measurement {
-            innovation: components(&columns, &residual),
-            attitude: columns,
-            bias: Some(since.tr_mul(&columns)),
-            noise: Matrix2::identity() * (vector.noise_rad * vector.noise_rad / count),
-            lag_variance: 0.0,
-        }
+        let result = match vector.usage {
+            VectorUse::Heading => {
+                let (innovation, attitude) = heading_residual(&mean, &vector.reference_w);
+                let horizontal = vector.reference_w.x.powi(2) + vector.reference_w.y.powi(2);
+                let measurement = ScalarMeasurement {
+                    innovation,
+                    attitude,
+                    bias: since.tr_mul(&attitude),
+                    noise: variance / horizontal,
+                    lag_variance: 0.0,
+                    corrects: Vector3::z(),
+                };
+                // The heading was taken from this very average: there is nothing to gate.
+                first.covariance.update_scalar(&measurement, f64::INFINITY)
+            }
+            VectorUse::Direction => {
+                let columns = across(&vector.reference_w);
+                let measurement = Measurement {
+                    innovation: components(&columns, &direction_residual(&mean, &vector.reference_w)),
+                    attitude: columns,
+                    bias: Some(since.tr_mul(&columns)),
+                    noise: Matrix2::identity() * variance,
+                    lag_variance: 0.0,
+                };
+                // The angle between the two directions must be that of the world.
+                let gate = -2.0 * parameters.outlier_probability.ln();
+                first.covariance.update(&measurement, gate)
+            }
+        };
+        result.map(|correction| first.apply(&correction)).is_ok()
     }
 
     /// Takes the mean rate as bias where the window looks still: across the vertical if the

@@ -147,9 +147,10 @@ fn heading_use_leaves_tilt_alone() {
     let mut filter = Filter::new(parameters).expect("allowed");
     let dip_error = UnitQuaternion::from_scaled_axis(Vector3::x() * 0.2);
     let mut worst_tilt: f64 = 0.0;
+    let mut started = None;
     for step in 0..6000 {
         let sample = simulation.imu(&parameters);
-        filter.on_imu(&sample);
+        started = started.or(filter.on_imu(&sample).event);
         if let Some((stamp_ns, direction)) = simulation.vector(&parameters) {
             let attitude = simulation.motion.attitude(simulation.time_s());
             let moved = attitude.inverse() * (dip_error * (attitude * direction));
@@ -162,6 +163,7 @@ fn heading_use_leaves_tilt_alone() {
             worst_tilt = worst_tilt.max(vertical.angle(&(truth.inverse() * Vector3::z())));
         }
     }
+    assert_eq!(started, Some(FilterEvent::StartedWithVector));
     assert!(worst_tilt.to_degrees() < 0.1, "{}", worst_tilt.to_degrees());
     assert!(error_deg(&simulation, &filter) < 1.0);
 }
