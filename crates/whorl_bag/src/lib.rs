@@ -27,6 +27,7 @@ mod storage;
 mod utc;
 mod writer;
 mod yaml;
+mod zstandard;
 
 pub use csv::{CsvError, CsvMap, CsvRecording, CsvSamples, ExportedTopic, TruthMap, VectorMap, export_csv};
 pub use error::BagError;

@@ -12,6 +12,7 @@ use whorl_node::Timestamp;
 
 use crate::metadata::mcap_files;
 use crate::scan::{Contents, Integrity, LooseMessage, RECORD_LIMIT};
+use crate::zstandard::Zstandard;
 use crate::{BagError, BagTopic};
 
 /// A bag, opened for reading: recorded by Whorl, or by `ros2 bag record` with the mcap storage.
@@ -152,6 +153,12 @@ impl BagReader {
         self.topics.iter().map(|topic| topic.message_count).sum()
     }
 
+    /// Bytes of its files.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.len()).sum()
+    }
+
     /// Whether the bag ends as it should, and what is lost if not.
     #[must_use]
     pub fn integrity(&self) -> Integrity {
@@ -255,8 +262,9 @@ impl FileMessages {
         if filter.until.is_some() && until > from {
             options = options.ending_before(until);
         }
-        let chunked =
+        let mut chunked =
             IndexedReader::new_with_options(&contents.summary, options).map_err(BagError::mcap(&path))?;
+        chunked.add_decompressor(Zstandard).map_err(BagError::mcap(&path))?;
         let mut messages = Self {
             path,
             file,

@@ -185,19 +185,8 @@ fn complete_from_bag(manifest: &mut Manifest, reader: &BagReader) -> Result<(), 
     manifest.state = RunState::Recovered;
     manifest.bounds = reader.bounds();
     manifest.topics = statistics.iter().map(|(t, _, s)| s.summary(&t.name, &t.type_name)).collect();
-    manifest.bag_bytes = bytes_below(reader.path());
+    manifest.bag_bytes = reader.bytes();
     Ok(())
-}
-
-fn bytes_below(path: &Path) -> u64 {
-    match std::fs::read_dir(path) {
-        Ok(entries) => entries
-            .filter_map(|entry| entry.ok()?.metadata().ok())
-            .filter(std::fs::Metadata::is_file)
-            .map(|metadata| metadata.len())
-            .sum(),
-        Err(_) => std::fs::metadata(path).map_or(0, |metadata| metadata.len()),
-    }
 }
 
 fn read_summary(run: &Path) -> Result<Map<String, Value>, BagError> {

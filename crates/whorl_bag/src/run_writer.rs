@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use whorl_msgs::{Message, Route, Topic};
 use whorl_node::Timestamp;
 
-use crate::manifest::{Manifest, ParameterFile, RunDescription, RunState};
+use crate::manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
 use crate::run_directory::{BAG_DIRECTORY, PARAMETER_DIRECTORY, update_summary};
 use crate::statistics::{TopicStatistics, WriterId};
 use crate::utc::utc;
@@ -25,6 +25,8 @@ pub struct RunWriter {
     by_route: HashMap<Route, usize>,
     stopped_by: Option<String>,
     encoded: Vec<u8>,
+    /// Folder of the first parameter file.
+    parameter_folder: Option<PathBuf>,
 }
 
 struct RunTopic {
@@ -69,7 +71,8 @@ impl RunWriter {
         Self::create_at(path, description, start_utc, options)
     }
 
-    /// As [`Self::create`], in exactly this directory, which must not exist or be empty.
+    /// As [`Self::create`], in exactly this directory (created if need be). Other files may be in it, e.g.
+    /// logs; a run may not.
     ///
     /// # Errors
     /// [`BagError::Exists`] when it holds a run; [`BagError::Io`]; [`BagError::DiskFull`].
@@ -80,9 +83,10 @@ impl RunWriter {
         options: BagOptions,
     ) -> Result<Self, BagError> {
         std::fs::create_dir_all(path).map_err(|e| BagError::io("cannot create", path, e))?;
-        let mut entries = std::fs::read_dir(path).map_err(|e| BagError::io("cannot read", path, e))?;
-        if entries.next().is_some() {
-            return Err(BagError::Exists { path: path.to_owned() });
+        for part in [BAG_DIRECTORY, MANIFEST_FILE] {
+            if path.join(part).exists() {
+                return Err(BagError::Exists { path: path.join(part) });
+            }
         }
         Self::create_at(path.to_owned(), description, start_utc, options)
     }
@@ -95,7 +99,7 @@ impl RunWriter {
     ) -> Result<Self, BagError> {
         let bag = BagWriter::create(&path.join(BAG_DIRECTORY), options)?;
         let parameters = path.join(PARAMETER_DIRECTORY);
-        std::fs::create_dir(&parameters).map_err(|e| BagError::io("cannot create", &parameters, e))?;
+        std::fs::create_dir_all(&parameters).map_err(|e| BagError::io("cannot create", &parameters, e))?;
         let manifest = Manifest { description, start_utc, ..Manifest::default() };
         manifest.write(&path)?;
         Ok(Self {
@@ -107,6 +111,7 @@ impl RunWriter {
             by_route: HashMap::new(),
             stopped_by: None,
             encoded: Vec::new(),
+            parameter_folder: None,
         })
     }
 
@@ -116,16 +121,19 @@ impl RunWriter {
         &self.path
     }
 
-    /// Copies a parameter file into `params/` and notes its hash. A second file of the same name gets a
-    /// number in front.
+    /// Copies a parameter file into `params/` and notes its hash. Files below the folder of the first one
+    /// keep their place relative to it (`truth/whorl_1.yaml`), so that the copy can be used like the original;
+    /// others are put beside the first. A second file of the same name gets a number in front.
     ///
     /// # Errors
     /// [`BagError::NotFound`], [`BagError::Io`].
     pub fn add_parameter_file(&mut self, source: &Path) -> Result<(), BagError> {
         let bytes = std::fs::read(source).map_err(|e| BagError::io("cannot read", source, e))?;
-        let name =
-            source.file_name().map_or_else(|| "parameters".into(), |n| n.to_string_lossy().into_owned());
-        self.add_parameters(&name, &source.to_string_lossy(), &bytes)
+        let folder =
+            self.parameter_folder.get_or_insert_with(|| source.parent().unwrap_or(Path::new("")).to_owned());
+        let below = source.strip_prefix(folder).ok().filter(|below| is_plain(below));
+        let name = below.or(source.file_name().map(Path::new)).unwrap_or(Path::new("parameters"));
+        self.store_parameters(name, &source.to_string_lossy(), &bytes)
     }
 
     /// Stores a parameter file from memory in `params/`, e.g. `effective.yaml`: the parameters as they were
@@ -134,18 +142,26 @@ impl RunWriter {
     /// # Errors
     /// [`BagError::Io`].
     pub fn add_parameters(&mut self, name: &str, source: &str, bytes: &[u8]) -> Result<(), BagError> {
+        self.store_parameters(Path::new(name), source, bytes)
+    }
+
+    fn store_parameters(&mut self, name: &Path, source: &str, bytes: &[u8]) -> Result<(), BagError> {
         let directory = self.path.join(PARAMETER_DIRECTORY);
         let mut stored = name.to_owned();
         for number in 2.. {
             if !directory.join(&stored).exists() {
                 break;
             }
-            stored = format!("{number}_{name}");
+            let plain = name.file_name().unwrap_or_default().to_string_lossy();
+            stored = name.with_file_name(format!("{number}_{plain}"));
         }
         let path = directory.join(&stored);
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent).map_err(|e| BagError::io("cannot create", parent, e))?;
+        }
         std::fs::write(&path, bytes).map_err(|e| BagError::io("cannot write", &path, e))?;
         self.manifest.parameters.push(ParameterFile {
-            file: format!("{PARAMETER_DIRECTORY}/{stored}"),
+            file: format!("{PARAMETER_DIRECTORY}/{}", stored.display()),
             source: source.to_owned(),
             sha256: hexadecimal(&Sha256::digest(bytes)),
         });
@@ -382,6 +398,11 @@ pub fn sequence_of(message: &Message) -> Option<u64> {
         | Message::DiagnosticArray(_)
         | Message::TFMessage(_) => None,
     }
+}
+
+/// Whether a path only goes down.
+fn is_plain(path: &Path) -> bool {
+    path.components().all(|part| matches!(part, std::path::Component::Normal(_)))
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {

@@ -7,11 +7,12 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
 
-use mcap::records::{self, ChunkIndex, Record, op};
+use mcap::records::{self, ChunkHeader, ChunkIndex, Record, op};
 use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{Channel, McapError, McapResult, Schema, Summary};
 
 use crate::BagError;
+use crate::zstandard::{self, ZSTANDARD};
 
 /// No record of a bag is longer than this; a longer one is a damaged length.
 pub(crate) const RECORD_LIMIT: usize = 1 << 30;
@@ -149,7 +150,16 @@ impl Scan {
             return Err(McapError::BadIndex);
         };
         // First all of it, so that a chunk with a wrong checksum adds nothing.
-        let records = mcap::read::ChunkReader::new(header.clone(), &data)?
+        let decoded;
+        let (header_of_data, data) = if header.compression == ZSTANDARD {
+            decoded = zstandard::decode(&data, header.uncompressed_size)?;
+            let compressed_size = header.uncompressed_size;
+            let plain = ChunkHeader { compression: String::new(), compressed_size, ..header.clone() };
+            (plain, decoded.as_slice())
+        } else {
+            (header.clone(), &*data)
+        };
+        let records = mcap::read::ChunkReader::new(header_of_data, data)?
             .map(|record| record.map(Record::into_owned))
             .collect::<McapResult<Vec<_>>>()?;
         for record in &records {

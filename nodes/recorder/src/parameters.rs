@@ -15,6 +15,8 @@ pub struct Parameters {
     pub platforms: Vec<String>,
     /// Run directories are created in here.
     pub out_directory: PathBuf,
+    /// The run directory; `None`: a new one in `out_directory`, named after time and experiment.
+    pub run_directory: Option<PathBuf>,
     /// Name of the experiment; `None`: the coordinator's.
     pub experiment: Option<String>,
     /// Commit that the programs were built from.
@@ -33,6 +35,10 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let platforms = formation(r).platforms;
     r.fixed(|r| {
         let out_directory = r.string_or("out_directory", "runs", "where run directories are created");
+        let run_directory = r.optional_string(
+            "run_directory",
+            "the run directory; without it a new one in out_directory, named after time and experiment",
+        );
         let experiment = r.optional_string(
             "experiment",
             "name of the run; without it the coordinator's experiment.name, or else `recording`",
@@ -63,6 +69,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         Some(Parameters {
             platforms,
             out_directory: PathBuf::from(out_directory),
+            run_directory: run_directory.map(PathBuf::from),
             experiment,
             git_commit,
             seed: seed.and_then(|seed| u64::try_from(seed).ok()),

@@ -113,7 +113,11 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
         platforms: parameters.platforms.clone(),
         notes: Vec::new(),
     };
-    let mut run = RunWriter::create(&parameters.out_directory, description, wall_clock(), parameters.bag)?;
+    let (now, bag) = (wall_clock(), parameters.bag);
+    let mut run = match &parameters.run_directory {
+        Some(directory) => RunWriter::create_in(directory, description, now, bag)?,
+        None => RunWriter::create(&parameters.out_directory, description, now, bag)?,
+    };
     for file in &context.arguments().parameter_files {
         run.add_parameter_file(file)?;
     }

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::path::Path;
 
 use mcap::records::MessageHeader;
+use whorl_msgs::Message;
 
 use crate::{BagError, BagReader, recover};
 
@@ -84,6 +85,29 @@ fn split_bags_without_chunks_are_read() {
             let read: Vec<u8> = reader.messages().map(|m| m.unwrap().cdr[0]).collect();
             assert_eq!(read, expected);
             assert_eq!(recover(directory.path()).unwrap().files, if complete || round == 1 { 0 } else { 2 });
+        }
+    }
+}
+
+/// Written by the Python implementation, see `data/zstd.py`; also with its end cut off.
+#[test]
+fn zstandard_chunks_are_read() {
+    let bytes = include_bytes!("data/zstd.mcap");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("zstd.mcap");
+    for cut in [0, 60, 3_000] {
+        std::fs::write(&path, &bytes[..bytes.len() - cut]).unwrap();
+        let reader = BagReader::open(&path).unwrap();
+        assert_eq!(reader.integrity().complete, cut == 0);
+        assert_eq!(reader.integrity().damaged_chunks, 0);
+        let messages: Vec<_> = reader.messages().map(Result::unwrap).collect();
+        assert_eq!(messages.len() as u64, reader.message_count());
+        assert!(if cut < 3_000 { messages.len() == 300 } else { messages.len() < 300 });
+        for (i, message) in messages.iter().enumerate() {
+            let Message::Vector3Stamped(point) = message.decode().unwrap() else { panic!() };
+            assert_eq!((point.header.stamp.sec, point.header.stamp.nanosec), (i as i32, 5));
+            assert_eq!((point.header.frame_id.as_str(), point.vector.x), ("world", i as f64 * 0.5));
+            assert_eq!((message.log_time.0, message.sequence), (i as i64 * 1000, i as u32));
         }
     }
 }

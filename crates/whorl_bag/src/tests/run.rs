@@ -36,13 +36,18 @@ fn record(run: &mut RunWriter) {
 #[test]
 fn a_run_has_everything_and_counts_its_losses() {
     let directory = tempfile::tempdir().unwrap();
-    let parameters = directory.path().join("common.yaml");
-    std::fs::write(&parameters, "abc").unwrap();
+    std::fs::create_dir_all(directory.path().join("p/truth")).unwrap();
+    let [common, truth, other] = ["p/common.yaml", "p/truth/a.yaml", "common.yaml"].map(|name| {
+        let path = directory.path().join(name);
+        std::fs::write(&path, "abc").unwrap();
+        path
+    });
     let runs = directory.path().join("runs");
     let mut run = RunWriter::create(&runs, description(), START, BagOptions::default()).unwrap();
     assert_eq!(run.path().file_name().unwrap(), "2026-09-21T14-13-20Z_leader_follower");
-    run.add_parameter_file(&parameters).unwrap();
-    run.add_parameter_file(&parameters).unwrap();
+    for file in [common, truth, other] {
+        run.add_parameter_file(&file).unwrap();
+    }
     run.add_parameters("effective.yaml", "all layers", b"x: 1\n").unwrap();
     record(&mut run);
     let unknown = Route::platform(PlatformId(2), Topic::ImuRaw);
@@ -71,7 +76,10 @@ fn a_run_has_everything_and_counts_its_losses() {
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     );
     let files: Vec<_> = manifest.parameters.iter().map(|p| p.file.as_str()).collect();
-    assert_eq!(files, ["params/common.yaml", "params/2_common.yaml", "params/effective.yaml"]);
+    assert_eq!(
+        files,
+        ["params/common.yaml", "params/truth/a.yaml", "params/2_common.yaml", "params/effective.yaml"]
+    );
     assert!(run.parameter_files().iter().all(|file| file.exists()));
     assert_eq!(manifest.bag_bytes, std::fs::metadata(path.join("bag/bag_0.mcap")).unwrap().len());
     assert!(!path.join("bag/.reserve").exists());
@@ -135,6 +143,18 @@ fn a_plain_bag_is_a_run_without_a_manifest() {
     assert!(matches!(RunDirectory::open(&directory.path().join("no")), Err(BagError::NotFound { .. })));
     let empty = tempfile::tempdir().unwrap();
     assert!(matches!(RunDirectory::open(empty.path()), Err(BagError::NotABag { .. })));
+}
+
+#[test]
+fn a_given_directory_may_hold_logs_but_no_run() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a/b");
+    std::fs::create_dir_all(path.join("logs")).unwrap();
+    let create = || RunWriter::create_in(&path, description(), START, BagOptions::default());
+    let run = create().unwrap();
+    assert!(matches!(create(), Err(BagError::Exists { .. })));
+    run.finish(START).unwrap();
+    assert_eq!(RunDirectory::open(&path).unwrap().manifest().unwrap().message_count(), 0);
 }
 
 #[test]
