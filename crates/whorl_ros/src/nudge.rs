@@ -1,17 +1,18 @@
-//! Makes our own participant announce itself now.
+//! Makes participants announce themselves now.
 //!
-//! RustDDS announces a participant every 10 s, and nobody can ask it to hurry. But it answers the
-//! announcement of a participant that it did not know at once, to everybody. So we send it, on the
-//! loopback interface and to its own port only, the announcement of one that has no endpoints and
-//! is forgotten after a moment. Nobody else ever sees that participant.
+//! RustDDS announces a participant every 10 s, and nobody can ask it to hurry. But every DDS
+//! implementation answers the announcement of a participant that it did not know at once, to
+//! everybody. So we send the announcement of one that has no endpoints and is forgotten after a
+//! second: to our own participant, and, unless everything stays on this machine, to all others.
 //!
 //! With an address of another machine in it, the same announcement makes RustDDS tell that machine
 //! of us by unicast: so `ROS_STATIC_PEERS` works where a wireless LAN does not carry multicast.
 //!
 //! Wire format: OMG DDSI-RTPS 2.5, 8.5.3 (SPDP), 9.4 (messages), 9.6.2.3 (ports).
 
-use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4, UdpSocket};
 
+use crate::environment::{Network, interface_addresses};
 use crate::error::RosError;
 use crate::participant::Participant;
 use crate::recovery::ParticipantPrefix;
@@ -38,10 +39,16 @@ fn announcement_port(domain_id: u16, participant: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant
 }
 
-/// Sends announcements to our own participant.
+/// Where everybody hears announcements, at port 7400 + 250 * domain.
+const EVERYBODY: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
+
+/// Sends announcements.
 #[derive(Debug)]
 pub(crate) struct Nudge {
-    socket: UdpSocket,
+    to_ourselves: UdpSocket,
+    /// One socket for each of our addresses on the network.
+    to_others: Vec<UdpSocket>,
+    static_peers: Vec<Ipv4Addr>,
     domain_id: u16,
     count: u32,
 }
@@ -49,13 +56,17 @@ pub(crate) struct Nudge {
 impl Nudge {
     pub(crate) fn new(participant: &Participant) -> Result<Self, RosError> {
         let network = participant.network();
-        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(RosError::io("opening a socket"))?;
-        socket.set_nonblocking(true).map_err(RosError::io("opening a socket"))?;
-        let nudge = Self { socket, domain_id: network.domain_id, count: 0 };
+        let nudge = Self {
+            to_ourselves: socket(Ipv4Addr::LOCALHOST).map_err(RosError::io("opening a socket"))?,
+            // The kernel sends multicast from the interface whose address a socket is bound to. An
+            // address that is going away just now is not worth an error.
+            to_others: outward_addresses(network).into_iter().filter_map(|a| socket(a).ok()).collect(),
+            static_peers: network.static_peers.clone(),
+            domain_id: network.domain_id,
+            count: 0,
+        };
         for (index, peer) in network.static_peers.iter().enumerate() {
-            let locators: Vec<_> = (0..PARTICIPANTS_PER_PEER)
-                .map(|p| SocketAddrV4::new(*peer, announcement_port(network.domain_id, p)))
-                .collect();
+            let locators: Vec<_> = nudge.ports_of_peer().map(|port| SocketAddrV4::new(*peer, port)).collect();
             let id = prefix(u32::MAX - u32::try_from(index).unwrap_or(0));
             let message = announcement(id, 1, INFINITE_S, READS_ANNOUNCEMENTS, &locators);
             nudge.deliver(participant.participant_number(), &message);
@@ -63,12 +74,17 @@ impl Nudge {
         Ok(nudge)
     }
 
+    fn ports_of_peer(&self) -> impl Iterator<Item = u16> + use<> {
+        let domain_id = self.domain_id;
+        (0..PARTICIPANTS_PER_PEER).map(move |p| announcement_port(domain_id, p))
+    }
+
     /// Whether an id was made here.
     pub(crate) fn is_own(id: &ParticipantPrefix) -> bool {
         id.starts_with(&MARK)
     }
 
-    /// Makes our participant announce itself within some 10 ms.
+    /// Makes our participant, and those that hear us, announce themselves within some 10 ms.
     pub(crate) fn send(&mut self, participant_number: u16) {
         let (id, number) = (self.count % IDS, self.count / IDS + 1);
         self.count = self.count.wrapping_add(1);
@@ -76,13 +92,38 @@ impl Nudge {
         let nowhere = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9);
         let message = announcement(prefix(id), number, NUDGE_LEASE_S, 0, &[nowhere]);
         self.deliver(participant_number, &message);
+        for socket in &self.to_others {
+            let everybody = (EVERYBODY, 7400 + 250 * self.domain_id);
+            let _ = socket.send_to(&message, everybody);
+        }
+        if let Some(socket) = self.to_others.first() {
+            for peer in &self.static_peers {
+                self.ports_of_peer().for_each(|port| drop(socket.send_to(&message, (*peer, port))));
+            }
+        }
     }
 
     fn deliver(&self, participant_number: u16, message: &[u8]) {
         let port = announcement_port(self.domain_id, participant_number);
-        // A datagram to ourselves that does not fit now is sent again a second later.
-        let _ = self.socket.send_to(message, (Ipv4Addr::LOCALHOST, port));
+        // A datagram that does not fit now is sent again a second later.
+        let _ = self.to_ourselves.send_to(message, (Ipv4Addr::LOCALHOST, port));
     }
+}
+
+fn socket(address: Ipv4Addr) -> std::io::Result<UdpSocket> {
+    let socket = UdpSocket::bind((address, 0))?;
+    socket.set_nonblocking(true)?;
+    Ok(socket)
+}
+
+/// Our addresses on the networks that DDS uses, without the loopback's.
+fn outward_addresses(network: &Network) -> Vec<Ipv4Addr> {
+    if network.is_localhost() {
+        return Vec::new();
+    }
+    let used = |a: &Ipv4Addr| network.interfaces.as_ref().is_none_or(|list| list.contains(&IpAddr::from(*a)));
+    let ours = interface_addresses().into_iter().map(|i| i.address);
+    ours.filter(|a| !a.is_loopback() && used(a)).collect()
 }
 
 fn prefix(id: u32) -> ParticipantPrefix {

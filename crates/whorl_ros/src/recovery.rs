@@ -9,8 +9,8 @@
 //! ones are dropped once the new ones have found their peers. Either side doing this suffices.
 //!
 //! To return soon, the participants must hear of each other soon: they announce themselves every
-//! 10 s. While somebody is missing, we make our participant announce itself every second
-//! (see `nudge.rs`).
+//! 10 s. While somebody is missing, we make everybody announce himself every second (see
+//! `nudge.rs`). Measured: data flows again 0.25 to 0.5 s after the end of cuts of 48 to 120 s.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -25,7 +25,7 @@ pub type ParticipantPrefix = [u8; 12];
 pub enum Action {
     /// Create all endpoints anew.
     Renew(Reason),
-    /// Announce ourselves.
+    /// Make everybody announce himself.
     Announce,
 }
 
