@@ -200,6 +200,8 @@ impl CoordinatorCore {
         let run = Run::start(&self.parameters, &sights, at, outputs)?;
         self.stage = Stage::Running(Box::new(run));
         self.finished = false;
+        // Before the first command gives authority.
+        self.publish_references(at, outputs);
         Ok(())
     }
 

@@ -84,7 +84,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let steps = r.fixed(|r| step::read_all(r, &platforms, law.as_ref()));
     let bandwidth_rad_s = r.f64_or(
         "bandwidth_rad_s",
-        1.0,
+        2.0,
         range(0.05..=5.0),
         "natural frequency of a reference towards what the law demands; lower passes less of the \
          leader's estimation noise to its followers [rad/s]",

@@ -1,5 +1,6 @@
 //! Tests of the coordinator with ideal platforms: they are where their reference says.
 
+mod experiments;
 mod faults;
 mod messages;
 mod sequence;

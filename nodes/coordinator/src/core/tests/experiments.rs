@@ -1,0 +1,32 @@
+//! The experiments that come with Whorl, with ideal platforms.
+
+use std::path::PathBuf;
+
+use super::*;
+
+#[test]
+fn every_experiment_runs_to_its_end_without_a_warning() {
+    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../params"));
+    let mut seen = 0;
+    for entry in std::fs::read_dir(folder.join("experiments")).unwrap() {
+        let file = entry.unwrap().path();
+        let layers =
+            ["common.yaml", "whorl_1.yaml", "whorl_2.yaml"].map(|name| folder.join(name)).into_iter();
+        let files: Vec<_> = layers.chain([file.clone()]).collect();
+        let tree = ParameterTree::load(&files, &[]).unwrap();
+        let (parameters, _) = whorl_params::try_read(&tree.for_node("/coordinator"), parameters::read)
+            .unwrap_or_else(|e| panic!("{e}"));
+        let stem = file.file_stem().unwrap().to_string_lossy();
+        assert_eq!(parameters.experiment.name, stem, "the run directory is named after it");
+        let length_s: f64 = parameters.steps.iter().map(|step| step.duration_s).sum();
+
+        let mut lab = Laboratory::with(parameters);
+        lab.run_until(FormationState::PHASE_FINISHED, length_s + 2.0);
+        assert!(!lab.log.iter().any(|line| line.contains("within the limits")), "{stem}: {:?}", lab.log);
+        assert!(lab.states.iter().all(|state| state.reference_clipped == [false, false]), "{stem}");
+        let error = Vector3::from(lab.state().relative_error_rad[1]).norm();
+        assert!(error < 2e-4, "{stem}: {error}");
+        seen += 1;
+    }
+    assert!(seen >= 5);
+}
