@@ -1,1 +1,1 @@
-//! Integration tests of Whorl.
+//! Integration tests of Whorl: see `integration.rs`. This library is empty; Cargo wants one beside tests.

@@ -1,0 +1,7 @@
+//! The node set in one simulated process.
+
+mod accuracy;
+mod determinism;
+mod faults;
+mod link;
+mod momentum;

@@ -1,0 +1,15 @@
+//! Whorl as a whole.
+//!
+//! - `closed_loop`: the node set in one simulated process: accuracy, determinism, links, faults.
+//! - `replay`: recordings through single cores, to the bit.
+//! - `ros`: the node set as real processes over DDS, one fault after the other.
+//!
+//! The processes' binaries are built once, with the profile of the tests; `WHORL_TEST_BIN` names a
+//! folder that has them already. `WHORL_FAST_TESTS=1` leaves out what takes more than a minute.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod closed_loop;
+mod replay;
+mod ros;
+mod support;

@@ -1,0 +1,1 @@
+//! The node set as real processes over DDS, on the loopback interface.

@@ -1,0 +1,33 @@
+//! A ROS domain for each test, also when several test programs run on one machine.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::time::Duration;
+
+use super::wait_for;
+
+/// Domains above 101 use ports that the kernel hands out to others; 0 to 19 are left to people.
+const DOMAINS: std::ops::RangeInclusive<u16> = 20..=99;
+
+/// A domain that nobody else has while this exists.
+pub struct Domain {
+    /// ROS_DOMAIN_ID.
+    pub id: u16,
+    /// The lock ends with the file.
+    _lock: File,
+}
+
+impl Domain {
+    /// Takes a free one.
+    pub fn take() -> Self {
+        wait_for("a free ROS domain", Duration::from_secs(600), || DOMAINS.into_iter().find_map(Self::try_take))
+    }
+
+    fn try_take(id: u16) -> Option<Self> {
+        let path = std::env::temp_dir().join(format!("whorl-test-domain-{id}"));
+        let file = OpenOptions::new().create(true).truncate(false).write(true).open(path).ok()?;
+        match file.try_lock() {
+            Ok(()) => Some(Self { id, _lock: file }),
+            Err(TryLockError::WouldBlock | TryLockError::Error(_)) => None,
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! A formation of real processes, started as the launch scripts start it.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use tempfile::TempDir;
+use whorl_ros::Participant;
+use whorl_ros::environment::Network;
+
+use super::domain::Domain;
+use super::machine::{Load, Share};
+use super::process::Process;
+use super::watch::Watch;
+use super::{binaries, root};
+
+/// Time for a set of processes to start and be seen, on a busy machine.
+pub const STARTUP: Duration = Duration::from_secs(60);
+
+/// Both platforms hold still for as long as a test may want.
+pub const LONG_HOLD: &str = r#"
+/coordinator:
+  ros__parameters:
+    experiment: {name: long_hold, description: "both platforms hold still, Whorl-II turned by 20 deg"}
+    law:
+      kind: leader_follower
+      members:
+        whorl_2: {leader: whorl_1, offset: {yaw_deg: 20.0}}
+    steps:
+      settle: {kind: settle, duration_s: 3.0, yaw_deg: 0.0, pitch_deg: -0.6, roll_deg: 2.0}
+      hold: {kind: hold, duration_s: 900.0}
+/whorl_1/driver:
+  ros__parameters:
+    initial: {yaw_deg: 0.0, pitch_deg: -0.6, roll_deg: 2.0}
+/whorl_2/driver:
+  ros__parameters:
+    initial: {yaw_deg: 19.0, pitch_deg: -0.5, roll_deg: 1.0}
+"#;
+
+/// Whorl-I alone holds still.
+pub const LONG_HOLD_ALONE: &str = r#"
+/**:
+  ros__parameters:
+    formation: {platforms: [whorl_1]}
+/coordinator:
+  ros__parameters:
+    experiment: {name: long_hold_alone, description: "Whorl-I holds still"}
+    law: {kind: leader_follower}
+    steps:
+      settle: {kind: settle, duration_s: 3.0, yaw_deg: 0.0, pitch_deg: -0.6, roll_deg: 2.0}
+      hold: {kind: hold, duration_s: 900.0}
+/whorl_1/driver:
+  ros__parameters:
+    initial: {yaw_deg: 0.0, pitch_deg: -0.6, roll_deg: 2.0}
+"#;
+
+/// Processes of one domain, their parameter files and logs.
+pub struct Formation {
+    nodes: BTreeMap<String, Process>,
+    /// Names of the platforms.
+    pub platforms: Vec<&'static str>,
+    files: Vec<PathBuf>,
+    environment: Vec<(String, String)>,
+    /// Network namespace of each platform's nodes; the others run in the first one.
+    namespaces: Vec<String>,
+    folder: TempDir,
+    domain: Domain,
+    _share: Share,
+}
+
+impl Formation {
+    /// Nothing runs yet. `layers` are texts of parameter files above the platforms' own.
+    pub fn new(platforms: &[&'static str], layers: &[&str]) -> Self {
+        let load = if platforms.len() > 1 { Load::Formation } else { Load::Light };
+        let share = load.take();
+        binaries::folder();
+        let folder = tempfile::Builder::new().prefix("whorl-test-").tempdir().unwrap();
+        let files = layers.iter().enumerate().map(|(index, text)| {
+            let path = folder.path().join(format!("layer_{index}.yaml"));
+            std::fs::write(&path, text).unwrap();
+            path
+        });
+        Self {
+            nodes: BTreeMap::new(),
+            platforms: platforms.to_vec(),
+            files: files.collect(),
+            environment: Vec::new(),
+            namespaces: Vec::new(),
+            folder,
+            domain: Domain::take(),
+            _share: share,
+        }
+    }
+
+    /// Both platforms and the coordinator in a long hold; waits until it is reached.
+    pub fn holding(layers: &[&str]) -> (Self, Watch) {
+        let mut formation = Self::new(&["whorl_1", "whorl_2"], &[&[LONG_HOLD], layers].concat());
+        let watch = formation.watch();
+        formation.start_all();
+        formation.wait_for_step(&watch, "hold");
+        (formation, watch)
+    }
+
+    /// Whorl-I and the coordinator in a long hold; waits until it is reached.
+    pub fn holding_alone(layers: &[&str]) -> (Self, Watch) {
+        let mut formation = Self::new(&["whorl_1"], &[&[LONG_HOLD_ALONE], layers].concat());
+        let watch = formation.watch();
+        formation.start_all();
+        formation.wait_for_step(&watch, "hold");
+        (formation, watch)
+    }
+
+    /// Puts each platform into a network namespace; the coordinator goes with the first.
+    pub fn in_namespaces(mut self, namespaces: &[&str]) -> Self {
+        self.namespaces = namespaces.iter().map(|&n| n.to_owned()).collect();
+        self.environment.push(("ROS_AUTOMATIC_DISCOVERY_RANGE".into(), "SUBNET".into()));
+        self
+    }
+
+    /// The domain's number.
+    pub fn domain(&self) -> u16 {
+        self.domain.id
+    }
+
+    /// A folder of its own.
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// An observer in the formation's domain.
+    pub fn watch(&self) -> Watch {
+        Watch::new(self.domain(), &self.platforms)
+    }
+
+    /// A participant in the formation's domain.
+    pub fn participant(&self) -> Participant {
+        Participant::new(&Network::localhost(self.domain())).unwrap()
+    }
+
+    /// Nodes of every platform, and the coordinator.
+    pub fn start_all(&mut self) {
+        for platform in self.platforms.clone() {
+            self.start_platform(platform);
+        }
+        self.start("/coordinator");
+    }
+
+    /// Driver, estimator and local control of one platform.
+    pub fn start_platform(&mut self, platform: &str) {
+        for node in ["driver", "estimator", "local_control"] {
+            self.start(&format!("/{platform}/{node}"));
+        }
+    }
+
+    /// Starts a node by its full name, with the parameter files that the launch scripts give it.
+    pub fn start(&mut self, node: &str) {
+        self.start_with(node, &[]);
+    }
+
+    /// Starts a node with further `-p` arguments.
+    pub fn start_with(&mut self, node: &str, overrides: &[String]) {
+        let name = node.trim_start_matches('/');
+        let (platform, program) = name.split_once('/').map_or((None, name), |(p, n)| (Some(p), n));
+        let mut arguments: Vec<OsString> = vec!["--ros-args".into()];
+        let mut file = |path: PathBuf| arguments.extend(["--params-file".into(), path.into_os_string()]);
+        let parameters = root().join("params");
+        file(parameters.join("common.yaml"));
+        for own in self.platforms.iter().filter(|p| platform.is_none_or(|wanted| wanted == **p)) {
+            file(parameters.join(format!("{own}.yaml")));
+            if program == "driver" {
+                file(parameters.join("truth").join(format!("{own}.yaml")));
+            }
+        }
+        self.files.iter().cloned().for_each(&mut file);
+        if let Some(platform) = platform {
+            arguments.extend(["-r".into(), format!("__ns:=/{platform}").into()]);
+        }
+        overrides.iter().for_each(|text| arguments.extend(["-p".into(), text.into()]));
+        let mut command = self.command(platform, &binaries::path(program));
+        command.args(arguments);
+        self.adopt(node, command);
+    }
+
+    /// A program in the formation's domain, and in the namespace of that platform if there are any.
+    pub fn command(&self, platform: Option<&str>, program: &Path) -> Command {
+        let index = self.platforms.iter().position(|p| Some(*p) == platform).unwrap_or(0);
+        let mut command = match self.namespaces.get(index) {
+            None => Command::new(program),
+            Some(namespace) => {
+                let mut command = Command::new("ip");
+                command.args(["netns", "exec", namespace]).arg(program);
+                command
+            }
+        };
+        for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RUST_LOG"] {
+            command.env_remove(variable);
+        }
+        command.env("ROS_DOMAIN_ID", self.domain().to_string());
+        command.envs(self.environment.iter().cloned());
+        command.current_dir(self.folder());
+        command
+    }
+
+    /// Starts any process as part of the formation.
+    pub fn adopt(&mut self, name: &str, command: Command) {
+        let log = self.folder().join(format!("{}.log", name.trim_start_matches('/').replace('/', "_")));
+        let process = Process::start(name, command, &log);
+        self.nodes.insert(name.to_owned(), process);
+    }
+
+    /// A process that was started.
+    pub fn node(&mut self, name: &str) -> &mut Process {
+        self.nodes.get_mut(name).unwrap_or_else(|| panic!("{name} was not started"))
+    }
+
+    /// All processes that were started.
+    pub fn nodes(&mut self) -> impl Iterator<Item = (&str, &mut Process)> {
+        self.nodes.iter_mut().map(|(name, process)| (name.as_str(), process))
+    }
+
+    /// kill -9; returns when.
+    pub fn kill(&mut self, node: &str) -> whorl_node::Timestamp {
+        let at = whorl_ros::wall_clock();
+        self.node(node).kill();
+        at
+    }
+
+    /// Fails when a process has ended by itself.
+    pub fn check_alive(&mut self) {
+        for (name, process) in &mut self.nodes {
+            if let Some(status) = process.ended() {
+                panic!("{name} ended: {status}; its log:\n{}", process.log());
+            }
+        }
+    }
+
+    /// Waits until the experiment is at a step.
+    pub fn wait_for_step(&mut self, watch: &Watch, step: &str) {
+        use whorl_msgs::topics::Topic;
+        use whorl_msgs::whorl::FormationState;
+        let begin = std::time::Instant::now();
+        loop {
+            let route = super::watch::route(0, Topic::FormationState);
+            if watch.log().latest::<FormationState>(route).is_some_and(|(_, m)| m.step == step) {
+                return;
+            }
+            self.check_alive();
+            assert!(begin.elapsed() < STARTUP, "step {step} was not reached\n{}", watch.summary());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Interrupts everything, and fails unless each process ends well and in time.
+    pub fn stop(&mut self) {
+        for process in self.nodes.values_mut() {
+            process.signal(rustix::process::Signal::INT);
+        }
+        for (name, process) in &mut self.nodes {
+            let status = process.wait(Duration::from_secs(5));
+            assert!(status.success(), "{name}: {status}; its log:\n{}", process.log());
+        }
+    }
+}
+
+impl Drop for Formation {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            for (name, process) in &self.nodes {
+                let log = process.log();
+                let lines: Vec<&str> = log.lines().collect();
+                eprintln!("--- last lines of {name}:\n{}", lines[lines.len().saturating_sub(12)..].join("\n"));
+            }
+        }
+        // At once, not one after the other.
+        for process in self.nodes.values_mut() {
+            process.signal(rustix::process::Signal::INT);
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Tests share the machine: what runs in real time must not be starved by its neighbours.
+
+use std::sync::{Condvar, Mutex, PoisonError};
+
+/// How much of the machine a test needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Load {
+    /// A node or two, or a computation.
+    Light,
+    /// A formation of two platforms in real time.
+    Formation,
+}
+
+/// A share of the machine, given back on drop.
+pub struct Share(u32);
+
+static FREE: Mutex<Option<u32>> = Mutex::new(None);
+static CHANGED: Condvar = Condvar::new();
+
+impl Load {
+    /// Waits for that share.
+    pub fn take(self) -> Share {
+        let units = match self {
+            Self::Light => 1,
+            Self::Formation => 2,
+        };
+        let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            let now = *free.get_or_insert_with(capacity);
+            if now >= units {
+                *free = Some(now - units);
+                return Share(units);
+            }
+            free = CHANGED.wait(free).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+/// One unit per core; a machine of one core still runs a formation.
+fn capacity() -> u32 {
+    std::thread::available_parallelism().map_or(2, |n| u32::try_from(n.get()).unwrap_or(2)).max(2)
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
+        *free = Some(free.unwrap_or(0) + self.0);
+        CHANGED.notify_all();
+    }
+}

@@ -1,0 +1,53 @@
+//! What the tests stand on: binaries, processes, domains, an observer on the network, simulations.
+
+pub mod binaries;
+pub mod domain;
+pub mod formation;
+pub mod machine;
+pub mod network;
+pub mod process;
+pub mod simulation;
+pub mod typed;
+pub mod watch;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// The folder of the workspace.
+pub fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+/// Whether only tests that end within a minute are wanted.
+pub fn fast_only() -> bool {
+    std::env::var("WHORL_FAST_TESTS").is_ok_and(|v| v == "1")
+}
+
+/// Whether this machine lets us make network namespaces and mounts.
+pub fn is_root() -> bool {
+    rustix::process::geteuid().is_root()
+}
+
+/// Says, also when the test passes, that something could not be tested here.
+pub fn skipped(what: &str, why: &str) {
+    // Straight to the handle: libtest keeps what the macros print of tests that pass.
+    let _ = writeln!(std::io::stderr(), "\nSKIPPED {what}: {why}");
+}
+
+/// Says a measured number, also when the test passes.
+pub fn measured(text: &str) {
+    let _ = writeln!(std::io::stderr(), "\n    measured: {text}");
+}
+
+/// Tries until there is something, at most for `timeout`.
+pub fn wait_for<T>(what: &str, timeout: Duration, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let begin = Instant::now();
+    loop {
+        if let Some(value) = attempt() {
+            return value;
+        }
+        assert!(begin.elapsed() < timeout, "waited {timeout:?} for {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
