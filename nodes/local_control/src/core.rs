@@ -6,22 +6,20 @@ use nalgebra::Vector3;
 use thiserror::Error;
 use whorl_control::reference::{EnvelopeError, Reference, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
-use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, TrackingLaw, TrackingOutput};
+use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, TrackingLaw};
 use whorl_dynamics::{Environment, Gyrostat, GyrostatError};
 use whorl_msgs::sensor_msgs::Imu;
-use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
-use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, AttitudeReference, ControlStatus};
-use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ControlStatus};
+use whorl_node::{Configurable, Event, NodeCore, Outputs, Timestamp};
 
-use crate::actuation::{Actuated, Actuation, ActuationError, Found};
+use crate::actuation::{Actuation, ActuationError};
 use crate::authority::{Authority, Heartbeat};
-use crate::diagnostics::{Summary, diagnostics, phrase};
 use crate::inputs::{Estimate, Inputs};
 use crate::parameters::Parameters;
+use crate::publishing::Report;
 use crate::target::{Goal, Target};
 
-const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 /// Effects whose torque depends on what the controller does not know (phase, hidden states), or
 /// must not be countered (contact).
 const NOT_COMPENSATED: [&str; 5] =
@@ -51,41 +49,32 @@ pub enum LocalControlError {
     Actuation(#[from] ActuationError),
 }
 
-/// What the latest step did, for `control/status`.
-struct Report {
-    mode: u8,
-    reason: u8,
-    tracking: Option<TrackingOutput>,
-    asked_b_n_m: Vector3<f64>,
-    actuated: Actuated,
-}
-
 /// Local control of one platform.
 pub struct LocalControlCore {
-    parameters: Parameters,
-    frame_id: String,
-    gyrostat: Gyrostat,
-    inertia: GyrostatInertia,
-    law: TrackingLaw,
-    safe_mode: SafeMode,
-    safe_envelope: TiltEnvelope,
-    target: Target,
-    actuation: Actuation,
-    inputs: Inputs,
-    heartbeat: Heartbeat,
-    mode: u8,
-    reason: u8,
+    pub(crate) parameters: Parameters,
+    pub(crate) frame_id: String,
+    pub(crate) gyrostat: Gyrostat,
+    pub(crate) inertia: GyrostatInertia,
+    pub(crate) law: TrackingLaw,
+    pub(crate) safe_mode: SafeMode,
+    pub(crate) safe_envelope: TiltEnvelope,
+    pub(crate) target: Target,
+    pub(crate) actuation: Actuation,
+    pub(crate) inputs: Inputs,
+    pub(crate) heartbeat: Heartbeat,
+    pub(crate) mode: u8,
+    pub(crate) reason: u8,
     /// Reason of the present safe episode.
-    fault: Option<u8>,
+    pub(crate) fault: Option<u8>,
     /// Authority was lost and the platform has come to rest since.
-    released: bool,
+    pub(crate) released: bool,
     /// Stamp and time of the latest step.
-    latest_stamp: Option<Timestamp>,
-    latest_step: Option<Timestamp>,
-    command_sequence: u64,
-    status_sequence: u64,
-    next_status: Option<Timestamp>,
-    next_diagnostics: Option<Timestamp>,
+    pub(crate) latest_stamp: Option<Timestamp>,
+    pub(crate) latest_step: Option<Timestamp>,
+    pub(crate) command_sequence: u64,
+    pub(crate) status_sequence: u64,
+    pub(crate) next_status: Option<Timestamp>,
+    pub(crate) next_diagnostics: Option<Timestamp>,
 }
 
 impl LocalControlCore {
@@ -224,22 +213,7 @@ impl LocalControlCore {
                 self.safe(now, stamp, authority, outputs);
             }
         }
-        if self.next_diagnostics.is_none_or(|due| due <= now) {
-            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
-            let summary = Summary {
-                mode: self.mode,
-                reason: self.reason,
-                refused: self.inputs.refused(),
-                fallbacks: self.actuation.fallbacks(),
-                failed_jets: self.actuation.failed_jets().iter().filter(|failed| **failed).count(),
-                unloading: self.actuation.unloading(),
-                gas_used_kg: self.actuation.gas_used_kg(),
-            };
-            outputs.publish(
-                Route::shared(Topic::Diagnostics),
-                diagnostics(now, &self.parameters.name, &summary),
-            );
-        }
+        self.publish_diagnostics(now, outputs);
     }
 
     /// Whether a step is due for a measurement of this stamp.
@@ -333,18 +307,19 @@ impl LocalControlCore {
     fn safe(&mut self, now: Timestamp, stamp: Timestamp, authority: Authority, outputs: &mut Outputs) {
         let dt_s = self.step_length_s(now);
         let fault = self.find_fault(now, authority);
-        if self.safe_mode.state() == SafeState::Nominal {
-            self.leave_tracking();
-        }
+        let tracked = self.safe_mode.state() == SafeState::Nominal;
         let gyro = self.inputs.gyro_rate(now, self.parameters.limits.imu_timeout_s);
         let state = self.safe_mode.step(dt_s, fault.is_some(), gyro.as_ref());
-        let reason = fault.or(self.fault).unwrap_or(ControlStatus::REASON_NONE);
-        // The reason stays until tracking resumes, also while recovery is being waited for.
-        self.fault = Some(reason);
         if state == SafeState::Nominal {
-            // Recovered: the next estimate tracks again.
+            // Recovered, or only a short silence: the next estimate tracks.
             return;
         }
+        if tracked {
+            self.leave_tracking();
+        }
+        // The reason stays until tracking resumes, also while recovery is being waited for.
+        let reason = fault.or(self.fault).unwrap_or(ControlStatus::REASON_NONE);
+        self.fault = Some(reason);
         let (mode, asked_b_n_m, actuated) = match (state, gyro) {
             (SafeState::Damping, Some(omega)) => {
                 let torque = self.safe_mode.damping_torque_b_n_m(&self.inertia.resisting_b_kg_m2, &omega);
@@ -364,85 +339,6 @@ impl LocalControlCore {
 
     fn step_length_s(&self, now: Timestamp) -> f64 {
         self.latest_step.map_or(0.0, |at| now.seconds_since(at).clamp(0.0, LONGEST_STEP_S))
-    }
-
-    /// Publishes command and status of a step and notes what it was.
-    fn finish(&mut self, now: Timestamp, stamp: Timestamp, report: Report, outputs: &mut Outputs) {
-        let stamp = self.latest_stamp.map_or(stamp, |latest| latest.max(stamp));
-        if (self.mode, self.reason) != (report.mode, report.reason) {
-            let safe = report.mode >= ControlStatus::MODE_SAFE_DAMPING;
-            outputs.log(
-                if safe { LogLevel::Warn } else { LogLevel::Info },
-                format!("{}: {}", self.parameters.name, phrase(report.mode, report.reason)),
-            );
-            self.mode = report.mode;
-            self.reason = report.reason;
-        }
-        self.latest_stamp = Some(stamp);
-        self.latest_step = Some(now);
-        self.publish_command(now, stamp, outputs);
-        if self.next_status.is_none_or(|due| due <= now) {
-            // On the grid of the status rate, whatever the grid of the steps.
-            let period = Duration::from_secs_f64(1.0 / self.parameters.status_rate_hz);
-            let next = self.next_status.map_or(now + period, |due| due + period);
-            self.next_status = Some(if next <= now { now + period } else { next });
-            self.publish_status(now, stamp, &report, outputs);
-        }
-    }
-
-    fn publish_command(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
-        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
-        outputs.publish(
-            Route::platform(self.parameters.platform, Topic::ActuatorCommand),
-            ActuatorCommand {
-                header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
-                sequence: self.command_sequence,
-                valid_until: (now + validity).into(),
-                wheel_torque_n_m: self.actuation.wheel_torque_n_m().to_vec(),
-                jet_slot: self.actuation.slot(),
-                jet_slot_length_s: self.actuation.slot_length_s(),
-                jet_on_time_s: self.actuation.on_time_s().to_vec(),
-            },
-        );
-        self.command_sequence += 1;
-    }
-
-    fn publish_status(&mut self, now: Timestamp, stamp: Timestamp, report: &Report, outputs: &mut Outputs) {
-        let unknown = Vector3::repeat(f64::NAN);
-        let estimate = self.inputs.estimate();
-        let age_s = |stamp: Option<Timestamp>| stamp.map_or(f64::NAN, |stamp| now.seconds_since(stamp));
-        let status = ControlStatus {
-            header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
-            sequence: self.status_sequence,
-            mode: report.mode,
-            reason: report.reason,
-            attitude_error_b_rad: report.tracking.map_or(unknown, |t| t.attitude_error_b_rad).into(),
-            rate_error_b_rad_s: report.tracking.map_or(unknown, |t| t.rate_error_b_rad_s).into(),
-            torque_commanded_b_n_m: report.asked_b_n_m.into(),
-            torque_achieved_b_n_m: report.actuated.achieved_b_n_m.into(),
-            alpha: report.actuated.alpha,
-            allocation: match report.actuated.found {
-                Found::Solved => ControlStatus::ALLOCATION_SOLVED,
-                Found::Unique => ControlStatus::ALLOCATION_UNIQUE,
-                Found::Fallback => ControlStatus::ALLOCATION_FALLBACK,
-                Found::Off => ControlStatus::ALLOCATION_OFF,
-            },
-            jet_saturated: self.actuation.saturated_jets(),
-            jet_failed: self.actuation.failed_jets(),
-            wheel_momentum_b_n_m_s: self
-                .actuation
-                .wheel_momentum_b_n_m_s(self.inputs.wheel_speed_rad_s())
-                .into(),
-            gas_used_kg: self.actuation.gas_used_kg(),
-            tilt_rad: estimate
-                .filter(|e| e.usable)
-                .map_or(f64::NAN, |e| self.safe_envelope.angle_rad(&e.q_world_body)),
-            estimate_age_s: age_s(estimate.map(|e| e.stamp)),
-            reference_age_s: age_s(self.inputs.reference().map(|(stamp, ..)| *stamp)),
-            allocation_fallbacks: self.actuation.fallbacks(),
-        };
-        outputs.publish(Route::platform(self.parameters.platform, Topic::ControlStatus), status);
-        self.status_sequence += 1;
     }
 }
 

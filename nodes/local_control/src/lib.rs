@@ -27,6 +27,7 @@ mod core;
 mod diagnostics;
 mod inputs;
 pub mod parameters;
+mod publishing;
 mod target;
 #[cfg(test)]
 mod tests;

@@ -109,7 +109,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let jet_slot_length_s = r.f64_or(
         "jet_slot_length_s",
         0.1,
-        range(0.02..=1.0),
+        range(0.02..=0.25),
         "length of a jet slot [s]: each jet fires at most one pulse in it",
     );
     let failed_names = r.string_array_or(
@@ -210,20 +210,22 @@ struct GainDefaults {
     rate_error_time_constant_s: f64,
 }
 
-/// Wheels are smooth: the bandwidth is a compromise between the estimate's noise and disturbances.
+/// Wheels: where, with MotionPak-class noise, more bandwidth no longer brings the platform nearer to
+/// its reference (what is left is the estimate's own error); the low-pass takes two thirds of the
+/// gyro's noise off the motors.
 const WHEELS: GainDefaults = GainDefaults {
-    bandwidth_rad_s: 0.8,
+    bandwidth_rad_s: 2.0,
     damping: 0.9,
-    integral_time_s: 5.0,
-    rate_error_time_constant_s: 0.0,
+    integral_time_s: 8.0,
+    rate_error_time_constant_s: 0.05,
 };
 
-/// Jets answer noise with pulses: less bandwidth, and a low-pass on the rate error.
+/// Jets answer noise with pulses: less bandwidth and a longer low-pass save gas.
 const JETS: GainDefaults = GainDefaults {
-    bandwidth_rad_s: 0.6,
+    bandwidth_rad_s: 0.8,
     damping: 0.9,
-    integral_time_s: 6.0,
-    rate_error_time_constant_s: 0.2,
+    integral_time_s: 8.0,
+    rate_error_time_constant_s: 0.25,
 };
 
 fn read_gains(r: &mut Reader<'_>, defaults: &GainDefaults) -> TrackingGains {
@@ -335,13 +337,13 @@ fn read_limits(r: &mut Reader<'_>) -> Limits {
         ),
         estimate_timeout_s: r.f64_or(
             "estimate_timeout_s",
-            0.05,
+            0.1,
             range(0.01..=10.0),
             "age at which an attitude estimate is stale [s]",
         ),
         imu_timeout_s: r.f64_or(
             "imu_timeout_s",
-            0.05,
+            0.1,
             range(0.01..=10.0),
             "age at which a gyro sample is stale [s]",
         ),

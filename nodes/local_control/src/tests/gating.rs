@@ -144,7 +144,7 @@ fn wrong_parameters_are_refused_with_their_reason() {
         let node = tree(arguments).for_node("/whorl_1/local_control");
         try_read(&node, crate::parameters::read).map(|_| ()).unwrap_err().to_string()
     };
-    assert!(refused(&["tracking.integral_time_s:=0.5"]).contains("integral time 0.5 s is unstable"));
+    assert!(refused(&["tracking.integral_time_s:=0.2"]).contains("integral time 0.2 s is unstable"));
     assert!(refused(&["failed_jets:=[jet_99]"]).contains("no jet jet_99"));
     assert!(refused(&["limits.reference_tilt_margin_rad:=0.2"]).contains("tilt margin"));
     assert!(refused(&["actuators:=rockets"]).contains("wheels, jets, both"));

@@ -138,6 +138,8 @@ fn a_reference_beyond_the_tilt_limit_is_clipped() {
 fn a_silent_estimator_leads_to_damping_then_coasting_and_recovers() {
     let mut rig = turning();
     rig.estimator_on = false;
+    rig.run(0.05);
+    assert_eq!(rig.mode().0, TRACK, "a short silence is none");
     rig.run(0.1);
     assert_eq!(rig.mode(), (DAMPING, ControlStatus::REASON_ESTIMATE_STALE));
     rig.run(30.0);

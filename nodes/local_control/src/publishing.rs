@@ -1,0 +1,131 @@
+//! What the core says about its steps: command, status, diagnostics, log.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use whorl_control::tracking::TrackingOutput;
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Route, Topic};
+use whorl_msgs::whorl::{ActuatorCommand, ControlStatus};
+use whorl_node::{LogLevel, Outputs, Timestamp};
+
+use crate::actuation::{Actuated, Found};
+use crate::core::LocalControlCore;
+use crate::diagnostics::{Summary, diagnostics, phrase};
+
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+
+/// What a step did.
+pub(crate) struct Report {
+    /// `ControlStatus.mode`.
+    pub mode: u8,
+    /// `ControlStatus.reason`.
+    pub reason: u8,
+    /// The law's errors, when it was used.
+    pub tracking: Option<TrackingOutput>,
+    /// Torque asked of the actuators, body axes [N m].
+    pub asked_b_n_m: Vector3<f64>,
+    /// What they gave.
+    pub actuated: Actuated,
+}
+
+impl LocalControlCore {
+    /// Publishes command and status of a step and notes what it was.
+    pub(crate) fn finish(&mut self, now: Timestamp, stamp: Timestamp, report: Report, outputs: &mut Outputs) {
+        let stamp = self.latest_stamp.map_or(stamp, |latest| latest.max(stamp));
+        if (self.mode, self.reason) != (report.mode, report.reason) {
+            let safe = report.mode >= ControlStatus::MODE_SAFE_DAMPING;
+            outputs.log(
+                if safe { LogLevel::Warn } else { LogLevel::Info },
+                format!("{}: {}", self.parameters.name, phrase(report.mode, report.reason)),
+            );
+            self.mode = report.mode;
+            self.reason = report.reason;
+        }
+        self.latest_stamp = Some(stamp);
+        self.latest_step = Some(now);
+        self.publish_command(now, stamp, outputs);
+        if self.next_status.is_none_or(|due| due <= now) {
+            // On the grid of the status rate, whatever the grid of the steps.
+            let period = Duration::from_secs_f64(1.0 / self.parameters.status_rate_hz);
+            let next = self.next_status.map_or(now + period, |due| due + period);
+            self.next_status = Some(if next <= now { now + period } else { next });
+            self.publish_status(now, stamp, &report, outputs);
+        }
+    }
+
+    fn publish_command(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
+        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
+        outputs.publish(
+            Route::platform(self.parameters.platform, Topic::ActuatorCommand),
+            ActuatorCommand {
+                header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
+                sequence: self.command_sequence,
+                valid_until: (now + validity).into(),
+                wheel_torque_n_m: self.actuation.wheel_torque_n_m().to_vec(),
+                jet_slot: self.actuation.slot(),
+                jet_slot_length_s: self.actuation.slot_length_s(),
+                jet_on_time_s: self.actuation.on_time_s().to_vec(),
+            },
+        );
+        self.command_sequence += 1;
+    }
+
+    fn publish_status(&mut self, now: Timestamp, stamp: Timestamp, report: &Report, outputs: &mut Outputs) {
+        let unknown = Vector3::repeat(f64::NAN);
+        let estimate = self.inputs.estimate();
+        let age_s = |stamp: Option<Timestamp>| stamp.map_or(f64::NAN, |stamp| now.seconds_since(stamp));
+        let status = ControlStatus {
+            header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
+            sequence: self.status_sequence,
+            mode: report.mode,
+            reason: report.reason,
+            attitude_error_b_rad: report.tracking.map_or(unknown, |t| t.attitude_error_b_rad).into(),
+            rate_error_b_rad_s: report.tracking.map_or(unknown, |t| t.rate_error_b_rad_s).into(),
+            torque_commanded_b_n_m: report.asked_b_n_m.into(),
+            torque_achieved_b_n_m: report.actuated.achieved_b_n_m.into(),
+            alpha: report.actuated.alpha,
+            allocation: match report.actuated.found {
+                Found::Solved => ControlStatus::ALLOCATION_SOLVED,
+                Found::Unique => ControlStatus::ALLOCATION_UNIQUE,
+                Found::Fallback => ControlStatus::ALLOCATION_FALLBACK,
+                Found::Off => ControlStatus::ALLOCATION_OFF,
+            },
+            jet_saturated: self.actuation.saturated_jets(),
+            jet_failed: self.actuation.failed_jets(),
+            wheel_momentum_b_n_m_s: self
+                .actuation
+                .wheel_momentum_b_n_m_s(self.inputs.wheel_speed_rad_s())
+                .into(),
+            gas_used_kg: self.actuation.gas_used_kg(),
+            tilt_rad: estimate
+                .filter(|e| e.usable)
+                .map_or(f64::NAN, |e| self.safe_envelope.angle_rad(&e.q_world_body)),
+            estimate_age_s: age_s(estimate.map(|e| e.stamp)),
+            reference_age_s: age_s(self.inputs.reference().map(|(stamp, ..)| *stamp)),
+            allocation_fallbacks: self.actuation.fallbacks(),
+        };
+        outputs.publish(Route::platform(self.parameters.platform, Topic::ControlStatus), status);
+        self.status_sequence += 1;
+    }
+
+    /// The node's line in `/diagnostics`, once a second.
+    pub(crate) fn publish_diagnostics(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        if self.next_diagnostics.is_none_or(|due| due <= now) {
+            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
+            let summary = Summary {
+                mode: self.mode,
+                reason: self.reason,
+                refused: self.inputs.refused(),
+                fallbacks: self.actuation.fallbacks(),
+                failed_jets: self.actuation.failed_jets().iter().filter(|failed| **failed).count(),
+                unloading: self.actuation.unloading(),
+                gas_used_kg: self.actuation.gas_used_kg(),
+            };
+            outputs.publish(
+                Route::shared(Topic::Diagnostics),
+                diagnostics(now, &self.parameters.name, &summary),
+            );
+        }
+    }
+}
