@@ -52,7 +52,11 @@ impl Connection {
             incoming: None,
             matched: HashMap::new(),
             lost_writers: Vec::new(),
-            recovery: Recovery::new(RecoveryTimes::default()),
+            recovery: Recovery::new(if participant.network().is_localhost() {
+                RecoveryTimes::localhost()
+            } else {
+                RecoveryTimes::default()
+            }),
             nudge: Nudge::new(&participant)?,
             generation: 0,
             plan,

@@ -47,7 +47,8 @@ pub struct RecoveryTimes {
     pub pause: Duration,
     /// Time between announcements while somebody is missing.
     pub announce_period: Duration,
-    /// After this time without a return, the missing one is taken for dead.
+    /// After this time without a return, the missing one is taken for dead: it is no longer
+    /// called, but still known should it return.
     pub give_up: Duration,
     /// Silence of a subscription, whose writer is known, that calls for a renewal; doubles with
     /// every renewal that did not help.
@@ -60,18 +61,30 @@ impl Default for RecoveryTimes {
             settle: Duration::from_millis(100),
             pause: Duration::from_secs(1),
             announce_period: Duration::from_secs(1),
-            give_up: Duration::from_secs(3600),
+            give_up: Duration::from_secs(900),
             // Longer than the lease of 50 s, so that the return of a peer is dealt with first.
             silence: Duration::from_secs(75),
         }
     }
 }
 
+impl RecoveryTimes {
+    /// For a network that is this machine alone: it cannot be cut, so that who is missing is dead.
+    #[must_use]
+    pub fn localhost() -> Self {
+        Self { give_up: Duration::ZERO, ..Self::default() }
+    }
+}
+
+/// So many participants that are gone are remembered.
+const REMEMBERED: usize = 256;
+
 /// Who is missing, and what was done about it.
 #[derive(Debug)]
 pub struct Recovery {
     times: RecoveryTimes,
     missing: HashMap<ParticipantPrefix, Duration>,
+    called: usize,
     renew_at: Option<Duration>,
     last_renewal: Option<Duration>,
     next_announcement: Duration,
@@ -86,6 +99,7 @@ impl Recovery {
         Self {
             times,
             missing: HashMap::new(),
+            called: 0,
             renew_at: None,
             last_renewal: None,
             next_announcement: Duration::ZERO,
@@ -98,8 +112,12 @@ impl Recovery {
     pub fn peer(&mut self, now: Duration, event: PeerEvent) {
         match event {
             PeerEvent::TimedOut(peer) => {
-                if self.missing.is_empty() {
+                if self.called == 0 {
                     self.next_announcement = now + self.times.announce_period;
+                }
+                if self.missing.len() >= REMEMBERED {
+                    let oldest = self.missing.iter().min_by_key(|(_, since)| **since).map(|(peer, _)| *peer);
+                    oldest.map(|peer| self.missing.remove(&peer));
                 }
                 self.missing.insert(peer, now);
             }
@@ -125,7 +143,8 @@ impl Recovery {
     /// What to do at `now`. `longest_silence` is that of the subscriptions which once delivered
     /// and whose writer is still on the network.
     pub fn act(&mut self, now: Duration, longest_silence: Option<Duration>) -> Option<Action> {
-        self.missing.retain(|_, since| now.saturating_sub(*since) < self.times.give_up);
+        let give_up = self.times.give_up;
+        self.called = self.missing.values().filter(|since| now.saturating_sub(**since) < give_up).count();
         match longest_silence {
             None => self.silence_limit = self.times.silence,
             Some(silence) => {
@@ -139,7 +158,7 @@ impl Recovery {
         if self.renew_at.is_some_and(|at| now >= at) {
             return Some(self.renew(now, Reason::PeerReturned));
         }
-        if !self.missing.is_empty() && now >= self.next_announcement {
+        if self.called > 0 && now >= self.next_announcement {
             self.next_announcement = now + self.times.announce_period;
             return Some(Action::Announce);
         }
@@ -153,10 +172,10 @@ impl Recovery {
         Action::Renew(reason)
     }
 
-    /// How many participants are missing.
+    /// How many participants are missing and not yet taken for dead.
     #[must_use]
     pub fn missing(&self) -> usize {
-        self.missing.len()
+        self.called
     }
 
     /// How often endpoints were renewed.
@@ -230,12 +249,35 @@ mod tests {
     }
 
     #[test]
-    fn the_dead_are_given_up() {
+    fn the_dead_are_given_up_but_known_when_they_return() {
         let mut r = recovery();
         r.peer(seconds(0.0), PeerEvent::TimedOut(A));
-        assert!(r.act(seconds(3599.0), None).is_some());
-        assert!(r.act(seconds(3601.0), None).is_none());
+        assert_eq!(r.act(seconds(899.0), None), Some(Action::Announce));
+        assert_eq!(r.missing(), 1);
+        assert!(r.act(seconds(901.0), None).is_none());
         assert_eq!(r.missing(), 0);
+        r.peer(seconds(5000.0), PeerEvent::Discovered(A));
+        assert_eq!(r.act(seconds(5000.2), None), Some(Action::Renew(Reason::PeerReturned)));
+    }
+
+    #[test]
+    fn on_this_machine_nobody_is_called_but_one_that_was_stopped_is_welcome() {
+        let mut r = Recovery::new(RecoveryTimes::localhost());
+        r.peer(seconds(0.0), PeerEvent::TimedOut(A));
+        assert!(actions(&mut r, 0.0, 100.0).is_empty());
+        r.peer(seconds(100.0), PeerEvent::Discovered(A));
+        assert_eq!(actions(&mut r, 100.0, 200.0).len(), 1);
+    }
+
+    #[test]
+    fn memory_of_the_dead_is_bounded() {
+        let mut r = recovery();
+        for i in 0..10_000_u32 {
+            let mut peer = A;
+            peer[..4].copy_from_slice(&i.to_be_bytes());
+            r.peer(Duration::from_millis(u64::from(i)), PeerEvent::TimedOut(peer));
+        }
+        assert_eq!(r.missing.len(), REMEMBERED);
     }
 
     #[test]
