@@ -1,6 +1,8 @@
 //! Cost of one control step: estimate in, actuator command out.
 //! `cargo bench -p whorl_local_control`
 
+#![expect(clippy::expect_used, reason = "a bench may stop on its own inputs")]
+
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
