@@ -133,13 +133,6 @@ impl Connection {
     }
 
     fn peer(&mut self, now: Duration, event: PeerEvent) {
-        let peer = match event {
-            PeerEvent::Discovered(peer) | PeerEvent::Left(peer) | PeerEvent::TimedOut(peer) => Some(peer),
-            _ => None,
-        };
-        if peer.is_some_and(|peer| Nudge::is_own(&peer)) {
-            return;
-        }
         match event {
             PeerEvent::ReaderMatched { writer: ours, reader: theirs }
             | PeerEvent::WriterMatched { reader: ours, writer: theirs } => {

@@ -79,8 +79,8 @@ impl Nudge {
         (0..PARTICIPANTS_PER_PEER).map(move |p| announcement_port(domain_id, p))
     }
 
-    /// Whether an id was made here.
-    pub(crate) fn is_own(id: &ParticipantPrefix) -> bool {
+    /// Whether an id was made here, in this or another process: no participant has it.
+    pub(crate) fn made(id: &ParticipantPrefix) -> bool {
         id.starts_with(&MARK)
     }
 
@@ -197,9 +197,9 @@ mod tests {
     }
 
     #[test]
-    fn only_our_own_ids_are_ours() {
-        assert!(Nudge::is_own(&prefix(5)));
-        assert!(!Nudge::is_own(b"\x01\x0fwhorl\x00\x00\x00\x00\x01"));
+    fn only_ids_made_here_are_taken_for_such() {
+        assert!(Nudge::made(&prefix(5)));
+        assert!(!Nudge::made(b"\x01\x0fwhorl\x00\x00\x00\x00\x01"));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use whorl_msgs::topics::Qos;
 use crate::environment::Network;
 use crate::error::RosError;
 use crate::names;
+use crate::nudge::Nudge;
 use crate::raw::{EndpointId, RawReader, RawWriter};
 
 /// How an endpoint is created, beyond what the table of topics says.
@@ -252,7 +253,7 @@ impl Participant {
         use ros2_client::dds::rustdds::LostReason;
         let listener = self.participant.status_listener();
         loop {
-            return Some(match listener.try_recv_status()? {
+            let event = match listener.try_recv_status()? {
                 Event::ParticipantDiscovered { dpd } => {
                     PeerEvent::Discovered(EndpointId::from(dpd.guid).participant())
                 }
@@ -269,7 +270,12 @@ impl Participant {
                 Event::ReaderLost { guid, .. } => PeerEvent::ReaderLost(guid.into()),
                 Event::WriterLost { guid, .. } => PeerEvent::WriterLost(guid.into()),
                 _ => continue,
-            });
+            };
+            match event {
+                PeerEvent::Discovered(peer) | PeerEvent::Left(peer) | PeerEvent::TimedOut(peer)
+                    if Nudge::made(&peer) => {}
+                _ => return Some(event),
+            }
         }
     }
 
