@@ -1,5 +1,7 @@
 //! The coordinator's state machine.
 
+mod requests;
+
 use std::time::Duration;
 
 use whorl_control::formation::LimitsError;
@@ -309,55 +311,6 @@ impl CoordinatorCore {
             }
             _ => {}
         }
-    }
-
-    fn request_start(&mut self, now: Timestamp, experiment: &str, outputs: &mut Outputs) {
-        let name = self.parameters.experiment.name.clone();
-        if !experiment.is_empty() && experiment != name {
-            outputs.respond(false, format!("the experiment loaded is {name}, not {experiment}"));
-            return;
-        }
-        let problems = self.current_problems(now);
-        match &self.stage {
-            Stage::Running(_) => outputs.respond(false, format!("{name} is already running")),
-            _ if !problems.is_empty() => {
-                outputs.respond(false, format!("waiting for {}", problems.join("; ")));
-            }
-            _ => {
-                let at = self.tick_at.unwrap_or(now);
-                match self.start(at, outputs) {
-                    Ok(()) => outputs.respond(true, format!("{name} starts")),
-                    Err(reason) => outputs.respond(false, reason),
-                }
-            }
-        }
-    }
-
-    fn request_abort(&mut self, now: Timestamp, reason: &str, outputs: &mut Outputs) {
-        if matches!(self.stage, Stage::Finished { .. } | Stage::Aborted { .. }) {
-            outputs.respond(false, "no experiment is running");
-            return;
-        }
-        let running = matches!(self.stage, Stage::Running(_));
-        let reason = if reason.is_empty() { "asked for by a service call" } else { reason };
-        self.abort(now, reason.to_owned(), outputs);
-        // Not at the next heartbeat: now.
-        self.publish_command(now, self.command(), outputs);
-        self.publish_state(now, outputs);
-        let answer = if running {
-            "aborted: the platforms go to their safe mode"
-        } else {
-            "aborted before it started"
-        };
-        outputs.respond(true, answer);
-    }
-
-    fn shut_down(&mut self, now: Timestamp, outputs: &mut Outputs) {
-        if matches!(self.stage, Stage::Running(_)) {
-            self.abort(now, "the coordinator was stopped".to_owned(), outputs);
-        }
-        self.publish_command(now, self.command(), outputs);
-        self.publish_state(now, outputs);
     }
 }
 

@@ -3,6 +3,7 @@
 mod experiments;
 mod faults;
 mod messages;
+mod random;
 mod sequence;
 
 use std::collections::BTreeMap;
