@@ -37,7 +37,7 @@ pub use metadata::{BagMetadata, BagTopic, METADATA_FILE};
 pub use qos::offered_qos_profiles;
 pub use reader::{BagReader, MessageFilter, Messages, RecordedMessage};
 pub use recover::{Recovery, recover};
-pub use run_directory::{BAG_DIRECTORY, PARAMETER_DIRECTORY, RunDirectory, SUMMARY_FILE};
+pub use run_directory::{BAG_DIRECTORY, PARAMETER_DIRECTORY, RunDirectory, SUMMARY_FILE, recover_runs};
 pub use run_writer::{RawSample, RunTopicHandle, RunWriter, sequence_of};
 pub use scan::Integrity;
 pub use sequence::{Arrival, SequenceCounts, SequenceTracker};

@@ -77,9 +77,9 @@ pub struct Manifest {
     pub description: RunDescription,
     /// How far it got.
     pub state: RunState,
-    /// When recording began [UTC].
+    /// When recording began \[UTC\].
     pub start_utc: Timestamp,
-    /// When recording ended [UTC]; `None` while it goes on, and when the recorder was killed.
+    /// When recording ended \[UTC\]; `None` while it goes on, and when the recorder was killed.
     pub stop_utc: Option<Timestamp>,
     /// Log times of the first and last message.
     pub bounds: Option<(Timestamp, Timestamp)>,
@@ -104,7 +104,7 @@ impl Manifest {
         self.topics.iter().filter_map(|topic| topic.sequence).map(|counts| counts.lost).sum()
     }
 
-    /// From the first to the last message [s].
+    /// From the first to the last message \[s\].
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.bounds.map_or(0.0, |(first, last)| last.seconds_since(first))

@@ -51,9 +51,9 @@ impl BagTopic {
 /// What `metadata.yaml` says about the whole bag.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct BagMetadata {
-    /// Log time of the first message [ns]; 0 when there is none.
+    /// Log time of the first message \[ns\]; 0 when there is none.
     pub start_ns: u64,
-    /// Log time of the last message [ns]; 0 when there is none.
+    /// Log time of the last message \[ns\]; 0 when there is none.
     pub end_ns: u64,
     /// Number of messages.
     pub message_count: u64,

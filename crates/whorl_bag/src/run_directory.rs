@@ -156,6 +156,26 @@ impl RunDirectory {
     }
 }
 
+/// Makes the runs in a directory complete whose recorder was killed, see [`RunDirectory::recover`]. Tells what
+/// was done to which; complete runs, and those being recorded at this moment, are passed over.
+#[must_use]
+pub fn recover_runs(directory: &Path) -> Vec<(PathBuf, Result<Recovery, BagError>)> {
+    let Ok(entries) = std::fs::read_dir(directory) else { return Vec::new() };
+    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    let recover = |path: PathBuf| {
+        let mut run = RunDirectory::open(&path).ok()?;
+        if run.manifest()?.state != RunState::Recording {
+            return None;
+        }
+        match run.recover() {
+            Err(BagError::InUse { .. }) => None,
+            result => Some((path, result)),
+        }
+    };
+    paths.into_iter().filter_map(recover).collect()
+}
+
 fn platforms_of(reader: &BagReader) -> Vec<String> {
     let names = reader.topics().iter().filter_map(|topic| topic.whorl_topic()?.0.map(str::to_owned));
     names.collect::<std::collections::BTreeSet<_>>().into_iter().collect()

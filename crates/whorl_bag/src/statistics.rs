@@ -20,11 +20,11 @@ pub struct TopicSummary {
     pub count: u64,
     /// Bytes of CDR recorded.
     pub bytes: u64,
-    /// Mean rate between the first and the last message [Hz]; 0 with fewer than two.
+    /// Mean rate between the first and the last message \[Hz\]; 0 with fewer than two.
     pub rate_hz: f64,
-    /// Messages per second that the topic should have [Hz]; `None` when that is not known.
+    /// Messages per second that the topic should have \[Hz\]; `None` when that is not known.
     pub expected_rate_hz: Option<f64>,
-    /// Longest interval between two messages [s]; 0 with fewer than two.
+    /// Longest interval between two messages \[s\]; 0 with fewer than two.
     pub largest_gap_s: f64,
     /// Log time at which that interval began [s since the first message of the recording's topic].
     pub largest_gap_at_s: f64,

@@ -17,8 +17,9 @@ use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, monotonic, wal
 /// Time between two looks at the readers. Samples carry the time of their arrival, so looking seldom costs
 /// no accuracy and little processor time.
 const LOOK: Duration = Duration::from_millis(10);
-/// Messages per topic that wait for a look, when writing to the disk takes long: some seconds' worth.
-const DEPTH: u16 = 500;
+/// Messages per topic that wait for a look, when writing to the disk takes long: more than a second's worth.
+/// RustDDS keeps as many in memory all the time.
+const DEPTH: u16 = 150;
 /// Time between two ticks of the recording, and two looks after the other participants.
 const TICK: Duration = Duration::from_millis(100);
 
@@ -39,6 +40,7 @@ impl Recording {
         let readers = readers(&participant, &topics)?;
         let run = create_run(context, parameters)?;
         let run_directory = run.path().to_owned();
+        recover_earlier_runs(&run_directory)?;
         let core = RecorderCore::new(run, topics)?;
         let status = Arc::new(Mutex::new(core.status()));
         let stop = Arc::new(AtomicBool::new(false));
@@ -126,6 +128,27 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
     let effective: String = nodes.iter().map(|node| context.tree().for_node(node).to_yaml()).collect();
     run.add_parameters("effective.yaml", "all files and -p arguments of the recorder", effective.as_bytes())?;
     Ok(run)
+}
+
+/// Makes runs beside this one complete whose recorder was killed. In a thread of its own, which may take as
+/// long as it likes: it changes files of the past only.
+fn recover_earlier_runs(run_directory: &Path) -> anyhow::Result<()> {
+    let Some(runs) = run_directory.parent().map(Path::to_owned) else { return Ok(()) };
+    let recover = move || {
+        for (run, result) in whorl_bag::recover_runs(&runs) {
+            match result {
+                Ok(recovery) => {
+                    tracing::info!("made {} complete: {} messages", run.display(), recovery.messages);
+                }
+                Err(error) => tracing::warn!("cannot make {} complete: {error}", run.display()),
+            }
+        }
+    };
+    std::thread::Builder::new()
+        .name("recovering".to_owned())
+        .spawn(recover)
+        .context("cannot start the recovering thread")?;
+    Ok(())
 }
 
 struct Worker {

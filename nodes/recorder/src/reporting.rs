@@ -17,7 +17,7 @@ pub struct ReportingCore<F> {
     stopped: bool,
 }
 
-/// A recorder that heard nothing for this long says so [s].
+/// A recorder that heard nothing for this long says so \[s\].
 const SILENCE_S: f64 = 2.0;
 
 impl<F: FnMut() -> Status + Send> ReportingCore<F> {

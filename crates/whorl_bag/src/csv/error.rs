@@ -62,9 +62,9 @@ pub enum CsvError {
         line: u64,
         /// The time column.
         column: String,
-        /// Time in this line [s].
+        /// Time in this line \[s\].
         time_s: f64,
-        /// Time in the line before [s].
+        /// Time in the line before \[s\].
         previous_s: f64,
     },
     /// No line with a measurement.

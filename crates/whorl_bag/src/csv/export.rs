@@ -153,3 +153,47 @@ fn write_time(text: &mut String, ns: i64) {
     let ns = ns.unsigned_abs();
     let _ = write!(text, "{sign}{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BagOptions, RunDescription, RunDirectory, RunWriter};
+    use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
+    use whorl_msgs::sensor_msgs::JointState;
+    use whorl_msgs::{PlatformId, Route, Topic};
+    use whorl_node::Timestamp;
+
+    #[test]
+    fn lists_of_different_length_share_columns_and_texts_are_quoted() {
+        let directory = tempfile::tempdir().unwrap();
+        let description = RunDescription { platforms: vec!["a".into()], ..RunDescription::default() };
+        let mut run =
+            RunWriter::create(directory.path(), description, Timestamp(0), BagOptions::default()).unwrap();
+        let path = run.path().to_owned();
+        for (i, velocity) in [vec![0.1], vec![0.2, f64::NAN], vec![]].into_iter().enumerate() {
+            let state = JointState { velocity, effort: vec![i as f64], ..JointState::default() };
+            let route = Route::platform(PlatformId(0), Topic::WheelState);
+            run.write_message(route, Timestamp(7_000_000_001 + i as i64), &state.into()).unwrap();
+        }
+        let status = DiagnosticStatus { message: "a, \"b\"".into(), ..DiagnosticStatus::default() };
+        let array = DiagnosticArray { status: vec![status], ..DiagnosticArray::default() };
+        run.write_message(Route::shared(Topic::Diagnostics), Timestamp(6_000_000_000), &array.into())
+            .unwrap();
+        run.add_topic("/other", "x_msgs/msg/Y", "", None).unwrap();
+        run.finish(Timestamp(0)).unwrap();
+        let bag = RunDirectory::open(&path).unwrap().bag().unwrap();
+        let out = directory.path().join("csv");
+        let exported = export_csv(&bag, &out).unwrap();
+        assert_eq!(exported.iter().map(|e| e.rows).collect::<Vec<_>>(), [3, 1, 0]);
+        assert_eq!(exported[2].file, None);
+        assert_eq!(
+            std::fs::read_to_string(out.join("a_wheels_state.csv")).unwrap(),
+            "log_time [s],header.stamp [s],header.frame_id,velocity.0 [rad/s],velocity.1 [rad/s],effort.0 [N m]\n\
+             1.000000001,0.000000000,,0.1,,0.0\n\
+             1.000000002,0.000000000,,0.2,NaN,1.0\n\
+             1.000000003,0.000000000,,,,2.0\n"
+        );
+        let text = std::fs::read_to_string(out.join("diagnostics.csv")).unwrap();
+        assert_eq!(text.lines().nth(1).unwrap(), "0.000000000,0.000000000,,0,,\"a, \"\"b\"\"\",");
+    }
+}

@@ -84,7 +84,7 @@ impl CsvRecording {
         self.rows
     }
 
-    /// From the first to the last line [s].
+    /// From the first to the last line \[s\].
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.duration_s

@@ -4,7 +4,7 @@ use nalgebra::{Unit, Vector3};
 
 use super::import::Row;
 
-/// Length of the interval that is looked for [s].
+/// Length of the interval that is looked for \[s\].
 const INTERVAL_S: f64 = 1.0;
 /// A body is still when its rate stays below this [rad/s]: well above the bias of a consumer gyro ...
 const STILL_RATE_RAD_S: f64 = 0.05;

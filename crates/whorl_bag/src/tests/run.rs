@@ -7,6 +7,7 @@ use whorl_node::Timestamp;
 use super::time;
 use crate::{
     BagError, BagOptions, RawSample, RunDescription, RunDirectory, RunState, RunWriter, SequenceCounts,
+    recover_runs,
 };
 
 const START: Timestamp = Timestamp(1_790_000_000_000_000_000);
@@ -108,6 +109,8 @@ fn a_killed_run_is_made_complete_with_the_same_counts() {
     copy(&path, &killed);
     let written = run.finish(START).unwrap();
 
+    let again = directory.path().join("killed too");
+    copy(&killed, &again);
     let mut run = RunDirectory::open(&killed).unwrap();
     assert_eq!(run.manifest().unwrap().state, RunState::Recording);
     let without_change = run.manifest_or_from_bag().unwrap();
@@ -125,6 +128,13 @@ fn a_killed_run_is_made_complete_with_the_same_counts() {
     assert!(run.bag().unwrap().integrity().complete && !killed.join("bag/.reserve").exists());
     assert_eq!(RunDirectory::open(&killed).unwrap(), run);
     assert_eq!(run.recover().unwrap().files, 0);
+
+    // All of a directory: the one that is being recorded and the complete ones stay as they are.
+    let going_on = RunWriter::create(directory.path(), description(), START, BagOptions::default()).unwrap();
+    let found = recover_runs(directory.path());
+    assert_eq!(found.len(), 1);
+    assert_eq!((&found[0].0, found[0].1.as_ref().unwrap().messages), (&again, 394));
+    assert_eq!(RunDirectory::open(going_on.path()).unwrap().manifest().unwrap().state, RunState::Recording);
 }
 
 #[test]
