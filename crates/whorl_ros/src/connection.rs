@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use mio::{Registry, Token};
 
 use crate::endpoints::{Endpoints, Plan, Readable};
+use crate::environment::Network;
 use crate::error::RosError;
 use crate::nudge::Nudge;
 use crate::participant::{Participant, PeerEvent};
@@ -43,8 +44,18 @@ pub(crate) struct Connection {
 }
 
 impl Connection {
-    pub(crate) fn new(participant: Participant, plan: Plan, registry: &Registry) -> Result<Self, RosError> {
-        let mut current = Endpoints::new(&participant, &plan, 0)?;
+    pub(crate) fn new(network: &Network, plan: Plan, registry: &Registry) -> Result<Self, RosError> {
+        Self::with_generation(network, plan, registry, 0)
+    }
+
+    fn with_generation(
+        network: &Network,
+        plan: Plan,
+        registry: &Registry,
+        generation: usize,
+    ) -> Result<Self, RosError> {
+        let participant = Participant::new(network)?;
+        let mut current = Endpoints::new(&participant, &plan, generation)?;
         current.register(registry)?;
         current.announce(&participant, &plan.node, true)?;
         Ok(Self {
@@ -58,10 +69,20 @@ impl Connection {
                 RecoveryTimes::default()
             }),
             nudge: Nudge::new(&participant)?,
-            generation: 0,
+            generation,
             plan,
             participant,
         })
+    }
+
+    /// Whether the background threads of DDS still run.
+    pub(crate) fn is_alive(&self) -> bool {
+        self.participant.is_alive()
+    }
+
+    /// The same endpoints in a new participant, for one whose background threads are gone.
+    pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
+        Self::with_generation(self.participant.network(), self.plan.clone(), registry, self.generation + 1)
     }
 
     /// The endpoints to write with.

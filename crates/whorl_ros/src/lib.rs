@@ -1,8 +1,8 @@
 //! The only crate that knows ROS 2's transport: runs a node core on DDS.
 //!
-//! A node's whole `main`:
+//! A node's whole `main` (a complete one is `examples/echo_node.rs`):
 //!
-//! ```ignore
+//! ```text
 //! fn main() -> ExitCode {
 //!     let options = NodeOptions::new("estimator", "Estimates the attitude of one platform.");
 //!     whorl_ros::run_node(options, |r| Some(Parameters::read(r)), |context, parameters| {

@@ -279,6 +279,14 @@ impl Participant {
         }
     }
 
+    /// Whether the background threads of DDS still run. RustDDS 0.15 ends them when a system call
+    /// is interrupted, as it is when the process is stopped and continued (Ctrl-Z and `fg`); what is
+    /// written then goes nowhere, without an error.
+    #[must_use]
+    pub fn is_alive(&self) -> bool {
+        self.participant.assert_liveliness().is_ok()
+    }
+
     /// Who we are on the network.
     #[must_use]
     pub fn id(&self) -> EndpointId {

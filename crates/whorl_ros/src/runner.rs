@@ -12,13 +12,13 @@ use crate::endpoints::{Plan, Readable};
 use crate::error::RosError;
 use crate::node::NodeContext;
 use crate::parameters::ParameterSet;
-use crate::participant::Participant;
 use crate::recovery::Reason;
 use crate::shell::{Read, Shell};
-use crate::wake::{Alarm, Signals};
+use crate::wake::{self, Alarm, Signals};
 
 const SIGNALS: Token = Token(0);
 const ALARM: Token = Token(1);
+const CONTINUED: Token = Token(2);
 
 /// How often the shell looks after peers and diagnostics; and while endpoints are being renewed.
 const HOUSEKEEPING: Duration = Duration::from_millis(100);
@@ -36,6 +36,7 @@ pub(crate) struct Runner<C: Configurable> {
     poll: Poll,
     alarm: Alarm,
     signals: Signals,
+    continued: Signals,
 }
 
 impl<C: Configurable> Runner<C> {
@@ -49,13 +50,13 @@ impl<C: Configurable> Runner<C> {
         let poll = Poll::new().map_err(RosError::io("creating an event loop"))?;
         let alarm = Alarm::new(poll.registry(), ALARM)?;
         // Before the network is joined: from here on a signal is answered in order.
-        let signals = Signals::new(poll.registry(), SIGNALS)?;
-        let participant = Participant::new(context.network())?;
+        let signals = Signals::new(poll.registry(), SIGNALS, wake::END)?;
+        let continued = Signals::new(poll.registry(), CONTINUED, wake::CONTINUE)?;
         let shell = Shell::new(context.name().clone(), core, &plan, parameters, read);
-        let connection = Connection::new(participant, plan, poll.registry())?;
+        let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);
-        Ok(Self { shell, connection, schedule, period, poll, alarm, signals })
+        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued })
     }
 
     /// Runs until the core has finished or a signal comes.
@@ -81,6 +82,7 @@ impl<C: Configurable> Runner<C> {
             for event in &events {
                 match event.token() {
                     SIGNALS if self.signals.received() => self.shell.stop = true,
+                    CONTINUED if self.continued.received() => self.rebuild_connection()?,
                     token => self.readable(token),
                 }
             }
@@ -96,6 +98,9 @@ impl<C: Configurable> Runner<C> {
             self.look_after_connection(now, silence)?;
             if now >= diagnostics {
                 diagnostics = now + DIAGNOSTICS;
+                if !self.connection.is_alive() {
+                    self.rebuild_connection()?;
+                }
                 self.shell.report(&self.connection);
             }
             housekeeping =
@@ -127,6 +132,14 @@ impl<C: Configurable> Runner<C> {
             Readable::Service(index) => self.shell.serve(&self.connection, generation, index),
             Readable::Parameter(index) => self.shell.serve_parameters(&self.connection, generation, index),
         }
+    }
+
+    fn rebuild_connection(&mut self) -> Result<(), RosError> {
+        self.connection = self.connection.rebuilt(self.poll.registry())?;
+        self.shell.statistics.reconnections += 1;
+        let text = "the background threads of DDS had been interrupted: joined the network anew".to_owned();
+        self.shell.say(&self.connection, LogLevel::Warn, text);
+        Ok(())
     }
 
     fn look_after_connection(&mut self, now: Duration, silence: Option<Duration>) -> Result<(), RosError> {

@@ -68,6 +68,7 @@ pub(crate) struct Statistics {
     pub late_timers: u64,
     pub parameter_sets_refused: u64,
     pub renewals: u64,
+    pub reconnections: u64,
     pub missing_participants: usize,
     gone: Vec<(Duration, EndpointId)>,
     reported: Reported,
@@ -148,6 +149,7 @@ impl Statistics {
             ("timer firings more than a period late", self.late_timers),
             ("parameter sets refused", self.parameter_sets_refused),
             ("renewals of the endpoints", self.renewals),
+            ("reconnections", self.reconnections),
             ("missing participants", self.missing_participants as u64),
         ] {
             value(key.to_owned(), count.to_string());

@@ -10,7 +10,7 @@ use mio::{Interest, Registry, Token};
 use rustix::time::{
     Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create, timerfd_settime,
 };
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGCONT, SIGINT, SIGTERM};
 
 use crate::clock::monotonic;
 use crate::error::RosError;
@@ -50,17 +50,22 @@ impl Alarm {
     }
 }
 
-/// SIGINT and SIGTERM as events.
+/// Signals that end a node.
+pub(crate) const END: &[i32] = &[SIGINT, SIGTERM];
+/// Signals that tell a node that it had been stopped.
+pub(crate) const CONTINUE: &[i32] = &[SIGCONT];
+
+/// Signals as events.
 #[derive(Debug)]
 pub(crate) struct Signals {
     receiver: UnixStream,
 }
 
 impl Signals {
-    pub(crate) fn new(registry: &Registry, token: Token) -> Result<Self, RosError> {
+    pub(crate) fn new(registry: &Registry, token: Token, signals: &[i32]) -> Result<Self, RosError> {
         let error = || RosError::io("watching for signals");
         let (mut receiver, sender) = UnixStream::pair().map_err(error())?;
-        for signal in [SIGINT, SIGTERM] {
+        for &signal in signals {
             let sender = sender.as_fd().try_clone_to_owned().map_err(error())?;
             signal_hook::low_level::pipe::register(signal, sender).map_err(error())?;
         }

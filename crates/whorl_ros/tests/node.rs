@@ -206,6 +206,26 @@ fn control_c_ends_a_node_too_and_a_finished_core_ends_itself() {
 }
 
 #[test]
+fn a_node_that_was_stopped_and_continued_works_again() {
+    let mut node = Node::start(149);
+    let participant = Participant::new(&Network::localhost(149)).unwrap();
+    let commands = reader(&participant, Topic::ActuatorCommand);
+    let estimates = writer(&participant, Topic::AttitudeEstimate);
+    converse(&estimates, &commands, 1);
+    node.signal("-STOP");
+    std::thread::sleep(Duration::from_millis(200));
+    node.signal("-CONT");
+    std::thread::sleep(Duration::from_millis(200));
+    while take_command(&commands).is_some() {}
+    let answer = until("an answer to a new estimate", || {
+        Some(converse(&estimates, &commands, 2)).filter(|answer| answer.sequence == 2)
+    });
+    assert_eq!(answer.sequence, 2);
+    node.signal("-TERM");
+    assert_eq!(node.wait().0, Some(0));
+}
+
+#[test]
 fn a_service_is_called_and_answers() {
     let _node = Node::start(153);
     let participant = Participant::new(&Network::localhost(153)).unwrap();
