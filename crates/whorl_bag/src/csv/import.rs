@@ -135,14 +135,14 @@ struct Rows {
 impl Rows {
     fn open(path: &Path, map: &CsvMap) -> Result<Self, CsvError> {
         let table = Table::open(path, map.delimiter)?;
-        let scored = map.truth.as_ref().and_then(|truth| truth.scored_column.as_ref());
+        let scored = map.true_attitude.as_ref().and_then(|truth| truth.scored_column.as_ref());
         Ok(Self {
             path: path.to_owned(),
             time: table.column(&map.time_column)?,
             gyro: table.columns(&map.gyro_columns)?,
             accelerometer: table.columns(&map.accelerometer_columns)?,
             vector: map.vector.as_ref().map(|vector| table.columns(&vector.columns)).transpose()?,
-            truth: map.truth.as_ref().map(|truth| table.columns(&truth.columns)).transpose()?,
+            truth: map.true_attitude.as_ref().map(|truth| table.columns(&truth.columns)).transpose()?,
             scored: scored.map(|name| table.column(name)).transpose()?,
             table,
             map: map.clone(),
@@ -163,7 +163,7 @@ impl Rows {
         let vector = self.vector.map(|columns| self.table.numbers(&columns)).transpose()?.flatten();
         let truth = self.truth.map(|columns| self.table.numbers(&columns)).transpose()?.flatten();
         let scored = self.scored.map(|column| self.table.number(column)).transpose()?.flatten();
-        let world_to_body = self.map.truth.as_ref().is_some_and(|truth| truth.world_to_body);
+        let world_to_body = self.map.true_attitude.as_ref().is_some_and(|truth| truth.world_to_body);
         Ok(Some(Row {
             time_s,
             imu: gyro.zip(force),

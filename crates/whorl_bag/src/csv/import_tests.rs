@@ -177,6 +177,14 @@ fn errors_name_file_line_and_column() {
 }
 
 #[test]
+fn the_map_in_params_is_good() {
+    let params = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params/channels/broad.yaml");
+    let map = CsvMap::load(&params).unwrap();
+    assert_eq!(map.true_attitude.unwrap().scored_column.as_deref(), Some("movement"));
+    assert_eq!((map.gyro_unit_rad_s, map.vector.unwrap().reference_world), (1.0, None));
+}
+
+#[test]
 fn a_wrong_map_is_refused_with_its_line() {
     let files = Files::new();
     let error = |map: &str| {

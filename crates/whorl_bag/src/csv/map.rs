@@ -38,7 +38,7 @@ pub struct CsvMap {
     /// A vector sensor, such as a magnetometer.
     pub vector: Option<VectorMap>,
     /// True attitude.
-    pub truth: Option<TruthMap>,
+    pub true_attitude: Option<TruthMap>,
     /// Character between the cells.
     pub delimiter: u8,
 }
@@ -105,7 +105,7 @@ impl CsvMap {
                 }
             })
         });
-        let truth = r.has("true_attitude").then(|| {
+        let true_attitude = r.has("true_attitude").then(|| {
             r.group("true_attitude", |r| TruthMap {
                 columns: columns(r, "w, x, y, z of the true attitude quaternion (Hamilton)"),
                 world_to_body: r.choice_or(
@@ -127,7 +127,7 @@ impl CsvMap {
             accelerometer_columns,
             accelerometer_unit_m_s2,
             vector,
-            truth,
+            true_attitude,
             delimiter: delimiter.bytes().next().unwrap_or(b','),
         }
     }
