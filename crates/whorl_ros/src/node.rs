@@ -157,10 +157,9 @@ pub fn context_from_command_line(options: NodeOptions) -> Result<NodeContext, Ex
     };
     let arguments = Arguments::parse(&command_line).map_err(|e| fail(e.into()))?;
     if arguments.help {
-        println!(
-            "{}: {}\n\nusage: whorl_{} [--ros-args ...]\n\n{HELP}",
-            options.name, options.description, options.name
-        );
+        let program = std::env::args_os().next().unwrap_or_default();
+        let program = std::path::Path::new(&program).file_name().unwrap_or_default().to_string_lossy();
+        println!("{}: {}\n\nusage: {program} [--ros-args ...]\n\n{HELP}", options.name, options.description);
         return Err(ExitCode::SUCCESS);
     }
     if arguments.version {
