@@ -34,9 +34,9 @@ fn a_gyro_that_turns_to_nan_is_rejected_and_the_experiment_goes_on_when_it_is_ba
         assert_ne!(estimate.flags & AttitudeEstimate::FLAG_GYRO_REJECTED, 0, "not reported");
         assert!(estimate.q_world_body.to_unit().is_some(), "NaN went through");
     }
-    let safe = run.of::<ControlStatus>(route(0, Topic::ControlStatus)).any(|(t, m)| {
-        m.mode >= ControlStatus::MODE_SAFE_DAMPING && t > Timestamp::from_seconds(15.0)
-    });
+    let safe = run
+        .of::<ControlStatus>(route(0, Topic::ControlStatus))
+        .any(|(t, m)| m.mode >= ControlStatus::MODE_SAFE_DAMPING && t > Timestamp::from_seconds(15.0));
     assert!(safe, "control went on without a rate");
     assert!(estimates(&run, 24.0, 25.0).iter().all(|e| e.usable()), "the estimator did not recover");
     assert_eq!(last_phase(&run), FormationState::PHASE_FINISHED, "{:?}", run.lines.last());
@@ -45,9 +45,8 @@ fn a_gyro_that_turns_to_nan_is_rejected_and_the_experiment_goes_on_when_it_is_ba
 #[test]
 fn a_frozen_gyro_is_rejected() {
     let run = run("frozen: {kind: gyro_frozen, start_s: 15.0, length_s: 3.0}");
-    let reported = estimates(&run, 15.5, 17.9)
-        .iter()
-        .all(|e| e.flags & AttitudeEstimate::FLAG_GYRO_REJECTED != 0);
+    let reported =
+        estimates(&run, 15.5, 17.9).iter().all(|e| e.flags & AttitudeEstimate::FLAG_GYRO_REJECTED != 0);
     assert!(reported, "not reported");
     assert_eq!(last_phase(&run), FormationState::PHASE_FINISHED, "{:?}", run.lines.last());
 }

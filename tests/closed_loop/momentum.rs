@@ -40,7 +40,9 @@ fn jets_unload_a_fast_wheel_while_the_platform_points() {
         .map(|(_, m)| m.total_on_time_s.iter().sum())
         .unwrap();
     let error_deg = rms(&run.relative_errors_in_hold()).to_degrees();
-    measured(&format!("wheel {first:.0} to {last:.0} rad/s, jets on for {gas_s:.1} s, error {error_deg:.4} deg"));
+    measured(&format!(
+        "wheel {first:.0} to {last:.0} rad/s, jets on for {gas_s:.1} s, error {error_deg:.4} deg"
+    ));
     // 250 rad/s of 0.02 kg m^2 are 5 N m s: 14 s of two jets of 0.4 N at 0.45 m.
     assert!(last.abs() < 100.0, "{last} rad/s after the run");
     assert!(gas_s > 5.0, "momentum went without gas: {gas_s} s");

@@ -49,7 +49,9 @@ fn replay(node: &str, mut core: impl NodeCore, run: &Run, recorded: &BTreeMap<Ro
         let event = match &step.told {
             Told::Timer => Event::Timer,
             Told::Shutdown => Event::Shutdown,
-            Told::Message(route, index) => Event::Message { route: *route, message: &recorded[route][*index] },
+            Told::Message(route, index) => {
+                Event::Message { route: *route, message: &recorded[route][*index] }
+            }
         };
         outputs.clear();
         core.step(step.now, event, &mut outputs);

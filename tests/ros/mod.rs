@@ -1,1 +1,12 @@
-//! The node set as real processes over DDS, on the loopback interface.
+//! The node set as real processes over DDS, on the loopback interface: one fault after the other.
+
+mod command_silence;
+mod experiment;
+mod jet_failure;
+mod leader_stale;
+mod link_cut;
+mod node_deaths;
+mod recorder;
+mod sensor_faults;
+mod services;
+mod tilt_limit;

@@ -25,7 +25,10 @@ fn build() -> PathBuf {
     let profile = test.parent().and_then(Path::parent).unwrap();
     let target = profile.parent().unwrap();
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["build", "--workspace", "--bins", "--locked", "--target-dir"]).arg(target).current_dir(root());
+    cargo
+        .args(["build", "--workspace", "--bins", "--locked", "--target-dir"])
+        .arg(target)
+        .current_dir(root());
     match profile.file_name().and_then(|n| n.to_str()) {
         Some("debug") => {}
         Some(name) => {
@@ -34,10 +37,6 @@ fn build() -> PathBuf {
         None => panic!("no profile in {}", test.display()),
     }
     let output = cargo.output().unwrap();
-    assert!(
-        output.status.success(),
-        "{cargo:?} failed:\n{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{cargo:?} failed:\n{}", String::from_utf8_lossy(&output.stderr));
     profile.to_owned()
 }

@@ -19,7 +19,9 @@ pub struct Domain {
 impl Domain {
     /// Takes a free one.
     pub fn take() -> Self {
-        wait_for("a free ROS domain", Duration::from_secs(600), || DOMAINS.into_iter().find_map(Self::try_take))
+        wait_for("a free ROS domain", Duration::from_secs(600), || {
+            DOMAINS.into_iter().find_map(Self::try_take)
+        })
     }
 
     fn try_take(id: u16) -> Option<Self> {

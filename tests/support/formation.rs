@@ -194,7 +194,9 @@ impl Formation {
                 command
             }
         };
-        for variable in ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RUST_LOG"] {
+        for variable in
+            ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RUST_LOG"]
+        {
             command.env_remove(variable);
         }
         command.env("ROS_DOMAIN_ID", self.domain().to_string());
@@ -213,11 +215,6 @@ impl Formation {
     /// A process that was started.
     pub fn node(&mut self, name: &str) -> &mut Process {
         self.nodes.get_mut(name).unwrap_or_else(|| panic!("{name} was not started"))
-    }
-
-    /// All processes that were started.
-    pub fn nodes(&mut self) -> impl Iterator<Item = (&str, &mut Process)> {
-        self.nodes.iter_mut().map(|(name, process)| (name.as_str(), process))
     }
 
     /// kill -9; returns when.
@@ -270,7 +267,10 @@ impl Drop for Formation {
             for (name, process) in &self.nodes {
                 let log = process.log();
                 let lines: Vec<&str> = log.lines().collect();
-                eprintln!("--- last lines of {name}:\n{}", lines[lines.len().saturating_sub(12)..].join("\n"));
+                eprintln!(
+                    "--- last lines of {name}:\n{}",
+                    lines[lines.len().saturating_sub(12)..].join("\n")
+                );
             }
         }
         // At once, not one after the other.

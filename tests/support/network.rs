@@ -70,7 +70,8 @@ fn port(number: &str) -> String {
 }
 
 fn ip(arguments: &[&str]) -> Result<(), String> {
-    let output = Command::new("ip").args(arguments).output().map_err(|e| format!("cannot run ip (iproute2): {e}"))?;
+    let output =
+        Command::new("ip").args(arguments).output().map_err(|e| format!("cannot run ip (iproute2): {e}"))?;
     if output.status.success() {
         return Ok(());
     }

@@ -155,7 +155,10 @@ fn record(tree: &ParameterTree, seed: u64, longest_s: f64, with_journal: bool) -
 impl Run {
     /// Messages of one topic with the time they were sent.
     pub fn of<T: Typed>(&self, route: Route) -> impl DoubleEndedIterator<Item = (Timestamp, &T)> {
-        self.published.iter().filter(move |(_, r, _)| *r == route).filter_map(|(at, _, m)| Some((*at, T::of(m)?)))
+        self.published
+            .iter()
+            .filter(move |(_, r, _)| *r == route)
+            .filter_map(|(at, _, m)| Some((*at, T::of(m)?)))
     }
 
     /// Everything published, as bytes.

@@ -116,7 +116,9 @@ impl Watch {
         wanted: impl Fn(&T) -> bool,
     ) -> Timestamp {
         let since = whorl_ros::wall_clock();
-        self.wait(what, timeout, |log| log.after::<T>(route, since).find(|(_, m)| wanted(m)).map(|(at, _)| at))
+        self.wait(what, timeout, |log| {
+            log.after::<T>(route, since).find(|(_, m)| wanted(m)).map(|(at, _)| at)
+        })
     }
 
     /// Lets time pass and sees what arrives in it: from when.
@@ -142,11 +144,17 @@ impl Watch {
         for platform in 0..2 {
             if let Some((at, m)) = log.latest::<AttitudeEstimate>(route(platform, Topic::AttitudeEstimate)) {
                 let age = now.seconds_since(at);
-                text += &format!("platform {platform}: estimate {age:.2} s ago: health {} flags {}\n", m.health, m.flags);
+                text += &format!(
+                    "platform {platform}: estimate {age:.2} s ago: health {} flags {}\n",
+                    m.health, m.flags
+                );
             }
             if let Some((at, m)) = log.latest::<ControlStatus>(route(platform, Topic::ControlStatus)) {
                 let age = now.seconds_since(at);
-                text += &format!("platform {platform}: control {age:.2} s ago: mode {} reason {}\n", m.mode, m.reason);
+                text += &format!(
+                    "platform {platform}: control {age:.2} s ago: mode {} reason {}\n",
+                    m.mode, m.reason
+                );
             }
         }
         text

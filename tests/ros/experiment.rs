@@ -1,0 +1,169 @@
+//! The launch scripts, as a user runs them.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use tempfile::TempDir;
+use whorl_bag::{RunDirectory, RunState};
+
+use crate::support::domain::Domain;
+use crate::support::machine::{Load, Share};
+use crate::support::process::Process;
+use crate::support::{binaries, measured, root, wait_for};
+
+const NODES: usize = 8;
+
+/// `run_experiment.sh` in a domain of its own.
+struct Script {
+    process: Process,
+    folder: TempDir,
+    domain: Domain,
+    _share: Share,
+}
+
+impl Script {
+    fn start(arguments: &[&str]) -> Self {
+        let share = Load::Formation.take();
+        let (domain, folder) = (Domain::take(), tempfile::tempdir().unwrap());
+        let mut command = Command::new(root().join("launch_scripts/run_experiment.sh"));
+        command.args(arguments).arg("--out").arg(folder.path().join("runs"));
+        command.env("WHORL_BIN", binaries::folder()).env("ROS_DOMAIN_ID", domain.id.to_string());
+        // Process ids of what was started, for stop_all.sh.
+        command.env("XDG_RUNTIME_DIR", folder.path());
+        command.env_remove("ROS_AUTOMATIC_DISCOVERY_RANGE");
+        let process = Process::start("run_experiment.sh", command, &folder.path().join("script.log"));
+        Self { process, folder, domain, _share: share }
+    }
+
+    /// The run directory, once there is one.
+    fn run(&self) -> Option<PathBuf> {
+        std::fs::read_dir(self.folder.path().join("runs")).ok()?.next()?.ok().map(|entry| entry.path())
+    }
+
+    /// Processes with our domain in their environment, the script's own children among them.
+    fn processes(&self) -> Vec<String> {
+        let wanted = format!("ROS_DOMAIN_ID={}", self.domain.id);
+        let runtime = format!("XDG_RUNTIME_DIR={}", self.folder.path().display());
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+            let Ok(environment) = std::fs::read(entry.path().join("environ")) else { continue };
+            let has = |text: &str| environment.split(|b| *b == 0).any(|v| v == text.as_bytes());
+            if has(&wanted) && has(&runtime) {
+                let command = std::fs::read_to_string(entry.path().join("cmdline")).unwrap_or_default();
+                found.push(format!("{} {}", entry.file_name().display(), command.replace('\0', " ")));
+            }
+        }
+        found
+    }
+
+    fn log(&self) -> String {
+        let mut text = self.process.log();
+        let logs = self.run().map(|run| run.join("logs"));
+        for entry in logs.and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten().flatten() {
+            let lines = std::fs::read_to_string(entry.path()).unwrap_or_default();
+            let lines: Vec<&str> = lines.lines().collect();
+            let last = lines[lines.len().saturating_sub(6)..].join("\n");
+            text += &format!("--- {}:\n{last}\n", entry.path().display());
+        }
+        text
+    }
+
+    /// Waits for its end, and fails unless nothing of it is left.
+    fn finish(&mut self, timeout: Duration) -> Option<i32> {
+        let status = self.process.wait(timeout);
+        let left = self.processes();
+        assert!(left.is_empty(), "processes are left: {left:?}\n{}", self.log());
+        status.code()
+    }
+}
+
+fn assert_report(run: &Path, log: &str) {
+    let page =
+        std::fs::read_to_string(run.join("report.html")).unwrap_or_else(|e| panic!("no report: {e}\n{log}"));
+    assert!(page.len() > 100_000, "a report of {} bytes", page.len());
+    for outside in ["src=\"http", "src='http", "src=\"//", "href=\"http", "@import"] {
+        assert!(!page.contains(outside), "the report needs the network: {outside}");
+    }
+}
+
+fn readable(run: &Path) -> usize {
+    let bag = RunDirectory::open(run).unwrap().bag().unwrap();
+    bag.messages().map(|message| message.unwrap().decode().unwrap()).count()
+}
+
+#[test]
+fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
+    let mut script = Script::start(&["leader_follower_short"]);
+    wait_for("all processes", Duration::from_secs(30), || {
+        let nodes = script.processes().iter().filter(|p| p.contains("--ros-args")).count();
+        (nodes >= NODES).then_some(())
+    });
+    let code = script.finish(Duration::from_secs(120));
+    assert_eq!(code, Some(0), "{}", script.log());
+    let run = script.run().unwrap();
+    assert_report(&run, &script.log());
+
+    let summary: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap();
+    let pair = &summary["pairs"][0];
+    let error_deg = pair["relative_error_rms_rad"].as_f64().unwrap_or(f64::NAN).to_degrees();
+    measured(&format!(
+        "run_experiment.sh leader_follower_short: relative error in hold {error_deg:.4} deg RMS"
+    ));
+    // The hold is short and begins with the end of the slew.
+    assert!(error_deg < 0.2, "{error_deg} deg; {summary:#}");
+    assert_eq!(pair["from_truth"], true, "{summary:#}");
+
+    let directory = RunDirectory::open(&run).unwrap();
+    let manifest = directory.manifest().unwrap();
+    assert_eq!(manifest.state, RunState::Complete);
+    assert_eq!(readable(&run), usize::try_from(manifest.message_count()).unwrap());
+    assert_eq!(manifest.description.experiment, "leader_follower_short");
+    for platform in ["whorl_1", "whorl_2"] {
+        for topic in
+            ["imu/data_raw", "attitude/estimate", "attitude/reference", "control/status", "truth/state"]
+        {
+            let count = manifest.topic(&format!("/{platform}/{topic}")).map_or(0, |t| t.count);
+            assert!(count > 500, "{platform}/{topic}: {count} messages");
+        }
+    }
+}
+
+#[test]
+fn ctrl_c_in_the_middle_leaves_no_process_a_readable_bag_and_a_report() {
+    let mut script = Script::start(&["leader_follower_short"]);
+    wait_for("the bag to grow", Duration::from_secs(60), || {
+        let bag = script.run()?.join("bag/bag_0.mcap");
+        (std::fs::metadata(bag).ok()?.len() > 3_000_000).then_some(())
+    });
+    script.process.signal(Signal::INT);
+    let code = script.finish(Duration::from_secs(60));
+    assert_eq!(code, Some(130), "{}", script.log());
+    let run = script.run().unwrap();
+    assert_report(&run, &script.log());
+    assert!(readable(&run) > 5000);
+    assert_eq!(RunDirectory::open(&run).unwrap().manifest().unwrap().state, RunState::Complete);
+}
+
+#[test]
+fn the_scripts_say_what_is_wrong() {
+    let _share = Load::Light.take();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(root().join("launch_scripts/run_experiment.sh"));
+        let folder = tempfile::tempdir().unwrap();
+        command.args(arguments).arg("--out").arg(folder.path()).env("WHORL_BIN", binaries::folder());
+        let output = command.output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, text) = run(&["no_such_experiment"]);
+    assert!(
+        code == Some(2) && text.contains("no_such_experiment") && text.contains("leader_follower"),
+        "{text}"
+    );
+    let (code, text) = run(&["leader_follower", "--backend", "toaster"]);
+    assert!(code == Some(2) && text.contains("toaster"), "{text}");
+    let (code, text) = run(&["leader_follower", "--platforms", "whorl_9"]);
+    assert!(code == Some(2) && text.contains("whorl_9"), "{text}");
+}

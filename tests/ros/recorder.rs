@@ -1,0 +1,131 @@
+//! Fault rows of the recorder: kill -9, and a full disk. What was written stays readable; nobody else suffers.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use whorl_bag::{RunDirectory, RunState};
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
+use whorl_msgs::topics::Topic;
+use whorl_msgs::whorl::ControlStatus;
+use whorl_node::Timestamp;
+
+use crate::support::formation::{Formation, STARTUP};
+use crate::support::watch::route;
+use crate::support::{is_root, skipped, wait_for};
+
+fn record_into(formation: &mut Formation, run: &Path) {
+    formation.start_with("/recorder", &[format!("run_directory:={}", run.display())]);
+}
+
+/// Number of messages that can be read, decoded, and the time of the last one.
+fn read(run: &Path) -> (usize, Timestamp) {
+    let bag = RunDirectory::open(run).unwrap().bag().unwrap();
+    let (mut count, mut last) = (0, Timestamp::default());
+    for message in bag.messages() {
+        let message = message.unwrap();
+        message.decode().unwrap_or_else(|e| panic!("{}: {e}", message.topic.name));
+        count += 1;
+        last = last.max(message.log_time);
+    }
+    (count, last)
+}
+
+#[test]
+fn a_killed_recorder_leaves_all_but_the_last_second_and_a_stopped_one_everything() {
+    let (mut formation, watch) = Formation::holding_alone(&[]);
+    let killed_run = formation.folder().join("killed");
+    record_into(&mut formation, &killed_run);
+    wait_for("the bag to grow", STARTUP, || {
+        let written = std::fs::metadata(killed_run.join("bag/bag_0.mcap")).ok()?.len();
+        (written > 300_000).then_some(())
+    });
+    let killed = formation.kill("/recorder");
+    let (count, last) = read(&killed_run);
+    let lost_s = killed.seconds_since(last);
+    assert!(lost_s < 1.0, "the last {lost_s} s are lost");
+    assert!(count > 500, "{count} messages");
+
+    let run = formation.folder().join("stopped");
+    record_into(&mut formation, &run);
+    let begun = watch.during(Duration::from_secs(4));
+    formation.stop();
+    let directory = RunDirectory::open(&run).unwrap();
+    let manifest = directory.manifest().unwrap();
+    assert_eq!(manifest.state, RunState::Complete);
+    let (count, last) = read(&run);
+    assert_eq!(manifest.message_count(), count as u64);
+    assert!(last.seconds_since(begun) > 3.5, "the recording ended early");
+    let imu = manifest.topic("/whorl_1/imu/data_raw").unwrap();
+    assert!(imu.count > 250, "{} IMU messages in 4 s", imu.count);
+    assert_eq!(imu.sequence.map(|s| s.lost), Some(0), "lost on the loopback interface");
+    assert!(directory.parameter_files().len() >= 3, "parameter files are missing");
+}
+
+/// A file system of a few megabytes, unmounted on drop.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    fn mount(path: &Path, kilobytes: u32) -> Option<Self> {
+        std::fs::create_dir(path).ok()?;
+        let size = format!("size={kilobytes}k");
+        let status =
+            Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(path).status().ok()?;
+        status.success().then(|| Self(path.to_owned()))
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        // Lazily: a process that is being killed may still hold a file.
+        let _ = Command::new("umount").arg("-l").arg(&self.0).status();
+    }
+}
+
+#[test]
+fn a_full_disk_stops_the_recording_and_nothing_else() {
+    let what = "a recorder on a full disk";
+    if !is_root() {
+        skipped(what, "mounting a small file system needs root");
+        return;
+    }
+    let disks = tempfile::tempdir().unwrap();
+    let Some(disk) = SmallDisk::mount(&disks.path().join("disk"), 2048) else {
+        skipped(what, "mount -t tmpfs is not allowed here");
+        return;
+    };
+    let (mut formation, watch) = Formation::holding_alone(&[]);
+    let run = disk.0.join("run");
+    record_into(&mut formation, &run);
+    let diagnostics = route(0, Topic::Diagnostics);
+    watch.wait_next::<DiagnosticArray>(
+        "the recorder to say that the disk is full",
+        diagnostics,
+        STARTUP,
+        |m| {
+            m.status.iter().any(|s| {
+                let text = s.message.to_lowercase();
+                s.name.contains("recorder")
+                    && s.level >= DiagnosticStatus::WARN
+                    && (text.contains("full") || text.contains("space"))
+            })
+        },
+    );
+    // The others go on.
+    let since = watch.during(Duration::from_secs(2));
+    let statuses: Vec<u8> = watch
+        .log()
+        .after::<ControlStatus>(route(0, Topic::ControlStatus), since)
+        .map(|(_, m)| m.mode)
+        .collect();
+    assert!(statuses.len() > 50, "{} statuses in 2 s", statuses.len());
+    assert!(statuses.iter().all(|mode| *mode == ControlStatus::MODE_TRACK), "{statuses:?}");
+    formation.check_alive();
+    let (count, _) = read(&run);
+    assert!(count > 500, "{count} messages");
+    // Told by its exit status, too.
+    let status = formation.node("/recorder").interrupt(Duration::from_secs(10));
+    assert!(!status.success(), "an incomplete recording ended with {status}");
+    let (count_after, _) = read(&run);
+    assert!(count_after >= count, "{count} messages before the end, {count_after} after");
+}
