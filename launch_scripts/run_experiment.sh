@@ -57,10 +57,21 @@ experiment_path=$(experiment_file)
 build_nodes
 check_binaries driver estimator local_control coordinator recorder whorl
 
+files=(--params-file "$params/common.yaml")
+for platform in $platforms; do
+    [ -f "$params/$platform.yaml" ] || die "no parameter file $params/$platform.yaml for platform '$platform'"
+    files+=(--params-file "$params/$platform.yaml")
+done
+files+=(--params-file "$experiment_path")
+list="[$(printf '%s\n' $platforms | paste -sd, -)]"
+
 run=$out/$(date -u +%Y%m%dT%H%M%SZ)_$(basename "$experiment_path" .yaml)
+monitor=
 finish() {
     trap - EXIT
     trap '' INT TERM
+    # Not with INT, which processes in the background of a script ignore.
+    [ -z "$monitor" ] || kill -TERM "$monitor" 2>/dev/null || true
     stop_started
     # The report says how far the run came, also when it was ended early.
     if [ -d "$run/bag" ]; then
@@ -72,31 +83,25 @@ trap finish EXIT
 trap 'status=130; exit 130' INT TERM
 
 status=1
-files=(--params-file "$params/common.yaml")
-for platform in $platforms; do
-    [ -f "$params/$platform.yaml" ] || die "no parameter file $params/$platform.yaml for platform '$platform'"
-    files+=(--params-file "$params/$platform.yaml")
-done
-files+=(--params-file "$experiment_path")
-list="[$(printf '%s\n' $platforms | paste -sd, -)]"
+commit=()
+if hash=$(git -C "$root" rev-parse HEAD 2>/dev/null); then
+    commit=(-p "git_commit:='$hash'")
+fi
 
 mkdir -p "$run/logs"
 start recorder "$run/logs/recorder.log" "$bin/recorder" --ros-args "${files[@]}" \
-    -p "formation.platforms:=$list" -p "run_directory:=$run"
+    -p "formation.platforms:=$list" -p "run_directory:=$run" -p "seed:=$seed" "${commit[@]}"
 for platform in $platforms; do
     start_platform_nodes "$platform" "${backends[$platform]:-$default_backend}" "${sources[$platform]:-}" "$run/logs"
 done
 start coordinator "$run/logs/coordinator.log" "$bin/coordinator" --ros-args "${files[@]}" \
     -p "formation.platforms:=$list"
 
-"$bin/whorl" monitor --ros-args "${files[@]}" -p "formation.platforms:=$list" &
+# shellcheck disable=SC2086 # one argument for each platform
+"$bin/whorl" monitor $platforms &
 monitor=$!
 while kill -0 "$monitor" 2>/dev/null; do
-    if ! check_alive; then
-        kill -INT "$monitor" 2>/dev/null || true
-        wait "$monitor" 2>/dev/null || true
-        exit 1
-    fi
+    check_alive || exit 1
     sleep 0.2
 done
 status=0
