@@ -1,12 +1,14 @@
+# shellcheck shell=bash
 # Shared by the scripts in this folder; sourced, not run.
 # Shell only: gains, limits and sequences are in params/, logic is in the nodes.
 
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-bin=${WHORL_BIN:-$root/target/release}
+bin=${WHORL_BIN:-${CARGO_TARGET_DIR:-$root/target}/release}
 params=$root/params
 experiment=leader_follower
+platforms="whorl_1 whorl_2"
 seed=1
 build=yes
 domain=${ROS_DOMAIN_ID:-0}
@@ -19,12 +21,12 @@ die() {
 }
 
 need_value() {
-    [ $# -ge 2 ] && [ -n "$2" ] || die "$1 needs a value"
+    if [ $# -lt 2 ] || [ -z "$2" ]; then die "$1 needs a value"; fi
 }
 
 # Builds the node set, unless the caller brings binaries (WHORL_BIN) or asked for --no-build.
 build_nodes() {
-    [ "$build" = yes ] && [ -z "${WHORL_BIN:-}" ] || return 0
+    if [ "$build" != yes ] || [ -n "${WHORL_BIN:-}" ]; then return 0; fi
     command -v cargo >/dev/null || die "cargo is not on the PATH: install a Rust toolchain (https://rustup.rs)"
     (cd "$root" && cargo build --release --locked --workspace --bins)
 }
@@ -45,21 +47,39 @@ experiment_file() {
     die "no experiment '$experiment': not a file, and not one of $(cd "$params/experiments" 2>/dev/null && ls ./*.yaml | sed 's|^\./||; s|\.yaml$||' | tr '\n' ' ')"
 }
 
+# formation_arguments: sets `formation`, the ROS arguments of what knows all platforms: coordinator, recorder.
+formation_arguments() {
+    local platform names=
+    formation=(--ros-args --params-file "$params/common.yaml")
+    for platform in $platforms; do
+        [ -f "$params/$platform.yaml" ] || die "no parameter file $params/$platform.yaml for platform '$platform'"
+        formation+=(--params-file "$params/$platform.yaml")
+        names=$names,$platform
+    done
+    formation+=(--params-file "$experiment_path" -p "formation.platforms:=[${names#,}]")
+}
+
+# remember LABEL PID: for stop_all.sh.
+remember() {
+    mkdir -p "$run_state"
+    printf '%s\n' "$2" >"$run_state/$1.pid"
+}
+
 # start LABEL LOG PROGRAM ARGS...: runs it in the background and remembers its process id.
 start() {
     local label=$1 log=$2
     shift 2
-    mkdir -p "$run_state" "$(dirname "$log")"
+    mkdir -p "$(dirname "$log")"
     "$@" >"$log" 2>&1 &
     pids+=($!)
     labels+=("$label")
     logs+=("$log")
-    printf '%s\n' "$!" >"$run_state/$label.pid"
+    remember "$label" "$!"
 }
 
 # stop_started: asks what this script started to stop (newest last started, recorder last), then insists.
 stop_started() {
-    local i waited
+    local i
     for i in "${!pids[@]}"; do
         [ "${labels[$i]}" = recorder ] || kill -INT "${pids[$i]}" 2>/dev/null || true
     done

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs one experiment from start to report: node sets of all platforms, coordinator, recorder.
 here=$(dirname "$0")
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$here/common.sh"
 
 usage() {
@@ -23,7 +24,6 @@ TXT
 }
 
 named=
-platforms="whorl_1 whorl_2"
 out=$root/runs
 declare -A backends=() sources=()
 default_backend=sim
@@ -56,14 +56,7 @@ experiment=$named
 experiment_path=$(experiment_file)
 build_nodes
 check_binaries driver estimator local_control coordinator recorder whorl
-
-files=(--params-file "$params/common.yaml")
-for platform in $platforms; do
-    [ -f "$params/$platform.yaml" ] || die "no parameter file $params/$platform.yaml for platform '$platform'"
-    files+=(--params-file "$params/$platform.yaml")
-done
-files+=(--params-file "$experiment_path")
-list="[$(printf '%s\n' $platforms | paste -sd, -)]"
+formation_arguments
 
 run=$out/$(date -u +%Y%m%dT%H%M%SZ)_$(basename "$experiment_path" .yaml)
 monitor=
@@ -89,13 +82,12 @@ if hash=$(git -C "$root" rev-parse HEAD 2>/dev/null); then
 fi
 
 mkdir -p "$run/logs"
-start recorder "$run/logs/recorder.log" "$bin/recorder" --ros-args "${files[@]}" \
-    -p "formation.platforms:=$list" -p "run_directory:=$run" -p "seed:=$seed" "${commit[@]}"
+start recorder "$run/logs/recorder.log" "$bin/recorder" "${formation[@]}" \
+    -p "run_directory:=$run" -p "seed:=$seed" "${commit[@]}"
 for platform in $platforms; do
     start_platform_nodes "$platform" "${backends[$platform]:-$default_backend}" "${sources[$platform]:-}" "$run/logs"
 done
-start coordinator "$run/logs/coordinator.log" "$bin/coordinator" --ros-args "${files[@]}" \
-    -p "formation.platforms:=$list"
+start coordinator "$run/logs/coordinator.log" "$bin/coordinator" "${formation[@]}"
 
 # shellcheck disable=SC2086 # one argument for each platform
 "$bin/whorl" monitor $platforms &

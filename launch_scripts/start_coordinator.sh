@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Starts the coordinator: experiment sequence, relative-attitude law, authority heartbeat. Ctrl-C stops it.
 here=$(dirname "$0")
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$here/common.sh"
 
 usage() {
@@ -10,6 +11,7 @@ usage: start_coordinator.sh [options]
 Starts the coordinator: experiment sequence, relative-attitude law, authority heartbeat.
 
   --experiment NAME|FILE          experiment (default leader_follower)
+  --platforms "A B"               platforms (default "whorl_1 whorl_2")
   --params DIR                    parameter folder (default params/)
   --no-auto-start                 wait for the service /coordinator/start
   --no-build                      use the binaries that are there
@@ -21,8 +23,9 @@ while [ $# -gt 0 ]; do
     case $1 in
         -h | --help) usage; exit 0 ;;
         --experiment) need_value "$@"; experiment=$2; shift 2 ;;
+        --platforms) need_value "$@"; platforms=$2; shift 2 ;;
         --params) need_value "$@"; params=$2; shift 2 ;;
-        --no-auto-start) extra+=(-p auto_start:=false); shift ;;
+        --no-auto-start) extra+=(-p experiment.auto_start:=false); shift ;;
         --no-build) build=no; shift ;;
         *) usage >&2; die "unknown option $1" ;;
     esac
@@ -31,4 +34,6 @@ done
 experiment_path=$(experiment_file)
 build_nodes
 check_binaries coordinator
-exec "$bin/coordinator" --ros-args --params-file "$params/common.yaml" --params-file "$experiment_path" "${extra[@]}"
+formation_arguments
+remember coordinator $$
+exec "$bin/coordinator" "${formation[@]}" "${extra[@]}"

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Starts the node set of one platform: driver, estimator, local control. Ctrl-C stops it.
 here=$(dirname "$0")
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$here/common.sh"
 
 usage() {

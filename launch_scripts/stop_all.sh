@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Stops every node that the scripts in this folder started on this machine in this ROS domain.
 here=$(dirname "$0")
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$here/common.sh"
 
 case ${1:-} in

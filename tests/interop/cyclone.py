@@ -46,7 +46,7 @@ RELIABLE = Qos(
 LATCHED = Qos(
     Policy.Reliability.Reliable(duration(milliseconds=100)),
     Policy.Durability.TransientLocal,
-    Policy.History.KeepLast(1),
+    Policy.History.KeepAll,  # without keys all nodes share one history
 )
 
 # rcl_interfaces and rmw_dds_common, as far as they are needed here.

@@ -106,7 +106,9 @@ PY
 
 say "Cyclone DDS sees the nodes and their parameters"
 "$python" "$here/cyclone.py" nodes --seconds 3 | tee "$work/nodes.json"
-grep -q '"/whorl_1/estimator"' "$work/nodes.json"
+for node in /whorl_1/driver /whorl_1/estimator /recorder; do
+    grep -q "\"$node\"" "$work/nodes.json"
+done
 "$python" "$here/cyclone.py" get /whorl_1/estimator tf_rate_hz
 "$python" "$here/cyclone.py" set /whorl_1/estimator tf_rate_hz 10.0 | tee "$work/set.json"
 grep -q '"successful": true' "$work/set.json"

@@ -7,34 +7,58 @@ use std::time::Duration;
 use rustix::process::Signal;
 use tempfile::TempDir;
 use whorl_bag::{RunDirectory, RunState};
+use whorl_msgs::topics::Topic;
+use whorl_msgs::whorl::FormationState;
 
 use crate::support::domain::Domain;
 use crate::support::machine::{Load, Share};
 use crate::support::process::Process;
+use crate::support::watch::{Watch, route};
 use crate::support::{binaries, measured, root, wait_for};
 
 const NODES: usize = 8;
 
-/// `run_experiment.sh` in a domain of its own.
-struct Script {
-    process: Process,
+/// The launch scripts in a domain of their own.
+struct Laboratory {
+    scripts: Vec<Process>,
     folder: TempDir,
     domain: Domain,
     _share: Share,
 }
 
-impl Script {
-    fn start(arguments: &[&str]) -> Self {
+impl Laboratory {
+    fn new() -> Self {
         let share = Load::Formation.take();
-        let (domain, folder) = (Domain::take(), tempfile::tempdir().unwrap());
-        let mut command = Command::new(root().join("launch_scripts/run_experiment.sh"));
-        command.args(arguments).arg("--out").arg(folder.path().join("runs"));
-        command.env("WHORL_BIN", binaries::folder()).env("ROS_DOMAIN_ID", domain.id.to_string());
+        binaries::folder();
+        Self {
+            scripts: Vec::new(),
+            folder: tempfile::tempdir().unwrap(),
+            domain: Domain::take(),
+            _share: share,
+        }
+    }
+
+    /// Starts `run_experiment.sh`.
+    fn experiment(arguments: &[&str]) -> Self {
+        let mut laboratory = Self::new();
+        let out = laboratory.folder.path().join("runs");
+        laboratory.start("run_experiment.sh", &[arguments, &["--out", out.to_str().unwrap()]].concat());
+        laboratory
+    }
+
+    fn command(&self, script: &str, arguments: &[&str]) -> Command {
+        let mut command = Command::new(root().join("launch_scripts").join(script));
+        command.args(arguments);
+        command.env("WHORL_BIN", binaries::folder()).env("ROS_DOMAIN_ID", self.domain.id.to_string());
         // Process ids of what was started, for stop_all.sh.
-        command.env("XDG_RUNTIME_DIR", folder.path());
+        command.env("XDG_RUNTIME_DIR", self.folder.path());
         command.env_remove("ROS_AUTOMATIC_DISCOVERY_RANGE");
-        let process = Process::start("run_experiment.sh", command, &folder.path().join("script.log"));
-        Self { process, folder, domain, _share: share }
+        command
+    }
+
+    fn start(&mut self, script: &str, arguments: &[&str]) {
+        let log = self.folder.path().join(format!("script_{}.log", self.scripts.len()));
+        self.scripts.push(Process::start(script, self.command(script, arguments), &log));
     }
 
     /// The run directory, once there is one.
@@ -59,7 +83,7 @@ impl Script {
     }
 
     fn log(&self) -> String {
-        let mut text = self.process.log();
+        let mut text: String = self.scripts.iter().map(Process::log).collect();
         let logs = self.run().map(|run| run.join("logs"));
         for entry in logs.and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten().flatten() {
             let lines = std::fs::read_to_string(entry.path()).unwrap_or_default();
@@ -70,9 +94,9 @@ impl Script {
         text
     }
 
-    /// Waits for its end, and fails unless nothing of it is left.
+    /// Waits for the end of the first script, and fails unless nothing is left.
     fn finish(&mut self, timeout: Duration) -> Option<i32> {
-        let status = self.process.wait(timeout);
+        let status = self.scripts[0].wait(timeout);
         let left = self.processes();
         assert!(left.is_empty(), "processes are left: {left:?}\n{}", self.log());
         status.code()
@@ -101,7 +125,7 @@ fn readable(run: &Path) -> usize {
 
 #[test]
 fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
-    let mut script = Script::start(&["leader_follower_short"]);
+    let mut script = Laboratory::experiment(&["leader_follower_short"]);
     wait_for("all processes", Duration::from_secs(30), || {
         let nodes = script.processes().iter().filter(|p| p.contains("--ros-args")).count();
         (nodes >= NODES).then_some(())
@@ -139,18 +163,60 @@ fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
 
 #[test]
 fn ctrl_c_in_the_middle_leaves_no_process_a_readable_bag_and_a_report() {
-    let mut script = Script::start(&["leader_follower_short"]);
+    let mut script = Laboratory::experiment(&["leader_follower_short"]);
     wait_for("the bag to grow", Duration::from_secs(60), || {
         let bag = script.run()?.join("bag/bag_0.mcap");
         (std::fs::metadata(bag).ok()?.len() > 3_000_000).then_some(())
     });
-    script.process.signal(Signal::INT);
+    script.scripts[0].signal(Signal::INT);
     let code = script.finish(Duration::from_secs(60));
     assert_eq!(code, Some(130), "{}", script.log());
     let run = script.run().unwrap();
     assert_report(&run, &script.log());
     assert!(readable(&run) > 5000);
     assert_eq!(RunDirectory::open(&run).unwrap().manifest().unwrap().state, RunState::Complete);
+}
+
+#[test]
+fn the_pieces_started_by_hand_make_a_formation_and_stop_all_stops_them() {
+    let mut laboratory = Laboratory::new();
+    let runs = laboratory.folder.path().join("runs");
+    let watch = Watch::new(laboratory.domain.id, &["whorl_1", "whorl_2"]);
+    let short = ["--experiment", "leader_follower_short", "--no-build"];
+    laboratory.start("start_recorder.sh", &[&short[..], &["--out", runs.to_str().unwrap()]].concat());
+    for platform in ["whorl_1", "whorl_2"] {
+        laboratory.start("start_platform.sh", &[&[platform], &short[..]].concat());
+    }
+    laboratory.start("start_coordinator.sh", &[&short[..], &["--no-auto-start"]].concat());
+    let state = route(0, Topic::FormationState);
+    watch.wait_next::<FormationState>("the formation to be ready", state, Duration::from_secs(60), |m| {
+        m.phase == FormationState::PHASE_READY
+    });
+    // Through the command, as a user would.
+    let whorl = |arguments: &[&str]| {
+        let mut command = Command::new(binaries::path("whorl"));
+        command.args(arguments).env("ROS_DOMAIN_ID", laboratory.domain.id.to_string());
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "whorl {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    whorl(&["start", "leader_follower_short"]);
+    watch.wait_next::<FormationState>("the start", state, Duration::from_secs(5), |m| {
+        m.phase == FormationState::PHASE_SETTLE
+    });
+    whorl(&["abort", "enough"]);
+    watch.wait_next::<FormationState>("the abort", state, Duration::from_secs(5), |m| {
+        m.phase == FormationState::PHASE_ABORTED
+    });
+
+    let output = laboratory.command("stop_all.sh", &[]).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success() && text.contains(&format!("stopped {NODES} nodes")), "{text}");
+    for script in &mut laboratory.scripts {
+        script.wait(Duration::from_secs(5));
+    }
+    let left = laboratory.processes();
+    assert!(left.is_empty(), "processes are left: {left:?}\n{}", laboratory.log());
+    assert!(readable(&laboratory.run().unwrap()) > 1000);
 }
 
 #[test]
