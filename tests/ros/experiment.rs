@@ -47,8 +47,9 @@ impl Laboratory {
     }
 
     fn command(&self, script: &str, arguments: &[&str]) -> Command {
-        let mut command = Command::new(root().join("launch_scripts").join(script));
-        command.args(arguments);
+        // A shell that was started with Ctrl-C ignored (in the background of another) could not obey it.
+        let mut command = Command::new("env");
+        command.arg("--default-signal=INT").arg(root().join("launch_scripts").join(script)).args(arguments);
         command.env("WHORL_BIN", binaries::folder()).env("ROS_DOMAIN_ID", self.domain.id.to_string());
         // Process ids of what was started, for stop_all.sh.
         command.env("XDG_RUNTIME_DIR", self.folder.path());
@@ -120,7 +121,7 @@ fn assert_report(run: &Path, log: &str) {
 
 fn readable(run: &Path) -> usize {
     let bag = RunDirectory::open(run).unwrap().bag().unwrap();
-    bag.messages().map(|message| message.unwrap().decode().unwrap()).count()
+    bag.messages().inspect(|message| _ = message.as_ref().unwrap().decode().unwrap()).count()
 }
 
 #[test]

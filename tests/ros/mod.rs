@@ -7,6 +7,8 @@ mod leader_stale;
 mod link_cut;
 mod node_deaths;
 mod recorder;
+mod replay_backend;
 mod sensor_faults;
 mod services;
+mod start;
 mod tilt_limit;

@@ -7,6 +7,7 @@ use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, ControlStatus, FormationState};
 
 use crate::support::formation::Formation;
+use crate::support::measured;
 use crate::support::watch::{Watch, route};
 
 const SOON: Duration = Duration::from_secs(5);
@@ -35,6 +36,9 @@ fn each_node_may_die_and_come_back() {
     let status = route(FOLLOWER, Topic::ControlStatus);
     let estimate = route(FOLLOWER, Topic::AttitudeEstimate);
     let state = route(0, Topic::FormationState);
+
+    let (cores, bytes) = formation.load(Duration::from_secs(3));
+    measured(&format!("7 processes: {cores:.2} cores together, at most {:.1} MB each", bytes as f64 / 1e6));
 
     // Estimator: local control damps on the gyro, then coasts.
     let killed = formation.kill("/whorl_2/estimator");

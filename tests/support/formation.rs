@@ -224,6 +224,18 @@ impl Formation {
         at
     }
 
+    /// Processor time of all processes together in units of one core over `time`, and the memory of the
+    /// largest one [bytes].
+    pub fn load(&self, time: Duration) -> (f64, u64) {
+        let used = || -> Vec<(u64, f64)> { self.nodes.values().filter_map(Process::resources).collect() };
+        let sum = |all: &[(u64, f64)]| all.iter().map(|(_, seconds)| seconds).sum::<f64>();
+        let before = used();
+        std::thread::sleep(time);
+        let after = used();
+        let largest = after.iter().map(|(bytes, _)| *bytes).max().unwrap_or(0);
+        ((sum(&after) - sum(&before)) / time.as_secs_f64(), largest)
+    }
+
     /// Fails when a process has ended by itself.
     pub fn check_alive(&mut self) {
         for (name, process) in &mut self.nodes {

@@ -25,11 +25,6 @@ impl Process {
         Self { child, name: name.to_owned(), log: log.to_owned(), stopped: false, status: None }
     }
 
-    /// Its process id.
-    pub fn pid(&self) -> u32 {
-        self.child.id()
-    }
-
     /// What it has printed.
     pub fn log(&self) -> String {
         std::fs::read_to_string(&self.log).unwrap_or_default()
@@ -88,10 +83,10 @@ impl Process {
 
     /// Memory in use [bytes] and processor time so far [s], from /proc.
     pub fn resources(&self) -> Option<(u64, f64)> {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.pid())).ok()?;
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
         let resident = status.lines().find_map(|l| l.strip_prefix("VmRSS:"))?;
         let kib: u64 = resident.trim().trim_end_matches(" kB").trim().parse().ok()?;
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.pid())).ok()?;
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).ok()?;
         // The name in parentheses may hold spaces; the 14th and 15th fields are counted from its end.
         let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
         let ticks: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
