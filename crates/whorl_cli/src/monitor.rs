@@ -8,8 +8,8 @@ use anyhow::bail;
 use clap::Args;
 use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad};
-use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::topics::PlatformId;
+use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
 use whorl_report::phase_name;
 use whorl_ros::environment::Network;
@@ -54,7 +54,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let mut listen = |route: Route| -> anyhow::Result<()> {
         let info = route.topic.info();
         if let Some(name) = route.name(&arguments.platforms) {
-            readers.push((route, participant.reader(&name, info.message_type.name(), EndpointQos::from(info.qos))?));
+            readers.push((
+                route,
+                participant.reader(&name, info.message_type.name(), EndpointQos::from(info.qos))?,
+            ));
         }
         Ok(())
     };
@@ -138,7 +141,8 @@ impl PlatformView {
     fn text(&self, formation: Option<&FormationState>, index: usize) -> String {
         let mut text = match self.estimate.as_ref().map(|e| (e.usable(), e.q_world_body.to_unit())) {
             Some((true, Some(q))) => {
-                let angles = EulerAngles::from_quaternion(&q, EulerSequence::E321).angles_rad.map(deg_from_rad);
+                let angles =
+                    EulerAngles::from_quaternion(&q, EulerSequence::E321).angles_rad.map(deg_from_rad);
                 format!("ypr {:7.2} {:6.2} {:6.2} deg", angles.x, angles.y, angles.z)
             }
             _ => "no attitude".to_owned(),
@@ -219,7 +223,10 @@ mod tests {
         let estimate = AttitudeEstimate { health: 1, q_world_body: q.into(), ..AttitudeEstimate::default() };
         view.take(Route::platform(PlatformId(1), Topic::AttitudeEstimate), estimate.into());
         let line = view.line(&names);
-        assert!(line.starts_with(" 12.3/60 s hold | whorl_1 silent | whorl_2 ypr   30.00   0.00   0.00 deg"), "{line}");
+        assert!(
+            line.starts_with(" 12.3/60 s hold | whorl_1 silent | whorl_2 ypr   30.00   0.00   0.00 deg"),
+            "{line}"
+        );
         assert!(line.contains("err  1.000 deg"), "{line}");
         assert_eq!(line.matches("link").count(), 0, "an infinite age is not shown: {line}");
     }
