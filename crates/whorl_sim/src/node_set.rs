@@ -145,7 +145,8 @@ impl NodeSet {
             sets.extend(driver.zip(estimator).zip(control));
         }
         ParameterErrors::check(std::mem::take(&mut builder.errors))?;
-        tree.check_sections(&whorl_params::node_names(&Formation { platforms: platforms.clone() }))?;
+        let names = whorl_params::node_names(&Formation { platforms: platforms.clone() });
+        tree.check_sections(names.iter().map(String::as_str))?;
         // Without errors both were read.
         let (Some(coordinator), Some(simulation)) = (coordinator, simulation) else {
             return Err(NodeSetError::Node {

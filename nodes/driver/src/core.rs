@@ -4,11 +4,12 @@ use std::time::Duration;
 
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
-use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
-use whorl_node::{Event, LogLevel, NodeCore, Outputs, Timestamp};
+use whorl_msgs::topics::{Message, Route, Topic};
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::gate::{Action, Gate};
 use crate::hardware::Hardware;
+use crate::parameters::{Backend, Parameters};
 
 /// Topics a driver may publish.
 const MEASUREMENTS: [Topic; 8] = [
@@ -26,10 +27,8 @@ const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
 /// The driver of one platform.
 pub struct DriverCore {
-    platform: PlatformId,
-    name: String,
+    parameters: Parameters,
     frame_id: String,
-    period: Duration,
     gate: Gate,
     hardware: Box<dyn Hardware>,
     next_diagnostics: Option<Timestamp>,
@@ -37,21 +36,14 @@ pub struct DriverCore {
 }
 
 impl DriverCore {
-    /// A driver for the platform called `name`, polling `hardware` with this period.
+    /// A driver of this hardware; [`Self::from_parameters`] makes the hardware too.
     #[must_use]
-    pub fn new(
-        platform: PlatformId,
-        name: &str,
-        period: Duration,
-        gate: Gate,
-        hardware: Box<dyn Hardware>,
-    ) -> Self {
+    pub fn new(parameters: Parameters, hardware: Box<dyn Hardware>) -> Self {
+        let limits = parameters.model.wheels.iter().map(|w| w.max_torque_n_m).collect();
         Self {
-            platform,
-            name: name.to_owned(),
-            frame_id: format!("{name}/base_link"),
-            period,
-            gate,
+            gate: Gate::new(limits, parameters.model.jets.len()),
+            frame_id: format!("{}/base_link", parameters.name),
+            parameters,
             hardware,
             next_diagnostics: None,
             measured: Vec::new(),
@@ -66,13 +58,16 @@ impl DriverCore {
             self.hardware.apply(deadline, &action);
             outputs.log(
                 LogLevel::Warn,
-                format!("{}: no valid actuator command: valves closed, wheel torque zero", self.name),
+                format!(
+                    "{}: no valid actuator command: valves closed, wheel torque zero",
+                    self.parameters.name
+                ),
             );
         }
         self.hardware.advance_to(now);
         self.hardware.measurements(now, &self.frame_id, &mut self.measured);
         for (topic, message) in self.measured.drain(..) {
-            outputs.publish(Route::platform(self.platform, topic), message);
+            outputs.publish(Route::platform(self.parameters.platform, topic), message);
         }
         if self.next_diagnostics.is_none_or(|due| due <= now) {
             self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
@@ -88,9 +83,9 @@ impl DriverCore {
             header: Header { stamp: now.into(), frame_id: String::new() },
             status: vec![DiagnosticStatus {
                 level: if status.warning { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
-                name: format!("{}: driver", self.name),
+                name: format!("{}: driver", self.parameters.name),
                 message: status.text,
-                hardware_id: self.name.clone(),
+                hardware_id: self.parameters.name.clone(),
                 values: vec![
                     value("commands accepted", counts.accepted),
                     value("commands refused", counts.refused),
@@ -103,16 +98,16 @@ impl DriverCore {
 
 impl NodeCore for DriverCore {
     fn subscriptions(&self) -> Vec<Route> {
-        vec![Route::platform(self.platform, Topic::ActuatorCommand)]
+        vec![Route::platform(self.parameters.platform, Topic::ActuatorCommand)]
     }
 
     fn publications(&self) -> Vec<Route> {
-        let measurements = MEASUREMENTS.map(|topic| Route::platform(self.platform, topic));
+        let measurements = MEASUREMENTS.map(|topic| Route::platform(self.parameters.platform, topic));
         measurements.into_iter().chain([Route::shared(Topic::Diagnostics)]).collect()
     }
 
     fn timer_period(&self) -> Option<Duration> {
-        Some(self.period)
+        Some(self.parameters.period())
     }
 
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
@@ -128,7 +123,7 @@ impl NodeCore for DriverCore {
                         LogLevel::Warn,
                         format!(
                             "{}: actuator command {} refused: {}",
-                            self.name,
+                            self.parameters.name,
                             command.sequence,
                             refusal.reason()
                         ),
@@ -148,12 +143,35 @@ impl NodeCore for DriverCore {
     }
 }
 
+impl Configurable for DriverCore {
+    type Parameters = Parameters;
+
+    /// Faults may come and go while the driver runs; all else is what it was started with.
+    fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
+        let mut with_new_faults = self.parameters.clone();
+        if let (Backend::Simulated { faults, .. }, Backend::Simulated { faults: new, .. }) =
+            (&mut with_new_faults.backend, &parameters.backend)
+        {
+            faults.clone_from(new);
+            if with_new_faults == *parameters {
+                self.hardware.set_faults(new);
+                self.parameters = with_new_faults;
+                return Ok(());
+            }
+        }
+        Err("only faults can be changed while the driver runs; restart it for the rest".to_owned())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::simulated::{SimulatedHardware, Start};
     use whorl_dynamics::PlatformModel;
+    use whorl_msgs::topics::PlatformId;
     use whorl_msgs::whorl::{ActuatorCommand, ThrusterState};
+
+    use crate::faults::{Fault, FaultKind};
 
     fn at(ms: i64) -> Timestamp {
         Timestamp(1_700_000_000_000_000_000 + ms * 1_000_000)
@@ -161,13 +179,16 @@ mod tests {
 
     fn driver() -> (DriverCore, PlatformModel) {
         let model = PlatformModel::whorl_1_reference();
-        let limits = model.wheels.iter().map(|w| w.max_torque_n_m).collect();
-        let gate = Gate::new(limits, model.jets.len());
         let hardware = SimulatedHardware::new(model.clone(), Start::default(), 1, Vec::new()).unwrap();
-        (
-            DriverCore::new(PlatformId(0), "whorl_1", Duration::from_millis(10), gate, Box::new(hardware)),
-            model,
-        )
+        let backend = Backend::Simulated {
+            truth: Box::new(model.clone()),
+            start: Start::default(),
+            seed: 1,
+            faults: Vec::new(),
+        };
+        let parameters =
+            Parameters { platform: PlatformId(0), name: "whorl_1".into(), model: model.clone(), backend };
+        (DriverCore::new(parameters, Box::new(hardware)), model)
     }
 
     fn thrusters(outputs: &Outputs) -> ThrusterState {
@@ -217,5 +238,25 @@ mod tests {
         let topics =
             [Topic::ImuRaw, Topic::TruthState, Topic::VectorDirection, Topic::Battery, Topic::Temperature];
         assert_eq!(topics.map(count), [100, 100, 10, 10, 1]);
+    }
+
+    #[test]
+    fn faults_can_be_injected_while_running_and_nothing_else_changed() {
+        let (mut driver, _) = driver();
+        let mut changed = driver.parameters.clone();
+        let Backend::Simulated { faults, seed, .. } = &mut changed.backend else { panic!() };
+        faults.push(Fault {
+            kind: FaultKind::JetStuckClosed { jet: 1 },
+            start_s: 0.0,
+            length_s: f64::INFINITY,
+        });
+        let seed_was = *seed;
+        driver.reconfigure(&changed).unwrap();
+        let mut outputs = Outputs::default();
+        driver.step(at(0), Event::Timer, &mut outputs);
+        assert_eq!(thrusters(&outputs).health[..3], [0, ThrusterState::HEALTH_FAILED, 0]);
+        let Backend::Simulated { seed, .. } = &mut changed.backend else { panic!() };
+        *seed = seed_was + 1;
+        assert!(driver.reconfigure(&changed).is_err());
     }
 }

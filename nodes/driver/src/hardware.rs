@@ -3,6 +3,7 @@
 use whorl_msgs::topics::{Message, Topic};
 use whorl_node::Timestamp;
 
+use crate::faults::Fault;
 use crate::gate::Action;
 
 /// One platform's actuators and sensors.
@@ -18,6 +19,9 @@ pub trait Hardware: Send {
 
     /// One sentence on its state, and whether something is wrong, for diagnostics.
     fn status(&self) -> Status;
+
+    /// Changes the injected faults; only simulated hardware can break on demand.
+    fn set_faults(&mut self, _faults: &[Fault]) {}
 
     /// Whether there is nothing left to drive (a recording has ended).
     fn ended(&self) -> bool {

@@ -17,7 +17,6 @@ pub use parameters::{Backend, Parameters};
 use thiserror::Error;
 use whorl_dynamics::PlantError;
 
-use crate::gate::Gate;
 use crate::hardware::Hardware;
 use crate::replay::{RecordedMeasurement, Replay};
 use crate::simulated::SimulatedHardware;
@@ -78,8 +77,6 @@ impl DriverCore {
                 return Err(DriverError::MissingDevice { purpose, device, present });
             }
         };
-        let limits = parameters.model.wheels.iter().map(|w| w.max_torque_n_m).collect();
-        let gate = Gate::new(limits, parameters.model.jets.len());
-        Ok(Self::new(parameters.platform, &parameters.name, parameters.period(), gate, hardware))
+        Ok(Self::new(parameters.clone(), hardware))
     }
 }

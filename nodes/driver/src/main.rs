@@ -1,1 +1,23 @@
-fn main() {}
+//! The driver as a ROS 2 node.
+
+mod recording;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use whorl_driver::{Backend, DriverCore, Parameters, parameters};
+use whorl_ros::{NodeOptions, run_node};
+
+fn main() -> ExitCode {
+    let options =
+        NodeOptions::new("driver", "drives one platform: simulated hardware, a recording, real hardware");
+    run_node(options, parameters::read, |_, parameters: Parameters| {
+        let recording = match &parameters.backend {
+            Backend::Replay { source, channels } => {
+                recording::read(source, channels.as_deref(), &parameters.name)?
+            }
+            _ => Vec::new(),
+        };
+        anyhow::Ok(DriverCore::from_parameters(&parameters, recording, |device| Path::new(device).exists())?)
+    })
+}

@@ -199,6 +199,10 @@ impl Hardware for SimulatedHardware {
         out.push((Topic::TruthState, running.truth(now).into()));
     }
 
+    fn set_faults(&mut self, faults: &[Fault]) {
+        self.faults = faults.to_vec();
+    }
+
     fn status(&self) -> Status {
         match self.running.as_ref().and_then(|r| r.diverged.as_ref()) {
             Some(error) => Status { warning: true, text: format!("simulated hardware stopped: {error}") },
