@@ -20,4 +20,4 @@ pub use environment::Environment;
 pub use gyrostat::{Gyrostat, GyrostatError, State};
 pub use mass_properties::MassProperties;
 pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, Truth};
-pub use platform::PlatformModel;
+pub use platform::{ModelPrior, PlatformModel};

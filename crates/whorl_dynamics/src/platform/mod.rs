@@ -5,10 +5,12 @@
 //! use are two values of the same type.
 
 mod actuators;
+mod prior;
 mod reference;
 mod sensors;
 
 pub use actuators::{Jet, Tank, Wheel};
+pub use prior::ModelPrior;
 pub use sensors::{
     Accelerometer, BusVoltage, RateGyro, ScalarSensor, SensorSuite, TriaxialErrors, VectorSensor,
     WheelSpeedSensor,
