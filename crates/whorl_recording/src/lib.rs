@@ -1,11 +1,18 @@
 //! What was measured of one platform in one run, as series over time.
 //!
 //! [`Recording`] is the one input of everything that explains data: comparison, diagnosis,
-//! identification, calibration, estimation after the fact. Run directories, bags and CSV files are
-//! read into it; nothing downstream knows where a recording came from.
+//! identification, calibration, estimation after the fact. [`read_run`] makes it of run directories and
+//! bags, [`read_model`] reads what is known of the platform; nothing downstream knows where a recording
+//! came from.
 
+mod error;
+mod model;
+mod read;
 mod recording;
 mod series;
 
+pub use error::RecordingError;
+pub use model::{KnownPlatform, read_model};
+pub use read::{ReadOptions, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use series::Series;

@@ -79,6 +79,8 @@ pub struct Recording {
     pub closed_loop: bool,
     /// True motion, where it is known.
     pub truth: Option<TrueMotion>,
+    /// What reading it met that a person should know, one sentence each: messages dropped, channels unusable.
+    pub remarks: Vec<String>,
 }
 
 impl Recording {
