@@ -32,6 +32,7 @@
 //! J. L. Schwartz, *The Distributed Spacecraft Attitude Control System Simulator*, Ph.D.
 //! dissertation, Virginia Tech, 2004: section 4.2.1, eqs. (4.1)-(4.7).
 
+mod allan;
 mod attitude;
 mod constants;
 #[cfg(test)]
@@ -42,6 +43,7 @@ mod rotation_vector;
 mod two_vector;
 mod vector;
 
+pub use allan::{AllanPoint, NoiseDensities, allan_deviation, noise_densities};
 pub use attitude::{
     attitude_error, attitude_from_vertical, azimuth_rad, elevation_x_rad, integrate_rate, quaternion_rate,
     roll_rad, tilt_rad, vertical_b,
