@@ -47,13 +47,16 @@ experiment_file() {
     die "no experiment '$experiment': not a file, and not one of $(cd "$params/experiments" 2>/dev/null && ls ./*.yaml | sed 's|^\./||; s|\.yaml$||' | tr '\n' ' ')"
 }
 
-# formation_arguments: sets `formation`, the ROS arguments of what knows all platforms: coordinator, recorder.
+# formation_arguments: sets `formation`, the ROS arguments of what knows all platforms (coordinator, recorder),
+# and `truths`, files for the recorder to keep with the run: what simulated hardware takes for true.
 formation_arguments() {
     local platform names=
+    truths=()
     formation=(--ros-args --params-file "$params/common.yaml")
     for platform in $platforms; do
         [ -f "$params/$platform.yaml" ] || die "no parameter file $params/$platform.yaml for platform '$platform'"
         formation+=(--params-file "$params/$platform.yaml")
+        [ ! -f "$params/truth/$platform.yaml" ] || truths+=(--params-file "$params/truth/$platform.yaml")
         names=$names,$platform
     done
     formation+=(--params-file "$experiment_path" -p "formation.platforms:=[${names#,}]")
@@ -77,58 +80,55 @@ start() {
     remember "$label" "$!"
 }
 
-# stop_started: asks what this script started to stop (newest last started, recorder last), then insists.
+# stop_started: stops what this script started, the recorder last, so that it records how the others end.
 stop_started() {
-    local i
+    local i nodes=() recorder=()
     for i in "${!pids[@]}"; do
-        [ "${labels[$i]}" = recorder ] || kill -INT "${pids[$i]}" 2>/dev/null || true
+        if [ "${labels[$i]}" = recorder ]; then recorder+=("$i"); else nodes+=("$i"); fi
     done
-    wait_for_exit 30
-    for i in "${!pids[@]}"; do
-        kill -INT "${pids[$i]}" 2>/dev/null || true
-    done
-    wait_for_exit 50
-    for i in "${!pids[@]}"; do
-        if kill -0 "${pids[$i]}" 2>/dev/null; then
-            printf 'warning: %s did not stop, killing it\n' "${labels[$i]}" >&2
-            kill -KILL "${pids[$i]}" 2>/dev/null || true
-        fi
-        wait "${pids[$i]}" 2>/dev/null || true
-        rm -f "$run_state/${labels[$i]}.pid"
-    done
+    end 30 "${nodes[@]}"
+    end 50 "${recorder[@]}"
     rmdir "$run_state" 2>/dev/null || true
 }
 
-# Waits up to $1 tenths of a second until all but the recorder have ended.
-wait_for_exit() {
-    local tenths=$1 i alive
-    while [ "$tenths" -gt 0 ]; do
-        alive=no
-        for i in "${!pids[@]}"; do
-            [ "${labels[$i]}" != recorder ] || [ "$1" -gt 30 ] || continue
-            kill -0 "${pids[$i]}" 2>/dev/null && alive=yes
+# end TENTHS INDEX...: interrupts these processes and kills what is still there after so many tenths of a second.
+end() {
+    local tenths=$1 i
+    shift
+    for i in "$@"; do kill -INT "${pids[$i]}" 2>/dev/null || true; done
+    for i in "$@"; do
+        while kill -0 "${pids[$i]}" 2>/dev/null; do
+            if [ "$tenths" -le 0 ]; then
+                printf 'warning: %s did not stop, killing it\n' "${labels[$i]}" >&2
+                kill -KILL "${pids[$i]}" 2>/dev/null || true
+                break
+            fi
+            sleep 0.1
+            tenths=$((tenths - 1))
         done
-        [ "$alive" = yes ] || return 0
-        sleep 0.1
-        tenths=$((tenths - 1))
+        wait "${pids[$i]}" 2>/dev/null || true
+        rm -f "$run_state/${labels[$i]}.pid"
     done
 }
 
-# First started process that has ended, if any: prints its last words and fails.
+# check_alive: 0 while all run; 1 when one failed, after printing its last words; 3 when one has finished.
 check_alive() {
-    local i
+    local i status
     for i in "${!pids[@]}"; do
         if ! kill -0 "${pids[$i]}" 2>/dev/null; then
-            printf 'error: %s ended. Its log, %s, says:\n' "${labels[$i]}" "${logs[$i]}" >&2
+            status=0
+            wait "${pids[$i]}" || status=$?
+            [ "$status" -ne 0 ] || { printf '%s has finished\n' "${labels[$i]}"; return 3; }
+            printf 'error: %s ended with status %d. Its log, %s, says:\n' "${labels[$i]}" "$status" "${logs[$i]}" >&2
             tail -n 20 "${logs[$i]}" >&2
             return 1
         fi
     done
 }
 
-# start_platform_nodes NAME BACKEND SOURCE LOGDIR: driver, estimator and local control of one platform.
+# start_platform_nodes NAME BACKEND SOURCE CHANNELS LOGDIR: driver, estimator and local control of one platform.
 start_platform_nodes() {
-    local name=$1 backend=$2 source=$3 logdir=$4 file node
+    local name=$1 backend=$2 source=$3 channels=$4 logdir=$5 file node
     local common=(--ros-args -r "__ns:=/$name")
     for file in "$params/common.yaml" "$params/$name.yaml"; do
         [ -f "$file" ] || die "no parameter file $file for platform '$name'"
@@ -139,6 +139,7 @@ start_platform_nodes() {
     [ ! -f "$params/truth/$name.yaml" ] || truth+=(--params-file "$params/truth/$name.yaml")
     truth+=(--params-file "$experiment_path" -p "backend:=$backend" -p "seed:=$seed")
     [ -z "$source" ] || truth+=(-p "replay.source:=$source")
+    [ -z "$channels" ] || truth+=(-p "replay.channels:=$channels")
     start "${name}_driver" "$logdir/${name}_driver.log" "$bin/driver" "${truth[@]}"
     for node in estimator local_control; do
         start "${name}_$node" "$logdir/${name}_$node.log" "$bin/$node" "${model[@]}"

@@ -16,6 +16,7 @@ status line, stops everything and writes a report. Ctrl-C ends it early and leav
   --backend [PLATFORM=]sim|replay|hardware
                                   what a driver drives, for one platform or all (default sim)
   --source PLATFORM=FILE          recording that a replaying platform is fed from: run, bag or CSV
+  --channels PLATFORM=FILE        which column of a CSV recording is what, as params/channels/broad.yaml
   --params DIR                    parameter folder (default params/)
   --out DIR                       folder of run directories (default runs/)
   --seed N                        seed of the simulated hardware (default 1)
@@ -25,7 +26,7 @@ TXT
 
 named=
 out=$root/runs
-declare -A backends=() sources=()
+declare -A backends=() sources=() channels=()
 default_backend=sim
 while [ $# -gt 0 ]; do
     case $1 in
@@ -40,6 +41,11 @@ while [ $# -gt 0 ]; do
         --source)
             need_value "$@"
             case $2 in *=*) sources[${2%%=*}]=${2#*=} ;; *) die "--source takes PLATFORM=FILE" ;; esac
+            shift 2
+            ;;
+        --channels)
+            need_value "$@"
+            case $2 in *=*) channels[${2%%=*}]=${2#*=} ;; *) die "--channels takes PLATFORM=FILE" ;; esac
             shift 2
             ;;
         --params) need_value "$@"; params=$2; shift 2 ;;
@@ -82,10 +88,11 @@ if hash=$(git -C "$root" rev-parse HEAD 2>/dev/null); then
 fi
 
 mkdir -p "$run/logs"
-start recorder "$run/logs/recorder.log" "$bin/recorder" "${formation[@]}" \
+start recorder "$run/logs/recorder.log" "$bin/recorder" "${formation[@]}" "${truths[@]}" \
     -p "run_directory:=$run" -p "seed:=$seed" "${commit[@]}"
 for platform in $platforms; do
-    start_platform_nodes "$platform" "${backends[$platform]:-$default_backend}" "${sources[$platform]:-}" "$run/logs"
+    start_platform_nodes "$platform" "${backends[$platform]:-$default_backend}" \
+        "${sources[$platform]:-}" "${channels[$platform]:-}" "$run/logs"
 done
 start coordinator "$run/logs/coordinator.log" "$bin/coordinator" "${formation[@]}"
 
@@ -93,9 +100,16 @@ start coordinator "$run/logs/coordinator.log" "$bin/coordinator" "${formation[@]
 "$bin/whorl" monitor $platforms &
 monitor=$!
 while kill -0 "$monitor" 2>/dev/null; do
-    check_alive || exit 1
-    sleep 0.2
+    alive=0
+    check_alive || alive=$?
+    case $alive in
+        0) sleep 0.2 ;;
+        # The coordinator at the end of the experiment, which the monitor is about to report, or a driver
+        # at the end of its recording.
+        3) sleep 2; break ;;
+        *) exit 1 ;;
+    esac
 done
 status=0
-wait "$monitor" || status=$?
+if ! kill -0 "$monitor" 2>/dev/null; then wait "$monitor" || status=$?; fi
 exit "$status"

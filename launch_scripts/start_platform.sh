@@ -12,6 +12,7 @@ Starts driver, estimator and local control in the namespace /PLATFORM (whorl_1, 
 
   --backend sim|replay|hardware   what the driver drives (default sim)
   --source FILE                   recording for --backend replay: run directory, bag or CSV
+  --channels FILE                 which column of a CSV recording is what, as params/channels/broad.yaml
   --experiment NAME|FILE          experiment whose parameters apply (default leader_follower)
   --params DIR                    parameter folder (default params/)
   --seed N                        seed of the simulated hardware (default 1)
@@ -22,11 +23,13 @@ TXT
 platform=
 backend=sim
 source=
+channels=
 while [ $# -gt 0 ]; do
     case $1 in
         -h | --help) usage; exit 0 ;;
         --backend) need_value "$@"; backend=$2; shift 2 ;;
         --source) need_value "$@"; source=$2; shift 2 ;;
+        --channels) need_value "$@"; channels=$2; shift 2 ;;
         --experiment) need_value "$@"; experiment=$2; shift 2 ;;
         --params) need_value "$@"; params=$2; shift 2 ;;
         --seed) need_value "$@"; seed=$2; shift 2 ;;
@@ -43,7 +46,12 @@ build_nodes
 check_binaries driver estimator local_control
 trap 'stop_started' EXIT
 trap 'exit 130' INT TERM
-start_platform_nodes "$platform" "$backend" "$source" "$run_state/logs"
+start_platform_nodes "$platform" "$backend" "$source" "$channels" "$run_state/logs"
 printf '%s is up (logs in %s); Ctrl-C stops it\n' "$platform" "$run_state/logs"
-while check_alive; do sleep 0.5; done
-exit 1
+alive=0
+while [ "$alive" -eq 0 ]; do
+    sleep 0.5
+    check_alive || alive=$?
+done
+# 3: one has finished, as a driver at the end of its recording.
+[ "$alive" -eq 3 ]

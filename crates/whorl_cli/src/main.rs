@@ -48,6 +48,12 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // `whorl ... | head` ends quietly when nobody reads on, as every filter does.
+    let _ = signal_hook::flag::register_conditional_shutdown(
+        signal_hook::consts::SIGPIPE,
+        0,
+        std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true)),
+    );
     let result = match Arguments::parse().command {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Start { experiment } => command::start(experiment),

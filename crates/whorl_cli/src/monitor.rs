@@ -49,29 +49,17 @@ struct PlatformView {
 /// Carries out `whorl monitor`. Fails when the experiment was aborted.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let network = Network::from_environment()?;
-    let participant = Participant::new(&network)?;
-    let mut readers: Vec<(Route, RawReader)> = Vec::new();
-    let mut listen = |route: Route| -> anyhow::Result<()> {
-        let info = route.topic.info();
-        if let Some(name) = route.name(&arguments.platforms) {
-            readers.push((
-                route,
-                participant.reader(&name, info.message_type.name(), EndpointQos::from(info.qos))?,
-            ));
-        }
-        Ok(())
-    };
-    listen(Route::shared(Topic::FormationState))?;
-    for index in 0..u16::try_from(arguments.platforms.len()).unwrap_or(u16::MAX) {
-        listen(Route::platform(PlatformId(index), Topic::AttitudeEstimate))?;
-        listen(Route::platform(PlatformId(index), Topic::ControlStatus))?;
-    }
+    let mut formation = Listener::new(&network, &arguments.platforms)?;
     let mut view = View::default();
     let mut screen = Screen::new();
     let mut last_rates = Instant::now();
     loop {
         std::thread::sleep(LOOK);
-        for (route, reader) in &readers {
+        // DDS's threads do not survive everything, such as hours of a stopped process.
+        if !formation.participant.is_alive() {
+            formation = Listener::new(&network, &arguments.platforms)?;
+        }
+        for (route, reader) in &formation.readers {
             reader.drain_notifications();
             while let Some(sample) = reader.take()? {
                 // What cannot be decoded is counted by the nodes it was meant for.
@@ -88,18 +76,42 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             });
             last_rates = Instant::now();
         }
-        screen.show(&view.line(&arguments.platforms));
+        screen.show(&view.lines(&arguments.platforms));
         match view.formation.as_ref().map(|f| f.phase) {
             Some(FormationState::PHASE_FINISHED) if !arguments.stay => {
-                screen.end();
                 return Ok(());
             }
             Some(FormationState::PHASE_ABORTED) if !arguments.stay => {
-                screen.end();
                 bail!("the experiment was aborted; the coordinator's log says why");
             }
             _ => {}
         }
+    }
+}
+
+/// What the monitor listens to.
+struct Listener {
+    readers: Vec<(Route, RawReader)>,
+    participant: Participant,
+}
+
+impl Listener {
+    fn new(network: &Network, platforms: &[String]) -> anyhow::Result<Self> {
+        let participant = Participant::new(network)?;
+        let ids = (0..u16::try_from(platforms.len()).unwrap_or(u16::MAX)).map(PlatformId);
+        let of_platforms = ids.flat_map(|id| {
+            [Topic::AttitudeEstimate, Topic::ControlStatus].map(|topic| Route::platform(id, topic))
+        });
+        let mut readers = Vec::new();
+        for route in std::iter::once(Route::shared(Topic::FormationState)).chain(of_platforms) {
+            let info = route.topic.info();
+            if let Some(name) = route.name(platforms) {
+                let reader =
+                    participant.reader(&name, info.message_type.name(), EndpointQos::from(info.qos))?;
+                readers.push((route, reader));
+            }
+        }
+        Ok(Self { readers, participant })
     }
 }
 
@@ -117,23 +129,22 @@ impl View {
         }
     }
 
-    /// Phase, then for each platform attitude, error, link age, gas, rate.
-    fn line(&self, names: &[String]) -> String {
-        let mut line = match &self.formation {
+    /// The phase, then for each platform attitude, error, link age, gas, rate.
+    fn lines(&self, names: &[String]) -> Vec<String> {
+        let formation = match &self.formation {
             None => "waiting for the coordinator".to_owned(),
             Some(f) => {
                 let step = if f.step.is_empty() { String::new() } else { format!(" {}", f.step) };
                 format!("{:5.1}/{:.0} s {}{step}", f.run_elapsed_s, f.run_length_s, phase_name(f.phase))
             }
         };
-        for (index, name) in (0u16..).zip(names) {
-            line.push_str(&format!(" | {name} "));
-            match self.platforms.get(&index) {
-                Some(platform) => line.push_str(&platform.text(self.formation.as_ref(), usize::from(index))),
-                None => line.push_str("silent"),
+        let platform = |(index, name): (u16, &String)| match self.platforms.get(&index) {
+            Some(platform) => {
+                format!("{name} {}", platform.text(self.formation.as_ref(), usize::from(index)))
             }
-        }
-        line
+            None => format!("{name} silent"),
+        };
+        std::iter::once(formation).chain((0u16..).zip(names).map(platform)).collect()
     }
 }
 
@@ -168,7 +179,7 @@ impl PlatformView {
     }
 }
 
-/// One line that is written over on a terminal; a line now and then elsewhere.
+/// Lines that are written over on a terminal; one line now and then elsewhere.
 struct Screen {
     terminal: bool,
     last: Option<Instant>,
@@ -179,22 +190,21 @@ impl Screen {
         Self { terminal: std::io::stdout().is_terminal(), last: None }
     }
 
-    fn show(&mut self, line: &str) {
+    fn show(&mut self, lines: &[String]) {
         let mut out = std::io::stdout();
         // If nobody reads the status any more, the experiment goes on.
         if self.terminal {
-            let _ = write!(out, "\r\x1b[2K{line}");
+            // Back to the first line of the last view. Long lines are cut at the edge: wrapped ones
+            // would not be written over.
+            let up = if self.last.is_some() { format!("\x1b[{}A", lines.len()) } else { String::new() };
+            let view: String = lines.iter().map(|line| format!("\x1b[2K{line}\n")).collect();
+            let _ = write!(out, "\x1b[?7l{up}\r{view}\x1b[?7h");
+            self.last = Some(Instant::now());
         } else if self.last.is_none_or(|t| t.elapsed() >= LINE) {
             self.last = Some(Instant::now());
-            let _ = writeln!(out, "{line}");
+            let _ = writeln!(out, "{}", lines.join(" | "));
         }
         let _ = out.flush();
-    }
-
-    fn end(&mut self) {
-        if self.terminal {
-            println!();
-        }
     }
 }
 
@@ -206,7 +216,7 @@ mod tests {
     fn the_line_says_what_is_silent_and_what_is_known() {
         let names = ["whorl_1".to_owned(), "whorl_2".to_owned()];
         let mut view = View::default();
-        assert_eq!(view.line(&names), "waiting for the coordinator | whorl_1 silent | whorl_2 silent");
+        assert_eq!(view.lines(&names), ["waiting for the coordinator", "whorl_1 silent", "whorl_2 silent"]);
         view.take(
             Route::shared(Topic::FormationState),
             FormationState {
@@ -222,12 +232,11 @@ mod tests {
         let q = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, 30f64.to_radians());
         let estimate = AttitudeEstimate { health: 1, q_world_body: q.into(), ..AttitudeEstimate::default() };
         view.take(Route::platform(PlatformId(1), Topic::AttitudeEstimate), estimate.into());
-        let line = view.line(&names);
-        assert!(
-            line.starts_with(" 12.3/60 s hold | whorl_1 silent | whorl_2 ypr   30.00   0.00   0.00 deg"),
-            "{line}"
-        );
-        assert!(line.contains("err  1.000 deg"), "{line}");
-        assert_eq!(line.matches("link").count(), 0, "an infinite age is not shown: {line}");
+        let lines = view.lines(&names);
+        assert_eq!(lines[..2], [" 12.3/60 s hold", "whorl_1 silent"]);
+        let platform = &lines[2];
+        assert!(platform.starts_with("whorl_2 ypr   30.00   0.00   0.00 deg"), "{platform}");
+        assert!(platform.contains("err  1.000 deg"), "{platform}");
+        assert_eq!(platform.matches("link").count(), 0, "an infinite age is not shown: {platform}");
     }
 }

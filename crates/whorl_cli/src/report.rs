@@ -29,9 +29,8 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summa
     };
     let bag = run.bag()?;
     let mut data = RunData::default();
-    let mut messages = bag.messages();
     let mut undecodable = 0u64;
-    while let Some(message) = messages.next() {
+    for message in bag.messages() {
         let message = message?;
         if message.topic.message_type().is_none() {
             continue;

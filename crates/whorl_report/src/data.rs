@@ -94,7 +94,7 @@ impl RunData {
                 match (topic, message) {
                     $((Topic::$topic, Message::$variant(message)) => data.$field.push(Recorded {
                         log_time_s,
-                        stamp_s: stamp_s(message.header.stamp, first),
+                        stamp_s: stamp_s(message.header.stamp, first).unwrap_or(log_time_s),
                         message,
                     }),)+
                     _ => self.other_messages += 1,
@@ -120,15 +120,15 @@ impl RunData {
     fn add_shared(&mut self, topic: Topic, log_time_s: f64, first: i64, message: Message) {
         match (topic, message) {
             (Topic::FormationState, Message::FormationState(message)) => {
-                let stamp_s = stamp_s(message.header.stamp, first);
+                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
                 self.formation.push(Recorded { log_time_s, stamp_s, message });
             }
             (Topic::FormationCommand, Message::FormationCommand(message)) => {
-                let stamp_s = stamp_s(message.header.stamp, first);
+                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
                 self.authority.push(Recorded { log_time_s, stamp_s, message });
             }
             (Topic::Diagnostics, Message::DiagnosticArray(message)) => {
-                let stamp_s = stamp_s(message.header.stamp, first);
+                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
                 self.diagnostics.push(Recorded { log_time_s, stamp_s, message });
             }
             _ => self.other_messages += 1,
@@ -140,6 +140,8 @@ fn seconds(ns: i64) -> f64 {
     ns as f64 * 1e-9
 }
 
-fn stamp_s(stamp: whorl_msgs::builtin_interfaces::Time, first_ns: i64) -> f64 {
-    seconds(i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec) - first_ns)
+/// `None` for the zero stamp of a message that goes back to no measurement.
+fn stamp_s(stamp: whorl_msgs::builtin_interfaces::Time, first_ns: i64) -> Option<f64> {
+    let ns = i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec);
+    (ns != 0).then(|| seconds(ns - first_ns))
 }

@@ -30,12 +30,24 @@ pub struct Figure {
     pub dashed: Vec<Curve>,
     /// Logarithmic vertical axis.
     pub log: bool,
+    /// The vertical axis is fitted to what comes after this time [s], so that a first transient does
+    /// not flatten the rest; zooming out shows it all.
+    pub fitted_from_s: Option<f64>,
 }
 
 impl Figure {
     /// Whether there is anything to draw.
     pub fn is_empty(&self) -> bool {
         self.curves.iter().chain(&self.dashed).all(|c| c.time_s.is_empty())
+    }
+
+    /// Smallest and largest value from this time on.
+    fn range_from(&self, start_s: f64) -> Option<[f64; 2]> {
+        let points = self.curves.iter().chain(&self.dashed).flat_map(|c| c.time_s.iter().zip(&c.value));
+        let late = points.filter(|(t, v)| **t >= start_s && v.is_finite()).map(|(_, v)| *v);
+        let [low, high] =
+            late.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
+        (low <= high).then_some([low, high])
     }
 
     /// HTML of the figure; `shaded` stretches of time are drawn in grey behind the curves.
@@ -64,6 +76,10 @@ impl Figure {
         let mut y = axis.clone().title(Title::with_text(self.y_label.clone()));
         if self.log {
             y = y.type_(plotly::layout::AxisType::Log);
+        }
+        if let Some([low, high]) = self.fitted_from_s.and_then(|t| self.range_from(t)) {
+            let margin = 0.08 * (high - low).max(f64::MIN_POSITIVE);
+            y = y.range(vec![low - margin, high + margin]);
         }
         let shapes = shaded.iter().map(|(start, end)| {
             Shape::new()

@@ -10,6 +10,10 @@ use crate::series::{AttitudeSeries, Curve, components};
 
 const XYZ: [&str; 3] = ["x", "y", "z"];
 
+/// From the first usable estimate to where a figure's vertical axis is fitted [s]: the filter has
+/// then forgotten how it began.
+const FILTER_SETTLING_S: f64 = 2.0;
+
 /// Relative error of a pair and the links.
 pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> Vec<Figure> {
     let angle = |name: &str, f: &dyn Fn(&RelativeError) -> Option<f64>| {
@@ -84,14 +88,16 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
         y_label: "error [deg]".to_owned(),
         curves: components(XYZ, deg_from_rad(1.0), estimator_errors(attitudes)),
         dashed: three_sigma(data),
+        fitted_from_s: settled_s(attitudes),
         ..Figure::default()
     });
     figures.push(Figure {
         title: "Gyro bias".to_owned(),
         caption: "Estimated (solid) and true (dashed), body axes.".to_owned(),
         y_label: "bias [deg/s]".to_owned(),
-        curves: bias(&data.estimate),
-        dashed: bias(&data.truth),
+        curves: bias(&data.estimate, XYZ),
+        dashed: bias(&data.truth, ["x true", "y true", "z true"]),
+        fitted_from_s: settled_s(attitudes),
         ..Figure::default()
     });
     figures.push(Figure {
@@ -108,8 +114,8 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
                   They part where the actuators are at their limits."
                 .to_owned(),
         y_label: "torque [mN m]".to_owned(),
-        curves: torque(data, |c| c.torque_achieved_b_n_m),
-        dashed: torque(data, |c| c.torque_commanded_b_n_m),
+        curves: torque(data, XYZ, |c| c.torque_achieved_b_n_m),
+        dashed: torque(data, ["x asked", "y asked", "z asked"], |c| c.torque_commanded_b_n_m),
         ..Figure::default()
     });
     figures.extend(jet_figures(data));
@@ -117,17 +123,26 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
     figures
 }
 
-fn torque(
-    data: &PlatformData,
-    of: impl Fn(&whorl_msgs::whorl::ControlStatus) -> whorl_msgs::geometry_msgs::Vector3,
-) -> Vec<Curve> {
-    components(XYZ, 1e3, data.control.iter().map(|c| (c.stamp_s, Vector3::from(of(&c.message)))))
+/// When the filter has settled, if there is an estimate.
+fn settled_s(attitudes: &Attitudes) -> Option<f64> {
+    attitudes.estimate.iter().next().map(|(t, _)| t + FILTER_SETTLING_S)
 }
 
-fn bias(estimates: &[crate::data::Recorded<whorl_msgs::whorl::AttitudeEstimate>]) -> Vec<Curve> {
+fn torque(
+    data: &PlatformData,
+    names: [&str; 3],
+    of: impl Fn(&whorl_msgs::whorl::ControlStatus) -> whorl_msgs::geometry_msgs::Vector3,
+) -> Vec<Curve> {
+    components(names, 1e3, data.control.iter().map(|c| (c.stamp_s, Vector3::from(of(&c.message)))))
+}
+
+fn bias(
+    estimates: &[crate::data::Recorded<whorl_msgs::whorl::AttitudeEstimate>],
+    names: [&str; 3],
+) -> Vec<Curve> {
     let usable = estimates.iter().filter(|e| e.message.usable());
     components(
-        XYZ,
+        names,
         deg_from_rad(1.0),
         usable.map(|e| (e.stamp_s, Vector3::from(e.message.gyro_bias_b_rad_s))),
     )

@@ -327,7 +327,8 @@ fn summarise_platform(
         .windows(2)
         .filter(|w| w[0].message.mode != ControlStatus::MODE_TRACK)
         .map(|w| w[1].stamp_s - w[0].stamp_s)
-        .sum();
+        // Not sum(), whose sum of nothing is minus zero.
+        .fold(0.0, |total, dt| total + dt);
     PlatformSummary {
         name: name.to_owned(),
         pointing_error_rms_rad: rms(pointing),
