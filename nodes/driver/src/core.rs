@@ -230,6 +230,38 @@ mod tests {
     }
 
     #[test]
+    fn a_new_slot_replaces_what_is_left_of_the_one_before() {
+        let (mut driver, model) = driver();
+        let mut slot = |sequence: u64, now_ms: i64, on_time_s: [f64; 3]| {
+            let mut jet_on_time_s = vec![0.0; model.jets.len()];
+            jet_on_time_s[..3].copy_from_slice(&on_time_s);
+            let command = ActuatorCommand {
+                header: Header { stamp: at(now_ms).into(), frame_id: String::new() },
+                sequence,
+                valid_until: at(now_ms + 60).into(),
+                wheel_torque_n_m: vec![0.0; model.wheels.len()],
+                jet_slot: sequence,
+                jet_slot_length_s: 0.1,
+                jet_on_time_s,
+            };
+            let route = Route::platform(PlatformId(0), Topic::ActuatorCommand);
+            driver.step(
+                at(now_ms),
+                Event::Message { route, message: &command.into() },
+                &mut Outputs::default(),
+            );
+        };
+        slot(0, 0, [0.1, 0.1, 0.0]);
+        slot(1, 30, [0.0, 0.05, 0.02]);
+        let mut outputs = Outputs::default();
+        driver.step(at(90), Event::Timer, &mut outputs);
+        let total_on_time_s = thrusters(&outputs).total_on_time_s;
+        for (jet, expected_s) in [0.03, 0.03 + 0.05, 0.02].into_iter().enumerate() {
+            assert!((total_on_time_s[jet] - expected_s).abs() < 1e-9, "jet {jet}: {}", total_on_time_s[jet]);
+        }
+    }
+
+    #[test]
     fn measurements_come_at_their_rates() {
         let (mut driver, _) = driver();
         let mut outputs = Outputs::default();

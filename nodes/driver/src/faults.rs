@@ -11,10 +11,14 @@ pub enum FaultKind {
     GyroNan,
     /// Angular rates repeat the last good sample.
     GyroFrozen,
+    /// Angular rates far beyond what a gyro can measure, as from a broken cable.
+    GyroOutOfRange,
     /// Specific force is NaN.
     AccelerometerNan,
     /// No IMU messages.
     ImuSilent,
+    /// The vector sensor's direction is NaN.
+    VectorNan,
     /// No vector sensor messages.
     VectorSilent,
     /// The jet's valve stays closed.
@@ -48,15 +52,20 @@ impl Fault {
     }
 }
 
-const KINDS: [&str; 7] = [
+const KINDS: [&str; 9] = [
     "gyro_nan",
     "gyro_frozen",
+    "gyro_out_of_range",
     "accelerometer_nan",
     "imu_silent",
+    "vector_nan",
     "vector_silent",
     "jet_stuck_closed",
     "jet_stuck_open",
 ];
+
+/// What a gyro out of range says [rad/s]; MotionPak-class gyros end below 10 rad/s.
+const IMPOSSIBLE_RATE_RAD_S: f64 = 100.0;
 
 /// Reads the group `faults`: any number of faults under names of the user's choice.
 pub(crate) fn read(r: &mut Reader<'_>, jets: &[String]) -> Vec<Fault> {
@@ -79,8 +88,10 @@ fn read_fault(r: &mut Reader<'_>, jets: &[String]) -> Fault {
         kind: match kind {
             "gyro_nan" => FaultKind::GyroNan,
             "gyro_frozen" => FaultKind::GyroFrozen,
+            "gyro_out_of_range" => FaultKind::GyroOutOfRange,
             "accelerometer_nan" => FaultKind::AccelerometerNan,
             "imu_silent" => FaultKind::ImuSilent,
+            "vector_nan" => FaultKind::VectorNan,
             "vector_silent" => FaultKind::VectorSilent,
             "jet_stuck_open" => FaultKind::JetStuckOpen { jet },
             _ => FaultKind::JetStuckClosed { jet },
@@ -107,13 +118,19 @@ pub(crate) fn spoil_imu(
     for kind in active {
         match kind {
             FaultKind::GyroNan => message.angular_velocity = Vector3::repeat(f64::NAN).into(),
+            FaultKind::GyroOutOfRange => {
+                message.angular_velocity = Vector3::repeat(IMPOSSIBLE_RATE_RAD_S).into()
+            }
             FaultKind::AccelerometerNan => message.linear_acceleration = Vector3::repeat(f64::NAN).into(),
             FaultKind::GyroFrozen => {
                 frozen = true;
                 message.angular_velocity = last_good_rate.unwrap_or(good_rate).into();
             }
             FaultKind::ImuSilent => sent = false,
-            FaultKind::VectorSilent | FaultKind::JetStuckClosed { .. } | FaultKind::JetStuckOpen { .. } => {}
+            FaultKind::VectorNan
+            | FaultKind::VectorSilent
+            | FaultKind::JetStuckClosed { .. }
+            | FaultKind::JetStuckOpen { .. } => {}
         }
     }
     if !frozen || last_good_rate.is_none() {
@@ -140,6 +157,7 @@ mod tests {
             [1.0, 1.0, 1.0, 4.0]
         );
         assert!(rate(5.0, &[FaultKind::GyroNan]).is_nan());
+        assert!(rate(6.0, &[FaultKind::GyroOutOfRange]) > 10.0);
     }
 
     #[test]

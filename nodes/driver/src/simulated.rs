@@ -141,12 +141,17 @@ impl Hardware for SimulatedHardware {
                 let _ = running.plant.command_wheels(torque_n_m);
             }
             Action::Pulses(on_time_s) => {
+                // A slot replaces what is left of the one before; a valve asked for again stays open.
+                if running.valve_closes.iter().any(|closes| *closes > now) {
+                    running.plant.close_all_valves(now.0);
+                    running.valve_closes.fill(now);
+                }
                 for (jet, (on_time_s, min)) in on_time_s.iter().zip(&min_on_time_s).enumerate() {
                     let made = *on_time_s > 0.0
                         && *on_time_s >= *min
                         && running.plant.command_jet_pulse(jet, now.0, *on_time_s).is_ok();
                     if let Some(closes) = running.valve_closes.get_mut(jet).filter(|_| made) {
-                        *closes = (*closes).max(now + Duration::from_secs_f64(*on_time_s));
+                        *closes = now + Duration::from_secs_f64(*on_time_s);
                     }
                 }
             }
@@ -180,7 +185,9 @@ impl Hardware for SimulatedHardware {
         if due(&mut running.due.vector, now, vector_period) {
             let sample = running.plant.sample_vector();
             if let Some(sample) = sample.filter(|_| !active().any(|f| f == FaultKind::VectorSilent)) {
-                let vector = sample.direction.into_inner().into();
+                let broken = active().any(|f| f == FaultKind::VectorNan);
+                let direction = sample.direction.into_inner();
+                let vector = if broken { direction * f64::NAN } else { direction }.into();
                 out.push((Topic::VectorDirection, Vector3Stamped { header: header.clone(), vector }.into()));
             }
         }
