@@ -1,0 +1,171 @@
+//! The answer, as people and programs read it.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of the JSON form of [`Diagnosis`].
+pub const SCHEMA: u32 = 1;
+
+/// How a diagnosis ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One set of effects is supported well above every other.
+    Named,
+    /// Several sets explain the data equally well.
+    Confounded,
+    /// Something is missing that no effect of the catalogue explains.
+    Unknown,
+    /// The model explains the data to the noise, and an effect of ordinary size would have been seen.
+    NothingMissing,
+    /// The data could not have shown an effect of ordinary size.
+    NotEnoughInformation,
+}
+
+/// Fitted parameter of a candidate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEstimate {
+    /// Name in the catalogue.
+    pub name: String,
+    /// Unit, "1" for none.
+    pub unit: String,
+    /// Estimate.
+    pub estimate: f64,
+    /// Standard deviation.
+    pub stddev: f64,
+    /// The estimate lies at the end of the plausible range.
+    pub at_bound: bool,
+    /// The smallest value that these data would have shown clearly (five standard deviations).
+    pub smallest_detectable: f64,
+}
+
+/// One effect as an explanation of what the base model leaves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Id in the catalogue.
+    pub effect: String,
+    /// Log evidence gained by adding it to the chosen set; for a member of the set, lost by removing it.
+    pub delta_log_evidence: f64,
+    /// Log likelihood gained on data that did not take part in its fit; > 0 = predicts better.
+    pub held_out_gain: f64,
+    /// Share of the excess misfit that it explains alone.
+    pub share_of_excess: f64,
+    /// Share of its signal that refitting the base parameters would swallow.
+    pub swallowed_by_base: f64,
+    /// Drop of the whitened misfit that it brings, in units of noise variance.
+    pub detectability: f64,
+    /// Effects whose signal these data cannot tell from this one (correlation above 0.98).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub indistinguishable_from: Vec<String>,
+    /// Its parameters.
+    pub parameters: Vec<ParameterEstimate>,
+}
+
+/// What drives a torque that no effect of the catalogue explains.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unknown {
+    /// Recorded variable that it follows best: `time`, `yaw_rate`, `wheel_x_speed`, ...
+    pub variable: String,
+    /// `body` or `world`: the frame in which the torque's axis stands still.
+    pub frame: String,
+    /// Axis in that frame.
+    pub axis: String,
+    /// Symmetry in the variable: `odd`, `even` or `none`.
+    pub parity: String,
+    /// Frequency of a line in the spectrum \[Hz\].
+    pub frequency_hz: Option<f64>,
+    /// Share of the excess misfit that this explains.
+    pub share: f64,
+}
+
+/// RMS prediction error of one channel in its own unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelError {
+    /// `gyro_x`, `tilt`, `wheel_x_speed`, ...
+    pub channel: String,
+    /// Unit.
+    pub unit: String,
+    /// How far ahead was predicted \[s\].
+    pub horizon_s: f64,
+    /// With the model as given, base refitted.
+    pub before: f64,
+    /// With the effects named.
+    pub after: f64,
+    /// What the sensor's noise alone gives.
+    pub noise_floor: f64,
+}
+
+/// RMS whitened residual, 1 = noise.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ErrorSummary {
+    /// Base refitted, no effect added.
+    pub before: f64,
+    /// With the effects.
+    pub after: f64,
+    /// What noise alone gives.
+    pub noise_floor: f64,
+    /// As `before` on held-out runs; `None` without any.
+    pub held_out_before: Option<f64>,
+    /// As `after` on held-out runs.
+    pub held_out_after: Option<f64>,
+    /// In physical units at horizons 0.1, 1 and 10 s.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<ChannelError>,
+}
+
+/// What to do next.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NextManoeuvre {
+    /// In words.
+    pub manoeuvre: String,
+    /// Log odds that it is expected to bring between the explanations that are left.
+    pub expected_log_odds: f64,
+}
+
+/// The answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// How it ends.
+    pub verdict: Verdict,
+    /// Best supported set, ids of the catalogue; empty if none.
+    pub effects: Vec<String>,
+    /// Other sets that the data cannot reject.
+    pub confounded_with: Vec<Vec<String>>,
+    /// `torque`, `actuator`, `sensor` or `hidden_state`, of the first effect.
+    pub kind: Option<String>,
+    /// What is known of an effect without a name.
+    pub unknown: Option<Unknown>,
+    /// Every effect of the catalogue that was tested, best first.
+    pub candidates: Vec<Candidate>,
+    /// Errors before and after.
+    pub error: ErrorSummary,
+    /// Runs that disagree with the others.
+    pub odd_runs: Vec<String>,
+    /// What to do next.
+    pub next: Option<NextManoeuvre>,
+    /// What each missing channel costs, noise levels that differ from the model's, and other remarks,
+    /// one sentence each.
+    #[serde(default)]
+    pub remarks: Vec<String>,
+}
+
+impl Diagnosis {
+    /// Nothing can be said.
+    #[must_use]
+    pub fn not_enough_information() -> Self {
+        Self {
+            schema: SCHEMA,
+            verdict: Verdict::NotEnoughInformation,
+            effects: Vec::new(),
+            confounded_with: Vec::new(),
+            kind: None,
+            unknown: None,
+            candidates: Vec::new(),
+            error: ErrorSummary::default(),
+            odd_runs: Vec::new(),
+            next: None,
+            remarks: Vec::new(),
+        }
+    }
+}
