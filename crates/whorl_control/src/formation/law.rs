@@ -46,6 +46,28 @@ impl Offset {
         }
     }
 
+    /// An offset that moves: the motion of the platform's frame seen from the leader's.
+    #[must_use]
+    pub fn moving(leader_platform: &Reference) -> Self {
+        Self {
+            q_leader_platform: leader_platform.q_world_reference,
+            omega_lp_p_rad_s: leader_platform.omega_wr_r_rad_s,
+            omega_dot_lp_p_rad_s2: leader_platform.omega_dot_wr_r_rad_s2,
+        }
+    }
+
+    /// The leader seen from the platform: `self.inverse().apply(&self.apply(x)) == x`.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let q = &self.q_leader_platform;
+        Self {
+            q_leader_platform: q.inverse(),
+            omega_lp_p_rad_s: -(q * self.omega_lp_p_rad_s),
+            // The axes turn with omega_lp, whose cross product with itself vanishes.
+            omega_dot_lp_p_rad_s2: -(q * self.omega_dot_lp_p_rad_s2),
+        }
+    }
+
     /// The motion of a platform that keeps this offset exactly to a leader that moves so.
     ///
     /// With `w = R^T omega_leader`: `omega = w + omega_lp` and
@@ -110,6 +132,34 @@ pub struct Relation {
     pub q_leader_platform: UnitQuaternion<f64>,
 }
 
+/// The relation of a formation whose members all have a place on one virtual body: seen from the first
+/// platform, and for that one against its own reference.
+pub(super) fn rigid_relation(input: &LawInput<'_>, platform: usize) -> Option<Relation> {
+    let own = input.offsets.get(platform)?.q_leader_platform;
+    if platform == 0 {
+        let q_leader_platform = input.members.first()?.reference.q_world_reference;
+        return Some(Relation { leader: None, q_leader_platform });
+    }
+    let first = input.offsets.first()?.q_leader_platform;
+    Some(Relation { leader: Some(0), q_leader_platform: first.inverse() * own })
+}
+
+/// Motion of a member: its estimated attitude; rate and acceleration of its own reference while it
+/// tracks that (known without noise and in advance), else the estimated rate.
+pub(super) fn member_motion(member: &Member) -> Reference {
+    let (omega_wr_r_rad_s, omega_dot_wr_r_rad_s2) = if member.tracking {
+        (member.reference.omega_wr_r_rad_s, member.reference.omega_dot_wr_r_rad_s2)
+    } else {
+        (member.omega_wb_b_rad_s, Vector3::zeros())
+    };
+    Reference { q_world_reference: member.q_world_body, omega_wr_r_rad_s, omega_dot_wr_r_rad_s2 }
+}
+
+pub(super) fn limited(vector: Vector3<f64>, max_norm: f64) -> Vector3<f64> {
+    let norm = vector.norm();
+    if norm > max_norm { vector * (max_norm / norm) } else { vector }
+}
+
 /// Why a law was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum LawError {
@@ -123,7 +173,19 @@ pub enum LawError {
         /// As given.
         value: f64,
         /// The bound, in words.
-        allowed: &'static str,
+        allowed: String,
+    },
+    /// A neighbour that does not see the platform as its own neighbour.
+    #[error(
+        "{law}: platform {platform} keeps formation with platform {neighbour}, but not the other way round: neighbours must be mutual"
+    )]
+    NotMutual {
+        /// The law.
+        law: &'static str,
+        /// Who names a neighbour.
+        platform: usize,
+        /// Who does not name it.
+        neighbour: usize,
     },
 }
 
@@ -145,6 +207,11 @@ pub trait RelativeAttitudeLaw: std::fmt::Debug + Send {
     /// platform that does not exist.
     fn relation(&self, input: &LawInput<'_>, platform: usize) -> Option<Relation>;
 
+    /// Broadcasts of platforms to their neighbours so far, for a law that decides when they speak.
+    fn broadcasts(&self) -> Option<u64> {
+        None
+    }
+
     /// The rotation vector \[rad\], in body axes, of the platform's estimated attitude against its
     /// [`Relation`]. `None` while either attitude is unknown.
     fn relative_error_rad(&self, input: &LawInput<'_>, platform: usize) -> Option<Vector3<f64>> {
@@ -162,6 +229,24 @@ pub trait RelativeAttitudeLaw: std::fmt::Debug + Send {
 mod tests {
     use super::*;
     use whorl_math::quaternion_exp;
+
+    #[test]
+    fn an_offset_undone_gives_the_leader_back() {
+        let leader = Reference {
+            q_world_reference: quaternion_exp(&Vector3::new(0.3, -0.2, 0.9)),
+            omega_wr_r_rad_s: Vector3::new(0.1, 0.2, -0.3),
+            omega_dot_wr_r_rad_s2: Vector3::new(-0.05, 0.02, 0.04),
+        };
+        let offset = Offset {
+            q_leader_platform: quaternion_exp(&Vector3::new(-0.4, 0.5, 0.1)),
+            omega_lp_p_rad_s: Vector3::new(0.2, -0.1, 0.15),
+            omega_dot_lp_p_rad_s2: Vector3::new(0.03, 0.07, -0.02),
+        };
+        let back = offset.inverse().apply(&offset.apply(&leader));
+        assert!(attitude_error(&leader.q_world_reference, &back.q_world_reference).norm() < 1e-14);
+        assert!((back.omega_wr_r_rad_s - leader.omega_wr_r_rad_s).norm() < 1e-14);
+        assert!((back.omega_dot_wr_r_rad_s2 - leader.omega_dot_wr_r_rad_s2).norm() < 1e-14);
+    }
 
     #[test]
     fn a_moving_offset_on_a_moving_leader_gives_the_derivatives() {

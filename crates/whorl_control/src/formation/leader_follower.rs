@@ -33,10 +33,8 @@
 //! One clock; estimates extrapolated to the instant of the demand; the leader can do what its
 //! reference asks.
 
-use nalgebra::Vector3;
-
-use super::{Demand, LawInput, LeaderGraph, Member, Relation, RelativeAttitudeLaw};
-use crate::reference::Reference;
+use super::law::member_motion;
+use super::{Demand, LawInput, LeaderGraph, Relation, RelativeAttitudeLaw};
 
 /// The law. It has no memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,21 +58,12 @@ impl LeaderFollower {
             },
             Some(leader) => match (input.members.get(leader), input.offsets.get(platform)) {
                 (Some(leader), Some(offset)) if leader.usable => {
-                    Demand::Follow(offset.apply(&leader_motion(leader)))
+                    Demand::Follow(offset.apply(&member_motion(leader)))
                 }
                 _ => Demand::Hold,
             },
         }
     }
-}
-
-fn leader_motion(leader: &Member) -> Reference {
-    let (omega_wr_r_rad_s, omega_dot_wr_r_rad_s2) = if leader.tracking {
-        (leader.reference.omega_wr_r_rad_s, leader.reference.omega_dot_wr_r_rad_s2)
-    } else {
-        (leader.omega_wb_b_rad_s, Vector3::zeros())
-    };
-    Reference { q_world_reference: leader.q_world_body, omega_wr_r_rad_s, omega_dot_wr_r_rad_s2 }
 }
 
 impl RelativeAttitudeLaw for LeaderFollower {

@@ -39,6 +39,7 @@
 use nalgebra::Vector3;
 use whorl_math::attitude_error;
 
+use super::law::{limited, rigid_relation};
 use super::{Demand, LawError, LawInput, Relation, RelativeAttitudeLaw};
 use crate::reference::Reference;
 
@@ -70,7 +71,12 @@ impl VirtualStructure {
     /// # Errors
     /// The first gain outside its range, with the bound.
     pub fn new(gains: VirtualStructureGains) -> Result<Self, LawError> {
-        let refuse = |gain, value, allowed| LawError::Gain { law: "virtual_structure", gain, value, allowed };
+        let refuse = |gain, value, allowed: &str| LawError::Gain {
+            law: "virtual_structure",
+            gain,
+            value,
+            allowed: allowed.to_owned(),
+        };
         for (gain, value) in [
             ("bandwidth_rad_s", gains.bandwidth_rad_s),
             ("rate_max_rad_s", gains.rate_max_rad_s),
@@ -148,11 +154,6 @@ fn mean_square_error_rad2(input: &LawInput<'_>) -> f64 {
     sum / input.members.len().max(1) as f64
 }
 
-fn limited(vector: Vector3<f64>, max_norm: f64) -> Vector3<f64> {
-    let norm = vector.norm();
-    if norm > max_norm { vector * (max_norm / norm) } else { vector }
-}
-
 impl RelativeAttitudeLaw for VirtualStructure {
     fn name(&self) -> &'static str {
         "virtual_structure"
@@ -177,13 +178,6 @@ impl RelativeAttitudeLaw for VirtualStructure {
     }
 
     fn relation(&self, input: &LawInput<'_>, platform: usize) -> Option<Relation> {
-        let own = input.offsets.get(platform)?.q_leader_platform;
-        if platform == 0 {
-            let q_leader_platform = input.members.first()?.reference.q_world_reference;
-            return Some(Relation { leader: None, q_leader_platform });
-        }
-        // Members are rigid to each other: what counts between platforms is seen from the first.
-        let first = input.offsets.first()?.q_leader_platform;
-        Some(Relation { leader: Some(0), q_leader_platform: first.inverse() * own })
+        rigid_relation(input, platform)
     }
 }

@@ -1,0 +1,206 @@
+//! Decentralised: each platform takes the mean of what its neighbours do; nobody commands the others.
+//!
+//! # Equations
+//!
+//! The formation has a frame that nobody owns. Platform j, at its offset, implies where that frame is:
+//! `F_j = x_j o_j^-1`, with attitude, rate and acceleration. Platform i is asked for
+//!
+//! ```text
+//! q_i = F_i o_i,   F_i = F exp( a_i0 log(F^-1 G) + sum_j a_ij log(F^-1 F_j) ),   F: its own present frame
+//! omega_i, omega'_i: the same weighted means of rates and accelerations, in the axes of F_i
+//! ```
+//!
+//! over its neighbours j and, if it knows it, the experiment's goal G; the weights of a platform add up to
+//! one. A neighbour's motion is its reference with a share `c` of its own pointing error:
+//! `x_j = q_ref exp(c log(q_ref^-1 q_est))`. Its acceleration counts with the factor 0.9 (see below). A
+//! neighbour that is not heard drops out and the other weights grow to one again.
+//!
+//! Run in one process, or on each platform with what it hears: a platform's demand depends on nothing but
+//! itself, its neighbours and the goal.
+//!
+//! # Source
+//! W. Ren, "Multi-vehicle consensus with a time-varying reference state", Systems & Control Letters 56,
+//! 2007, here second order and on SO(3) as in W. Ren, "Distributed attitude alignment in spacecraft formation
+//! flying", Int. J. Adaptive Control and Signal Processing 21, 2007; M. C. VanDyke, C. D. Hall, "Decentralized
+//! coordinated attitude control within a formation of spacecraft", J. Guidance, Control, and Dynamics 29(5),
+//! 2006. Schwartz 2004, section 2.4.
+//!
+//! # Stability
+//! Each demand passes a shaper that, inside its limits, is `(s + w)^2 (x_i - demand_i) = 0`. For `c = 0` the
+//! linear closed loop of all deviations from the goal is `(s + w)^2 (I - e^(-s tau) A) x = 0` with A the
+//! neighbours' weights: beside the shapers' own poles it has roots only where `e^(-s tau) A` has the
+//! eigenvalue 1. The goal reaches all platforms ([`super::NeighbourGraph`] refuses other graphs), so A has
+//! a spectral radius `rho < 1` and there are none with `Re s >= 0`: exponentially stable for every graph
+//! and **every delay**. The factor 0.9 on accelerations keeps that true (0.9 rho) and lets a group that
+//! lost the goal come to rest instead of echoing itself. For `c > 0` a platform's loop T stands inside the
+//! mean: with `|T - 1| <= 1.3` at all frequencies the small-gain theorem gives `rho (1 + 1.3 c) < 1`, and
+//! [`Decentralised::new`] refuses larger `c`.
+//!
+//! # Assumptions
+//! All frames lie within a half turn of each other (the mean is then unique); one clock.
+
+use nalgebra::Vector3;
+use whorl_math::{attitude_error, quaternion_exp};
+
+use super::law::rigid_relation;
+use super::traffic::{self, Told, TrafficCap};
+use super::{Demand, LawError, LawInput, Member, NeighbourGraph, Offset, Relation, RelativeAttitudeLaw};
+use crate::reference::Reference;
+
+/// Largest `|T - 1|` of a platform's attitude loop that the bound allows for.
+const LOOP_PEAK: f64 = 1.3;
+/// Share of a neighbour's acceleration that is passed on.
+const ECHO: f64 = 0.9;
+/// Spectral radii below this count as none: a forest.
+const FOREST_RADIUS: f64 = 0.05;
+
+/// What can be set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DecentralisedSettings {
+    /// Who listens to whom, and who knows the goal.
+    pub graph: NeighbourGraph,
+    /// Share of a neighbour's pointing error that is followed: `c`, 0 to 1.
+    pub error_share: f64,
+    /// A cap on what platforms tell each other; `None`: always everything.
+    pub traffic: Option<TrafficCap>,
+}
+
+/// The law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decentralised {
+    settings: DecentralisedSettings,
+    told: Vec<Option<Told>>,
+    broadcasts: u64,
+}
+
+impl Decentralised {
+    /// A law over this graph.
+    ///
+    /// # Errors
+    /// A share beyond its proven bound, or a traffic cap that cannot be.
+    pub fn new(settings: DecentralisedSettings) -> Result<Self, LawError> {
+        let bound = Self::error_share_bound(&settings.graph);
+        let value = settings.error_share;
+        if !(0.0..=1.0).contains(&value) || value >= bound {
+            let allowed = if bound > 1.0 {
+                "0 to 1".to_owned()
+            } else {
+                format!("0 to less than {bound:.3}, (1 - rho) / (1.3 rho) of this graph")
+            };
+            return Err(LawError::Gain { law: "decentralised", gain: "error_share", value, allowed });
+        }
+        if let Some(cap) = &settings.traffic {
+            cap.check("decentralised")?;
+        }
+        let told = vec![None; settings.graph.len()];
+        Ok(Self { settings, told, broadcasts: 0 })
+    }
+
+    /// The share of errors below which the law is proven stable; above 1 for a forest.
+    #[must_use]
+    pub fn error_share_bound(graph: &NeighbourGraph) -> f64 {
+        let rho = graph.spectral_radius();
+        if rho < FOREST_RADIUS { f64::INFINITY } else { (1.0 - rho) / (LOOP_PEAK * rho) }
+    }
+
+    /// Who listens to whom.
+    #[must_use]
+    pub fn graph(&self) -> &NeighbourGraph {
+        &self.settings.graph
+    }
+
+    /// What a platform shows of its motion.
+    fn shown(&self, member: &Member) -> Reference {
+        if !member.tracking {
+            return Reference {
+                q_world_reference: member.q_world_body,
+                omega_wr_r_rad_s: member.omega_wb_b_rad_s,
+                omega_dot_wr_r_rad_s2: Vector3::zeros(),
+            };
+        }
+        let error = attitude_error(&member.reference.q_world_reference, &member.q_world_body);
+        let q = member.reference.q_world_reference * quaternion_exp(&(error * self.settings.error_share));
+        Reference { q_world_reference: q, ..member.reference }
+    }
+
+    /// What the neighbours know of a platform.
+    fn heard(&self, input: &LawInput<'_>, platform: usize) -> Option<Reference> {
+        let member = input.members.get(platform).filter(|m| m.usable)?;
+        match self.settings.traffic {
+            None => Some(self.shown(member)),
+            Some(_) => self.told.get(platform)?.as_ref().map(Told::believed),
+        }
+    }
+
+    fn demand(&self, input: &LawInput<'_>, platform: usize) -> Demand {
+        let (Some(own), Some(offset)) = (input.members.get(platform), input.offsets.get(platform)) else {
+            return Demand::Hold;
+        };
+        if !own.usable {
+            return Demand::Hold;
+        }
+        let present = offset.inverse().apply(&own.reference).q_world_reference;
+        let graph = &self.settings.graph;
+        let neighbours = graph.neighbours(platform).iter().filter_map(|(neighbour, weight)| {
+            let motion = self.heard(input, *neighbour)?;
+            let frame = input.offsets.get(*neighbour).map(Offset::inverse)?.apply(&motion);
+            let omega_dot_wr_r_rad_s2 = frame.omega_dot_wr_r_rad_s2 * ECHO;
+            Some((Reference { omega_dot_wr_r_rad_s2, ..frame }, *weight))
+        });
+        let goal = Some((input.goals.formation, graph.goal_weight(platform))).filter(|(_, w)| *w > 0.0);
+        let sources: Vec<(Reference, f64)> = goal.into_iter().chain(neighbours).collect();
+        let total: f64 = sources.iter().map(|(_, weight)| weight).sum();
+        if total <= 0.0 {
+            return Demand::Hold;
+        }
+        let mut turn = Vector3::zeros();
+        for (frame, weight) in &sources {
+            turn += attitude_error(&present, &frame.q_world_reference) * (weight / total);
+        }
+        let q = present * quaternion_exp(&turn);
+        let (mut omega, mut omega_dot) = (Vector3::zeros(), Vector3::zeros());
+        for (frame, weight) in &sources {
+            let to_mean = q.inverse() * frame.q_world_reference;
+            omega += to_mean * frame.omega_wr_r_rad_s * (weight / total);
+            omega_dot += to_mean * frame.omega_dot_wr_r_rad_s2 * (weight / total);
+        }
+        let frame =
+            Reference { q_world_reference: q, omega_wr_r_rad_s: omega, omega_dot_wr_r_rad_s2: omega_dot };
+        Demand::Follow(offset.apply(&frame))
+    }
+}
+
+impl RelativeAttitudeLaw for Decentralised {
+    fn name(&self) -> &'static str {
+        "decentralised"
+    }
+
+    fn restart(&mut self, _input: &LawInput<'_>) {
+        self.told.fill(None);
+    }
+
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+        if let Some(cap) = self.settings.traffic {
+            for platform in 0..self.told.len() {
+                let Some(member) = input.members.get(platform).filter(|m| m.usable) else {
+                    self.told[platform] = None;
+                    continue;
+                };
+                let motion = self.shown(member);
+                if traffic::update(&mut self.told[platform], &motion, input.dt_s, &cap) {
+                    self.broadcasts += 1;
+                }
+            }
+        }
+        demands.clear();
+        demands.extend((0..input.members.len()).map(|platform| self.demand(input, platform)));
+    }
+
+    fn relation(&self, input: &LawInput<'_>, platform: usize) -> Option<Relation> {
+        rigid_relation(input, platform)
+    }
+
+    fn broadcasts(&self) -> Option<u64> {
+        self.settings.traffic.map(|_| self.broadcasts)
+    }
+}
