@@ -10,8 +10,10 @@
 //!   [`export_csv`]: a recording for spreadsheets.
 //! - [`SequenceTracker`], [`TopicStatistics`]: losses, gaps and rates, without files or clocks.
 
+mod background;
 mod csv;
 mod error;
+pub mod extra;
 mod manifest;
 mod measurements;
 mod metadata;
@@ -29,6 +31,7 @@ mod writer;
 mod yaml;
 mod zstandard;
 
+pub use background::BackgroundRunWriter;
 pub use csv::{CsvError, CsvMap, CsvRecording, CsvSamples, ExportedTopic, TruthMap, VectorMap, export_csv};
 pub use error::BagError;
 pub use manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};

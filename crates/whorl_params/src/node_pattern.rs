@@ -43,6 +43,14 @@ impl NodePattern {
         matches(&self.parts, &names)
     }
 
+    /// The first part, when it is a name and not the whole pattern.
+    pub fn namespace(&self) -> Option<&str> {
+        match self.parts.as_slice() {
+            [Part::Name(name), _, ..] => Some(name),
+            _ => None,
+        }
+    }
+
     /// True when the section does not name its node: it ends in `*` or `**`.
     pub fn ends_in_wildcard(&self) -> bool {
         !matches!(self.parts.last(), Some(Part::Name(_)))

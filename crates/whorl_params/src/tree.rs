@@ -92,6 +92,22 @@ impl ParameterTree {
         parameters
     }
 
+    /// The namespaces (first parts of section names, `whorl_1` of `/whorl_1/**`) that hold a key of a shared
+    /// group, in the order in which they first appear; wildcards are no namespace.
+    #[must_use]
+    pub fn namespaces_with(&self, group: &str) -> Vec<String> {
+        let prefix = format!("{group}.");
+        let mut found: Vec<String> = Vec::new();
+        for section in self.files.iter().flat_map(|layer| &layer.sections) {
+            let Some(name) = section.pattern.namespace() else { continue };
+            let holds = section.entries.iter().any(|entry| entry.key.starts_with(&prefix));
+            if holds && !found.iter().any(|known| known == name) {
+                found.push(name.to_owned());
+            }
+        }
+        found
+    }
+
     /// Refuses sections that match none of the nodes that exist: a mistyped node name would
     /// otherwise be ignored in silence.
     ///

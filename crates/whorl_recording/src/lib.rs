@@ -10,6 +10,8 @@ mod model;
 mod read;
 mod recording;
 mod series;
+#[cfg(test)]
+mod tests;
 
 pub use error::RecordingError;
 pub use model::{KnownPlatform, read_model};

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use whorl_bag::RunDirectory;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_params::{ParameterTree, platform_model, read_shared};
 
 use crate::RecordingError;
 
@@ -25,6 +27,45 @@ pub struct KnownPlatform {
 /// # Errors
 /// What is wrong with the parameters, with file, line and key; or [`RecordingError::NoModel`].
 pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform, RecordingError> {
-    let _ = platform;
-    Err(RecordingError::NoModel { path: source.to_owned(), hint: String::new() })
+    let no_model = |hint: String| RecordingError::NoModel { path: source.to_owned(), hint };
+    let files = parameter_files(source)?;
+    if files.is_empty() {
+        return Err(no_model(
+            "a plain bag holds no parameters: name the platform's file, e.g. --model params/whorl_1.yaml"
+                .into(),
+        ));
+    }
+    let tree = ParameterTree::load(&files, &[])?;
+    let present = tree.namespaces_with("model");
+    let platform = match (platform, present.as_slice()) {
+        (Some(platform), [_, ..]) if !present.iter().any(|name| name == platform) => {
+            return Err(no_model(format!("it has the model of {}, not of {platform}", present.join(", "))));
+        }
+        (Some(platform), _) => platform.to_owned(),
+        (None, [only]) => only.clone(),
+        // A section for every platform (`/**`) may hold one; then the file names it.
+        (None, []) => source.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        (None, _) => {
+            return Err(no_model(format!("it has those of {}: name one of them", present.join(", "))));
+        }
+    };
+    let parameters = tree.for_node(&format!("/{platform}/estimator"));
+    if parameters.children("model").is_empty() {
+        return Err(no_model("params/README.md shows one".into()));
+    }
+    let model = read_shared(&parameters, |r| platform_model(r, "model"))?;
+    // Without a model there were errors, which have been returned.
+    let model = model.ok_or_else(|| no_model("it is incomplete".into()))?;
+    let prior = ModelPrior::typical(&model);
+    Ok(KnownPlatform { platform, model, prior, files })
+}
+
+fn parameter_files(source: &Path) -> Result<Vec<PathBuf>, RecordingError> {
+    let is_yaml = source.extension().is_some_and(|extension| extension == "yaml" || extension == "yml");
+    if !is_yaml {
+        return Ok(RunDirectory::open(source)?.parameter_files());
+    }
+    let common = source.with_file_name("common.yaml");
+    let layered = common != source && common.is_file();
+    Ok(layered.then_some(common).into_iter().chain([source.to_owned()]).collect())
 }

@@ -35,3 +35,17 @@ impl<T> Series<T> {
         after.checked_sub(1).and_then(|index| self.value.get(index))
     }
 }
+
+impl<T> FromIterator<(f64, T)> for Series<T> {
+    /// Of pairs of time and value, which must come in order of time; a pair that does not is left out.
+    fn from_iter<I: IntoIterator<Item = (f64, T)>>(pairs: I) -> Self {
+        let mut series = Self::default();
+        for (time_s, value) in pairs {
+            if time_s.is_finite() && series.time_s.last().is_none_or(|last| time_s > *last) {
+                series.time_s.push(time_s);
+                series.value.push(value);
+            }
+        }
+        series
+    }
+}

@@ -1,10 +1,22 @@
 //! Run directories and bags as recordings.
 
-use std::path::{Path, PathBuf};
+mod assemble;
+mod commands;
+mod gather;
+mod roles;
+mod valves;
+mod wheel_torque;
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use whorl_bag::{BagReader, RunDirectory};
 use whorl_dynamics::PlatformModel;
+use whorl_node::Timestamp;
 
-use crate::{Recording, RecordingError};
+use crate::{Recording, RecordingError, read_model};
+use gather::Gathered;
+use roles::{Role, whorl_role};
 
 /// How a run is to be read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -22,6 +34,9 @@ pub struct ReadOptions<'a> {
 /// Reads the measurements of one platform, or of all, out of a run directory, a rosbag2 directory or an
 /// `.mcap` file. One [`Recording`] per platform, in the order of the platforms.
 ///
+/// Times count from the start of the run: the first message of the bag, or the first measurement if that is
+/// earlier.
+///
 /// # Errors
 /// What is wrong with the run, and what would help.
 pub fn read_run(path: &Path, platform: Option<&str>) -> Result<Vec<Recording>, RecordingError> {
@@ -33,6 +48,115 @@ pub fn read_run(path: &Path, platform: Option<&str>) -> Result<Vec<Recording>, R
 /// # Errors
 /// As [`read_run`].
 pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recording>, RecordingError> {
-    let _ = options;
-    Err(RecordingError::NoMeasurements { path: PathBuf::from(path), present: String::new() })
+    let run = RunDirectory::open(path)?;
+    let bag = run.bag()?;
+    let roles = own_roles(&bag);
+    let platforms = platforms(path, &run, &bag, &roles, options.platform)?;
+    let mut remarks = Vec::new();
+    let integrity = bag.integrity();
+    if !integrity.complete || integrity.damaged_chunks > 0 {
+        remarks.push(format!(
+            "The bag is incomplete ({} bytes at its end and {} damaged parts could not be read): the recorder \
+             was killed, or the disk was full.",
+            integrity.bytes_cut_off, integrity.damaged_chunks
+        ));
+    }
+    let mut gathered: BTreeMap<&str, Gathered> = BTreeMap::new();
+    let names: Vec<&String> = roles.keys().collect();
+    for message in bag.messages_of(&names) {
+        match message {
+            Ok(message) => {
+                if let Some((platform, role)) = roles.get(&message.topic.name) {
+                    gathered.entry(platform).or_default().add(*role, &message);
+                }
+            }
+            // The reader goes on behind a damaged part.
+            Err(error) => remarks.push(format!("A part of the bag cannot be read: {error}.")),
+        }
+    }
+    // All platforms share one start, whichever of them is asked for.
+    let first_log = bag.bounds().map(|(first, _)| first);
+    let first_log = first_log.filter(|_| gathered.values().all(Gathered::one_clock));
+    let start = gathered.values().filter_map(Gathered::first_stamp).chain(first_log).min();
+    let start = start.unwrap_or(Timestamp(0));
+    platforms
+        .iter()
+        .map(|platform| {
+            let mut remarks = remarks.clone();
+            let known = match options.model {
+                Some(model) => Some(model.clone()),
+                None if run.parameter_files().is_empty() => None,
+                None => match read_model(path, Some(platform)) {
+                    Ok(known) => Some(known.model),
+                    Err(error) => {
+                        remarks.push(format!("The run's own parameters cannot be used: {error}."));
+                        None
+                    }
+                },
+            };
+            let gathered = gathered.remove(platform.as_str()).unwrap_or_default();
+            let motion_messages = gathered.motion_messages;
+            let recording =
+                assemble::recording(path, &run, platform, gathered, start, known.as_ref(), remarks);
+            if recording.gyro_b_rad_s.is_empty()
+                && recording.specific_force_b_m_s2.is_empty()
+                && recording.wheel_speed_rad_s.is_empty()
+                && motion_messages > 0
+            {
+                return Err(RecordingError::NothingFinite {
+                    path: path.to_owned(),
+                    platform: platform.clone(),
+                    messages: motion_messages,
+                });
+            }
+            Ok(recording)
+        })
+        .collect()
+}
+
+/// Topic -> (platform, role), by Whorl's own names.
+fn own_roles(bag: &BagReader) -> BTreeMap<String, (String, Role)> {
+    let roles = bag.topics().iter().filter_map(|topic| {
+        let (platform, role) = whorl_role(topic)?;
+        Some((topic.name.clone(), (platform.to_owned(), role)))
+    });
+    roles.collect()
+}
+
+/// The platforms to read: all that have messages of their motion, or the one that is asked for.
+fn platforms(
+    path: &Path,
+    run: &RunDirectory,
+    bag: &BagReader,
+    roles: &BTreeMap<String, (String, Role)>,
+    asked: Option<&str>,
+) -> Result<Vec<String>, RecordingError> {
+    let moves = |platform: &str| {
+        roles.iter().any(|(topic, (owner, role))| {
+            owner == platform
+                && role.is_measured_motion()
+                && bag.topic(topic).is_some_and(|topic| topic.message_count > 0)
+        })
+    };
+    // The manifest knows their order.
+    let mut present = run.manifest().map(|m| m.description.platforms.clone()).unwrap_or_default();
+    let others: Vec<String> =
+        roles.values().map(|(platform, _)| platform.clone()).filter(|p| !present.contains(p)).collect();
+    present.extend(others);
+    present.dedup();
+    present.retain(|platform| moves(platform));
+    if present.is_empty() {
+        let topics: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
+        let present = if topics.is_empty() { "no topics".to_owned() } else { topics.join(", ") };
+        return Err(RecordingError::NoMeasurements { path: path.to_owned(), present });
+    }
+    match asked {
+        None => Ok(present),
+        Some(asked) if present.iter().any(|platform| platform == asked) => Ok(vec![asked.to_owned()]),
+        Some(asked) => Err(RecordingError::NoSuchPlatform {
+            path: path.to_owned(),
+            platform: asked.to_owned(),
+            present: present.join(", "),
+        }),
+    }
 }

@@ -1,0 +1,131 @@
+//! What the driver did about the commands that were sent to it.
+//!
+//! The rules are those of the driver's gate: a command holds until the next, at most until its
+//! `valid_until` and never longer than 0.1 s; then everything is off. A jet slot fires once, at the first
+//! command that carries it.
+
+use whorl_msgs::whorl::ActuatorCommand;
+use whorl_node::Timestamp;
+
+/// As the driver's gate.
+const LONGEST_VALIDITY_NS: i64 = 100_000_000;
+
+/// A command and when it reached the driver.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Sent {
+    pub at_ns: i64,
+    pub command: ActuatorCommand,
+}
+
+/// A pulse, switched on and off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct PulseNs {
+    pub on_ns: i64,
+    pub off_ns: i64,
+}
+
+/// What followed from a sequence of commands.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Applied {
+    /// Motor torques [N m] and since when.
+    pub wheel_torque_n_m: Vec<(i64, Vec<f64>)>,
+    /// Pulses of each jet, in order of time, apart from each other.
+    pub pulses: Vec<Vec<PulseNs>>,
+    /// Commands that no driver would have obeyed.
+    pub refused: usize,
+}
+
+/// Limits of the platform that change what is done; without a model nothing is clipped.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Limits {
+    /// Largest motor torque of each wheel [N m].
+    pub wheel_torque_n_m: Vec<f64>,
+    /// Shortest pulse of each jet \[s\].
+    pub min_on_time_s: Vec<f64>,
+}
+
+struct Latest {
+    stamp: Timestamp,
+    sequence: u64,
+    slot: u64,
+    ends_ns: i64,
+}
+
+/// Follows the commands, which are in order of arrival.
+pub(super) fn apply(sent: &[Sent], limits: &Limits) -> Applied {
+    let mut applied = Applied::default();
+    let Some(first) = sent.first() else { return applied };
+    let (wheels, jets) = (first.command.wheel_torque_n_m.len(), first.command.jet_on_time_s.len());
+    applied.pulses = vec![Vec::new(); jets];
+    let mut latest: Option<Latest> = None;
+    for Sent { at_ns, command } in sent {
+        let at_ns = *at_ns;
+        if let Some(before) = latest.as_ref().filter(|before| before.ends_ns <= at_ns) {
+            applied.all_off(before.ends_ns, wheels);
+        }
+        let stamp = Timestamp::from(command.header.stamp);
+        let ends_ns = Timestamp::from(command.valid_until).0.min(at_ns.saturating_add(LONGEST_VALIDITY_NS));
+        let numbers = command.wheel_torque_n_m.iter().chain(&command.jet_on_time_s);
+        let obeyed = command.wheel_torque_n_m.len() == wheels
+            && command.jet_on_time_s.len() == jets
+            && numbers.copied().all(f64::is_finite)
+            && command.jet_on_time_s.iter().all(|t| *t >= 0.0)
+            && command.jet_slot_length_s > 0.0
+            && ends_ns > at_ns
+            && latest
+                .as_ref()
+                .is_none_or(|l| stamp > l.stamp || (stamp == l.stamp && command.sequence > l.sequence));
+        if !obeyed {
+            applied.refused += 1;
+            // What held goes on holding; what had ended stays off.
+            if let Some(before) = latest.as_mut().filter(|before| before.ends_ns <= at_ns) {
+                before.ends_ns = i64::MAX;
+            }
+            continue;
+        }
+        let limit = |j: usize| limits.wheel_torque_n_m.get(j).copied().unwrap_or(f64::INFINITY);
+        let torques = command.wheel_torque_n_m.iter().enumerate();
+        let torques = torques.map(|(j, u)| u.max(-limit(j)).min(limit(j))).collect();
+        applied.wheel_torque_n_m.push((at_ns, torques));
+        let restarted = latest.as_ref().is_some_and(|l| command.sequence <= l.sequence);
+        let seen = latest.as_ref().filter(|_| !restarted).map(|l| l.slot);
+        if seen.is_none_or(|seen| command.jet_slot > seen) {
+            for (jet, (pulses, on_time_s)) in
+                applied.pulses.iter_mut().zip(&command.jet_on_time_s).enumerate()
+            {
+                let on_time_s = on_time_s.min(command.jet_slot_length_s);
+                if on_time_s > 0.0 && on_time_s >= limits.min_on_time_s.get(jet).copied().unwrap_or(0.0) {
+                    let off_ns = at_ns.saturating_add((on_time_s * 1e9).round() as i64);
+                    add(pulses, PulseNs { on_ns: at_ns, off_ns });
+                }
+            }
+        }
+        let slot = seen.map_or(command.jet_slot, |seen| seen.max(command.jet_slot));
+        latest = Some(Latest { stamp, sequence: command.sequence, slot, ends_ns });
+    }
+    if let Some(last) = latest.filter(|last| last.ends_ns < i64::MAX) {
+        applied.all_off(last.ends_ns, wheels);
+    }
+    applied
+}
+
+impl Applied {
+    fn all_off(&mut self, at_ns: i64, wheels: usize) {
+        self.wheel_torque_n_m.push((at_ns, vec![0.0; wheels]));
+        for pulses in &mut self.pulses {
+            if let Some(last) = pulses.last_mut() {
+                last.off_ns = last.off_ns.min(at_ns);
+            }
+            pulses.retain(|pulse| pulse.off_ns > pulse.on_ns);
+        }
+    }
+}
+
+/// Adds a pulse; one that begins before the last one ends prolongs it.
+pub(super) fn add(pulses: &mut Vec<PulseNs>, pulse: PulseNs) {
+    match pulses.last_mut() {
+        Some(last) if pulse.on_ns <= last.off_ns => last.off_ns = last.off_ns.max(pulse.off_ns),
+        _ if pulse.off_ns > pulse.on_ns => pulses.push(pulse),
+        _ => {}
+    }
+}

@@ -1,0 +1,88 @@
+//! When the valves were switched, from what the driver says of them.
+//!
+//! A `ThrusterState` tells the valve's state at its stamp and the on-time since the message before. A valve
+//! that was shut then and is open now was opened an on-time before now; one that was open and is shut now was
+//! shut an on-time after then. So edges are known to the nanosecond, although messages come at 100 Hz. Only for
+//! a pulse that lies between two messages the commands say where.
+
+use whorl_msgs::whorl::ThrusterState;
+
+use super::commands::{PulseNs, add};
+
+/// On-times below this are rounding \[ns\].
+const TOLERANCE_NS: i64 = 1_000;
+
+/// Pulses of each jet from the driver's messages in order of time; `commanded` places pulses that lie between
+/// two messages.
+pub(super) fn pulses(states: &[(i64, ThrusterState)], commanded: &[Vec<PulseNs>]) -> Vec<Vec<PulseNs>> {
+    let Some((_, first)) = states.first() else { return Vec::new() };
+    (0..first.valve_open.len())
+        .map(|jet| {
+            let commanded = commanded.get(jet).map_or(&[][..], Vec::as_slice);
+            jet_pulses(states, jet, commanded)
+        })
+        .collect()
+}
+
+/// What one message says of one valve.
+#[derive(Clone, Copy)]
+struct Valve {
+    at_ns: i64,
+    open: bool,
+    total_s: Option<f64>,
+}
+
+fn jet_pulses(states: &[(i64, ThrusterState)], jet: usize, commanded: &[PulseNs]) -> Vec<PulseNs> {
+    let mut pulses = Vec::new();
+    let mut before: Option<Valve> = None;
+    for (at_ns, state) in states {
+        let Some(&open) = state.valve_open.get(jet) else { continue };
+        let total_s = state.total_on_time_s.get(jet).copied().filter(|t| t.is_finite());
+        let since_s = state.on_time_s.get(jet).copied().filter(|t| t.is_finite());
+        let now = Valve { at_ns: *at_ns, open, total_s };
+        // Totals also cover messages that were lost; they begin anew with the driver.
+        let growth_s = before.and_then(|b| b.total_s).zip(total_s).map(|(b, n)| n - b).filter(|d| *d >= 0.0);
+        let on_ns = (growth_s.or(since_s).unwrap_or(0.0).max(0.0) * 1e9).round() as i64;
+        match before {
+            // What was before the first message is known by its own on-time only.
+            None if open => add(&mut pulses, PulseNs { on_ns: now.at_ns - on_ns, off_ns: now.at_ns.max(1) }),
+            None => {}
+            Some(before) => between(&mut pulses, before, now, on_ns, commanded),
+        }
+        if open && before.is_some_and(|b| !b.open) && on_ns < TOLERANCE_NS {
+            // Opened at the stamp itself.
+            pulses.push(PulseNs { on_ns: now.at_ns, off_ns: now.at_ns });
+        }
+        before = Some(now);
+    }
+    pulses.retain(|pulse| pulse.off_ns > pulse.on_ns);
+    pulses
+}
+
+fn between(pulses: &mut Vec<PulseNs>, before: Valve, now: Valve, on_ns: i64, commanded: &[PulseNs]) {
+    let (start, end) = (before.at_ns, now.at_ns);
+    let on_ns = on_ns.min(end - start);
+    // Where a command opened the valve in between.
+    let opened = || commanded.iter().map(|pulse| pulse.on_ns).find(|on| (start..end).contains(on));
+    if on_ns < TOLERANCE_NS {
+        return;
+    }
+    match (before.open, now.open) {
+        (false, true) => add(pulses, PulseNs { on_ns: end - on_ns, off_ns: end }),
+        (true, false) => add(pulses, PulseNs { on_ns: start, off_ns: start + on_ns }),
+        (true, true) if on_ns + TOLERANCE_NS >= end - start => {
+            add(pulses, PulseNs { on_ns: start, off_ns: end })
+        }
+        (true, true) => {
+            // Shut and opened again in between: only after a lost message.
+            let second_ns = opened().map_or(on_ns / 2, |on| (end - on).min(on_ns));
+            add(pulses, PulseNs { on_ns: start, off_ns: start + (on_ns - second_ns) });
+            add(pulses, PulseNs { on_ns: end - second_ns, off_ns: end });
+        }
+        (false, false) => {
+            let on = opened().unwrap_or(start + (end - start - on_ns) / 2);
+            let on = on.min(end - on_ns);
+            add(pulses, PulseNs { on_ns: on, off_ns: on + on_ns });
+        }
+    }
+}
