@@ -64,7 +64,7 @@ build_nodes
 check_binaries driver estimator local_control coordinator recorder whorl
 formation_arguments
 
-run=$out/$(date -u +%Y%m%dT%H%M%SZ)_$(basename "$experiment_path" .yaml)
+run=$out/$(date -u +%Y-%m-%dT%H-%M-%SZ)_$(basename "$experiment_path" .yaml)
 monitor=
 finish() {
     trap - EXIT

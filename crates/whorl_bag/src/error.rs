@@ -135,6 +135,9 @@ pub enum BagError {
         /// What is wrong.
         source: whorl_msgs::cdr::CdrError,
     },
+    /// The thread that writes has ended.
+    #[error("the recording had to stop")]
+    Background,
     /// A message that cannot be encoded.
     #[error("message for {topic}: {source}")]
     Encode {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
+use whorl_bag::{BackgroundRunWriter, BagError, BagOptions, RunDescription, RunWriter};
 use whorl_msgs::topics::{Message, Route};
 use whorl_node::{LogLevel, LogLine, Timestamp};
 use whorl_params::{ParameterTree, Reader, formation, standard_layers};
@@ -44,7 +44,7 @@ pub struct Arguments {
 
 /// Records what is published and keeps warnings.
 struct Recording {
-    writer: Option<RunWriter>,
+    writer: Option<BackgroundRunWriter>,
     verbose: bool,
     messages: u64,
 }
@@ -81,24 +81,23 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let writer =
         if arguments.no_record { None } else { Some(open_run(arguments, &experiment, &set, &layers)?) };
     let path = writer.as_ref().map(|w| w.path().to_owned());
+    let writer = writer.map(BackgroundRunWriter::new);
     let mut recording = Recording { writer, verbose: arguments.verbose, messages: 0 };
 
     let began = Instant::now();
     let mut shown = None;
-    let outcome = run_simulation(
-        &mut set,
-        Duration::from_secs_f64(arguments.longest),
-        &mut recording,
-        |simulated_s| {
+    let simulated =
+        run_simulation(&mut set, Duration::from_secs_f64(arguments.longest), &mut recording, |simulated_s| {
             progress(&mut shown, began, simulated_s);
-        },
-    )?;
+        });
     if shown.is_some() {
         eprintln!();
     }
+    // Closed also when the simulation ended with an error, which is most often the recording's own.
     if let Some(writer) = recording.writer {
         writer.finish(utc_now())?;
     }
+    let outcome = simulated?;
     let elapsed_s = began.elapsed().as_secs_f64();
     println!(
         "simulated {:.1} s in {elapsed_s:.2} s ({:.0} times real time), {} messages{}",

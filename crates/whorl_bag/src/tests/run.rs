@@ -195,3 +195,36 @@ fn copy(from: &std::path::Path, to: &std::path::Path) {
         }
     }
 }
+
+#[test]
+fn a_run_written_in_the_background_is_the_same_to_the_byte() {
+    let directory = tempfile::tempdir().unwrap();
+    let create = |name: &str| {
+        RunWriter::create_in(&directory.path().join(name), description(), START, BagOptions::default())
+            .unwrap()
+    };
+    let (mut foreground, mut background) = (create("a"), crate::BackgroundRunWriter::new(create("b")));
+    let route = Route::platform(PlatformId(1), Topic::AttitudeEstimate);
+    // More than one batch, and a rest.
+    for sequence in 0..3000 {
+        let message = AttitudeEstimate { sequence, ..AttitudeEstimate::default() }.into();
+        foreground.write_message(route, time(sequence), &message).unwrap();
+        background.write_message(route, time(sequence), &message).unwrap();
+    }
+    let manifests = [foreground.finish(START).unwrap(), background.finish(START).unwrap()];
+    assert_eq!(manifests[0].topics, manifests[1].topics);
+    let [a, b] =
+        ["a", "b"].map(|name| std::fs::read(directory.path().join(name).join("bag/bag_0.mcap")).unwrap());
+    assert!(a.len() > 3000 * 400 && a == b);
+}
+
+#[test]
+fn the_reason_why_a_background_recording_stopped_is_told() {
+    let directory = tempfile::tempdir().unwrap();
+    let run =
+        RunWriter::create_in(&directory.path().join("run"), description(), START, BagOptions::default());
+    let mut run = crate::BackgroundRunWriter::new(run.unwrap());
+    let unknown = Route::platform(PlatformId(2), Topic::ImuRaw);
+    run.write_message(unknown, time(0), &sensor_msgs::Imu::default().into()).unwrap();
+    assert!(matches!(run.finish(START), Err(BagError::UnknownPlatform { platform: 2, count: 2 })));
+}
