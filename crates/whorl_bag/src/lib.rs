@@ -11,7 +11,6 @@
 //! - [`SequenceTracker`], [`TopicStatistics`]: losses, gaps and rates, without files or clocks.
 
 mod background;
-mod background;
 mod csv;
 mod error;
 pub mod extra;
@@ -32,7 +31,6 @@ mod writer;
 mod yaml;
 mod zstandard;
 
-pub use background::BackgroundRunWriter;
 pub use background::BackgroundRunWriter;
 pub use csv::{CsvError, CsvMap, CsvRecording, CsvSamples, ExportedTopic, TruthMap, VectorMap, export_csv};
 pub use error::BagError;
