@@ -54,7 +54,7 @@ pub use error::{Origin, ParameterError, ParameterErrors};
 pub use formation::{FORMATION_NODES, Formation, PLATFORM_NODES, formation, node_names, own_platform};
 pub use limits::{Limits, any, non_negative, positive, range};
 pub use node_parameters::{Entry, NodeParameters};
-pub use platform_model::{platform_model, truth_model};
+pub use platform_model::{PlatformPrior, PriorEntry, platform_model, platform_model_with_prior, truth_model};
 pub use reader::{Reader, read, read_shared, try_read};
 pub use sections::{SHARED_GROUPS, is_shared};
 pub use serialise::effective_yaml;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use whorl_bag::RunDirectory;
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_params::{ParameterTree, platform_model, read_shared};
+use whorl_params::{ParameterTree, PriorEntry, platform_model_with_prior, read_shared};
 
 use crate::RecordingError;
 
@@ -17,6 +17,8 @@ pub struct KnownPlatform {
     pub model: PlatformModel,
     /// Standard deviations of the model's parameters.
     pub prior: ModelPrior,
+    /// Those that its files give, with their sources; the rest is typical.
+    pub prior_entries: Vec<PriorEntry>,
     /// The files it was read from, lowest layer first.
     pub files: Vec<PathBuf>,
 }
@@ -53,11 +55,10 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
     if parameters.children("model").is_empty() {
         return Err(no_model("params/README.md shows one".into()));
     }
-    let model = read_shared(&parameters, |r| platform_model(r, "model"))?;
+    let read = read_shared(&parameters, platform_model_with_prior)?;
     // Without a model there were errors, which have been returned.
-    let model = model.ok_or_else(|| no_model("it is incomplete".into()))?;
-    let prior = ModelPrior::typical(&model);
-    Ok(KnownPlatform { platform, model, prior, files })
+    let (model, known) = read.ok_or_else(|| no_model("it is incomplete".into()))?;
+    Ok(KnownPlatform { platform, model, prior: known.prior, prior_entries: known.entries, files })
 }
 
 fn parameter_files(source: &Path) -> Result<Vec<PathBuf>, RecordingError> {

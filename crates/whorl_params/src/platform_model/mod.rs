@@ -3,36 +3,49 @@
 mod actuators;
 mod effects;
 mod mass_properties;
+mod priors;
 mod sensors;
 
 use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{Gyrostat, PlatformModel};
 
-use crate::limits::{non_negative, range};
-use crate::reader::{Absent, Reader, Request};
-use crate::value::{Kind, Value};
+use crate::limits::range;
+use crate::reader::Reader;
+use priors::PRIOR_GROUP;
+pub use priors::{PlatformPrior, PriorEntry};
 
-/// Priors of model parameters for later fits: `model_prior.<parameter key>: standard deviation`.
-const PRIOR_GROUP: &str = "model_prior";
+/// The group that holds a platform's model.
+const MODEL_GROUP: &str = "model";
 
 /// Reads a platform model, usually of the group `model`. `None` when anything in it is wrong; the
 /// reader then holds the errors.
 pub fn platform_model(r: &mut Reader<'_>, group: &str) -> Option<PlatformModel> {
+    if group == MODEL_GROUP {
+        return platform_model_with_prior(r).map(|(model, _)| model);
+    }
     r.claim_group(group);
-    r.claim_group(PRIOR_GROUP);
-    priors(r);
     r.group(group, model)
+}
+
+/// Reads the platform model of the group `model`, and from the group `model_prior` how well it is known.
+/// Every key of the latter must be that of a model parameter.
+pub fn platform_model_with_prior(r: &mut Reader<'_>) -> Option<(PlatformModel, PlatformPrior)> {
+    r.claim_group(MODEL_GROUP);
+    r.claim_group(PRIOR_GROUP);
+    let model = r.group(MODEL_GROUP, model);
+    let entries = priors::read(r, model.is_some());
+    let model = model?;
+    let prior = priors::prior(&model, &entries);
+    Some((model, PlatformPrior { prior, entries }))
 }
 
 /// Reads the platform of a simulation: the group `model`, where every key may be overridden in the
 /// group `truth` (`truth.inertia_kg_m2.zz`, `truth.jets.jet_3.thrust_n`), and effects may be added
 /// there. Estimator and control must not call this.
 pub fn truth_model(r: &mut Reader<'_>) -> Option<PlatformModel> {
-    r.claim_group("model");
+    r.claim_group(MODEL_GROUP);
     r.claim_group("truth");
-    r.claim_group(PRIOR_GROUP);
-    priors(r);
-    r.overlay("model", "truth", |r| r.group("model", model))
+    r.overlay(MODEL_GROUP, "truth", |r| r.group(MODEL_GROUP, model))
 }
 
 fn model(r: &mut Reader<'_>) -> Option<PlatformModel> {
@@ -82,32 +95,4 @@ fn tilt_limit(r: &mut Reader<'_>) -> TiltLimit {
             r.f64("max_rad", range(inside), &format!("where the bearing stops [rad], below {words}"));
         if kind == "pitch" { TiltLimit::Pitch { max_rad } } else { TiltLimit::Cone { max_rad } }
     })
-}
-
-/// Accepts every key below the group; later fits use them.
-fn priors(r: &mut Reader<'_>) {
-    let prefix = format!("{PRIOR_GROUP}.");
-    let keys: Vec<String> = r
-        .parameters()
-        .iter()
-        .filter_map(|entry| entry.key.strip_prefix(&prefix))
-        .map(str::to_owned)
-        .collect();
-    r.group(PRIOR_GROUP, |r| {
-        for key in keys {
-            let limits = non_negative();
-            let request = Request {
-                key: &key,
-                kind: Kind::Double,
-                allowed: "a number of at least 0".into(),
-                range: None,
-                choices: Vec::new(),
-                doc: "standard deviation of the model parameter's prior, in that parameter's unit",
-            };
-            r.request(request, Absent::Leave, |value| match value {
-                Value::Double(x) => limits.allows(*x).then_some(()),
-                _ => None,
-            });
-        }
-    });
 }

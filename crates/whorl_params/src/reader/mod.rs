@@ -233,6 +233,17 @@ impl<'a> Reader<'a> {
         names
     }
 
+    /// Keys below a group that were asked for so far, relative to it.
+    pub(crate) fn known_below(&self, group: &str) -> impl Iterator<Item = &str> + Clone {
+        let dot = format!("{group}.");
+        let below = self.known.range(dot.clone()..).take_while({
+            let dot = dot.clone();
+            move |key| key.starts_with(&dot)
+        });
+        let length = dot.len();
+        below.filter_map(move |key| key.get(length..))
+    }
+
     pub(crate) fn full(&self, key: &str) -> String {
         format!("{}{key}", self.prefix)
     }

@@ -6,6 +6,7 @@ mod errors;
 mod layering;
 mod platform_errors;
 mod platform_files;
+mod priors;
 mod yaml_forms;
 
 use std::path::PathBuf;

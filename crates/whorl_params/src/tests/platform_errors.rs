@@ -121,19 +121,3 @@ fn effects_are_checked_against_the_catalogue() {
         assert_eq!(read_error(&tree.for_node("/whorl_1/driver"), truth_model), expected);
     }
 }
-
-#[test]
-fn priors_are_non_negative() {
-    let platform = include_str!("../../../../params/whorl_1.yaml");
-    let prior = |value: &str| {
-        let text = format!("/whorl_1/**:\n  ros__parameters:\n    model_prior.inertia_kg_m2.zz: {value}\n");
-        ParameterTree::from_texts(&[("w.yaml", platform), ("r.yaml", &text)], &[])
-            .unwrap()
-            .for_node("/whorl_1/estimator")
-    };
-    assert!(crate::try_read(&prior("0.2"), |r| platform_model(r, "model")).is_ok());
-    assert_eq!(
-        read_error(&prior("-0.2"), |r| platform_model(r, "model")),
-        "r.yaml:3: model_prior.inertia_kg_m2.zz = -0.2: allowed: a number of at least 0 (standard deviation of the model parameter's prior, in that parameter's unit)"
-    );
-}
