@@ -81,6 +81,10 @@ pub struct Filter {
     /// Latest normalised innovation squared and its degrees of freedom.
     nis: Option<(f64, u8)>,
     backward_stamps: u32,
+    /// The latest vertical that corrected: body axes of its step, variance per axis [rad^2].
+    used_vertical: Option<(Unit<Vector3<f64>>, f64)>,
+    /// The latest direction of the vector sensor that corrected, carried to the body axes of now.
+    used_direction: Option<(Unit<Vector3<f64>>, f64)>,
 }
 
 /// The last accepted gyro sample, and a suspected spike after it.
@@ -155,6 +159,8 @@ impl Filter {
             vector: SensorMonitor::default(),
             nis: None,
             backward_stamps: 0,
+            used_vertical: None,
+            used_direction: None,
             parameters,
         })
     }
@@ -295,6 +301,22 @@ impl Filter {
     #[must_use]
     pub fn rejections(&self) -> [RejectionCounts; 3] {
         [self.gyro.counts, self.accelerometer.samples.counts, self.vector.samples.counts]
+    }
+
+    /// Length of the latest step [s].
+    pub(crate) fn interval_s(&self) -> f64 {
+        self.interval.dt_s
+    }
+
+    /// The latest vertical that corrected, in the body axes of its step, and its variance per axis [rad^2].
+    pub(crate) fn used_vertical(&self) -> Option<(Unit<Vector3<f64>>, f64)> {
+        self.used_vertical
+    }
+
+    /// The latest vector measurement that corrected, carried to the body axes of the newest IMU sample, and its
+    /// variance per axis [rad^2].
+    pub(crate) fn used_direction(&self) -> Option<(Unit<Vector3<f64>>, f64)> {
+        self.used_direction
     }
 
     fn health(&self, now_ns: i64) -> (Health, Flags) {

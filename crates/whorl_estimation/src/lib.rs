@@ -7,10 +7,12 @@
 //!
 //! Frames, signs and units: see `whorl_math`.
 
+mod body;
 pub mod consistency;
 mod covariance;
 mod estimate;
 mod filter;
+pub mod filters;
 mod gravity_window;
 mod history;
 mod monitor;
@@ -20,8 +22,10 @@ mod start;
 pub mod steady_state;
 mod verdict;
 
+pub use body::BodyModel;
 pub use estimate::{Estimate, Flags, Health};
 pub use filter::{Filter, ImuSample};
+pub use filters::{Estimator, EstimatorError, FilterKind};
 pub use parameters::{
     AccelerationRejection, GyroSampling, ParameterError, Parameters, VectorParameters, VectorUse,
 };

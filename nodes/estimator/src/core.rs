@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use whorl_estimation::{Filter, FilterEvent, ImuSample, ParameterError, Rejection, Verdict};
+use whorl_estimation::{Estimator, EstimatorError, FilterEvent, ImuSample, Rejection, Verdict};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::geometry_msgs::{Transform, TransformStamped};
+use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::tf2_msgs::TFMessage;
 use whorl_msgs::topics::{Message, Route, Topic};
-use whorl_msgs::whorl::AttitudeEstimate;
+use whorl_msgs::whorl::{AttitudeEstimate, ThrusterState};
 use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::Parameters;
@@ -20,7 +21,8 @@ const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 /// The estimator of one platform.
 pub struct EstimatorCore {
     parameters: Parameters,
-    filter: Filter,
+    filter: Estimator,
+    thrusters_before: Option<u64>,
     sequence: u64,
     last_published: Option<Timestamp>,
     next_tf: Option<Timestamp>,
@@ -33,9 +35,10 @@ impl EstimatorCore {
     ///
     /// # Errors
     /// The first parameter that the filter cannot work with.
-    pub fn new(parameters: Parameters) -> Result<Self, ParameterError> {
+    pub fn new(parameters: Parameters) -> Result<Self, EstimatorError> {
         Ok(Self {
-            filter: Filter::new(parameters.filter)?,
+            filter: Estimator::new(parameters.kind, parameters.filter, parameters.body)?,
+            thrusters_before: None,
             parameters,
             sequence: 0,
             last_published: None,
@@ -100,6 +103,31 @@ impl EstimatorCore {
             transform: Transform { rotation, ..Transform::default() },
         };
         outputs.publish(Route::shared(Topic::Tf), TFMessage { transforms: vec![transform] });
+    }
+
+    /// Wheel speeds and torques as momentum and torque in body axes.
+    fn wheels_arrived(&mut self, wheels: &JointState) {
+        let own = &self.parameters.wheels;
+        if wheels.velocity.len() != own.len() {
+            return;
+        }
+        let speeds = own.iter().zip(&wheels.velocity);
+        let momentum = speeds.map(|(w, speed)| w.spin_axis_b.into_inner() * (w.inertia_kg_m2 * speed)).sum();
+        let torques = own.iter().zip(&wheels.effort);
+        let torque = torques.map(|(w, torque)| w.spin_axis_b.into_inner() * *torque).sum();
+        self.filter.on_wheels(Timestamp::from(wheels.header.stamp).0, momentum, torque);
+    }
+
+    /// Valve times as an angular impulse.
+    fn thrusters_arrived(&mut self, thrusters: &ThrusterState) {
+        let torques = &self.parameters.jet_torque_b_n_m;
+        let next = self.thrusters_before.is_none_or(|before| thrusters.sequence > before);
+        if thrusters.on_time_s.len() != torques.len() || !next {
+            return;
+        }
+        self.thrusters_before = Some(thrusters.sequence);
+        let impulse = torques.iter().zip(&thrusters.on_time_s).map(|(torque, time_s)| torque * *time_s).sum();
+        self.filter.on_jets(&impulse);
     }
 
     fn note(&self, event: Option<FilterEvent>, outputs: &mut Outputs) {
@@ -169,7 +197,11 @@ impl EstimatorCore {
 
 impl NodeCore for EstimatorCore {
     fn subscriptions(&self) -> Vec<Route> {
-        [Topic::ImuRaw, Topic::VectorDirection].map(|topic| self.route(topic)).to_vec()
+        let mut topics = vec![Topic::ImuRaw, Topic::VectorDirection];
+        if self.parameters.kind.needs_body() {
+            topics.extend([Topic::WheelState, Topic::ThrusterState]);
+        }
+        topics.into_iter().map(|topic| self.route(topic)).collect()
     }
 
     fn publications(&self) -> Vec<Route> {
@@ -200,6 +232,10 @@ impl NodeCore for EstimatorCore {
                 let (_, event) = self.filter.on_vector(stamp_ns, &vector.vector.into());
                 self.note(event, outputs);
             }
+            Event::Message { message: Message::JointState(wheels), .. } => self.wheels_arrived(wheels),
+            Event::Message { message: Message::ThrusterState(thrusters), .. } => {
+                self.thrusters_arrived(thrusters);
+            }
             Event::Timer => {
                 if self.last_published.is_none_or(|last| now >= last + WATCH_PERIOD) {
                     self.publish(now, outputs);
@@ -218,14 +254,19 @@ impl Configurable for EstimatorCore {
         if (parameters.platform, &parameters.name) != (self.parameters.platform, &self.parameters.name) {
             return Err("the platform cannot be changed while the estimator runs".to_owned());
         }
-        if parameters.filter != self.parameters.filter {
+        let same = (parameters.filter, parameters.kind, parameters.body)
+            == (self.parameters.filter, self.parameters.kind, self.parameters.body);
+        if !same {
             let estimate = self.filter.estimate(0);
+            let (kind, body) = (parameters.kind, parameters.body);
             // A filter that has an attitude goes on from it; one that has none begins again.
             self.filter = if self.last_health == AttitudeEstimate::HEALTH_INITIALISING {
-                Filter::new(parameters.filter)
+                Estimator::new(kind, parameters.filter, body)
             } else {
-                Filter::with_attitude(
+                Estimator::with_attitude(
+                    kind,
                     parameters.filter,
+                    body,
                     estimate.stamp_ns,
                     estimate.q_world_body,
                     estimate.gyro_bias_b_rad_s,

@@ -3,10 +3,14 @@
 //! What the sensors are (noise, lever arm, reference direction) comes from the platform's model;
 //! what is here is how the filter uses them.
 
+mod body;
+
+use nalgebra::{Unit, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TriaxialErrors;
 use whorl_estimation::{
-    AccelerationRejection, GyroSampling, Parameters as FilterParameters, VectorParameters, VectorUse,
+    AccelerationRejection, BodyModel, FilterKind, GyroSampling, Parameters as FilterParameters,
+    VectorParameters, VectorUse,
 };
 use whorl_math::{GRAVITY_M_S2, rad_from_deg};
 use whorl_msgs::topics::PlatformId;
@@ -19,10 +23,27 @@ pub struct Parameters {
     pub platform: PlatformId,
     /// The platform's name.
     pub name: String,
+    /// Which filter makes the estimate.
+    pub kind: FilterKind,
     /// The filter's parameters.
     pub filter: FilterParameters,
+    /// The body, for filters that compute with its dynamics.
+    pub body: Option<BodyModel>,
+    /// Wheels, in the order of the messages.
+    pub wheels: Vec<SpinningWheel>,
+    /// Torque of each jet at the reference pressure, body axes [N m].
+    pub jet_torque_b_n_m: Vec<Vector3<f64>>,
     /// Rate of `/tf` [Hz]; 0: none.
     pub tf_rate_hz: f64,
+}
+
+/// What the estimator needs to know of a wheel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpinningWheel {
+    /// Spin axis, body axes.
+    pub spin_axis_b: Unit<Vector3<f64>>,
+    /// Inertia about it [kg m^2].
+    pub inertia_kg_m2: f64,
 }
 
 /// Reads them for the platform in whose namespace the node is. `None` when they are unusable: the reader then
@@ -35,8 +56,26 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     if let Err(error) = filter.check() {
         r.reject(error.name, error.to_string());
     }
+    let kind = r.choice_or(
+        "filter",
+        FilterKind::default().name(),
+        &FilterKind::ALL.map(|(name, _)| name),
+        "which filter makes the estimate",
+    );
+    let kind = FilterKind::find(kind).unwrap_or_default();
+    let body = body::read(r, model.as_ref());
+    if let Some(Err(error)) = body.as_ref().map(BodyModel::check) {
+        r.reject(error.name, error.to_string());
+    }
+    let wheels = model.iter().flat_map(|m| &m.wheels);
+    let wheels = wheels
+        .map(|w| SpinningWheel { spin_axis_b: w.spin_axis_b, inertia_kg_m2: w.spin_inertia_kg_m2 })
+        .collect();
+    let jets = model.iter().flat_map(|m| &m.jets);
+    let jet_torque_b_n_m = jets.map(whorl_dynamics::platform::Jet::torque_b_n_m).collect();
     let (index, name) = own?;
-    Some(Parameters { platform: PlatformId(index), name, filter, tf_rate_hz })
+    let platform = PlatformId(index);
+    Some(Parameters { platform, name, kind, filter, body, wheels, jet_torque_b_n_m, tf_rate_hz })
 }
 
 fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParameters {

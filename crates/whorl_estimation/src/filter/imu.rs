@@ -5,7 +5,7 @@ use crate::covariance::{Measurement, Outlier};
 use crate::gravity_window::{GravityWindow, vertical_of_sample};
 use crate::parameters::{GyroSampling, Parameters};
 use crate::verdict::{FilterEvent, Rejection, Verdict};
-use nalgebra::{Matrix2, Matrix3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Unit, Vector3};
 use whorl_math::quaternion_exp;
 
 impl Filter {
@@ -147,6 +147,10 @@ impl Filter {
             return Verdict::Collected;
         };
         vertical.noise += Matrix2::identity() * self.acceleration_variance();
+        let up_w =
+            quaternion_exp(&-Vector3::new(vertical.innovation.x, vertical.innovation.y, 0.0)) * Vector3::z();
+        let up_b = Unit::new_unchecked(self.rotation.tr_mul(&up_w));
+        self.used_vertical = Some((up_b, 0.5 * vertical.noise.trace()));
         let result = self.covariance.update(&vertical, self.constants.gate_two);
         let (verdict, lost) =
             self.accelerometer.record(&result, 2, sample.stamp_ns, self.parameters.recovery_s);

@@ -62,6 +62,9 @@ impl Filter {
         }
         // What the bias error turned since: delta(then) = delta(now) + R age bias_error.
         let age_s = seconds(imu.stamp_ns, stamp_ns);
+        let now_b = self.q_inertial_body.inverse() * (q_inertial_then * direction_b.into_inner());
+        let variance = vector.noise_rad * vector.noise_rad + self.constants.gyro_noise_density * age_s;
+        self.used_direction = Some((Unit::new_unchecked(now_b), variance));
         let (result, dof) = self.vector_update(&vector, &measured_w, age_s);
         let (verdict, lost) = self.vector.record(&result, dof, stamp_ns, vector.recovery_s);
         match result {

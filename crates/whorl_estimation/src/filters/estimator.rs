@@ -1,0 +1,287 @@
+//! A chosen filter, supervised by the gyro-bias filter.
+
+use super::{FilterKind, FilterStep, GyrostatFilter, Kernel, Solution, Update};
+use crate::body::BodyModel;
+use crate::estimate::{Estimate, Health};
+use crate::filter::{Filter, ImuSample};
+use crate::parameters::{ParameterError, Parameters};
+use crate::verdict::{FilterEvent, ImuOutcome, RejectionCounts, Verdict};
+use nalgebra::{Matrix6, UnitQuaternion, Vector3};
+use thiserror::Error;
+use whorl_math::rotation_vector;
+
+/// Wheel speeds older than this are of no use to a filter that needs them \[s\].
+const WHEELS_MAX_AGE_S: f64 = 0.1;
+
+/// A kernel that differs from the supervising filter by more than this many standard deviations (of both
+/// together) ...
+const DISAGREEMENT_SIGMAS: f64 = 8.0;
+/// ... for so many samples starts anew from it.
+const DISAGREEMENT_SAMPLES: u32 = 200;
+
+/// Why an estimator cannot be made.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum EstimatorError {
+    /// A parameter is outside its range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The filter computes with the body's dynamics and was given none.
+    #[error("filter {0} needs the body's inertia and gravity offset")]
+    NoBody(&'static str),
+}
+
+/// Any filter of [`FilterKind`] with gates, start, late samples and health.
+///
+/// A pure state machine without allocation: `Clone` is the save and the restore.
+#[derive(Clone, Debug)]
+pub struct Estimator {
+    kind: FilterKind,
+    supervisor: Filter,
+    body: Option<BodyModel>,
+    kernel: Option<AnyKernel>,
+    update: Update,
+    wheels: Option<Wheels>,
+    jet_impulse_b_n_m_s: Vector3<f64>,
+    gyro_before_rad_s: Vector3<f64>,
+    disagreements: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wheels {
+    stamp_ns: i64,
+    momentum_b_n_m_s: Vector3<f64>,
+    torque_b_n_m: Vector3<f64>,
+}
+
+#[derive(Clone, Debug)]
+enum AnyKernel {
+    Gyrostat(GyrostatFilter),
+}
+
+impl AnyKernel {
+    fn get(&self) -> &dyn Kernel {
+        match self {
+            Self::Gyrostat(kernel) => kernel,
+        }
+    }
+
+    fn get_mut(&mut self) -> &mut dyn Kernel {
+        match self {
+            Self::Gyrostat(kernel) => kernel,
+        }
+    }
+}
+
+impl Estimator {
+    /// An estimator that finds its first attitude from its first samples.
+    ///
+    /// # Errors
+    /// A parameter that is not allowed, or no body for a filter that needs one.
+    pub fn new(
+        kind: FilterKind,
+        parameters: Parameters,
+        body: Option<BodyModel>,
+    ) -> Result<Self, EstimatorError> {
+        Self::around(kind, Filter::new(parameters)?, body)
+    }
+
+    /// An estimator that starts from a known attitude; see [`Filter::with_attitude`].
+    ///
+    /// # Errors
+    /// As [`Self::new`], and a covariance that is none.
+    pub fn with_attitude(
+        kind: FilterKind,
+        parameters: Parameters,
+        body: Option<BodyModel>,
+        stamp_ns: i64,
+        q_world_body: UnitQuaternion<f64>,
+        gyro_bias_rad_s: Vector3<f64>,
+        covariance: &Matrix6<f64>,
+    ) -> Result<Self, EstimatorError> {
+        let filter = Filter::with_attitude(parameters, stamp_ns, q_world_body, gyro_bias_rad_s, covariance)?;
+        Self::around(kind, filter, body)
+    }
+
+    fn around(kind: FilterKind, supervisor: Filter, body: Option<BodyModel>) -> Result<Self, EstimatorError> {
+        match &body {
+            Some(body) => body.check()?,
+            None if kind.needs_body() => return Err(EstimatorError::NoBody(kind.name())),
+            None => {}
+        }
+        Ok(Self {
+            kind,
+            supervisor,
+            body,
+            kernel: None,
+            update: Update::default(),
+            wheels: None,
+            jet_impulse_b_n_m_s: Vector3::zeros(),
+            gyro_before_rad_s: Vector3::zeros(),
+            disagreements: 0,
+        })
+    }
+
+    /// Which filter this is.
+    #[must_use]
+    pub fn kind(&self) -> FilterKind {
+        self.kind
+    }
+
+    /// The wheels' momentum relative to the body and the torque of their motors on them, body axes.
+    pub fn on_wheels(&mut self, stamp_ns: i64, momentum_b_n_m_s: Vector3<f64>, torque_b_n_m: Vector3<f64>) {
+        let finite = (momentum_b_n_m_s.sum() + torque_b_n_m.sum()).is_finite();
+        if finite
+            && self.wheels.is_none_or(|w| stamp_ns > w.stamp_ns || w.stamp_ns - stamp_ns > 1_000_000_000)
+        {
+            self.wheels = Some(Wheels { stamp_ns, momentum_b_n_m_s, torque_b_n_m });
+        }
+    }
+
+    /// Angular impulse that the jets gave since the last call, body axes [N m s].
+    pub fn on_jets(&mut self, impulse_b_n_m_s: &Vector3<f64>) {
+        if impulse_b_n_m_s.sum().is_finite() {
+            self.jet_impulse_b_n_m_s += impulse_b_n_m_s;
+        }
+    }
+
+    /// Takes in one IMU sample; see [`Filter::on_imu`].
+    pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
+        self.update = Update::default();
+        let outcome = self.supervisor.on_imu(sample);
+        if self.kind == FilterKind::AttitudeBias || matches!(outcome.gyro, Verdict::Rejected(_)) {
+            return outcome;
+        }
+        let impulse = std::mem::take(&mut self.jet_impulse_b_n_m_s);
+        let before = std::mem::replace(&mut self.gyro_before_rad_s, sample.gyro_rad_s);
+        let wheels = self.wheels_at(sample.stamp_ns);
+        let started_anew = outcome.event.is_some_and(|e| e != FilterEvent::HeadingForgotten);
+        if outcome.gyro != Verdict::Used || wheels.is_none() || started_anew {
+            self.kernel = None;
+        }
+        let Some(wheel_momentum_b_n_m_s) = wheels else { return outcome };
+        if outcome.gyro != Verdict::Used {
+            return outcome;
+        }
+        let Some(kernel) = &mut self.kernel else {
+            self.start(wheel_momentum_b_n_m_s);
+            return outcome;
+        };
+        let kernel = kernel.get_mut();
+        let accepted = outcome.accelerometer.rejection().is_none();
+        self.update = kernel.step(&FilterStep {
+            dt_s: self.supervisor.interval_s(),
+            gyro_rad_s: sample.gyro_rad_s,
+            gyro_before_rad_s: before,
+            force_b_m_s2: accepted.then_some(sample.specific_force_m_s2),
+            wheel_momentum_b_n_m_s,
+            jet_impulse_b_n_m_s: impulse,
+        });
+        if !kernel.takes_raw_force()
+            && outcome.accelerometer == Verdict::Used
+            && let Some((up_b, variance)) = self.supervisor.used_vertical()
+        {
+            self.update = kernel.correct_direction(&up_b, &Vector3::z_axis(), variance);
+        }
+        if outcome.vector == Some(Verdict::Used) {
+            self.use_vector();
+        }
+        if outcome.event == Some(FilterEvent::HeadingForgotten) {
+            self.kernel = None;
+        }
+        self.supervise();
+        outcome
+    }
+
+    /// Takes in one direction of the vector sensor; see [`Filter::on_vector`].
+    pub fn on_vector(&mut self, stamp_ns: i64, direction_b: &Vector3<f64>) -> (Verdict, Option<FilterEvent>) {
+        self.update = Update::default();
+        let (verdict, event) = self.supervisor.on_vector(stamp_ns, direction_b);
+        if verdict == Verdict::Used {
+            self.use_vector();
+        }
+        if event == Some(FilterEvent::HeadingForgotten) {
+            self.kernel = None;
+        }
+        (verdict, event)
+    }
+
+    /// The estimate at the newest IMU sample; `now_ns` decides only what is stale.
+    #[must_use]
+    pub fn estimate(&self, now_ns: i64) -> Estimate {
+        let mut estimate = self.supervisor.estimate(now_ns);
+        let Some(kernel) = &self.kernel else { return estimate };
+        let solution = kernel.get().solution();
+        estimate.q_world_body = solution.q_world_body;
+        estimate.omega_wb_b_rad_s = solution.omega_rad_s;
+        estimate.gyro_bias_b_rad_s = solution.gyro_bias_rad_s;
+        estimate.covariance = solution.covariance;
+        estimate.nis = (self.update.dof > 0).then_some(self.update.nis);
+        estimate.nis_dof = self.update.dof;
+        estimate
+    }
+
+    /// Refused samples of gyro, accelerometer and vector sensor since the start.
+    #[must_use]
+    pub fn rejections(&self) -> [RejectionCounts; 3] {
+        self.supervisor.rejections()
+    }
+
+    fn use_vector(&mut self) {
+        let (Some(kernel), Some((direction_b, variance)), Some(vector)) =
+            (&mut self.kernel, self.supervisor.used_direction(), self.supervisor.parameters().vector)
+        else {
+            return;
+        };
+        self.update = kernel.get_mut().correct_direction(&direction_b, &vector.reference_w, variance);
+    }
+
+    /// Momentum of the wheels at a stamp, carried on from the last message; zero without wheels.
+    fn wheels_at(&self, stamp_ns: i64) -> Option<Vector3<f64>> {
+        if !self.body.is_some_and(|body| body.has_wheels) {
+            return Some(Vector3::zeros());
+        }
+        let wheels = self.wheels?;
+        let age_s = stamp_ns.saturating_sub(wheels.stamp_ns) as f64 * 1e-9;
+        let fresh = (-WHEELS_MAX_AGE_S..=WHEELS_MAX_AGE_S).contains(&age_s);
+        fresh.then(|| wheels.momentum_b_n_m_s + wheels.torque_b_n_m * age_s)
+    }
+
+    fn start(&mut self, wheel_momentum_b_n_m_s: Vector3<f64>) {
+        let estimate = self.supervisor.estimate(i64::MIN);
+        let start = Solution {
+            q_world_body: estimate.q_world_body,
+            omega_rad_s: estimate.omega_wb_b_rad_s,
+            gyro_bias_rad_s: estimate.gyro_bias_b_rad_s,
+            covariance: estimate.covariance,
+            wheel_momentum_b_n_m_s,
+        };
+        let parameters = self.supervisor.parameters();
+        self.kernel = match self.kind {
+            FilterKind::AttitudeBias => None,
+            FilterKind::Gyrostat => self
+                .body
+                .and_then(|body| GyrostatFilter::new(parameters, &body, &start))
+                .map(AnyKernel::Gyrostat),
+        };
+        self.disagreements = 0;
+    }
+
+    /// Drops a kernel that lost its way; it starts anew with the next sample.
+    fn supervise(&mut self) {
+        let Some(kernel) = &self.kernel else { return };
+        let solution = kernel.get().solution();
+        let supervisor = self.supervisor.estimate(i64::MIN);
+        let apart = rotation_vector(&(supervisor.q_world_body.inverse() * solution.q_world_body)).norm();
+        let variance = supervisor.covariance.fixed_view::<3, 3>(0, 0).trace()
+            + solution.covariance.fixed_view::<3, 3>(0, 0).trace();
+        if !(apart + variance + solution.omega_rad_s.sum()).is_finite() {
+            self.kernel = None;
+            return;
+        }
+        let apart = apart > DISAGREEMENT_SIGMAS * variance.sqrt();
+        self.disagreements = if apart { self.disagreements + 1 } else { 0 };
+        if self.disagreements > DISAGREEMENT_SAMPLES && supervisor.health != Health::Unhealthy {
+            self.kernel = None;
+        }
+    }
+}
