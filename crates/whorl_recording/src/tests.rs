@@ -76,20 +76,24 @@ fn resimulated(recording: &Recording, truth: &PlatformModel) -> Plant {
     };
     let mut plant = Plant::new(truth, &initial, 1).unwrap();
     let ns = |s: f64| (s * 1e9).round() as i64;
-    let pulse = |(jet, p): (usize, &OnInterval)| (ns(p.on_s), Some((jet, p.off_s - p.on_s)), None);
+    enum Event<'a> {
+        Pulse(usize, &'a OnInterval),
+        Torque(&'a [f64]),
+    }
     let pulses = recording.jet_pulses.iter().enumerate();
-    let mut events: Vec<(i64, Option<(usize, f64)>, Option<Vec<f64>>)> =
-        pulses.flat_map(|(jet, pulses)| pulses.iter().map(move |p| (jet, p)).map(pulse)).collect();
+    let mut events: Vec<(i64, Event<'_>)> = pulses
+        .flat_map(|(jet, pulses)| pulses.iter().map(move |p| (ns(p.on_s), Event::Pulse(jet, p))))
+        .collect();
     let torque = &recording.wheel_torque_command_n_m;
-    events.extend(torque.time_s.iter().zip(&torque.value).map(|(t, u)| (ns(*t), None, Some(u.clone()))));
+    events.extend(torque.time_s.iter().zip(&torque.value).map(|(t, u)| (ns(*t), Event::Torque(u))));
     events.sort_by_key(|event| event.0);
-    for (at, pulse, torque) in events {
+    for (at, event) in events {
         plant.advance_to(at).unwrap();
-        if let Some((jet, on_s)) = pulse {
-            plant.command_jet_pulse(jet, at, on_s).unwrap();
-        }
-        if let Some(torque) = torque {
-            plant.command_wheels(&torque).unwrap();
+        match event {
+            Event::Pulse(jet, p) => {
+                plant.command_jet_pulse(jet, at, p.off_s - p.on_s).unwrap();
+            }
+            Event::Torque(torque) => plant.command_wheels(torque).unwrap(),
         }
     }
     plant.advance_to(ns(*motion.q_world_body.time_s.last().unwrap())).unwrap();

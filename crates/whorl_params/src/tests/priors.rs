@@ -100,8 +100,8 @@ fn every_key_must_be_that_of_a_model_parameter() {
             "p.yaml:4: model_prior.mass_source = CAD: there is no model parameter mass; allowed: the keys of the group model",
         ),
         (
-            "source.mass_kg: 5",
-            "p.yaml:4: model_prior.source.mass_kg = 5: allowed: a text (where these standard deviations are from)",
+            "tank.source: 5",
+            "p.yaml:4: model_prior.tank.source = 5: allowed: a text (where the standard deviations are from)",
         ),
     ];
     for (lines, expected) in table {
