@@ -40,6 +40,8 @@ pub(crate) struct Drive {
     /// Moment of the linear mass actuators' displacement, body axes [N m].
     pub ballast_moment_b_n_m: Vector3<f64>,
     pub ballast_direction: Vector3<f64>,
+    /// Torque on the body from outside the platform, body axes [N m].
+    pub body_torque_b_n_m: Vector3<f64>,
     /// The body is held still (wheel bench test).
     pub clamped: bool,
     pub initial_gas_kg: f64,
@@ -132,7 +134,8 @@ impl Gyrostat {
         let pressure_ratio = self.pressure_pa(state.gas_kg) / self.model.tank.reference_pressure_pa;
         let thrust_factor = self.thrust_factor(pressure_ratio);
         let offset = self.model.mass_properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
-        let mut torque = jets.torque_b_n_m * thrust_factor - offset.cross(&vertical_b)
+        let mut torque = jets.torque_b_n_m * thrust_factor + drive.body_torque_b_n_m
+            - offset.cross(&vertical_b)
             + contact_torque_b_n_m(
                 &self.model.tilt_limit,
                 STOP_STIFFNESS_N_M_RAD,

@@ -1,10 +1,11 @@
 //! What the platform can be told.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::valves::{JetFailure, Pulse};
-use super::{Plant, ns_from_s};
+use super::{Plant, PlantError, ns_from_s};
+use crate::gyrostat::sign;
 
 /// Why a command was refused. The plant is then unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -161,6 +162,49 @@ impl Plant {
             }
         }
         self.drive.ballast_moment_b_n_m = moment_b_n_m;
+    }
+
+    /// Sets a torque on the body from outside, body axes [N m], from now until the next. Ignored if it is
+    /// not finite.
+    pub fn set_body_torque(&mut self, torque_b_n_m: Vector3<f64>) {
+        if torque_b_n_m.iter().copied().all(f64::is_finite) {
+            self.drive.body_torque_b_n_m = torque_b_n_m;
+        }
+    }
+
+    /// Puts body and wheels into another motion now, as where a prediction starts from a new estimate.
+    /// Time, gas, valves, commands and hidden states go on as they were.
+    ///
+    /// # Errors
+    /// Another number of wheel speeds than wheels, or a number that is not finite; the plant is then
+    /// unchanged.
+    pub fn set_motion(
+        &mut self,
+        q_world_body: &UnitQuaternion<f64>,
+        omega_wb_b_rad_s: &Vector3<f64>,
+        wheel_speed_rad_s: &[f64],
+    ) -> Result<(), PlantError> {
+        let wheels = self.gyrostat.model().wheels.len();
+        if wheel_speed_rad_s.len() != wheels {
+            return Err(PlantError::WheelCount { given: wheel_speed_rad_s.len(), wheels });
+        }
+        let numbers = q_world_body.coords.iter().chain(omega_wb_b_rad_s).chain(wheel_speed_rad_s);
+        if !numbers.copied().all(f64::is_finite) {
+            return Err(PlantError::NotFinite);
+        }
+        self.state.q_world_body = *q_world_body;
+        if !self.drive.clamped {
+            self.state.omega_wb_b_rad_s = *omega_wb_b_rad_s;
+        }
+        for (slot, speed) in self.state.wheel_speed_rad_s.iter_mut().zip(wheel_speed_rad_s) {
+            *slot = *speed;
+        }
+        // What sensors with latency recall belongs to the motion before.
+        self.history.forget();
+        for (wheel, speed) in wheel_speed_rad_s.iter().enumerate() {
+            self.set_sliding(wheel, sign(*speed));
+        }
+        Ok(())
     }
 
     /// Clamps the body where it is (wheel bench test), or releases it.

@@ -285,6 +285,7 @@ impl Drive {
             valve_fraction: [0.0; crate::gyrostat::MAX_JETS],
             ballast_moment_b_n_m: Vector3::zeros(),
             ballast_direction: Vector3::zeros(),
+            body_torque_b_n_m: Vector3::zeros(),
             clamped: false,
             initial_gas_kg: gyrostat.initial_gas_kg(),
         }

@@ -47,6 +47,10 @@ impl History {
         self.span_ns > 0
     }
 
+    pub fn forget(&mut self) {
+        self.snapshots.clear();
+    }
+
     pub fn push(&mut self, snapshot: Snapshot) {
         self.snapshots.push_back(snapshot);
         // Keep one that is older than the span, to interpolate from.

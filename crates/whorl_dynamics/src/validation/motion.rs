@@ -123,3 +123,22 @@ fn wheel_spin_up_exchanges_momentum_with_the_body() {
     assert!((p.state().wheel_speed_rad_s[2] - (0.3 * 10.0 / inertia - omega)).abs() < 1e-9);
     assert!(p.truth().momentum_b_n_m_s.norm() < 1e-11, "no momentum came from outside");
 }
+
+#[test]
+fn a_torque_from_outside_turns_the_body_and_a_new_motion_starts_where_it_is_put() {
+    let model = free_platform();
+    let mut plant = plant(&model, &InitialState::default());
+    plant.set_body_torque(Vector3::new(0.0, 0.0, 0.1));
+    plant.advance_to(ns(2.0)).expect("advances");
+    // I w + A J Om = g t for a body at rest before, wheels without friction.
+    let momentum = plant.truth().momentum_b_n_m_s;
+    assert!((momentum - Vector3::new(0.0, 0.0, 0.2)).norm() < 1e-3, "{momentum}");
+    let q = UnitQuaternion::from_euler_angles(0.05, 0.0, 1.0);
+    plant.set_motion(&q, &Vector3::new(0.1, 0.0, 0.0), &[5.0, 0.0, -3.0]).expect("three wheels");
+    let truth = plant.truth();
+    assert_eq!((truth.time_ns, truth.q_world_body), (ns(2.0), q));
+    assert_eq!(truth.wheel_speed_rad_s, [5.0, 0.0, -3.0]);
+    assert!(plant.set_motion(&q, &Vector3::zeros(), &[0.0]).is_err());
+    assert!(plant.set_motion(&q, &Vector3::new(f64::NAN, 0.0, 0.0), &[0.0; 3]).is_err());
+    assert_eq!(plant.truth(), truth, "unchanged");
+}

@@ -1,0 +1,199 @@
+//! What the platform was told during a run, as the model's actuators receive it.
+
+use nalgebra::Vector3;
+use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
+use whorl_recording::{Recording, Series};
+
+/// Half of the stretch over which a wheel's acceleration is read from its speed \[s\].
+const SLOPE_HALF_WIDTH_S: f64 = 0.1;
+
+/// Commands of a run in order of time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Commands {
+    wheel_torque_n_m: Series<Vec<f64>>,
+    ballast_moment_b_n_m: Series<Vector3<f64>>,
+    body_torque_b_n_m: Series<Vector3<f64>>,
+    /// Per jet: opening and closing of the flow, delays included \[s\].
+    flow: Vec<Vec<(f64, f64)>>,
+    /// Everything to be told the plant, in order: time and what.
+    events: Vec<(i64, Event)>,
+    /// The wheels' torques were worked out from their speeds.
+    pub wheel_torque_from_speed: bool,
+    wheels: usize,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Event {
+    Wheels(Vec<f64>),
+    Jet { jet: usize, on_time_s: f64 },
+    Ballast(Vector3<f64>),
+    Torque(Vector3<f64>),
+}
+
+/// Means over a short stretch of time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MeanDrive {
+    /// Motor torques [N m].
+    pub wheel_torque_n_m: Vec<f64>,
+    /// Share of the time that each jet blew.
+    pub valve_fraction: Vec<f64>,
+    /// Moment of the linear mass actuators, body axes [N m].
+    pub ballast_moment_b_n_m: Vector3<f64>,
+    /// Torque from outside, body axes [N m].
+    pub body_torque_b_n_m: Vector3<f64>,
+}
+
+impl Commands {
+    /// Of a recording. Wheels whose torques were not recorded are driven such that they follow their measured
+    /// speeds.
+    #[must_use]
+    pub fn of(recording: &Recording, gyrostat: &Gyrostat) -> Self {
+        let model = gyrostat.model();
+        let wheels = model.wheels.len();
+        let from_speed =
+            recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty();
+        let wheel_torque_n_m = if from_speed {
+            torque_from_speed(&recording.wheel_speed_rad_s, model)
+        } else {
+            recording.wheel_torque_command_n_m.clone()
+        };
+        let mut events = Vec::new();
+        for (t, torque) in wheel_torque_n_m.time_s.iter().zip(&wheel_torque_n_m.value) {
+            events.push((ns(*t), Event::Wheels(torque.clone())));
+        }
+        let ballast = &recording.ballast_moment_b_n_m;
+        for (t, moment) in ballast.time_s.iter().zip(&ballast.value) {
+            events.push((ns(*t), Event::Ballast(*moment)));
+        }
+        let body = &recording.body_torque_b_n_m;
+        for (t, torque) in body.time_s.iter().zip(&body.value) {
+            events.push((ns(*t), Event::Torque(*torque)));
+        }
+        let mut flow = Vec::new();
+        for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
+            let data = model.jets.get(jet);
+            let (opening_s, closing_s) = data.map_or((0.0, 0.0), |j| (j.opening_delay_s, j.closing_delay_s));
+            flow.push(pulses.iter().map(|p| (p.on_s + opening_s, p.off_s + closing_s)).collect());
+            for pulse in pulses {
+                events.push((ns(pulse.on_s), Event::Jet { jet, on_time_s: pulse.off_s - pulse.on_s }));
+            }
+        }
+        events.sort_by_key(|(time_ns, _)| *time_ns);
+        Self {
+            wheel_torque_n_m,
+            ballast_moment_b_n_m: ballast.clone(),
+            body_torque_b_n_m: body.clone(),
+            flow,
+            events,
+            wheel_torque_from_speed: from_speed,
+            wheels,
+        }
+    }
+
+    /// The first event at or after a time.
+    pub(crate) fn first_event(&self, time_ns: i64) -> usize {
+        self.events.partition_point(|(t, _)| *t < time_ns)
+    }
+
+    /// When an event is due \[ns\].
+    pub(crate) fn event_ns(&self, event: usize) -> Option<i64> {
+        self.events.get(event).map(|(t, _)| *t)
+    }
+
+    /// Tells the plant. Refusals (a pulse too short for its valve) are what the hardware would do as well.
+    pub(crate) fn tell(&self, event: usize, plant: &mut Plant) {
+        let now_ns = plant.now_ns();
+        match self.events.get(event) {
+            Some((_, Event::Wheels(torque))) => {
+                let _ = plant.command_wheels(torque);
+            }
+            Some((start_ns, Event::Jet { jet, on_time_s })) => {
+                let _ = plant.command_jet_pulse(*jet, (*start_ns).max(now_ns), *on_time_s);
+            }
+            Some((_, Event::Ballast(moment))) => plant.set_ballast_moment(*moment),
+            Some((_, Event::Torque(torque))) => plant.set_body_torque(*torque),
+            None => {}
+        }
+    }
+
+    /// Means over a stretch that is short against the time between commands.
+    #[must_use]
+    pub fn mean_between(&self, from_s: f64, to_s: f64) -> MeanDrive {
+        let middle = 0.5 * (from_s + to_s);
+        let length_s = (to_s - from_s).max(1e-9);
+        let open = |intervals: &Vec<(f64, f64)>| {
+            // Pulses are in order: only those near the stretch matter.
+            let end = intervals.partition_point(|(on, _)| *on < to_s);
+            let near = intervals.get(end.saturating_sub(3)..end).unwrap_or(&[]);
+            near.iter().map(|(on, off)| (off.min(to_s) - on.max(from_s)).max(0.0)).sum::<f64>() / length_s
+        };
+        MeanDrive {
+            wheel_torque_n_m: self
+                .wheel_torque_n_m
+                .held_at(middle)
+                .cloned()
+                .unwrap_or_else(|| vec![0.0; self.wheels]),
+            valve_fraction: self.flow.iter().map(open).collect(),
+            ballast_moment_b_n_m: self.ballast_moment_b_n_m.held_at(middle).copied().unwrap_or_default(),
+            body_torque_b_n_m: self.body_torque_b_n_m.held_at(middle).copied().unwrap_or_default(),
+        }
+    }
+
+    /// What drove the platform, as named series at these times, for cross-correlation: wheel torques, jet torque
+    /// about each body axis. Those that never change are left out.
+    #[must_use]
+    pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
+        let mut columns: Vec<(String, Vec<f64>)> =
+            model.wheels.iter().map(|w| (format!("{} torque", w.name), Vec::new())).collect();
+        let axes = ["x", "y", "z"];
+        columns.extend(axes.iter().map(|axis| (format!("jet torque {axis}"), Vec::new())));
+        columns.extend(axes.iter().map(|axis| (format!("outside torque {axis}"), Vec::new())));
+        let mut before = time_s.first().copied().unwrap_or(0.0) - 0.01;
+        for t in time_s {
+            let drive = self.mean_between(before, *t);
+            before = *t;
+            let jets: Vector3<f64> =
+                model.jets.iter().zip(&drive.valve_fraction).map(|(jet, f)| jet.torque_b_n_m() * *f).sum();
+            let values = (0..self.wheels)
+                .map(|j| drive.wheel_torque_n_m.get(j).copied().unwrap_or(0.0))
+                .chain(jets.iter().copied())
+                .chain(drive.body_torque_b_n_m.iter().copied());
+            for ((_, column), value) in columns.iter_mut().zip(values) {
+                column.push(value);
+            }
+        }
+        columns.retain(|(_, column)| {
+            let first = column.first().copied().unwrap_or(0.0);
+            column.iter().any(|x| (x - first).abs() > 1e-9)
+        });
+        columns
+    }
+}
+
+/// Torques with which the model's wheels follow the measured speeds: J dOm/dt plus friction.
+fn torque_from_speed(speed: &Series<Vec<f64>>, model: &PlatformModel) -> Series<Vec<f64>> {
+    let torque_at = |time_s: f64| -> Vec<f64> {
+        let first = speed.time_s.partition_point(|t| *t < time_s - SLOPE_HALF_WIDTH_S);
+        let end = speed.time_s.partition_point(|t| *t <= time_s + SLOPE_HALF_WIDTH_S);
+        let times = speed.time_s.get(first..end).unwrap_or(&[]);
+        let values = speed.value.get(first..end).unwrap_or(&[]);
+        let centre = times.iter().sum::<f64>() / times.len().max(1) as f64;
+        let spread: f64 = times.iter().map(|t| (t - centre).powi(2)).sum();
+        let now = speed.held_at(time_s);
+        let of_wheel = |(j, wheel): (usize, &whorl_dynamics::platform::Wheel)| {
+            let moments = times.iter().zip(values);
+            let slope = moments.map(|(t, v)| (t - centre) * v.get(j).copied().unwrap_or(0.0)).sum::<f64>()
+                / spread.max(1e-9);
+            let y = now.and_then(|v| v.get(j)).copied().unwrap_or(0.0);
+            let coulomb = wheel.coulomb_friction_n_m * y.clamp(-1.0, 1.0);
+            wheel.spin_inertia_kg_m2 * slope + wheel.viscous_friction_n_m_s * y + coulomb
+        };
+        model.wheels.iter().enumerate().map(of_wheel).collect()
+    };
+    speed.time_s.iter().map(|t| (*t, torque_at(*t))).collect()
+}
+
+/// Seconds to the nearest nanosecond; saturates.
+pub(crate) fn ns(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}

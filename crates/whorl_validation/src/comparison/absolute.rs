@@ -1,0 +1,333 @@
+//! The absolute test: are the residuals no more than noise?
+//!
+//! The run is cut into stretches. In each, the initial state is fitted to the stretch's own measurements
+//! (linearised about the smoothed one), so that nothing but the model's errors and noise is left; sums of
+//! squares then follow a chi-squared law with as many degrees of freedom as samples less fitted numbers.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use serde::Serialize;
+use whorl_dynamics::PlatformModel;
+use whorl_estimation::consistency::chi_squared_quantile;
+use whorl_math::quaternion_exp;
+use whorl_recording::{Mounting, Recording};
+
+use crate::commands::Commands;
+use crate::noise_floor::NoiseFloors;
+use crate::prediction::{Prediction, Simulator};
+use crate::smoothing::Motion;
+use crate::statistics::{
+    CrossCorrelation, CumulativePeriodogram, LjungBox, cross_correlation, cumulative_periodogram, ljung_box,
+};
+
+/// Length of a stretch \[s\]; half the run for shorter ones.
+const STRETCH_S: f64 = 10.0;
+/// Steps by which the initial state is varied: attitude \[rad\], rate and wheel speed [rad/s].
+const STEPS: [f64; 3] = [1e-4, 1e-4, 1e-2];
+/// Prior standard deviation of the fitted changes, the same units: wide, it only keeps fits regular.
+const SPREAD: [f64; 3] = [0.02, 0.02, 2.0];
+/// Lags of the whiteness tests.
+const LAGS: usize = 25;
+
+/// Outcome of the test against noise alone.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Absolute {
+    /// Sum of squares of the whitened residuals over their degrees of freedom; 1 = noise.
+    pub chi_squared_per_degree: f64,
+    /// 99 % band of that for noise alone.
+    pub band_99: (f64, f64),
+    /// Degrees of freedom.
+    pub degrees: usize,
+    /// Length of the stretches whose initial states were fitted \[s\].
+    pub stretch_s: f64,
+}
+
+impl Absolute {
+    /// Whether the residuals are no more than the stated noise.
+    #[must_use]
+    pub fn is_noise(&self) -> bool {
+        self.chi_squared_per_degree <= self.band_99.1
+    }
+}
+
+/// Tests of one channel's residual.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Whiteness {
+    /// Channel.
+    pub channel: String,
+    /// RMS of the whitened residual; 1 = noise.
+    pub rms: f64,
+    /// Test of the first autocorrelations.
+    pub ljung_box: Option<LjungBox>,
+    /// Power over frequency.
+    pub periodogram: Option<CumulativePeriodogram>,
+    /// Correlations with inputs, the largest first.
+    pub inputs: Vec<InputCorrelation>,
+}
+
+/// Correlation of a residual with one input.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InputCorrelation {
+    /// The input.
+    pub input: String,
+    /// Whether the input explains something of the residual, at 99 % over all lags. With a controller
+    /// running only lags >= 0 count.
+    pub significant: bool,
+    /// Lag of the largest correlation, samples.
+    pub lag: i64,
+    /// The largest correlation.
+    pub value: f64,
+    /// All of it.
+    pub correlation: CrossCorrelation,
+}
+
+/// Whitened residuals, initial states fitted.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Residuals {
+    /// Channel, times \[s\], values.
+    pub channels: Vec<(String, Vec<f64>, Vec<f64>)>,
+    /// Inputs at the times of the first channel.
+    pub inputs: Vec<(String, Vec<f64>)>,
+}
+
+impl Residuals {
+    /// Tests every channel.
+    #[must_use]
+    pub fn tests(&self, closed_loop: bool) -> Vec<Whiteness> {
+        let lags = u32::try_from(LAGS).unwrap_or(u32::MAX);
+        self.channels
+            .iter()
+            .map(|(channel, time_s, value)| {
+                let span_s = time_s.last().zip(time_s.first()).map_or(0.0, |(b, a)| b - a);
+                let rate_hz = value.len().saturating_sub(1) as f64 / span_s.max(1e-9);
+                let mut inputs: Vec<InputCorrelation> = self
+                    .inputs
+                    .iter()
+                    .filter_map(|(input, u)| {
+                        let correlation = cross_correlation(value, u, LAGS)?;
+                        let (lag, largest) = correlation.largest(closed_loop)?;
+                        let significant = correlation.is_significant(closed_loop);
+                        Some(InputCorrelation {
+                            input: input.clone(),
+                            significant,
+                            lag,
+                            value: largest,
+                            correlation,
+                        })
+                    })
+                    .collect();
+                inputs.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
+                let squares: f64 = value.iter().map(|x| x * x).sum();
+                Whiteness {
+                    channel: channel.clone(),
+                    rms: (squares / value.len().max(1) as f64).sqrt(),
+                    ljung_box: ljung_box(value, lags),
+                    periodogram: cumulative_periodogram(value, rate_hz),
+                    inputs,
+                }
+            })
+            .collect()
+    }
+}
+
+/// One row of the residual: stretch, channel, time, whitened value.
+struct Row {
+    stretch: usize,
+    channel: usize,
+    time_s: f64,
+}
+
+pub(super) fn test(
+    recording: &Recording,
+    model: &PlatformModel,
+    simulator: &Simulator<'_>,
+    start: &dyn Fn(f64) -> Motion,
+    floors: &NoiseFloors,
+    commands: &Commands,
+) -> Option<(Absolute, Residuals)> {
+    let stretch_s = STRETCH_S.min(0.5 * recording.duration_s());
+    let (rows, names) = rows(recording, model, simulator.first_s(), stretch_s);
+    let measured = whitened(recording, &measurements(recording), floors);
+    let nominal = whitened(recording, &simulator.predict(Some(stretch_s), start), floors);
+    let changes = changes(recording.mounting, model.wheels.len());
+    let columns: Vec<Vec<f64>> = changes
+        .iter()
+        .map(|change| {
+            let varied = simulator.predict(Some(stretch_s), &|t| change.applied(start(t)));
+            let varied = whitened(recording, &varied, floors);
+            varied.iter().zip(&nominal).map(|(a, b)| (a - b) / change.step).collect()
+        })
+        .collect();
+    let mut residual: Vec<f64> = measured.iter().zip(&nominal).map(|(y, p)| y - p).collect();
+    let stretches = rows.iter().map(|r| r.stretch).max()? + 1;
+    let mut members = vec![Vec::new(); stretches];
+    for (k, row) in rows.iter().enumerate() {
+        let finite = residual.get(k).is_some_and(|r| r.is_finite())
+            && columns.iter().all(|c| c.get(k).is_some_and(|x| x.is_finite()));
+        if finite && let Some(list) = members.get_mut(row.stretch) {
+            list.push(k);
+        }
+    }
+    let (mut squares, mut degrees) = (0.0, 0usize);
+    for list in members.iter().filter(|list| list.len() > 2 * changes.len()) {
+        let jacobian = DMatrix::from_fn(list.len(), changes.len(), |i, j| columns[j][list[i]]);
+        let left = DVector::from_fn(list.len(), |i, _| residual[list[i]]);
+        let mut normal = jacobian.transpose() * &jacobian;
+        for (i, change) in changes.iter().enumerate() {
+            normal[(i, i)] += change.spread.powi(-2);
+        }
+        let Some(factor) = normal.clone().cholesky() else { continue };
+        let best = factor.solve(&(jacobian.transpose() * &left));
+        let left = left - jacobian * &best;
+        // The numbers really fitted: those that the data, not the prior, decide.
+        let prior: f64 =
+            changes.iter().enumerate().map(|(i, c)| factor.inverse()[(i, i)] * c.spread.powi(-2)).sum();
+        let fitted = (changes.len() as f64 - prior).round().max(0.0) as usize;
+        squares += left.norm_squared();
+        degrees += list.len() - fitted;
+        for (i, k) in list.iter().enumerate() {
+            residual[*k] = left[i];
+        }
+    }
+    let kept: Vec<bool> = {
+        let mut kept = vec![false; rows.len()];
+        for k in members.iter().filter(|list| list.len() > 2 * changes.len()).flatten() {
+            kept[*k] = true;
+        }
+        kept
+    };
+    if degrees == 0 {
+        return None;
+    }
+    let mut channels: Vec<(String, Vec<f64>, Vec<f64>)> =
+        names.into_iter().map(|name| (name, Vec::new(), Vec::new())).collect();
+    for ((row, value), _) in rows.iter().zip(&residual).zip(&kept).filter(|(_, kept)| **kept) {
+        if let Some((_, times, values)) = channels.get_mut(row.channel) {
+            times.push(row.time_s);
+            values.push(*value);
+        }
+    }
+    channels.retain(|(_, times, _)| times.len() > 4 * LAGS);
+    let inputs = channels.first().map_or_else(Vec::new, |(_, times, _)| commands.inputs(model, times));
+    let n = u32::try_from(degrees).unwrap_or(u32::MAX);
+    let band = |p: f64| chi_squared_quantile(p, n) / degrees as f64;
+    let absolute = Absolute {
+        chi_squared_per_degree: squares / degrees as f64,
+        band_99: (band(0.005), band(0.995)),
+        degrees,
+        stretch_s,
+    };
+    Some((absolute, Residuals { channels, inputs }))
+}
+
+/// One way in which an initial state may be wrong.
+struct Change {
+    index: usize,
+    kind: usize,
+    step: f64,
+    spread: f64,
+}
+
+impl Change {
+    fn applied(&self, mut motion: Motion) -> Motion {
+        let mut delta = Vector3::zeros();
+        if let Some(x) = delta.get_mut(self.index) {
+            *x = self.step;
+        }
+        match self.kind {
+            0 => motion.q_world_body *= quaternion_exp(&delta),
+            1 => motion.omega_wb_b_rad_s += delta,
+            _ => {
+                if let Some(speed) = motion.wheel_speed_rad_s.get_mut(self.index) {
+                    *speed += self.step;
+                }
+            }
+        }
+        motion
+    }
+}
+
+fn changes(mounting: Mounting, wheels: usize) -> Vec<Change> {
+    let mut changes = Vec::new();
+    for (kind, (step, spread)) in STEPS.into_iter().zip(SPREAD).enumerate() {
+        let count = if kind == 2 { wheels } else { 3 };
+        if kind < 2 && mounting == Mounting::Clamped {
+            continue;
+        }
+        changes.extend((0..count).map(|index| Change { index, kind, step, spread }));
+    }
+    changes
+}
+
+/// The measurements in the form of a prediction.
+fn measurements(recording: &Recording) -> Prediction {
+    Prediction {
+        gyro_b_rad_s: recording.gyro_b_rad_s.value.clone(),
+        specific_force_b_m_s2: recording.specific_force_b_m_s2.value.clone(),
+        vectors: recording.vectors.iter().map(|v| v.direction_b.value.clone()).collect(),
+        wheel_speed_rad_s: recording.wheel_speed_rad_s.value.clone(),
+    }
+}
+
+/// Every number over its noise, in the order of [`rows`]. Of a direction only two components are free: they
+/// are taken along two axes across the measured one.
+fn whitened(recording: &Recording, p: &Prediction, floors: &NoiseFloors) -> Vec<f64> {
+    let mut all = Vec::new();
+    for i in 0..3 {
+        all.extend(p.gyro_b_rad_s.iter().map(|v| v[i] / floors.gyro[i].sigma));
+    }
+    for i in 0..3 {
+        all.extend(p.specific_force_b_m_s2.iter().map(|v| v[i] / floors.accelerometer[i].sigma));
+    }
+    for (channel, found) in recording.vectors.iter().zip(&p.vectors) {
+        for side in 0..2 {
+            all.extend(channel.direction_b.value.iter().zip(found).map(|(measured, v)| {
+                let helper = if measured.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
+                let first = whorl_math::unit_or(measured.cross(&helper), Vector3::x_axis()).into_inner();
+                let axis = if side == 0 { first } else { measured.cross(&first) };
+                v.dot(&axis) / floors.vector.sigma
+            }));
+        }
+    }
+    let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
+    if !recording.wheel_torque_command_n_m.is_empty() {
+        for j in 0..wheels {
+            let speed = |v: &Vec<f64>| v.get(j).copied().unwrap_or(f64::NAN) / floors.wheel_speed.sigma;
+            all.extend(p.wheel_speed_rad_s.iter().map(speed));
+        }
+    }
+    all
+}
+
+/// Where each number of [`whitened`] belongs, and the channels' names.
+fn rows(
+    recording: &Recording,
+    model: &PlatformModel,
+    first_s: f64,
+    stretch_s: f64,
+) -> (Vec<Row>, Vec<String>) {
+    let (mut rows, mut names) = (Vec::new(), Vec::new());
+    let mut add = |name: String, times: &[f64]| {
+        let channel = names.len();
+        names.push(name);
+        let stretch = |t: f64| ((t - first_s) / stretch_s + 1e-9).floor().max(0.0) as usize;
+        rows.extend(times.iter().map(|t| Row { stretch: stretch(*t), channel, time_s: *t }));
+    };
+    for axis in ["x", "y", "z"] {
+        add(format!("gyro_{axis}"), &recording.gyro_b_rad_s.time_s);
+    }
+    for axis in ["x", "y", "z"] {
+        add(format!("accelerometer_{axis}"), &recording.specific_force_b_m_s2.time_s);
+    }
+    for (j, vector) in recording.vectors.iter().enumerate() {
+        for side in ["a", "b"] {
+            add(format!("vector_{}{side}", j + 1), &vector.direction_b.time_s);
+        }
+    }
+    let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
+    if !recording.wheel_torque_command_n_m.is_empty() {
+        for wheel in model.wheels.iter().take(wheels) {
+            add(format!("{}_speed", wheel.name), &recording.wheel_speed_rad_s.time_s);
+        }
+    }
+    (rows, names)
+}

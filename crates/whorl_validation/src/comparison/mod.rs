@@ -1,0 +1,200 @@
+//! How far predictions are from measurements, channel by channel, horizon by horizon.
+
+mod absolute;
+mod channels;
+mod words;
+
+pub use absolute::{Absolute, Residuals, Whiteness};
+pub use channels::{Channel, Overlay, Quantity};
+
+use serde::Serialize;
+use whorl_dynamics::{Gyrostat, PlatformModel};
+use whorl_recording::{Mounting, Recording};
+
+use crate::commands::Commands;
+use crate::error::ValidationError;
+use crate::noise_floor::NoiseFloors;
+use crate::prediction::Simulator;
+use crate::smoothing::{Motion, smooth};
+
+/// Horizons of prediction \[s\]; the whole run comes on top.
+pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
+/// Shortest recording that is compared \[s\].
+pub const SHORTEST_S: f64 = 5.0;
+
+/// The rule by which every prediction starts, for printing beside the numbers.
+pub const INITIAL_STATE_RULE: &str = "each prediction starts from the smoothed state at its first instant: attitude by \
+     gyro, accelerometer and vector sensor of the whole run (no torques of the model), rate and wheel speeds by \
+     averaging half a second to either side what the model does not explain of their change; gyro and accelerometer \
+     biases estimated once per run; then the model runs with the recorded commands alone";
+
+/// A recording against a model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Name of the run.
+    pub run: String,
+    /// Length \[s\].
+    pub duration_s: f64,
+    /// Samples of the gyro (clamped platform: of the wheels) per second \[Hz\].
+    pub rate_hz: f64,
+    /// Errors of every channel.
+    pub channels: Vec<Channel>,
+    /// Test against noise alone.
+    pub absolute: Option<Absolute>,
+    /// Whiteness of each channel's residual, initial states fitted.
+    pub whiteness: Vec<Whiteness>,
+    /// Whether a controller was running.
+    pub closed_loop: bool,
+    /// Gyro bias beyond the model's, as estimated [rad/s].
+    pub gyro_bias_rad_s: [f64; 3],
+    /// What missing channels cost, and other remarks, one sentence each.
+    pub remarks: Vec<String>,
+    /// Curves for plots; not part of the JSON.
+    #[serde(skip)]
+    pub overlays: Vec<Overlay>,
+    /// Whitened residuals for plots.
+    #[serde(skip)]
+    pub residuals: Residuals,
+}
+
+/// Compares a recording with a model.
+///
+/// # Errors
+/// When nothing can be said, with what would help: see [`ValidationError`].
+pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Comparison, ValidationError> {
+    check(recording, model)?;
+    let gyrostat = Gyrostat::new(model)?;
+    let commands = Commands::of(recording, &gyrostat);
+    let motion = smooth(recording, &gyrostat, &commands);
+    let simulator = Simulator::new(
+        model,
+        recording,
+        &commands,
+        motion.attitude.gyro_bias_rad_s,
+        motion.attitude.accelerometer_bias_m_s2,
+    )?;
+    let start = |time_s: f64| -> Motion { motion.at(time_s) };
+    let duration_s = recording.duration_s();
+    let horizons: Vec<Option<f64>> =
+        HORIZONS_S.iter().copied().filter(|h| *h < duration_s).map(Some).chain([None]).collect();
+    let predictions: Vec<_> = horizons.iter().map(|h| simulator.predict(*h, &start)).collect();
+    let shortest = predictions.first().cloned().unwrap_or_default();
+    let floors = NoiseFloors::of(recording, gyrostat.model(), &shortest);
+    let channels = channels::channels(recording, gyrostat.model(), &horizons, &predictions, &floors);
+    let overlays = channels::overlays(recording, gyrostat.model(), &horizons, &predictions);
+    let (absolute, residuals) =
+        absolute::test(recording, gyrostat.model(), &simulator, &start, &floors, &commands).unzip();
+    let residuals = residuals.unwrap_or_default();
+    let whiteness = residuals.tests(recording.closed_loop);
+    let times = if recording.gyro_b_rad_s.is_empty() {
+        &recording.wheel_speed_rad_s.time_s
+    } else {
+        &recording.gyro_b_rad_s.time_s
+    };
+    Ok(Comparison {
+        run: recording.name.clone(),
+        duration_s,
+        rate_hz: times.len().saturating_sub(1) as f64 / duration_s,
+        remarks: remarks(recording, &commands, &motion, &floors),
+        channels,
+        absolute,
+        whiteness,
+        closed_loop: recording.closed_loop,
+        gyro_bias_rad_s: motion.attitude.gyro_bias_rad_s.into(),
+        overlays,
+        residuals,
+    })
+}
+
+fn check(recording: &Recording, model: &PlatformModel) -> Result<(), ValidationError> {
+    let run = recording.name.clone();
+    let missing = |channel, help| ValidationError::MissingChannel { run: run.clone(), channel, help };
+    let clamped = recording.mounting == Mounting::Clamped;
+    if recording.gyro_b_rad_s.is_empty() && !clamped {
+        return Err(missing("gyro", "without the body's rate nothing can be predicted; record imu/data_raw"));
+    }
+    if clamped && recording.wheel_speed_rad_s.is_empty() {
+        return Err(missing("wheel speed", "a clamped platform moves nothing else; record wheels/state"));
+    }
+    let duration_s = recording.duration_s();
+    if duration_s.is_nan() || duration_s < SHORTEST_S {
+        return Err(ValidationError::TooShort { run, duration_s, needed_s: SHORTEST_S });
+    }
+    let wheels = model.wheels.len();
+    let series = [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m];
+    if let Some(wrong) = series.iter().flat_map(|s| &s.value).find(|v| v.len() != wheels) {
+        return Err(ValidationError::WheelCount { run, given: wrong.len(), wheels });
+    }
+    if recording.jet_pulses.len() > model.jets.len() {
+        let (given, jets) = (recording.jet_pulses.len(), model.jets.len());
+        return Err(ValidationError::JetCount { run, given, jets });
+    }
+    let range = model.sensors.gyro.errors.range;
+    let rates = recording.gyro_b_rad_s.value.iter().map(|v| v.amax());
+    let fastest = rates.fold(0.0, f64::max);
+    if fastest > 20.0 * range {
+        return Err(ValidationError::Implausible {
+            run,
+            what: format!(
+                "the gyro reads up to {fastest:.1} rad/s, but its range is {range:.2} rad/s: probably deg/s taken for rad/s"
+            ),
+            help: "check the unit in the channel map",
+        });
+    }
+    let forces = &recording.specific_force_b_m_s2.value;
+    if !forces.is_empty() && !clamped {
+        let mean = forces.iter().map(|f| f.norm()).sum::<f64>() / forces.len() as f64;
+        if !(5.0..15.0).contains(&mean) {
+            return Err(ValidationError::Implausible {
+                run,
+                what: format!("the accelerometer reads {mean:.2} m/s^2 on average, not 9.8"),
+                help: "check its unit (g or m/s^2) in the channel map",
+            });
+        }
+    }
+    Ok(())
+}
+
+fn remarks(
+    recording: &Recording,
+    commands: &Commands,
+    motion: &crate::smoothing::SmoothedMotion,
+    floors: &NoiseFloors,
+) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let mut say = |text: &str| remarks.push(text.to_owned());
+    let clamped = recording.mounting == Mounting::Clamped;
+    if commands.wheel_torque_from_speed {
+        say(
+            "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
+        );
+    }
+    if !clamped && recording.wheel_speed_rad_s.is_empty() && !recording.wheel_torque_command_n_m.is_empty() {
+        say("The wheels' speeds were not recorded: they are taken to start at rest.");
+    }
+    if !clamped && recording.specific_force_b_m_s2.is_empty() {
+        say("The accelerometer was not recorded: tilt, and with it the gravity torque, is poorly known.");
+    }
+    if !clamped && !motion.attitude.heading_measured {
+        say(
+            "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be told apart by heading.",
+        );
+    }
+    if recording.jet_pulses.is_empty() && !clamped {
+        say("The jets' commands were not recorded: firings would look like unknown torques.");
+    }
+    let gyro = &floors.gyro;
+    let worst = gyro.iter().map(|f| f.sigma / f.by_parameters).fold(0.0, f64::max);
+    let least = gyro.iter().map(|f| f.sigma / f.by_parameters).fold(f64::INFINITY, f64::min);
+    if worst > 1.25 || least < 0.8 {
+        remarks.push(format!(
+            "The gyro's noise while still is {least:.2} to {worst:.2} times that of the model's sensor parameters; the measured one is used."
+        ));
+    }
+    if let Some(whiteness) = gyro.iter().filter_map(|f| f.whiteness).reduce(f64::min).filter(|w| *w < 0.8) {
+        remarks.push(format!(
+            "The gyro's noise has a memory (Allan deviation of one sample {whiteness:.2} of the standard deviation): tests for whiteness will fail for that reason alone."
+        ));
+    }
+    remarks
+}

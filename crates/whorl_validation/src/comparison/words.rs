@@ -1,0 +1,74 @@
+//! The answer of a comparison in a sentence or two.
+
+use super::{Channel, Comparison};
+
+/// A ratio to the noise floor up to which a channel counts as explained.
+const EXPLAINED: f64 = 1.1;
+
+impl Comparison {
+    /// The answer in words.
+    #[must_use]
+    pub fn answer(&self) -> String {
+        let mut text = match &self.absolute {
+            Some(absolute) if absolute.is_noise() => format!(
+                "{}: the model explains the data to the noise (mean square of the whitened residual {:.3}, 99 % band up to {:.3}).",
+                self.run, absolute.chi_squared_per_degree, absolute.band_99.1
+            ),
+            Some(absolute) => format!(
+                "{}: the model does not explain the data: the whitened residual is {:.2} times the noise (mean square {:.2}, 99 % band up to {:.3}).",
+                self.run,
+                absolute.chi_squared_per_degree.sqrt(),
+                absolute.chi_squared_per_degree,
+                absolute.band_99.1
+            ),
+            None => format!("{}: too little data for a test against noise alone.", self.run),
+        };
+        let worst = self.channels.iter().filter_map(|c| worst_horizon(c).map(|h| (c, h)));
+        if let Some((channel, (horizon_s, rms, ratio))) =
+            worst.max_by(|a, b| a.1.2.total_cmp(&b.1.2)).filter(|(_, (_, _, ratio))| *ratio > EXPLAINED)
+        {
+            let (unit, factor) = channel.quantity.display();
+            text.push_str(&format!(
+                " Worst is {}: {:.3} {unit} RMS over {} s, {ratio:.1} times its noise floor of {:.3} {unit}.",
+                channel.name,
+                rms * factor,
+                horizon_s,
+                channel.noise_floor * factor
+            ));
+        }
+        text
+    }
+
+    /// What the tests of whiteness say, one sentence each.
+    #[must_use]
+    pub fn findings(&self) -> Vec<String> {
+        let mut findings = Vec::new();
+        for w in &self.whiteness {
+            if let Some(line) = w.periodogram.as_ref().filter(|p| !p.is_white()).and_then(|p| p.line_hz) {
+                findings.push(format!(
+                    "{}: a line at {line:.2} Hz stands out of the residual's spectrum.",
+                    w.channel
+                ));
+            }
+            if let Some(input) = w.inputs.first().filter(|i| i.significant) {
+                findings.push(format!(
+                    "{}: the residual follows {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
+                    w.channel, input.input, input.value, input.lag, input.correlation.joint_band_99
+                ));
+            }
+        }
+        findings
+    }
+
+    /// Whether the residuals are no more than noise; `None` where that could not be tested.
+    #[must_use]
+    pub fn is_noise(&self) -> Option<bool> {
+        self.absolute.as_ref().map(super::Absolute::is_noise)
+    }
+}
+
+/// The longest finite horizon of a channel: its seconds, RMS, ratio.
+fn worst_horizon(channel: &Channel) -> Option<(f64, f64, f64)> {
+    let longest = channel.horizons.iter().rev().find_map(|h| h.horizon_s.map(|s| (s, h.rms, h.ratio)));
+    longest.filter(|(_, _, ratio)| ratio.is_finite())
+}

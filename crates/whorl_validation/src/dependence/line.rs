@@ -1,0 +1,80 @@
+//! A torque that oscillates by itself: a line in the spectrum.
+
+use std::f64::consts::TAU;
+
+use serde::Serialize;
+
+use super::{Frame, ResidualTorque};
+
+/// Share of an axis' power that a line must hold to be reported.
+const LEAST_SHARE: f64 = 0.25;
+/// Probability that noise alone shows a line this strong.
+const FALSE_ALARM: f64 = 1e-3;
+
+/// An oscillation of the residual torque.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SpectralLine {
+    /// Frequency \[Hz\].
+    pub frequency_hz: f64,
+    /// Amplitude [N m].
+    pub amplitude_n_m: f64,
+    /// The axes in which it is strongest.
+    pub frame: Frame,
+    /// The axis: 0, 1, 2 for x, y, z.
+    pub axis: usize,
+    /// Share of that axis' power about its mean.
+    pub share: f64,
+}
+
+/// The strongest line of a residual sampled at (nearly) equal times, if Fisher's test (R. A. Fisher, Tests
+/// of significance in harmonic analysis, Proc. R. Soc. A 125, 1929) says that it is none of chance.
+/// The lowest two frequencies are left out: they are trends.
+#[must_use]
+pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
+    let n = residual.time_s.len();
+    let (first, last) = (*residual.time_s.first()?, *residual.time_s.last()?);
+    if n < super::FEWEST_VALUES || last <= first {
+        return None;
+    }
+    let length_s = (last - first) * n as f64 / (n - 1) as f64;
+    let mut best: Option<SpectralLine> = None;
+    for frame in [Frame::Body, Frame::World] {
+        for (axis, values) in residual.seen_in(frame).iter().enumerate() {
+            let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
+            let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
+            // At most so many frequencies: lines of interest lie well below the sampling rate.
+            let highest = (n / 2).min(4000);
+            for k in 3..highest {
+                let frequency_hz = k as f64 / length_s;
+                let (re, im) = fourier(values, mean, k);
+                let amplitude = 2.0 * re.hypot(im) / n as f64;
+                let share = 0.5 * amplitude * amplitude / power.max(f64::MIN_POSITIVE);
+                if share > LEAST_SHARE && best.is_none_or(|b| share > b.share) && is_significant(share, n / 2)
+                {
+                    best = Some(SpectralLine { frequency_hz, amplitude_n_m: amplitude, frame, axis, share });
+                }
+            }
+        }
+    }
+    best
+}
+
+/// Fisher's g against its critical value: P(g > x) < m (1 - x)^(m - 1).
+fn is_significant(share: f64, frequencies: usize) -> bool {
+    let m = frequencies as f64;
+    m * (1.0 - share.min(1.0)).powf(m - 1.0) < FALSE_ALARM
+}
+
+/// Sum of (x - mean) exp(-i 2 pi k t / n), with the phase turned on step by step.
+fn fourier(values: &[(f64, f64)], mean: f64, k: usize) -> (f64, f64) {
+    let angle = TAU * k as f64 / values.len() as f64;
+    let (step_im, step_re) = angle.sin_cos();
+    let (mut re, mut im) = (1.0, 0.0);
+    let (mut sum_re, mut sum_im) = (0.0, 0.0);
+    for (x, _) in values {
+        sum_re += (x - mean) * re;
+        sum_im -= (x - mean) * im;
+        (re, im) = (re * step_re - im * step_im, re * step_im + im * step_re);
+    }
+    (sum_re, sum_im)
+}

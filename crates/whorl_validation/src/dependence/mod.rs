@@ -1,0 +1,244 @@
+//! On what a residual torque depends.
+//!
+//! The residual is regressed on a smooth curve of one recorded quantity at a time, once in body and
+//! once in world axes, and judged on stretches of time that were left out of the fit: the share of
+//! its excess (mean square beyond the noise) that the curve predicts there. So a curve with many bends
+//! gains nothing, and quantities of different kinds can be ranked.
+//!
+//! Curves are penalised cubic B-splines (P. Eilers and B. Marx, Flexible smoothing with B-splines and
+//! penalties, Statistical Science 11, 1996), periodic for angles.
+
+mod basis;
+mod line;
+mod regression;
+mod shape;
+mod variable;
+
+pub use line::{SpectralLine, spectral_line};
+pub use shape::{Growth, Parity, Shape};
+pub use variable::{Variable, conditions};
+
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::Serialize;
+use thiserror::Error;
+
+use regression::Regression;
+
+/// Least number of values of a residual.
+pub const FEWEST_VALUES: usize = 20;
+/// Folds of the cross-validation.
+const FOLDS: usize = 5;
+/// How much more a world-frame curve must explain than the body-frame one to be preferred.
+const FRAME_MARGIN: f64 = 0.02;
+
+/// Torque that the model does not explain, over time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ResidualTorque {
+    /// Time since the start of the run \[s\], increasing.
+    pub time_s: Vec<f64>,
+    /// Residual torque, body axes [N m].
+    pub torque_b_n_m: Vec<Vector3<f64>>,
+    /// Its standard deviation from noise, body axes [N m], > 0.
+    pub stddev_b_n_m: Vec<Vector3<f64>>,
+    /// Attitude, v_world = q v_body.
+    pub q_world_body: Vec<UnitQuaternion<f64>>,
+}
+
+/// Axes in which a torque is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Frame {
+    /// Fixed to the platform.
+    Body,
+    /// Fixed to the room: east, north, up.
+    World,
+}
+
+/// Why a residual cannot be analysed.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum DependenceError {
+    /// Too little data.
+    #[error("{given} values of the residual torque; at least {FEWEST_VALUES} are needed")]
+    TooFewValues {
+        /// Values given.
+        given: usize,
+    },
+    /// Lengths differ, or a number is not finite, or a standard deviation is not positive.
+    #[error("the residual torque is not usable: {0}")]
+    NotUsable(&'static str),
+}
+
+/// The residual as a function of one quantity.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Dependence {
+    /// The quantity.
+    pub variable: String,
+    /// Its unit.
+    pub unit: String,
+    /// The axes in which the curve explains most.
+    pub frame: Frame,
+    /// Share of the excess that the curve predicts where it was not fitted, 0..1.
+    pub share: f64,
+    /// The axis with the largest part: 0, 1, 2 for x, y, z.
+    pub axis: usize,
+    /// Share of the whole excess that each axis contributes.
+    pub axis_share: [f64; 3],
+    /// Symmetry of the curve on that axis.
+    pub parity: Parity,
+    /// How it grows.
+    pub growth: Growth,
+    /// The curves with their bands.
+    pub shape: Shape,
+}
+
+/// What a residual depends on.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Dependences {
+    /// Mean square of the whitened residual; 1 = noise.
+    pub mean_square_whitened: f64,
+    /// Excess over that of noise, as a share of the mean square, 0..1.
+    pub excess: f64,
+    /// Share of the excess that is a constant torque fixed to the body.
+    pub constant_body_share: f64,
+    /// Share of the excess that is a constant torque fixed to the room.
+    pub constant_world_share: f64,
+    /// Mean residual, body axes [N m].
+    pub mean_b_n_m: [f64; 3],
+    /// Mean residual, world axes [N m].
+    pub mean_world_n_m: [f64; 3],
+    /// By share, largest first.
+    pub ranked: Vec<Dependence>,
+    /// The strongest oscillation in time, if one stands out.
+    pub line: Option<SpectralLine>,
+}
+
+impl ResidualTorque {
+    fn check(&self) -> Result<usize, DependenceError> {
+        let count = self.time_s.len();
+        let lengths = [self.torque_b_n_m.len(), self.stddev_b_n_m.len(), self.q_world_body.len()];
+        if lengths.iter().any(|n| *n != count) {
+            return Err(DependenceError::NotUsable("its series differ in length"));
+        }
+        if count < FEWEST_VALUES {
+            return Err(DependenceError::TooFewValues { given: count });
+        }
+        if !self.torque_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite()) {
+            return Err(DependenceError::NotUsable("a value is not finite"));
+        }
+        if !self.stddev_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite() && *x > 0.0) {
+            return Err(DependenceError::NotUsable("a standard deviation is not positive"));
+        }
+        Ok(count)
+    }
+
+    /// Values and standard deviations, axis by axis, in `frame`.
+    fn seen_in(&self, frame: Frame) -> [Vec<(f64, f64)>; 3] {
+        let mut axes = [const { Vec::new() }; 3];
+        for ((torque, stddev), q) in self.torque_b_n_m.iter().zip(&self.stddev_b_n_m).zip(&self.q_world_body)
+        {
+            let (value, sigma) = match frame {
+                Frame::Body => (*torque, *stddev),
+                Frame::World => {
+                    let r = q.to_rotation_matrix().into_inner();
+                    let squares = r.component_mul(&r) * stddev.component_mul(stddev);
+                    (q * torque, squares.map(f64::sqrt))
+                }
+            };
+            for (i, axis) in axes.iter_mut().enumerate() {
+                axis.push((value[i], sigma[i]));
+            }
+        }
+        axes
+    }
+}
+
+/// Finds what a residual torque depends on. Variables that hardly vary, or whose values do not match the
+/// residual in number, are left out.
+///
+/// # Errors
+/// See [`DependenceError`].
+pub fn dependences(
+    residual: &ResidualTorque,
+    variables: &[Variable],
+) -> Result<Dependences, DependenceError> {
+    let count = residual.check()?;
+    let body = residual.seen_in(Frame::Body);
+    let world = residual.seen_in(Frame::World);
+    let total: f64 = sum_of_squares(&body).iter().sum();
+    let noise = (3 * count) as f64;
+    let folds = folds(count);
+
+    let constant = |axes: &[Vec<(f64, f64)>; 3]| -> f64 {
+        let explained = |axis: &Vec<(f64, f64)>| regression::constant_explains(axis, &folds);
+        axes.iter().map(explained).sum::<f64>().max(0.0)
+    };
+    let (constant_body, constant_world) = (constant(&body), constant(&world));
+
+    let mut found = Vec::new();
+    for variable in variables.iter().filter(|v| v.value.len() == count) {
+        let Some(regression) = Regression::new(variable, &folds) else { continue };
+        let in_body = regression.fit(&body);
+        let in_world = regression.fit(&world);
+        let (frame, fit, axes) =
+            if in_world.explained_total() > in_body.explained_total() + FRAME_MARGIN * total {
+                (Frame::World, in_world, &world)
+            } else {
+                (Frame::Body, in_body, &body)
+            };
+        let shape = Shape::of(&regression, &fit, axes);
+        found.push((variable, frame, fit.explained, shape));
+    }
+
+    // What is explained was there: noise estimated too high must not make shares above one.
+    let most = found
+        .iter()
+        .map(|(_, _, explained, _)| explained.iter().sum())
+        .fold(constant_body.max(constant_world), f64::max);
+    let excess = (total - noise).max(most).max(f64::MIN_POSITIVE);
+    let mut ranked: Vec<Dependence> = found
+        .into_iter()
+        .map(|(variable, frame, explained, shape)| {
+            let axis_share = explained.map(|e| (e / excess).clamp(-1.0, 1.0));
+            let axis = (0..3).max_by(|a, b| axis_share[*a].total_cmp(&axis_share[*b])).unwrap_or(0);
+            Dependence {
+                variable: variable.name.clone(),
+                unit: variable.unit.to_owned(),
+                frame,
+                share: axis_share.iter().sum::<f64>().clamp(0.0, 1.0),
+                axis,
+                axis_share,
+                parity: shape.parity(axis),
+                growth: shape.growth(axis),
+                shape,
+            }
+        })
+        .collect();
+    ranked.sort_by(|a, b| b.share.total_cmp(&a.share));
+    Ok(Dependences {
+        mean_square_whitened: total / noise,
+        excess: ((total - noise) / total.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0),
+        constant_body_share: (constant_body / excess).min(1.0),
+        constant_world_share: (constant_world / excess).min(1.0),
+        mean_b_n_m: body.each_ref().map(|axis| mean(axis)),
+        mean_world_n_m: world.each_ref().map(|axis| mean(axis)),
+        ranked,
+        line: spectral_line(residual),
+    })
+}
+
+/// The fold of each value: stretches of time, dealt out in turn, so that each fold sees all of the run.
+fn folds(count: usize) -> Vec<usize> {
+    let stretches = (count / 4).clamp(FOLDS, 8 * FOLDS);
+    (0..count).map(|i| (i * stretches / count) % FOLDS).collect()
+}
+
+fn sum_of_squares(axes: &[Vec<(f64, f64)>; 3]) -> [f64; 3] {
+    axes.each_ref().map(|axis| axis.iter().map(|(value, sigma)| (value / sigma).powi(2)).sum())
+}
+
+fn mean(axis: &[(f64, f64)]) -> f64 {
+    axis.iter().map(|(value, _)| value).sum::<f64>() / axis.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests;

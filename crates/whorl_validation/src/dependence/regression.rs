@@ -1,0 +1,191 @@
+//! Penalised regression on one quantity, judged by cross-validation.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::basis::{Basis, SUPPORT};
+use super::{FOLDS, Variable};
+
+/// Penalties on bending that are tried, relative to the data's weight per function.
+const PENALTIES: [f64; 6] = [1e-3, 1e-2, 1e-1, 1.0, 1e2, 1e4];
+/// Tiny ridge that keeps functions without data at zero, relative to the data's weight.
+const RIDGE: f64 = 1e-9;
+
+/// A quantity, ready to be regressed on.
+#[derive(Debug, Clone)]
+pub(super) struct Regression {
+    pub basis: Basis,
+    pub value: Vec<f64>,
+    pub periodic: bool,
+    folds: Vec<usize>,
+}
+
+/// Curves for three axes.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    /// Drop of the whitened sum of squares where the curve was not fitted, per axis.
+    pub explained: [f64; 3],
+    /// Penalty chosen for each axis.
+    pub penalty: [f64; 3],
+}
+
+impl Fit {
+    pub fn explained_total(&self) -> f64 {
+        self.explained.iter().sum()
+    }
+}
+
+/// Normal equations of one axis.
+#[derive(Debug, Clone)]
+struct Normal {
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+    squares: f64,
+}
+
+impl Normal {
+    fn zero(n: usize) -> Self {
+        Self { matrix: DMatrix::zeros(n, n), right: DVector::zeros(n), squares: 0.0 }
+    }
+
+    fn add(&mut self, functions: &[(usize, f64); SUPPORT], value: f64, weight: f64) {
+        for (i, a) in functions {
+            self.right[*i] += weight * a * value;
+            for (j, b) in functions {
+                self.matrix[(*i, *j)] += weight * a * b;
+            }
+        }
+        self.squares += weight * value * value;
+    }
+
+    /// Sum of squares left by these coefficients.
+    fn left(&self, coefficients: &DVector<f64>) -> f64 {
+        self.squares - 2.0 * self.right.dot(coefficients) + coefficients.dot(&(&self.matrix * coefficients))
+    }
+}
+
+impl Regression {
+    /// `None` if the quantity hardly varies or is not finite.
+    pub fn new(variable: &Variable, folds: &[usize]) -> Option<Self> {
+        let value = variable.value.clone();
+        if value.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let mut sorted = value.clone();
+        sorted.sort_by(f64::total_cmp);
+        let (low, high, periodic) = match variable.period {
+            Some(period) => {
+                let spread = sorted.last()? - sorted.first()?;
+                if spread < 0.05 * period {
+                    return None;
+                }
+                // An angle that was not gone round is a number like others.
+                if spread > 0.9 * period {
+                    (-0.5 * period, 0.5 * period, true)
+                } else {
+                    (*sorted.first()?, *sorted.last()?, false)
+                }
+            }
+            // Without the last per mille at either end: one outlier must not stretch the curve.
+            None => {
+                let cut = sorted.len() / 500;
+                (*sorted.get(cut)?, *sorted.get(sorted.len() - 1 - cut)?, false)
+            }
+        };
+        let scale = low.abs().max(high.abs());
+        if !(high - low > 1e-9 * scale && high - low > variable.resolution) {
+            return None;
+        }
+        Some(Self { basis: Basis::new(low, high, periodic), value, periodic, folds: folds.to_vec() })
+    }
+
+    fn normal(&self, axis: &[(f64, f64)], fold: impl Fn(usize) -> bool) -> Normal {
+        let mut normal = Normal::zero(self.basis.len());
+        for ((x, (value, sigma)), at) in self.value.iter().zip(axis).zip(&self.folds) {
+            if fold(*at) {
+                normal.add(&self.basis.at(*x), *value, sigma.powi(-2));
+            }
+        }
+        normal
+    }
+
+    /// Chooses the smoothness of each axis' curve and says what it explains.
+    pub fn fit(&self, axes: &[Vec<(f64, f64)>; 3]) -> Fit {
+        let mut fit = Fit { explained: [0.0; 3], penalty: [1.0; 3] };
+        for ((axis, explained), penalty) in axes.iter().zip(&mut fit.explained).zip(&mut fit.penalty) {
+            let parts: Vec<Normal> = (0..FOLDS).map(|k| self.normal(axis, |fold| fold == k)).collect();
+            let total = parts.iter().map(|p| p.squares).sum::<f64>();
+            let mut best = f64::INFINITY;
+            for &candidate in &PENALTIES {
+                let left: f64 = (0..FOLDS)
+                    .map(|k| {
+                        let mut others = Normal::zero(self.basis.len());
+                        for (_, part) in parts.iter().enumerate().filter(|(j, _)| *j != k) {
+                            others.matrix += &part.matrix;
+                            others.right += &part.right;
+                        }
+                        let solved = self.solve(&others, candidate);
+                        parts.get(k).map_or(0.0, |part| part.left(&solved))
+                    })
+                    .sum();
+                if left < best {
+                    best = left;
+                    *penalty = candidate;
+                }
+            }
+            *explained = total - best;
+        }
+        fit
+    }
+
+    fn penalised(&self, normal: &Normal, penalty: f64) -> DMatrix<f64> {
+        let weight = normal.matrix.trace() / self.basis.len() as f64;
+        let mut matrix = normal.matrix.clone();
+        for row in self.basis.second_differences() {
+            for (i, a) in row.iter().zip([1.0, -2.0, 1.0]) {
+                for (j, b) in row.iter().zip([1.0, -2.0, 1.0]) {
+                    matrix[(*i, *j)] += penalty * weight * a * b;
+                }
+            }
+        }
+        for i in 0..self.basis.len() {
+            matrix[(i, i)] += RIDGE * weight.max(f64::MIN_POSITIVE);
+        }
+        matrix
+    }
+
+    fn solve(&self, normal: &Normal, penalty: f64) -> DVector<f64> {
+        self.penalised(normal, penalty)
+            .cholesky()
+            .map_or_else(|| DVector::zeros(self.basis.len()), |factor| factor.solve(&normal.right))
+    }
+
+    /// The curve of one axis from all of the data: its coefficients and their covariance. `inflation`
+    /// multiplies the covariance: the scatter that is left over that of the stated noise, at least one.
+    pub fn curve(&self, axis: &[(f64, f64)], penalty: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let normal = self.normal(axis, |_| true);
+        let factor = self.penalised(&normal, penalty).cholesky()?;
+        let coefficients = factor.solve(&normal.right);
+        let inflation = (normal.left(&coefficients) / axis.len() as f64).max(1.0);
+        Some((coefficients, factor.inverse() * inflation))
+    }
+}
+
+/// Drop of the whitened sum of squares by a constant, where it was not fitted.
+pub(super) fn constant_explains(axis: &[(f64, f64)], folds: &[usize]) -> f64 {
+    // Per fold: weights, weighted sum.
+    let mut sums = [(0.0, 0.0); FOLDS];
+    for ((value, sigma), fold) in axis.iter().zip(folds) {
+        if let Some(sum) = sums.get_mut(*fold) {
+            let weight = sigma.powi(-2);
+            sum.0 += weight;
+            sum.1 += weight * value;
+        }
+    }
+    let (weight, weighted) = sums.iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    sums.iter()
+        .map(|(w, s)| {
+            let constant = (weighted - s) / (weight - w).max(f64::MIN_POSITIVE);
+            2.0 * constant * s - constant * constant * w
+        })
+        .sum()
+}

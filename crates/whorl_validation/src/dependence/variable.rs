@@ -1,0 +1,103 @@
+//! The recorded quantities on which a residual may depend.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_math::{azimuth_rad, vertical_b};
+use whorl_recording::{Recording, Series};
+
+/// A quantity at the residual's times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variable {
+    /// Name in answers and in JSON, such as `yaw_rate`.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Its value at each time of the residual.
+    pub value: Vec<f64>,
+    /// Period, for angles; values then lie in -period/2..period/2.
+    pub period: Option<f64>,
+    /// Spread below which it counts as constant.
+    pub resolution: f64,
+}
+
+impl Variable {
+    /// A quantity that counts as constant when it stays within `resolution`.
+    pub fn new(name: impl Into<String>, unit: &'static str, resolution: f64, value: Vec<f64>) -> Self {
+        Self { name: name.into(), unit, value, period: None, resolution }
+    }
+}
+
+/// Everything recorded, at the given times and attitudes: time, tilt, azimuth, rates, wheel speeds, tank
+/// pressure, temperature, voltage, time since the last jet edge, gas used. What was not recorded is left out.
+///
+/// `omega_wb_b_rad_s` is the body rate at those times, smoothed: noise in it would blur sharp curves.
+#[must_use]
+pub fn conditions(
+    recording: &Recording,
+    time_s: &[f64],
+    q_world_body: &[UnitQuaternion<f64>],
+    omega_wb_b_rad_s: &[Vector3<f64>],
+) -> Vec<Variable> {
+    let mut all = vec![Variable::new("time", "s", 1.0, time_s.to_vec())];
+    let vertical: Vec<Vector3<f64>> = q_world_body.iter().map(vertical_b).collect();
+    let of_vertical = |name: &str, f: &dyn Fn(&Vector3<f64>) -> f64| {
+        Variable::new(name, "rad", 2e-3, vertical.iter().map(f).collect())
+    };
+    all.push(of_vertical("tilt", &|k| k.x.hypot(k.y).atan2(k.z)));
+    all.push(of_vertical("tilt_x", &|k| k.y.atan2(k.z)));
+    all.push(of_vertical("tilt_y", &|k| (-k.x).atan2(k.z)));
+    all.push(Variable {
+        period: Some(TAU),
+        ..Variable::new("azimuth", "rad", 0.02, q_world_body.iter().map(azimuth_rad).collect())
+    });
+    let of_rate = |name: &str, f: &dyn Fn(&Vector3<f64>) -> f64| {
+        Variable::new(name, "rad/s", 2e-3, omega_wb_b_rad_s.iter().map(f).collect())
+    };
+    all.push(of_rate("roll_rate", &|w| w.x));
+    all.push(of_rate("pitch_rate", &|w| w.y));
+    all.push(of_rate("yaw_rate", &|w| w.z));
+    all.push(of_rate("rate_magnitude", &Vector3::norm));
+    let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
+    for j in 0..wheels {
+        let speed = sampled(&recording.wheel_speed_rad_s, time_s, |v| v.get(j).copied());
+        all.extend(speed.map(|value| Variable::new(format!("wheel_{}_speed", j + 1), "rad/s", 0.5, value)));
+    }
+    let wheels = recording.wheel_torque_command_n_m.value.first().map_or(0, Vec::len);
+    for j in 0..wheels {
+        let torque = sampled(&recording.wheel_torque_command_n_m, time_s, |v| v.get(j).copied());
+        all.extend(torque.map(|value| Variable::new(format!("wheel_{}_torque", j + 1), "N m", 1e-3, value)));
+    }
+    let slow = [
+        ("bus_voltage", "V", 0.05, &recording.bus_voltage_v),
+        ("tank_pressure", "Pa", 1e5, &recording.tank_pressure_pa),
+        ("temperature", "K", 0.3, &recording.temperature_k),
+    ];
+    for (name, unit, resolution, series) in slow {
+        let value = sampled(series, time_s, |v| Some(*v));
+        all.extend(value.map(|value| Variable::new(name, unit, resolution, value)));
+    }
+    all.extend(time_since_jet_edge(recording, time_s));
+    all
+}
+
+/// The series held at each time; `None` where it was not recorded.
+fn sampled<T>(series: &Series<T>, time_s: &[f64], f: impl Fn(&T) -> Option<f64>) -> Option<Vec<f64>> {
+    let first = series.value.first()?;
+    time_s.iter().map(|t| f(series.held_at(*t).unwrap_or(first))).collect()
+}
+
+/// Time since a jet last switched on or off, up to 1 s: later is all the same.
+fn time_since_jet_edge(recording: &Recording, time_s: &[f64]) -> Option<Variable> {
+    let mut edges: Vec<f64> =
+        recording.jet_pulses.iter().flatten().flat_map(|pulse| [pulse.on_s, pulse.off_s]).collect();
+    if edges.is_empty() {
+        return None;
+    }
+    edges.sort_by(f64::total_cmp);
+    let since = |t: &f64| {
+        let before = edges.partition_point(|edge| edge <= t).checked_sub(1);
+        before.and_then(|i| edges.get(i)).map_or(1.0, |edge| (t - edge).min(1.0))
+    };
+    Some(Variable::new("time_since_jet_edge", "s", 0.02, time_s.iter().map(since).collect()))
+}

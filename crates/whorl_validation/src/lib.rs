@@ -1,0 +1,21 @@
+//! How far a model is from the data, against which noise, and on what the difference depends.
+//!
+//! [`compare`] predicts a recording from smoothed initial states at several horizons and tests what is left.
+//! [`dependence`] finds the recorded quantity that a residual torque follows.
+
+mod commands;
+pub mod comparison;
+pub mod dependence;
+mod error;
+mod noise_floor;
+mod prediction;
+pub mod smoothing;
+pub mod statistics;
+#[cfg(test)]
+mod tests;
+
+pub use commands::{Commands, MeanDrive};
+pub use comparison::{Comparison, compare};
+pub use error::ValidationError;
+pub use noise_floor::{FloorSource, NoiseFloor, NoiseFloors};
+pub use prediction::{Prediction, Simulator};

@@ -1,0 +1,240 @@
+//! Simulating a recording.
+
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel};
+use whorl_math::quaternion_exp;
+use whorl_recording::{Mounting, Recording};
+
+use crate::commands::{Commands, ns};
+use crate::smoothing::Motion;
+
+/// Largest integration step \[ns\]: the motion between samples is slow, edges of valves are met exactly.
+const STEP_NS: i64 = 2_500_000;
+
+/// Predicted measurements, one for each recorded one; NaN where nothing could be predicted.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Prediction {
+    /// Gyro [rad/s].
+    pub gyro_b_rad_s: Vec<Vector3<f64>>,
+    /// Accelerometer [m/s^2].
+    pub specific_force_b_m_s2: Vec<Vector3<f64>>,
+    /// Directions of each vector sensor.
+    pub vectors: Vec<Vec<Vector3<f64>>>,
+    /// Wheel speeds [rad/s].
+    pub wheel_speed_rad_s: Vec<Vec<f64>>,
+}
+
+/// Which sample is due.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Sample {
+    Gyro(usize),
+    Force(usize),
+    Vector(usize, usize),
+    Wheels(usize),
+}
+
+/// Simulates a recording again and again from other starts.
+#[derive(Debug, Clone)]
+pub struct Simulator<'a> {
+    recording: &'a Recording,
+    commands: &'a Commands,
+    plant: Plant,
+    samples: Vec<(i64, Sample)>,
+    gyro_bias_rad_s: Vector3<f64>,
+    force_bias_m_s2: Vector3<f64>,
+    first_ns: i64,
+}
+
+/// The model without noise, with supplies as they were in this run.
+fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
+    let mut quiet = model.clone();
+    let sensors = &mut quiet.sensors;
+    for errors in [&mut sensors.gyro.errors, &mut sensors.accelerometer.errors] {
+        errors.noise_stddev = Vector3::zeros();
+        errors.bias_turn_on_stddev = Vector3::zeros();
+        errors.bias_walk = Vector3::zeros();
+        errors.quantum = 0.0;
+    }
+    sensors.wheel_speed.noise_stddev_rad_s = 0.0;
+    sensors.wheel_speed.quantum_rad_s = 0.0;
+    let duration_s = recording.duration_s();
+    if let Some((start, slope)) = trend(&recording.temperature_k.time_s, &recording.temperature_k.value) {
+        sensors.ambient_temperature_k = start;
+        sensors.temperature_drift_k_s = if duration_s > 30.0 { slope } else { 0.0 };
+    }
+    let pressures = &recording.tank_pressure_pa.value;
+    if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
+        let mean = first.iter().sum::<f64>() / first.len() as f64;
+        if mean > 0.0 {
+            quiet.tank.initial_pressure_pa = mean;
+        }
+    }
+    if let Some((start, slope)) = trend(&recording.bus_voltage_v.time_s, &recording.bus_voltage_v.value) {
+        let load = quiet.bus.sag_v_n_m
+            * mean_of(
+                recording.wheel_torque_command_n_m.value.iter().map(|u| u.iter().map(|x| x.abs()).sum()),
+            );
+        quiet.bus.initial_v = start + load;
+        quiet.bus.discharge_v_s = if duration_s > 30.0 { -slope } else { 0.0 };
+    }
+    quiet
+}
+
+fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0usize), |(s, n), x| (s + x, n + 1));
+    sum / count.max(1) as f64
+}
+
+/// Value at time zero and slope of the least-squares line.
+fn trend(time_s: &[f64], value: &[f64]) -> Option<(f64, f64)> {
+    if time_s.is_empty() {
+        return None;
+    }
+    let (t, y) = (mean_of(time_s.iter().copied()), mean_of(value.iter().copied()));
+    let spread: f64 = time_s.iter().map(|x| (x - t).powi(2)).sum();
+    let slope = if spread > 0.0 {
+        time_s.iter().zip(value).map(|(x, v)| (x - t) * (v - y)).sum::<f64>() / spread
+    } else {
+        0.0
+    };
+    Some((y - slope * t, slope))
+}
+
+impl<'a> Simulator<'a> {
+    /// Of a model (effects included) and a recording. The biases are added to what the model's sensors read.
+    ///
+    /// # Errors
+    /// When the model cannot be simulated.
+    pub fn new(
+        model: &PlatformModel,
+        recording: &'a Recording,
+        commands: &'a Commands,
+        gyro_bias_rad_s: Vector3<f64>,
+        force_bias_m_s2: Vector3<f64>,
+    ) -> Result<Self, PlantError> {
+        let mut samples = Vec::new();
+        let at = |times: &[f64], f: &dyn Fn(usize) -> Sample, samples: &mut Vec<(i64, Sample)>| {
+            samples.extend(times.iter().enumerate().map(|(k, t)| (ns(*t), f(k))));
+        };
+        at(&recording.gyro_b_rad_s.time_s, &Sample::Gyro, &mut samples);
+        at(&recording.specific_force_b_m_s2.time_s, &Sample::Force, &mut samples);
+        for (j, vector) in recording.vectors.iter().enumerate() {
+            at(&vector.direction_b.time_s, &|k| Sample::Vector(j, k), &mut samples);
+        }
+        at(&recording.wheel_speed_rad_s.time_s, &Sample::Wheels, &mut samples);
+        samples.sort_by_key(|(time_ns, _)| *time_ns);
+        let first_ns = samples.first().map_or(0, |(t, _)| *t);
+        let start = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
+        let mut plant = Plant::new(&quiet(model, recording), &start, 0)?.with_step_ns(STEP_NS);
+        if recording.mounting == Mounting::Clamped {
+            plant.set_clamped(true);
+        }
+        Ok(Self { recording, commands, plant, samples, gyro_bias_rad_s, force_bias_m_s2, first_ns })
+    }
+
+    /// First sample \[s\].
+    #[must_use]
+    pub fn first_s(&self) -> f64 {
+        self.first_ns as f64 * 1e-9
+    }
+
+    /// Last sample \[s\].
+    #[must_use]
+    pub fn last_s(&self) -> f64 {
+        self.samples.last().map_or(0.0, |(t, _)| *t as f64 * 1e-9)
+    }
+
+    /// Predicts every sample, starting anew from `start(time)` every `horizon_s` (`None`: once). Where the
+    /// simulation runs away, the rest of the stretch is NaN.
+    #[must_use]
+    pub fn predict(&self, horizon_s: Option<f64>, start: &dyn Fn(f64) -> Motion) -> Prediction {
+        let nan = Vector3::repeat(f64::NAN);
+        let r = self.recording;
+        let wheels = r.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
+        let mut prediction = Prediction {
+            gyro_b_rad_s: vec![nan; r.gyro_b_rad_s.len()],
+            specific_force_b_m_s2: vec![nan; r.specific_force_b_m_s2.len()],
+            vectors: r.vectors.iter().map(|v| vec![nan; v.direction_b.len()]).collect(),
+            wheel_speed_rad_s: vec![vec![f64::NAN; wheels]; r.wheel_speed_rad_s.len()],
+        };
+        let mut plant = self.plant.clone();
+        let length_ns = horizon_s.map_or(i64::MAX, ns).max(1);
+        let mut next_start_ns = self.first_ns;
+        let mut event = self.commands.first_event(plant.now_ns());
+        let mut lost = true;
+        for (time_ns, sample) in &self.samples {
+            if *time_ns >= next_start_ns {
+                // On the grid of horizons, at or before this sample.
+                let elapsed = (*time_ns - self.first_ns) / length_ns;
+                let start_ns = self.first_ns.saturating_add(elapsed.saturating_mul(length_ns));
+                next_start_ns = start_ns.saturating_add(length_ns);
+                self.run_to(&mut plant, &mut event, start_ns, &mut lost);
+                let motion = start(start_ns as f64 * 1e-9);
+                lost = plant
+                    .set_motion(&motion.q_world_body, &motion.omega_wb_b_rad_s, &motion.wheel_speed_rad_s)
+                    .is_err();
+            }
+            self.run_to(&mut plant, &mut event, *time_ns, &mut lost);
+            if !lost {
+                self.read(&mut plant, *sample, &mut prediction);
+            }
+        }
+        prediction
+    }
+
+    /// Moves on, telling the plant what it was told.
+    fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64, lost: &mut bool) {
+        while let Some(due_ns) = self.commands.event_ns(*event).filter(|t| *t <= time_ns) {
+            advance(plant, due_ns.max(plant.now_ns()), lost);
+            self.commands.tell(*event, plant);
+            *event += 1;
+        }
+        advance(plant, time_ns.max(plant.now_ns()), lost);
+    }
+
+    fn read(&self, plant: &mut Plant, sample: Sample, prediction: &mut Prediction) {
+        match sample {
+            Sample::Gyro(k) => {
+                if let Some(slot) = prediction.gyro_b_rad_s.get_mut(k) {
+                    *slot = plant.sample_imu().angular_velocity_rad_s + self.gyro_bias_rad_s;
+                }
+            }
+            Sample::Force(k) => {
+                if let Some(slot) = prediction.specific_force_b_m_s2.get_mut(k) {
+                    *slot = plant.sample_imu().specific_force_m_s2 + self.force_bias_m_s2;
+                }
+            }
+            Sample::Vector(j, k) => {
+                let reference = self.recording.vectors.get(j).map(|v| v.reference_world);
+                let slot = prediction.vectors.get_mut(j).and_then(|v| v.get_mut(k));
+                if let (Some(slot), Some(reference)) = (slot, reference) {
+                    *slot = direction(plant, &reference);
+                }
+            }
+            Sample::Wheels(k) => {
+                if let Some(slot) = prediction.wheel_speed_rad_s.get_mut(k) {
+                    for (y, wheel) in slot.iter_mut().zip(plant.sample_wheels()) {
+                        *y = wheel.speed_rad_s;
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn advance(plant: &mut Plant, time_ns: i64, lost: &mut bool) {
+    if plant.advance_to(time_ns).is_err() {
+        *lost = true;
+        // Somewhere finite, so that the plant can go on until the next start.
+        let wheels = plant.gyrostat().model().wheels.len();
+        let _ = plant.set_motion(&UnitQuaternion::identity(), &Vector3::zeros(), &vec![0.0; wheels]);
+    }
+}
+
+/// What a vector sensor of this reference sees, the model's misalignment included.
+fn direction(plant: &Plant, reference: &Unit<Vector3<f64>>) -> Vector3<f64> {
+    let misalignment =
+        plant.gyrostat().model().sensors.vector.map_or(Vector3::zeros(), |v| v.misalignment_rad);
+    let direction = plant.state().q_world_body.inverse_transform_vector(reference);
+    quaternion_exp(&misalignment).inverse() * direction
+}

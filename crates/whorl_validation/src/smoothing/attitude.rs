@@ -1,0 +1,433 @@
+//! Attitude and biases by a forward filter and a backward smoother, gyro-driven.
+//!
+//! Error state: rotation (body axes), gyro bias, accelerometer bias. The backward pass is that of Rauch, Tung and
+//! Striebel on the error state (J. Crassidis and J. Junkins, *Optimal Estimation of Dynamic Systems*, 2nd
+//! ed., section 6.2). Nodes lie a fifth of a second apart; each takes the mean of the samples around it.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::TriaxialErrors;
+use whorl_math::{
+    GRAVITY_M_S2, attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, rotation_vector, skew,
+    unit_or, vertical_b,
+};
+use whorl_recording::{Recording, Series};
+
+/// Time between nodes \[s\].
+const NODE_S: f64 = 0.2;
+/// A gap between gyro samples beyond this adds uncertainty \[s\].
+const GAP_S: f64 = 0.05;
+
+type Matrix9 = SMatrix<f64, 9, 9>;
+type Vector9 = SVector<f64, 9>;
+
+/// Smoothed attitude and biases.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attitudes {
+    /// Nodes \[s\].
+    time_s: Vec<f64>,
+    q_world_body: Vec<UnitQuaternion<f64>>,
+    bias_rad_s: Vec<Vector3<f64>>,
+    /// Rates with the model's gyro errors taken out, bias still in, at `rate_time_s` [rad/s].
+    rate_rad_s: Vec<Vector3<f64>>,
+    rate_time_s: Vec<f64>,
+    /// Gyro bias beyond the model's, mean of the run [rad/s].
+    pub gyro_bias_rad_s: Vector3<f64>,
+    /// Accelerometer bias beyond the model's [m/s^2].
+    pub accelerometer_bias_m_s2: Vector3<f64>,
+    /// Standard deviation of the tilt, typical of the run \[rad\].
+    pub tilt_stddev_rad: f64,
+    /// Whether heading was measured, by a vector sensor; if not it starts at zero and follows the gyro.
+    pub heading_measured: bool,
+    /// Whether tilt was measured; if not the run is taken to start level.
+    pub tilt_measured: bool,
+}
+
+impl Attitudes {
+    /// Attitude at any time: from the node before, along the gyro.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> UnitQuaternion<f64> {
+        let after = self.time_s.partition_point(|t| *t <= time_s);
+        let node = after.saturating_sub(1);
+        let (Some(t0), Some(q0), Some(bias)) =
+            (self.time_s.get(node), self.q_world_body.get(node), self.bias_rad_s.get(node))
+        else {
+            return UnitQuaternion::identity();
+        };
+        let turn = turn_between(&self.rate_time_s, &self.rate_rad_s, bias, *t0, time_s);
+        q0 * turn
+    }
+
+    /// Gyro bias beyond the model's at a time [rad/s].
+    #[must_use]
+    pub fn gyro_bias_at(&self, time_s: f64) -> Vector3<f64> {
+        let node = self.time_s.partition_point(|t| *t <= time_s).saturating_sub(1);
+        self.bias_rad_s.get(node).copied().unwrap_or_default()
+    }
+
+    /// Measured rates with the model's gyro errors and the bias taken out, at their (latency-free) times.
+    pub fn rates(&self) -> impl Iterator<Item = (f64, Vector3<f64>)> + '_ {
+        let raw = self.rate_time_s.iter().zip(&self.rate_rad_s);
+        raw.map(|(t, rate)| (*t, rate - self.gyro_bias_at(*t)))
+    }
+}
+
+/// What the sensor saw, its modelled errors taken out: R(m) ((y - bias) / (1 + scale)), and when.
+fn corrected(series: &Series<Vector3<f64>>, errors: &TriaxialErrors) -> (Vec<f64>, Vec<Vector3<f64>>) {
+    let turn = quaternion_exp(&errors.misalignment_rad);
+    let scale = errors.scale.map(|s| 1.0 + s);
+    let value = series.value.iter().map(|y| turn * (y - errors.bias).component_div(&scale)).collect();
+    (series.time_s.iter().map(|t| t - errors.latency_s).collect(), value)
+}
+
+/// Rotation from the body at `from_s` to the body at `to_s` (either may be later).
+fn turn_between(
+    times_s: &[f64],
+    rates_rad_s: &[Vector3<f64>],
+    bias_rad_s: &Vector3<f64>,
+    from_s: f64,
+    to_s: f64,
+) -> UnitQuaternion<f64> {
+    if to_s < from_s {
+        return turn_between(times_s, rates_rad_s, bias_rad_s, to_s, from_s).inverse();
+    }
+    let mut turn = UnitQuaternion::identity();
+    let mut now = from_s;
+    let mut k = times_s.partition_point(|t| *t <= from_s);
+    while now < to_s {
+        let end = times_s.get(k).copied().unwrap_or(f64::INFINITY).min(to_s);
+        let rate = rate_between(times_s, rates_rad_s, k, 0.5 * (now + end));
+        turn *= quaternion_exp(&((rate - bias_rad_s) * (end - now)));
+        now = end;
+        k += 1;
+    }
+    turn
+}
+
+/// Linear between samples `k - 1` and `k`; the nearest beyond the ends.
+fn rate_between(times_s: &[f64], rates: &[Vector3<f64>], k: usize, time_s: f64) -> Vector3<f64> {
+    let before = k.checked_sub(1).and_then(|i| Some((*times_s.get(i)?, *rates.get(i)?)));
+    let after = times_s.get(k).copied().zip(rates.get(k).copied());
+    match (before, after) {
+        (Some((t0, a)), Some((t1, b))) => a.lerp(&b, ((time_s - t0) / (t1 - t0)).clamp(0.0, 1.0)),
+        (Some((_, a)), None) => a,
+        (None, Some((_, b))) => b,
+        (None, None) => Vector3::zeros(),
+    }
+}
+
+/// Index range of the samples within half a node of `time_s`.
+fn around(times_s: &[f64], time_s: f64) -> std::ops::Range<usize> {
+    let first = times_s.partition_point(|t| *t < time_s - 0.5 * NODE_S);
+    first..times_s.partition_point(|t| *t < time_s + 0.5 * NODE_S).max(first)
+}
+
+struct Sensors<'a> {
+    model: &'a PlatformModel,
+    gyro: (Vec<f64>, Vec<Vector3<f64>>),
+    force: (Vec<f64>, Vec<Vector3<f64>>),
+    vectors: Vec<Directions>,
+}
+
+/// What a vector sensor saw.
+struct Directions {
+    /// Without latency \[s\].
+    time_s: Vec<f64>,
+    direction_b: Vec<Vector3<f64>>,
+    reference_world: Unit<Vector3<f64>>,
+    stddev_rad: f64,
+}
+
+/// A mean measurement at a node: what is expected of x, H and R.
+struct Measured {
+    innovation: Vector3<f64>,
+    h: SMatrix<f64, 3, 9>,
+    r: Matrix3<f64>,
+}
+
+impl Sensors<'_> {
+    fn rate_at(&self, time_s: f64) -> Vector3<f64> {
+        let k = self.gyro.0.partition_point(|t| *t <= time_s);
+        rate_between(&self.gyro.0, &self.gyro.1, k, time_s)
+    }
+
+    /// Mean specific force around a node with what motion about the pivot adds taken out: gravity.
+    fn gravity(&self, time_s: f64, bias: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+        let range = around(&self.force.0, time_s);
+        let values = self.force.1.get(range).filter(|v| !v.is_empty())?;
+        let mean = values.iter().sum::<Vector3<f64>>() / values.len() as f64;
+        let gyro = around(&self.gyro.0, time_s);
+        let (times, rates) = (self.gyro.0.get(gyro.clone())?, self.gyro.1.get(gyro)?);
+        let (omega, slope, slope_variance) = match (times.first(), times.last()) {
+            (Some(first), Some(last)) if last > first => {
+                let n = times.len() as f64;
+                let centre = times.iter().sum::<f64>() / n;
+                let spread: f64 = times.iter().map(|t| (t - centre).powi(2)).sum();
+                let slope: Vector3<f64> =
+                    times.iter().zip(rates).map(|(t, w)| w * ((t - centre) / spread)).sum();
+                let sigma = one_sample(&self.model.sensors.gyro.errors);
+                (rates.iter().sum::<Vector3<f64>>() / n, slope, sigma * sigma / spread)
+            }
+            _ => (self.rate_at(time_s), Vector3::zeros(), 0.0),
+        };
+        let omega = omega - bias;
+        let arm = self.model.sensors.accelerometer.lever_arm_b_m;
+        let sigma = one_sample(&self.model.sensors.accelerometer.errors);
+        let variance = sigma * sigma / values.len() as f64 + arm.norm_squared() * slope_variance;
+        Some((mean - slope.cross(&arm) - omega.cross(&omega.cross(&arm)), variance))
+    }
+
+    /// Mean direction seen around a node, turned to the node.
+    fn direction(
+        &self,
+        sensor: usize,
+        time_s: f64,
+        bias: &Vector3<f64>,
+    ) -> Option<(Vector3<f64>, Unit<Vector3<f64>>, f64)> {
+        let seen = self.vectors.get(sensor)?;
+        let range = around(&seen.time_s, time_s);
+        let count = range.len();
+        let omega = self.rate_at(time_s) - bias;
+        let sum: Vector3<f64> = range
+            .filter_map(|k| Some((seen.time_s.get(k)?, seen.direction_b.get(k)?)))
+            .map(|(t, d)| quaternion_exp(&(omega * (t - time_s))) * d)
+            .sum();
+        (count > 0)
+            .then(|| (sum / count as f64, seen.reference_world, seen.stddev_rad.powi(2) / count as f64))
+    }
+}
+
+fn one_sample(errors: &TriaxialErrors) -> f64 {
+    errors.noise_stddev.amax().hypot(errors.quantum / 12f64.sqrt()).max(1e-9)
+}
+
+/// Smooths attitude and biases; `model` is the platform with its effects applied. With no gyro samples the
+/// result is empty.
+#[must_use]
+pub fn smooth_attitude(recording: &Recording, model: &PlatformModel) -> Attitudes {
+    let (gyro, accelerometer) = (&model.sensors.gyro.errors, &model.sensors.accelerometer.errors);
+    let vector_turn = model.sensors.vector.map_or(Vector3::zeros(), |v| v.misalignment_rad);
+    let vector_sigma = model.sensors.vector.map_or(5e-3, |v| v.noise_stddev_rad.max(1e-6));
+    let vector_latency_s = model.sensors.vector.map_or(0.0, |v| v.latency_s);
+    let sensors = Sensors {
+        model,
+        gyro: corrected(&recording.gyro_b_rad_s, gyro),
+        force: corrected(&recording.specific_force_b_m_s2, accelerometer),
+        vectors: recording
+            .vectors
+            .iter()
+            .map(|channel| {
+                let turn = quaternion_exp(&vector_turn);
+                Directions {
+                    time_s: channel.direction_b.time_s.iter().map(|t| t - vector_latency_s).collect(),
+                    direction_b: channel.direction_b.value.iter().map(|d| turn * d).collect(),
+                    reference_world: channel.reference_world,
+                    stddev_rad: vector_sigma,
+                }
+            })
+            .collect(),
+    };
+    let mut result = Attitudes {
+        time_s: Vec::new(),
+        q_world_body: Vec::new(),
+        bias_rad_s: Vec::new(),
+        rate_rad_s: Vec::new(),
+        rate_time_s: Vec::new(),
+        gyro_bias_rad_s: Vector3::zeros(),
+        accelerometer_bias_m_s2: Vector3::zeros(),
+        tilt_stddev_rad: f64::NAN,
+        heading_measured: sensors
+            .vectors
+            .iter()
+            .any(|v| !v.time_s.is_empty() && v.reference_world.z.abs() < 0.99),
+        tilt_measured: !sensors.force.0.is_empty() || sensors.vectors.iter().any(|v| !v.time_s.is_empty()),
+    };
+    let (Some(first), Some(last)) = (sensors.gyro.0.first().copied(), sensors.gyro.0.last().copied()) else {
+        return result;
+    };
+    let count = ((last - first) / NODE_S).floor().max(0.0) as usize + 1;
+    let times: Vec<f64> = (0..count).map(|k| first + NODE_S * k as f64).collect();
+    let filtered = forward(&sensors, &times, result.heading_measured, result.tilt_measured);
+    let smoothed = backward(&filtered);
+    let mean = |f: &dyn Fn(&Node) -> Vector3<f64>| {
+        smoothed.iter().map(f).sum::<Vector3<f64>>() / smoothed.len().max(1) as f64
+    };
+    result.gyro_bias_rad_s = mean(&|n| n.bias);
+    result.accelerometer_bias_m_s2 = mean(&|n| n.force_bias);
+    let tilt_variance: f64 = smoothed.iter().map(|n| 0.5 * (n.p[(0, 0)] + n.p[(1, 1)])).sum();
+    result.tilt_stddev_rad = (tilt_variance / smoothed.len().max(1) as f64).sqrt();
+    result.q_world_body = smoothed.iter().map(|n| n.q).collect();
+    result.bias_rad_s = smoothed.iter().map(|n| n.bias).collect();
+    result.time_s = times;
+    (result.rate_time_s, result.rate_rad_s) = sensors.gyro;
+    result
+}
+
+/// State and covariance at a node.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    q: UnitQuaternion<f64>,
+    bias: Vector3<f64>,
+    force_bias: Vector3<f64>,
+    p: Matrix9,
+}
+
+impl Node {
+    fn moved(mut self, dx: &Vector9) -> Self {
+        self.q *= quaternion_exp(&Vector3::new(dx[0], dx[1], dx[2]));
+        self.bias += Vector3::new(dx[3], dx[4], dx[5]);
+        self.force_bias += Vector3::new(dx[6], dx[7], dx[8]);
+        self
+    }
+
+    /// The error state that leads from here to `other`.
+    fn to(&self, other: &Self) -> Vector9 {
+        let turn = rotation_vector(&(self.q.inverse() * other.q));
+        let (bias, force) = (other.bias - self.bias, other.force_bias - self.force_bias);
+        Vector9::from_row_slice(&[turn.x, turn.y, turn.z, bias.x, bias.y, bias.z, force.x, force.y, force.z])
+    }
+}
+
+/// A node before and after its measurements, with the transition from the node before.
+struct Step {
+    predicted: Node,
+    updated: Node,
+    transition: Matrix9,
+}
+
+fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> Node {
+    let zero = Vector3::zeros();
+    // The first second, node by node.
+    let nodes: Vec<f64> = (0..5).map(|k| time_s + NODE_S * f64::from(k)).collect();
+    let down = nodes.iter().filter_map(|t| sensors.gravity(*t, &zero)).map(|(g, _)| g).sum::<Vector3<f64>>();
+    let seen = (0..sensors.vectors.len()).find_map(|j| {
+        nodes.iter().find_map(|t| sensors.direction(j, *t, &zero)).map(|(d, reference, _)| (d, reference))
+    });
+    let vertical = unit_or(down, Vector3::z_axis());
+    let start = if sensors.force.0.is_empty() && seen.is_none() {
+        UnitQuaternion::identity()
+    } else {
+        seen.and_then(|(d, reference)| {
+            attitude_from_two_vectors(&vertical, &Vector3::z_axis(), &unit_or(d, reference), &reference).ok()
+        })
+        .unwrap_or_else(|| attitude_from_vertical(vertical, 0.0))
+    };
+    let errors = &sensors.model.sensors;
+    let mut p = Matrix9::zeros();
+    let up = vertical_b(&start);
+    let heading_variance: f64 = if heading { 0.1 } else { 1e-8 };
+    let tilt_variance: f64 = if tilt { 0.01 } else { 1e-8 };
+    let about_vertical = up * up.transpose();
+    p.fixed_view_mut::<3, 3>(0, 0).copy_from(
+        &(about_vertical * heading_variance + (Matrix3::identity() - about_vertical) * tilt_variance),
+    );
+    for i in 0..3 {
+        p[(3 + i, 3 + i)] = errors.gyro.errors.bias_turn_on_stddev[i].max(1e-5).powi(2);
+        p[(6 + i, 6 + i)] = errors.accelerometer.errors.bias_turn_on_stddev[i].max(1e-5).powi(2);
+    }
+    Node { q: start, bias: zero, force_bias: zero, p }
+}
+
+fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> Vec<Step> {
+    let Some(first) = times.first() else { return Vec::new() };
+    let mut steps = Vec::with_capacity(times.len());
+    let mut node = first_node(sensors, *first, heading, tilt);
+    let mut before = *first;
+    let errors = &sensors.model.sensors;
+    let sample_s = 1.0 / errors.rate_hz.max(1e-3);
+    let noise = one_sample(&errors.gyro.errors).powi(2) * sample_s;
+    for &time_s in times {
+        let dt_s = time_s - before;
+        let mut transition = Matrix9::identity();
+        if dt_s > 0.0 {
+            let turn = turn_between(&sensors.gyro.0, &sensors.gyro.1, &node.bias, before, time_s);
+            let back = turn.inverse().to_rotation_matrix().into_inner();
+            transition.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
+            transition.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-Matrix3::identity() * dt_s));
+            node.q *= turn;
+            node.p = transition * node.p * transition.transpose();
+            let gap_s = longest_gap(&sensors.gyro.0, before, time_s);
+            let lost = if gap_s > GAP_S { (0.1 * gap_s).powi(2) } else { 0.0 };
+            for i in 0..3 {
+                node.p[(i, i)] += noise * dt_s + lost;
+                node.p[(3 + i, 3 + i)] += errors.gyro.errors.bias_walk[i].powi(2) * dt_s;
+                node.p[(6 + i, 6 + i)] += errors.accelerometer.errors.bias_walk[i].powi(2) * dt_s;
+            }
+        }
+        let predicted = node;
+        if let Some(measured) = gravity_measurement(sensors, time_s, &node) {
+            node = updated(node, &measured);
+        }
+        for j in 0..sensors.vectors.len() {
+            if let Some(measured) = direction_measurement(sensors, j, time_s, &node) {
+                node = updated(node, &measured);
+            }
+        }
+        steps.push(Step { predicted, updated: node, transition });
+        before = time_s;
+    }
+    steps
+}
+
+fn longest_gap(times_s: &[f64], from_s: f64, to_s: f64) -> f64 {
+    let first = times_s.partition_point(|t| *t <= from_s).saturating_sub(1);
+    let end = (times_s.partition_point(|t| *t < to_s) + 1).min(times_s.len());
+    let gaps = times_s.get(first..end).unwrap_or(&[]).windows(2).map(|pair| match pair {
+        [a, b] => b - a,
+        _ => 0.0,
+    });
+    gaps.fold(0.0, f64::max)
+}
+
+fn gravity_measurement(sensors: &Sensors<'_>, time_s: f64, node: &Node) -> Option<Measured> {
+    let (force, variance) = sensors.gravity(time_s, &node.bias)?;
+    let expected = vertical_b(&node.q) * GRAVITY_M_S2;
+    let mut h = SMatrix::<f64, 3, 9>::zeros();
+    h.fixed_view_mut::<3, 3>(0, 0).copy_from(&skew(&expected));
+    h.fixed_view_mut::<3, 3>(0, 6).copy_from(&Matrix3::identity());
+    Some(Measured { innovation: force - expected - node.force_bias, h, r: Matrix3::identity() * variance })
+}
+
+fn direction_measurement(sensors: &Sensors<'_>, j: usize, time_s: f64, node: &Node) -> Option<Measured> {
+    let (direction, reference, variance) = sensors.direction(j, time_s, &node.bias)?;
+    let expected = node.q.inverse_transform_vector(&reference);
+    let mut h = SMatrix::<f64, 3, 9>::zeros();
+    h.fixed_view_mut::<3, 3>(0, 0).copy_from(&skew(&expected));
+    Some(Measured { innovation: direction - expected, h, r: Matrix3::identity() * variance })
+}
+
+/// Kalman update in Joseph's form; unchanged if the innovation has no covariance or is absurd.
+fn updated(node: Node, measured: &Measured) -> Node {
+    let s = measured.h * node.p * measured.h.transpose() + measured.r;
+    let Some(inverse) = s.try_inverse() else { return node };
+    // Spikes: 100 is far beyond any quantile of three degrees of freedom, and harmless while starting.
+    if measured.innovation.dot(&(inverse * measured.innovation)) > 100.0 {
+        return node;
+    }
+    let gain = node.p * measured.h.transpose() * inverse;
+    let mut next = node.moved(&(gain * measured.innovation));
+    let keep = Matrix9::identity() - gain * measured.h;
+    next.p = keep * node.p * keep.transpose() + gain * measured.r * gain.transpose();
+    next.p = (next.p + next.p.transpose()) * 0.5;
+    next
+}
+
+fn backward(steps: &[Step]) -> Vec<Node> {
+    let Some(last) = steps.last() else { return Vec::new() };
+    let mut smoothed = vec![last.updated];
+    for (step, next) in steps.iter().zip(steps.iter().skip(1)).rev() {
+        let Some(after) = smoothed.last().copied() else { break };
+        let Some(factor) = next.predicted.p.cholesky() else {
+            smoothed.push(step.updated);
+            continue;
+        };
+        // G = P F^T P_predicted^-1.
+        let gain = factor.solve(&(next.transition * step.updated.p)).transpose();
+        let mut node = step.updated.moved(&(gain * next.predicted.to(&after)));
+        node.p = step.updated.p + gain * (after.p - next.predicted.p) * gain.transpose();
+        node.p = (node.p + node.p.transpose()) * 0.5;
+        smoothed.push(node);
+    }
+    smoothed.reverse();
+    smoothed
+}

@@ -1,0 +1,164 @@
+//! Rate and wheel speeds, cleared of noise with the help of the model's accelerations.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::{Environment, Gyrostat};
+use whorl_recording::{Mounting, Recording};
+
+use super::attitude::{Attitudes, smooth_attitude};
+use super::local_line::local_line;
+use crate::commands::Commands;
+
+/// Measurements this far to either side make up a smoothed rate or speed \[s\].
+pub const HALF_WIDTH_S: f64 = 0.5;
+
+/// Motion at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// Attitude, v_world = q v_body.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Body rate, body axes [rad/s].
+    pub omega_wb_b_rad_s: Vector3<f64>,
+    /// Wheel speeds [rad/s].
+    pub wheel_speed_rad_s: Vec<f64>,
+}
+
+/// Motion over a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SmoothedMotion {
+    /// Attitude and biases.
+    pub attitude: Attitudes,
+    clamped: bool,
+    wheels: usize,
+    /// Gyro times and rates less what the model explains of their change, and that change.
+    rate_time_s: Vec<f64>,
+    rate_left: Vec<Vector3<f64>>,
+    rate_explained: Vec<Vector3<f64>>,
+    wheel_time_s: Vec<f64>,
+    wheel_left: Vec<Vec<f64>>,
+    wheel_explained: Vec<Vec<f64>>,
+}
+
+/// Smooths the motion of a recording; `gyrostat` is the model.
+#[must_use]
+pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -> SmoothedMotion {
+    let model = gyrostat.model();
+    let attitude = smooth_attitude(recording, model);
+    let wheels = model.wheels.len();
+    let clamped = recording.mounting == Mounting::Clamped;
+    let mut motion = SmoothedMotion {
+        clamped,
+        wheels,
+        rate_time_s: Vec::new(),
+        rate_left: Vec::new(),
+        rate_explained: Vec::new(),
+        wheel_time_s: recording.wheel_speed_rad_s.time_s.clone(),
+        wheel_left: Vec::new(),
+        wheel_explained: Vec::new(),
+        attitude,
+    };
+    let speeds = |t: f64| -> Vec<f64> {
+        let held = recording.wheel_speed_rad_s.held_at(t).or(recording.wheel_speed_rad_s.value.first());
+        held.cloned().unwrap_or_else(|| vec![0.0; wheels])
+    };
+
+    let rates: Vec<(f64, Vector3<f64>)> = motion.attitude.rates().collect();
+    let mut explained = Vector3::zeros();
+    let mut before: Option<f64> = None;
+    for (t, rate) in &rates {
+        if let Some(from) = before.filter(|_| !clamped) {
+            let middle = 0.5 * (from + t);
+            let wheel_speed = speeds(middle);
+            let drive = commands.mean_between(from, *t);
+            let q = motion.attitude.at(middle);
+            let mut environment = Environment::new(model, q, *rate);
+            environment.time_s = middle;
+            environment.wheel_speed_rad_s = &wheel_speed;
+            environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
+            environment.valve_fraction = &drive.valve_fraction;
+            let mut acceleration = gyrostat.angular_acceleration_b_rad_s2(&environment, &[]);
+            let outside = drive.body_torque_b_n_m - drive.ballast_moment_b_n_m.cross(&environment.vertical_b);
+            if outside != Vector3::zeros() {
+                let inertia = model.mass_properties.inertia_b_kg_m2();
+                acceleration += inertia.cholesky().map_or_else(Vector3::zeros, |f| f.solve(&outside));
+            }
+            explained += acceleration * (t - from);
+        }
+        before = Some(*t);
+        motion.rate_time_s.push(*t);
+        motion.rate_left.push(rate - explained);
+        motion.rate_explained.push(explained);
+    }
+
+    let mut explained = vec![0.0; wheels];
+    let mut before: Option<f64> = None;
+    let series = &recording.wheel_speed_rad_s;
+    for (t, speed) in series.time_s.iter().zip(&series.value) {
+        if let Some(from) = before {
+            let drive = commands.mean_between(from, *t);
+            let mut environment = Environment::new(model, UnitQuaternion::identity(), Vector3::zeros());
+            environment.wheel_speed_rad_s = speed;
+            environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
+            let torque = gyrostat.wheel_torque_n_m(&environment);
+            for ((sum, wheel), torque) in explained.iter_mut().zip(&model.wheels).zip(torque) {
+                *sum += torque / wheel.spin_inertia_kg_m2 * (t - from);
+            }
+        }
+        before = Some(*t);
+        motion.wheel_left.push(speed.iter().zip(&explained).map(|(y, e)| y - e).collect());
+        motion.wheel_explained.push(explained.clone());
+    }
+    motion
+}
+
+impl SmoothedMotion {
+    /// Motion at a time.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> Motion {
+        Motion {
+            q_world_body: self.attitude.at(time_s),
+            omega_wb_b_rad_s: self.rate_at(time_s),
+            wheel_speed_rad_s: (0..self.wheels).map(|j| self.wheel_speed_at(j, time_s)).collect(),
+        }
+    }
+
+    fn rate_at(&self, time_s: f64) -> Vector3<f64> {
+        if self.clamped {
+            return Vector3::zeros();
+        }
+        let left = |k: usize| self.rate_left.get(k).map_or([0.0; 3], |v| [v.x, v.y, v.z]);
+        let explained = |k: usize| self.rate_explained.get(k).map_or([0.0; 3], |v| [v.x, v.y, v.z]);
+        let smooth = line_or_nearest(&self.rate_time_s, left, time_s);
+        let explained = interpolated(&self.rate_time_s, explained, time_s);
+        Vector3::from(smooth) + Vector3::from(explained)
+    }
+
+    fn wheel_speed_at(&self, wheel: usize, time_s: f64) -> f64 {
+        let of = |values: &[Vec<f64>], k: usize| {
+            [values.get(k).and_then(|v| v.get(wheel)).copied().unwrap_or(0.0)]
+        };
+        let [smooth] = line_or_nearest(&self.wheel_time_s, |k| of(&self.wheel_left, k), time_s);
+        let [explained] = interpolated(&self.wheel_time_s, |k| of(&self.wheel_explained, k), time_s);
+        smooth + explained
+    }
+}
+
+fn line_or_nearest<const N: usize>(
+    times_s: &[f64],
+    value: impl Fn(usize) -> [f64; N],
+    time_s: f64,
+) -> [f64; N] {
+    local_line(times_s, &value, time_s, HALF_WIDTH_S).unwrap_or_else(|| interpolated(times_s, &value, time_s))
+}
+
+/// Linear between samples, the nearest beyond the ends, zero without any.
+fn interpolated<const N: usize>(times_s: &[f64], value: impl Fn(usize) -> [f64; N], time_s: f64) -> [f64; N] {
+    if times_s.is_empty() {
+        return [0.0; N];
+    }
+    let k = times_s.partition_point(|t| *t <= time_s);
+    let (before, after) = (k.saturating_sub(1), k.min(times_s.len() - 1));
+    let (Some(t0), Some(t1)) = (times_s.get(before), times_s.get(after)) else { return [0.0; N] };
+    let share = if t1 > t0 { ((time_s - t0) / (t1 - t0)).clamp(0.0, 1.0) } else { 0.0 };
+    let (a, b) = (value(before), value(after));
+    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)
+}

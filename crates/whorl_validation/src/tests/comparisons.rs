@@ -1,0 +1,132 @@
+//! Right and wrong models.
+
+use std::collections::BTreeMap;
+
+use super::generator::{Manoeuvre, platform, record};
+use crate::comparison::Quantity;
+use crate::{FloorSource, ValidationError, compare};
+
+#[test]
+fn the_right_model_leaves_noise() {
+    let model = platform();
+    let comparison = compare(&record(&model, &Manoeuvre::default()), &model).unwrap();
+    let absolute = comparison.absolute.unwrap();
+    assert!(absolute.is_noise(), "{absolute:?}");
+    assert!(absolute.chi_squared_per_degree > 0.95, "{absolute:?}");
+    assert_eq!(comparison.channels.len(), 3 + 3 + 1 + 3);
+    for channel in &comparison.channels {
+        for h in channel.horizons.iter().filter(|h| h.horizon_s.is_some()) {
+            assert!(h.ratio > 0.9 && h.ratio < 1.25, "{} {h:?}", channel.name);
+        }
+        let gyro = channel.quantity == Quantity::Gyro;
+        let fit = channel.horizons[2].fit_percent;
+        assert!(!gyro || fit.is_none_or(|f| f > 60.0), "{} {fit:?}", channel.name);
+    }
+    for w in &comparison.whiteness {
+        assert!(w.ljung_box.unwrap().p_value > 1e-4, "{} {:?}", w.channel, w.ljung_box);
+        assert!(w.periodogram.as_ref().unwrap().line_hz.is_none(), "{}", w.channel);
+    }
+    assert!(comparison.answer().contains("explains the data to the noise"), "{}", comparison.answer());
+}
+
+#[test]
+fn a_missing_torque_shows_more_the_longer_the_horizon() {
+    let model = platform();
+    let mut truth = model.clone();
+    let drag = BTreeMap::from([("torque_n_m".to_owned(), 0.02)]);
+    truth.effects.insert("bearing_coulomb_friction".to_owned(), drag);
+    let recording = record(&truth, &Manoeuvre::default());
+    let comparison = compare(&recording, &model).unwrap();
+    let absolute = comparison.absolute.unwrap();
+    assert!(!absolute.is_noise() && absolute.chi_squared_per_degree > 1.5, "{absolute:?}");
+    let gyro = &comparison.channels[2];
+    let ratios: Vec<f64> = gyro.horizons.iter().map(|h| h.ratio).collect();
+    assert!(
+        ratios[0] < 1.2 && ratios[1] > ratios[0] && ratios[2] > 2.0 && ratios[3] > ratios[2],
+        "{ratios:?}"
+    );
+    let answer = comparison.answer();
+    assert!(answer.contains("does not explain") && answer.contains("Worst is"), "{answer}");
+    let whiteness = &comparison.whiteness[2];
+    assert!(!whiteness.ljung_box.unwrap().is_white() && !whiteness.periodogram.as_ref().unwrap().is_white());
+    // With the effect in the model, it is noise again.
+    assert!(compare(&recording, &truth).unwrap().is_noise().unwrap());
+}
+
+#[test]
+fn a_wrong_jet_shows_as_correlation_with_its_input() {
+    let model = platform();
+    let mut truth = model.clone();
+    for jet in &mut truth.jets {
+        jet.thrust_n *= 1.4;
+    }
+    let recording = record(&truth, &Manoeuvre { jet_period_s: 0.5, ..Manoeuvre::default() });
+    let comparison = compare(&recording, &model).unwrap();
+    let found = comparison.findings();
+    assert!(found.iter().any(|f| f.contains("follows jet torque")), "{found:?}");
+    let right = compare(&recording, &truth).unwrap();
+    assert!(right.findings().iter().all(|f| !f.contains("jet torque")), "{:?}", right.findings());
+}
+
+#[test]
+fn the_noise_floor_is_measured_where_the_platform_is_still() {
+    let mut model = platform();
+    model.mass_properties = whorl_dynamics::MassProperties::new(
+        *model.mass_properties.inertia_b_kg_m2(),
+        nalgebra::Vector3::new(0.0, 0.0, -0.05),
+        110.0,
+    )
+    .unwrap();
+    let mut noisy = model.clone();
+    noisy.sensors.gyro.errors.noise_stddev *= 1.5;
+    let quiet = Manoeuvre { wheel_torque_n_m: 0.0, jet_period_s: 0.0, ..Manoeuvre::default() };
+    let comparison = compare(&record(&noisy, &quiet), &model).unwrap();
+    let gyro = &comparison.channels[0];
+    assert_eq!(gyro.floor_source, FloorSource::StillSegments);
+    assert!((gyro.noise_floor / 1.7e-3 - 1.5).abs() < 0.03, "{}", gyro.noise_floor);
+    assert!(comparison.remarks.iter().any(|r| r.contains("gyro's noise")), "{:?}", comparison.remarks);
+    assert!((gyro.horizons[1].ratio - 1.0).abs() < 0.05, "{:?}", gyro.horizons);
+}
+
+#[test]
+fn the_constant_channel_has_no_fit_and_a_lost_channel_is_said() {
+    let model = platform();
+    let mut recording = record(&model, &Manoeuvre { duration_s: 20.0, ..Manoeuvre::default() });
+    recording.wheel_torque_command_n_m = Default::default();
+    recording.jet_pulses.clear();
+    recording.vectors.clear();
+    recording.specific_force_b_m_s2 = Default::default();
+    let comparison = compare(&recording, &model).unwrap();
+    assert_eq!(comparison.channels.len(), 3, "gyro only");
+    for word in ["torque commands", "accelerometer", "vector sensor", "jets' commands"] {
+        assert!(comparison.remarks.iter().any(|r| r.contains(word)), "{word}: {:?}", comparison.remarks);
+    }
+}
+
+#[test]
+fn unusable_recordings_get_a_sentence() {
+    let model = platform();
+    let good = record(&model, &Manoeuvre { duration_s: 8.0, ..Manoeuvre::default() });
+    let mut no_gyro = good.clone();
+    no_gyro.gyro_b_rad_s = Default::default();
+    assert!(matches!(
+        compare(&no_gyro, &model),
+        Err(ValidationError::MissingChannel { channel: "gyro", .. })
+    ));
+    let mut degrees = good.clone();
+    for rate in &mut degrees.gyro_b_rad_s.value {
+        *rate *= 57.3 * 20.0;
+    }
+    let error = compare(&degrees, &model).unwrap_err().to_string();
+    assert!(error.contains("deg/s"), "{error}");
+    let mut in_g = good.clone();
+    for force in &mut in_g.specific_force_b_m_s2.value {
+        *force /= 9.81;
+    }
+    assert!(compare(&in_g, &model).unwrap_err().to_string().contains("(g or m/s^2)"));
+    let mut other = model.clone();
+    other.wheels.pop();
+    assert!(matches!(compare(&good, &other), Err(ValidationError::WheelCount { given: 3, wheels: 2, .. })));
+    let short = record(&model, &Manoeuvre { duration_s: 4.0, ..Manoeuvre::default() });
+    assert!(matches!(compare(&short, &model), Err(ValidationError::TooShort { .. })));
+}
