@@ -100,6 +100,18 @@ pub struct Actuation {
     failed_by_parameter: Vec<bool>,
     gas_used_kg: f64,
     fallbacks: u64,
+    /// Whether allocations are compared with the exact oracle.
+    checked: bool,
+    checks: AllocationChecks,
+}
+
+/// Allocations that were compared with the exact oracle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct AllocationChecks {
+    /// Compared.
+    pub compared: u64,
+    /// Of those, the ones that differ in share, torque, bounds or gas.
+    pub disagreed: u64,
 }
 
 impl Actuation {
@@ -146,6 +158,8 @@ impl Actuation {
             failed_by_parameter: parameters.failed_jets.clone(),
             gas_used_kg: 0.0,
             fallbacks: 0,
+            checked: parameters.check_allocation,
+            checks: AllocationChecks::default(),
         }
         .with_weights(parameters))
     }
@@ -161,6 +175,7 @@ impl Actuation {
         self.slot = previous.slot + 1;
         self.gas_used_kg = previous.gas_used_kg;
         self.fallbacks = previous.fallbacks;
+        self.checks = previous.checks;
         self
     }
 
@@ -299,6 +314,12 @@ impl Actuation {
         let allocation = self.allocator.allocate(&self.demand).ok();
         if allocation.as_ref().is_none_or(|a| matches!(a.status, Status::Fallback(_))) {
             self.fallbacks += 1;
+        } else if self.checked
+            && let Some(allocation) = &allocation
+        {
+            self.checks.compared += 1;
+            let agrees = self.allocator.check(&self.demand, allocation).is_ok_and(|check| check.agrees());
+            self.checks.disagreed += u64::from(!agrees);
         }
         allocation
     }
@@ -383,6 +404,11 @@ impl Actuation {
     /// Allocations that needed the fallback.
     pub fn fallbacks(&self) -> u64 {
         self.fallbacks
+    }
+
+    /// Allocations compared with the exact oracle; all zero unless asked for.
+    pub fn checks(&self) -> AllocationChecks {
+        self.checks
     }
 
     /// Whether the jets are unloading the wheels.

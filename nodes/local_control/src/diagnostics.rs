@@ -5,6 +5,7 @@ use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::ControlStatus;
 use whorl_node::Timestamp;
 
+use crate::actuation::AllocationChecks;
 use crate::inputs::Refused;
 
 /// Name of a `ControlStatus.mode`.
@@ -52,6 +53,8 @@ pub struct Summary {
     pub refused: Refused,
     /// Allocations that needed the fallback.
     pub fallbacks: u64,
+    /// Allocations compared with the exact oracle.
+    pub checks: AllocationChecks,
     /// Jets held at zero.
     pub failed_jets: usize,
     /// Whether jets are unloading the wheels.
@@ -65,7 +68,7 @@ pub fn diagnostics(now: Timestamp, name: &str, s: &Summary) -> DiagnosticArray {
     let level = match s.mode {
         ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST => DiagnosticStatus::ERROR,
         ControlStatus::MODE_HOLD if s.reason != ControlStatus::REASON_NONE => DiagnosticStatus::WARN,
-        _ if s.failed_jets > 0 => DiagnosticStatus::WARN,
+        _ if s.failed_jets > 0 || s.checks.disagreed > 0 => DiagnosticStatus::WARN,
         _ => DiagnosticStatus::OK,
     };
     let value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
@@ -82,6 +85,8 @@ pub fn diagnostics(now: Timestamp, name: &str, s: &Summary) -> DiagnosticArray {
                 value("messages late", s.refused.late.to_string()),
                 value("messages of wrong size", s.refused.wrong_size.to_string()),
                 value("allocation fallbacks", s.fallbacks.to_string()),
+                value("allocations compared with the oracle", s.checks.compared.to_string()),
+                value("allocations that disagree with it", s.checks.disagreed.to_string()),
                 value("failed jets", s.failed_jets.to_string()),
                 value("unloading wheels", s.unloading.to_string()),
                 value("gas used [kg]", format!("{:.5}", s.gas_used_kg)),

@@ -51,6 +51,8 @@ pub struct Parameters {
     pub wheel_speed_target_rad_s: Vec<f64>,
     /// Price of missing a wished wheel torque in the allocation; see [`whorl_allocation::Demand`].
     pub wheel_weight: f64,
+    /// Whether every allocation is compared with the exact oracle; costs as much again.
+    pub check_allocation: bool,
 }
 
 /// Limits and timeouts.
@@ -144,6 +146,11 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "price of a wished wheel torque that is missed, against gas: how willingly jets help out [1]",
         )
     });
+    let check_allocation = r.bool_or(
+        "check_allocation",
+        false,
+        "compares every allocation with the exact set of attainable torques; disagreements are counted in /diagnostics",
+    );
 
     let model = model?;
     let failed_jets = model.jets.iter().map(|jet| failed_names.contains(&jet.name)).collect();
@@ -199,6 +206,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         unloading,
         wheel_speed_target_rad_s: if targets.is_empty() { vec![0.0; wheels] } else { targets },
         wheel_weight,
+        check_allocation,
         model,
     })
 }

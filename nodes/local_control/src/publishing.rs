@@ -118,6 +118,7 @@ impl LocalControlCore {
                 reason: self.reason,
                 refused: self.inputs.refused(),
                 fallbacks: self.actuation.fallbacks(),
+                checks: self.actuation.checks(),
                 failed_jets: self.actuation.failed_jets().iter().filter(|failed| **failed).count(),
                 unloading: self.actuation.unloading(),
                 gas_used_kg: self.actuation.gas_used_kg(),

@@ -154,3 +154,17 @@ fn wrong_parameters_are_refused_with_their_reason() {
     assert_eq!(parameters.platform, PlatformId(0));
     assert!(Vector3::from(parameters.gains.damping).iter().all(|d| *d > 0.5));
 }
+
+#[test]
+fn allocations_can_be_compared_with_the_exact_oracle_while_it_runs() {
+    for actuators in ["wheels", "jets", "both"] {
+        let actuators_argument = format!("actuators:={actuators}");
+        let arguments = [actuators_argument.as_str(), "check_allocation:=true", "failed_jets:=[jet_3]"];
+        let mut rig = Rig::holding("whorl_1", &arguments, balanced());
+        rig.run(10.0);
+        let compared = count(&mut rig, "allocations compared with the oracle");
+        assert!(compared >= 90, "{actuators}: {compared}");
+        assert_eq!(count(&mut rig, "allocations that disagree with it"), 0, "{actuators}");
+    }
+    assert_eq!(count(&mut tracking(), "allocations compared with the oracle"), 0, "not unless asked for");
+}
