@@ -2,6 +2,8 @@
 
 use std::sync::{Condvar, Mutex, PoisonError};
 
+use rustix::process::{Pid, setpriority_process};
+
 /// How much of the machine a test needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Load {
@@ -39,6 +41,12 @@ impl Load {
 /// One unit per core; a machine of one core still runs a formation.
 fn capacity() -> u32 {
     std::thread::available_parallelism().map_or(2, |n| u32::try_from(n.get()).unwrap_or(2)).max(2)
+}
+
+/// Lets a process (`None`: this thread, and those that it starts) run ahead of whatever else keeps the
+/// machine busy, as on a computer of its own. Without the right to do so it runs as it is.
+pub fn prefer(process: Option<Pid>) {
+    let _ = setpriority_process(process, -15);
 }
 
 impl Drop for Share {

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
+use super::machine::prefer;
+
 /// A process that was started here. Dropping it interrupts it, and kills it if that does not help.
 pub struct Process {
     child: Child,
@@ -22,6 +24,8 @@ impl Process {
         let file = File::options().create(true).append(true).open(log).unwrap();
         command.stdin(Stdio::null()).stdout(file.try_clone().unwrap()).stderr(file);
         let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+        // Before it starts threads, which inherit this.
+        prefer(Some(Pid::from_child(&child)));
         Self { child, name: name.to_owned(), log: log.to_owned(), stopped: false, status: None }
     }
 

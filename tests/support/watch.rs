@@ -11,6 +11,7 @@ use whorl_node::Timestamp;
 use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawReader};
 
+use super::machine::prefer;
 use super::typed::Typed;
 
 /// Everything seen so far: messages with their time of arrival by the wall clock.
@@ -63,6 +64,7 @@ impl Watch {
 
     /// Listens on a network, in the network namespace of the calling thread.
     pub fn on(network: Network, platforms: &[&str]) -> Self {
+        prefer(None);
         let log = Arc::new(Mutex::new(Log::default()));
         let end = Arc::new(AtomicBool::new(false));
         let participant = Participant::new(&network).unwrap();
