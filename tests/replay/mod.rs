@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use whorl_bag::{BagOptions, RunDescription, RunDirectory, RunWriter};
 use whorl_coordinator::CoordinatorCore;
+use whorl_driver::DriverCore;
 use whorl_estimator::EstimatorCore;
 use whorl_local_control::LocalControlCore;
 use whorl_msgs::topics::{Message, Route};
@@ -74,7 +75,7 @@ fn replay(node: &str, mut core: impl NodeCore, run: &Run, recorded: &BTreeMap<Ro
 #[test]
 fn every_core_answers_a_recording_as_it_answered_the_simulation() {
     let _share = Load::Light.take();
-    // Lost and late messages as well; the driver's noise is part of the recording.
+    // Lost and late messages as well. The driver answers with its simulated platform, noise and all.
     let link = "/simulation: {ros__parameters: {link: {delay_s: 0.005, jitter_s: 0.005, loss: 0.02}}}";
     let run = simulate_with_journal(&parameters(&PLATFORMS, "leader_follower_short", &[link]), 9, 60.0);
     assert!(run.finished);
@@ -83,6 +84,9 @@ fn every_core_answers_a_recording_as_it_answered_the_simulation() {
     // The cores are built from the parameters in force, as a run directory keeps them.
     let tree = ParameterTree::from_texts(&[("effective.yaml", &run.effective_parameters)], &[]).unwrap();
     for platform in PLATFORMS {
+        let node = format!("/{platform}/driver");
+        let read = whorl_driver::parameters::read(&mut Reader::new(&tree.for_node(&node))).unwrap();
+        replay(&node, DriverCore::from_parameters(&read, Vec::new(), |_| false).unwrap(), &run, &recorded);
         let node = format!("/{platform}/estimator");
         let read = whorl_estimator::parameters::read(&mut Reader::new(&tree.for_node(&node))).unwrap();
         replay(&node, EstimatorCore::new(read).unwrap(), &run, &recorded);

@@ -179,6 +179,28 @@ fn ctrl_c_in_the_middle_leaves_no_process_a_readable_bag_and_a_report() {
 }
 
 #[test]
+fn ctrl_c_at_any_moment_leaves_no_process_and_only_readable_runs() {
+    // From the first line of the script to the slew, and whenever this test happened to begin.
+    let any_s = f64::from(whorl_ros::wall_clock().0.rem_euclid(12_000) as u32) / 1000.0;
+    for after_s in [0.02, 0.3, 1.0, 2.5, any_s] {
+        let mut script = Laboratory::experiment(&["leader_follower_short"]);
+        std::thread::sleep(Duration::from_secs_f64(after_s));
+        script.scripts[0].ctrl_c();
+        // Impatience must not make it worse.
+        std::thread::sleep(Duration::from_millis(300));
+        script.scripts[0].ctrl_c();
+        let code = script.finish(Duration::from_secs(60));
+        assert!(matches!(code, None | Some(130)), "after {after_s} s: {code:?}\n{}", script.log());
+        let Some(run) = script.run().filter(|run| run.join("bag/metadata.yaml").exists()) else {
+            assert!(after_s < 5.0, "nothing was recorded in {after_s} s\n{}", script.log());
+            continue;
+        };
+        readable(&run);
+        assert_eq!(RunDirectory::open(&run).unwrap().manifest().unwrap().state, RunState::Complete);
+    }
+}
+
+#[test]
 fn the_pieces_started_by_hand_make_a_formation_and_stop_all_stops_them() {
     let mut laboratory = Laboratory::new();
     let runs = laboratory.folder.path().join("runs");

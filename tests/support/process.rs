@@ -1,11 +1,12 @@
 //! A process that ends with its test.
 
 use std::fs::File;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
 use super::machine::prefer;
 
@@ -19,8 +20,9 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts it, with everything it prints appended to `log`.
+    /// Starts it, with everything it prints appended to `log`, as the first of a process group.
     pub fn start(name: &str, mut command: Command, log: &Path) -> Self {
+        command.process_group(0);
         let file = File::options().create(true).append(true).open(log).unwrap();
         command.stdin(Stdio::null()).stdout(file.try_clone().unwrap()).stderr(file);
         let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
@@ -45,6 +47,13 @@ impl Process {
             Signal::STOP => self.stopped = true,
             Signal::CONT => self.stopped = false,
             _ => {}
+        }
+    }
+
+    /// Ctrl-C as a terminal gives it: to the process and to all that it started.
+    pub fn ctrl_c(&mut self) {
+        if self.ended().is_none() {
+            kill_process_group(Pid::from_child(&self.child), Signal::INT).unwrap();
         }
     }
 
