@@ -97,6 +97,35 @@ impl Goal {
         }
     }
 
+    /// The same goal for another platform or structure, which is turned by `q_old_new` against this one:
+    /// a scan goes on, anything else is approached from `from`, where the new one is now.
+    pub fn transferred(
+        &self,
+        q_old_new: &UnitQuaternion<f64>,
+        from: &UnitQuaternion<f64>,
+        planning: Planning<'_>,
+    ) -> Self {
+        let end = YawPitchRoll::of(&(self.angles.attitude() * q_old_new));
+        if let Motion::Scan(_) = &self.motion {
+            return Self { angles: end, ..self.clone() };
+        }
+        let to = PartialAngles {
+            yaw_rad: Some(end.yaw_rad - self.yaw_zero_rad),
+            pitch_rad: Some(end.pitch_rad),
+            roll_rad: Some(end.roll_rad),
+        };
+        let mut goal = Self::new(from, self.yaw_zero_rad);
+        let (rate_max_rad_s, acceleration_max_rad_s2) = match &self.motion {
+            Motion::Slew { step, .. } => (step.rate_max_rad_s, step.acceleration_max_rad_s2),
+            _ => (None, None),
+        };
+        goal.slew(
+            &parameters::Slew { platform: None, to, rate_max_rad_s, acceleration_max_rad_s2 },
+            planning,
+        );
+        goal
+    }
+
     /// Begins a scan about the angles of the goal.
     pub fn scan(&mut self, scan: &Scan) {
         self.elapsed_s = 0.0;
@@ -106,7 +135,7 @@ impl Goal {
 
 /// `A s(t) sin(2 pi t / T)`; the envelope s rises from 0 to 1 in half a period, falls at the end, and
 /// its first two derivatives vanish at both ends.
-fn scan_motion(scan: &Scan, about: &YawPitchRoll, elapsed_s: f64) -> YawPitchRollMotion {
+pub(crate) fn scan_motion(scan: &Scan, about: &YawPitchRoll, elapsed_s: f64) -> YawPitchRollMotion {
     let ramp_s = (0.5 * scan.period_s).min(0.5 * scan.duration_s);
     let left_s = scan.duration_s - elapsed_s;
     let (s, s_dot, s_ddot) = if elapsed_s < ramp_s {

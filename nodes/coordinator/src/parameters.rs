@@ -67,6 +67,8 @@ pub struct WaitingSettings {
 /// What happens when a platform does not follow its reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FaultSettings {
+    /// Whether the sequence waits for a platform that does not lead and does not follow its reference.
+    pub wait_for_followers: bool,
     /// Not following for less than this is no fault \[s\].
     pub grace_s: f64,
     /// A fault that lasts longer ends the experiment \[s\].
@@ -80,7 +82,8 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let platforms = whorl_params::formation(r).platforms;
     let experiment = r.fixed(|r| r.group("experiment", experiment::read));
     let limits = r.group("limits", |r| limits::read(r, &platforms));
-    let law = r.fixed(|r| r.group("law", |r| law::read(r, &platforms, &limits)));
+    let others = step::laws_switched_to(r);
+    let law = r.fixed(|r| r.group("law", |r| law::read(r, &platforms, &limits, &others)));
     let steps = r.fixed(|r| step::read_all(r, &platforms, law.as_ref()));
     let bandwidth_rad_s = r.f64_or(
         "bandwidth_rad_s",
@@ -179,6 +182,12 @@ fn read_waiting(r: &mut Reader<'_>) -> WaitingSettings {
 
 fn read_faults(r: &mut Reader<'_>) -> FaultSettings {
     FaultSettings {
+        wait_for_followers: r.bool_or(
+            "wait_for_followers",
+            true,
+            "whether the sequence waits for a platform that does not lead and does not follow its reference; \
+             false: it goes on without it",
+        ),
         grace_s: r.f64_or(
             "grace_s",
             1.0,

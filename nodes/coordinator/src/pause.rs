@@ -55,7 +55,8 @@ impl PauseWatch {
             // A platform that is not seen at all is a matter of its link, whatever its controller does.
             let stopped = condition.fresh && !(condition.following && condition.usable);
             *since = if stopped { since.or(Some(now)) } else { None };
-            fault |= since.is_some_and(|since| now.seconds_since(since) > faults.grace_s);
+            fault |= (condition.leads || faults.wait_for_followers)
+                && since.is_some_and(|since| now.seconds_since(since) > faults.grace_s);
             link_down |= !condition.fresh && (condition.leads || link.leader_waits);
         }
         self.link_since = if link_down { self.link_since.or(Some(now)) } else { None };
@@ -81,7 +82,8 @@ mod tests {
 
     const GOOD: PlatformCondition =
         PlatformCondition { fresh: true, usable: true, following: true, leads: true };
-    const FAULTS: FaultSettings = FaultSettings { grace_s: 1.0, timeout_s: 20.0, abort_for_s: 10.0 };
+    const FAULTS: FaultSettings =
+        FaultSettings { wait_for_followers: true, grace_s: 1.0, timeout_s: 20.0, abort_for_s: 10.0 };
 
     fn link(leader_waits: bool) -> LinkSettings {
         LinkSettings {
@@ -113,6 +115,17 @@ mod tests {
         }
         assert_eq!(watch.evaluate(at(22.0), &[GOOD, GOOD], &link(true), &FAULTS), Verdict::Go);
         assert_eq!(watch.evaluate(at(22.5), &bad, &link(true), &FAULTS), Verdict::Go);
+    }
+
+    #[test]
+    fn a_follower_that_fails_is_left_behind_when_told_so_a_leader_never() {
+        let faults = FaultSettings { wait_for_followers: false, ..FAULTS };
+        for (leads, late) in [(false, Verdict::Go), (true, Verdict::Wait)] {
+            let mut watch = PauseWatch::new(1);
+            let bad = [PlatformCondition { following: false, leads, ..GOOD }];
+            watch.evaluate(at(0.0), &bad, &link(true), &faults);
+            assert_eq!(watch.evaluate(at(2.0), &bad, &link(true), &faults), late);
+        }
     }
 
     #[test]

@@ -8,8 +8,8 @@ use whorl_node::Timestamp;
 
 use crate::core::Stage;
 use crate::link::PlatformLink;
-use crate::parameters::{LawKind, Parameters};
-use crate::run::Leg;
+use crate::parameters::Parameters;
+use crate::run::{Leg, Run};
 
 fn header(stamp: Timestamp, frame_id: &str) -> Header {
     Header { stamp: stamp.into(), frame_id: frame_id.to_owned() }
@@ -88,7 +88,7 @@ pub(crate) fn state(
         header: header(now, ""),
         sequence,
         experiment: parameters.experiment.name.clone(),
-        law: law_name(parameters).to_owned(),
+        law: law_name(parameters, stage).to_owned(),
         phase: phase(parameters, stage),
         step: step_text(parameters, stage),
         step_elapsed_s: run.map_or(0.0, |run| run.step_elapsed_s),
@@ -114,11 +114,8 @@ pub(crate) fn state(
     }
 }
 
-fn law_name(parameters: &Parameters) -> &'static str {
-    match parameters.law.kind {
-        LawKind::LeaderFollower(_) => "leader_follower",
-        LawKind::VirtualStructure(_) => "virtual_structure",
-    }
+fn law_name(parameters: &Parameters, stage: &Stage) -> &'static str {
+    stage.run().map_or(parameters.law.name(), Run::law_name)
 }
 
 /// Once a second: the experiment, and the link to each platform.
@@ -150,8 +147,12 @@ pub(crate) fn diagnostics(
         hardware_id: String::new(),
         values: vec![
             value("experiment", parameters.experiment.name.clone()),
-            value("law", law_name(parameters).to_owned()),
+            value("law", law_name(parameters, stage).to_owned()),
             value("step", step_text(parameters, stage)),
+            value(
+                "broadcasts",
+                stage.run().and_then(Run::broadcasts).map_or_else(String::new, |count| count.to_string()),
+            ),
         ],
     };
     let link_status = |link: &PlatformLink| {

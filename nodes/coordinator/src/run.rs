@@ -11,8 +11,8 @@ use whorl_control::reference::Reference;
 use whorl_math::attitude_error;
 use whorl_node::{Outputs, Timestamp};
 
-use crate::goal::Goal;
-use crate::parameters::{Parameters, Step, YawZero};
+use crate::goal::{Goal, scan_motion};
+use crate::parameters::{LawKind, Parameters, Scan, Step, YawZero};
 use crate::pause::{PauseWatch, PlatformCondition, Verdict};
 
 /// Period of the references \[s\].
@@ -38,6 +38,8 @@ pub(crate) struct Sight {
 pub(crate) struct Leg {
     shaper: ReferenceShaper,
     offset_angles: YawPitchRoll,
+    /// A swing of the offset about those angles, and for how long it has lasted \[s\].
+    offset_scan: Option<(Scan, f64)>,
     /// Its own motion, for a platform that leads.
     goal: Option<Goal>,
     was_usable: bool,
@@ -62,6 +64,8 @@ pub(crate) enum Progress {
 #[derive(Debug)]
 pub(crate) struct Run {
     law: Box<dyn RelativeAttitudeLaw>,
+    /// Which of the experiment's laws that is.
+    law_index: usize,
     pub legs: Vec<Leg>,
     /// The virtual structure's motion, when the law has one.
     structure_goal: Option<Goal>,
@@ -85,6 +89,7 @@ impl Run {
         now: Timestamp,
         outputs: &mut Outputs,
     ) -> Result<Self, String> {
+        let kind = parameters.law.first().ok_or("the experiment has no law")?;
         let mut legs = Vec::with_capacity(sights.len());
         for (platform, sight) in sights.iter().enumerate() {
             let name = parameters.platforms.get(platform).map_or("?", String::as_str);
@@ -93,23 +98,25 @@ impl Run {
             let shaper = ReferenceShaper::new(*limits, parameters.bandwidth_rad_s, &q)
                 .map_err(|e| format!("{name}: {e}"))?;
             let start = shaper.reference();
-            let goal = parameters.law.leads(platform).then(|| goal_at(parameters, &start.q_world_reference));
+            let goal = kind.leads(platform).then(|| goal_at(parameters, &start.q_world_reference));
             legs.push(Leg {
                 shaped: Shaped { reference: start, clipped: false },
                 shaper,
                 offset_angles: parameters.law.offsets.get(platform).copied().unwrap_or_default(),
+                offset_scan: None,
                 goal,
                 was_usable: true,
                 holding: true,
             });
         }
-        let structure_goal = parameters.law.moves_a_structure().then(|| {
+        let structure_goal = kind.moves_a_structure().then(|| {
             let first = legs.first().map(|leg| leg.shaped.reference.q_world_reference).unwrap_or_default();
             goal_at(parameters, &(first * parameters.law.offset(0).inverse()))
         });
         let platforms = legs.len();
         let mut run = Self {
-            law: parameters.law.build(),
+            law: kind.build(),
+            law_index: 0,
             legs,
             structure_goal,
             step: 0,
@@ -135,6 +142,21 @@ impl Run {
     /// The present step.
     pub fn step<'p>(&self, parameters: &'p Parameters) -> Option<&'p Step> {
         parameters.steps.get(self.step)
+    }
+
+    /// The law in force.
+    fn law_kind<'p>(&self, parameters: &'p Parameters) -> Option<&'p LawKind> {
+        parameters.law.laws.get(self.law_index)
+    }
+
+    /// Name of the law in force.
+    pub fn law_name(&self) -> &'static str {
+        self.law.name()
+    }
+
+    /// What platforms told their neighbours so far, where the law counts it.
+    pub fn broadcasts(&self) -> Option<u64> {
+        self.law.broadcasts()
     }
 
     /// What the law asks of a platform relative to its leader.
@@ -266,7 +288,7 @@ impl Run {
                 tracking: sight.following,
                 reference,
             });
-            self.offsets.push(Offset::constant(leg.offset_angles.attitude()));
+            self.offsets.push(leg.offset());
         }
         self.gather_goals();
     }
@@ -281,18 +303,28 @@ impl Run {
     }
 
     fn conditions(&self, parameters: &Parameters, sights: &[Sight]) -> Vec<PlatformCondition> {
-        let rigid = self.structure_goal.is_some();
+        let kind = self.law_kind(parameters);
         let condition = |(platform, sight): (usize, &Sight)| PlatformCondition {
             fresh: sight.fresh,
             usable: sight.motion.is_some(),
             following: sight.following,
-            leads: rigid || parameters.law.leads(platform),
+            leads: kind.is_some_and(|law| law.needs_all() || law.leads(platform)),
         };
         sights.iter().enumerate().map(condition).collect()
     }
 }
 
 impl Leg {
+    /// The commanded offset now.
+    fn offset(&self) -> Offset {
+        match &self.offset_scan {
+            Some((scan, elapsed_s)) if *elapsed_s < scan.duration_s => {
+                Offset::moving(&scan_motion(scan, &self.offset_angles, *elapsed_s).reference())
+            }
+            _ => Offset::constant(self.offset_angles.attitude()),
+        }
+    }
+
     /// A platform that does not follow takes its reference with it; one that was lost from sight and
     /// comes back far from its reference starts anew from where it is. Else nothing jumps.
     fn rejoin(&mut self, sight: &Sight, rejoin_error_rad: f64) {

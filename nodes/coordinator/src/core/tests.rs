@@ -2,6 +2,7 @@
 
 mod experiments;
 mod faults;
+mod laws;
 mod messages;
 mod random;
 mod sequence;

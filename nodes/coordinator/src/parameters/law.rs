@@ -1,21 +1,26 @@
-//! The relative-attitude law.
+//! The relative-attitude laws of an experiment.
+
+mod distributed;
+mod members;
 
 use nalgebra::UnitQuaternion;
 use whorl_control::formation::{
-    LeaderFollower, LeaderGraph, ReferenceLimits, RelativeAttitudeLaw, VirtualStructure,
-    VirtualStructureGains, YawPitchRoll,
+    Behavioural, Decentralised, LeaderFollower, LeaderGraph, PerceptiveFrame, ReferenceLimits,
+    RelativeAttitudeLaw, VirtualStructure, VirtualStructureGains, YawPitchRoll,
 };
 use whorl_params::{Reader, positive, range};
+
+use members::Member;
 
 /// Share of the tightest platform's limits that a virtual structure uses by default: its members
 /// need the rest to catch up.
 const STRUCTURE_SHARE: f64 = 0.8;
 
-/// The law and the offsets it begins with.
+/// The laws of an experiment and the offsets it begins with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawSettings {
-    /// Which law.
-    pub kind: LawKind,
+    /// The laws that the experiment uses; it begins with the first. At least one.
+    pub laws: Vec<LawKind>,
     /// Commanded angles of each platform relative to its leader, or to the virtual structure.
     pub offsets: Vec<YawPitchRoll>,
 }
@@ -27,16 +32,91 @@ pub enum LawKind {
     LeaderFollower(LeaderGraph),
     /// All hang on a virtual body.
     VirtualStructure(VirtualStructure),
+    /// Weighted behaviours of each platform.
+    Behavioural(Behavioural),
+    /// The mean of neighbours and goal.
+    Decentralised(Decentralised),
+    /// A frame that moves by what is perceived.
+    PerceptiveFrame(PerceptiveFrame),
 }
 
-impl LawSettings {
+/// Names of the laws, as `law.kind` has them.
+pub(super) const KINDS: [&str; 5] =
+    ["leader_follower", "virtual_structure", "behavioural", "decentralised", "perceptive_frame"];
+
+impl LawKind {
     /// A new instance of the law.
     #[must_use]
     pub fn build(&self) -> Box<dyn RelativeAttitudeLaw> {
-        match &self.kind {
-            LawKind::LeaderFollower(graph) => Box::new(LeaderFollower::new(graph.clone())),
-            LawKind::VirtualStructure(structure) => Box::new(structure.clone()),
+        match self {
+            Self::LeaderFollower(graph) => Box::new(LeaderFollower::new(graph.clone())),
+            Self::VirtualStructure(law) => Box::new(law.clone()),
+            Self::Behavioural(law) => Box::new(law.clone()),
+            Self::Decentralised(law) => Box::new(law.clone()),
+            Self::PerceptiveFrame(law) => Box::new(law.clone()),
         }
+    }
+
+    /// Its name, as `law.kind` has it.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::LeaderFollower(_) => "leader_follower",
+            Self::VirtualStructure(_) => "virtual_structure",
+            Self::Behavioural(_) => "behavioural",
+            Self::Decentralised(_) => "decentralised",
+            Self::PerceptiveFrame(_) => "perceptive_frame",
+        }
+    }
+
+    /// Whether the platform takes its motion from the experiment's steps.
+    #[must_use]
+    pub fn leads(&self, platform: usize) -> bool {
+        match self {
+            Self::LeaderFollower(graph) => graph.leader(platform).is_none(),
+            _ => false,
+        }
+    }
+
+    /// The platform's leader, if it follows one.
+    #[must_use]
+    pub fn leader(&self, platform: usize) -> Option<usize> {
+        match self {
+            Self::LeaderFollower(graph) => graph.leader(platform),
+            _ => None,
+        }
+    }
+
+    /// Whether steps move one frame of the whole formation, not platforms.
+    #[must_use]
+    pub fn moves_a_structure(&self) -> bool {
+        !matches!(self, Self::LeaderFollower(_))
+    }
+
+    /// Whether the law finds its own way to a goal that is set at once.
+    #[must_use]
+    pub fn plans_its_way(&self) -> bool {
+        matches!(self, Self::VirtualStructure(_) | Self::Behavioural(_) | Self::PerceptiveFrame(_))
+    }
+
+    /// Whether the formation cannot go on without one of its members.
+    #[must_use]
+    pub fn needs_all(&self) -> bool {
+        matches!(self, Self::VirtualStructure(_))
+    }
+}
+
+impl LawSettings {
+    /// The law that the experiment begins with.
+    #[must_use]
+    pub fn first(&self) -> Option<&LawKind> {
+        self.laws.first()
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.first().map_or("", LawKind::name)
     }
 
     /// The commanded offset of a platform.
@@ -44,34 +124,18 @@ impl LawSettings {
     pub fn offset(&self, platform: usize) -> UnitQuaternion<f64> {
         self.offsets.get(platform).map_or_else(UnitQuaternion::identity, YawPitchRoll::attitude)
     }
-
-    /// Whether the platform takes its motion from the experiment's steps.
-    #[must_use]
-    pub fn leads(&self, platform: usize) -> bool {
-        match &self.kind {
-            LawKind::LeaderFollower(graph) => graph.leader(platform).is_none(),
-            LawKind::VirtualStructure(_) => false,
-        }
-    }
-
-    /// Whether steps move one virtual structure, not platforms.
-    #[must_use]
-    pub fn moves_a_structure(&self) -> bool {
-        matches!(self.kind, LawKind::VirtualStructure(_))
-    }
 }
 
+/// Reads the law that the experiment begins with, and those `others` that its steps switch to.
 pub(super) fn read(
     r: &mut Reader<'_>,
     platforms: &[String],
     limits: &[ReferenceLimits],
+    others: &[String],
 ) -> Option<LawSettings> {
-    let kind = r.choice_or(
-        "kind",
-        "leader_follower",
-        &["leader_follower", "virtual_structure"],
-        "the relative-attitude law",
-    );
+    let kind = r.choice_or("kind", "leader_follower", &KINDS, "the relative-attitude law");
+    let others = KINDS.iter().copied().filter(|k| *k != kind && others.iter().any(|o| o == k));
+    let kinds: Vec<&str> = std::iter::once(kind).chain(others).collect();
     for name in r.children("members") {
         if !platforms.contains(&name) {
             r.reject(
@@ -80,74 +144,42 @@ pub(super) fn read(
             );
         }
     }
-    let structure = kind == "virtual_structure";
-    let members: Vec<_> = platforms
+    let members: Vec<Member> = platforms
         .iter()
         .enumerate()
         .map(|(index, platform)| {
-            r.group(&format!("members.{platform}"), |r| {
-                let leader = if structure { None } else { read_leader(r, index, platforms) };
-                (leader, r.group("offset", read_angles))
-            })
+            r.group(&format!("members.{platform}"), |r| members::read(r, index, platforms, &kinds))
         })
         .collect();
-    let offsets = members.iter().map(|(_, offset)| *offset).collect();
-    let kind = if structure {
-        r.group("virtual_structure", |r| read_structure(r, limits)).map(LawKind::VirtualStructure)
-    } else {
-        let leaders = members.iter().map(|(leader, _)| *leader).collect();
-        match LeaderGraph::new(leaders) {
-            Ok(graph) => Some(LawKind::LeaderFollower(graph)),
-            Err(e) => {
-                r.reject("members", e.to_string());
-                None
-            }
+    let laws = kinds.iter().filter_map(|kind| read_law(r, kind, &members, limits)).collect::<Vec<_>>();
+    (laws.len() == kinds.len())
+        .then(|| LawSettings { laws, offsets: members.iter().map(|m| m.offset).collect() })
+}
+
+fn read_law(
+    r: &mut Reader<'_>,
+    kind: &str,
+    members: &[Member],
+    limits: &[ReferenceLimits],
+) -> Option<LawKind> {
+    match kind {
+        "leader_follower" => {
+            let graph = LeaderGraph::new(members.iter().map(|m| m.leader).collect());
+            graph.map_err(|e| r.reject("members", e.to_string())).ok().map(LawKind::LeaderFollower)
         }
-    };
-    Some(LawSettings { kind: kind?, offsets })
-}
-
-/// The first platform leads and all others follow it, unless the file says otherwise.
-fn read_leader(r: &mut Reader<'_>, index: usize, platforms: &[String]) -> Option<usize> {
-    let first = platforms.first().map_or("", String::as_str);
-    let default = if index == 0 { "" } else { first };
-    let leader = r.string_or("leader", default, "the platform that this one follows; empty: it leads itself");
-    let found = platforms.iter().position(|platform| *platform == leader);
-    if found.is_none() && !leader.is_empty() {
-        r.reject("leader", format!("`{leader}` is no platform; allowed: {}", platforms.join(", ")));
-    }
-    found
-}
-
-fn read_angles(r: &mut Reader<'_>) -> YawPitchRoll {
-    let mut angle = |key, doc| r.f64_or(key, 0.0, range(-180.0..=180.0), doc).to_radians();
-    YawPitchRoll {
-        yaw_rad: angle("yaw_deg", "commanded yaw relative to the leader, about its z axis [deg]"),
-        pitch_rad: angle("pitch_deg", "then pitch about the new y axis, positive nose down [deg]"),
-        roll_rad: angle("roll_deg", "then roll about the new x axis [deg]"),
+        "virtual_structure" => r.group(kind, |r| read_structure(r, limits)).map(LawKind::VirtualStructure),
+        "behavioural" => {
+            r.group(kind, |r| distributed::behavioural(r, members, limits)).map(LawKind::Behavioural)
+        }
+        "decentralised" => {
+            r.group(kind, |r| distributed::decentralised(r, members)).map(LawKind::Decentralised)
+        }
+        _ => r.group(kind, |r| distributed::perceptive_frame(r, limits)).map(LawKind::PerceptiveFrame),
     }
 }
 
 fn read_structure(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -> Option<VirtualStructure> {
-    let tightest = |of: fn(&ReferenceLimits) -> f64| {
-        limits.iter().map(of).fold(f64::INFINITY, f64::min).to_degrees().min(60.0) * STRUCTURE_SHARE
-    };
-    let rate_max_rad_s = r
-        .f64_or(
-            "rate_max_deg_s",
-            tightest(|l| l.rate_max_rad_s),
-            positive(),
-            "largest rate of the structure; default: 0.8 of the slowest platform's limit [deg/s]",
-        )
-        .to_radians();
-    let acceleration_max_rad_s2 = r
-        .f64_or(
-            "acceleration_max_deg_s2",
-            tightest(|l| l.acceleration_max_rad_s2),
-            positive(),
-            "largest acceleration of the structure; default: 0.8 of the weakest platform's limit [deg/s^2]",
-        )
-        .to_radians();
+    let (rate_max_rad_s, acceleration_max_rad_s2) = read_motion_limits(r, limits);
     let gains = VirtualStructureGains {
         bandwidth_rad_s: r.f64_or(
             "bandwidth_rad_s",
@@ -169,4 +201,24 @@ fn read_structure(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -> Option<Virt
         acceleration_max_rad_s2,
     };
     VirtualStructure::new(gains).map_err(|e| r.reject("bandwidth_rad_s", e.to_string())).ok()
+}
+
+/// Largest rate \[rad/s\] and acceleration \[rad/s^2\] of a law's own motion.
+fn read_motion_limits(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -> (f64, f64) {
+    let tightest = |of: fn(&ReferenceLimits) -> f64| {
+        limits.iter().map(of).fold(f64::INFINITY, f64::min).to_degrees().min(60.0) * STRUCTURE_SHARE
+    };
+    let rate_max_deg_s = r.f64_or(
+        "rate_max_deg_s",
+        tightest(|l| l.rate_max_rad_s),
+        positive(),
+        "largest rate of the law's own motion; default: 0.8 of the slowest platform's limit [deg/s]",
+    );
+    let acceleration_max_deg_s2 = r.f64_or(
+        "acceleration_max_deg_s2",
+        tightest(|l| l.acceleration_max_rad_s2),
+        positive(),
+        "largest acceleration of the law's own motion; default: 0.8 of the weakest platform's limit [deg/s^2]",
+    );
+    (rate_max_deg_s.to_radians(), acceleration_max_deg_s2.to_radians())
 }

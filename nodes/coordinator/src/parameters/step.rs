@@ -2,9 +2,10 @@
 
 use whorl_control::formation::YawPitchRoll;
 use whorl_msgs::whorl::FormationState;
-use whorl_params::{Reader, positive, range};
+use whorl_params::{Reader, Value, positive, range};
 
-use super::LawSettings;
+use super::law::KINDS;
+use super::{LawKind, LawSettings};
 
 /// A step of the sequence.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +33,13 @@ pub enum StepKind {
         platform: usize,
         /// To what; angles that are not given stay.
         to: PartialAngles,
+    },
+    /// A platform's commanded offset swings about where it is.
+    OffsetScan(Scan),
+    /// Another law takes over and goes on to the same goal.
+    Law {
+        /// Which, of [`LawSettings::laws`].
+        index: usize,
     },
     /// Nothing changes.
     Hold,
@@ -105,9 +113,11 @@ impl Step {
     pub fn phase(&self) -> u8 {
         match self.kind {
             StepKind::Settle(_) => FormationState::PHASE_SETTLE,
-            StepKind::Slew(_) | StepKind::Scan(_) | StepKind::Offset { .. } => {
-                FormationState::PHASE_MANOEUVRE
-            }
+            StepKind::Slew(_)
+            | StepKind::Scan(_)
+            | StepKind::Offset { .. }
+            | StepKind::OffsetScan(_)
+            | StepKind::Law { .. } => FormationState::PHASE_MANOEUVRE,
             StepKind::Hold => FormationState::PHASE_HOLD,
         }
     }
@@ -119,26 +129,64 @@ pub(super) fn read_all(r: &mut Reader<'_>, platforms: &[String], law: Option<&La
     if names.is_empty() {
         r.reject("steps", "the experiment has no steps; allowed: at least one, such as `hold: {kind: hold, duration_s: 10.0}`");
     }
+    let mut in_force = 0;
     names
         .into_iter()
-        .map(|name| r.group(&format!("steps.{name}"), |r| read_step(r, &name, platforms, law)))
+        .map(|name| r.group(&format!("steps.{name}"), |r| read_step(r, &name, platforms, law, &mut in_force)))
         .collect()
 }
 
-fn read_step(r: &mut Reader<'_>, name: &str, platforms: &[String], law: Option<&LawSettings>) -> Step {
-    let kind = r.choice("kind", &["settle", "slew", "scan", "offset", "hold"], "what happens in the step");
+/// Names of the laws that steps switch to.
+pub(super) fn laws_switched_to(r: &Reader<'_>) -> Vec<String> {
+    let name = |step: String| match r.parameters().get(&format!("steps.{step}.law"))?.value.clone() {
+        Value::String(name) => Some(name),
+        _ => None,
+    };
+    r.children("steps").into_iter().filter_map(name).collect()
+}
+
+/// `in_force`: index of the law at this point of the sequence.
+fn read_step(
+    r: &mut Reader<'_>,
+    name: &str,
+    platforms: &[String],
+    settings: Option<&LawSettings>,
+    in_force: &mut usize,
+) -> Step {
+    let law = settings.and_then(|s| s.laws.get(*in_force));
+    let kind = r.choice(
+        "kind",
+        &["settle", "slew", "scan", "offset", "offset_scan", "law", "hold"],
+        "what happens in the step",
+    );
     let duration_s = r.f64("duration_s", positive(), "how long the step lasts [s]");
     let kind = match kind {
         "settle" => StepKind::Settle(read_slew(r, platforms, law)),
         "slew" => StepKind::Slew(read_slew(r, platforms, law)),
-        "scan" => StepKind::Scan(read_scan(r, duration_s, platforms, law)),
-        "offset" => read_offset(r, platforms, law),
+        "scan" => {
+            let platform = read_leading_platform(r, platforms, law);
+            StepKind::Scan(read_scan(r, duration_s, platform))
+        }
+        "offset" => {
+            let platform = read_offset_platform(r, platforms, law);
+            StepKind::Offset { platform, to: read_partial(r) }
+        }
+        "offset_scan" => {
+            let platform = read_offset_platform(r, platforms, law);
+            StepKind::OffsetScan(read_scan(r, duration_s, Some(platform)))
+        }
+        "law" => {
+            let name = r.choice("law", &KINDS, "the law that takes over");
+            let found = settings.and_then(|s| s.laws.iter().position(|l| l.name() == name));
+            *in_force = found.unwrap_or(*in_force);
+            StepKind::Law { index: *in_force }
+        }
         _ => StepKind::Hold,
     };
     Step { name: name.to_owned(), kind, duration_s }
 }
 
-fn read_slew(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>) -> Slew {
+fn read_slew(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawKind>) -> Slew {
     Slew {
         platform: read_leading_platform(r, platforms, law),
         to: read_partial(r),
@@ -155,7 +203,7 @@ fn read_slew(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>
     }
 }
 
-fn read_scan(r: &mut Reader<'_>, duration_s: f64, platforms: &[String], law: Option<&LawSettings>) -> Scan {
+fn read_scan(r: &mut Reader<'_>, duration_s: f64, platform: Option<usize>) -> Scan {
     let axis = match r.choice("axis", &["yaw", "pitch", "roll"], "which angle swings") {
         "pitch" => Axis::Pitch,
         "roll" => Axis::Roll,
@@ -167,23 +215,19 @@ fn read_scan(r: &mut Reader<'_>, duration_s: f64, platforms: &[String], law: Opt
     if period_s > duration_s {
         r.reject("period_s", format!("longer than the step; allowed: up to its duration of {duration_s} s"));
     }
-    Scan { platform: read_leading_platform(r, platforms, law), axis, amplitude_rad, period_s, duration_s }
+    Scan { platform, axis, amplitude_rad, period_s, duration_s }
 }
 
-fn read_offset(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>) -> StepKind {
+fn read_offset_platform(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawKind>) -> usize {
     let name = r.string("platform", "whose offset changes");
     let index = find(r, &name, platforms).unwrap_or_default();
     if law.is_some_and(|law| law.leads(index)) && platforms.contains(&name) {
         r.reject("platform", format!("`{name}` leads: it has no offset; move it with a slew"));
     }
-    StepKind::Offset { platform: index, to: read_partial(r) }
+    index
 }
 
-fn read_leading_platform(
-    r: &mut Reader<'_>,
-    platforms: &[String],
-    law: Option<&LawSettings>,
-) -> Option<usize> {
+fn read_leading_platform(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawKind>) -> Option<usize> {
     let name = r.optional_string(
         "platform",
         "the leader that moves; left out: all leaders, or the virtual structure",

@@ -1,11 +1,11 @@
 //! From step to step.
 
-use whorl_control::formation::Offset;
+use nalgebra::UnitQuaternion;
 use whorl_node::{LogLevel, Outputs};
 
-use super::{REFERENCE_PERIOD_S, Run};
+use super::{Leg, REFERENCE_PERIOD_S, Run};
 use crate::goal::Planning;
-use crate::parameters::{Parameters, StepKind};
+use crate::parameters::{LawKind, Parameters, StepKind};
 
 impl Run {
     pub(super) fn advance_steps(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
@@ -21,8 +21,11 @@ impl Run {
             self.step_elapsed_s = 0.0;
             self.begin_step(parameters, outputs);
         }
+        for (_, elapsed_s) in self.legs.iter_mut().filter_map(|leg| leg.offset_scan.as_mut()) {
+            *elapsed_s += REFERENCE_PERIOD_S;
+        }
         for (offset, leg) in self.offsets.iter_mut().zip(&self.legs) {
-            *offset = Offset::constant(leg.offset_angles.attitude());
+            *offset = leg.offset();
         }
         self.gather_goals();
     }
@@ -30,11 +33,13 @@ impl Run {
     pub(super) fn begin_step(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
         let Some(step) = parameters.steps.get(self.step) else { return };
         outputs.log(LogLevel::Info, format!("step {}: {:.1} s", step.name, step.duration_s));
+        let law = self.law_kind(parameters);
         match &step.kind {
             StepKind::Settle(slew) | StepKind::Slew(slew) => {
                 let mut longest_s = 0.0_f64;
                 if let Some(goal) = &mut self.structure_goal {
-                    goal.slew(slew, Planning::Immediate);
+                    let planning = structure_planning(law, parameters);
+                    longest_s = goal.slew(slew, planning).unwrap_or(0.0);
                 }
                 for (platform, leg) in self.legs.iter_mut().enumerate() {
                     if let Some(goal) = &mut leg.goal
@@ -44,7 +49,9 @@ impl Run {
                         longest_s = longest_s.max(goal.slew(slew, Planning::Smooth(&limits)).unwrap_or(0.0));
                     }
                 }
-                if longest_s > step.duration_s {
+                // A law that takes over next finishes the slew itself.
+                let next = parameters.steps.get(self.step + 1).map(|next| &next.kind);
+                if longest_s > step.duration_s && !matches!(next, Some(StepKind::Law { .. })) {
                     outputs.log(
                         LogLevel::Warn,
                         format!(
@@ -69,10 +76,52 @@ impl Run {
             StepKind::Offset { platform, to } => {
                 if let Some(leg) = self.legs.get_mut(*platform) {
                     leg.offset_angles = to.over(&leg.offset_angles, 0.0);
+                    leg.offset_scan = None;
                 }
             }
+            StepKind::OffsetScan(scan) => {
+                if let Some(leg) = scan.platform.and_then(|platform| self.legs.get_mut(platform)) {
+                    leg.offset_scan = Some((*scan, 0.0));
+                }
+            }
+            StepKind::Law { index } => self.switch_law(*index, parameters),
             StepKind::Hold => {}
         }
+    }
+
+    /// Another law takes over: it starts from the references as they move, and goes on to the same goal.
+    fn switch_law(&mut self, index: usize, parameters: &Parameters) {
+        let Some(kind) = parameters.law.laws.get(index) else { return };
+        let present = |leg: &Leg| leg.shaper.reference().q_world_reference;
+        let place = |leg: &Leg| leg.offset_angles.attitude();
+        // Where the formation's frame is to go: as the structure was told, or as the first leader was.
+        let old = self.structure_goal.take().map(|goal| (goal, UnitQuaternion::identity())).or_else(|| {
+            self.legs.iter().find_map(|leg| leg.goal.clone().map(|goal| (goal, place(leg).inverse())))
+        });
+        for (platform, leg) in self.legs.iter_mut().enumerate() {
+            let keeps = kind.leads(platform) && leg.goal.is_some();
+            if keeps {
+                continue;
+            }
+            let planned = parameters.limits.get(platform).map_or(Planning::Immediate, Planning::Smooth);
+            leg.goal = match &old {
+                Some((goal, to_frame)) if kind.leads(platform) => {
+                    Some(goal.transferred(&(to_frame * place(leg)), &present(leg), planned))
+                }
+                _ => None,
+            };
+        }
+        if let (true, Some((goal, to_frame)), Some(first)) =
+            (kind.moves_a_structure(), &old, self.legs.first())
+        {
+            let frame = present(first) * place(first).inverse();
+            let planning = structure_planning(Some(kind), parameters);
+            self.structure_goal = Some(goal.transferred(to_frame, &frame, planning));
+        }
+        self.law = kind.build();
+        self.law_index = index;
+        self.gather_goals();
+        self.restart_law();
     }
 
     pub(super) fn resume(&mut self, parameters: &Parameters) {
@@ -82,6 +131,21 @@ impl Run {
                 goal.resume(&leg.shaper.reference().q_world_reference, Planning::Smooth(limits));
             }
         }
+        if let Some(goal) = &mut self.structure_goal
+            && let Some(first) = self.legs.first()
+        {
+            let frame = first.shaper.reference().q_world_reference * first.offset_angles.attitude().inverse();
+            goal.resume(&frame, structure_planning(parameters.law.laws.get(self.law_index), parameters));
+        }
         self.restart_law();
+    }
+}
+
+/// How the goal of the whole formation moves: at once for a law that plans its own way, else smoothly
+/// within the limits of the first platform, whose place in the formation is usually the frame itself.
+fn structure_planning<'p>(law: Option<&LawKind>, parameters: &'p Parameters) -> Planning<'p> {
+    match (law, parameters.limits.first()) {
+        (Some(law), Some(limits)) if !law.plans_its_way() => Planning::Smooth(limits),
+        _ => Planning::Immediate,
     }
 }

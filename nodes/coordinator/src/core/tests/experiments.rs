@@ -25,8 +25,10 @@ fn every_experiment_runs_to_its_end_without_a_warning() {
         assert!(!lab.log.iter().any(|line| line.contains("within the limits")), "{stem}: {:?}", lab.log);
         assert!(lab.states.iter().all(|state| state.reference_clipped == [false, false]), "{stem}");
         let error = Vector3::from(lab.state().relative_error_rad[1]).norm();
-        assert!(error < 2e-4, "{stem}: {error}");
+        // With a cap on traffic neighbours may be wrong by the trigger.
+        let allowed = if stem.contains("capped") { 2e-3 } else { 2e-4 };
+        assert!(error < allowed, "{stem}: {error}");
         seen += 1;
     }
-    assert!(seen >= 5);
+    assert!(seen >= 12);
 }
