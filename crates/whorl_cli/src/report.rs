@@ -130,12 +130,14 @@ pub fn print_headline(summary: &Summary) {
         );
     }
     for platform in &summary.platforms {
-        println!(
-            "  {}: estimator error {:.4} deg RMS, gas {:.2} g, sensor to command {:.2} ms (99 %)",
-            platform.name,
-            deg_from_rad(platform.estimator_error_rms_rad),
-            platform.gas_used_kg * 1e3,
-            platform.sensor_to_command_p99_s * 1e3
-        );
+        let numbers = [
+            ("estimator error", deg_from_rad(platform.estimator_error_rms_rad), 4, "deg RMS"),
+            ("gas", platform.gas_used_kg * 1e3, 2, "g"),
+            ("sensor to command", platform.sensor_to_command_p99_s * 1e3, 2, "ms (99 %)"),
+        ];
+        // What the run has nothing to compute from is left out.
+        let known = numbers.iter().filter(|(_, value, ..)| value.is_finite());
+        let known = known.map(|(label, value, digits, unit)| format!("{label} {value:.digits$} {unit}"));
+        println!("  {}: {}", platform.name, known.collect::<Vec<_>>().join(", "));
     }
 }
