@@ -91,11 +91,12 @@ stop_started() {
     rmdir "$run_state" 2>/dev/null || true
 }
 
-# end TENTHS INDEX...: interrupts these processes and kills what is still there after so many tenths of a second.
+# end TENTHS INDEX...: terminates these processes and kills what is still there after so many tenths of a second.
+# Not with INT, which processes in the background of a script ignore until they say otherwise.
 end() {
     local tenths=$1 i
     shift
-    for i in "$@"; do kill -INT "${pids[$i]}" 2>/dev/null || true; done
+    for i in "$@"; do kill -TERM "${pids[$i]}" 2>/dev/null || true; done
     for i in "$@"; do
         while kill -0 "${pids[$i]}" 2>/dev/null; do
             if [ "$tenths" -le 0 ]; then

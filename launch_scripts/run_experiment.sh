@@ -69,7 +69,6 @@ monitor=
 finish() {
     trap - EXIT
     trap '' INT TERM
-    # Not with INT, which processes in the background of a script ignore.
     [ -z "$monitor" ] || kill -TERM "$monitor" 2>/dev/null || true
     stop_started
     # The report says how far the run came, also when it was ended early.
