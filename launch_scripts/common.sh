@@ -15,6 +15,11 @@ domain=${ROS_DOMAIN_ID:-0}
 # Process ids of everything started here, one file per process, for stop_all.sh.
 run_state=${XDG_RUNTIME_DIR:-/tmp}/whorl-$(id -u)-domain-$domain
 
+# Nodes run ahead of other programs where the machine lets them: as root, or with a limit on nice in
+# /etc/security/limits.conf.
+ahead=()
+if [ -z "$(nice -n -10 true 2>&1)" ]; then ahead=(nice -n -10); fi
+
 die() {
     printf 'error: %s\n' "$*" >&2
     exit 2
@@ -73,7 +78,7 @@ start() {
     local label=$1 log=$2
     shift 2
     mkdir -p "$(dirname "$log")"
-    "$@" >"$log" 2>&1 &
+    "${ahead[@]}" "$@" >"$log" 2>&1 &
     pids+=($!)
     labels+=("$label")
     logs+=("$log")

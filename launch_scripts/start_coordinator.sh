@@ -36,4 +36,4 @@ build_nodes
 check_binaries coordinator
 formation_arguments
 remember coordinator $$
-exec "$bin/coordinator" "${formation[@]}" "${extra[@]}"
+exec "${ahead[@]}" "$bin/coordinator" "${formation[@]}" "${extra[@]}"

@@ -37,4 +37,4 @@ check_binaries recorder
 formation_arguments
 run=$out/$(date -u +%Y-%m-%dT%H-%M-%SZ)_$(basename "$experiment_path" .yaml)
 remember recorder $$
-exec "$bin/recorder" "${formation[@]}" "${truths[@]}" -p "run_directory:=$run"
+exec "${ahead[@]}" "$bin/recorder" "${formation[@]}" "${truths[@]}" -p "run_directory:=$run"
