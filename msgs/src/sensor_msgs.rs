@@ -29,7 +29,7 @@ pub struct JointState {
     pub effort: Vec<f64>,
 }
 
-/// Absolute pressure [Pa].
+/// Absolute pressure \[Pa\].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FluidPressure {
     pub header: Header,

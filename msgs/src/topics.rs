@@ -66,7 +66,7 @@ pub struct TopicInfo {
     pub message_type: MessageType,
     /// How it is sent.
     pub qos: Qos,
-    /// Usual rate [Hz], for gap detection and documentation.
+    /// Usual rate \[Hz\], for gap detection and documentation.
     pub rate_hz: f64,
 }
 

@@ -1,5 +1,11 @@
 //! The `whorl` command.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    rustdoc::invalid_html_tags,
+    reason = "doc comments of arguments are the text of --help, with units in brackets and <PLACEHOLDERS>"
+)]
+
 mod command;
 mod monitor;
 mod report;

@@ -14,9 +14,9 @@ use whorl_msgs::whorl::{
 /// A message and when it was recorded, seconds since the first message of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recorded<T> {
-    /// Recorder's clock [s].
+    /// Recorder's clock \[s\].
     pub log_time_s: f64,
-    /// The message's own stamp on the same time line [s].
+    /// The message's own stamp on the same time line \[s\].
     pub stamp_s: f64,
     /// The message.
     pub message: T,
@@ -62,7 +62,7 @@ pub struct RunData {
     pub authority: Vec<Recorded<FormationCommand>>,
     /// Diagnostics of all nodes.
     pub diagnostics: Vec<Recorded<DiagnosticArray>>,
-    /// Time between the first and the last message [s].
+    /// Time between the first and the last message \[s\].
     pub duration_s: f64,
     /// Messages on topics that the report does not use.
     pub other_messages: u64,

@@ -9,7 +9,7 @@ use crate::metrics::phase_name;
 /// One change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Happening {
-    /// When [s].
+    /// When \[s\].
     pub time_s: f64,
     /// Platform, node or "formation".
     pub who: String,

@@ -75,7 +75,7 @@ pub fn percentile(values: impl IntoIterator<Item = f64>, p: f64) -> f64 {
 pub struct Curve {
     /// Legend.
     pub name: String,
-    /// Times [s].
+    /// Times \[s\].
     pub time_s: Vec<f64>,
     /// Values in the plot's unit.
     pub value: Vec<f64>,

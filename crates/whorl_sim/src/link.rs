@@ -9,18 +9,18 @@ use whorl_node::Timestamp;
 /// A time in which nothing passes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// From the start of the run [s], >= 0.
+    /// From the start of the run \[s\], >= 0.
     pub start_s: f64,
-    /// Length [s], >= 0.
+    /// Length \[s\], >= 0.
     pub length_s: f64,
 }
 
 /// How the link behaves.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LinkParameters {
-    /// Delay of every message [s], >= 0.
+    /// Delay of every message \[s\], >= 0.
     pub delay_s: f64,
-    /// Further delay, uniformly distributed from 0 to this [s], >= 0. Messages may overtake.
+    /// Further delay, uniformly distributed from 0 to this \[s\], >= 0. Messages may overtake.
     pub jitter_s: f64,
     /// Probability that a message is lost, 0..=1.
     pub loss: f64,

@@ -12,7 +12,7 @@ use crate::node_set::NodeSet;
 pub struct Outcome {
     /// Whether the coordinator finished its experiment (or aborted it), rather than time running out.
     pub finished: bool,
-    /// Simulated time [s].
+    /// Simulated time \[s\].
     pub simulated_s: f64,
 }
 

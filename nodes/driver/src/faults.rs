@@ -38,9 +38,9 @@ pub enum FaultKind {
 pub struct Fault {
     /// What breaks.
     pub kind: FaultKind,
-    /// From the driver's start [s].
+    /// From the driver's start \[s\].
     pub start_s: f64,
-    /// For how long [s]; infinite: to the end.
+    /// For how long \[s\]; infinite: to the end.
     pub length_s: f64,
 }
 

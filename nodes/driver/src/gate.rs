@@ -18,7 +18,7 @@ pub const LONGEST_VALIDITY: Duration = Duration::from_millis(80);
 pub enum Action {
     /// Motor torque of each wheel [N m].
     Wheels(Vec<f64>),
-    /// A new slot: open each jet's valve for this long from now [s]; zero closes it, whatever is left of
+    /// A new slot: open each jet's valve for this long from now \[s\]; zero closes it, whatever is left of
     /// the slot before.
     Pulses(Vec<f64>),
     /// Close all valves, no wheel torque.

@@ -15,7 +15,7 @@ use crate::faults::{Fault, FaultKind, spoil_imu};
 use crate::gate::Action;
 use crate::hardware::{Hardware, Status};
 
-/// Rates of the slow channels [Hz].
+/// Rates of the slow channels \[Hz\].
 const BUS_RATE_HZ: f64 = 10.0;
 const TEMPERATURE_RATE_HZ: f64 = 1.0;
 /// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.

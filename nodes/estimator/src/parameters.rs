@@ -33,7 +33,7 @@ pub struct Parameters {
     pub wheels: Vec<SpinningWheel>,
     /// Torque of each jet at the reference pressure, body axes [N m].
     pub jet_torque_b_n_m: Vec<Vector3<f64>>,
-    /// Rate of `/tf` [Hz]; 0: none.
+    /// Rate of `/tf` \[Hz\]; 0: none.
     pub tf_rate_hz: f64,
 }
 
