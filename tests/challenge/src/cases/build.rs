@@ -1,0 +1,394 @@
+//! Builds a case: draws the platform, the runs and the effect, sets its size, simulates, measures.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use nalgebra::Vector3;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::ModelPrior;
+use whorl_recording::Recording;
+
+use super::catalogue::{Drawn, SINGLES, Stage, Values, draw, install, is_comparable, parameters, rivals};
+use super::plan::{Cell, Spec};
+use super::foreign;
+use crate::detectability::{Lens, Seen};
+use crate::scenario::{NoiseLevels, Stated, Style, index, measure, plan as make_plan, rng};
+use crate::truth::run::Span;
+use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
+
+/// Integration step of the truth \[s\].
+const STEP_S: f64 = 1e-3;
+
+/// What the tool is told: drawing and prior, the same for all cases but for the stated noise.
+#[derive(Debug, Clone)]
+pub struct Laboratory {
+    pub model: PlatformModel,
+    pub prior: ModelPrior,
+}
+
+impl Laboratory {
+    /// Whorl-I as its parameter file says.
+    ///
+    /// # Errors
+    /// When `params/whorl_1.yaml` cannot be read.
+    pub fn whorl_1() -> Result<Self> {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../params/whorl_1.yaml");
+        let known = whorl_recording::read_model(file.as_ref(), Some("whorl_1")).context("params/whorl_1.yaml")?;
+        let mut model = known.model;
+        model.effects.clear();
+        Ok(Self { prior: ModelPrior::typical(&model), model })
+    }
+}
+
+/// The sealed answer.
+#[derive(Debug, Clone, Serialize)]
+pub struct Answer {
+    pub key: String,
+    pub effects: Vec<String>,
+    /// Effect -> parameter -> true value; those whose interval must cover it.
+    pub comparable: BTreeMap<String, Values>,
+    pub values: BTreeMap<String, Values>,
+    /// Detectability reached.
+    pub lambda: f64,
+    /// Detectability left if the most similar effect stood in its place: below 12, nobody can tell.
+    pub separation: f64,
+    /// The most similar effect.
+    pub nearest: Option<String>,
+    pub foreign: Option<String>,
+    pub salt: String,
+}
+
+impl Answer {
+    /// Printed before the diagnosis runs.
+    #[must_use]
+    pub fn seal(&self) -> String {
+        let text = serde_json::to_string(self).unwrap_or_default();
+        Sha256::digest(text.as_bytes()).iter().map(|b| format!("{b:02x}")).collect()
+    }
+}
+
+/// A case, ready for the tool.
+pub struct Built {
+    pub spec: Spec,
+    pub training: Vec<Recording>,
+    pub held_out: Vec<Recording>,
+    /// More training data, for confounded cases.
+    pub follow_up: Vec<Recording>,
+    pub model: PlatformModel,
+    pub prior: ModelPrior,
+    pub answer: Answer,
+}
+
+/// Runs and platform shared by the cases of a group.
+pub struct Stand {
+    body: Body,
+    plans: Vec<Plan>,
+    held_out: Plan,
+    follow_up: Option<Plan>,
+    stage: Stage,
+    levels: NoiseLevels,
+    lens: Lens,
+    follow_lens: Option<Lens>,
+    styles: Vec<Style>,
+}
+
+/// Which stand a case is run on: cases that share one are built faster.
+#[must_use]
+pub fn stand_key(spec: &Spec) -> String {
+    match spec.cell {
+        Cell::Single | Cell::Pair | Cell::Outside => {
+            let group = match spec.cell {
+                Cell::Single => SINGLES.iter().position(|e| *e == spec.effects[0]).unwrap_or(0) / 8,
+                Cell::Pair => 10 + spec.seed as usize % 3,
+                _ => 20,
+            };
+            format!("rich/{group}/{}", spec.seed)
+        }
+        Cell::Control => format!("control/{}", spec.seed),
+        Cell::Confounded => format!("confounded/{}/{}", spec.effects[0], spec.seed),
+        Cell::ClosedLoop => format!("closed_loop/{}", spec.seed),
+        Cell::Bench => format!("bench/{}", spec.seed),
+    }
+}
+
+impl Stand {
+    /// Draws platform and runs.
+    #[must_use]
+    pub fn new(laboratory: &Laboratory, key: &str, spec: &Spec) -> Self {
+        let body = Body::built(&laboratory.model, &laboratory.prior, &mut rng(&format!("{key}/body")));
+        let none = Hidden::none(body.wheels.len(), body.jets.len());
+        let (styles, held, follow) = match spec.cell {
+            Cell::Confounded if spec.effects[0] == "spin" => {
+                (vec![Style::NarrowSpin; 3], Style::NarrowSpin, Some(Style::CoastDown))
+            }
+            Cell::Confounded => (vec![Style::FixedHeading; 3], Style::FixedHeading, Some(Style::SlowTurn)),
+            Cell::ClosedLoop => (vec![Style::ClosedLoop; 3], Style::ClosedLoop, None),
+            Cell::Bench => (vec![Style::Bench; 2], Style::Bench, None),
+            _ => (vec![Style::Multisine, Style::YawTurns, Style::Mixed], Style::Mixed, None),
+        };
+        let make = |style: Style, name: &str| make_plan(style, name, &body, &none, &format!("{key}/{name}"));
+        let plans: Vec<Plan> =
+            styles.iter().enumerate().map(|(i, s)| make(*s, &format!("run_{}", i + 1))).collect();
+        let held_out = make(held, "held_out");
+        let follow_up = follow.map(|style| make(style, "follow_up"));
+        let mechanics = Mechanics::new(body.clone(), none.clone());
+        let (mut tilt, mut rate) = (0.0_f64, 0.0_f64);
+        let mut yaw_sum = 0.0;
+        for plan in &plans {
+            let mut plan = plan.clone();
+            let start = plan.start.clone();
+            let span =
+                Span { from_slot: 0, to_slot: plan.wheel_command_n_m.len(), step_s: 0.01, mark_every: usize::MAX };
+            let trace = simulate(&mechanics, &mut plan, &start, span, None);
+            tilt = tilt.max(trace.largest_tilt_rad);
+            rate = rate.max(trace.largest_rate_rad_s);
+            let x = start.q_world_body * Vector3::x();
+            yaw_sum += x.y.atan2(x.x) / plans.len() as f64;
+        }
+        let count = |j: usize| plans.iter().map(|p| p.pulses[j].len()).sum::<usize>();
+        let stage = Stage {
+            wheels: laboratory.model.wheels.iter().map(|w| w.name.clone()).collect(),
+            jets: laboratory.model.jets.iter().map(|j| j.name.clone()).collect(),
+            firing: (0..body.jets.len()).filter(|j| count(*j) >= 4 || spec.cell == Cell::Bench).collect(),
+            largest_tilt_rad: tilt,
+            largest_rate_rad_s: rate,
+            mean_yaw_rad: yaw_sum,
+        };
+        let levels = NoiseLevels::of(&laboratory.model);
+        // Controls need no lens; one segment of nothing is enough.
+        let seen: &[Plan] = if spec.cell == Cell::Control { &[] } else { &plans };
+        let lens = Lens::new(&body, seen, &levels, &laboratory.prior);
+        let follow_lens = follow_up.as_ref().map(|follow| {
+            let mut all = plans.clone();
+            all.push(follow.clone());
+            Lens::new(&body, &all, &levels, &laboratory.prior)
+        });
+        Self { body, plans, held_out, follow_up, stage, levels, lens, follow_lens, styles }
+    }
+
+    fn hidden(&self, effects: &[(&str, Values)]) -> Hidden {
+        let mut hidden = Hidden::none(self.body.wheels.len(), self.body.jets.len());
+        for (id, values) in effects {
+            install(&mut hidden, id, values, &self.stage, self.body.weight_n);
+        }
+        hidden
+    }
+
+    /// The size at which `see` has this detectability, if there is one.
+    fn size_for(&self, lambda: f64, largest: f64, see: impl Fn(f64) -> f64) -> Option<(f64, f64)> {
+        let mut size = 1.0_f64.min(largest);
+        let mut best = None;
+        for _ in 0..7 {
+            let reached = see(size);
+            if (0.85..1.2).contains(&(reached / lambda)) {
+                return Some((size, reached));
+            }
+            if reached / lambda > 0.6 && reached / lambda < 1.7 {
+                best = Some((size, reached));
+            }
+            if !(reached > 0.0) {
+                size *= 4.0;
+            } else {
+                size *= (lambda / reached).sqrt().clamp(0.02, 20.0);
+            }
+            if size > largest {
+                if best.is_some() {
+                    return best;
+                }
+                size = largest;
+            }
+        }
+        best
+    }
+
+    fn sized(&self, drawn: &Drawn, lambda: f64) -> Option<(Values, f64)> {
+        let see = |size: f64| {
+            let hidden = self.hidden(&[(drawn.id, drawn.at(size, &self.stage))]);
+            self.lens.lambda(&self.lens.see(&hidden))
+        };
+        let (size, reached) = self.size_for(lambda, drawn.largest_size, see)?;
+        Some((drawn.at(size, &self.stage), reached))
+    }
+
+    /// What an effect could show, one parameter at a time.
+    fn columns(&self, lens: &Lens, id: &str) -> Vec<Seen> {
+        parameters(id, &self.stage)
+            .into_iter()
+            .map(|(name, step)| lens.see(&self.hidden(&[(id, Values::from([(name, step)]))])))
+            .collect()
+    }
+}
+
+/// Simulates and measures one run.
+fn record(
+    stand: &Stand,
+    style: Style,
+    plan: &Plan,
+    hidden: &Hidden,
+    laboratory: &Laboratory,
+    key: &str,
+) -> Result<Recording> {
+    let mut plan = if style == Style::ClosedLoop {
+        // The controller feels the effect.
+        make_plan(style, &plan.name, &stand.body, hidden, &format!("{key}/closed_loop/{}", plan.name))
+    } else {
+        plan.clone()
+    };
+    let mechanics = Mechanics::new(stand.body.clone(), hidden.clone());
+    let start = plan.start.clone();
+    let span =
+        Span { from_slot: 0, to_slot: plan.wheel_command_n_m.len(), step_s: STEP_S, mark_every: usize::MAX };
+    let trace = simulate(&mechanics, &mut plan, &start, span, None);
+    if trace.largest_tilt_rad > 0.985 * stand.body.tilt_max_rad {
+        bail!("the platform would touch its stop");
+    }
+    let mut noise = rng(&format!("{key}/noise/{}", plan.name));
+    Ok(measure(&trace, &plan, &stand.levels, &laboratory.model, false, &mut noise))
+}
+
+/// Builds a case on its stand.
+///
+/// # Errors
+/// When no plausible size of the effect has the detectability asked for, or the runs are not possible.
+pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result<Built> {
+    let key = spec.key();
+    let mut random = rng(&format!("{key}/effect"));
+    let lambda = f64::from(spec.lambda);
+    let mut answer = Answer {
+        key: key.clone(),
+        effects: Vec::new(),
+        comparable: BTreeMap::new(),
+        values: BTreeMap::new(),
+        lambda: 0.0,
+        separation: f64::INFINITY,
+        nearest: None,
+        foreign: None,
+        salt: format!("{:016x}", rand_salt(&key)),
+    };
+    let mut hidden = stand.hidden(&[]);
+    match spec.cell {
+        Cell::Outside => {
+            let name = spec.effects[0].clone();
+            let foreign = foreign::draw(&name, &stand.stage, &stand.plans, &mut random);
+            let imitators: Vec<Seen> = foreign::expected(&name)
+                .imitators
+                .iter()
+                .flat_map(|id| stand.columns(&stand.lens, id))
+                .collect();
+            let at = |size: f64| Hidden { foreign: foreign::scaled(&foreign, size), ..stand.hidden(&[]) };
+            let see = |size: f64| stand.lens.beyond(&stand.lens.see(&at(size)), &imitators);
+            if name == "swapped_axes" {
+                hidden = at(1.0);
+                answer.lambda = see(1.0);
+            } else {
+                let (size, reached) =
+                    stand.size_for(lambda, 60.0, see).context("no size of it shows so much and no more")?;
+                hidden = at(size);
+                answer.lambda = reached;
+            }
+            answer.foreign = Some(name);
+        }
+        Cell::Pair => {
+            let mut names: Vec<&'static str> = Vec::new();
+            for _ in 0..40 {
+                let id = SINGLES[index(&mut random, SINGLES.len())];
+                let is_rival = names.iter().any(|n| *n == id || rivals(n).contains(&id));
+                if !is_rival {
+                    let drawn = draw(id, &stand.stage, &mut random);
+                    if let Some((values, reached)) = stand.sized(&drawn, lambda) {
+                        names.push(id);
+                        answer.lambda = reached;
+                        note(&mut answer, id, values);
+                    }
+                }
+                if names.len() == 2 {
+                    break;
+                }
+            }
+            let effects: Vec<(&str, Values)> = answer.values.iter().map(|(id, v)| (id.as_str(), v.clone())).collect();
+            hidden = stand.hidden(&effects);
+            // Each must show beside the other.
+            for (id, _) in &effects {
+                let alone = stand.lens.see(&stand.hidden(&[(*id, answer.values[*id].clone())]));
+                let others: Vec<Seen> = effects
+                    .iter()
+                    .filter(|(other, _)| other != id)
+                    .flat_map(|(other, _)| stand.columns(&stand.lens, other))
+                    .collect();
+                answer.separation = answer.separation.min(stand.lens.beyond(&alone, &others));
+            }
+        }
+        Cell::Control => {}
+        Cell::Single | Cell::Confounded | Cell::ClosedLoop | Cell::Bench => {
+            if let Some(id) = spec.effects.last().and_then(|e| SINGLES.iter().find(|s| *s == e)) {
+                let drawn = draw(id, &stand.stage, &mut random);
+                let (values, reached) =
+                    stand.sized(&drawn, lambda).context("no plausible size has this detectability")?;
+                let seen = stand.lens.see(&stand.hidden(&[(id, values.clone())]));
+                for rival in rivals(id) {
+                    let left = stand.lens.beyond(&seen, &stand.columns(&stand.lens, rival));
+                    if left < answer.separation {
+                        answer.separation = left;
+                        answer.nearest = Some((*rival).to_owned());
+                    }
+                }
+                hidden = stand.hidden(&[(id, values.clone())]);
+                answer.lambda = reached;
+                note(&mut answer, id, values);
+            }
+        }
+    }
+
+    let style = |i: usize| stand.styles.get(i).copied().unwrap_or(Style::Mixed);
+    let run = |style: Style, plan: &Plan| record(stand, style, plan, &hidden, laboratory, &key);
+    let training =
+        stand.plans.iter().enumerate().map(|(i, p)| run(style(i), p)).collect::<Result<Vec<_>>>()?;
+    let held_out = vec![run(style(0).held_out(), &stand.held_out)?];
+    let follow_up = match &stand.follow_up {
+        Some(plan) => vec![run(Style::Mixed, plan)?],
+        None => Vec::new(),
+    };
+    let mut model = laboratory.model.clone();
+    Stated::draw(&mut rng(&format!("{key}/stated"))).apply(&mut model);
+    Ok(Built {
+        spec: spec.clone(),
+        training,
+        held_out,
+        follow_up,
+        prior: laboratory.prior.clone(),
+        model,
+        answer,
+    })
+}
+
+/// How far the follow-up data separate a confounded case, for reports.
+#[must_use]
+pub fn separation_after_follow_up(stand: &Stand, answer: &Answer) -> Option<f64> {
+    let lens = stand.follow_lens.as_ref()?;
+    let (id, values) = answer.values.iter().next()?;
+    let seen = lens.see(&stand.hidden(&[(id, values.clone())]));
+    rivals(id).iter().map(|rival| lens.beyond(&seen, &stand.columns(lens, rival))).min_by(f64::total_cmp)
+}
+
+fn note(answer: &mut Answer, id: &str, values: Values) {
+    let comparable: Values =
+        values.iter().filter(|(name, _)| is_comparable(id, name)).map(|(n, v)| (n.clone(), *v)).collect();
+    answer.effects.push(id.to_owned());
+    answer.comparable.insert(id.to_owned(), comparable);
+    answer.values.insert(id.to_owned(), values);
+}
+
+fn rand_salt(key: &str) -> u64 {
+    Sha256::digest(format!("salt of {key}").as_bytes()).iter().take(8).fold(0, |sum, b| (sum << 8) | u64::from(*b))
+}
+
+impl Style {
+    /// The style of the held-out run beside training runs of this one.
+    fn held_out(self) -> Self {
+        if self == Self::ClosedLoop { Self::ClosedLoop } else { Self::Mixed }
+    }
+}
+

@@ -1,0 +1,122 @@
+//! Effects outside the library.
+
+use nalgebra::Vector3;
+use rand_pcg::Pcg64;
+
+use super::catalogue::Stage;
+use crate::scenario::{between, index, normal, sign};
+use crate::truth::{Foreign, Plan};
+
+/// Their names.
+pub const FOREIGN: [&str; 10] = [
+    "vane",
+    "oval_bearing",
+    "warm_cg",
+    "drifting_cg",
+    "pump",
+    "gear",
+    "bursting_leak",
+    "stick_slip",
+    "swapped_axes",
+    "voltage_torque",
+];
+
+/// What an answer may say.
+#[derive(Debug, Clone, Copy)]
+pub struct Expected {
+    /// Driving variables that are right; an answer need only contain one of these words.
+    pub variables: &'static [&'static str],
+    /// Names from the catalogue that are not wrong: they describe the same thing well enough.
+    pub names: &'static [&'static str],
+    /// Effects of the catalogue that may imitate it; its size is set by what they leave.
+    pub imitators: &'static [&'static str],
+}
+
+/// What is right for each.
+#[must_use]
+pub fn expected(name: &str) -> Expected {
+    let (variables, names, imitators): (&[_], &[_], &[_]) = match name {
+        "vane" => (
+            &["yaw_rate", "rate_z", "omega_z", "rate"],
+            &[],
+            &["gyro_misalignment", "air_drag_quadratic", "wheel_misalignment", "bearing_viscous_friction"],
+        ),
+        "oval_bearing" => {
+            (&["yaw", "azimuth", "heading"], &[], &["magnetic_torque", "air_current", "bearing_turbine"])
+        }
+        "warm_cg" => (&["temperature", "time"], &["mass_shift"], &["mass_shift", "air_current", "accel_bias"]),
+        "drifting_cg" => (&["time", "temperature"], &[], &["mass_shift", "air_current", "accel_bias"]),
+        "pump" => (
+            &["time", "frequency", "periodic"],
+            &["air_current_periodic"],
+            &["air_current", "magnetic_torque", "flexible_mode"],
+        ),
+        "gear" => (&["wheel"], &[], &["wheel_friction", "wheel_windage", "bearing_turbine"]),
+        "bursting_leak" => (
+            &["time"],
+            &["thruster_leak"],
+            &["thruster_leak", "air_current", "bearing_turbine", "magnetic_torque"],
+        ),
+        "stick_slip" => (
+            &["rate"],
+            &["bearing_coulomb_friction"],
+            &["bearing_viscous_friction", "bearing_coulomb_friction", "air_drag_quadratic"],
+        ),
+        "swapped_axes" => (&["rate", "gyro", "omega"], &["gyro_misalignment"], &[]),
+        _ => (&["voltage"], &[], &["air_current", "bearing_turbine", "magnetic_torque", "thruster_leak"]),
+    };
+    Expected { variables, names, imitators }
+}
+
+/// Draws one: at size 1, and how large it may be.
+pub fn draw(name: &str, stage: &Stage, plans: &[Plan], rng: &mut Pcg64) -> Foreign {
+    let mut foreign = Foreign::default();
+    match name {
+        "vane" => foreign.vane_n_m_s3 = sign(rng),
+        "oval_bearing" => foreign.oval_n_m = 1e-3 * sign(rng),
+        "warm_cg" => foreign.warm_cg_n_m_k = Vector3::new(normal(rng), normal(rng), 0.0) * 2e-3,
+        "drifting_cg" => foreign.drift_cg_n_m_s = Vector3::new(normal(rng), normal(rng), 0.0) * 1e-4,
+        "pump" => {
+            foreign.pump_b_n_m = Vector3::new(normal(rng), normal(rng), normal(rng)) * 2e-3;
+            foreign.pump_hz = between(rng, 0.3, 1.2);
+        }
+        "gear" => {
+            foreign.gear_n_m = 5e-3;
+            // A few hertz at most at usual speeds: harmonic drives and belts have such.
+            foreign.gear_teeth = between(rng, 0.05, 0.12);
+        }
+        "bursting_leak" => {
+            foreign.burst_leak_n = 0.01;
+            foreign.burst_jet = index(rng, stage.jets.len());
+            let longest = plans.iter().map(|p| p.duration_s).fold(0.0, f64::max);
+            let mut time_s = between(rng, 2.0, 10.0);
+            while time_s < longest {
+                let length = between(rng, 3.0, 9.0);
+                foreign.burst_s.push((time_s, time_s + length));
+                time_s += length + between(rng, 4.0, 12.0);
+            }
+        }
+        "stick_slip" => foreign.stick_slip_n_m = 3e-3,
+        "swapped_axes" => foreign.gyro_xy_swapped = true,
+        _ => foreign.voltage_torque_n_m_v = 2e-3 * sign(rng),
+    }
+    foreign
+}
+
+/// The same at another size.
+#[must_use]
+pub fn scaled(foreign: &Foreign, size: f64) -> Foreign {
+    Foreign {
+        cubic_yaw_n_m_s3: foreign.cubic_yaw_n_m_s3 * size,
+        vane_n_m_s3: foreign.vane_n_m_s3 * size,
+        oval_n_m: foreign.oval_n_m * size,
+        warm_cg_n_m_k: foreign.warm_cg_n_m_k * size,
+        drift_cg_n_m_s: foreign.drift_cg_n_m_s * size,
+        pump_b_n_m: foreign.pump_b_n_m * size,
+        gear_n_m: foreign.gear_n_m * size,
+        burst_leak_n: foreign.burst_leak_n * size,
+        stick_slip_n_m: foreign.stick_slip_n_m * size,
+        voltage_torque_n_m_v: foreign.voltage_torque_n_m_v * size,
+        ..foreign.clone()
+    }
+}

@@ -1,0 +1,259 @@
+//! What data can show, whoever looks at them: the drop of the misfit that an effect causes after
+//! everything that is uncertain anyway has been refitted.
+//!
+//! Each run is cut into segments of 30 s. In a segment the platform is simulated from the same motion
+//! with and without the effect, commands the same; the difference of all that is measured, divided by
+//! the noise (coloured parts included), is projected off the segment's own start (attitude, rates, wheel
+//! speeds), slow bias, and, over all segments together, off the platform's uncertain constants and the
+//! runs' biases within their priors. The square that is left is the detectability lambda: twice the log
+//! likelihood ratio that a perfect analyst gains who knows the formula. A start of its own for each
+//! segment stands for what no analyst can use: coherence over minutes.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, UnitQuaternion, Vector3};
+use whorl_dynamics::platform::ModelPrior;
+
+use crate::scenario::NoiseLevels;
+use crate::truth::run::Span;
+use crate::truth::{Body, Constant, Hidden, Mechanics, Motion, Plan, Trace, simulate};
+
+/// Slots in a segment: 30 s.
+const SEGMENT_SLOTS: usize = 1500;
+/// Integration step \[s\].
+const STEP_S: f64 = 0.01;
+
+struct Segment {
+    run: usize,
+    span: Span,
+    start: Motion,
+    base: DVector<f64>,
+    /// Orthonormal: what the start and the slow bias can do.
+    local: DMatrix<f64>,
+    /// Sensitivities to the uncertain constants, `local` projected off.
+    columns: DMatrix<f32>,
+}
+
+/// Set of runs through which effects are seen.
+pub struct Lens {
+    body: Body,
+    plans: Vec<Plan>,
+    levels: NoiseLevels,
+    segments: Vec<Segment>,
+    normal: Cholesky<f64, Dyn>,
+    count: usize,
+}
+
+/// An effect as the data show it.
+pub struct Seen {
+    square: f64,
+    against: DVector<f64>,
+    parts: Vec<DVector<f32>>,
+}
+
+/// All that is measured, in units of its noise.
+fn whitened(trace: &Trace, levels: &NoiseLevels) -> DVector<f64> {
+    let mut values = Vec::new();
+    let two = 2.0_f64.sqrt();
+    let gyro = 1.0 / NoiseLevels::effective(levels.gyro_rad_s);
+    let accel = two / NoiseLevels::effective(levels.accel_m_s2);
+    for y in &trace.gyro_b_rad_s {
+        values.extend((y * gyro).iter());
+    }
+    for y in trace.force_b_m_s2.iter().step_by(2) {
+        values.extend((y * accel).iter());
+    }
+    for y in trace.wheel_rad_s.iter().step_by(2) {
+        values.extend(y.iter().map(|x| x * two / levels.wheel_rad_s));
+    }
+    for y in &trace.direction_b {
+        values.extend((y / levels.vector_rad).iter());
+    }
+    // The prior of the segment's slow bias, as three measurements.
+    values.extend([0.0; 3]);
+    DVector::from_vec(values)
+}
+
+/// Gram-Schmidt, twice; columns that are nothing new are dropped.
+fn orthonormal(columns: Vec<DVector<f64>>) -> DMatrix<f64> {
+    let rows = columns.first().map_or(0, DVector::len);
+    let mut kept: Vec<DVector<f64>> = Vec::new();
+    for mut column in columns {
+        let before = column.norm();
+        for _ in 0..2 {
+            for q in &kept {
+                column -= q * q.dot(&column);
+            }
+        }
+        let after = column.norm();
+        if after > 1e-9 * before && after > 0.0 {
+            kept.push(column / after);
+        }
+    }
+    if kept.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&kept) }
+}
+
+impl Lens {
+    /// Looks through these runs of this platform.
+    #[must_use]
+    pub fn new(body: &Body, plans: &[Plan], levels: &NoiseLevels, prior: &ModelPrior) -> Self {
+        let base = Mechanics::new(body.clone(), Hidden::none(body.wheels.len(), body.jets.len()));
+        let constants = body.uncertain(prior);
+        let count = constants.len() + 6 * plans.len();
+        let mut normal = DMatrix::<f64>::identity(count, count);
+        let mut segments = Vec::new();
+        for (run, plan) in plans.iter().enumerate() {
+            let slots = plan.wheel_command_n_m.len();
+            let whole = Span { from_slot: 0, to_slot: slots, step_s: STEP_S, mark_every: SEGMENT_SLOTS };
+            let mut plan = plan.clone();
+            let start = plan.start.clone();
+            let marks = simulate(&base, &mut plan, &start, whole, None).marks;
+            for (i, from_slot) in (0..slots).step_by(SEGMENT_SLOTS).enumerate() {
+                let to_slot = (from_slot + SEGMENT_SLOTS).min(slots);
+                let span = Span { from_slot, to_slot, ..whole };
+                let start = Motion { slosh: None, flex: [0.0; 2], ..marks[i].clone() };
+                let segment = segment(&base, &mut plan, run, span, start, levels, &constants, plans.len());
+                let wide = segment.columns.map(f64::from);
+                normal += wide.tr_mul(&wide);
+                segments.push(segment);
+            }
+        }
+        // Identity plus squares: positive definite.
+        let normal = Cholesky::new(normal).unwrap_or_else(|| Cholesky::pack_dirty(DMatrix::identity(count, count)));
+        Self { body: body.clone(), plans: plans.to_vec(), levels: levels.clone(), segments, normal, count }
+    }
+
+    /// The platform's constants.
+    #[must_use]
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// What these hidden effects change.
+    #[must_use]
+    pub fn see(&self, hidden: &Hidden) -> Seen {
+        let mechanics = Mechanics::new(self.body.clone(), hidden.clone());
+        let mut plans = self.plans.clone();
+        let mut seen = Seen { square: 0.0, against: DVector::zeros(self.count), parts: Vec::new() };
+        for segment in &self.segments {
+            let trace = simulate(&mechanics, &mut plans[segment.run], &segment.start, segment.span, None);
+            let mut difference = whitened(&trace, &self.levels) - &segment.base;
+            difference -= &segment.local * segment.local.tr_mul(&difference);
+            seen.square += difference.norm_squared();
+            let narrow = difference.map(|x| x as f32);
+            seen.against += segment.columns.tr_mul(&narrow).map(f64::from);
+            seen.parts.push(narrow);
+        }
+        seen
+    }
+
+    fn product(&self, a: &Seen, b: &Seen) -> f64 {
+        let direct: f64 = a.parts.iter().zip(&b.parts).map(|(x, y)| f64::from(x.dot(y))).sum();
+        direct - a.against.dot(&self.normal.solve(&b.against))
+    }
+
+    /// Detectability of an effect.
+    #[must_use]
+    pub fn lambda(&self, seen: &Seen) -> f64 {
+        (seen.square - seen.against.dot(&self.normal.solve(&seen.against))).max(0.0)
+    }
+
+    /// What is left of it when these others may take its place.
+    #[must_use]
+    pub fn beyond(&self, seen: &Seen, others: &[Seen]) -> f64 {
+        let others: Vec<&Seen> = others.iter().filter(|o| self.lambda(o) > 1e-9).collect();
+        let n = others.len();
+        if n == 0 {
+            return self.lambda(seen);
+        }
+        let scale: Vec<f64> = others.iter().map(|o| self.lambda(o).sqrt()).collect();
+        let gram = DMatrix::from_fn(n, n, |i, j| {
+            self.product(others[i], others[j]) / (scale[i] * scale[j]) + if i == j { 1e-6 } else { 0.0 }
+        });
+        let side = DVector::from_fn(n, |i, _| self.product(others[i], seen) / scale[i]);
+        let taken = Cholesky::new(gram).map_or(0.0, |c| side.dot(&c.solve(&side)));
+        (self.lambda(seen) - taken).max(0.0)
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "one call")]
+fn segment(
+    base: &Mechanics,
+    plan: &mut Plan,
+    run: usize,
+    span: Span,
+    start: Motion,
+    levels: &NoiseLevels,
+    constants: &[(Constant, f64)],
+    runs: usize,
+) -> Segment {
+    let mut outputs = |mechanics: &Mechanics, start: &Motion| {
+        whitened(&simulate(mechanics, plan, start, span, None), levels)
+    };
+    let reference = outputs(base, &start);
+    let rows = reference.len();
+    let mut free = Vec::new();
+    for i in 0..9 {
+        let mut other = start.clone();
+        let size = match i {
+            0..3 => {
+                let mut turn = Vector3::zeros();
+                turn[i] = 1e-4;
+                other.q_world_body *= UnitQuaternion::from_scaled_axis(turn);
+                1e-4
+            }
+            3..6 => {
+                other.omega_b_rad_s[i - 3] += 1e-4;
+                1e-4
+            }
+            _ => {
+                other.wheel_speed_rad_s[i - 6] += 1e-2;
+                1e-2
+            }
+        };
+        free.push((outputs(base, &other) - &reference) / size);
+    }
+    let samples = (span.to_slot - span.from_slot) * 2;
+    let has_imu = !plan_is_clamped(&reference, samples);
+    let bias = |axis: usize, of_gyro: bool| {
+        let mut column = DVector::zeros(rows);
+        let two = 2.0_f64.sqrt();
+        let (first, number, weight) = if of_gyro {
+            (0, samples, 1.0 / NoiseLevels::effective(levels.gyro_rad_s))
+        } else {
+            (3 * samples, samples / 2, two / NoiseLevels::effective(levels.accel_m_s2))
+        };
+        if has_imu {
+            for i in 0..number {
+                column[first + 3 * i + axis] = weight;
+            }
+        }
+        column
+    };
+    for axis in 0..3 {
+        let mut column = bias(axis, true);
+        column[rows - 3 + axis] = 1.0 / NoiseLevels::slow(levels.gyro_rad_s);
+        free.push(column);
+    }
+    let local = orthonormal(free);
+    let count = constants.len() + 6 * runs;
+    let mut columns = DMatrix::<f64>::zeros(rows, count);
+    for (i, (constant, stddev)) in constants.iter().enumerate() {
+        let mut body = base.body.clone();
+        let by = 0.2 * stddev;
+        body.shift(*constant, by);
+        let other = Mechanics::new(body, base.hidden.clone());
+        columns.set_column(i, &((outputs(&other, &start) - &reference) / 0.2));
+    }
+    for axis in 0..3 {
+        let first = constants.len() + 6 * run;
+        columns.set_column(first + axis, &(bias(axis, true) * levels.gyro_turn_on_rad_s));
+        columns.set_column(first + 3 + axis, &(bias(axis, false) * levels.accel_turn_on_m_s2));
+    }
+    let along = local.tr_mul(&columns);
+    columns -= &local * along;
+    Segment { run, span, start, base: reference, local, columns: columns.map(|x| x as f32) }
+}
+
+/// A clamped run has wheel speeds only.
+fn plan_is_clamped(reference: &DVector<f64>, samples: usize) -> bool {
+    reference.len() < 3 * samples + 3
+}
