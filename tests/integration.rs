@@ -4,8 +4,8 @@
 //! - `replay`: recordings through single cores, to the bit.
 //! - `ros`: the node set as real processes over DDS, one fault after the other.
 //!
-//! The processes' binaries are built once, with the profile of the tests; `WHORL_TEST_BIN` names a
-//! folder that has them already. `WHORL_FAST_TESTS=1` leaves out what takes more than a minute.
+//! The processes' binaries are built once, with the profile of the tests. README.md tells of variables and
+//! of what needs root.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
