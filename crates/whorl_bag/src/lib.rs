@@ -32,7 +32,10 @@ mod yaml;
 mod zstandard;
 
 pub use background::BackgroundRunWriter;
-pub use csv::{CsvError, CsvMap, CsvRecording, CsvSamples, ExportedTopic, TruthMap, VectorMap, export_csv};
+pub use csv::{
+    Channel, CsvError, CsvMap, CsvPulse, CsvRecording, CsvRow, CsvRows, CsvSamples, ExportedTopic,
+    JetCommand, JetMap, JetQuantity, PlatformParts, Slot, TimeMap, TruthMap, VectorMap, export_csv,
+};
 pub use error::BagError;
 pub use manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
 pub use measurements::{MEASURED_TOPICS, Measurement, measurements, stamp_of};

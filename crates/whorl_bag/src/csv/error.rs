@@ -53,6 +53,20 @@ pub enum CsvError {
         /// The cell.
         text: String,
     },
+    /// A number that its quantity cannot have.
+    #[error("{}:{line}: column `{column}`: {text} is refused; {allowed}", path.display())]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// The line.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The cell.
+        text: String,
+        /// What is allowed.
+        allowed: String,
+    },
     /// The time does not increase.
     #[error("{}:{line}: column `{column}`: time {time_s} s does not come after {previous_s} s", path.display())]
     TimeOrder {

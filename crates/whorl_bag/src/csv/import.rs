@@ -1,27 +1,32 @@
-//! Measurements from CSV files.
+//! Measurements from CSV files, as a driver would have sent them: for replay.
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Unit, Vector3};
 use whorl_msgs::geometry_msgs::Vector3Stamped;
-use whorl_msgs::sensor_msgs::Imu;
+use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
 use whorl_msgs::whorl::AttitudeEstimate;
 use whorl_msgs::{Topic, geometry_msgs, std_msgs};
 use whorl_node::Timestamp;
 
 use super::reference::ReferenceSearch;
-use super::table::{Column, Table};
+use super::rows::{CsvRow, CsvRows};
 use super::{CsvError, CsvMap};
 use crate::measurements::Measurement;
+
+/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
+const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// A CSV file of measurements that was read once and found to be good.
 ///
 /// Line by line, at time `t - t_first` after the start:
 /// - `imu/data_raw` where all six numbers are there;
-/// - `vector_sensor/direction`, of length 1, where all three are there and differ from those of the line
-///   before: files often repeat the last value of a slower sensor, and a repeated value is no measurement;
-/// - `truth/state` where all four numbers are there. Rates and gyro bias are NaN: the file does not know
-///   them. Its health is `HEALTH_OK`, or `HEALTH_DEGRADED` in lines that are not to be scored.
+/// - `vector_sensor/direction` of the first vector sensor, of length 1, where all three are there and differ
+///   from those of the line before: files often repeat the last value of a slower sensor, and a repeated value
+///   is no measurement (unless the map says that it is);
+/// - `wheels/state`, `battery`, `tank_pressure`, `temperature` where there are numbers;
+/// - `truth/state` where all four numbers are there. Gyro bias is NaN, and the rate if the file does not have it.
+///   Its health is `HEALTH_OK`, or `HEALTH_DEGRADED` in lines that are not to be scored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CsvRecording {
     path: PathBuf,
@@ -37,24 +42,22 @@ impl CsvRecording {
     /// # Errors
     /// The first thing that is wrong, see [`CsvError`].
     pub fn open(path: &Path, map: &CsvMap) -> Result<Self, CsvError> {
-        let mut rows = Rows::open(path, map)?;
-        let mut search = map
-            .vector
-            .as_ref()
-            .filter(|vector| vector.reference_world.is_none())
-            .map(|_| ReferenceSearch::default());
-        let mut vector_reference_world = map.vector.as_ref().and_then(|vector| vector.reference_world);
-        let (mut count, mut first_s, mut last_s) = (0, None, 0.0);
-        while let Some(row) = rows.next()? {
+        let mut rows = CsvRows::open(path, map)?;
+        let first = map.vectors.first();
+        let mut search =
+            first.filter(|vector| vector.reference_world.is_none()).map(|_| ReferenceSearch::default());
+        let mut vector_reference_world = first.and_then(|vector| vector.reference_world);
+        let (mut count, mut first_ns, mut last_ns) = (0, None, 0);
+        while let Some(row) = rows.next_row()? {
             count += 1;
-            first_s.get_or_insert(row.time_s);
-            last_s = row.time_s;
+            first_ns.get_or_insert(row.time_ns);
+            last_ns = row.time_ns;
             if let Some(found) = search.as_mut().and_then(|search| search.add(&row)) {
                 vector_reference_world = Some(found);
                 search = None;
             }
         }
-        let Some(first_s) = first_s else { return Err(CsvError::Empty { path: path.to_owned() }) };
+        let Some(first_ns) = first_ns else { return Err(CsvError::Empty { path: path.to_owned() }) };
         if let Some(search) = search {
             let found = search.at_the_end();
             vector_reference_world =
@@ -65,11 +68,11 @@ impl CsvRecording {
             map: map.clone(),
             vector_reference_world,
             rows: count,
-            duration_s: last_s - first_s,
+            duration_s: Timestamp(last_ns).seconds_since(Timestamp(first_ns)),
         })
     }
 
-    /// The direction in the world that the vector sensor measures: from the map, or determined from the
+    /// The direction in the world that the first vector sensor measures: from the map, or determined from the
     /// first second in which the body is still. With truth it is the mean of the measurements in the
     /// truth's world. Without, only its angle to the vertical can be known, and north (y) is put where the
     /// measured direction points. `None` without a vector sensor.
@@ -96,10 +99,11 @@ impl CsvRecording {
     /// When the file cannot be opened any more. The items have errors when it has changed since.
     pub fn samples(&self, platform: &str, start: Timestamp) -> Result<CsvSamples, CsvError> {
         Ok(CsvSamples {
-            rows: Rows::open(&self.path, &self.map)?,
+            rows: CsvRows::open(&self.path, &self.map)?,
+            repeats: self.map.vectors.first().is_some_and(|vector| vector.repeats),
             frame_id: format!("{platform}/base_link"),
             start,
-            first_s: None,
+            first_ns: None,
             last_vector: None,
             truths: 0,
             pending: Vec::new(),
@@ -108,103 +112,13 @@ impl CsvRecording {
     }
 }
 
-/// One line in SI units.
-pub(crate) struct Row {
-    pub time_s: f64,
-    /// Rate [rad/s] and specific force [m/s^2], body axes.
-    pub imu: Option<(Vector3<f64>, Vector3<f64>)>,
-    pub vector_b: Option<Unit<Vector3<f64>>>,
-    pub q_world_body: Option<UnitQuaternion<f64>>,
-    pub scored: bool,
-}
-
-/// Reads lines and checks them.
-struct Rows {
-    path: PathBuf,
-    table: Table,
-    map: CsvMap,
-    time: Column,
-    gyro: [Column; 3],
-    accelerometer: [Column; 3],
-    vector: Option<[Column; 3]>,
-    truth: Option<[Column; 4]>,
-    scored: Option<Column>,
-    previous_s: Option<f64>,
-}
-
-impl Rows {
-    fn open(path: &Path, map: &CsvMap) -> Result<Self, CsvError> {
-        let table = Table::open(path, map.delimiter)?;
-        let scored = map.true_attitude.as_ref().and_then(|truth| truth.scored_column.as_ref());
-        Ok(Self {
-            path: path.to_owned(),
-            time: table.column(&map.time_column)?,
-            gyro: table.columns(&map.gyro_columns)?,
-            accelerometer: table.columns(&map.accelerometer_columns)?,
-            vector: map.vector.as_ref().map(|vector| table.columns(&vector.columns)).transpose()?,
-            truth: map.true_attitude.as_ref().map(|truth| table.columns(&truth.columns)).transpose()?,
-            scored: scored.map(|name| table.column(name)).transpose()?,
-            table,
-            map: map.clone(),
-            previous_s: None,
-        })
-    }
-
-    fn next(&mut self) -> Result<Option<Row>, CsvError> {
-        if !self.table.advance()? {
-            return Ok(None);
-        }
-        let time_s = self.time()?;
-        let gyro = self.table.numbers(&self.gyro)?.map(|v| Vector3::from(v) * self.map.gyro_unit_rad_s);
-        let force = self
-            .table
-            .numbers(&self.accelerometer)?
-            .map(|v| Vector3::from(v) * self.map.accelerometer_unit_m_s2);
-        let vector = self.vector.map(|columns| self.table.numbers(&columns)).transpose()?.flatten();
-        let truth = self.truth.map(|columns| self.table.numbers(&columns)).transpose()?.flatten();
-        let scored = self.scored.map(|column| self.table.number(column)).transpose()?.flatten();
-        let world_to_body = self.map.true_attitude.as_ref().is_some_and(|truth| truth.world_to_body);
-        Ok(Some(Row {
-            time_s,
-            imu: gyro.zip(force),
-            // A vector of no length has no direction: no measurement.
-            vector_b: vector.and_then(|v| Unit::try_new(Vector3::from(v), 1e-12)),
-            q_world_body: truth.and_then(|[w, x, y, z]| {
-                let q = Quaternion::new(w, x, y, z);
-                let q = (q.norm() > 1e-6).then(|| UnitQuaternion::from_quaternion(q))?;
-                Some(if world_to_body { q.inverse() } else { q })
-            }),
-            scored: self.scored.is_none() || scored.is_some_and(|scored| scored != 0.0),
-        }))
-    }
-
-    fn time(&mut self) -> Result<f64, CsvError> {
-        let line = self.table.line();
-        let Some(time) = self.table.number(self.time)? else {
-            return Err(CsvError::NotANumber {
-                path: self.path.clone(),
-                line,
-                column: self.map.time_column.clone(),
-                text: String::new(),
-            });
-        };
-        let time_s = time * self.map.time_unit_s;
-        if let Some(previous_s) = self.previous_s.replace(time_s)
-            && time_s <= previous_s
-        {
-            let (path, column) = (self.path.clone(), self.map.time_column.clone());
-            return Err(CsvError::TimeOrder { path, line, column, time_s, previous_s });
-        }
-        Ok(time_s)
-    }
-}
-
 /// The measurements of a [`CsvRecording`]; reads the file as it goes.
 pub struct CsvSamples {
-    rows: Rows,
+    rows: CsvRows,
+    repeats: bool,
     frame_id: String,
     start: Timestamp,
-    first_s: Option<f64>,
+    first_ns: Option<i64>,
     last_vector: Option<Unit<Vector3<f64>>>,
     truths: u64,
     /// Of the present line, the next one last.
@@ -217,8 +131,8 @@ impl Iterator for CsvSamples {
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.pending.is_empty() && !self.failed {
-            match self.rows.next() {
-                Ok(Some(row)) => self.split(&row),
+            match self.rows.next_row() {
+                Ok(Some(row)) => self.split(row),
                 Ok(None) => return None,
                 Err(error) => {
                     self.failed = true;
@@ -231,9 +145,10 @@ impl Iterator for CsvSamples {
 }
 
 impl CsvSamples {
-    fn split(&mut self, row: &Row) {
-        let first_s = *self.first_s.get_or_insert(row.time_s);
-        let stamp = Timestamp(self.start.0.saturating_add(Timestamp::from_seconds(row.time_s - first_s).0));
+    /// The line's messages, in reverse.
+    fn split(&mut self, row: CsvRow) {
+        let first_ns = *self.first_ns.get_or_insert(row.time_ns);
+        let stamp = Timestamp(self.start.0.saturating_add(row.time_ns - first_ns));
         let header = |frame_id: &str| std_msgs::Header { stamp: stamp.into(), frame_id: frame_id.to_owned() };
         let mut push = |topic, message| self.pending.push(Measurement { stamp, topic, message });
         if let Some(q) = row.q_world_body {
@@ -242,7 +157,7 @@ impl CsvSamples {
                 header: header("world"),
                 sequence: self.truths,
                 q_world_body: geometry_msgs::Quaternion { x: q.i, y: q.j, z: q.k, w: q.w },
-                omega_wb_b_rad_s: unknown,
+                omega_wb_b_rad_s: row.true_rate_b_rad_s.map_or(unknown, Into::into),
                 gyro_bias_b_rad_s: unknown,
                 nis: f64::NAN,
                 health: if row.scored {
@@ -255,14 +170,31 @@ impl CsvSamples {
             self.truths += 1;
             push(Topic::TruthState, truth.into());
         }
-        if let Some(vector) = row.vector_b
-            && self.last_vector.replace(vector) != Some(vector)
+        if let Some(kelvin) = row.temperature_k {
+            let temperature = kelvin - CELSIUS_ZERO_K;
+            let message = Temperature { header: header(&self.frame_id), temperature, variance: 0.0 };
+            push(Topic::Temperature, message.into());
+        }
+        if let Some(fluid_pressure) = row.tank_pressure_pa {
+            let message = FluidPressure { header: header(&self.frame_id), fluid_pressure, variance: 0.0 };
+            push(Topic::TankPressure, message.into());
+        }
+        if let Some(voltage) = row.bus_voltage_v {
+            let (header, voltage) = (header(&self.frame_id), voltage as f32);
+            push(Topic::Battery, BatteryState { header, voltage, ..BatteryState::default() }.into());
+        }
+        if let Some(velocity) = row.wheel_speed_rad_s {
+            let message = JointState { header: header(&self.frame_id), velocity, ..JointState::default() };
+            push(Topic::WheelState, message.into());
+        }
+        if let Some(vector) = row.vectors_b.first().copied().flatten()
+            && (self.last_vector.replace(vector) != Some(vector) || self.repeats)
         {
             let vector = <[f64; 3]>::from(vector.into_inner()).into();
             let direction = Vector3Stamped { header: header(&self.frame_id), vector };
             push(Topic::VectorDirection, direction.into());
         }
-        if let Some((gyro, force)) = row.imu {
+        if let Some((gyro, force)) = row.gyro_b_rad_s.zip(row.specific_force_b_m_s2) {
             let mut imu = Imu {
                 header: header(&self.frame_id),
                 angular_velocity: <[f64; 3]>::from(gyro).into(),

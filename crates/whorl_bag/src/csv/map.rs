@@ -1,13 +1,15 @@
-//! Which column of a CSV file is what.
+//! Which column is what: a YAML file for each form of CSV.
 
 use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
 use whorl_params::{ParameterTree, Reader};
 
-use super::CsvError;
+use super::units::{self, Unit as ColumnUnit};
+use super::{CsvError, JetMap, JetQuantity, Slot};
 
-/// Which columns a CSV file has, and their units. Read from a parameter file:
+/// Which column is what, in which unit, in which order of axes; read from a parameter file. `docs/recordings.md`
+/// explains every key:
 ///
 /// ```yaml
 /// csv:
@@ -20,27 +22,66 @@ use super::CsvError;
 ///     true_attitude: {columns: [qw, qx, qy, qz], rotation: body_to_world, scored: movement}
 /// ```
 ///
-/// Only `time`, `gyro` and `accelerometer` are needed. Columns that are not named are ignored.
+/// Only `time` is needed, and one of `gyro`, `accelerometer` and `wheel_speed`. Columns that are not named are
+/// ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CsvMap {
-    /// Column of the time.
-    pub time_column: String,
-    /// Seconds per unit of the time column.
-    pub time_unit_s: f64,
-    /// Columns of the rate about x, y, z of the body.
-    pub gyro_columns: [String; 3],
-    /// rad/s per unit of the gyro columns.
-    pub gyro_unit_rad_s: f64,
-    /// Columns of the specific force along x, y, z of the body (+9.81 on z at rest).
-    pub accelerometer_columns: [String; 3],
-    /// m/s^2 per unit of the accelerometer columns.
-    pub accelerometer_unit_m_s2: f64,
-    /// A vector sensor, such as a magnetometer.
-    pub vector: Option<VectorMap>,
+    /// The time.
+    pub time: TimeMap,
+    /// Rate about x, y, z of the body [rad/s].
+    pub gyro: Option<Channel>,
+    /// Specific force along x, y, z of the body [m/s^2], +9.81 on z at rest.
+    pub accelerometer: Option<Channel>,
+    /// Vector sensors, such as magnetometers, in the order of the file.
+    pub vectors: Vec<VectorMap>,
+    /// Wheel speeds relative to the body [rad/s], in the order of the platform's wheels.
+    pub wheel_speed: Option<Channel>,
+    /// Commanded motor torques [N m], in the order of the platform's wheels.
+    pub wheel_torque_command: Option<Channel>,
+    /// Commands of the jets, in the order of the platform's jets.
+    pub jets: Option<JetMap>,
+    /// Known torque on the body, body axes [N m].
+    pub body_torque: Option<Channel>,
+    /// Moment of the linear mass actuators, body axes [N m].
+    pub ballast_moment: Option<Channel>,
+    /// Bus voltage \[V\].
+    pub bus_voltage: Option<Channel>,
+    /// Tank pressure \[Pa\].
+    pub tank_pressure: Option<Channel>,
+    /// Temperature \[K\].
+    pub temperature: Option<Channel>,
     /// True attitude.
     pub true_attitude: Option<TruthMap>,
+    /// True rate of the body seen from the world, body axes [rad/s].
+    pub true_rate: Option<Channel>,
+    /// Whether a controller was running.
+    pub closed_loop: bool,
+    /// Whether the platform was clamped (wheel bench test).
+    pub clamped: bool,
     /// Character between the cells.
     pub delimiter: u8,
+}
+
+/// The time column.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TimeMap {
+    /// Its name.
+    pub column: String,
+    /// Its unit is ten to this power seconds.
+    pub unit_power: i32,
+    /// The time in this column that is the start of the run \[ns\]; `None`: its first number.
+    pub start_ns: Option<i64>,
+}
+
+/// Columns of one measured quantity. SI value = `factor` * number + `offset`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// Names of the columns; a minus in front reverses the sign.
+    pub columns: Vec<String>,
+    /// SI units per unit of the column.
+    pub factor: f64,
+    /// SI value of a zero.
+    pub offset: f64,
 }
 
 /// A sensor of a direction that is fixed in the world. Its unit does not matter: only the direction is used.
@@ -51,6 +92,9 @@ pub struct VectorMap {
     /// The same direction in the world; `None`: determined from the file, see
     /// [`super::CsvRecording::vector_reference_world`].
     pub reference_world: Option<Unit<Vector3<f64>>>,
+    /// Whether a value that is the same as in the line before is a measurement of its own. Files often repeat
+    /// the last value of a slower sensor: by default it is none.
+    pub repeats: bool,
 }
 
 /// True attitude, e.g. from motion capture.
@@ -64,12 +108,16 @@ pub struct TruthMap {
     pub scored_column: Option<String>,
 }
 
-const TIME_UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
-const RATE_UNITS: [(&str, f64); 2] = [("rad/s", 1.0), ("deg/s", std::f64::consts::PI / 180.0)];
-/// Standard gravity [m/s^2], by definition of the unit g (CGPM 1901).
-const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
-const FORCE_UNITS: [(&str, f64); 3] =
-    [("m/s^2", 1.0), ("g", STANDARD_GRAVITY_M_S2), ("mg", STANDARD_GRAVITY_M_S2 * 1e-3)];
+/// Of what a platform has several; their order is that of its parameter file.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct PlatformParts {
+    /// Name of the platform.
+    pub platform: String,
+    /// Names of its wheels.
+    pub wheels: Vec<String>,
+    /// Names of its jets.
+    pub jets: Vec<String>,
+}
 
 impl CsvMap {
     /// Reads a map file: section `csv` (or `/**`) of a ROS 2 parameter file.
@@ -79,69 +127,239 @@ impl CsvMap {
     pub fn load(path: &Path) -> Result<Self, CsvError> {
         let tree = ParameterTree::load(&[path.to_owned()], &[])?;
         tree.check_sections(["/csv"])?;
-        Ok(whorl_params::read(&tree.for_node("/csv"), Self::read)?.0)
+        Ok(whorl_params::read(&tree.for_node("/csv"), |r| Self::read(r, None))?.0)
+    }
+
+    /// As [`Self::load`], checked against the platform that was measured.
+    ///
+    /// # Errors
+    /// As [`Self::load`]; also another number of wheels or jets than the platform's.
+    pub fn load_for(path: &Path, parts: &PlatformParts) -> Result<Self, CsvError> {
+        let tree = ParameterTree::load(&[path.to_owned()], &[])?;
+        tree.check_sections(["/csv"])?;
+        Ok(whorl_params::read(&tree.for_node("/csv"), |r| Self::read(r, Some(parts)))?.0)
     }
 
     /// Reads the map from the open group of a node's parameters. The single definition of its keys.
-    pub fn read(r: &mut Reader<'_>) -> Self {
-        let (time_column, time_unit_s) = r.group("time", |r| {
-            (r.string("column", "name of the time column"), unit(r, &TIME_UNITS, "unit of the time column"))
+    pub fn read(r: &mut Reader<'_>, parts: Option<&PlatformParts>) -> Self {
+        let time = r.group("time", time);
+        let gyro =
+            optional(r, "gyro", |r| axes(r, units::RATE, "rate about x, y, z of the body, right-handed"));
+        let accelerometer = optional(r, "accelerometer", |r| {
+            axes(r, units::SPECIFIC_FORCE, "specific force along x, y, z of the body, positive on z at rest")
         });
-        let (gyro_columns, gyro_unit_rad_s) = r.group("gyro", |r| {
-            (columns(r, "rate about x, y, z of the body"), unit(r, &RATE_UNITS, "unit of the gyro columns"))
+        let vectors = vectors(r);
+        let wheels = parts.map(|parts| (&parts.platform, "wheels", parts.wheels.as_slice()));
+        let jets = parts.map(|parts| (&parts.platform, "jets", parts.jets.as_slice()));
+        let wheel_speed = optional(r, "wheel_speed", |r| {
+            members(r, units::WHEEL_SPEED, "speed of each wheel relative to the body", wheels)
         });
-        let (accelerometer_columns, accelerometer_unit_m_s2) = r.group("accelerometer", |r| {
-            let columns = columns(r, "specific force along x, y, z of the body, positive on z at rest");
-            (columns, unit(r, &FORCE_UNITS, "unit of the accelerometer columns"))
+        let wheel_torque_command = optional(r, "wheel_torque_command", |r| {
+            members(r, units::TORQUE, "commanded motor torque of each wheel", wheels)
         });
-        let vector = r.has("vector").then(|| {
-            r.group("vector", |r| {
-                let given = r.has("reference_world");
-                VectorMap {
-                    columns: columns(r, "direction along x, y, z of the body, of any length"),
-                    reference_world: given.then(|| {
-                        r.direction("reference_world", "the same direction in the world (east, north, up)")
-                    }),
-                }
-            })
+        let jets = optional(r, "jets", |r| read_jets(r, jets));
+        let body_torque = optional(r, "body_torque", |r| {
+            axes(r, units::TORQUE, "known torque on the body about the centre of rotation, body axes")
         });
-        let true_attitude = r.has("true_attitude").then(|| {
-            r.group("true_attitude", |r| TruthMap {
-                columns: columns(r, "w, x, y, z of the true attitude quaternion (Hamilton)"),
-                world_to_body: r.choice_or(
-                    "rotation",
-                    "body_to_world",
-                    &["body_to_world", "world_to_body"],
-                    "what the quaternion rotates",
-                ) == "world_to_body",
-                scored_column: r.optional_string("scored", "column that is 1 where errors are to be counted"),
-            })
+        let ballast_moment = optional(r, "ballast_moment", |r| {
+            axes(r, units::TORQUE, "weight times displacement of the linear mass actuators, body axes")
         });
+        let bus_voltage = optional(r, "bus_voltage", |r| scalar(r, units::VOLTAGE, "bus voltage"));
+        let tank_pressure = optional(r, "tank_pressure", |r| scalar(r, units::PRESSURE, "tank pressure"));
+        let temperature =
+            optional(r, "temperature", |r| scalar(r, units::TEMPERATURE, "temperature of the platform"));
+        let true_attitude = optional(r, "true_attitude", |r| TruthMap {
+            columns: names(r, "w, x, y, z of the true attitude quaternion (Hamilton)"),
+            world_to_body: r.choice_or(
+                "rotation",
+                "body_to_world",
+                &["body_to_world", "world_to_body"],
+                "what the quaternion rotates",
+            ) == "world_to_body",
+            scored_column: r.optional_string("scored", "column that is 1 where errors are to be counted"),
+        });
+        let true_rate =
+            optional(r, "true_rate", |r| axes(r, units::RATE, "true rate of the body seen from the world"));
+        let closed_loop = r.bool_or("closed_loop", false, "whether a controller was running");
+        let mounting = r.choice_or(
+            "mounting",
+            "on_bearing",
+            &["on_bearing", "clamped"],
+            "clamped: the body was held, only the wheels moved",
+        );
         let delimiter =
             r.choice_or("delimiter", ",", &[",", ";", "\t", " ", "|"], "character between the cells");
+        if gyro.is_none() && accelerometer.is_none() && wheel_speed.is_none() {
+            r.reject("gyro", "nothing that moves is named; allowed: one of gyro, accelerometer, wheel_speed");
+        }
         Self {
-            time_column,
-            time_unit_s,
-            gyro_columns,
-            gyro_unit_rad_s,
-            accelerometer_columns,
-            accelerometer_unit_m_s2,
-            vector,
+            time,
+            gyro,
+            accelerometer,
+            vectors,
+            wheel_speed,
+            wheel_torque_command,
+            jets,
+            body_torque,
+            ballast_moment,
+            bus_voltage,
+            tank_pressure,
+            temperature,
             true_attitude,
+            true_rate,
+            closed_loop,
+            clamped: mounting == "clamped",
             delimiter: delimiter.bytes().next().unwrap_or(b','),
         }
     }
 }
 
-/// The first unit of the table is the default.
-fn unit(r: &mut Reader<'_>, table: &[(&str, f64)], doc: &str) -> f64 {
-    let names: Vec<&str> = table.iter().map(|(name, _)| *name).collect();
-    let default = names.first().copied().unwrap_or_default();
-    let chosen = r.choice_or("unit", default, &names, doc);
-    table.iter().find(|(name, _)| *name == chosen).map_or(1.0, |(_, factor)| *factor)
+fn optional<T>(r: &mut Reader<'_>, key: &str, read: impl FnOnce(&mut Reader<'_>) -> T) -> Option<T> {
+    r.has(key).then(|| r.group(key, read))
 }
 
-fn columns<const N: usize>(r: &mut Reader<'_>, doc: &str) -> [String; N] {
+fn time(r: &mut Reader<'_>) -> TimeMap {
+    let column = r.string("column", "name of the time column");
+    let names: Vec<&str> = units::TIME.iter().map(|(name, _)| *name).collect();
+    let chosen = r.choice_or("unit", "s", &names, "unit of the time column");
+    let unit_power = units::TIME.iter().find(|(name, _)| *name == chosen).map_or(0, |(_, power)| *power);
+    let start = r.optional_f64(
+        "start",
+        whorl_params::any(),
+        "time in this column that is the start of the run; left out: the first line",
+    );
+    let start_ns = start.and_then(|start| units::nanoseconds(&format!("{start}"), unit_power));
+    TimeMap { column, unit_power, start_ns }
+}
+
+fn vectors(r: &mut Reader<'_>) -> Vec<VectorMap> {
+    let one = optional(r, "vector", vector);
+    let several: Vec<VectorMap> =
+        r.group("vectors", |r| r.children("").iter().map(|name| r.group(name, vector)).collect());
+    let all: Vec<VectorMap> = one.into_iter().chain(several).collect();
+    if all.len() > crate::extra::MAX_VECTOR_SENSORS {
+        r.reject(
+            "vectors",
+            format!("{} sensors; allowed: at most {}", all.len(), crate::extra::MAX_VECTOR_SENSORS),
+        );
+    }
+    all
+}
+
+fn vector(r: &mut Reader<'_>) -> VectorMap {
+    let given = r.has("reference_world");
+    VectorMap {
+        columns: names(r, "direction along x, y, z of the body, of any length"),
+        reference_world: given
+            .then(|| r.direction("reference_world", "the same direction in the world (east, north, up)")),
+        repeats: r.bool_or(
+            "repeats",
+            false,
+            "whether a value that is the same as in the line before is a measurement of its own",
+        ),
+    }
+}
+
+fn read_jets(r: &mut Reader<'_>, parts: Option<(&String, &str, &[String])>) -> JetMap {
+    let columns = counted(r, "command of each jet", parts);
+    let quantity = r.choice(
+        "quantity",
+        &["on_time", "duty", "open"],
+        "on_time: time open in each slot; duty: share of the slot; open: 1 while the valve is switched on, else 0",
+    );
+    let (quantity, table) = match quantity {
+        "duty" => (JetQuantity::Duty, units::SHARE),
+        "open" => (JetQuantity::Open, units::SHARE),
+        _ => (JetQuantity::OnTime, units::ON_TIME),
+    };
+    let factor = match quantity {
+        JetQuantity::Open => 1.0,
+        _ => unit(r, table, "unit of the jets' columns").factor,
+    };
+    let slot = match quantity {
+        JetQuantity::Open => Slot::Row,
+        _ if r.has("slot_length_s") => Slot::Length {
+            ns: (r.f64("slot_length_s", whorl_params::range(1e-3..=3600.0), "length of a pulse slot [s]")
+                * 1e9)
+                .round() as i64,
+        },
+        _ => {
+            let at_rows = r.choice(
+                "slot",
+                &["row"],
+                "row: every line with numbers opens one pulse at its time; else give slot_length_s",
+            ) == "row";
+            if at_rows && quantity == JetQuantity::Duty {
+                r.reject(
+                    "quantity",
+                    "a duty needs the slot's length; allowed: on_time, or give slot_length_s",
+                );
+            }
+            Slot::Row
+        }
+    };
+    JetMap { columns, quantity, factor, slot }
+}
+
+/// The first unit of the table is the default.
+fn unit(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> ColumnUnit {
+    let names: Vec<&str> = table.iter().map(|unit| unit.name).collect();
+    let default = names.first().copied().unwrap_or_default();
+    let chosen = r.choice_or("unit", default, &names, doc);
+    let found = table.iter().find(|unit| unit.name == chosen).copied();
+    found.unwrap_or(ColumnUnit { name: "", factor: 1.0, offset: 0.0 })
+}
+
+fn channel(columns: Vec<String>, unit: ColumnUnit) -> Channel {
+    Channel { columns, factor: unit.factor, offset: unit.offset }
+}
+
+fn axes(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> Channel {
+    let columns: [String; 3] = names(r, doc);
+    let unit = unit(r, table, "unit of these columns");
+    channel(columns.to_vec(), unit)
+}
+
+fn scalar(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> Channel {
+    let column = r.string("column", &format!("name of the column of the {doc}"));
+    let unit = unit(r, table, "unit of this column");
+    channel(vec![column], unit)
+}
+
+fn members(
+    r: &mut Reader<'_>,
+    table: &[ColumnUnit],
+    doc: &str,
+    parts: Option<(&String, &str, &[String])>,
+) -> Channel {
+    let columns = counted(r, doc, parts);
+    let unit = unit(r, table, "unit of these columns");
+    channel(columns, unit)
+}
+
+/// As many names as the platform has of these.
+fn counted(r: &mut Reader<'_>, doc: &str, parts: Option<(&String, &str, &[String])>) -> Vec<String> {
+    let columns = r.string_array("columns", doc);
+    if let Some((platform, what, members)) = parts
+        && columns.len() != members.len()
+        && !columns.is_empty()
+    {
+        r.reject(
+            "columns",
+            format!(
+                "{} names, but {platform} has {} {what}; allowed: one column for each of {}, in this order",
+                columns.len(),
+                members.len(),
+                members.join(", ")
+            ),
+        );
+    } else if columns.is_empty() && r.has("columns") {
+        r.reject("columns", "no names; leave the group out if there is no such column");
+    }
+    columns
+}
+
+fn names<const N: usize>(r: &mut Reader<'_>, doc: &str) -> [String; N] {
     let names = r.string_array("columns", doc);
     let count = names.len();
     names.try_into().unwrap_or_else(|_| {

@@ -4,11 +4,16 @@ mod error;
 mod export;
 mod flatten;
 mod import;
+mod jets;
 mod map;
 mod reference;
+mod rows;
 mod table;
+mod units;
 
 pub use error::CsvError;
 pub use export::{ExportedTopic, export_csv};
 pub use import::{CsvRecording, CsvSamples};
-pub use map::{CsvMap, TruthMap, VectorMap};
+pub use jets::{CsvPulse, JetCommand, JetMap, JetQuantity, Slot};
+pub use map::{Channel, CsvMap, PlatformParts, TimeMap, TruthMap, VectorMap};
+pub use rows::{CsvRow, CsvRows};

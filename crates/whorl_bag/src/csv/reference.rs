@@ -2,7 +2,7 @@
 
 use nalgebra::{Unit, Vector3};
 
-use super::import::Row;
+use super::rows::CsvRow;
 
 /// Length of the interval that is looked for \[s\].
 const INTERVAL_S: f64 = 1.0;
@@ -34,16 +34,16 @@ struct Interval {
 }
 
 impl Interval {
-    fn add(&mut self, row: &Row) {
-        self.start_s.get_or_insert(row.time_s);
-        if let Some((gyro, force)) = row.imu {
+    fn add(&mut self, row: &CsvRow) {
+        self.start_s.get_or_insert(seconds(row.time_ns));
+        if let Some((gyro, force)) = row.gyro_b_rad_s.zip(row.specific_force_b_m_s2) {
             self.force_m_s2 += force;
             self.forces += 1;
             self.largest_rate_rad_s = self.largest_rate_rad_s.max(gyro.norm());
             let (low, high) = self.force_range_m_s2.unwrap_or((force.norm(), force.norm()));
             self.force_range_m_s2 = Some((low.min(force.norm()), high.max(force.norm())));
         }
-        if let Some(vector) = row.vector_b {
+        if let Some(vector) = row.vectors_b.first().copied().flatten() {
             self.vector_b += vector.into_inner();
             self.vectors += 1;
             if let Some(q_world_body) = row.q_world_body {
@@ -77,8 +77,8 @@ impl Interval {
 
 impl ReferenceSearch {
     /// Takes a row; gives the direction once a still second is complete.
-    pub fn add(&mut self, row: &Row) -> Option<Unit<Vector3<f64>>> {
-        let complete = self.interval.start_s.is_some_and(|start| row.time_s - start >= INTERVAL_S);
+    pub fn add(&mut self, row: &CsvRow) -> Option<Unit<Vector3<f64>>> {
+        let complete = self.interval.start_s.is_some_and(|start| seconds(row.time_ns) - start >= INTERVAL_S);
         if !complete {
             self.interval.add(row);
             return None;
@@ -101,4 +101,8 @@ impl ReferenceSearch {
         let still = whole.clone().filter(Interval::still);
         still.or(self.first).or(whole)?.reference_world()
     }
+}
+
+fn seconds(ns: i64) -> f64 {
+    ns as f64 * 1e-9
 }

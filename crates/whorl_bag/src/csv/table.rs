@@ -83,9 +83,14 @@ impl Table {
         self.line
     }
 
+    /// The text in a cell of the present line.
+    pub fn text(&self, column: Column) -> &str {
+        self.record.get(column.index).unwrap_or_default()
+    }
+
     /// The number in a cell of the present line; `None` when it is empty or says that there is none.
     pub fn number(&self, column: Column) -> Result<Option<f64>, CsvError> {
-        let text = self.record.get(column.index).unwrap_or_default();
+        let text = self.text(column);
         if text.is_empty() || text.eq_ignore_ascii_case("nan") || text.eq_ignore_ascii_case("null") {
             return Ok(None);
         }

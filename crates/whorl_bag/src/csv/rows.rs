@@ -1,0 +1,238 @@
+//! Lines of a CSV file in SI units.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+
+use super::jets::JetCommand;
+use super::map::Channel;
+use super::table::{Column, Table};
+use super::{CsvError, CsvMap, JetMap};
+
+/// One line, in SI units; `None` where a cell that belongs to the quantity is blank.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CsvRow {
+    /// Its number; the header is line 1.
+    pub line: u64,
+    /// Time as the column has it \[ns\].
+    pub time_ns: i64,
+    /// Rate, body axes [rad/s].
+    pub gyro_b_rad_s: Option<Vector3<f64>>,
+    /// Specific force, body axes [m/s^2].
+    pub specific_force_b_m_s2: Option<Vector3<f64>>,
+    /// Of each vector sensor.
+    pub vectors_b: Vec<Option<Unit<Vector3<f64>>>>,
+    /// Of each wheel [rad/s].
+    pub wheel_speed_rad_s: Option<Vec<f64>>,
+    /// Of each wheel [N m].
+    pub wheel_torque_command_n_m: Option<Vec<f64>>,
+    /// Of each jet, if any of them has a number.
+    pub jets: Option<JetCommand>,
+    /// Body axes [N m].
+    pub body_torque_b_n_m: Option<Vector3<f64>>,
+    /// Body axes [N m].
+    pub ballast_moment_b_n_m: Option<Vector3<f64>>,
+    /// \[V\]
+    pub bus_voltage_v: Option<f64>,
+    /// \[Pa\]
+    pub tank_pressure_pa: Option<f64>,
+    /// \[K\]
+    pub temperature_k: Option<f64>,
+    /// True attitude.
+    pub q_world_body: Option<UnitQuaternion<f64>>,
+    /// True rate, body axes [rad/s].
+    pub true_rate_b_rad_s: Option<Vector3<f64>>,
+    /// Whether the file's author wants errors of this line to be counted.
+    pub scored: bool,
+}
+
+/// Reads lines one after the other and checks them.
+pub struct CsvRows {
+    path: PathBuf,
+    table: Table,
+    map: CsvMap,
+    time: Column,
+    gyro: Option<Columns>,
+    accelerometer: Option<Columns>,
+    vectors: Vec<[Column; 3]>,
+    wheel_speed: Option<Columns>,
+    wheel_torque: Option<Columns>,
+    jets: Option<(JetMap, Vec<Column>)>,
+    body_torque: Option<Columns>,
+    ballast: Option<Columns>,
+    bus_voltage: Option<Columns>,
+    tank_pressure: Option<Columns>,
+    temperature: Option<Columns>,
+    truth: Option<[Column; 4]>,
+    true_rate: Option<Columns>,
+    scored: Option<Column>,
+    previous_ns: Option<i64>,
+}
+
+/// The columns of one channel.
+struct Columns {
+    columns: Vec<Column>,
+    factor: f64,
+    offset: f64,
+}
+
+impl CsvRows {
+    /// Opens a file, compressed with gzip or not, and finds the map's columns in its header.
+    ///
+    /// # Errors
+    /// [`CsvError::Io`], [`CsvError::Format`], [`CsvError::MissingColumn`].
+    pub fn open(path: &Path, map: &CsvMap) -> Result<Self, CsvError> {
+        let table = Table::open(path, map.delimiter)?;
+        let scored = map.true_attitude.as_ref().and_then(|truth| truth.scored_column.as_ref());
+        let find = |channel: &Option<Channel>| channel.as_ref().map(|c| Columns::find(&table, c)).transpose();
+        Ok(Self {
+            path: path.to_owned(),
+            time: table.column(&map.time.column)?,
+            gyro: find(&map.gyro)?,
+            accelerometer: find(&map.accelerometer)?,
+            vectors: map.vectors.iter().map(|v| table.columns(&v.columns)).collect::<Result<_, _>>()?,
+            wheel_speed: find(&map.wheel_speed)?,
+            wheel_torque: find(&map.wheel_torque_command)?,
+            jets: map
+                .jets
+                .as_ref()
+                .map(|jets| Ok::<_, CsvError>((jets.clone(), find_all(&table, &jets.columns)?)))
+                .transpose()?,
+            body_torque: find(&map.body_torque)?,
+            ballast: find(&map.ballast_moment)?,
+            bus_voltage: find(&map.bus_voltage)?,
+            tank_pressure: find(&map.tank_pressure)?,
+            temperature: find(&map.temperature)?,
+            truth: map.true_attitude.as_ref().map(|truth| table.columns(&truth.columns)).transpose()?,
+            true_rate: find(&map.true_rate)?,
+            scored: scored.map(|name| table.column(name)).transpose()?,
+            table,
+            map: map.clone(),
+            previous_ns: None,
+        })
+    }
+
+    /// The next line; `None` at the end.
+    ///
+    /// # Errors
+    /// What is wrong with it; the time must increase from line to line.
+    pub fn next_row(&mut self) -> Result<Option<CsvRow>, CsvError> {
+        if !self.table.advance()? {
+            return Ok(None);
+        }
+        let time_ns = self.time()?;
+        let table = &self.table;
+        let vector = |columns: &Option<Columns>| Ok::<_, CsvError>(list(table, columns)?.and_then(vector_of));
+        let scalar = |columns: &Option<Columns>| {
+            Ok::<_, CsvError>(list(table, columns)?.and_then(|l| l.first().copied()))
+        };
+        let mut vectors_b = Vec::with_capacity(self.vectors.len());
+        for columns in &self.vectors {
+            // A vector of no length has no direction: no measurement.
+            let numbers = table.numbers(columns)?;
+            vectors_b.push(numbers.and_then(|v| Unit::try_new(Vector3::from(v), 1e-12)));
+        }
+        let truth = self.truth.map(|columns| table.numbers(&columns)).transpose()?.flatten();
+        let scored = self.scored.map(|column| table.number(column)).transpose()?.flatten();
+        let world_to_body = self.map.true_attitude.as_ref().is_some_and(|truth| truth.world_to_body);
+        Ok(Some(CsvRow {
+            line: table.line(),
+            time_ns,
+            gyro_b_rad_s: vector(&self.gyro)?,
+            specific_force_b_m_s2: vector(&self.accelerometer)?,
+            vectors_b,
+            wheel_speed_rad_s: list(table, &self.wheel_speed)?,
+            wheel_torque_command_n_m: list(table, &self.wheel_torque)?,
+            jets: self.jets(time_ns)?,
+            body_torque_b_n_m: vector(&self.body_torque)?,
+            ballast_moment_b_n_m: vector(&self.ballast)?,
+            bus_voltage_v: scalar(&self.bus_voltage)?,
+            tank_pressure_pa: scalar(&self.tank_pressure)?,
+            temperature_k: scalar(&self.temperature)?,
+            q_world_body: truth.and_then(|[w, x, y, z]| {
+                let q = Quaternion::new(w, x, y, z);
+                let q = (q.norm() > 1e-6).then(|| UnitQuaternion::from_quaternion(q))?;
+                Some(if world_to_body { q.inverse() } else { q })
+            }),
+            true_rate_b_rad_s: vector(&self.true_rate)?,
+            scored: self.scored.is_none() || scored.is_some_and(|scored| scored != 0.0),
+        }))
+    }
+
+    fn time(&mut self) -> Result<i64, CsvError> {
+        let line = self.table.line();
+        let text = self.table.text(self.time);
+        let Some(time_ns) = super::units::nanoseconds(text, self.map.time.unit_power) else {
+            return Err(CsvError::NotANumber {
+                path: self.path.clone(),
+                line,
+                column: self.map.time.column.clone(),
+                text: text.to_owned(),
+            });
+        };
+        let seconds = |ns: i64| ns as f64 * 1e-9;
+        if let Some(previous_ns) = self.previous_ns.replace(time_ns)
+            && time_ns <= previous_ns
+        {
+            return Err(CsvError::TimeOrder {
+                path: self.path.clone(),
+                line,
+                column: self.map.time.column.clone(),
+                time_s: seconds(time_ns),
+                previous_s: seconds(previous_ns),
+            });
+        }
+        Ok(time_ns)
+    }
+
+    fn jets(&self, at_ns: i64) -> Result<Option<JetCommand>, CsvError> {
+        let Some((map, columns)) = &self.jets else { return Ok(None) };
+        let line = self.table.line();
+        let mut value = Vec::with_capacity(columns.len());
+        for (column, name) in columns.iter().zip(&map.columns) {
+            let number = self.table.number(*column)?.map(|x| x * map.factor);
+            if let Some(allowed) = number.and_then(|x| map.refuse(x)) {
+                return Err(CsvError::Refused {
+                    path: self.path.clone(),
+                    line,
+                    column: name.clone(),
+                    text: self.table.text(*column).to_owned(),
+                    allowed,
+                });
+            }
+            value.push(number);
+        }
+        Ok(value.iter().any(Option::is_some).then_some(JetCommand { at_ns, line, value }))
+    }
+}
+
+impl Columns {
+    fn find(table: &Table, channel: &Channel) -> Result<Self, CsvError> {
+        let columns = find_all(table, &channel.columns)?;
+        Ok(Self { columns, factor: channel.factor, offset: channel.offset })
+    }
+}
+
+fn find_all(table: &Table, names: &[String]) -> Result<Vec<Column>, CsvError> {
+    names.iter().map(|name| table.column(name)).collect()
+}
+
+/// All numbers of a channel, or `None` when one of them is missing.
+fn list(table: &Table, columns: &Option<Columns>) -> Result<Option<Vec<f64>>, CsvError> {
+    let Some(columns) = columns else { return Ok(None) };
+    let mut values = Vec::with_capacity(columns.columns.len());
+    for column in &columns.columns {
+        // Every cell is looked at, so that a wrong one is found also beside a blank one.
+        if let Some(x) = table.number(*column)? {
+            values.push(columns.factor * x + columns.offset);
+        }
+    }
+    Ok((values.len() == columns.columns.len()).then_some(values))
+}
+
+fn vector_of(values: Vec<f64>) -> Option<Vector3<f64>> {
+    match values.as_slice() {
+        &[x, y, z] => Some(Vector3::new(x, y, z)),
+        _ => None,
+    }
+}
