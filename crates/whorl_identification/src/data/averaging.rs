@@ -1,0 +1,360 @@
+//! Samples to evenly averaged points.
+
+use nalgebra::{Unit, Vector3};
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::TiltLimit;
+use whorl_recording::{Mounting, OnInterval, Recording, Series};
+
+use super::checks::{DataError, Finding};
+use super::wheels::WheelHistory;
+
+/// Longest silence of the gyro that is bridged \[s\].
+const LONGEST_GAP_S: f64 = 0.25;
+/// Shortest uninterrupted stretch that is used \[s\].
+const SHORTEST_STRETCH_S: f64 = 3.0;
+/// Shortest recording that identifies anything \[s\].
+const SHORTEST_RUN_S: f64 = 10.0;
+/// So near to the bearing's stop counts as touching it \[rad\], and for so long before and after \[s\].
+const CONTACT_MARGIN_RAD: f64 = 0.002;
+const CONTACT_LASTS_S: f64 = 0.3;
+/// Share of a sensor's range from which a sample counts as clipped.
+const CLIPPED: f64 = 0.999;
+
+/// A direction seen by a vector sensor, moved to the time of its point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Direction {
+    /// Seen in body axes, length one.
+    pub direction_b: Vector3<f64>,
+    /// The same in the world.
+    pub reference_world: Unit<Vector3<f64>>,
+}
+
+/// Means of the samples around one time, and what acts until the next point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Time since the start of the run \[s\].
+    pub time_s: f64,
+    /// Mean of the gyro samples, body axes [rad/s].
+    pub gyro_b_rad_s: Vector3<f64>,
+    /// How many.
+    pub gyro_samples: f64,
+    /// Mean of the accelerometer samples, body axes [m/s^2], and how many.
+    pub specific_force_b_m_s2: Option<(Vector3<f64>, f64)>,
+    /// Vector sensors' samples.
+    pub directions: Vec<Direction>,
+    /// Wheel speeds relative to the body [rad/s].
+    pub wheel_speed_rad_s: Vec<f64>,
+    /// Their rate of change [rad/s^2].
+    pub wheel_acceleration_rad_s2: Vec<f64>,
+    /// Mean thrust of each jet until the next point, as a share of its nominal thrust.
+    pub jet_share: Vec<f64>,
+    /// Mean of other known torques until the next point, body axes [N m].
+    pub body_torque_b_n_m: Vector3<f64>,
+    /// Known moment of the linear mass actuators, added to the gravity offset [N m].
+    pub ballast_moment_b_n_m: Vector3<f64>,
+}
+
+/// An uninterrupted stretch of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    /// Index of the run.
+    pub run: usize,
+    /// Its points in order of time, evenly spaced but for the jitter of the samples.
+    pub points: Vec<Point>,
+}
+
+impl Chain {
+    /// From the first to the last point \[s\].
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        match (self.points.first(), self.points.last()) {
+            (Some(first), Some(last)) => last.time_s - first.time_s,
+            _ => 0.0,
+        }
+    }
+}
+
+/// All runs, ready.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PreparedData {
+    /// Uninterrupted stretches; those of one run follow each other.
+    pub chains: Vec<Chain>,
+    /// What was noticed on the way.
+    pub findings: Vec<Finding>,
+}
+
+/// Averages the samples of each run over about `step_s`, cuts at gaps and leaves clipped samples out.
+/// Sensor latencies that the model knows are taken off the stamps.
+///
+/// # Errors
+/// When a run cannot be used at all.
+pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Result<PreparedData, DataError> {
+    let mut data = PreparedData::default();
+    for (index, run) in runs.iter().enumerate() {
+        prepare_run(index, run, model, step_s, &mut data)?;
+    }
+    Ok(data)
+}
+
+fn prepare_run(
+    index: usize,
+    run: &Recording,
+    model: &PlatformModel,
+    step_s: f64,
+    data: &mut PreparedData,
+) -> Result<(), DataError> {
+    let name = || run.name.clone();
+    if run.mounting == Mounting::Clamped {
+        return Err(DataError::Clamped { run: name() });
+    }
+    if run.gyro_b_rad_s.is_empty() {
+        return Err(DataError::NoGyro { run: name() });
+    }
+    if run.specific_force_b_m_s2.is_empty() {
+        return Err(DataError::NoAccelerometer { run: name() });
+    }
+    let wheels = model.wheels.len();
+    if let Some(given) = run.wheel_speed_rad_s.value.iter().map(Vec::len).find(|n| *n != wheels) {
+        return Err(DataError::Count { run: name(), what: "wheels", given, expected: wheels });
+    }
+    if !run.jet_pulses.is_empty() && run.jet_pulses.len() != model.jets.len() {
+        let (given, expected) = (run.jet_pulses.len(), model.jets.len());
+        return Err(DataError::Count { run: name(), what: "jets", given, expected });
+    }
+
+    let gyro_range = model.sensors.gyro.errors.range;
+    let gyro = Samples::new(&run.gyro_b_rad_s, model.sensors.gyro.errors.latency_s, gyro_range);
+    let accelerometer = Samples::new(
+        &run.specific_force_b_m_s2,
+        model.sensors.accelerometer.errors.latency_s,
+        model.sensors.accelerometer.errors.range,
+    );
+    for (samples, what) in [(&gyro, "gyro"), (&accelerometer, "accelerometer")] {
+        if samples.clipped > 0 {
+            data.findings.push(Finding::warning(format!(
+                "{}: {} {what} samples at the end of the sensor's range were left out ({:.2} % of the run): move more gently.",
+                run.name,
+                samples.clipped,
+                100.0 * samples.clipped as f64 / (samples.clipped + samples.kept.len()) as f64
+            )));
+        }
+    }
+    let before = data.chains.len();
+    let mut longest_s: f64 = 0.0;
+    let mut touched_s = 0.0;
+    let stretches = gyro.stretches(LONGEST_GAP_S);
+    for (first, last) in &stretches {
+        let stretch = gyro.kept.get(*first..*last).unwrap_or_default();
+        let points = points_of(stretch, &accelerometer, run, model, step_s);
+        let all = points.len();
+        for points in free_of_contact(points, model) {
+            touched_s -= points.len() as f64;
+            let chain = Chain { run: index, points };
+            longest_s = longest_s.max(chain.duration_s());
+            if chain.duration_s() >= SHORTEST_STRETCH_S {
+                data.chains.push(chain);
+            }
+        }
+        touched_s += all as f64;
+    }
+    if stretches.len() > 1 {
+        data.findings.push(Finding::warning(format!(
+            "{}: the gyro fell silent for more than {LONGEST_GAP_S} s {} times; the {} stretches between are used, the motion is not carried over.",
+            run.name,
+            stretches.len() - 1,
+            data.chains.len() - before
+        )));
+    }
+    touched_s *= step_s;
+    if touched_s > 0.0 {
+        data.findings.push(Finding::warning(format!(
+            "{}: {touched_s:.1} s at the stop of the bearing were left out: the platform is not free there. Swing less.",
+            run.name
+        )));
+    }
+    let usable_s: f64 = data.chains.iter().skip(before).map(Chain::duration_s).sum();
+    if usable_s < SHORTEST_RUN_S {
+        return Err(DataError::TooShort { run: name(), usable_s: longest_s, needed_s: SHORTEST_RUN_S });
+    }
+    Ok(())
+}
+
+/// Stretches away from the bearing's stop, whose contact no model here knows.
+fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>> {
+    let near = |p: &Point| {
+        p.specific_force_b_m_s2.is_some_and(|(force, _)| match model.tilt_limit {
+            TiltLimit::Cone { max_rad } => {
+                force.x.hypot(force.y).atan2(force.z) > max_rad - CONTACT_MARGIN_RAD
+            }
+            TiltLimit::Pitch { max_rad } => {
+                force.x.atan2(force.y.hypot(force.z)).abs() > max_rad - CONTACT_MARGIN_RAD
+            }
+        })
+    };
+    let touching: Vec<f64> = points.iter().filter(|p| near(p)).map(|p| p.time_s).collect();
+    let mut stretches = vec![Vec::new()];
+    for point in points {
+        let next = touching.partition_point(|t| *t < point.time_s - CONTACT_LASTS_S);
+        if touching.get(next).is_some_and(|t| *t <= point.time_s + CONTACT_LASTS_S) {
+            if stretches.last().is_some_and(|s| !s.is_empty()) {
+                stretches.push(Vec::new());
+            }
+        } else if let Some(last) = stretches.last_mut() {
+            last.push(point);
+        }
+    }
+    stretches.retain(|s| !s.is_empty());
+    stretches
+}
+
+/// Samples with their latency taken off and clipped ones left out.
+struct Samples {
+    kept: Vec<(f64, Vector3<f64>)>,
+    clipped: usize,
+}
+
+impl Samples {
+    fn new(series: &Series<Vector3<f64>>, latency_s: f64, range: f64) -> Self {
+        let all = series.time_s.iter().zip(&series.value);
+        let kept: Vec<_> =
+            all.filter(|(_, v)| v.amax() < CLIPPED * range).map(|(t, v)| (t - latency_s, *v)).collect();
+        Self { clipped: series.len() - kept.len(), kept }
+    }
+
+    /// Index ranges without a gap.
+    fn stretches(&self, longest_gap_s: f64) -> Vec<(usize, usize)> {
+        let mut stretches = Vec::new();
+        let mut first = 0;
+        let pairs = self.kept.iter().zip(self.kept.iter().skip(1));
+        for (i, ((before, _), (after, _))) in pairs.enumerate() {
+            if after - before > longest_gap_s {
+                stretches.push((first, i + 1));
+                first = i + 1;
+            }
+        }
+        stretches.push((first, self.kept.len()));
+        stretches
+    }
+
+    /// Those in [from, to).
+    fn between(&self, from_s: f64, to_s: f64) -> &[(f64, Vector3<f64>)] {
+        let first = self.kept.partition_point(|(t, _)| *t < from_s);
+        let last = self.kept.partition_point(|(t, _)| *t < to_s);
+        self.kept.get(first..last).unwrap_or_default()
+    }
+}
+
+fn points_of(
+    stretch: &[(f64, Vector3<f64>)],
+    accelerometer: &Samples,
+    run: &Recording,
+    model: &PlatformModel,
+    step_s: f64,
+) -> Vec<Point> {
+    let (Some((first_s, _)), Some((last_s, _))) = (stretch.first(), stretch.last()) else {
+        return Vec::new();
+    };
+    let sample_s = (last_s - first_s) / (stretch.len().max(2) - 1) as f64;
+    let block = ((step_s / sample_s).round() as usize).max(1);
+    let blocks: Vec<_> = stretch.chunks_exact(block).collect();
+    let means: Vec<(f64, Vector3<f64>)> = blocks
+        .iter()
+        .map(|b| {
+            let n = b.len() as f64;
+            let (t, v) = b.iter().fold((0.0, Vector3::zeros()), |(t, v), (ti, vi)| (t + ti, v + vi));
+            (t / n, v / n)
+        })
+        .collect();
+    let half_s = 0.5 * block as f64 * sample_s;
+    let wheels = WheelHistory::new(run, model);
+    let mut points: Vec<Point> = Vec::with_capacity(means.len());
+    for (i, (time_s, rate)) in means.iter().enumerate() {
+        let until_s = means.get(i + 1).map_or(time_s + 2.0 * half_s, |(t, _)| *t);
+        let seen = accelerometer.between(time_s - half_s, time_s + half_s);
+        let specific_force_b_m_s2 = (!seen.is_empty()).then(|| {
+            let n = seen.len() as f64;
+            let mean_s = seen.iter().map(|(t, _)| t).sum::<f64>() / n;
+            let mean = seen.iter().map(|(_, v)| v).sum::<Vector3<f64>>() / n;
+            // Gravity turns past the body: d(g k_b)/dt = -w x g k_b.
+            (mean - rate.cross(&mean) * (time_s - mean_s), n)
+        });
+        let (wheel_speed_rad_s, wheel_acceleration_rad_s2) = wheels.at(*time_s, half_s);
+        let held = |series: &Series<Vector3<f64>>| {
+            series.held_at(0.5 * (time_s + until_s)).copied().unwrap_or_else(Vector3::zeros)
+        };
+        points.push(Point {
+            time_s: *time_s,
+            gyro_b_rad_s: *rate,
+            gyro_samples: block as f64,
+            specific_force_b_m_s2,
+            directions: directions_at(run, model, *time_s, half_s, rate),
+            wheel_speed_rad_s,
+            wheel_acceleration_rad_s2,
+            jet_share: jet_shares(run, model, *time_s, until_s),
+            body_torque_b_n_m: mean_held(&run.body_torque_b_n_m, *time_s, until_s),
+            ballast_moment_b_n_m: held(&run.ballast_moment_b_n_m),
+        });
+    }
+    points
+}
+
+/// Time mean of a held quantity.
+fn mean_held(series: &Series<Vector3<f64>>, from_s: f64, to_s: f64) -> Vector3<f64> {
+    let mut sum = series.held_at(from_s).copied().unwrap_or_else(Vector3::zeros) * (to_s - from_s);
+    let first = series.time_s.partition_point(|t| *t <= from_s);
+    let mut before = series.held_at(from_s).copied().unwrap_or_else(Vector3::zeros);
+    for (t, value) in series.time_s.iter().zip(&series.value).skip(first).take_while(|(t, _)| **t < to_s) {
+        sum += (value - before) * (to_s - t);
+        before = *value;
+    }
+    sum / (to_s - from_s)
+}
+
+fn directions_at(
+    run: &Recording,
+    model: &PlatformModel,
+    time_s: f64,
+    half_s: f64,
+    rate: &Vector3<f64>,
+) -> Vec<Direction> {
+    let latency_s = model.sensors.vector.map_or(0.0, |v| v.latency_s);
+    let mut directions = Vec::new();
+    for channel in &run.vectors {
+        let series = &channel.direction_b;
+        let first = series.time_s.partition_point(|t| t - latency_s < time_s - half_s);
+        let samples = series.time_s.iter().zip(&series.value).skip(first);
+        for (t, seen) in samples.take_while(|(t, _)| **t - latency_s < time_s + half_s) {
+            let direction_b = seen - rate.cross(seen) * (time_s - (t - latency_s));
+            directions.push(Direction {
+                direction_b: direction_b.normalize(),
+                reference_world: channel.reference_world,
+            });
+        }
+    }
+    directions
+}
+
+/// Mean thrust of each jet over an interval, valve delays and tank pressure included.
+fn jet_shares(run: &Recording, model: &PlatformModel, from_s: f64, to_s: f64) -> Vec<f64> {
+    let factor = match run.tank_pressure_pa.held_at(from_s) {
+        Some(p) => (p / model.tank.reference_pressure_pa).max(0.0).powf(model.tank.thrust_pressure_exponent),
+        None => 1.0,
+    };
+    let open = |pulses: &[OnInterval], opening_s: f64, closing_s: f64| {
+        let first = pulses.partition_point(|p| p.off_s + closing_s <= from_s);
+        pulses
+            .iter()
+            .skip(first)
+            .take_while(|p| p.on_s + opening_s < to_s)
+            .map(|p| (p.off_s + closing_s).min(to_s) - (p.on_s + opening_s).max(from_s))
+            .filter(|overlap| *overlap > 0.0)
+            .sum::<f64>()
+    };
+    run.jet_pulses
+        .iter()
+        .zip(&model.jets)
+        .map(|(pulses, jet)| {
+            factor * open(pulses, jet.opening_delay_s, jet.closing_delay_s) / (to_s - from_s)
+        })
+        .collect()
+}

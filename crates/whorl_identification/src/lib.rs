@@ -1,0 +1,21 @@
+//! Mass properties, sensor calibration, balancing and the design of experiments that determine them.
+//!
+//! [`trajectory::identify`] is the method to use: the equations of motion integrated between samples,
+//! weighted with the sensors' noise, with priors, and with an uncertainty that can be believed.
+//!
+//! Source of names and equation numbers: J. L. Schwartz, *The Distributed Spacecraft Attitude Control
+//! System Simulator*, Ph.D. dissertation, Virginia Tech, 2004, sections 4.2-4.4 and 4.6. Where its
+//! equations are in error the module says so; `docs/errata.md` has the list.
+//!
+//! Frames, signs and units: see `whorl_math`.
+
+pub mod data;
+pub mod mass_parameters;
+pub mod realisability;
+#[cfg(test)]
+mod tests;
+pub mod trajectory;
+
+pub use data::{DataError, Finding};
+pub use mass_parameters::{MassCovariance, MassVector};
+pub use trajectory::{Determined, Identification, Settings, identify, predict};

@@ -1,0 +1,53 @@
+//! Recordings from the truth plant.
+
+use nalgebra::UnitQuaternion;
+use whorl_dynamics::{InitialState, Plant, PlatformModel};
+use whorl_recording::{Recording, Series, VectorChannel};
+
+fn push<T>(series: &mut Series<T>, time_s: f64, value: T) {
+    series.time_s.push(time_s);
+    series.value.push(value);
+}
+
+/// Runs the plant under open-loop wheel torques from rest at `start`.
+pub fn record(
+    truth: &PlatformModel,
+    start: UnitQuaternion<f64>,
+    duration_s: f64,
+    seed: u64,
+    wheels: &dyn Fn(f64) -> Vec<f64>,
+) -> Recording {
+    let initial = InitialState { q_world_body: start, ..InitialState::default() };
+    let mut plant = Plant::new(truth, &initial, seed).unwrap();
+    let mut run =
+        Recording { name: format!("run {seed}"), platform: "whorl_1".into(), ..Recording::default() };
+    let vector = truth.sensors.vector;
+    let mut directions = Series::default();
+    let rate_hz = truth.sensors.rate_hz;
+    let samples = (duration_s * rate_hz) as i64;
+    for k in 0..samples {
+        let now_ns = (k as f64 / rate_hz * 1e9).round() as i64;
+        let time_s = now_ns as f64 * 1e-9;
+        plant.advance_to(now_ns).unwrap();
+        let torque = wheels(time_s);
+        plant.command_wheels(&torque).unwrap();
+        let imu = plant.sample_imu();
+        push(&mut run.gyro_b_rad_s, time_s, imu.angular_velocity_rad_s);
+        push(&mut run.specific_force_b_m_s2, time_s, imu.specific_force_m_s2);
+        let speeds = plant.sample_wheels().iter().map(|w| w.speed_rad_s).collect();
+        push(&mut run.wheel_speed_rad_s, time_s, speeds);
+        push(&mut run.wheel_torque_command_n_m, time_s, torque);
+        if k % 10 == 0
+            && let Some(sample) = plant.sample_vector()
+        {
+            push(&mut directions, time_s, sample.direction.into_inner());
+        }
+    }
+    if let Some(sensor) = vector {
+        run.vectors = vec![VectorChannel {
+            reference_world: sensor.reference_direction_world,
+            direction_b: directions,
+        }];
+    }
+    run
+}

@@ -1,0 +1,170 @@
+//! The gyrostat between samples, with the wheels' measured speeds as input.
+//!
+//! The state is attitude and total momentum (eqs. 4.9 and 4.13, torque of gravity and friction
+//! included):
+//!
+//! ```text
+//! w = I^-1 (h - A J Om)      dq/dt = 1/2 q (x) [0, w]      dh/dt = -w x h - mgr x k_b - c w + jets
+//! ```
+//!
+//! Motor torques and wheel friction do not appear: what the wheels took is read from their speed. Only
+//! the vertical k_b enters the torque, never the heading.
+
+use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::sensing::specific_force_b_m_s2;
+use whorl_math::{quaternion_rate, vertical_b};
+
+use super::unknowns::{FRICTION, Unknowns, adjusted};
+use crate::data::Point;
+use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
+
+/// A platform with particular values of the unknowns.
+#[derive(Debug, Clone)]
+pub(crate) struct Physics {
+    pub inertia_b_kg_m2: Matrix3<f64>,
+    pub inverse: Matrix3<f64>,
+    gravity_offset_b_n_m: Vector3<f64>,
+    friction_n_m_s: f64,
+    /// A J: momentum per wheel speed.
+    wheels: Vec<Vector3<f64>>,
+    /// Nominal torque of every jet; those that never fire are there too.
+    jets: Vec<Vector3<f64>>,
+    lever_arm_b_m: Vector3<f64>,
+}
+
+/// Motion of the body at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Motion {
+    pub q_world_body: UnitQuaternion<f64>,
+    pub omega_wb_b_rad_s: Vector3<f64>,
+}
+
+impl Physics {
+    /// `None` if the inertia is not positive definite.
+    pub fn new(model: &PlatformModel, unknowns: &Unknowns, values: &DVector<f64>) -> Option<Self> {
+        let mass = MassVector::from_iterator(values.iter().copied());
+        let inertia_b_kg_m2 = inertia_b_kg_m2(&mass);
+        let inverse = inertia_b_kg_m2.cholesky()?.inverse();
+        let wheels = model.wheels.iter().enumerate().map(|(j, wheel)| {
+            adjusted(&(wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2), unknowns.wheel(values, j))
+        });
+        let mut jets: Vec<_> = model.jets.iter().map(|jet| jet.torque_b_n_m()).collect();
+        for (n, j) in unknowns.jets.iter().enumerate() {
+            if let Some(torque) = jets.get_mut(*j) {
+                *torque = adjusted(torque, unknowns.jet(values, n));
+            }
+        }
+        Some(Self {
+            inertia_b_kg_m2,
+            inverse,
+            gravity_offset_b_n_m: gravity_offset_b_n_m(&mass),
+            friction_n_m_s: values[FRICTION],
+            wheels: wheels.collect(),
+            jets,
+            lever_arm_b_m: model.sensors.accelerometer.lever_arm_b_m,
+        })
+    }
+
+    fn wheel_momentum(&self, values: &[f64]) -> Vector3<f64> {
+        self.wheels.iter().zip(values).map(|(axis, x)| axis * *x).sum()
+    }
+
+    /// Known torque of jets and other actuators at a point.
+    fn actuator_torque(&self, point: &Point) -> Vector3<f64> {
+        let jets: Vector3<f64> =
+            self.jets.iter().zip(&point.jet_share).filter(|(_, s)| **s != 0.0).map(|(t, s)| t * *s).sum();
+        jets + point.body_torque_b_n_m
+    }
+
+    fn torque(&self, vertical: &Vector3<f64>, omega: &Vector3<f64>, ballast: &Vector3<f64>) -> Vector3<f64> {
+        -(self.gravity_offset_b_n_m + ballast).cross(vertical) - omega * self.friction_n_m_s
+    }
+
+    /// From one point to the next: classical Runge-Kutta, wheel speeds linear between.
+    pub fn step(&self, from: &Motion, at: &Point, next: &Point) -> Motion {
+        let h_s = next.time_s - at.time_s;
+        let wheels_0 = self.wheel_momentum(&at.wheel_speed_rad_s);
+        let wheels_1 = self.wheel_momentum(&next.wheel_speed_rad_s);
+        let applied = self.actuator_torque(at);
+        let derivative = |q: &UnitQuaternion<f64>, momentum: &Vector3<f64>, share: f64| {
+            let omega = self.inverse * (momentum - wheels_0.lerp(&wheels_1, share));
+            let torque = self.torque(&vertical_b(q), &omega, &at.ballast_moment_b_n_m) + applied;
+            (quaternion_rate(q, &omega), torque - omega.cross(momentum))
+        };
+        let q0 = from.q_world_body;
+        let m0 = self.inertia_b_kg_m2 * from.omega_wb_b_rad_s + wheels_0;
+        let moved =
+            |dq: &nalgebra::Quaternion<f64>, h: f64| UnitQuaternion::new_unchecked(q0.into_inner() + dq * h);
+        let (q1, m1) = derivative(&q0, &m0, 0.0);
+        let (q2, m2) = derivative(&moved(&q1, 0.5 * h_s), &(m0 + m1 * (0.5 * h_s)), 0.5);
+        let (q3, m3) = derivative(&moved(&q2, 0.5 * h_s), &(m0 + m2 * (0.5 * h_s)), 0.5);
+        let (q4, m4) = derivative(&moved(&q3, h_s), &(m0 + m3 * h_s), 1.0);
+        let momentum = m0 + (m1 + (m2 + m3) * 2.0 + m4) * (h_s / 6.0);
+        let q = q0.into_inner() + (q1 + (q2 + q3) * 2.0 + q4) * (h_s / 6.0);
+        Motion {
+            q_world_body: UnitQuaternion::new_normalize(q),
+            omega_wb_b_rad_s: self.inverse * (momentum - wheels_1),
+        }
+    }
+
+    /// What an ideal accelerometer reads at a point.
+    pub fn specific_force(&self, motion: &Motion, point: &Point) -> Vector3<f64> {
+        let vertical = vertical_b(&motion.q_world_body);
+        let omega = motion.omega_wb_b_rad_s;
+        let momentum = self.inertia_b_kg_m2 * omega + self.wheel_momentum(&point.wheel_speed_rad_s);
+        let torque = self.torque(&vertical, &omega, &point.ballast_moment_b_n_m)
+            + self.actuator_torque(point)
+            - omega.cross(&momentum)
+            - self.wheel_momentum(&point.wheel_acceleration_rad_s2);
+        specific_force_b_m_s2(&self.lever_arm_b_m, &omega, &(self.inverse * torque), &vertical)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_dynamics::{InitialState, ModelPrior, Plant};
+
+    use super::*;
+
+    /// The truth plant integrates motor torques and friction at 1 kHz; here the wheels' speeds alone are
+    /// given, at 20 Hz. Both must arrive at the same motion.
+    #[test]
+    fn wheel_speeds_alone_give_the_motion_of_the_plant() {
+        let model = PlatformModel::whorl_1_reference();
+        let initial = InitialState {
+            omega_wb_b_rad_s: Vector3::new(0.02, -0.01, 0.1),
+            wheel_speed_rad_s: vec![5.0, -3.0, 20.0],
+            ..InitialState::default()
+        };
+        let mut plant = Plant::new(&model, &initial, 1).unwrap();
+        let unknowns = Unknowns::new(&model, &ModelPrior::typical(&model), Vec::new());
+        let physics = Physics::new(&model, &unknowns, &unknowns.mean).unwrap();
+        let point = |plant: &Plant| Point {
+            time_s: plant.time_s(),
+            gyro_b_rad_s: Vector3::zeros(),
+            gyro_samples: 1.0,
+            specific_force_b_m_s2: None,
+            directions: Vec::new(),
+            wheel_speed_rad_s: plant.truth().wheel_speed_rad_s,
+            wheel_acceleration_rad_s2: vec![0.0; 3],
+            jet_share: Vec::new(),
+            body_torque_b_n_m: Vector3::zeros(),
+            ballast_moment_b_n_m: Vector3::zeros(),
+        };
+        let mut motion =
+            Motion { q_world_body: initial.q_world_body, omega_wb_b_rad_s: initial.omega_wb_b_rad_s };
+        let mut at = point(&plant);
+        for k in 1..=200 {
+            let t = at.time_s;
+            plant.command_wheels(&[0.05 * (0.9 * t).sin(), 0.04 * t.cos(), 0.2 * (0.4 * t).sin()]).unwrap();
+            plant.advance_to(k * 50_000_000).unwrap();
+            let next = point(&plant);
+            motion = physics.step(&motion, &at, &next);
+            at = next;
+        }
+        let truth = plant.truth();
+        assert!(motion.q_world_body.angle_to(&truth.q_world_body) < 2e-5, "{motion:?} {truth:?}");
+        assert!((motion.omega_wb_b_rad_s - truth.omega_wb_b_rad_s).norm() < 2e-6);
+    }
+}
