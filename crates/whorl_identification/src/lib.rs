@@ -12,6 +12,8 @@
 pub mod data;
 pub mod mass_parameters;
 pub mod realisability;
+pub mod regression;
+pub mod rigid_body;
 #[cfg(test)]
 mod tests;
 pub mod trajectory;

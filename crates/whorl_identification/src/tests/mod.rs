@@ -1,2 +1,3 @@
+mod regression;
 mod simulation;
 mod trajectory;
