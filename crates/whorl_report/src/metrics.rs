@@ -7,7 +7,7 @@ use whorl_msgs::whorl::{ControlStatus, FormationState};
 use crate::data::{PlatformData, RunData};
 use crate::series::{AttitudeSeries, maximum, percentile, rms};
 
-/// Longest gap over which attitudes are interpolated [s].
+/// Longest gap over which attitudes are interpolated \[s\].
 const GAP_S: f64 = 0.2;
 
 /// The numbers of a run. NaN (null in JSON): the run has nothing to compute it from.
@@ -21,7 +21,7 @@ pub struct Summary {
     pub law: String,
     /// How the run ended: finished, aborted, or the phase it was in.
     pub outcome: String,
-    /// Time between the first and the last message [s].
+    /// Time between the first and the last message \[s\].
     pub duration_s: f64,
     /// Per platform that follows another.
     pub pairs: Vec<PairSummary>,
@@ -36,15 +36,18 @@ pub struct PairSummary {
     pub follower: String,
     /// The one it follows.
     pub leader: String,
-    /// Length of the hold phases [s].
+    /// When pointing was acquired: from the first message to where the relative error stays below 0.1 deg
+    /// for a second \[s\].
+    pub acquired_s: f64,
+    /// Length of the hold phases \[s\].
     pub hold_s: f64,
-    /// RMS angle between the true relative attitude and the commanded one [rad].
+    /// RMS angle between the true relative attitude and the commanded one \[rad\].
     pub relative_error_rms_rad: f64,
-    /// Its largest value [rad].
+    /// Its largest value \[rad\].
     pub relative_error_max_rad: f64,
-    /// RMS angle between the true and the estimated relative attitude [rad].
+    /// RMS angle between the true and the estimated relative attitude \[rad\].
     pub estimator_error_rms_rad: f64,
-    /// RMS angle between the estimated relative attitude and the commanded one [rad].
+    /// RMS angle between the estimated relative attitude and the commanded one \[rad\].
     pub control_error_rms_rad: f64,
     /// Whether the true attitude was there; if not, the relative error is from the estimates.
     pub from_truth: bool,
@@ -55,17 +58,17 @@ pub struct PairSummary {
 pub struct PlatformSummary {
     /// Its name.
     pub name: String,
-    /// RMS angle between the true attitude and the reference, in hold [rad].
+    /// RMS angle between the true attitude and the reference, in hold \[rad\].
     pub pointing_error_rms_rad: f64,
-    /// RMS angle between the true attitude and the estimate, whole run [rad].
+    /// RMS angle between the true attitude and the estimate, whole run \[rad\].
     pub estimator_error_rms_rad: f64,
-    /// Of that, about the vertical [rad].
+    /// Of that, about the vertical \[rad\].
     pub estimator_heading_error_rms_rad: f64,
-    /// Of that, across the vertical [rad].
+    /// Of that, across the vertical \[rad\].
     pub estimator_inclination_error_rms_rad: f64,
-    /// Gas used, by the controller's model [kg].
+    /// Gas used, by the controller's model \[kg\].
     pub gas_used_kg: f64,
-    /// Total commanded-open time of all jets [s].
+    /// Total commanded-open time of all jets \[s\].
     pub jet_on_time_s: f64,
     /// Largest wheel speed [rad/s].
     pub wheel_speed_max_rad_s: f64,
@@ -73,19 +76,19 @@ pub struct PlatformSummary {
     pub alpha_min: f64,
     /// Allocation problems that were not solved.
     pub allocation_fallbacks: u64,
-    /// Age of the estimate when the controller acted on it, median [s].
+    /// Age of the estimate when the controller acted on it, median \[s\].
     pub sensor_to_command_p50_s: f64,
-    /// The same, 99th percentile [s].
+    /// The same, 99th percentile \[s\].
     pub sensor_to_command_p99_s: f64,
-    /// Largest age of the platform's estimate at the coordinator, after start [s].
+    /// Largest age of the platform's estimate at the coordinator, after start \[s\].
     pub link_age_max_s: f64,
     /// Sensor samples that the estimator refused.
     pub rejected_samples: u32,
-    /// Time in a mode other than tracking, after start [s].
+    /// Time in a mode other than tracking, after start \[s\].
     pub not_tracking_s: f64,
 }
 
-/// A stretch of time [s].
+/// A stretch of time \[s\].
 pub type Interval = (f64, f64);
 
 /// When the formation was in its hold phases.
@@ -139,10 +142,10 @@ impl Attitudes {
     }
 }
 
-/// One instant of a follower's relative error; rotation vectors in the follower's body axes [rad].
+/// One instant of a follower's relative error; rotation vectors in the follower's body axes \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RelativeError {
-    /// When [s].
+    /// When \[s\].
     pub time_s: f64,
     /// True relative attitude against the commanded one; from the estimates without truth.
     pub total_rad: Vector3<f64>,
@@ -268,6 +271,23 @@ pub fn phase_name(phase: u8) -> &'static str {
     }
 }
 
+/// Relative error below which pointing counts as acquired, and for how long it must be.
+const ACQUIRED: (f64, f64) = (0.1 * std::f64::consts::PI / 180.0, 1.0);
+
+/// NaN: never.
+fn acquired_s(errors: &[RelativeError]) -> f64 {
+    let (limit_rad, dwell_s) = ACQUIRED;
+    let mut since = None;
+    for error in errors {
+        if error.total_rad.norm() >= limit_rad {
+            since = None;
+        } else if error.time_s - *since.get_or_insert(error.time_s) >= dwell_s {
+            break;
+        }
+    }
+    since.filter(|t| errors.last().is_some_and(|last| last.time_s - t >= dwell_s)).unwrap_or(f64::NAN)
+}
+
 fn summarise_pair(
     follower: String,
     leader: String,
@@ -278,6 +298,7 @@ fn summarise_pair(
     PairSummary {
         follower,
         leader,
+        acquired_s: acquired_s(errors),
         hold_s: hold.iter().map(|(start, end)| end - start).sum(),
         relative_error_rms_rad: rms(held.iter().map(|e| e.total_rad.norm())),
         relative_error_max_rad: maximum(held.iter().map(|e| e.total_rad.norm())),
@@ -287,7 +308,7 @@ fn summarise_pair(
     }
 }
 
-/// Error of the estimate: rotation from the estimated to the true attitude, in world axes [rad].
+/// Error of the estimate: rotation from the estimated to the true attitude, in world axes \[rad\].
 pub(crate) fn estimator_errors(attitudes: &Attitudes) -> Vec<(f64, Vector3<f64>)> {
     attitudes
         .estimate
@@ -345,5 +366,27 @@ fn summarise_platform(
         link_age_max_s: maximum(link_ages),
         rejected_samples: data.estimate.last().map_or(0, |e| e.message.rejected_samples),
         not_tracking_s,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pointing_is_acquired_where_the_error_begins_to_stay_small() {
+        let error = |(time_s, deg): (f64, f64)| RelativeError {
+            time_s,
+            total_rad: Vector3::x() * deg.to_radians(),
+            estimator_rad: None,
+            control_rad: Vector3::zeros(),
+        };
+        let errors = |degs: &[f64]| -> Vec<RelativeError> {
+            degs.iter().enumerate().map(|(i, deg)| error((0.25 * i as f64, *deg))).collect()
+        };
+        // Small for a moment, then for good.
+        assert_eq!(acquired_s(&errors(&[1.0, 0.05, 0.3, 0.09, 0.05, 0.02, 0.02, 0.02, 0.5])), 0.75);
+        assert!(acquired_s(&errors(&[1.0, 0.05, 0.05, 0.05])).is_nan(), "not for a second");
+        assert!(acquired_s(&[]).is_nan());
     }
 }

@@ -87,12 +87,12 @@ fn summary_tables(summary: &Summary) -> String {
     if !summary.pairs.is_empty() {
         html.push_str(
             "<table><tr><th>relative pointing in hold</th><th class=n>RMS [deg]</th><th class=n>largest [deg]</th>\
-             <th class=n>of it estimators, RMS [deg]</th><th class=n>of it control, RMS [deg]</th><th class=n>hold [s]</th></tr>",
+             <th class=n>of it estimators, RMS [deg]</th><th class=n>of it control, RMS [deg]</th><th class=n>hold [s]</th><th class=n>acquired after [s]</th></tr>",
         );
         for pair in &summary.pairs {
             let _ = writeln!(
                 html,
-                "<tr><td>{} to {}{}</td>{}{}{}{}{}</tr>",
+                "<tr><td>{} to {}{}</td>{}{}{}{}{}{}</tr>",
                 escaped(&pair.follower),
                 escaped(&pair.leader),
                 if pair.from_truth { "" } else { " (from the estimates: no truth)" },
@@ -101,6 +101,7 @@ fn summary_tables(summary: &Summary) -> String {
                 angle(pair.estimator_error_rms_rad),
                 angle(pair.control_error_rms_rad),
                 number(pair.hold_s, 1),
+                number(pair.acquired_s, 1),
             );
         }
         html.push_str("</table>\n");
