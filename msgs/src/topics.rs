@@ -214,6 +214,18 @@ topics! {
 }
 
 impl Topic {
+    /// What a driver publishes: all that is known of a platform from outside.
+    pub const FROM_DRIVER: [Self; 8] = [
+        Self::ImuRaw,
+        Self::VectorDirection,
+        Self::WheelState,
+        Self::ThrusterState,
+        Self::Battery,
+        Self::TankPressure,
+        Self::Temperature,
+        Self::TruthState,
+    ];
+
     /// The topic with this name relative to its namespace.
     #[must_use]
     pub fn find(name: &str, per_platform: bool) -> Option<Self> {

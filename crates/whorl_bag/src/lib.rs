@@ -38,7 +38,7 @@ pub use csv::{
 };
 pub use error::BagError;
 pub use manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
-pub use measurements::{MEASURED_TOPICS, Measurement, measurements, stamp_of};
+pub use measurements::{Measurement, measurements, stamp_of};
 pub use metadata::{BagMetadata, BagTopic, METADATA_FILE};
 pub use qos::offered_qos_profiles;
 pub use reader::{BagReader, MessageFilter, Messages, RecordedMessage};

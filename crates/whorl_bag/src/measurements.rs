@@ -18,18 +18,6 @@ pub struct Measurement {
     pub message: Message,
 }
 
-/// The topics that a driver sends.
-pub const MEASURED_TOPICS: [Topic; 8] = [
-    Topic::ImuRaw,
-    Topic::VectorDirection,
-    Topic::WheelState,
-    Topic::ThrusterState,
-    Topic::Battery,
-    Topic::TankPressure,
-    Topic::Temperature,
-    Topic::TruthState,
-];
-
 /// The measurements of one platform in a run directory or bag, in the order in which they were recorded.
 ///
 /// # Errors
@@ -41,7 +29,7 @@ pub fn measurements(
 ) -> Result<impl Iterator<Item = Result<Measurement, BagError>> + use<>, BagError> {
     let reader: BagReader = RunDirectory::open(source)?.bag()?;
     let names: Vec<String> =
-        MEASURED_TOPICS.iter().map(|t| format!("/{platform}/{}", t.info().name)).collect();
+        Topic::FROM_DRIVER.iter().map(|t| format!("/{platform}/{}", t.info().name)).collect();
     Ok(reader.messages_of(&names).filter_map(|recorded| match recorded {
         Ok(recorded) => {
             let topic = recorded.topic.whorl_topic()?.1;

@@ -11,18 +11,6 @@ use crate::gate::{Action, Gate};
 use crate::hardware::Hardware;
 use crate::parameters::{Backend, Parameters};
 
-/// Topics a driver may publish.
-const MEASUREMENTS: [Topic; 8] = [
-    Topic::ImuRaw,
-    Topic::VectorDirection,
-    Topic::WheelState,
-    Topic::ThrusterState,
-    Topic::Battery,
-    Topic::TankPressure,
-    Topic::Temperature,
-    Topic::TruthState,
-];
-
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
 /// The driver of one platform.
@@ -102,7 +90,7 @@ impl NodeCore for DriverCore {
     }
 
     fn publications(&self) -> Vec<Route> {
-        let measurements = MEASUREMENTS.map(|topic| Route::platform(self.parameters.platform, topic));
+        let measurements = Topic::FROM_DRIVER.map(|topic| Route::platform(self.parameters.platform, topic));
         measurements.into_iter().chain([Route::shared(Topic::Diagnostics)]).collect()
     }
 
