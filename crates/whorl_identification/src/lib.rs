@@ -10,6 +10,7 @@
 //! Frames, signs and units: see `whorl_math`.
 
 pub mod data;
+pub mod estimated;
 pub mod mass_parameters;
 pub mod realisability;
 pub mod regression;

@@ -41,6 +41,8 @@ pub struct System {
     /// Expected product of the matrix' noise with itself, per unit variance of the rate: what total
     /// least squares takes off (eq. 4.77's matrix is linear in the rate but for small terms).
     pub noise_product: SMatrix<f64, MASS_PARAMETERS, MASS_PARAMETERS>,
+    /// Whether all rows hold the same error of the rate at the start, which means taken off remove.
+    pub common_start: bool,
 }
 
 type Row = SMatrix<f64, 3, MASS_PARAMETERS>;
@@ -68,14 +70,28 @@ pub fn rows(series: &StateSeries, method: Method, form: Form) -> System {
         Form::IntegratedTrapezoid => integrated(series, true),
     };
     match method {
-        Method::Torque => stack(&vector_rows),
-        Method::Momentum { shift } => stack(&shifted(series, &vector_rows, shift.max(1))),
+        Method::Torque => stack(&vector_rows, noise_per_row(series, form), form != Form::Natural),
+        Method::Momentum { shift } => {
+            // Two rows in each; the start's error nearly cancels between them.
+            let rows = shifted(series, &vector_rows, shift.max(1));
+            stack(&rows, 2.0 * noise_per_row(series, form), false)
+        }
         Method::Energy => energy(series, form, &vector_rows),
     }
 }
 
 /// Index of the sample, matrix, right-hand side.
 type VectorRow = (usize, Row, Vector3<f64>);
+
+/// Variance of the rate as it stands in a row, over the rate's own.
+fn noise_per_row(series: &StateSeries, form: Form) -> f64 {
+    let step_s = match series.samples.as_slice() {
+        [first, second, ..] => second.time_s - first.time_s,
+        _ => return 1.0,
+    };
+    // A central difference over two steps holds two samples.
+    if form == Form::Natural { 2.0 / (2.0 * step_s).powi(2) } else { 1.0 }
+}
 
 fn natural(series: &StateSeries) -> Vec<VectorRow> {
     let s = &series.samples;
@@ -174,10 +190,11 @@ fn system(rows: &[SMatrix<f64, 1, MASS_PARAMETERS>], right: Vec<f64>) -> System 
         matrix: DMatrix::from_fn(rows.len(), MASS_PARAMETERS, |i, j| rows.get(i).map_or(0.0, |r| r[j])),
         right: DVector::from_vec(right),
         noise_product: SMatrix::zeros(),
+        common_start: false,
     }
 }
 
-fn stack(rows: &[VectorRow]) -> System {
+fn stack(rows: &[VectorRow], noise_per_row: f64, common_start: bool) -> System {
     let count = 3 * rows.len();
     let matrix = DMatrix::from_fn(count, MASS_PARAMETERS, |i, j| {
         rows.get(i / 3).map_or(0.0, |(_, a, _)| a[(i % 3, j)])
@@ -190,5 +207,5 @@ fn stack(rows: &[VectorRow]) -> System {
         let mut block = noise_product.fixed_view_mut::<6, 6>(0, 0);
         block += unit.transpose() * unit;
     }
-    System { matrix, right, noise_product: noise_product * rows.len() as f64 }
+    System { matrix, right, noise_product: noise_product * (noise_per_row * rows.len() as f64), common_start }
 }

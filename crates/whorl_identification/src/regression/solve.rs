@@ -74,6 +74,7 @@ pub fn solve(system: &System, weighting: Weighting) -> Result<Solution, Regressi
     }
     let (normal, right) = match weighting {
         Weighting::Markov { row_stddev } => markov(a, b, row_stddev),
+        Weighting::TotalLeastSquares { .. } if system.common_start => markov(a, b, [1.0; 3]),
         _ => (a.tr_mul(a), a.tr_mul(b)),
     };
     let mut information = MassCovariance::from_fn(|i, j| normal[(i, j)]);

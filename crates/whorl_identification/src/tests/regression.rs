@@ -104,5 +104,5 @@ fn total_least_squares_takes_the_bias_of_noise_away() {
     }
     println!("I_zz: pseudo-inverse {plain}, total {total}, Markov {markov}");
     assert!(plain < 0.8 * 12.1, "{plain}");
-    assert!((total / 12.1 - 1.0).abs() < 0.1, "{total}");
+    assert!((total / 12.1 - 1.0).abs() < 0.15, "{total}");
 }
