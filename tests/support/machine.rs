@@ -38,9 +38,9 @@ impl Load {
     }
 }
 
-/// One unit per core; a machine of one core still runs a formation.
+/// Two units per core: a formation of two platforms needs less than half of one.
 fn capacity() -> u32 {
-    std::thread::available_parallelism().map_or(2, |n| u32::try_from(n.get()).unwrap_or(2)).max(2)
+    std::thread::available_parallelism().map_or(2, |n| u32::try_from(2 * n.get()).unwrap_or(2))
 }
 
 /// Lets a process (`None`: this thread, and those that it starts) run ahead of whatever else keeps the
