@@ -67,6 +67,16 @@ formation_arguments() {
     formation+=(--params-file "$experiment_path" -p "formation.platforms:=[${names#,}]")
 }
 
+# name_run: sets `run`, the directory of a run that begins now and that nobody has begun yet.
+name_run() {
+    while
+        run=$out/$(date -u +%Y-%m-%dT%H-%M-%SZ)_$(basename "$experiment_path" .yaml)
+        [ -e "$run" ]
+    do
+        sleep 0.2
+    done
+}
+
 # remember LABEL PID: for stop_all.sh.
 remember() {
     mkdir -p "$run_state"

@@ -58,13 +58,16 @@ while [ $# -gt 0 ]; do
 done
 [ -n "$named" ] || { usage >&2; die "which experiment? There are: $(ls "$params/experiments" | sed 's/\.yaml$//' | tr '\n' ' ')"; }
 experiment=$named
+for platform in "${!backends[@]}" "${!sources[@]}" "${!channels[@]}"; do
+    case " $platforms " in *" $platform "*) ;; *) die "no platform '$platform' among: $platforms" ;; esac
+done
 
 experiment_path=$(experiment_file)
 build_nodes
 check_binaries driver estimator local_control coordinator recorder whorl
 formation_arguments
 
-run=$out/$(date -u +%Y-%m-%dT%H-%M-%SZ)_$(basename "$experiment_path" .yaml)
+name_run
 monitor=
 finish() {
     trap - EXIT

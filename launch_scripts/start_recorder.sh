@@ -35,6 +35,6 @@ experiment_path=$(experiment_file)
 build_nodes
 check_binaries recorder
 formation_arguments
-run=$out/$(date -u +%Y-%m-%dT%H-%M-%SZ)_$(basename "$experiment_path" .yaml)
+name_run
 remember recorder $$
 exec "${ahead[@]}" "$bin/recorder" "${formation[@]}" "${truths[@]}" -p "run_directory:=$run"

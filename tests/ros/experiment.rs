@@ -244,11 +244,13 @@ fn the_pieces_started_by_hand_make_a_formation_and_stop_all_stops_them() {
 
 #[test]
 fn the_scripts_say_what_is_wrong() {
-    let _share = Load::Light.take();
+    let _share = Load::Formation.take();
+    let domain = Domain::take();
     let run = |arguments: &[&str]| {
         let mut command = Command::new(root().join("launch_scripts/run_experiment.sh"));
         let folder = tempfile::tempdir().unwrap();
         command.args(arguments).arg("--out").arg(folder.path()).env("WHORL_BIN", binaries::folder());
+        command.env("ROS_DOMAIN_ID", domain.id.to_string()).env("XDG_RUNTIME_DIR", folder.path());
         let output = command.output().unwrap();
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
@@ -259,6 +261,10 @@ fn the_scripts_say_what_is_wrong() {
     );
     let (code, text) = run(&["leader_follower", "--backend", "toaster"]);
     assert!(code == Some(2) && text.contains("toaster"), "{text}");
+    let (code, text) = run(&["leader_follower", "--backend", "whorl_7=sim"]);
+    assert!(code == Some(2) && text.contains("whorl_7"), "{text}");
+    let (code, text) = run(&["leader_follower", "--backend", "whorl_2=hardware"]);
+    assert!(code == Some(1) && text.contains("/dev/whorl/"), "{text}");
     let (code, text) = run(&["leader_follower", "--platforms", "whorl_9"]);
     assert!(code == Some(2) && text.contains("whorl_9"), "{text}");
 }
