@@ -9,6 +9,7 @@
 //!
 //! Frames, signs and units: see `whorl_math`.
 
+pub mod calibration;
 pub mod data;
 pub mod estimated;
 pub mod mass_parameters;

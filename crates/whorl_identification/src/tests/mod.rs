@@ -1,3 +1,4 @@
+mod calibration;
 mod regression;
 mod simulation;
 mod trajectory;

@@ -1,0 +1,222 @@
+//! Turns (Figures 4.6 and 4.8).
+
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use whorl_math::{integrate_rate, quaternion_exp, rotation_vector};
+use whorl_recording::Recording;
+
+use super::still::Still;
+use super::{CalibrationSettings, PerAxis, SensorCalibration};
+use crate::data::Finding;
+
+/// Widest scale error \[1\] and misalignment \[rad\] that are thought of.
+const WIDEST: f64 = 0.1;
+/// An uncertainty above this share of the widest is "not determined".
+const DETERMINED: f64 = 0.2;
+/// A turn of less is none \[rad\].
+const SMALLEST_TURN_RAD: f64 = 0.3;
+/// Gravity moved by less than this during a turn: it was about the vertical \[rad\].
+const ABOUT_VERTICAL_RAD: f64 = 0.1;
+
+pub(super) fn empty() -> SensorCalibration {
+    SensorCalibration {
+        bias: PerAxis::unknown(),
+        scale: PerAxis::unknown(),
+        misalignment_rad: PerAxis::unknown(),
+        noise_stddev: Vector3::zeros(),
+        noise: [None; 3],
+        gaussianity: [None, None, None],
+        temperature_slope: PerAxis::unknown(),
+    }
+}
+
+/// A turn between two still stretches: the gyro's samples, gravity before and after.
+struct Turn<'a> {
+    time_s: &'a [f64],
+    rate: &'a [Vector3<f64>],
+    /// Gyro bias about, from the still stretches around.
+    bias: Vector3<f64>,
+    before: Vector3<f64>,
+    after: Vector3<f64>,
+    /// Standard deviation of the direction of gravity \[rad\].
+    direction_stddev_rad: f64,
+    /// Known angle about the vertical \[rad\], if so.
+    angle_rad: Option<f64>,
+}
+
+type Errors = SVector<f64, 6>;
+
+impl Turn<'_> {
+    /// The rotation that the gyro measured, with scale (first three) and misalignment taken off.
+    fn rotation(&self, errors: &Errors) -> UnitQuaternion<f64> {
+        let scale = Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0);
+        let turned = quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5]));
+        let truth = |y: &Vector3<f64>| turned * (y - self.bias).component_div(&scale);
+        let mut q = UnitQuaternion::identity();
+        let samples = self.time_s.iter().zip(self.rate);
+        for ((t0, w0), (t1, w1)) in samples.clone().zip(samples.skip(1)) {
+            q = integrate_rate(&q, &(0.5 * (truth(w0) + truth(w1))), t1 - t0);
+        }
+        q
+    }
+
+    /// Residuals over their standard deviations: gravity (three), angle (one).
+    fn residuals(&self, errors: &Errors, settings: &CalibrationSettings) -> SVector<f64, 4> {
+        let q = self.rotation(errors);
+        // A body that turned by q sees the vertical turned back.
+        let gravity = (self.after - q.inverse_transform_vector(&self.before)) / self.direction_stddev_rad;
+        let angle = self.angle_rad.map_or(0.0, |known| {
+            let about = rotation_along(&q, &self.before, self.angle_of(errors));
+            (known - about) / settings.turn_stddev_rad
+        });
+        SVector::<f64, 4>::new(gravity.x, gravity.y, gravity.z, angle)
+    }
+
+    /// Angle about the vertical before, whole turns counted.
+    fn angle_of(&self, errors: &Errors) -> f64 {
+        let scale = Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0);
+        let turned = quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5]));
+        let samples = self.time_s.iter().zip(self.rate);
+        samples
+            .clone()
+            .zip(samples.skip(1))
+            .map(|((t0, w0), (t1, w1))| {
+                let mean = 0.5 * (w0 + w1) - self.bias;
+                (turned * mean.component_div(&scale)).dot(&self.before) * (t1 - t0)
+            })
+            .sum()
+    }
+}
+
+/// The angle of `q` about `axis` nearest to `expected`.
+fn rotation_along(q: &UnitQuaternion<f64>, axis: &Vector3<f64>, expected: f64) -> f64 {
+    let angle = rotation_vector(q).dot(axis);
+    angle + std::f64::consts::TAU * ((expected - angle) / std::f64::consts::TAU).round()
+}
+
+pub(super) fn calibrate(
+    runs: &[&Recording],
+    still: &[Still],
+    accelerometer: &SensorCalibration,
+    settings: &CalibrationSettings,
+    findings: &mut Vec<Finding>,
+) -> SensorCalibration {
+    let mut sensor = empty();
+    if still.is_empty() {
+        return sensor;
+    }
+    bias(still, &mut sensor);
+    let turns = turns(runs, still, accelerometer, settings);
+    let (mut errors, mut covariance) = (Errors::zeros(), SMatrix::<f64, 6, 6>::identity() * WIDEST.powi(2));
+    for _ in 0..8 {
+        let mut information = SMatrix::<f64, 6, 6>::identity() * WIDEST.powi(-2);
+        let mut right = -errors * WIDEST.powi(-2);
+        for turn in &turns {
+            let base = turn.residuals(&errors, settings);
+            let mut jacobian = SMatrix::<f64, 4, 6>::zeros();
+            for n in 0..6 {
+                let mut moved = errors;
+                moved[n] += 1e-6;
+                jacobian.set_column(n, &((turn.residuals(&moved, settings) - base) / 1e-6));
+            }
+            information += jacobian.transpose() * jacobian;
+            right -= jacobian.transpose() * base;
+        }
+        let Some(factor) = information.cholesky() else { break };
+        let step = factor.solve(&right);
+        errors += step;
+        covariance = factor.inverse();
+        if step.amax() < 1e-10 {
+            break;
+        }
+    }
+    let mut missing = [Vec::new(), Vec::new()];
+    for n in 0..6 {
+        let (axis, kind) = (n % 3, n / 3);
+        let slot = if kind == 0 { &mut sensor.scale } else { &mut sensor.misalignment_rad };
+        let stddev = covariance[(n, n)].sqrt();
+        if stddev < DETERMINED * WIDEST {
+            slot.value[axis] = errors[n];
+            slot.stddev[axis] = stddev;
+        } else if let Some(list) = missing.get_mut(kind) {
+            list.push(["x", "y", "z"][axis]);
+        }
+    }
+    let [scale, misalignment] = missing;
+    if !scale.is_empty() {
+        findings.push(Finding::warning(format!(
+            "Gyro scale not determined about {}: turn the sensor from face to face about {}, or give the angle of turns about the vertical (--known-turn-deg).",
+            scale.join(", "),
+            if scale.len() == 1 { "that axis" } else { "those axes" }
+        )));
+    }
+    if !misalignment.is_empty() {
+        findings.push(Finding::warning(format!(
+            "Gyro misalignment not determined about {}: turns about the other axes are needed.",
+            misalignment.join(", ")
+        )));
+    }
+    sensor
+}
+
+/// Weighted mean over the still stretches; their scatter counts where it is larger than their noise.
+fn bias(still: &[Still], sensor: &mut SensorCalibration) {
+    for axis in 0..3 {
+        let weights: Vec<f64> = still.iter().map(|s| (s.gyro_stddev_rad_s[axis].powi(2) + 1e-16).recip()).collect();
+        let total: f64 = weights.iter().sum();
+        let mean = still.iter().zip(&weights).map(|(s, w)| s.gyro_rad_s[axis] * w).sum::<f64>() / total;
+        let scatter = still
+            .iter()
+            .zip(&weights)
+            .map(|(s, w)| w * (s.gyro_rad_s[axis] - mean).powi(2))
+            .sum::<f64>()
+            / (still.len().max(2) - 1) as f64;
+        sensor.bias.value[axis] = mean;
+        sensor.bias.stddev[axis] = (scatter.max(1.0) / total).sqrt();
+    }
+}
+
+fn turns<'a>(
+    runs: &[&'a Recording],
+    still: &[Still],
+    accelerometer: &SensorCalibration,
+    settings: &CalibrationSettings,
+) -> Vec<Turn<'a>> {
+    let direction = |s: &Still| {
+        let x = (s.specific_force_m_s2 - accelerometer.bias.value)
+            .component_div(&accelerometer.scale.value.add_scalar(1.0));
+        let m = quaternion_exp(&accelerometer.misalignment_rad.value);
+        (m * x).normalize()
+    };
+    let mut turns = Vec::new();
+    for (a, b) in still.iter().zip(still.iter().skip(1)) {
+        let Some(run) = runs.get(a.run).filter(|_| a.run == b.run) else { continue };
+        let series = &run.gyro_b_rad_s;
+        let first = series.time_s.partition_point(|t| *t < a.to_s);
+        let last = series.time_s.partition_point(|t| *t <= b.from_s);
+        let (Some(time_s), Some(rate)) = (series.time_s.get(first..last), series.value.get(first..last)) else {
+            continue;
+        };
+        let noise = 0.5 * (a.specific_force_stddev_m_s2.norm() + b.specific_force_stddev_m_s2.norm()) / 9.81;
+        let mut turn = Turn {
+            time_s,
+            rate,
+            bias: 0.5 * (a.gyro_rad_s + b.gyro_rad_s),
+            before: direction(a),
+            after: direction(b),
+            // What the accelerometer's own calibration leaves.
+            direction_stddev_rad: noise.hypot(1e-3),
+            angle_rad: None,
+        };
+        let total = turn.angle_of(&Errors::zeros());
+        let vertical = turn.before.angle(&turn.after) < ABOUT_VERTICAL_RAD;
+        if turn.rotation(&Errors::zeros()).angle() < SMALLEST_TURN_RAD && total.abs() < SMALLEST_TURN_RAD {
+            continue;
+        }
+        if let Some(unit) = settings.known_turn_rad.filter(|u| vertical && *u > 0.0) {
+            let known = (total / unit).round() * unit;
+            turn.angle_rad = (known != 0.0 && (known - total).abs() < 0.15 * known.abs()).then_some(known);
+        }
+        turns.push(turn);
+    }
+    turns
+}

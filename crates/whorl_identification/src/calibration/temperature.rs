@@ -1,0 +1,72 @@
+//! Bias against temperature.
+
+use whorl_recording::Recording;
+
+use super::SensorCalibration;
+use super::still::Still;
+use crate::data::Finding;
+
+/// Least change of temperature that a slope is sought for \[K\].
+const LEAST_CHANGE_K: f64 = 2.0;
+
+/// Straight lines of the gyro's bias over temperature from still stretches; of the accelerometer's from
+/// stretches in one position.
+pub(super) fn slopes(
+    runs: &[&Recording],
+    still: &[Still],
+    gyro: &mut SensorCalibration,
+    accelerometer: &mut SensorCalibration,
+    findings: &mut Vec<Finding>,
+) {
+    let warm: Vec<(f64, &Still)> = still.iter().filter_map(|s| Some((s.temperature_k?, s))).collect();
+    let range = warm.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (t, _)| (l.min(*t), h.max(*t)));
+    let change_k = range.1 - range.0;
+    if warm.len() < 3 || !(change_k >= LEAST_CHANGE_K) {
+        let text = if runs.iter().all(|r| r.temperature_k.is_empty()) {
+            "Dependence on temperature not determined: no temperature was recorded.".to_owned()
+        } else {
+            format!(
+                "Dependence on temperature not determined: it changed by {:.1} K between still stretches, {LEAST_CHANGE_K:.0} K are needed.",
+                change_k.max(0.0)
+            )
+        };
+        findings.push(Finding::warning(text));
+        return;
+    }
+    for axis in 0..3 {
+        let points: Vec<[f64; 3]> =
+            warm.iter().map(|(t, s)| [*t, s.gyro_rad_s[axis], s.gyro_stddev_rad_s[axis]]).collect();
+        if let Some((slope, stddev)) = line(&points) {
+            gyro.temperature_slope.value[axis] = slope;
+            gyro.temperature_slope.stddev[axis] = stddev;
+        }
+        let first = warm.first().map(|(_, s)| s.specific_force_m_s2).unwrap_or_default();
+        let points: Vec<[f64; 3]> = warm
+            .iter()
+            .filter(|(_, s)| (s.specific_force_m_s2 - first).amax() < 0.2)
+            .map(|(t, s)| [*t, s.specific_force_m_s2[axis], s.specific_force_stddev_m_s2[axis]])
+            .collect();
+        if let Some((slope, stddev)) = line(&points) {
+            accelerometer.temperature_slope.value[axis] = slope;
+            accelerometer.temperature_slope.stddev[axis] = stddev;
+        }
+    }
+}
+
+/// Slope of a straight line through (x, y, sigma of y) and its standard deviation, enlarged where the
+/// scatter is larger than sigma says.
+fn line(points: &[[f64; 3]]) -> Option<(f64, f64)> {
+    if points.len() < 3 {
+        return None;
+    }
+    let weight = |p: &[f64; 3]| (p[2].powi(2) + 1e-20).recip();
+    let total: f64 = points.iter().map(weight).sum();
+    let mean_x = points.iter().map(|p| weight(p) * p[0]).sum::<f64>() / total;
+    let mean_y = points.iter().map(|p| weight(p) * p[1]).sum::<f64>() / total;
+    let spread: f64 = points.iter().map(|p| weight(p) * (p[0] - mean_x).powi(2)).sum();
+    let slope = points.iter().map(|p| weight(p) * (p[0] - mean_x) * (p[1] - mean_y)).sum::<f64>() / spread;
+    let misfit: f64 =
+        points.iter().map(|p| weight(p) * (p[1] - mean_y - slope * (p[0] - mean_x)).powi(2)).sum();
+    let scatter = (misfit / (points.len() - 2) as f64).max(1.0);
+    (spread > 0.0).then(|| (slope, (scatter / spread).sqrt()))
+}
