@@ -183,8 +183,7 @@ impl RelativeAttitudeLaw for Behavioural {
     }
 
     fn restart(&mut self, input: &LawInput<'_>) {
-        let start = |m: &super::Member| Some(Reference::at_rest(m.reference.q_world_reference));
-        self.commanded = input.members.iter().map(start).collect();
+        self.commanded = input.members.iter().map(|m| Some(m.reference)).collect();
     }
 
     fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
@@ -197,10 +196,8 @@ impl RelativeAttitudeLaw for Behavioural {
                 demands.push(Demand::Hold);
                 continue;
             }
-            let mut at = self.commanded[platform].map_or_else(
-                || Reference::at_rest(member.reference.q_world_reference),
-                |last| last.extrapolated(input.dt_s),
-            );
+            let mut at = self.commanded[platform]
+                .map_or_else(|| member.reference, |last| last.extrapolated(input.dt_s));
             at.omega_dot_wr_r_rad_s2 = self.acceleration_rad_s2(&at, input, platform);
             self.commanded[platform] = Some(at);
             demands.push(Demand::Follow(at));

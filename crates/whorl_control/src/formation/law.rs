@@ -144,6 +144,15 @@ pub(super) fn rigid_relation(input: &LawInput<'_>, platform: usize) -> Option<Re
     Some(Relation { leader: Some(0), q_leader_platform: first.inverse() * own })
 }
 
+/// Motion of the virtual body when the first member moves on it as its reference does; it begins without
+/// acceleration.
+pub(super) fn structure_of_first(input: &LawInput<'_>) -> Reference {
+    let unknown = || Reference::at_rest(UnitQuaternion::identity());
+    let first = input.members.first().map_or_else(unknown, |m| m.reference);
+    let moved = input.offsets.first().map_or(first, |offset| offset.inverse().apply(&first));
+    Reference { omega_dot_wr_r_rad_s2: Vector3::zeros(), ..moved }
+}
+
 /// Motion of a member: its estimated attitude; rate and acceleration of its own reference while it
 /// tracks that (known without noise and in advance), else the estimated rate.
 pub(super) fn member_motion(member: &Member) -> Reference {
@@ -197,7 +206,7 @@ pub trait RelativeAttitudeLaw: std::fmt::Debug + Send {
     /// Its name in messages and reports.
     fn name(&self) -> &'static str;
 
-    /// Forgets the past and starts from the references that the platforms follow now, at rest.
+    /// Forgets the past and starts from the references that the platforms follow now, with their rates.
     fn restart(&mut self, input: &LawInput<'_>);
 
     /// Replaces `demands` with one demand per platform.

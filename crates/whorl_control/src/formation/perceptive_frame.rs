@@ -37,8 +37,8 @@
 use nalgebra::Vector3;
 use whorl_math::{attitude_error, quaternion_exp};
 
-use super::law::{limited, rigid_relation};
-use super::{Demand, LawError, LawInput, Offset, Relation, RelativeAttitudeLaw};
+use super::law::{limited, rigid_relation, structure_of_first};
+use super::{Demand, LawError, LawInput, Relation, RelativeAttitudeLaw};
 use crate::reference::Reference;
 
 /// Pole of the filter of the perceived progress \[1/s\].
@@ -146,12 +146,6 @@ impl PerceptiveFrame {
         }
         (seen > 0.0).then(|| sum / seen)
     }
-
-    fn start(input: &LawInput<'_>) -> Reference {
-        let first = input.members.first().map(|m| m.reference.q_world_reference).unwrap_or_default();
-        let offset = input.offsets.first().map_or_else(Default::default, |o: &Offset| o.q_leader_platform);
-        Reference::at_rest(first * offset.inverse())
-    }
 }
 
 impl RelativeAttitudeLaw for PerceptiveFrame {
@@ -160,12 +154,13 @@ impl RelativeAttitudeLaw for PerceptiveFrame {
     }
 
     fn restart(&mut self, input: &LawInput<'_>) {
-        self.frame = Some(Self::start(input));
+        self.frame = Some(structure_of_first(input));
         self.progress_rad = 0.0;
     }
 
     fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
-        let mut frame = self.frame.map_or_else(|| Self::start(input), |last| last.extrapolated(input.dt_s));
+        let mut frame =
+            self.frame.map_or_else(|| structure_of_first(input), |last| last.extrapolated(input.dt_s));
         let goal = &input.goals.formation;
         let to_goal = attitude_error(&frame.q_world_reference, &goal.q_world_reference);
         let distance = to_goal.norm();

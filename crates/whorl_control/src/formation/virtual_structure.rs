@@ -39,7 +39,7 @@
 use nalgebra::Vector3;
 use whorl_math::attitude_error;
 
-use super::law::{limited, rigid_relation};
+use super::law::{limited, rigid_relation, structure_of_first};
 use super::{Demand, LawError, LawInput, Relation, RelativeAttitudeLaw};
 use crate::reference::Reference;
 
@@ -137,11 +137,9 @@ impl VirtualStructure {
         limited(asked, g.acceleration_max_rad_s2)
     }
 
-    /// Where the structure is when the first member stands where its reference does.
+    /// The structure's motion when the first member moves as its reference does.
     fn start(input: &LawInput<'_>) -> Reference {
-        let first = input.members.first().map(|m| m.reference.q_world_reference).unwrap_or_default();
-        let offset = input.offsets.first().map(|o| o.q_leader_platform).unwrap_or_default();
-        Reference::at_rest(first * offset.inverse())
+        structure_of_first(input)
     }
 }
 
