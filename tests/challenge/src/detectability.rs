@@ -18,6 +18,8 @@ use crate::truth::{Body, Constant, Hidden, Mechanics, Motion, Plan, Trace, simul
 
 /// Slots in a segment: 30 s.
 const SEGMENT_SLOTS: usize = 1500;
+/// A parameter of another effect is plausible to so many of its usual steps, one standard deviation.
+const PLAUSIBLE_STEPS: f64 = 10.0;
 /// Integration step \[s\].
 const STEP_S: f64 = 0.01;
 
@@ -37,6 +39,7 @@ pub struct Lens {
     body: Body,
     plans: Vec<Plan>,
     levels: NoiseLevels,
+    constants: Vec<(Constant, f64)>,
     segments: Vec<Segment>,
     normal: Cholesky<f64, Dyn>,
     count: usize,
@@ -70,6 +73,11 @@ fn whitened(trace: &Trace, levels: &NoiseLevels) -> DVector<f64> {
     // The prior of the segment's slow bias, as three measurements.
     values.extend([0.0; 3]);
     DVector::from_vec(values)
+}
+
+/// Stored in single precision, summed in double: large parts cancel.
+fn dot(a: &DVector<f32>, b: &DVector<f32>) -> f64 {
+    a.iter().zip(b.iter()).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
 }
 
 /// Gram-Schmidt, twice; columns that are nothing new are dropped.
@@ -117,8 +125,17 @@ impl Lens {
             }
         }
         // Identity plus squares: positive definite.
-        let normal = Cholesky::new(normal).unwrap_or_else(|| Cholesky::pack_dirty(DMatrix::identity(count, count)));
-        Self { body: body.clone(), plans: plans.to_vec(), levels: levels.clone(), segments, normal, count }
+        let normal =
+            Cholesky::new(normal).unwrap_or_else(|| Cholesky::pack_dirty(DMatrix::identity(count, count)));
+        Self {
+            body: body.clone(),
+            plans: plans.to_vec(),
+            levels: levels.clone(),
+            constants,
+            segments,
+            normal,
+            count,
+        }
     }
 
     /// The platform's constants.
@@ -137,16 +154,53 @@ impl Lens {
             let trace = simulate(&mechanics, &mut plans[segment.run], &segment.start, segment.span, None);
             let mut difference = whitened(&trace, &self.levels) - &segment.base;
             difference -= &segment.local * segment.local.tr_mul(&difference);
-            seen.square += difference.norm_squared();
             let narrow = difference.map(|x| x as f32);
-            seen.against += segment.columns.tr_mul(&narrow).map(f64::from);
+            seen.square += dot(&narrow, &narrow);
+            for (sum, column) in seen.against.iter_mut().zip(segment.columns.column_iter()) {
+                *sum += column.iter().zip(&narrow).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+            }
             seen.parts.push(narrow);
         }
         seen
     }
 
+    /// Detectability of hidden effects, the constants refitted once more from where the first fit ended:
+    /// what they can imitate is imitated exactly, not only to first order.
+    #[must_use]
+    pub fn detectability(&self, hidden: &Hidden) -> f64 {
+        let seen = self.see(hidden);
+        let shift = self.normal.solve(&seen.against);
+        let mut body = self.body.clone();
+        for ((constant, stddev), by) in self.constants.iter().zip(shift.iter()) {
+            body.shift(*constant, stddev * by);
+        }
+        let refitted = Mechanics::new(body, Hidden::none(self.body.wheels.len(), self.body.jets.len()));
+        let truth = Mechanics::new(self.body.clone(), hidden.clone());
+        let mut plans = self.plans.clone();
+        let mut square = shift.norm_squared();
+        let mut against = -shift.clone();
+        for segment in &self.segments {
+            let plan = &mut plans[segment.run];
+            let seen = whitened(&simulate(&truth, plan, &segment.start, segment.span, None), &self.levels);
+            let model =
+                whitened(&simulate(&refitted, plan, &segment.start, segment.span, None), &self.levels);
+            let mut difference = seen - model;
+            // Biases are exactly linear.
+            let first = self.constants.len();
+            for (i, column) in segment.columns.column_iter().enumerate().skip(first) {
+                difference.iter_mut().zip(column.iter()).for_each(|(d, c)| *d -= f64::from(*c) * shift[i]);
+            }
+            difference -= &segment.local * segment.local.tr_mul(&difference);
+            square += difference.norm_squared();
+            for (sum, column) in against.iter_mut().zip(segment.columns.column_iter()) {
+                *sum += column.iter().zip(&difference).map(|(a, b)| f64::from(*a) * b).sum::<f64>();
+            }
+        }
+        (square - against.dot(&self.normal.solve(&against))).max(0.0)
+    }
+
     fn product(&self, a: &Seen, b: &Seen) -> f64 {
-        let direct: f64 = a.parts.iter().zip(&b.parts).map(|(x, y)| f64::from(x.dot(y))).sum();
+        let direct: f64 = a.parts.iter().zip(&b.parts).map(|(x, y)| dot(x, y)).sum();
         direct - a.against.dot(&self.normal.solve(&b.against))
     }
 
@@ -166,7 +220,8 @@ impl Lens {
         }
         let scale: Vec<f64> = others.iter().map(|o| self.lambda(o).sqrt()).collect();
         let gram = DMatrix::from_fn(n, n, |i, j| {
-            self.product(others[i], others[j]) / (scale[i] * scale[j]) + if i == j { 1e-6 } else { 0.0 }
+            let prior = if i == j { (PLAUSIBLE_STEPS * scale[i]).powi(-2) + 1e-9 } else { 0.0 };
+            self.product(others[i], others[j]) / (scale[i] * scale[j]) + prior
         });
         let side = DVector::from_fn(n, |i, _| self.product(others[i], seen) / scale[i]);
         let taken = Cholesky::new(gram).map_or(0.0, |c| side.dot(&c.solve(&side)));

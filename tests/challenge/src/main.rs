@@ -59,7 +59,10 @@ fn main() -> Result<()> {
     let mut done: Vec<Outcome> = Vec::new();
     if let Some(path) = arguments.json.as_ref().filter(|p| p.is_file()) {
         for line in std::fs::read_to_string(path).context("the JSON file")?.lines() {
-            done.push(serde_json::from_str(line).with_context(|| format!("{}: a line is not a case", path.display()))?);
+            done.push(
+                serde_json::from_str(line)
+                    .with_context(|| format!("{}: a line is not a case", path.display()))?,
+            );
         }
     }
     if !arguments.table {
@@ -83,7 +86,12 @@ fn main() -> Result<()> {
 }
 
 /// Runs cases, those that share platform and runs one after the other.
-fn run(arguments: &Arguments, laboratory: &Laboratory, specs: Vec<Spec>, done: &mut Vec<Outcome>) -> Result<()> {
+fn run(
+    arguments: &Arguments,
+    laboratory: &Laboratory,
+    specs: Vec<Spec>,
+    done: &mut Vec<Outcome>,
+) -> Result<()> {
     let mut groups: BTreeMap<String, Vec<Spec>> = BTreeMap::new();
     let mut order = Vec::new();
     let total = specs.len();
@@ -147,7 +155,11 @@ fn one(arguments: &Arguments, laboratory: &Laboratory, stand: &Arc<Stand>, spec:
         eprintln!("{}: not written: {error:#}", spec.key());
     }
     if arguments.only_build {
-        let after = if spec.cell == Cell::Confounded { separation_after_follow_up(stand, &built.answer) } else { None };
+        let after = if spec.cell == Cell::Confounded {
+            separation_after_follow_up(stand, &built.answer)
+        } else {
+            None
+        };
         println!("  separation after follow-up: {after:?}; values {:?}", built.answer.values);
         return Outcome {
             lambda: built.answer.lambda,
@@ -180,7 +192,11 @@ fn say(outcome: &Outcome, count: usize, total: usize, begun: Instant) {
         "[{count}/{total}, {left:.0} min left] {key}: {judgement}: {} {:?}{} lambda {:.0}, separation {:.0}{}; {:.2} s",
         outcome.verdict,
         outcome.answer,
-        if outcome.confounded_with.is_empty() { String::new() } else { format!(" or {:?}", outcome.confounded_with) },
+        if outcome.confounded_with.is_empty() {
+            String::new()
+        } else {
+            format!(" or {:?}", outcome.confounded_with)
+        },
         outcome.lambda,
         outcome.separation,
         outcome.nearest.as_ref().map(|n| format!(" from {n}")).unwrap_or_default(),

@@ -156,7 +156,10 @@ fn map(recording: &Recording) -> String {
         let r = vector.reference_world;
         line(
             "vx",
-            format!("vector: {{columns: [vx, vy, vz], reference_world: [{:.6}, {:.6}, {:.6}]}}", r.x, r.y, r.z),
+            format!(
+                "vector: {{columns: [vx, vy, vz], reference_world: [{:.6}, {:.6}, {:.6}]}}",
+                r.x, r.y, r.z
+            ),
         );
     }
     line("bx", "ballast_moment: {columns: [bx, by, bz], unit: N m}".into());
@@ -185,7 +188,9 @@ fn platform(built: &Built) -> Result<String> {
         ("wheel_speed:", "noise_stddev_rad_s:", s.wheel_speed.noise_stddev_rad_s),
     ] {
         let start = text.find(&format!(" {group}\n")).with_context(|| format!("no {group}"))?;
-        let at = start + text.get(start..).and_then(|t| t.find(key)).with_context(|| format!("no {key}"))? + key.len();
+        let at = start
+            + text.get(start..).and_then(|t| t.find(key)).with_context(|| format!("no {key}"))?
+            + key.len();
         let end = at + text.get(at..).and_then(|t| t.find(['#', '\n'])).unwrap_or(0);
         text.replace_range(at..end, &format!(" {value:.6e}  "));
     }

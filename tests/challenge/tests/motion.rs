@@ -14,9 +14,12 @@ fn model() -> PlatformModel {
         // Dry friction is smooth here and a step there: they differ where a wheel turns round.
         wheel.coulomb_friction_n_m = 0.0;
     }
-    model.mass_properties =
-        whorl_dynamics::MassProperties::new(*model.mass_properties.inertia_b_kg_m2(), *model.mass_properties.gravity_offset_b_n_m(), 80.0)
-            .unwrap();
+    model.mass_properties = whorl_dynamics::MassProperties::new(
+        *model.mass_properties.inertia_b_kg_m2(),
+        *model.mass_properties.gravity_offset_b_n_m(),
+        80.0,
+    )
+    .unwrap();
     model
 }
 

@@ -12,8 +12,8 @@ use whorl_dynamics::platform::ModelPrior;
 use whorl_recording::Recording;
 
 use super::catalogue::{Drawn, SINGLES, Stage, Values, draw, install, is_comparable, parameters, rivals};
-use super::plan::{Cell, Spec};
 use super::foreign;
+use super::plan::{Cell, Spec};
 use crate::detectability::{Lens, Seen};
 use crate::scenario::{NoiseLevels, Stated, Style, index, measure, plan as make_plan, rng};
 use crate::truth::run::Span;
@@ -36,7 +36,8 @@ impl Laboratory {
     /// When `params/whorl_1.yaml` cannot be read.
     pub fn whorl_1() -> Result<Self> {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../params/whorl_1.yaml");
-        let known = whorl_recording::read_model(file.as_ref(), Some("whorl_1")).context("params/whorl_1.yaml")?;
+        let known =
+            whorl_recording::read_model(file.as_ref(), Some("whorl_1")).context("params/whorl_1.yaml")?;
         let mut model = known.model;
         model.effects.clear();
         Ok(Self { prior: ModelPrior::typical(&model), model })
@@ -140,8 +141,12 @@ impl Stand {
         for plan in &plans {
             let mut plan = plan.clone();
             let start = plan.start.clone();
-            let span =
-                Span { from_slot: 0, to_slot: plan.wheel_command_n_m.len(), step_s: 0.01, mark_every: usize::MAX };
+            let span = Span {
+                from_slot: 0,
+                to_slot: plan.wheel_command_n_m.len(),
+                step_s: 0.01,
+                mark_every: usize::MAX,
+            };
             let trace = simulate(&mechanics, &mut plan, &start, span, None);
             tilt = tilt.max(trace.largest_tilt_rad);
             rate = rate.max(trace.largest_rate_rad_s);
@@ -180,8 +185,8 @@ impl Stand {
     /// The size at which `see` has this detectability, if there is one.
     fn size_for(&self, lambda: f64, largest: f64, see: impl Fn(f64) -> f64) -> Option<(f64, f64)> {
         let mut size = 1.0_f64.min(largest);
-        let mut best = None;
-        for _ in 0..7 {
+        let (mut best, mut below, mut above) = (None, 0.0_f64, f64::INFINITY);
+        for _ in 0..9 {
             let reached = see(size);
             if (0.85..1.2).contains(&(reached / lambda)) {
                 return Some((size, reached));
@@ -189,13 +194,17 @@ impl Stand {
             if reached / lambda > 0.6 && reached / lambda < 1.7 {
                 best = Some((size, reached));
             }
-            if !(reached > 0.0) {
-                size *= 4.0;
+            if reached < lambda {
+                below = below.max(size)
             } else {
-                size *= (lambda / reached).sqrt().clamp(0.02, 20.0);
+                above = above.min(size)
             }
-            if size > largest {
-                if best.is_some() {
+            let aimed =
+                if reached > 0.0 { size * (lambda / reached).sqrt().clamp(0.02, 20.0) } else { 4.0 * size };
+            // Where the square law does not hold, halve the bracket.
+            size = if aimed > below && aimed < above { aimed } else { (below.max(1e-9) * above).sqrt() };
+            if size >= largest {
+                if best.is_some() || below >= largest {
                     return best;
                 }
                 size = largest;
@@ -207,10 +216,23 @@ impl Stand {
     fn sized(&self, drawn: &Drawn, lambda: f64) -> Option<(Values, f64)> {
         let see = |size: f64| {
             let hidden = self.hidden(&[(drawn.id, drawn.at(size, &self.stage))]);
-            self.lens.lambda(&self.lens.see(&hidden))
+            self.lens.detectability(&hidden)
         };
         let (size, reached) = self.size_for(lambda, drawn.largest_size, see)?;
         Some((drawn.at(size, &self.stage), reached))
+    }
+
+    /// A size at which the data with the follow-up run tell the effect from every rival.
+    fn told_apart(&self, lens: &Lens, drawn: &Drawn, lambda: f64) -> Option<(Values, f64)> {
+        let rivals: Vec<Vec<Seen>> = rivals(drawn.id).iter().map(|rival| self.columns(lens, rival)).collect();
+        let see = |size: f64| {
+            let seen = lens.see(&self.hidden(&[(drawn.id, drawn.at(size, &self.stage))]));
+            rivals.iter().map(|rival| lens.beyond(&seen, rival)).fold(f64::INFINITY, f64::min)
+        };
+        let (size, _) = self.size_for(lambda, 60.0, see)?;
+        let values = drawn.at(size, &self.stage);
+        let reached = self.lens.detectability(&self.hidden(&[(drawn.id, values.clone())]));
+        Some((values, reached))
     }
 
     /// What an effect could show, one parameter at a time.
@@ -308,7 +330,8 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                     break;
                 }
             }
-            let effects: Vec<(&str, Values)> = answer.values.iter().map(|(id, v)| (id.as_str(), v.clone())).collect();
+            let effects: Vec<(&str, Values)> =
+                answer.values.iter().map(|(id, v)| (id.as_str(), v.clone())).collect();
             hidden = stand.hidden(&effects);
             // Each must show beside the other.
             for (id, _) in &effects {
@@ -325,8 +348,11 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
         Cell::Single | Cell::Confounded | Cell::ClosedLoop | Cell::Bench => {
             if let Some(id) = spec.effects.last().and_then(|e| SINGLES.iter().find(|s| *s == e)) {
                 let drawn = draw(id, &stand.stage, &mut random);
-                let (values, reached) =
-                    stand.sized(&drawn, lambda).context("no plausible size has this detectability")?;
+                let (values, reached) = match (&stand.follow_lens, spec.cell) {
+                    (Some(lens), Cell::Confounded) => stand.told_apart(lens, &drawn, lambda),
+                    _ => stand.sized(&drawn, lambda),
+                }
+                .context("no plausible size has this detectability")?;
                 let seen = stand.lens.see(&stand.hidden(&[(id, values.clone())]));
                 for rival in rivals(id) {
                     let left = stand.lens.beyond(&seen, &stand.columns(&stand.lens, rival));
@@ -337,6 +363,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                 }
                 hidden = stand.hidden(&[(id, values.clone())]);
                 answer.lambda = reached;
+                answer.separation = answer.separation.min(reached);
                 note(&mut answer, id, values);
             }
         }
@@ -382,7 +409,10 @@ fn note(answer: &mut Answer, id: &str, values: Values) {
 }
 
 fn rand_salt(key: &str) -> u64 {
-    Sha256::digest(format!("salt of {key}").as_bytes()).iter().take(8).fold(0, |sum, b| (sum << 8) | u64::from(*b))
+    Sha256::digest(format!("salt of {key}").as_bytes())
+        .iter()
+        .take(8)
+        .fold(0, |sum, b| (sum << 8) | u64::from(*b))
 }
 
 impl Style {
@@ -391,4 +421,3 @@ impl Style {
         if self == Self::ClosedLoop { Self::ClosedLoop } else { Self::Mixed }
     }
 }
-

@@ -153,10 +153,9 @@ pub fn parameters(id: &str, stage: &Stage) -> Vec<(String, f64)> {
         "bearing_turbine" => vec![("body_z_n_m".into(), 1e-3), ("vertical_n_m".into(), 1e-3)],
         "magnetic_torque" => axes("dipole_", "_a_m2", 30.0),
         "harness_spring" => one("k_n_m_rad", 2e-3),
-        "anisoelastic_sag" => ["cxx", "cyy", "czz", "cxy", "cxz", "cyz"]
-            .iter()
-            .map(|c| (format!("{c}_m_n"), 2e-7))
-            .collect(),
+        "anisoelastic_sag" => {
+            ["cxx", "cyy", "czz", "cxy", "cxz", "cyz"].iter().map(|c| (format!("{c}_m_n"), 2e-7)).collect()
+        }
         "mass_shift" => axes("shift_", "_n_m_kg", 0.5),
         "moving_ballast_backlash" => vec![("gap_x_n_m".into(), 0.01), ("gap_y_n_m".into(), 0.01)],
         "tilt_stop_contact" | "gyro_saturation" => one("depth", 1.0),
@@ -204,7 +203,10 @@ pub fn parameters(id: &str, stage: &Stage) -> Vec<(String, f64)> {
 fn shape(id: &str, stage: &Stage, rng: &mut Pcg64) -> Values {
     let list: Vec<(&str, f64)> = match id {
         "air_current_periodic" => {
-            vec![("frequency_hz", 0.15 * 8.0_f64.powf(between(rng, 0.0, 1.0))), ("phase_rad", between(rng, -PI, PI))]
+            vec![
+                ("frequency_hz", 0.15 * 8.0_f64.powf(between(rng, 0.0, 1.0))),
+                ("phase_rad", between(rng, -PI, PI)),
+            ]
         }
         "harness_spring" => {
             let yaw = stage.mean_yaw_rad + between(rng, -1.0, 1.0);
@@ -223,7 +225,7 @@ fn shape(id: &str, stage: &Stage, rng: &mut Pcg64) -> Values {
             ("height_m", between(rng, 0.1, 0.3)),
         ],
         "flexible_mode" => {
-            vec![("frequency_hz", between(rng, 1.2, 8.0)), ("damping_ratio", between(rng, 0.003, 0.012))]
+            vec![("frequency_hz", between(rng, 0.8, 3.0)), ("damping_ratio", between(rng, 0.003, 0.012))]
         }
         _ => Vec::new(),
     };
@@ -255,9 +257,17 @@ pub fn draw(id: &'static str, stage: &Stage, rng: &mut Pcg64) -> Drawn {
                 scaled.insert(stage.jets[jet].clone(), -0.05);
             }
         }
-        "thruster_leak" | "wheel_imbalance" | "wheel_windage" | "bearing_viscous_friction"
-        | "bearing_coulomb_friction" | "harness_spring" | "thruster_rise" | "imu_latency" | "slosh"
-        | "tilt_stop_contact" | "gyro_saturation" => only_one(rng, &mut scaled, false),
+        "thruster_leak"
+        | "wheel_imbalance"
+        | "wheel_windage"
+        | "bearing_viscous_friction"
+        | "bearing_coulomb_friction"
+        | "harness_spring"
+        | "thruster_rise"
+        | "imu_latency"
+        | "slosh"
+        | "tilt_stop_contact"
+        | "gyro_saturation" => only_one(rng, &mut scaled, false),
         "bearing_turbine" | "wheel_inertia" | "thruster_pressure" => only_one(rng, &mut scaled, true),
         "thruster_misalignment" | "wheel_misalignment" | "wheel_friction" => {
             let units = all.len() / 2;
@@ -275,7 +285,7 @@ pub fn draw(id: &'static str, stage: &Stage, rng: &mut Pcg64) -> Drawn {
     let largest_size = match id {
         // The library's bounds, with room to spare.
         "thruster_strength" => 12.0,
-        "thruster_misalignment" => 8.0,
+        "thruster_misalignment" => 12.0,
         "wheel_inertia" => 40.0,
         "wheel_misalignment" => 25.0,
         "tilt_stop_contact" => 25.0,
@@ -286,10 +296,12 @@ pub fn draw(id: &'static str, stage: &Stage, rng: &mut Pcg64) -> Drawn {
         "thruster_pressure" => 8.0,
         "supply_voltage" => 7.0,
         "thruster_leak" => 50.0,
-        "gyro_scale" | "gyro_misalignment" | "gyro_temperature" | "gyro_g_sensitivity" | "accel_scale" => 15.0,
+        "gyro_scale" | "gyro_misalignment" | "gyro_temperature" | "gyro_g_sensitivity" | "accel_scale" => {
+            15.0
+        }
         "moving_ballast_backlash" => 6.0,
         "slosh" => 40.0,
-        "flexible_mode" => 15.0,
+        "flexible_mode" => 20.0,
         "wheel_imbalance" => 100.0,
         "accel_lever_arm" => 12.0,
         _ => 30.0,
@@ -424,10 +436,23 @@ pub fn install(hidden: &mut Hidden, id: &str, values: &Values, stage: &Stage, we
 #[must_use]
 pub fn is_comparable(id: &str, name: &str) -> bool {
     match id {
-        "bearing_viscous_friction" | "air_current" | "magnetic_torque" | "mass_shift" | "thruster_delay"
-        | "thruster_leak" | "wheel_misalignment" | "wheel_inertia" | "gyro_scale" | "gyro_misalignment"
-        | "gyro_temperature" | "gyro_g_sensitivity" | "accel_scale" | "accel_lever_arm" | "imu_latency"
-        | "thruster_misalignment" | "wheel_friction" => !name.starts_with("field"),
+        "bearing_viscous_friction"
+        | "air_current"
+        | "magnetic_torque"
+        | "mass_shift"
+        | "thruster_delay"
+        | "thruster_leak"
+        | "wheel_misalignment"
+        | "wheel_inertia"
+        | "gyro_scale"
+        | "gyro_misalignment"
+        | "gyro_temperature"
+        | "gyro_g_sensitivity"
+        | "accel_scale"
+        | "accel_lever_arm"
+        | "imu_latency"
+        | "thruster_misalignment"
+        | "wheel_friction" => !name.starts_with("field"),
         "air_current_periodic" | "slosh" | "flexible_mode" => name == "frequency_hz",
         "moving_ballast_backlash" => name != "gap_z_n_m",
         _ => false,

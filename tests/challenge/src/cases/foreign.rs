@@ -44,7 +44,9 @@ pub fn expected(name: &str) -> Expected {
         "oval_bearing" => {
             (&["yaw", "azimuth", "heading"], &[], &["magnetic_torque", "air_current", "bearing_turbine"])
         }
-        "warm_cg" => (&["temperature", "time"], &["mass_shift"], &["mass_shift", "air_current", "accel_bias"]),
+        "warm_cg" => {
+            (&["temperature", "time"], &["mass_shift"], &["mass_shift", "air_current", "accel_bias"])
+        }
         "drifting_cg" => (&["time", "temperature"], &[], &["mass_shift", "air_current", "accel_bias"]),
         "pump" => (
             &["time", "frequency", "periodic"],

@@ -6,7 +6,7 @@ use super::catalogue::SINGLES;
 use super::foreign::FOREIGN;
 
 /// What a case asks.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cell {
     /// One effect of the catalogue.
@@ -96,7 +96,7 @@ pub fn all_specs(seeds: u32, quick: bool) -> Vec<Spec> {
             ("heading", "bearing_turbine"),
             ("heading", "magnetic_torque"),
         ] {
-            specs.push(spec(Cell::Confounded, &[style, truth], 300, seed));
+            specs.push(spec(Cell::Confounded, &[style, truth], 200, seed));
         }
         for name in FOREIGN {
             specs.push(spec(Cell::Outside, &[name], 1000, seed));

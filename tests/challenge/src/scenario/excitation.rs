@@ -54,7 +54,14 @@ fn push(plan: &mut Plan, wheel: usize, from_s: f64, to_s: f64, torque: impl Fn(f
 }
 
 /// A sum of sines with random frequencies and phases, faded in and out.
-fn multisine(plan: &mut Plan, rng: &mut Pcg64, wheel: usize, span: (f64, f64), size_n_m: f64, band_hz: (f64, f64)) {
+fn multisine(
+    plan: &mut Plan,
+    rng: &mut Pcg64,
+    wheel: usize,
+    span: (f64, f64),
+    size_n_m: f64,
+    band_hz: (f64, f64),
+) {
     let (from, to) = span;
     for _ in 0..6 {
         let f = band_hz.0 * (band_hz.1 / band_hz.0).powf(between(rng, 0.0, 1.0));
@@ -261,7 +268,10 @@ fn yaw_program(plan: &mut Plan, r: &mut Pcg64, body: &Body, from_s: f64, to_s: f
 }
 
 /// A lab's own controller: proportional-derivative about a stepped reference, wheels only.
-fn controller(body: &Body, key: &str) -> impl FnMut(f64, &Vector3<f64>, &UnitQuaternion<f64>) -> [f64; WHEELS] + use<> {
+fn controller(
+    body: &Body,
+    key: &str,
+) -> impl FnMut(f64, &Vector3<f64>, &UnitQuaternion<f64>) -> [f64; WHEELS] + use<> {
     let mut r = rng(&format!("{key}/controller"));
     let (mut target, mut next_s) = (None, 8.0);
     let inertia = body.inertia_kg_m2;
@@ -304,8 +314,12 @@ pub fn plan(style: Style, name: &str, body: &Body, hidden: &Hidden, key: &str) -
     loop {
         let mut plan = draw(style, body, key, scale);
         plan.name = name.to_owned();
-        let span =
-            Span { from_slot: 0, to_slot: plan.wheel_command_n_m.len(), step_s: 0.01, mark_every: usize::MAX };
+        let span = Span {
+            from_slot: 0,
+            to_slot: plan.wheel_command_n_m.len(),
+            step_s: 0.01,
+            mark_every: usize::MAX,
+        };
         let start = plan.start.clone();
         let tilt = if style == Style::ClosedLoop {
             let mut control = controller(body, key);

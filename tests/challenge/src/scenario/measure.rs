@@ -215,7 +215,9 @@ pub fn measure(
             let stamp = (time_s + (normal(rng) * JITTER_S).clamp(-0.004, 0.004)).max(0.0);
             if !gap.contains(time_s) {
                 direction_b.time_s.push(stamp);
-                direction_b.value.push(Unit::new_normalize(UnitQuaternion::from_scaled_axis(turn) * direction).into_inner());
+                direction_b.value.push(
+                    Unit::new_normalize(UnitQuaternion::from_scaled_axis(turn) * direction).into_inner(),
+                );
             }
         }
         recording.vectors = vec![VectorChannel { reference_world, direction_b }];
@@ -224,7 +226,8 @@ pub fn measure(
         time_s: trace.vector_time_s.iter().copied().take(values.len()).collect(),
         value: values.iter().map(|x| rounded(x + normal(rng) * stddev, quantum)).collect(),
     };
-    recording.bus_voltage_v = slow(&trace.volt, sensors.bus_voltage.noise_stddev, sensors.bus_voltage.quantum, rng);
+    recording.bus_voltage_v =
+        slow(&trace.volt, sensors.bus_voltage.noise_stddev, sensors.bus_voltage.quantum, rng);
     recording.tank_pressure_pa =
         slow(&trace.pressure_pa, sensors.tank_pressure.noise_stddev, sensors.tank_pressure.quantum, rng);
     recording.temperature_k =

@@ -131,7 +131,8 @@ pub fn judge(built: &Built, threads: usize) -> Outcome {
         lambda: answer.lambda,
         separation: answer.separation.min(1e12),
         nearest: answer.nearest.clone(),
-        minutes_of_data: built.training.iter().chain(&built.held_out).map(Recording::duration_s).sum::<f64>() / 60.0,
+        minutes_of_data: built.training.iter().chain(&built.held_out).map(Recording::duration_s).sum::<f64>()
+            / 60.0,
         ..not_built(&built.spec, "")
     };
     let (diagnosis, seconds) = match ask(built, &built.training, threads) {
@@ -176,8 +177,7 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
         std::iter::once(&said).chain(&diagnosis.confounded_with).filter(|_| states_names).collect();
     let truth_in_set = sets.iter().any(|set| same(set, &answer.effects));
     outcome.truth_in_set = truth_in_set;
-    outcome.first_right =
-        states_names && said.first().is_some_and(|first| answer.effects.contains(first));
+    outcome.first_right = states_names && said.first().is_some_and(|first| answer.effects.contains(first));
     let cannot_tell = answer.separation < INSEPARABLE;
     outcome.exact = match diagnosis.verdict {
         Verdict::Named => same(&said, &answer.effects) && !answer.effects.is_empty(),
@@ -186,7 +186,8 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
         Verdict::Unknown | Verdict::NotEnoughInformation => false,
     };
     // A confounded set that holds the truth states nothing wrong.
-    let allowed = |id: &String| answer.effects.contains(id) || (cannot_tell && answer.nearest.as_ref() == Some(id));
+    let allowed =
+        |id: &String| answer.effects.contains(id) || (cannot_tell && answer.nearest.as_ref() == Some(id));
     outcome.wrong_name = match diagnosis.verdict {
         Verdict::Named => !said.iter().all(allowed),
         Verdict::Confounded => !truth_in_set && !sets.iter().any(|set| set.iter().all(allowed)),

@@ -123,7 +123,10 @@ impl Body {
             sag_v_n_m: model.bus.sag_v_n_m,
             ambient_k: model.sensors.ambient_temperature_k,
             lever_arm_m: model.sensors.accelerometer.lever_arm_b_m,
-            lamp_world: model.sensors.vector.map_or(Vector3::x(), |v| v.reference_direction_world.into_inner()),
+            lamp_world: model
+                .sensors
+                .vector
+                .map_or(Vector3::x(), |v| v.reference_direction_world.into_inner()),
             tilt_max_rad: match model.tilt_limit {
                 whorl_dynamics::platform::TiltLimit::Cone { max_rad }
                 | whorl_dynamics::platform::TiltLimit::Pitch { max_rad } => max_rad,
@@ -188,8 +191,7 @@ impl Body {
                 let n: f64 = StandardNormal.sample(rng);
                 body.shift(constant, stddev * n.clamp(-2.5, 2.5));
             }
-            let mut moments: [f64; 3] =
-                nalgebra::SymmetricEigen::new(body.inertia_kg_m2).eigenvalues.into();
+            let mut moments: [f64; 3] = nalgebra::SymmetricEigen::new(body.inertia_kg_m2).eigenvalues.into();
             moments.sort_by(f64::total_cmp);
             let is_real = moments[0] > 0.0 && moments[2] < 0.99 * (moments[0] + moments[1]);
             let balance_rad = body.mgr_n_m.x.hypot(body.mgr_n_m.y) / -body.mgr_n_m.z;

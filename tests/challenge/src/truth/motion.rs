@@ -98,6 +98,11 @@ impl Mechanics {
             jet.thrust_n *= (1.0 + hidden.jet_strength_all) * (1.0 + hidden.jet_strength[j]);
             jet.direction_b = turned(&jet.direction_b, hidden.jet_tilt_rad[j]);
         }
+        if hidden.slosh_kg > 0.0 {
+            // The gravity offset that a balance measures is that with the liquid hanging at rest.
+            let pull = G_M_S2 / (std::f64::consts::TAU * hidden.slosh_hz);
+            body.mgr_n_m.z -= hidden.slosh_kg * pull * pull;
+        }
         let slosh_arm = Vector3::z() * hidden.slosh_height_m;
         let mut mass = body.inertia_kg_m2 - hidden.flexible_sqrt_kg_m * hidden.flexible_sqrt_kg_m.transpose();
         for wheel in &body.wheels {
@@ -171,7 +176,8 @@ impl Mechanics {
             carried -= wheel.axis_b * state[6 + w];
         }
         let p = Vector3::new(state[14], state[15], 0.0);
-        carried -= self.hidden.slosh_kg * self.slosh_arm.cross(&p) + self.hidden.flexible_sqrt_kg_m * state[17];
+        carried -=
+            self.hidden.slosh_kg * self.slosh_arm.cross(&p) + self.hidden.flexible_sqrt_kg_m * state[17];
         let omega = self.mass_inverse * carried;
         let mut speed = [0.0; WHEELS];
         for (w, wheel) in self.body.wheels.iter().enumerate() {
@@ -231,13 +237,20 @@ impl Mechanics {
         }
         for (j, leak) in hidden.leak_n.iter().enumerate() {
             if *leak > 0.0 {
-                let shut = 1.0 - if inputs.blowing.contains(&j) { inputs.valves.fraction(j, inputs.time_s) } else { 0.0 };
+                let shut = 1.0
+                    - if inputs.blowing.contains(&j) {
+                        inputs.valves.fraction(j, inputs.time_s)
+                    } else {
+                        0.0
+                    };
                 let force = leak * shut * pressure_ratio;
                 torque += body.jets[j].position_b_m.cross(&body.jets[j].direction_b) * force;
                 thrust_n += force;
             }
         }
-        if foreign.burst_leak_n > 0.0 && foreign.burst_s.iter().any(|(a, b)| (*a..*b).contains(&inputs.time_s)) {
+        if foreign.burst_leak_n > 0.0
+            && foreign.burst_s.iter().any(|(a, b)| (*a..*b).contains(&inputs.time_s))
+        {
             let jet = &body.jets[foreign.burst_jet];
             torque += jet.position_b_m.cross(&jet.direction_b) * foreign.burst_leak_n * pressure_ratio;
         }
@@ -250,11 +263,15 @@ impl Mechanics {
         for (w, wheel) in body.wheels.iter().enumerate() {
             let asked = inputs.wheel_command_n_m[w].clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m);
             let rate = speed[w];
-            let coulomb = (wheel.coulomb_n_m + hidden.wheel_coulomb_n_m[w]) * (1.0 + 0.1 * (-(rate / 3.0).powi(2)).exp());
+            let coulomb =
+                wheel.coulomb_n_m + hidden.wheel_coulomb_n_m[w] * (1.0 + 0.1 * (-(rate / 3.0).powi(2)).exp());
             let mut u = asked * (1.0 + hidden.wheel_torque_per_v * (inputs.volt - body.full_v))
                 - (wheel.viscous_n_m_s + hidden.wheel_viscous_n_m_s[w]) * rate
-                - coulomb * rate / rate.hypot(0.4)
-                - hidden.wheel_windage_n_m_s2[w] * rate * rate.abs() * (rate.abs().max(1.0) / 100.0).powf(-0.1);
+                - coulomb * rate / rate.hypot(0.2)
+                - hidden.wheel_windage_n_m_s2[w]
+                    * rate
+                    * rate.abs()
+                    * (rate.abs().max(1.0) / 100.0).powf(-0.1);
             if w == 2 && foreign.gear_n_m != 0.0 {
                 u += foreign.gear_n_m * (foreign.gear_teeth * state[9 + w]).sin();
             }
@@ -321,7 +338,8 @@ impl Mechanics {
         let mut torque = -hidden.viscous_n_m_s * omega;
         if hidden.coulomb_n_m != 0.0 && rate > 0.0 {
             // Stribeck: a little more at the slowest.
-            let size = hidden.coulomb_n_m * (1.0 + 0.15 * (-(rate / 0.004).powi(2)).exp()) * (rate / 6e-4).tanh();
+            let size =
+                hidden.coulomb_n_m * (1.0 + 0.15 * (-(rate / 0.004).powi(2)).exp()) * (rate / 6e-4).tanh();
             torque -= omega * (size / rate);
         }
         if rate > 0.0 {

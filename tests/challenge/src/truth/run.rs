@@ -226,7 +226,14 @@ fn at_edge<'a>(inputs: &Inputs<'a>, valves: &'a Valves, time_s: f64) -> Inputs<'
     Inputs { time_s, blowing: valves.blowing(time_s), valves, ..*inputs }
 }
 
-fn record_slow(mechanics: &Mechanics, trace: &mut Trace, time_s: f64, now: &Instant, inputs: &Inputs<'_>, gas_kg: f64) {
+fn record_slow(
+    mechanics: &Mechanics,
+    trace: &mut Trace,
+    time_s: f64,
+    now: &Instant,
+    inputs: &Inputs<'_>,
+    gas_kg: f64,
+) {
     let seen = now.world_to_body * mechanics.body.lamp_world;
     let turn = UnitQuaternion::from_scaled_axis(mechanics.hidden.vector_turn_rad);
     trace.vector_time_s.push(time_s);
@@ -246,9 +253,8 @@ fn record_imu(
 ) {
     let (body, hidden) = (&mechanics.body, &mechanics.hidden);
     let (omega, arm) = (now.omega_b_rad_s, body.lever_arm_m + hidden.accel_arm_m);
-    let force = now.omega_dot_b_rad_s2.cross(&arm)
-        + omega.cross(&omega.cross(&arm))
-        + super::G_M_S2 * now.vertical_b;
+    let force =
+        now.omega_dot_b_rad_s2.cross(&arm) + omega.cross(&omega.cross(&arm)) + super::G_M_S2 * now.vertical_b;
     let mut gyro = omega + hidden.gyro_scale.component_mul(&omega) + hidden.gyro_cross * omega;
     gyro += hidden.gyro_per_k * (inputs.temperature_k - body.ambient_k) + hidden.gyro_per_g * force;
     let mut accel = force + hidden.accel_scale.component_mul(&force) + hidden.accel_bias_m_s2;
@@ -312,7 +318,9 @@ fn bench(mechanics: &Mechanics, plan: &Plan, start: &Motion, span: Span) -> Trac
                 [d[6], d[7], d[8]]
             };
             let step = SLOT_S / fine as f64;
-            let rate = |u: [f64; WHEELS]| std::array::from_fn(|w| u[w] / mechanics.body.wheels[w].spin_inertia_kg_m2);
+            let rate = |u: [f64; WHEELS]| {
+                std::array::from_fn(|w| u[w] / mechanics.body.wheels[w].spin_inertia_kg_m2)
+            };
             let first: [f64; WHEELS] = rate(torque(speed));
             let middle = std::array::from_fn(|w| speed[w] + 0.5 * step * first[w]);
             let second: [f64; WHEELS] = rate(torque(middle));

@@ -28,7 +28,11 @@ const TAIL: f64 = 40.0;
 
 impl Valves {
     /// `pulses` are commands; delays are (opening, closing) of each jet and pulse.
-    pub fn new(pulses: &[Vec<OnInterval>], delay_s: impl Fn(usize, &OnInterval) -> (f64, f64), fill_s: f64) -> Self {
+    pub fn new(
+        pulses: &[Vec<OnInterval>],
+        delay_s: impl Fn(usize, &OnInterval) -> (f64, f64),
+        fill_s: f64,
+    ) -> Self {
         let mut valves = Vec::new();
         let mut times = vec![(f64::NEG_INFINITY, usize::MAX, false)];
         for (jet, commands) in pulses.iter().enumerate() {
@@ -119,9 +123,14 @@ mod tests {
         for fill_s in [0.0, 0.02] {
             let valves = Valves::new(&pulses, |_, _| (0.01, 0.02), fill_s);
             let step = 1e-4;
-            let impulse: f64 = (0..40_000).map(|i| valves.fraction(0, (f64::from(i) + 0.5) * step) * step).sum();
+            let impulse: f64 =
+                (0..40_000).map(|i| valves.fraction(0, (f64::from(i) + 0.5) * step) * step).sum();
             assert!((impulse - 0.51).abs() < 3e-4, "{fill_s}: {impulse}");
-            assert!(valves.blowing(1.2) == [0] && valves.blowing(0.5).is_empty() && valves.blowing(3.0).is_empty());
+            assert!(
+                valves.blowing(1.2) == [0]
+                    && valves.blowing(0.5).is_empty()
+                    && valves.blowing(3.0).is_empty()
+            );
         }
     }
 }
