@@ -61,6 +61,12 @@ pub enum DiagnosisError {
         /// The name given.
         id: String,
     },
+    /// The data ask for it with the wrong sign, or hold nothing that could show it.
+    #[error("{id} explains nothing in these recordings: its best size is zero, or its channels are missing")]
+    NoEffect {
+        /// The effect.
+        id: String,
+    },
     /// The model cannot exist.
     #[error(transparent)]
     Model(#[from] GyrostatError),

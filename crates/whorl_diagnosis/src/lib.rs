@@ -15,10 +15,31 @@
 //! the generalised least-squares form of the integrated (momentum) residual: no derivative of a noisy
 //! rate is taken.
 
+mod answer;
+mod candidates;
+mod columns;
 mod diagnosis;
 mod error;
+mod excess;
+mod filter;
+mod fit;
+mod horizons;
+mod hypothesis;
+mod inputs;
+mod mechanics;
+mod motion;
+mod noise;
 mod options;
+mod parameters;
+mod problem;
+mod regression;
 pub mod residual;
+mod run;
+mod search;
+mod threads;
+mod unknown;
+#[cfg(test)]
+mod tests;
 
 pub use diagnosis::{
     Candidate, ChannelError, Diagnosis, ErrorSummary, NextManoeuvre, ParameterEstimate, SCHEMA, Unknown,
@@ -44,12 +65,40 @@ pub fn diagnose(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
-    let _ = (held_out, model, prior, options);
+    let started = prepare(training, held_out, model, prior, options, progress)?;
+    let (mut problem, mut held) = started;
+    let mut search = search::Search::start(&mut problem, held.as_mut(), options, progress)?;
+    search.run(progress)?;
+    progress(Progress { share: 0.95, doing: "writing the answer" });
+    Ok(search.answer())
+}
+
+/// Checks everything and lays the recordings out.
+fn prepare(
+    training: &[Recording],
+    held_out: &[Recording],
+    model: &PlatformModel,
+    prior: &ModelPrior,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<(problem::Problem, Option<problem::Problem>), DiagnosisError> {
     progress(Progress { share: 0.0, doing: "reading the recordings" });
     if training.is_empty() {
         return Err(DiagnosisError::NoRecording);
     }
-    Ok(Diagnosis::not_enough_information())
+    for id in &options.exclude {
+        if whorl_dynamics::effects::find(id).is_none() {
+            return Err(DiagnosisError::UnknownEffect { id: id.clone() });
+        }
+    }
+    let reference = parameters::Reference::new(model, prior);
+    let problem = problem::Problem::new(training, reference.clone(), options.threads)?;
+    let held = if held_out.is_empty() {
+        None
+    } else {
+        Some(problem::Problem::new(held_out, reference, options.threads)?)
+    };
+    Ok((problem, held))
 }
 
 /// A model refitted jointly with effects.
@@ -97,19 +146,14 @@ pub fn fit(
     effects: &[&str],
     options: &Options,
 ) -> Result<Fit, DiagnosisError> {
-    let _ = (held_out, options);
-    if training.is_empty() {
-        return Err(DiagnosisError::NoRecording);
-    }
+    let mut chosen = Vec::new();
     for id in effects {
-        if whorl_dynamics::effects::find(id).is_none() {
-            return Err(DiagnosisError::UnknownEffect { id: (*id).to_owned() });
-        }
+        let effect = whorl_dynamics::effects::find(id)
+            .ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
+        chosen.push(effect);
     }
-    Ok(Fit {
-        model: model.clone(),
-        prior: prior.clone(),
-        estimates: Vec::new(),
-        error: ErrorSummary::default(),
-    })
+    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, &mut |_| {})?;
+    let mut search = search::Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
+    search.adopt(&chosen)?;
+    search.fit()
 }

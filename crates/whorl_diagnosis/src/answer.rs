@@ -1,0 +1,441 @@
+//! From the search's result to the answer.
+
+use crate::candidates::Layout;
+use crate::diagnosis::{Candidate, ErrorSummary, ParameterEstimate};
+use crate::excess::{Power, WINDOWS_S, powers};
+use crate::hypothesis::Hypothesis;
+use crate::problem::{Dataset, Problem};
+use crate::regression::{BLOCKS_PER_RUN, Estimate};
+use crate::search::{LEAST_DROP, Search, TIE};
+use crate::{Diagnosis, NextManoeuvre, SCHEMA, Verdict};
+
+/// An unexplained rest of this many standard deviations is real.
+const REAL_REST: f64 = 8.0;
+
+/// A named set must explain at least this share of what the base model leaves.
+const LEAST_SHARE: f64 = 0.75;
+
+/// Slow power of all runs with a hypothesis.
+pub(crate) fn rest(problem: &Problem, data: &Dataset, layout: &Layout, hypothesis: &Hypothesis) -> [Power; WINDOWS_S.len()] {
+    let mut total = [Power::default(); WINDOWS_S.len()];
+    for of_run in rest_by_run(problem, data, layout, hypothesis) {
+        for (sum, power) in total.iter_mut().zip(of_run) {
+            sum.add(power);
+        }
+    }
+    total
+}
+
+fn rest_by_run(
+    problem: &Problem,
+    data: &Dataset,
+    layout: &Layout,
+    hypothesis: &Hypothesis,
+) -> Vec<[Power; WINDOWS_S.len()]> {
+    let estimate = hypothesis.estimate.spread(layout.columns.len());
+    problem
+        .runs
+        .iter()
+        .zip(&data.whitened)
+        .map(|(run, whitened)| {
+            let duration_s = run.time(run.nodes() - 1) - run.time(0);
+            powers(whitened, &whitened.residual(&estimate), duration_s)
+        })
+        .collect()
+}
+
+/// Two windows, short and long: the whitened momentum residual.
+fn momentum_rms(powers: &[Power; WINDOWS_S.len()]) -> f64 {
+    let mut both = Power::default();
+    for (power, window_s) in powers.iter().zip(WINDOWS_S) {
+        if window_s == 1.0 || window_s == 8.0 {
+            both.add(*power);
+        }
+    }
+    both.rms()
+}
+
+/// The most significant window.
+pub(crate) fn worst(powers: &[Power; WINDOWS_S.len()]) -> usize {
+    let mut best = 0;
+    for (i, power) in powers.iter().enumerate() {
+        if power.significance() > powers[best].significance() {
+            best = i;
+        }
+    }
+    best
+}
+
+impl Search<'_> {
+    /// Errors before and after.
+    pub(crate) fn error_summary(&self) -> ErrorSummary {
+        let rms = |problem: &Problem, data: &Dataset, hypothesis: &Hypothesis| {
+            momentum_rms(&rest(problem, data, &self.layout, hypothesis))
+        };
+        let held = |hypothesis: &Hypothesis| match (&self.held_out, &self.held_data) {
+            (Some(problem), Some(data)) => Some(rms(problem, data, hypothesis)),
+            _ => None,
+        };
+        ErrorSummary {
+            before: rms(self.problem, &self.data, &self.base),
+            after: rms(self.problem, &self.data, &self.best),
+            noise_floor: 1.0,
+            held_out_before: held(&self.base),
+            held_out_after: held(&self.best),
+            channels: crate::horizons::channel_errors(self),
+        }
+    }
+
+    /// One row of the table for a hypothesis' last member, against the hypothesis without it.
+    fn row(&self, with: &Hypothesis, without: &Hypothesis, member: usize) -> Option<Candidate> {
+        let member = with.members.get(member)?;
+        let candidate = self.layout.candidates.get(member.candidate)?;
+        let covariance = with.estimate.covariance();
+        let mut parameters = Vec::new();
+        for &i in &member.columns {
+            let column = self.layout.columns.get(i)?;
+            let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
+            let reference = match column.target {
+                crate::parameters::Target::Effect(effect) if column.origin.is_none() => {
+                    self.problem.reference.values(effect).get(column.index).copied().unwrap_or(0.0)
+                }
+                _ => 0.0,
+            };
+            let value = with.estimate.value[at];
+            let stddev = covariance[(at, at)].max(0.0).sqrt() * column.scale;
+            parameters.push(ParameterEstimate {
+                name: column.name.clone(),
+                unit: column.unit.to_owned(),
+                estimate: reference + value * column.scale,
+                stddev,
+                at_bound: value <= column.range.0 + 1e-9 || value >= column.range.1 - 1e-9,
+                smallest_detectable: 5.0 * stddev,
+            });
+        }
+        let drop = with.estimate.drop - without.estimate.drop;
+        let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - self.data.total.rows)
+            .max(self.best.estimate.drop - self.base.estimate.drop)
+            .max(drop)
+            .max(1.0);
+        Some(Candidate {
+            effect: candidate.id.to_owned(),
+            delta_log_evidence: with.log_evidence - without.log_evidence,
+            held_out_gain: self.gain(with, without),
+            share_of_excess: (drop / excess).clamp(0.0, 1.0),
+            swallowed_by_base: self.swallowed(&member.columns, with),
+            detectability: drop.max(0.0),
+            indistinguishable_from: Vec::new(),
+            parameters,
+        })
+    }
+
+    /// Share of a signal that refitting the base would swallow.
+    fn swallowed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
+        let normal = &self.data.total;
+        let mut alone = 0.0;
+        for &i in columns {
+            for &j in columns {
+                alone += fit.estimate.of(i) * normal.matrix[(i, j)] * fit.estimate.of(j);
+            }
+        }
+        // What is left of the signal when the base follows it as well as it can within its prior.
+        let mut signal = crate::regression::Normal::zeros(self.layout.columns.len());
+        for a in 0..self.layout.columns.len() {
+            signal.vector[a] = columns.iter().map(|j| normal.matrix[(a, *j)] * fit.estimate.of(*j)).sum();
+        }
+        signal.matrix.copy_from(&normal.matrix);
+        let base: Vec<usize> = self.layout.base.iter().copied().filter(|i| !columns.contains(i)).collect();
+        let followed = Estimate::new(&signal, &base, |i| self.layout.base_variance(i)).map_or(0.0, |e| e.drop);
+        if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// Effects whose signal cannot be told from that of a member.
+    fn indistinguishable(&self, member: &Hypothesis, others: &[Hypothesis]) -> Vec<String> {
+        let Some(own) = member.members.last() else { return Vec::new() };
+        let normal = &self.data.total;
+        let base = &self.layout.base;
+        let project = |columns: &[usize], fit: &Hypothesis| {
+            // Signal, and the signal with the base's part taken out, as weights over all columns.
+            let mut weights = nalgebra::DVector::zeros(self.layout.columns.len());
+            for &i in columns {
+                weights[i] += fit.estimate.of(i);
+            }
+            let mut signal = crate::regression::Normal::zeros(self.layout.columns.len());
+            signal.vector = &normal.matrix * &weights;
+            signal.matrix.copy_from(&normal.matrix);
+            let free: Vec<usize> = base.iter().copied().filter(|i| !columns.contains(i)).collect();
+            if let Some(e) = Estimate::new(&signal, &free, |i| self.layout.base_variance(i)) {
+                for (a, i) in e.active.iter().enumerate() {
+                    weights[*i] -= e.value[a];
+                }
+            }
+            weights
+        };
+        let a = project(&own.columns, member);
+        let na = &normal.matrix * &a;
+        let mut found = Vec::new();
+        for other in others {
+            let Some(last) = other.members.last() else { continue };
+            if last.candidate == own.candidate {
+                continue;
+            }
+            let b = project(&last.columns, other);
+            let cosine = na.dot(&b) / (na.dot(&a) * b.dot(&(&normal.matrix * &b))).sqrt().max(1e-300);
+            if cosine.abs() > 0.98
+                && let Some(c) = self.layout.candidates.get(last.candidate)
+            {
+                found.push(c.id.to_owned());
+            }
+        }
+        found
+    }
+
+    /// Runs that disagree with the others.
+    fn odd_runs(&self) -> Vec<String> {
+        let runs = self.problem.runs.len();
+        if runs < 3 {
+            return Vec::new();
+        }
+        let mut odd = Vec::new();
+        let powers = rest_by_run(self.problem, &self.data, &self.layout, &self.best);
+        let significance: Vec<f64> =
+            powers.iter().map(|p| p.iter().map(Power::significance).fold(0.0, f64::max)).collect();
+        for (r, run) in self.problem.runs.iter().enumerate() {
+            // Fitted without the run, does the model predict it as well as a fit that has seen it?
+            let blocks = &self.data.blocks[r * BLOCKS_PER_RUN..(r + 1) * BLOCKS_PER_RUN];
+            let mut others = self.data.total.clone();
+            let mut own = crate::regression::Normal::zeros(self.layout.columns.len());
+            for block in blocks {
+                others.add(block, -1.0);
+                own.add(block, 1.0);
+            }
+            let Some(from_others) = self.best.refitted(&self.layout, &others) else { continue };
+            let Some(from_own) = self.best.refitted(&self.layout, &own) else { continue };
+            let parameters = from_others.estimate.active.len() as f64;
+            let disagreement =
+                from_others.estimate.misfit_change(&own) - from_own.estimate.misfit_change(&own);
+            let rest = significance.get(r).copied().unwrap_or(0.0);
+            let usual = significance.iter().enumerate().filter(|(i, _)| *i != r).map(|(_, s)| *s).fold(0.0, f64::max);
+            let stands_out = rest > REAL_REST && rest > 3.0 * usual.max(1.0);
+            if disagreement > 6.0 * parameters + 60.0 || stands_out {
+                odd.push((disagreement.max(rest), run.name.clone()));
+            }
+        }
+        // If most runs disagree, none of them is the odd one.
+        if odd.len() * 2 >= runs {
+            odd.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let strongest = odd.first().cloned();
+            let second = odd.get(1).map_or(0.0, |o| o.0);
+            odd = strongest.filter(|s| s.0 > 3.0 * second).into_iter().collect();
+        }
+        odd.into_iter().map(|(_, name)| name).collect()
+    }
+
+    /// The answer.
+    pub(crate) fn answer(&mut self) -> Diagnosis {
+        let mut candidates: Vec<Candidate> = Vec::new();
+        let mut with_members: Vec<Hypothesis> = Vec::new();
+        for member in 0..self.best.members.len() {
+            if let Some(rest) = self.best.without(&self.layout, &self.data.total, member)
+                && let Some(mut row) = self.row(&self.best, &rest, member)
+            {
+                // The member last, so that correlation is with it.
+                let mut rotated = self.best.clone();
+                let own = rotated.members.remove(member);
+                rotated.members.push(own);
+                row.indistinguishable_from = self.indistinguishable(&rotated, &self.additions(&rest));
+                with_members.push(rotated);
+                candidates.push(row);
+            }
+        }
+        let additions = self.additions(&self.best);
+        for addition in &additions {
+            let last = addition.members.len().saturating_sub(1);
+            if let Some(mut row) = self.row(addition, &self.best, last) {
+                if self.best.members.is_empty() && row.detectability > LEAST_DROP {
+                    row.indistinguishable_from = self.indistinguishable(addition, &additions);
+                }
+                candidates.push(row);
+            }
+        }
+        let names = self.best.names(&self.layout);
+        let mut alternatives = self.alternatives();
+        for row in candidates.iter().take(self.best.members.len()) {
+            for other in &row.indistinguishable_from {
+                let mut set: Vec<String> =
+                    names.iter().filter(|n| **n != row.effect).cloned().chain([other.clone()]).collect();
+                set.sort();
+                // A signal of the same shape that needs an implausible size is none.
+                let plausible = additions_of(self, &set).is_some_and(|e| e > self.best.log_evidence - 3.0 * TIE);
+                if plausible && !alternatives.contains(&set) {
+                    alternatives.push(set);
+                }
+            }
+        }
+        let error = self.error_summary();
+        let before = rest(self.problem, &self.data, &self.layout, &self.base);
+        let after = rest(self.problem, &self.data, &self.layout, &self.best);
+        let worst_before = worst(&before);
+        let share = if before[worst_before].excess() > 0.0 {
+            1.0 - after[worst_before].excess().max(0.0) / before[worst_before].excess()
+        } else {
+            1.0
+        };
+        let left = after[worst(&after)].significance();
+        let mut remarks: Vec<String> = self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
+        let digital = self.digital();
+        let unexplained = left > REAL_REST && (self.best.members.is_empty() || share < LEAST_SHARE);
+        let verdict = if let Some(row) = &digital {
+            remarks.push(format!("the gyro's readings show it directly: {}", row.parameters.iter().map(|p| format!("{} = {:.4} {}", p.name, p.estimate, p.unit)).collect::<Vec<_>>().join(", ")));
+            Verdict::Named
+        } else if unexplained {
+            Verdict::Unknown
+        } else if !self.best.members.is_empty() {
+            if alternatives.is_empty() { Verdict::Named } else { Verdict::Confounded }
+        } else if self.could_have_seen() {
+            let strongest = additions.first().map_or(0.0, |h| h.log_evidence - self.base.log_evidence);
+            if strongest > 2.5 { Verdict::NotEnoughInformation } else { Verdict::NothingMissing }
+        } else {
+            Verdict::NotEnoughInformation
+        };
+        if !self.best.members.is_empty() && left > REAL_REST && !unexplained {
+            remarks.push(format!(
+                "a rest of {:.0} % of the excess is still above the noise",
+                100.0 * (1.0 - share)
+            ));
+        }
+        let unknown = (verdict == Verdict::Unknown).then(|| crate::unknown::describe(self)).flatten();
+        let mut effects = if verdict == Verdict::Unknown { Vec::new() } else { names };
+        let mut kind = self.kind();
+        if let Some(row) = digital {
+            if !effects.contains(&row.effect) {
+                effects.insert(0, row.effect.clone());
+            }
+            if effects.len() == 1 {
+                kind = Some("sensor".to_owned());
+                alternatives.clear();
+            }
+            candidates.insert(0, row);
+        }
+        if verdict == Verdict::Unknown {
+            kind = None;
+        }
+        Diagnosis {
+            schema: SCHEMA,
+            verdict,
+            kind,
+            confounded_with: if verdict == Verdict::Confounded { alternatives } else { Vec::new() },
+            effects,
+            unknown,
+            error,
+            odd_runs: self.odd_runs(),
+            next: self.advice(verdict, &candidates),
+            candidates,
+            remarks,
+        }
+    }
+
+    /// Whether effects of ordinary size would have shown.
+    fn could_have_seen(&self) -> bool {
+        let normal = &self.data.total;
+        let (mut seen, mut tested) = (0, 0);
+        for candidate in &self.layout.candidates {
+            let Some(columns) = candidate.options.first() else { continue };
+            if crate::parameters::BASE_EFFECTS.contains(&candidate.id) {
+                continue;
+            }
+            tested += 1;
+            let largest = columns
+                .iter()
+                .filter_map(|i| {
+                    let mut active = self.layout.base.clone();
+                    active.push(*i);
+                    let fit = Estimate::new(normal, &active, |c| {
+                        if c == *i { 1e6 } else { self.layout.base_variance(c) }
+                    })?;
+                    let stddev2 = fit.covariance()[(active.len() - 1, active.len() - 1)];
+                    (stddev2 > 0.0).then(|| 1.0 / stddev2)
+                })
+                .fold(0.0, f64::max);
+            if largest > LEAST_DROP {
+                seen += 1;
+            }
+        }
+        tested > 0 && seen * 2 >= tested
+    }
+
+    /// What the catalogue says separates what is left.
+    fn advice(&self, verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
+        let text = match verdict {
+            Verdict::Confounded => {
+                let first = candidates.first()?;
+                crate::candidates::effect(&first.effect)?.info().separated_by.to_owned()
+            }
+            Verdict::NotEnoughInformation => {
+                "record several minutes with wheels driven by a multisine, single pulses of every jet, a coast-down over 10:1 in yaw rate and free swings to both sides".to_owned()
+            }
+            Verdict::Unknown => "repeat the run with one actuator at a time, and once at rest".to_owned(),
+            _ => return None,
+        };
+        let odds = candidates.first().map_or(0.0, |c| c.detectability * 0.5);
+        Some(NextManoeuvre { manoeuvre: text, expected_log_odds: odds })
+    }
+
+    /// Clipping and coarse steps of the gyro, which the readings themselves show.
+    fn digital(&self) -> Option<Candidate> {
+        if self.options.exclude.iter().any(|e| e == "gyro_saturation") {
+            return None;
+        }
+        let errors = &self.problem.reference.model.sensors.gyro.errors;
+        let range = self
+            .problem
+            .runs
+            .iter()
+            .filter_map(|r| r.gyro_clips_at_rad_s)
+            .filter(|limit| *limit < 0.98 * errors.range)
+            .fold(f64::INFINITY, f64::min);
+        let step = self.problem.runs.iter().map(|r| r.gyro_step_rad_s).fold(f64::INFINITY, f64::min);
+        let coarse = step.is_finite() && step > 1.5 * errors.quantum && step > 0.3 * errors.noise_stddev.amin();
+        if !range.is_finite() && !coarse {
+            return None;
+        }
+        let parameter = |name: &str, estimate: f64, stddev: f64| ParameterEstimate {
+            name: name.to_owned(),
+            unit: "rad/s".to_owned(),
+            estimate,
+            stddev,
+            at_bound: false,
+            smallest_detectable: 5.0 * stddev,
+        };
+        let mut parameters = Vec::new();
+        if range.is_finite() {
+            parameters.push(parameter("range_rad_s", range, 0.5 * step.min(1e-3).max(1e-6)));
+        }
+        if coarse {
+            parameters.push(parameter("step_rad_s", step, 1e-3 * step));
+        }
+        Some(Candidate {
+            effect: "gyro_saturation".to_owned(),
+            delta_log_evidence: 100.0,
+            held_out_gain: 100.0,
+            share_of_excess: 1.0,
+            swallowed_by_base: 0.0,
+            detectability: 200.0,
+            indistinguishable_from: Vec::new(),
+            parameters,
+        })
+    }
+}
+
+/// Log evidence of a set that differs from the best in one effect.
+fn additions_of(search: &Search<'_>, names: &[String]) -> Option<f64> {
+    for member in 0..search.best.members.len() {
+        let rest = search.best.without(&search.layout, &search.data.total, member)?;
+        for other in search.additions(&rest) {
+            if other.names(&search.layout) == names {
+                return Some(other.log_evidence);
+            }
+        }
+    }
+    None
+}

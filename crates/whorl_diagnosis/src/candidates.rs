@@ -1,0 +1,360 @@
+//! The effects that compete, and the columns by which each can enter.
+
+use std::f64::consts::{PI, TAU};
+
+use whorl_dynamics::effects::{catalogue, find};
+use whorl_dynamics::{Effect, EffectKind};
+
+use crate::parameters::{BASE_EFFECTS, Column, Point, Reference, Target};
+use crate::run::Run;
+
+/// One effect that may be missing.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidate {
+    pub effect: &'static dyn Effect,
+    pub id: &'static str,
+    /// Ways in which it can enter: sets of columns of the regression.
+    pub options: Vec<Vec<usize>>,
+}
+
+/// All columns of a regression and who owns them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Layout {
+    pub columns: Vec<Column>,
+    /// Columns of the base model.
+    pub base: Vec<usize>,
+    pub candidates: Vec<Candidate>,
+}
+
+/// What the recordings hold, as far as it decides which effects can be tested.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Available {
+    pub body: bool,
+    pub jets: bool,
+    pub wheels: bool,
+    pub wheel_command: bool,
+    pub accel: bool,
+    pub vector: bool,
+    pub temperature: bool,
+    pub ballast: bool,
+    pub duration_s: f64,
+    pub bin_s: f64,
+}
+
+impl Available {
+    pub fn of(runs: &[Run]) -> Self {
+        let any = |test: &dyn Fn(&Run) -> bool| runs.iter().any(test);
+        Self {
+            body: any(&|r| !r.clamped),
+            jets: any(&|r| !r.clamped && r.jet_pulses.iter().any(|p| !p.is_empty())),
+            wheels: any(&|r| !r.wheel_command.is_empty()),
+            wheel_command: any(&|r| r.has_wheel_command),
+            accel: any(&|r| !r.clamped && r.accel.iter().any(|a| a.count > 0.0)),
+            vector: any(&|r| !r.clamped && !r.vectors.is_empty()),
+            temperature: any(&|r| r.has_temperature),
+            ballast: any(&|r| r.ballast_direction.iter().any(|d| d.norm() > 0.0)),
+            duration_s: runs.iter().map(|r| r.time(r.nodes() - 1) - r.time(0)).fold(0.0, f64::max),
+            bin_s: runs.iter().map(|r| r.length(0)).fold(0.0, f64::max),
+        }
+    }
+
+    /// Whether these data could show the effect at all.
+    pub fn can_test(&self, effect: &dyn Effect) -> bool {
+        let id = effect.info().id;
+        match id {
+            // In every base model, known, negligible or not an effect.
+            "gyro_bias" | "gravity_gradient" | "earth_rotation" | "unmodelled_torque" | "gyro_saturation" => false,
+            "wheel_friction" | "wheel_windage" => self.wheels && self.wheel_command,
+            "supply_voltage" => (self.wheels && self.wheel_command) || self.jets,
+            "wheel_inertia" => self.wheels,
+            "wheel_misalignment" | "wheel_imbalance" => self.wheels && self.body,
+            "thruster_leak" => self.body,
+            "moving_ballast_backlash" => self.body && self.ballast,
+            "accel_bias" | "accel_scale" | "accel_lever_arm" => self.accel,
+            "vector_sensor_misalignment" => self.vector,
+            "gyro_temperature" => self.body && self.temperature,
+            "mass_shift" => self.jets,
+            _ if id.starts_with("thruster") => self.jets,
+            _ => self.body,
+        }
+    }
+}
+
+/// Lines found in the spectrum of the residual \[Hz\].
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Lines {
+    pub torque_hz: Vec<f64>,
+    pub sensor_hz: Vec<f64>,
+}
+
+impl Layout {
+    /// Columns for a point: effects that the point holds enter by their parameters, others by what they
+    /// would add.
+    pub fn new(
+        reference: &Reference,
+        point: &Point,
+        available: &Available,
+        exclude: &[String],
+        lines: &Lines,
+    ) -> Self {
+        let mut layout = Self {
+            columns: reference.base_columns(
+                available.wheels,
+                available.jets,
+                available.body,
+            ),
+            ..Self::default()
+        };
+        if !available.body {
+            // Clamped: only what turns the wheels can be fitted.
+            layout.columns.retain(|c| c.group == "wheel_inertia");
+        }
+        layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
+        for effect in catalogue().iter().copied() {
+            let id = effect.info().id;
+            if exclude.iter().any(|e| e == id) || !available.can_test(effect) {
+                continue;
+            }
+            if reference.model.effects.contains_key(id) && !BASE_EFFECTS.contains(&id) {
+                continue;
+            }
+            layout.add(reference, point, available, effect, lines);
+        }
+        layout
+    }
+
+    fn push(&mut self, column: Column) -> usize {
+        self.columns.push(column);
+        self.columns.len() - 1
+    }
+
+    fn add(
+        &mut self,
+        reference: &Reference,
+        point: &Point,
+        available: &Available,
+        effect: &'static dyn Effect,
+        lines: &Lines,
+    ) {
+        let id = effect.info().id;
+        let own: Vec<usize> = (0..self.columns.len()).filter(|i| self.columns[*i].group == id).collect();
+        if !own.is_empty() {
+            let options = options_of(id, &own, &self.columns);
+            self.candidates.push(Candidate { effect, id, options });
+            return;
+        }
+        let included = point.effects.contains_key(id);
+        let special = if included { None } else { special_options(reference, available, effect, lines) };
+        let options = match special {
+            Some(groups) => groups
+                .into_iter()
+                .map(|columns| columns.into_iter().map(|c| self.push(c)).collect())
+                .collect(),
+            None => {
+                let mut columns = reference.parameter_columns(effect);
+                if included {
+                    drop_ineffective(&mut columns, reference, point, effect);
+                }
+                let indices: Vec<usize> = columns.into_iter().map(|c| self.push(c)).collect();
+                options_of(id, &indices, &self.columns)
+            }
+        };
+        self.candidates.push(Candidate { effect, id, options });
+    }
+
+    /// Variance of a column as part of the base model.
+    pub fn base_variance(&self, column: usize) -> f64 {
+        self.columns.get(column).map_or(1.0, |c| c.base_stddev * c.base_stddev)
+    }
+
+    pub fn candidate(&self, id: &str) -> Option<&Candidate> {
+        self.candidates.iter().find(|c| c.id == id)
+    }
+}
+
+/// Parameters of an effect that is in the point but at an amplitude of zero have no column of their own
+/// shape: phases and frequencies of nothing.
+fn drop_ineffective(columns: &mut Vec<Column>, reference: &Reference, point: &Point, effect: &dyn Effect) {
+    let values = reference.values_at(point, effect);
+    let id = effect.info().id;
+    columns.retain(|c| match (id, c.index) {
+        ("air_current_periodic", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
+        ("flexible_mode", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
+        ("vibration_alias", i) if i < 6 => values.get(i).is_some_and(|v| *v != 0.0),
+        _ => true,
+    });
+}
+
+/// All columns together, then per wheel or jet, then each alone.
+fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>> {
+    let mut options = vec![indices.to_vec()];
+    if indices.len() > 1 {
+        let per = match id {
+            "thruster_misalignment" | "wheel_misalignment" | "wheel_friction" => 2,
+            _ => 1,
+        };
+        if per > 1 {
+            options.extend(indices.chunks(per).map(<[usize]>::to_vec));
+        }
+        options.extend(indices.iter().map(|i| vec![*i]));
+        if id == "thruster_strength" {
+            // All jets alike, besides what each does within its own prior.
+            let all = indices.iter().copied().filter(|i| columns.get(*i).is_some_and(|c| c.name == "all"));
+            options.insert(0, all.collect());
+            options.remove(1);
+            options.push(indices.iter().copied().filter(|i| columns.get(*i).is_some_and(|c| c.name != "all")).collect());
+        }
+        if id == "air_current" || id == "magnetic_torque" {
+            options.push(indices.iter().copied().take(2).collect());
+        }
+    }
+    options.retain(|o| !o.is_empty());
+    options
+}
+
+/// A column that starts from `origin` and moves by `step` per unit.
+fn directed(
+    effect: &'static dyn Effect,
+    reference: &Reference,
+    name: &str,
+    origin: &[f64],
+    moves: &[(usize, f64)],
+    quadratic: bool,
+) -> Column {
+    let specs = effect.parameters(&reference.model);
+    let mut step = vec![0.0; specs.len()];
+    let mut range = (f64::NEG_INFINITY, f64::INFINITY);
+    for (index, size) in moves {
+        if let (Some(slot), Some(spec), Some(from)) = (step.get_mut(*index), specs.get(*index), origin.get(*index)) {
+            *slot = *size;
+            let (a, b) = ((spec.min - from) / size, (spec.max - from) / size);
+            range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
+        }
+    }
+    if quadratic {
+        range = (0.0, range.1.max(0.0).powi(2));
+    }
+    let (index, scale) = moves.first().copied().unwrap_or((0, 1.0));
+    let unit = specs.get(index).map_or("1", |s| s.unit);
+    Column {
+        group: effect.info().id,
+        name: name.to_owned(),
+        unit,
+        target: Target::Effect(effect),
+        origin: Some(origin.to_vec()),
+        step,
+        index,
+        scale,
+        base_stddev: 0.0,
+        catalogue_stddev: 1.0,
+        range,
+        quadratic,
+    }
+}
+
+/// Options of effects whose parameters do not all enter linearly: a grid over those that do not.
+fn special_options(
+    reference: &Reference,
+    available: &Available,
+    effect: &'static dyn Effect,
+    lines: &Lines,
+) -> Option<Vec<Vec<Column>>> {
+    let specs = effect.parameters(&reference.model);
+    let neutral: Vec<f64> = specs.iter().map(|s| s.neutral).collect();
+    let unit = |i: usize| specs.get(i).map_or(1.0, |s| s.prior_stddev);
+    let name = |i: usize| specs.get(i).map_or("", |s| s.name.as_str());
+    let column = |origin: &[f64], i: usize| directed(effect, reference, name(i), origin, &[(i, unit(i))], false);
+    let with = |changes: &[(usize, f64)]| {
+        let mut values = neutral.clone();
+        for (i, x) in changes {
+            if let Some(slot) = values.get_mut(*i) {
+                *slot = *x;
+            }
+        }
+        values
+    };
+    let mut options = Vec::new();
+    match effect.info().id {
+        "harness_spring" => {
+            for i in 0..8 {
+                let origin = with(&[(1, -PI + TAU * (f64::from(i) + 0.5) / 8.0)]);
+                options.push(vec![column(&origin, 0)]);
+                options.push(vec![column(&origin, 0), column(&origin, 2)]);
+            }
+        }
+        "tilt_stop_contact" => {
+            let limit = neutral.get(2).copied().unwrap_or(0.1);
+            for share in [0.5, 0.65, 0.8, 0.9] {
+                let origin = with(&[(2, share * limit)]);
+                options.push(vec![column(&origin, 0)]);
+                options.push(vec![column(&origin, 0), column(&origin, 1)]);
+            }
+        }
+        "air_current_periodic" => {
+            for hz in &lines.torque_hz {
+                let sine = with(&[(3, *hz), (4, 0.0)]);
+                let cosine = with(&[(3, *hz), (4, 0.5 * PI)]);
+                options.push((0..3).flat_map(|i| [column(&sine, i), column(&cosine, i)]).collect());
+            }
+        }
+        "vibration_alias" => {
+            for hz in &lines.sensor_hz {
+                for background in [0.0, 1.0] {
+                    let origin = with(&[(6, *hz), (7, background)]);
+                    options.push((0..6).map(|i| column(&origin, i)).collect());
+                }
+            }
+        }
+        "slosh" => {
+            let fastest = (0.3 / available.bin_s).min(5.0);
+            for hz in grid(0.1, fastest, 7) {
+                for damping in [0.02, 0.15] {
+                    for height in [-0.3, 0.3] {
+                        let origin = with(&[(1, hz), (2, damping), (3, height)]);
+                        options.push(vec![column(&origin, 0)]);
+                    }
+                }
+            }
+        }
+        "flexible_mode" => {
+            let fastest = (0.3 / available.bin_s).min(15.0);
+            let mut frequencies = grid(0.3, fastest, 6);
+            frequencies.extend(lines.torque_hz.iter().copied().filter(|hz| *hz > 0.2));
+            for hz in frequencies {
+                for direction in DIRECTIONS {
+                    let origin = with(&[(3, hz), (4, 0.02)]);
+                    let moves: Vec<(usize, f64)> = direction
+                        .iter()
+                        .enumerate()
+                        .filter(|(_, d)| **d != 0.0)
+                        .map(|(i, d)| (i, d * unit(i)))
+                        .collect();
+                    options.push(vec![directed(effect, reference, "participation", &origin, &moves, true)]);
+                }
+            }
+        }
+        _ => return None,
+    }
+    let _ = EffectKind::HiddenState;
+    Some(options)
+}
+
+/// Directions of participation that are tried.
+const DIRECTIONS: [[f64; 3]; 5] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.707, 0.707, 0.0],
+    [0.707, -0.707, 0.0],
+];
+
+/// `count` values from `from` to `to`, in equal ratios.
+fn grid(from: f64, to: f64, count: usize) -> Vec<f64> {
+    let ratio = (to / from).max(1.0).powf(1.0 / (count.max(2) - 1) as f64);
+    (0..count).map(|i| from * ratio.powi(i as i32)).collect()
+}
+
+/// The effect with this id, for callers that hold one.
+pub(crate) fn effect(id: &str) -> Option<&'static dyn Effect> {
+    find(id)
+}

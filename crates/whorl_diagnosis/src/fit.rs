@@ -1,0 +1,138 @@
+//! A joint refit of the base model and named effects.
+
+use std::collections::BTreeMap;
+
+use whorl_dynamics::Effect;
+
+use crate::hypothesis::Hypothesis;
+use crate::parameters::{BASE_EFFECTS, MASS_PROPERTIES, Target};
+use crate::search::{Search, point_of};
+use crate::{DiagnosisError, Fit, FittedParameter};
+
+impl Search<'_> {
+    /// Makes these effects, and only these, the best hypothesis, and converges on them.
+    pub(crate) fn adopt(&mut self, effects: &[&'static dyn Effect]) -> Result<(), DiagnosisError> {
+        for effect in effects {
+            let id = effect.info().id;
+            if self.problem.reference.model.effects.contains_key(id) {
+                continue;
+            }
+            let found = self
+                .layout
+                .candidates
+                .iter()
+                .position(|c| c.id == id)
+                .and_then(|c| self.best.with(&self.layout, &self.data.total, c));
+            // Against its sign constraint it stays at its neutral value: there is nothing to adopt.
+            let Some(next) = found else {
+                return Err(DiagnosisError::NoEffect { id: id.to_owned() });
+            };
+            self.best = next;
+        }
+        for _ in 0..2 {
+            self.relinearise()?;
+        }
+        Ok(())
+    }
+
+    /// The fit at the present best.
+    pub(crate) fn fit(&self) -> Result<Fit, DiagnosisError> {
+        let reference = &self.problem.reference;
+        let best: &Hypothesis = &self.best;
+        let point = point_of(self.problem, &self.layout, &self.point, best);
+        let model = self.folded(&point)?;
+        let covariance = best.estimate.covariance();
+        let mut prior = reference.prior.clone();
+        let mut estimates = Vec::new();
+        for (at, &i) in best.estimate.active.iter().enumerate() {
+            let Some(column) = self.layout.columns.get(i) else { continue };
+            let stddev = covariance[(at, at)].max(0.0).sqrt() * column.scale;
+            let value = best.estimate.value[at];
+            let (before, after) = match column.target {
+                Target::Moment(axis) => {
+                    let at = |m: &whorl_dynamics::PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
+                    prior.inertia_b_kg_m2[(axis, axis)] = stddev;
+                    (at(&reference.model), at(&model))
+                }
+                Target::Effect(effect) => {
+                    let read = |values: Vec<f64>| values.get(column.index).copied().unwrap_or(0.0);
+                    let before = read(reference.values(effect));
+                    self.tighten(&mut prior, column.group, column.index, &column.name, stddev);
+                    (before, read(reference.values_at(&point, effect)))
+                }
+            };
+            estimates.push(FittedParameter {
+                group: column.group.to_owned(),
+                name: column.name.clone(),
+                unit: column.unit.to_owned(),
+                before,
+                estimate: after,
+                stddev,
+                at_bound: value <= column.range.0 || value >= column.range.1,
+            });
+        }
+        Ok(Fit { model, prior, estimates, error: self.error_summary() })
+    }
+
+    /// The model at a point, with the base effects folded into its constants.
+    fn folded(&self, point: &crate::parameters::Point) -> Result<whorl_dynamics::PlatformModel, DiagnosisError> {
+        let reference = &self.problem.reference;
+        let mut constants = point.clone();
+        constants.effects.retain(|id, _| {
+            BASE_EFFECTS.contains(id) && !reference.model.effects.contains_key(*id)
+        });
+        let mut given = reference.clone();
+        given.model.effects = BTreeMap::new();
+        let adjusted = whorl_dynamics::Gyrostat::new(&given.model_at(&constants)?)?.model().clone();
+        let mut model = adjusted;
+        let mut rest = point.clone();
+        rest.effects.retain(|id, _| !constants.effects.contains_key(id));
+        rest.moments = [0.0; 3];
+        let named = reference.model_at(&rest)?;
+        model.effects = named.effects;
+        // Neutral values need no mention.
+        for (id, values) in &mut model.effects {
+            if let Some(effect) = crate::candidates::effect(id) {
+                let specs = effect.parameters(&reference.model);
+                let was = reference.model.effects.get(id).cloned().unwrap_or_default();
+                values.retain(|name, value| {
+                    was.contains_key(name)
+                        || specs.iter().any(|s| s.name == *name && (*value - s.neutral).abs() > 0.0)
+                });
+            }
+        }
+        Ok(model)
+    }
+
+    fn tighten(&self, prior: &mut whorl_dynamics::ModelPrior, id: &str, index: usize, name: &str, stddev: f64) {
+        let set = |list: &mut Vec<f64>, i: usize| {
+            if let Some(slot) = list.get_mut(i) {
+                *slot = stddev;
+            }
+        };
+        if !self.problem.reference.model.effects.contains_key(id) {
+            match id {
+                "gravity_offset" => {
+                    if let Some(slot) = prior.gravity_offset_b_n_m.get_mut(index) {
+                        *slot = stddev;
+                    }
+                    return;
+                }
+                "inertia_products" => {
+                    let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
+                    prior.inertia_b_kg_m2[(row, column)] = stddev;
+                    prior.inertia_b_kg_m2[(column, row)] = stddev;
+                    return;
+                }
+                "wheel_inertia" => return set(&mut prior.wheel_spin_inertia, index),
+                "wheel_misalignment" => return set(&mut prior.wheel_axis_rad, index / 2),
+                "thruster_strength" if index > 0 => return set(&mut prior.jet_thrust, index - 1),
+                "thruster_misalignment" => return set(&mut prior.jet_direction_rad, index / 2),
+                _ => {}
+            }
+        }
+        if id != MASS_PROPERTIES && !BASE_EFFECTS.contains(&id) {
+            prior.effects.entry(id.to_owned()).or_default().insert(name.to_owned(), stddev);
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Sets of effects as explanations: evidence, constraints, prediction of other data.
+
+use crate::candidates::Layout;
+use crate::regression::{Estimate, Normal};
+
+/// Prior sizes of an effect that are tried, in units of its catalogue prior.
+const SIZES: [f64; 6] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+
+/// One effect of a hypothesis and how it enters.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Member {
+    pub candidate: usize,
+    pub columns: Vec<usize>,
+    /// Prior size, in units of the catalogue's prior.
+    pub size: f64,
+    /// Ways in which it could have entered: evidence is shared among them.
+    pub options: usize,
+}
+
+/// A set of effects, fitted jointly with the base model.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    pub members: Vec<Member>,
+    pub estimate: Estimate,
+    /// Log evidence, the choices made on the way paid for.
+    pub log_evidence: f64,
+}
+
+impl Hypothesis {
+    /// The base model alone.
+    pub fn base(layout: &Layout, normal: &Normal) -> Option<Self> {
+        Self::of(layout, normal, Vec::new())
+    }
+
+    /// Fits a set of members; columns against their sign constraint leave the fit.
+    pub fn of(layout: &Layout, normal: &Normal, mut members: Vec<Member>) -> Option<Self> {
+        for _ in 0..8 {
+            let mut active = layout.base.clone();
+            let mut variance: Vec<f64> =
+                (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+            for member in &members {
+                for i in &member.columns {
+                    let column = &layout.columns[*i];
+                    let spec_size = column.catalogue_stddev;
+                    variance[*i] += (member.size * spec_size).powi(2);
+                    if column.base_stddev == 0.0 && !active.contains(i) {
+                        active.push(*i);
+                    }
+                }
+            }
+            let estimate = Estimate::new(normal, &active, |i| variance[i].max(1e-12))?;
+            // Only columns that are no part of the base obey their range here.
+            let mut worst: Option<(usize, f64)> = None;
+            for member in &members {
+                for i in &member.columns {
+                    let column = &layout.columns[*i];
+                    let value = estimate.of(*i);
+                    if column.base_stddev == 0.0 && column.range.0 > -1e-9 && value < 0.0 {
+                        let against = -value;
+                        if worst.is_none_or(|(_, w)| against > w) {
+                            worst = Some((*i, against));
+                        }
+                    }
+                }
+            }
+            let Some((out, _)) = worst else {
+                let signs = members
+                    .iter()
+                    .flat_map(|m| &m.columns)
+                    .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
+                    .count();
+                let choices: f64 =
+                    members.iter().map(|m| ((SIZES.len() * m.options) as f64).ln()).sum();
+                let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
+                return Some(Self { members, estimate, log_evidence });
+            };
+            for member in &mut members {
+                member.columns.retain(|i| *i != out);
+            }
+            members.retain(|m| !m.columns.is_empty());
+            if members.is_empty() {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// The best way for one more effect to enter; `None` if it would have to act against its sign.
+    pub fn with(&self, layout: &Layout, normal: &Normal, candidate: usize) -> Option<Self> {
+        let options = &layout.candidates.get(candidate)?.options;
+        let wanted = self.members.len() + 1;
+        let try_one = |columns: &[usize], size: f64| {
+            let mut members = self.members.clone();
+            members.push(Member { candidate, columns: columns.to_vec(), size, options: options.len() });
+            Self::of(layout, normal, members).filter(|h| h.members.len() == wanted)
+        };
+        let better = |best: Option<Self>, found: Option<Self>| match (best, found) {
+            (Some(a), Some(b)) => Some(if b.log_evidence > a.log_evidence { b } else { a }),
+            (a, b) => a.or(b),
+        };
+        // Sizes first at a coarse step for every option, then finely for the best.
+        let mut best: Option<Self> = None;
+        for columns in options {
+            for size in [0.1, 1.0] {
+                best = better(best, try_one(columns, size));
+            }
+        }
+        let columns = best.as_ref()?.members.last()?.columns.clone();
+        let full = options.first().cloned().unwrap_or_default();
+        for size in SIZES {
+            best = better(best, try_one(&columns, size));
+            best = better(best, try_one(&full, size));
+        }
+        best
+    }
+
+    /// Without one of its members.
+    pub fn without(&self, layout: &Layout, normal: &Normal, member: usize) -> Option<Self> {
+        let mut members = self.members.clone();
+        if member >= members.len() {
+            return None;
+        }
+        members.remove(member);
+        Self::of(layout, normal, members)
+    }
+
+    /// Its members' ids, in alphabetical order.
+    pub fn names(&self, layout: &Layout) -> Vec<String> {
+        let mut names: Vec<String> = self
+            .members
+            .iter()
+            .filter_map(|m| layout.candidates.get(m.candidate).map(|c| c.id.to_owned()))
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// Fits the same members to other data.
+    pub fn refitted(&self, layout: &Layout, normal: &Normal) -> Option<Self> {
+        Self::of(layout, normal, self.members.clone())
+    }
+}
+
+/// Log likelihood that effects gain on data left out of the fit: every block of time in turn, or the
+/// blocks of whole runs.
+pub(crate) fn cross_validated_gain(
+    layout: &Layout,
+    blocks: &[Normal],
+    total: &Normal,
+    with: &Hypothesis,
+    without: &Hypothesis,
+    per_fold: usize,
+) -> f64 {
+    let mut gain = 0.0;
+    for fold in blocks.chunks(per_fold.max(1)) {
+        let mut rest = total.clone();
+        let mut out = Normal::zeros(layout.columns.len());
+        for block in fold {
+            rest.add(block, -1.0);
+            out.add(block, 1.0);
+        }
+        if let (Some(a), Some(b)) = (with.refitted(layout, &rest), without.refitted(layout, &rest)) {
+            gain += 0.5 * (b.estimate.misfit_change(&out) - a.estimate.misfit_change(&out));
+        }
+    }
+    gain
+}

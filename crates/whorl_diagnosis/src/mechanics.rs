@@ -1,0 +1,326 @@
+//! The equations of motion and of the sensors along a trajectory.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use whorl_dynamics::effects::MAX_HIDDEN_STATES;
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::platform::{TiltLimit, TriaxialErrors};
+use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
+use whorl_math::{quaternion_exp, vertical_b};
+
+use crate::DiagnosisError;
+use crate::inputs::Inputs;
+use crate::motion::Motion;
+use crate::run::{Run, Wheels};
+
+/// A platform model ready for use along trajectories.
+#[derive(Debug, Clone)]
+pub(crate) struct Mechanics {
+    pub gyrostat: Gyrostat,
+    /// Inverse of the inertia that resists with every wheel free.
+    pub inverse_inertia: Matrix3<f64>,
+    gyro: TriaxialErrors,
+    accel: TriaxialErrors,
+}
+
+/// What the model predicts of a run from node to node.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Prediction {
+    /// Mean angular acceleration of each interval.
+    pub omega_dot: Vec<Vector3<f64>>,
+    /// Mean wheel acceleration of each interval.
+    pub wheel_dot: Vec<Wheels>,
+    /// What the jets' and wheels' edges within a node's samples add to its mean rate.
+    pub edge_rate: Vec<Vector3<f64>>,
+    /// Readings at each node; empty if not asked for.
+    pub gyro: Vec<Vector3<f64>>,
+    pub accel: Vec<Vector3<f64>>,
+    /// First by vector sensor.
+    pub vectors: Vec<Vec<Vector3<f64>>>,
+}
+
+impl Mechanics {
+    pub fn new(model: &PlatformModel) -> Result<Self, DiagnosisError> {
+        let gyrostat = Gyrostat::new(model)?;
+        let adjusted = gyrostat.model();
+        let mut resisting = adjusted.mass_properties.inertia_b_kg_m2()
+            - gyrostat.effects().reaction_inertia_b_kg_m2(adjusted);
+        for wheel in &adjusted.wheels {
+            let axis = wheel.spin_axis_b.into_inner();
+            resisting -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
+        }
+        let inverse_inertia =
+            resisting.try_inverse().ok_or(whorl_dynamics::GyrostatError::NothingLeft)?;
+        // Clipped readings were dropped and the quantum is part of the noise.
+        let linear = |errors: TriaxialErrors| TriaxialErrors { quantum: 0.0, range: f64::MAX, ..errors };
+        let (gyro, accel) =
+            (linear(adjusted.sensors.gyro.errors), linear(adjusted.sensors.accelerometer.errors));
+        Ok(Self { inverse_inertia, gyro, accel, gyrostat })
+    }
+
+    pub fn model(&self) -> &PlatformModel {
+        self.gyrostat.model()
+    }
+
+    /// The jets of a run as this platform's valves carry them out.
+    pub fn inputs(&self, run: &Run) -> Inputs {
+        let model = self.model();
+        Inputs::jets(&run.jet_pulses, &self.gyrostat, &run.times, &|t| {
+            run.environment(model, run.node_at(t))
+        })
+    }
+
+    /// The motors' torques in interval `k`.
+    fn motors(&self, run: &Run, k: usize) -> Wheels {
+        let mut torque = [0.0; MAX_WHEELS];
+        for (slot, command) in torque.iter_mut().zip(&run.wheel_command) {
+            *slot = command.mean_at(k);
+        }
+        torque
+    }
+
+    /// Accelerations of body and wheels in one state with an input.
+    fn rates(&self, run: &Run, k: usize, environment: &Environment<'_>, hidden: &[f64]) -> (Vector3<f64>, Wheels) {
+        let omega = environment.omega_wb_b_rad_s;
+        let wheel_torque = self.gyrostat.wheel_torque_n_m(environment);
+        let wheels = &self.model().wheels;
+        let omega_dot = if run.clamped {
+            Vector3::zeros()
+        } else {
+            let momentum = self.gyrostat.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
+            let mut torque = self.gyrostat.modelled_torque_b_n_m(environment, hidden) - omega.cross(&momentum);
+            if environment.valve_fraction.iter().any(|f| *f != 0.0) {
+                torque += self.gyrostat.jet_torque_b_n_m(environment);
+            }
+            if let Some(ballast) = run.ballast_moment.get(k) {
+                torque -= ballast.cross(&environment.vertical_b);
+            }
+            let [x, y, z] = &run.body_torque;
+            torque += Vector3::new(x.mean_at(k), y.mean_at(k), z.mean_at(k));
+            for (wheel, u) in wheels.iter().zip(&wheel_torque) {
+                torque -= wheel.spin_axis_b.into_inner() * *u;
+            }
+            self.inverse_inertia * torque
+        };
+        let mut wheel_dot = [0.0; MAX_WHEELS];
+        for ((slot, wheel), u) in wheel_dot.iter_mut().zip(wheels).zip(&wheel_torque) {
+            *slot = u / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&omega_dot);
+        }
+        (omega_dot, wheel_dot)
+    }
+
+    /// Accelerations over every interval, or only those where jets flow (elsewhere zero).
+    pub fn accelerations(&self, run: &Run, motion: &Motion, inputs: &Inputs, jets_only: bool) -> Prediction {
+        let nodes = run.nodes();
+        let mut prediction = Prediction {
+            omega_dot: vec![Vector3::zeros(); nodes],
+            wheel_dot: vec![[0.0; MAX_WHEELS]; nodes],
+            edge_rate: vec![Vector3::zeros(); nodes],
+            ..Prediction::default()
+        };
+        let hidden_states = self.gyrostat.effects().hidden_states().min(MAX_HIDDEN_STATES);
+        let mut hidden = [0.0; MAX_HIDDEN_STATES];
+        let wheels = self.model().wheels.len();
+        for k in 0..nodes {
+            if (!jets_only || inputs.is_active(k)) && !run.clamped {
+                prediction.edge_rate[k] = self.edge_rate(run, inputs, k);
+            }
+            if k + 1 >= nodes || (jets_only && !inputs.is_active(k)) {
+                continue;
+            }
+            let (Some(q), Some(omega), Some(speed)) =
+                (motion.q_mid.get(k), motion.omega_mid.get(k), motion.wheel_mid.get(k))
+            else {
+                continue;
+            };
+            let motors = self.motors(run, k);
+            let mut environment = run.environment(self.model(), k);
+            environment.time_s += 0.5 * run.length(k);
+            environment.q_world_body = *q;
+            environment.vertical_b = vertical_b(q);
+            environment.omega_wb_b_rad_s = *omega;
+            environment.wheel_speed_rad_s = speed.get(..wheels).unwrap_or(&[]);
+            environment.wheel_motor_torque_n_m = motors.get(..wheels).unwrap_or(&[]);
+            environment.valve_fraction = inputs.jets_at(k);
+            let (omega_dot, wheel_dot) = if hidden_states == 0 {
+                self.rates(run, k, &environment, &[])
+            } else {
+                self.rates_with_hidden(run, motion, k, &environment, &mut hidden[..hidden_states])
+            };
+            prediction.omega_dot[k] = omega_dot;
+            prediction.wheel_dot[k] = wheel_dot;
+        }
+        prediction
+    }
+
+    /// Mean accelerations over interval `k` while hidden states move, which are carried on to its end.
+    fn rates_with_hidden(
+        &self,
+        run: &Run,
+        motion: &Motion,
+        k: usize,
+        middle: &Environment<'_>,
+        hidden: &mut [f64],
+    ) -> (Vector3<f64>, Wheels) {
+        let (Some(q0), Some(w0), Some(w1), Some(s0), Some(s1)) = (
+            motion.q.get(k),
+            motion.omega.get(k),
+            motion.omega.get(k + 1),
+            motion.wheel.get(k),
+            motion.wheel.get(k + 1),
+        ) else {
+            return (Vector3::zeros(), [0.0; MAX_WHEELS]);
+        };
+        let length = run.length(k);
+        // The acceleration that was seen drives hidden states, not the model's own.
+        let seen = (w1 - w0) / length;
+        let steps = ((length / 0.005).ceil() as usize).clamp(1, 64);
+        let h = length / steps as f64;
+        let (mut sum, mut wheel_sum) = (Vector3::zeros(), [0.0; MAX_WHEELS]);
+        let wheels = self.model().wheels.len();
+        for step in 0..steps {
+            let at = |offset: f64| {
+                let share = (step as f64 + offset) / steps as f64;
+                let omega = w0.lerp(w1, share);
+                let mut speed = [0.0; MAX_WHEELS];
+                for ((x, a), b) in speed.iter_mut().zip(s0).zip(s1) {
+                    *x = a + (b - a) * share;
+                }
+                (q0 * quaternion_exp(&(w0.lerp(w1, 0.5 * share) * (share * length))), omega, speed, share)
+            };
+            let derivative = |offset: f64, x: &[f64]| {
+                let (q, omega, speed, share) = at(offset);
+                let environment = Environment {
+                    time_s: run.time(k) + share * length,
+                    q_world_body: q,
+                    vertical_b: vertical_b(&q),
+                    omega_wb_b_rad_s: omega,
+                    omega_dot_wb_b_rad_s2: seen,
+                    wheel_speed_rad_s: speed.get(..wheels).unwrap_or(&[]),
+                    ..*middle
+                };
+                let mut rate = [0.0; MAX_HIDDEN_STATES];
+                self.gyrostat.effects().hidden_derivative(&environment, x, &mut rate[..x.len()]);
+                rate
+            };
+            let moved = |x: &[f64], rate: &[f64], dt: f64| {
+                let mut y = [0.0; MAX_HIDDEN_STATES];
+                for ((slot, a), r) in y.iter_mut().zip(x).zip(rate) {
+                    *slot = a + r * dt;
+                }
+                y
+            };
+            let n = hidden.len();
+            let k1 = derivative(0.0, hidden);
+            let half = moved(hidden, &k1, 0.5 * h);
+            let k2 = derivative(0.5, &half[..n]);
+            let middle_hidden = moved(hidden, &k2, 0.5 * h);
+            let k3 = derivative(0.5, &middle_hidden[..n]);
+            let end = moved(hidden, &k3, h);
+            let k4 = derivative(1.0, &end[..n]);
+            {
+                let (q, omega, speed, share) = at(0.5);
+                let environment = Environment {
+                    time_s: run.time(k) + share * length,
+                    q_world_body: q,
+                    vertical_b: vertical_b(&q),
+                    omega_wb_b_rad_s: omega,
+                    wheel_speed_rad_s: speed.get(..wheels).unwrap_or(&[]),
+                    ..*middle
+                };
+                let (omega_dot, wheel_dot) = self.rates(run, k, &environment, &middle_hidden[..n]);
+                sum += omega_dot;
+                for (s, w) in wheel_sum.iter_mut().zip(&wheel_dot) {
+                    *s += w;
+                }
+            }
+            for (i, x) in hidden.iter_mut().enumerate() {
+                *x += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+            }
+        }
+        wheel_sum.iter_mut().for_each(|x| *x /= steps as f64);
+        (sum / steps as f64, wheel_sum)
+    }
+
+    /// Mean over node `k`'s samples of the rate that edges within them add.
+    fn edge_rate(&self, run: &Run, inputs: &Inputs, k: usize) -> Vector3<f64> {
+        let mut impulse = Vector3::zeros();
+        if inputs.jet_integrals_at(k).iter().any(|x| *x != 0.0) {
+            let mut environment = run.environment(self.model(), k);
+            environment.valve_fraction = inputs.jet_integrals_at(k);
+            impulse += self.gyrostat.jet_torque_b_n_m(&environment);
+        }
+        for (wheel, command) in self.model().wheels.iter().zip(&run.wheel_command) {
+            impulse -= wheel.spin_axis_b.into_inner() * command.mean_integral_at(k);
+        }
+        let [x, y, z] = &run.body_torque;
+        impulse += Vector3::new(x.mean_integral_at(k), y.mean_integral_at(k), z.mean_integral_at(k));
+        self.inverse_inertia * impulse
+    }
+
+    /// Readings at every node; `prediction` holds the accelerations.
+    pub fn readings(&self, run: &Run, motion: &Motion, inputs: &Inputs, prediction: &mut Prediction) {
+        let nodes = run.nodes();
+        let wheels = self.model().wheels.len();
+        prediction.gyro = vec![Vector3::zeros(); nodes];
+        prediction.accel = vec![Vector3::zeros(); nodes];
+        prediction.vectors = vec![vec![Vector3::zeros(); nodes]; run.vectors.len()];
+        let sensors = &self.model().sensors;
+        // Stamps were set back by the latency of the model that laid out the run.
+        let later_s = sensors.gyro.errors.latency_s - run.latency_s;
+        for k in 0..nodes {
+            let (Some(q), Some(omega), Some(speed)) = (motion.q.get(k), motion.omega.get(k), motion.wheel.get(k))
+            else {
+                continue;
+            };
+            let omega_dot = self.node_acceleration(prediction, k, nodes);
+            let motors = self.motors(run, k);
+            let mut environment = run.environment(self.model(), k);
+            let q_then = q * quaternion_exp(&(omega * -later_s));
+            environment.time_s -= later_s;
+            environment.q_world_body = q_then;
+            environment.vertical_b = vertical_b(&q_then);
+            environment.omega_wb_b_rad_s = omega - omega_dot * later_s;
+            environment.omega_dot_wb_b_rad_s2 = omega_dot;
+            environment.wheel_speed_rad_s = speed.get(..wheels).unwrap_or(&[]);
+            environment.wheel_motor_torque_n_m = motors.get(..wheels).unwrap_or(&[]);
+            environment.valve_fraction = inputs.jets_at(k);
+            let mut imu = self.gyrostat.true_imu(&environment);
+            if let Some(edge) = prediction.edge_rate.get(k) {
+                imu.angular_velocity_b_rad_s += edge;
+            }
+            let zero = Vector3::zeros();
+            prediction.gyro[k] = self.gyro.reading(&imu.angular_velocity_b_rad_s, &self.gyro.bias, &zero);
+            prediction.accel[k] = self.accel.reading(&imu.specific_force_b_m_s2, &self.accel.bias, &zero);
+            for (v, vector) in run.vectors.iter().enumerate() {
+                let late_s = vector.mean.get(k).map_or(0.0, |m| m.late_s);
+                let q_then = q * quaternion_exp(&(omega * late_s));
+                let seen = q_then.inverse_transform_vector(&vector.reference_world);
+                // The model describes one vector sensor; others are taken as aligned.
+                let misalignment = sensors.vector.filter(|_| v == 0).map_or(zero, |s| s.misalignment_rad);
+                let seen = quaternion_exp(&misalignment).inverse() * seen;
+                if let Some(slot) = prediction.vectors.get_mut(v).and_then(|list| list.get_mut(k)) {
+                    *slot = seen;
+                }
+            }
+        }
+    }
+
+    /// Angular acceleration at node `k`: mean of the intervals on both sides.
+    fn node_acceleration(&self, prediction: &Prediction, k: usize, nodes: usize) -> Vector3<f64> {
+        let at = |i: usize| prediction.omega_dot.get(i).copied().unwrap_or_default();
+        match k {
+            0 => at(0),
+            k if k + 1 >= nodes => at(k - 1),
+            k => (at(k - 1) + at(k)) * 0.5,
+        }
+    }
+
+    /// Near the bearing's own stop in this attitude, where contact may act.
+    pub fn near_stop(&self, q: &UnitQuaternion<f64>) -> bool {
+        let vertical = vertical_b(q);
+        match self.model().tilt_limit {
+            TiltLimit::Cone { max_rad } => vertical.x.hypot(vertical.y).atan2(vertical.z) > max_rad - 0.003,
+            TiltLimit::Pitch { max_rad } => vertical.x.clamp(-1.0, 1.0).asin().abs() > max_rad - 0.003,
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Noise of the sensors as the data show it.
+//!
+//! Second differences of neighbouring samples hold almost no motion, so their spread is the noise of one
+//! sample whatever the model says. What is correlated from sample to sample shows later, in the whitened
+//! residual, and is whitened there.
+
+use nalgebra::Vector3;
+use whorl_dynamics::PlatformModel;
+use whorl_recording::{Recording, Series};
+
+/// Standard deviations of one sample.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NoiseLevels {
+    /// [rad/s]
+    pub gyro: Vector3<f64>,
+    /// [m/s^2]
+    pub accel: Vector3<f64>,
+    /// \[rad\]
+    pub vector_rad: f64,
+    /// [rad/s]
+    pub wheel: f64,
+    /// Measured over modelled.
+    pub gyro_ratio: f64,
+    /// Measured over modelled.
+    pub accel_ratio: f64,
+}
+
+impl NoiseLevels {
+    pub fn measured(recording: &Recording, model: &PlatformModel) -> Self {
+        let sensors = &model.sensors;
+        let floor = |measured: Option<f64>, modelled: f64, quantum: f64| {
+            let smallest = (quantum / 12f64.sqrt()).max(1e-3 * modelled).max(1e-9);
+            measured.unwrap_or(modelled).max(smallest)
+        };
+        let triaxial = |series: &Series<Vector3<f64>>, stddev: &Vector3<f64>, quantum: f64| {
+            Vector3::from_fn(|i, _| floor(spread(series, |v| v[i]), stddev[i], quantum))
+        };
+        let gyro = triaxial(
+            &recording.gyro_b_rad_s,
+            &sensors.gyro.errors.noise_stddev,
+            sensors.gyro.errors.quantum,
+        );
+        let accel = triaxial(
+            &recording.specific_force_b_m_s2,
+            &sensors.accelerometer.errors.noise_stddev,
+            sensors.accelerometer.errors.quantum,
+        );
+        let modelled_vector = sensors.vector.map_or(5e-3, |v| v.noise_stddev_rad);
+        // Three components share the noise of two directions.
+        let vector_rad = recording
+            .vectors
+            .first()
+            .map(|channel| {
+                let squares: Vec<f64> = (0..3).filter_map(|i| spread(&channel.direction_b, |v| v[i])).collect();
+                (squares.iter().map(|s| s * s).sum::<f64>() / 2.0).sqrt()
+            })
+            .filter(|s| *s > 0.0)
+            .unwrap_or(modelled_vector);
+        let wheels = model.wheels.len();
+        let spreads: Vec<f64> = (0..wheels)
+            .filter_map(|j| spread(&recording.wheel_speed_rad_s, |v| v.get(j).copied().unwrap_or(0.0)))
+            .collect();
+        let wheel = spreads.iter().copied().fold(0.0, f64::max);
+        let wheel = floor(
+            (wheel > 0.0).then_some(wheel),
+            sensors.wheel_speed.noise_stddev_rad_s,
+            sensors.wheel_speed.quantum_rad_s,
+        );
+        let ratio = |measured: &Vector3<f64>, modelled: &Vector3<f64>| measured.norm() / modelled.norm();
+        Self {
+            gyro_ratio: ratio(&gyro, &sensors.gyro.errors.noise_stddev),
+            accel_ratio: ratio(&accel, &sensors.accelerometer.errors.noise_stddev),
+            gyro,
+            accel,
+            vector_rad: vector_rad.max(0.1 * modelled_vector),
+            wheel: wheel.max(1e-4),
+        }
+    }
+}
+
+/// Standard deviation of one sample from second differences; `None` with too few samples.
+fn spread<T>(series: &Series<T>, component: impl Fn(&T) -> f64) -> Option<f64> {
+    if series.len() < 30 {
+        return None;
+    }
+    // var(x1 - 2 x2 + x3) = 6 var. The median resists edges of jets, the mean resists coarse quantisation.
+    let mut sizes: Vec<f64> = series
+        .value
+        .windows(3)
+        .map(|w| match w {
+            [a, b, c] => (component(a) - 2.0 * component(b) + component(c)).abs(),
+            _ => 0.0,
+        })
+        .collect();
+    let middle = sizes.len() / 2;
+    let rms = (sizes.iter().map(|d| d * d).sum::<f64>() / sizes.len() as f64 / 6.0).sqrt();
+    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 6f64.sqrt());
+    let spread = if median > 0.3 * rms { median } else { rms };
+    (spread > 0.0).then_some(spread)
+}
+
+/// Where the gyro's readings pile up at their largest, and the step of its output.
+pub(crate) fn clipping_and_step(recording: &Recording, model: &PlatformModel) -> (Option<f64>, f64) {
+    let values = &recording.gyro_b_rad_s.value;
+    let largest = values.iter().map(Vector3::amax).fold(0.0, f64::max);
+    let at_largest = values.iter().filter(|v| v.amax() >= largest * (1.0 - 1e-9)).count();
+    // Noise never repeats its largest value many times unless the output has coarse steps.
+    let step = step_of(values);
+    let coarse = step > 0.2 * model.sensors.gyro.errors.noise_stddev.amax();
+    let clips = at_largest >= if coarse { 60 } else { 12 } && largest > 0.0;
+    let near = values.iter().filter(|v| v.amax() >= largest - 3.0 * step.max(1e-12)).count();
+    // With steps, a clipped reading piles up in one step only.
+    let piles_up = !coarse || at_largest * 2 > near;
+    ((clips && piles_up).then_some(largest), step)
+}
+
+/// Smallest nonzero difference that all readings are whole multiples of; 0 = none found.
+fn step_of(values: &[Vector3<f64>]) -> f64 {
+    let mut sorted: Vec<f64> = values.iter().take(20_000).map(|v| v.x).collect();
+    sorted.sort_by(f64::total_cmp);
+    let smallest =
+        sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-9).fold(f64::INFINITY, f64::min);
+    if !smallest.is_finite() {
+        return 0.0;
+    }
+    // Refine the step over a wide span, then test that readings are multiples of it.
+    let (Some(first), Some(last)) = (sorted.first(), sorted.last()) else { return 0.0 };
+    let count = ((last - first) / smallest).round();
+    if !(1.0..1e6).contains(&count) {
+        return 0.0;
+    }
+    let step = (last - first) / count;
+    let fits = |x: &f64| {
+        let multiple = (x - first) / step;
+        (multiple - multiple.round()).abs() < 0.02
+    };
+    if sorted.iter().filter(|x| fits(x)).count() * 1000 >= sorted.len() * 998 { step } else { 0.0 }
+}

@@ -1,0 +1,280 @@
+//! The parameters of a fit: the platform's own and those of effects, and the model at their values.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Matrix3;
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{Effect, MassProperties, ModelPrior, ParameterSpec, PlatformModel};
+
+use crate::DiagnosisError;
+
+/// Group of the principal moments of inertia, which are no effect.
+pub(crate) const MASS_PROPERTIES: &str = "mass_properties";
+
+/// Effects whose parameters belong to every base model, within the platform's prior.
+pub(crate) const BASE_EFFECTS: [&str; 6] = [
+    "gravity_offset",
+    "inertia_products",
+    "wheel_inertia",
+    "wheel_misalignment",
+    "thruster_strength",
+    "thruster_misalignment",
+];
+
+/// Priors are taken a little wider than stated: who states one has rarely measured it.
+const PRIOR_MARGIN: f64 = 1.2;
+
+/// Values of everything that a fit may change.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Point {
+    /// Added to the moments of inertia [kg m^2].
+    pub moments: [f64; 3],
+    /// All values of effects that are not neutral.
+    pub effects: BTreeMap<&'static str, Vec<f64>>,
+}
+
+/// What a column of the regression changes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Target {
+    /// A principal moment of inertia.
+    Moment(usize),
+    /// An effect.
+    Effect(&'static dyn Effect),
+}
+
+/// One column: a direction in which the model can change.
+#[derive(Debug, Clone)]
+pub(crate) struct Column {
+    pub group: &'static str,
+    pub name: String,
+    pub unit: &'static str,
+    pub target: Target,
+    /// Values from which an effect that is absent starts; `None`: from the present point.
+    pub origin: Option<Vec<f64>>,
+    /// Change of the values per unit of the column.
+    pub step: Vec<f64>,
+    /// Parameter index in the effect, for columns of one parameter.
+    pub index: usize,
+    /// Physical size of one unit.
+    pub scale: f64,
+    /// Prior standard deviation that it has in the base model, in units; 0 = not part of it.
+    pub base_stddev: f64,
+    /// Prior standard deviation that the catalogue gives it, in units, not below the base model's.
+    pub catalogue_stddev: f64,
+    /// Range about the reference value, in units.
+    pub range: (f64, f64),
+    /// The signal grows with the square of the step.
+    pub quadratic: bool,
+}
+
+/// The given model and prior, as reference of every point.
+#[derive(Debug, Clone)]
+pub(crate) struct Reference {
+    pub model: PlatformModel,
+    pub prior: ModelPrior,
+}
+
+impl Reference {
+    pub fn new(model: &PlatformModel, prior: &ModelPrior) -> Self {
+        Self { model: model.clone(), prior: prior.clone() }
+    }
+
+    /// The given values of an effect: the model's own, else neutral.
+    pub fn values(&self, effect: &dyn Effect) -> Vec<f64> {
+        let given = self.model.effects.get(effect.info().id);
+        effect
+            .parameters(&self.model)
+            .iter()
+            .map(|spec| given.and_then(|g| g.get(&spec.name)).copied().unwrap_or(spec.neutral))
+            .collect()
+    }
+
+    /// The point at which nothing is changed.
+    pub fn point(&self) -> Point {
+        let mut point = Point::default();
+        for id in self.model.effects.keys() {
+            if let Some(effect) = find(id) {
+                point.effects.insert(effect.info().id, self.values(effect));
+            }
+        }
+        point
+    }
+
+    /// Values of an effect at a point.
+    pub fn values_at(&self, point: &Point, effect: &dyn Effect) -> Vec<f64> {
+        point.effects.get(effect.info().id).cloned().unwrap_or_else(|| self.values(effect))
+    }
+
+    /// The platform at a point.
+    pub fn model_at(&self, point: &Point) -> Result<PlatformModel, DiagnosisError> {
+        let mut model = self.model.clone();
+        let properties = &self.model.mass_properties;
+        if point.moments != [0.0; 3] {
+            let added = Matrix3::from_diagonal(&nalgebra::Vector3::from(point.moments));
+            let inertia = properties.inertia_b_kg_m2() + added;
+            model.mass_properties =
+                MassProperties::new(inertia, *properties.gravity_offset_b_n_m(), properties.mass_kg())
+                    .map_err(|error| whorl_dynamics::EffectError::NotPhysical {
+                        effect: "inertia_products",
+                        reason: error.to_string(),
+                    })?;
+        }
+        for (id, values) in &point.effects {
+            let Some(effect) = find(id) else { continue };
+            let mut map = BTreeMap::new();
+            for (spec, value) in effect.parameters(&self.model).iter().zip(values) {
+                map.insert(spec.name.clone(), value.max(spec.min).min(spec.max));
+            }
+            model.effects.insert((*id).to_owned(), map);
+        }
+        Ok(model)
+    }
+
+    /// Columns of the base model: moments of inertia, gravity offset, and what the prior leaves open of
+    /// wheels and jets, and of effects that the model has.
+    pub fn base_columns(&self, has_wheels: bool, has_jets: bool, has_body: bool) -> Vec<Column> {
+        let mut columns = Vec::new();
+        if has_body {
+            let inertia = self.model.mass_properties.inertia_b_kg_m2();
+            for (i, name) in ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].into_iter().enumerate() {
+                let stddev = self.prior.inertia_b_kg_m2[(i, i)] * PRIOR_MARGIN;
+                if stddev > 0.0 {
+                    columns.push(Column {
+                        group: MASS_PROPERTIES,
+                        name: name.to_owned(),
+                        unit: "kg m^2",
+                        target: Target::Moment(i),
+                        origin: None,
+                        step: Vec::new(),
+                        index: i,
+                        scale: stddev,
+                        base_stddev: 1.0,
+                        catalogue_stddev: 1.0,
+                        range: (-0.8 * inertia[(i, i)] / stddev, 10.0 * inertia[(i, i)] / stddev),
+                        quadratic: false,
+                    });
+                }
+            }
+        }
+        for id in BASE_EFFECTS {
+            let wanted = match id {
+                "wheel_inertia" | "wheel_misalignment" => has_wheels,
+                "thruster_strength" | "thruster_misalignment" => has_jets,
+                _ => has_body,
+            };
+            if wanted && let Some(effect) = find(id) {
+                columns.extend(self.parameter_columns(effect));
+            }
+        }
+        for id in self.model.effects.keys() {
+            if BASE_EFFECTS.contains(&id.as_str()) {
+                continue;
+            }
+            if let Some(effect) = find(id) {
+                columns.extend(self.parameter_columns(effect));
+            }
+        }
+        columns
+    }
+
+    /// One column for each parameter of an effect that may be fitted.
+    pub fn parameter_columns(&self, effect: &'static dyn Effect) -> Vec<Column> {
+        let id = effect.info().id;
+        let specs = effect.parameters(&self.model);
+        let given = self.values(effect);
+        specs
+            .iter()
+            .enumerate()
+            .filter(|(_, spec)| !spec.known)
+            .map(|(index, spec)| {
+                let stddev = self.base_stddev(id, index, spec) * PRIOR_MARGIN;
+                let reference = given.get(index).copied().unwrap_or(spec.neutral);
+                let scale = if stddev > 0.0 { stddev } else { spec.prior_stddev };
+                let mut step = vec![0.0; specs.len()];
+                step[index] = scale;
+                Column {
+                    group: id,
+                    name: spec.name.clone(),
+                    unit: spec.unit,
+                    target: Target::Effect(effect),
+                    origin: None,
+                    step,
+                    index,
+                    scale,
+                    base_stddev: if stddev > 0.0 { 1.0 } else { 0.0 },
+                    catalogue_stddev: if stddev > 0.0 { (spec.prior_stddev / scale).max(1.0) } else { 1.0 },
+                    range: ((spec.min - reference) / scale, (spec.max - reference) / scale),
+                    quadratic: false,
+                }
+            })
+            .collect()
+    }
+
+    /// Prior standard deviation of a parameter as part of the base model; 0 = it is none.
+    fn base_stddev(&self, id: &str, index: usize, spec: &ParameterSpec) -> f64 {
+        if let Some(of_effect) = self.prior.effects.get(id) {
+            return of_effect.get(&spec.name).copied().unwrap_or(0.0);
+        }
+        if self.model.effects.contains_key(id) {
+            return spec.prior_stddev;
+        }
+        let at = |list: &[f64], i: usize| list.get(i).copied().unwrap_or(0.0);
+        match id {
+            "gravity_offset" => self.prior.gravity_offset_b_n_m.get(index).copied().unwrap_or(0.0),
+            "inertia_products" => {
+                let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
+                self.prior.inertia_b_kg_m2[(row, column)]
+            }
+            "wheel_inertia" => at(&self.prior.wheel_spin_inertia, index),
+            "wheel_misalignment" => at(&self.prior.wheel_axis_rad, index / 2),
+            "thruster_strength" => index.checked_sub(1).map_or(0.0, |jet| at(&self.prior.jet_thrust, jet)),
+            "thruster_misalignment" => at(&self.prior.jet_direction_rad, index / 2),
+            _ => 0.0,
+        }
+    }
+
+    /// How far a point is from the reference along a column, in its units.
+    pub fn distance(&self, point: &Point, column: &Column) -> f64 {
+        match column.target {
+            Target::Moment(i) => point.moments.get(i).copied().unwrap_or(0.0) / column.scale,
+            Target::Effect(effect) => {
+                if column.origin.is_some() {
+                    return 0.0;
+                }
+                let now = self.values_at(point, effect);
+                let reference = self.values(effect);
+                match (now.get(column.index), reference.get(column.index)) {
+                    (Some(now), Some(reference)) => (now - reference) / column.scale,
+                    _ => 0.0,
+                }
+            }
+        }
+    }
+
+    /// The point moved along a column by `units`.
+    pub fn moved(&self, point: &Point, column: &Column, units: f64) -> Point {
+        let mut moved = point.clone();
+        match column.target {
+            Target::Moment(i) => {
+                if let Some(slot) = moved.moments.get_mut(i) {
+                    *slot += units * column.scale;
+                }
+            }
+            Target::Effect(effect) => {
+                let start = match &column.origin {
+                    Some(origin) if !point.effects.contains_key(effect.info().id) => origin.clone(),
+                    _ => self.values_at(point, effect),
+                };
+                let specs = effect.parameters(&self.model);
+                let values = start
+                    .iter()
+                    .zip(&column.step)
+                    .zip(&specs)
+                    .map(|((value, step), spec)| (value + units * step).max(spec.min).min(spec.max))
+                    .collect();
+                moved.effects.insert(effect.info().id, values);
+            }
+        }
+        moved
+    }
+}

@@ -1,0 +1,250 @@
+//! Recordings made ready: trajectories smoothed, whitened, linearised.
+
+use nalgebra::Vector3;
+use whorl_recording::Recording;
+
+use crate::columns::{LANES, Linearised, group_response, predict};
+use crate::filter::{Settings, System, WHEEL};
+use crate::mechanics::Mechanics;
+use crate::motion::Motion;
+use crate::parameters::{Column, Point, Reference};
+use crate::regression::{Colour, Normal, Whitened};
+use crate::run::{Run, sample_step_s};
+use crate::{DiagnosisError, threads};
+
+/// Nodes of all runs together, at most: more data go into wider bins.
+const MOST_NODES: f64 = 14_000.0;
+
+/// Widest bin \[s\].
+const WIDEST_BIN_S: f64 = 0.1;
+
+/// Time over which the whitening filter remembers \[s\]: torques slower than this are seen the better the
+/// longer it is, and mismatched formulas the less.
+pub(crate) const MEMORY_S: f64 = 20.0;
+
+/// Runs with their trajectories.
+pub(crate) struct Problem {
+    pub reference: Reference,
+    pub runs: Vec<Run>,
+    pub motions: Vec<Motion>,
+    pub threads: usize,
+    /// Density of the gyro's noise, per run [rad/s sqrt(s)].
+    gyro_density: Vec<f64>,
+    wheel_density: Vec<f64>,
+}
+
+/// The whitened regression of a set of runs at a point.
+pub(crate) struct Dataset {
+    /// Normal equations, run by run, block by block.
+    pub blocks: Vec<Normal>,
+    pub total: Normal,
+    pub whitened: Vec<Whitened>,
+    /// Colour of each channel of each run.
+    pub colours: Vec<Vec<Colour>>,
+}
+
+impl Problem {
+    /// Checks recordings and smooths their trajectories with the model as given.
+    pub fn new(recordings: &[Recording], reference: Reference, threads: usize) -> Result<Self, DiagnosisError> {
+        let total_s: f64 = recordings.iter().map(Recording::duration_s).sum();
+        let made = threads::map(threads, recordings, |recording| {
+            let step_s = sample_step_s(recording).max(1e-4);
+            let samples = (total_s / MOST_NODES / step_s).ceil().max(1.0);
+            let widest = (WIDEST_BIN_S / step_s).floor().max(1.0);
+            let bin_s = step_s * samples.min(widest);
+            let run = Run::new(recording, &reference.model, bin_s)?;
+            Ok::<_, DiagnosisError>((run, step_s))
+        });
+        let mut problem = Self {
+            runs: Vec::new(),
+            motions: Vec::new(),
+            threads,
+            gyro_density: Vec::new(),
+            wheel_density: Vec::new(),
+            reference,
+        };
+        for result in made {
+            let (run, step_s) = result?;
+            problem.gyro_density.push(run.noise.gyro.mean() * step_s.sqrt());
+            problem.wheel_density.push(run.noise.wheel * step_s.sqrt());
+            problem.runs.push(run);
+        }
+        let mechanics = Mechanics::new(&problem.reference.model)?;
+        problem.motions = threads::map(threads, &problem.runs, |run| Motion::rough(run, mechanics.model()));
+        problem.check_attitude()?;
+        Ok(problem)
+    }
+
+    fn check_attitude(&self) -> Result<(), DiagnosisError> {
+        for (run, motion) in self.runs.iter().zip(&self.motions) {
+            if !motion.is_finite() {
+                return Err(DiagnosisError::NoTrajectory {
+                    run: run.name.clone(),
+                    what: "the rates give no finite attitude",
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Smooths the trajectories with the model at a point; the model's accelerations are trusted to
+    /// within a random walk of `rate_walk` [rad/s/sqrt(s)].
+    pub fn smooth(&mut self, point: &Point, rate_walk: f64) -> Result<(), DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let indices: Vec<usize> = (0..self.runs.len()).collect();
+        let smoothed = threads::map(self.threads, &indices, |&r| {
+            let (Some(run), Some(motion)) = (self.runs.get(r), self.motions.get(r)) else {
+                return Motion::default();
+            };
+            let (inputs, prediction) = predict(&mechanics, run, motion);
+            let wheel_noise = mechanics
+                .model()
+                .wheels
+                .iter()
+                .map(|w| 0.03 * w.max_torque_n_m)
+                .fold(1e-4, f64::max);
+            let settings = Settings { rate_walk, torque_walk: 0.0, wheel_noise };
+            let system =
+                System { run, motion, mechanics: &mechanics, inputs: &inputs, prediction: &prediction, settings };
+            let n = system.states();
+            let (_, smoothed) = system.filter(false, true);
+            let mut better = motion.clone();
+            if let Some(smoothed) = smoothed {
+                for (k, state) in smoothed.state.chunks_exact(n).enumerate() {
+                    let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
+                    better.correct(k, &part(0), &part(3), &state[WHEEL..n]);
+                }
+            }
+            better.fill_middle(run);
+            better
+        });
+        self.motions = smoothed;
+        self.check_attitude()
+    }
+
+    /// Settings of the whitening filter of a run.
+    pub fn settings(&self, r: usize) -> Settings {
+        let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
+        let inertia = self.reference.model.wheels.iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
+        Settings {
+            rate_walk: density(&self.gyro_density) / MEMORY_S,
+            torque_walk: 0.0,
+            wheel_noise: inertia * density(&self.wheel_density) / MEMORY_S,
+        }
+    }
+
+    /// Linearises every run at a point.
+    pub fn linearise(&self, point: &Point) -> Result<Vec<Linearised>, DiagnosisError> {
+        let indices: Vec<usize> = (0..self.runs.len()).collect();
+        threads::map(self.threads, &indices, |&r| match (self.runs.get(r), self.motions.get(r)) {
+            (Some(run), Some(motion)) => {
+                Linearised::new(run, motion, &self.reference, point, self.settings(r))
+            }
+            _ => Err(DiagnosisError::NoRecording),
+        })
+        .into_iter()
+        .collect()
+    }
+
+    /// Whitened sensitivities of columns at a point, one entry per run.
+    pub fn respond(
+        &self,
+        linearised: &[Linearised],
+        point: &Point,
+        columns: &[Column],
+    ) -> Result<Vec<Whitened>, DiagnosisError> {
+        let work: Vec<(usize, usize)> = (0..self.runs.len())
+            .flat_map(|r| (0..columns.len().div_ceil(LANES)).map(move |g| (r, g)))
+            .collect();
+        let responses = threads::map(self.threads, &work, |&(r, g)| {
+            let group = &columns[g * LANES..((g + 1) * LANES).min(columns.len())];
+            match (self.runs.get(r), self.motions.get(r), linearised.get(r)) {
+                (Some(run), Some(motion), Some(linear)) => {
+                    group_response(run, motion, linear, &self.reference, point, group)
+                }
+                _ => Ok(Vec::new()),
+            }
+        });
+        let mut whitened: Vec<Whitened> = self
+            .runs
+            .iter()
+            .zip(linearised)
+            .map(|(run, linear)| Whitened {
+                groups: Vec::new(),
+                y: linear.gains.whitened.clone(),
+                channel: linear.gains.channel.clone(),
+                node: linear.gains.node.clone(),
+                nodes: run.nodes(),
+            })
+            .collect();
+        for ((r, _), response) in work.iter().zip(responses) {
+            if let Some(slot) = whitened.get_mut(*r) {
+                slot.groups.push(response?);
+            }
+        }
+        // Residuals relative to the reference, so that priors are about zero.
+        for slot in &mut whitened {
+            for (i, column) in columns.iter().enumerate() {
+                let distance = self.reference.distance(point, column);
+                if distance != 0.0
+                    && let Some(group) = slot.groups.get(i / LANES)
+                {
+                    for (y, lanes) in slot.y.iter_mut().zip(group) {
+                        *y += distance * lanes[i % LANES];
+                    }
+                }
+            }
+        }
+        Ok(whitened)
+    }
+
+    /// The regression at a point. `colours` come from an earlier call, or are estimated with a fit of all
+    /// columns, whose prior variances are `wide`.
+    pub fn dataset(
+        &self,
+        mut whitened: Vec<Whitened>,
+        columns: usize,
+        wide: &[f64],
+        colours: Option<Vec<Vec<Colour>>>,
+    ) -> Dataset {
+        let colours = colours.unwrap_or_else(|| {
+            let mut total = Normal::zeros(columns);
+            for slot in &whitened {
+                for block in slot.normals(columns, self.threads) {
+                    total.add(&block, 1.0);
+                }
+            }
+            let active: Vec<usize> = (0..columns).collect();
+            let fit = crate::regression::Estimate::new(&total, &active, |i| wide.get(i).copied().unwrap_or(1.0));
+            let value = fit.map_or_else(|| nalgebra::DVector::zeros(columns), |f| f.value);
+            whitened
+                .iter_mut()
+                .map(|slot| {
+                    let residual = slot.residual(&value);
+                    let colours: Vec<Colour> = slot
+                        .rows_by_channel()
+                        .iter()
+                        .map(|rows| {
+                            let series: Vec<f64> =
+                                rows.iter().filter_map(|r| residual.get(*r).copied()).collect();
+                            Colour::of(&series)
+                        })
+                        .collect();
+                    colours
+                })
+                .collect()
+        });
+        for (slot, colours) in whitened.iter_mut().zip(&colours) {
+            slot.colour(colours);
+        }
+        let mut blocks = Vec::new();
+        let mut total = Normal::zeros(columns);
+        for slot in &whitened {
+            for block in slot.normals(columns, self.threads) {
+                total.add(&block, 1.0);
+                blocks.push(block);
+            }
+        }
+        Dataset { blocks, total, whitened, colours }
+    }
+}

@@ -1,0 +1,381 @@
+//! The whitened regression: normal equations by blocks of time, coloured noise, evidence.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::columns::{LANES, Lanes};
+
+/// Blocks of time into which each run is cut for cross-validation.
+pub(crate) const BLOCKS_PER_RUN: usize = 4;
+
+/// A whitened innovation beyond this many standard deviations is an outlier and counts no more.
+const OUTLIER: f64 = 7.0;
+
+/// Highest order of the model of coloured noise.
+const ORDER: usize = 6;
+
+/// Whitened data of one run.
+#[derive(Debug, Default)]
+pub(crate) struct Whitened {
+    /// Groups of columns, each rows x lanes.
+    pub groups: Vec<Vec<Lanes>>,
+    pub y: Vec<f64>,
+    pub channel: Vec<u8>,
+    pub node: Vec<u32>,
+    pub nodes: usize,
+}
+
+/// Normal equations of some rows.
+#[derive(Debug, Clone)]
+pub(crate) struct Normal {
+    pub matrix: DMatrix<f64>,
+    pub vector: DVector<f64>,
+    pub sum_of_squares: f64,
+    pub rows: f64,
+}
+
+impl Normal {
+    pub fn zeros(columns: usize) -> Self {
+        Self {
+            matrix: DMatrix::zeros(columns, columns),
+            vector: DVector::zeros(columns),
+            sum_of_squares: 0.0,
+            rows: 0.0,
+        }
+    }
+
+    pub fn add(&mut self, other: &Self, factor: f64) {
+        self.matrix += &other.matrix * factor;
+        self.vector += &other.vector * factor;
+        self.sum_of_squares += factor * other.sum_of_squares;
+        self.rows += factor * other.rows;
+    }
+}
+
+impl Whitened {
+    fn block_of(&self, row: usize) -> usize {
+        let node = self.node.get(row).copied().unwrap_or(0) as usize;
+        (node * BLOCKS_PER_RUN / self.nodes.max(1)).min(BLOCKS_PER_RUN - 1)
+    }
+
+    /// Normal equations of each block of time.
+    pub fn normals(&self, columns: usize, threads: usize) -> Vec<Normal> {
+        let mut blocks = vec![Normal::zeros(columns); BLOCKS_PER_RUN];
+        let bounds: Vec<usize> = (0..=BLOCKS_PER_RUN)
+            .map(|b| {
+                if b == BLOCKS_PER_RUN {
+                    self.y.len()
+                } else {
+                    (0..self.y.len()).collect::<Vec<_>>().partition_point(|row| self.block_of(*row) < b)
+                }
+            })
+            .collect();
+        let pairs: Vec<(usize, usize)> =
+            (0..self.groups.len()).flat_map(|a| (a..self.groups.len()).map(move |b| (a, b))).collect();
+        let products = crate::threads::map(threads, &pairs, |(a, b)| {
+            let (Some(left), Some(right)) = (self.groups.get(*a), self.groups.get(*b)) else {
+                return Vec::new();
+            };
+            bounds
+                .windows(2)
+                .map(|w| match w {
+                    [from, to] => product(&left[*from..*to], &right[*from..*to]),
+                    _ => [[0.0; LANES]; LANES],
+                })
+                .collect()
+        });
+        for ((a, b), per_block) in pairs.iter().zip(products) {
+            for (block, product) in blocks.iter_mut().zip(per_block) {
+                for (i, line) in product.iter().enumerate() {
+                    for (j, value) in line.iter().enumerate() {
+                        let (row, column) = (a * LANES + i, b * LANES + j);
+                        if row < columns && column < columns {
+                            block.matrix[(row, column)] = *value;
+                            block.matrix[(column, row)] = *value;
+                        }
+                    }
+                }
+            }
+        }
+        for (g, group) in self.groups.iter().enumerate() {
+            for (block, w) in blocks.iter_mut().zip(bounds.windows(2)) {
+                let [from, to] = w else { continue };
+                let mut sums = [0.0; LANES];
+                for (lanes, y) in group[*from..*to].iter().zip(&self.y[*from..*to]) {
+                    for (sum, x) in sums.iter_mut().zip(lanes) {
+                        *sum += x * y;
+                    }
+                }
+                for (i, sum) in sums.iter().enumerate() {
+                    if let Some(slot) = block.vector.get_mut(g * LANES + i) {
+                        *slot = *sum;
+                    }
+                }
+            }
+        }
+        for (block, w) in blocks.iter_mut().zip(bounds.windows(2)) {
+            let [from, to] = w else { continue };
+            block.sum_of_squares = self.y[*from..*to].iter().map(|y| y * y).sum();
+            block.rows = (to - from) as f64;
+        }
+        blocks
+    }
+
+    /// Residual of a fit.
+    pub fn residual(&self, estimate: &DVector<f64>) -> Vec<f64> {
+        let mut e = self.y.clone();
+        for (g, group) in self.groups.iter().enumerate() {
+            let mut factors = [0.0; LANES];
+            for (i, factor) in factors.iter_mut().enumerate() {
+                *factor = estimate.get(g * LANES + i).copied().unwrap_or(0.0);
+            }
+            if factors == [0.0; LANES] {
+                continue;
+            }
+            for (slot, lanes) in e.iter_mut().zip(group) {
+                *slot -= lanes.iter().zip(&factors).map(|(x, f)| x * f).sum::<f64>();
+            }
+        }
+        e
+    }
+
+    /// Rows of each channel, in order of time.
+    pub fn rows_by_channel(&self) -> Vec<Vec<usize>> {
+        let channels = self.channel.iter().map(|c| usize::from(*c) + 1).max().unwrap_or(0);
+        let mut rows = vec![Vec::new(); channels];
+        for (row, channel) in self.channel.iter().enumerate() {
+            if let Some(list) = rows.get_mut(usize::from(*channel)) {
+                list.push(row);
+            }
+        }
+        rows
+    }
+
+    /// Passes everything through the filter of coloured noise.
+    pub fn colour(&mut self, colours: &[Colour]) {
+        for (rows, colour) in self.rows_by_channel().iter().zip(colours) {
+            colour.whiten(rows, &mut self.y, |y, x, factor| *y += factor * x, |y, factor| *y *= factor);
+            for group in &mut self.groups {
+                colour.whiten(
+                    rows,
+                    group,
+                    |y, x, factor| y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x),
+                    |y, factor| y.iter_mut().for_each(|y| *y *= factor),
+                );
+            }
+        }
+    }
+
+    /// Takes rows out whose residual is an outlier; returns how many.
+    pub fn drop_outliers(&mut self, residual: &[f64]) -> usize {
+        let mut dropped = 0;
+        for (row, e) in residual.iter().enumerate() {
+            if e.abs() > OUTLIER {
+                dropped += 1;
+                if let Some(y) = self.y.get_mut(row) {
+                    *y = 0.0;
+                }
+                for group in &mut self.groups {
+                    if let Some(lanes) = group.get_mut(row) {
+                        *lanes = [0.0; LANES];
+                    }
+                }
+            }
+        }
+        dropped
+    }
+}
+
+/// Sum over rows of the outer products.
+fn product(left: &[Lanes], right: &[Lanes]) -> [[f64; LANES]; LANES] {
+    let mut sum = [[0.0; LANES]; LANES];
+    for (a, b) in left.iter().zip(right) {
+        for (line, x) in sum.iter_mut().zip(a) {
+            for (slot, y) in line.iter_mut().zip(b) {
+                *slot += x * y;
+            }
+        }
+    }
+    sum
+}
+
+/// Colour of one channel's whitened innovation: an autoregressive model and its innovation's size.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Colour {
+    pub coefficients: Vec<f64>,
+    pub stddev: f64,
+}
+
+impl Colour {
+    /// From a residual, by Yule-Walker; the order by Akaike's criterion.
+    pub fn of(residual: &[f64]) -> Self {
+        let n = residual.len();
+        if n < 100 {
+            let power = residual.iter().map(|e| e * e).sum::<f64>() / n.max(1) as f64;
+            return Self { coefficients: Vec::new(), stddev: if n > 20 { power.sqrt().max(0.2) } else { 1.0 } };
+        }
+        let clipped: Vec<f64> = {
+            let power = residual.iter().map(|e| e * e).sum::<f64>() / n as f64;
+            let limit = 5.0 * power.sqrt();
+            residual.iter().map(|e| e.max(-limit).min(limit)).collect()
+        };
+        let lag = |l: usize| {
+            clipped.iter().zip(clipped.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / n as f64
+        };
+        let r: Vec<f64> = (0..=ORDER).map(lag).collect();
+        let mut best = Self { coefficients: Vec::new(), stddev: r[0].sqrt().max(1e-3) };
+        let mut best_score = n as f64 * r[0].max(1e-12).ln();
+        let (mut a, mut power) = (Vec::<f64>::new(), r[0]);
+        for order in 1..=ORDER {
+            // Levinson-Durbin.
+            let mut numerator = r[order];
+            for (i, coefficient) in a.iter().enumerate() {
+                numerator -= coefficient * r[order - 1 - i];
+            }
+            let reflection = if power > 0.0 { numerator / power } else { 0.0 };
+            let mut next = a.clone();
+            for i in 0..a.len() {
+                next[i] -= reflection * a[a.len() - 1 - i];
+            }
+            next.push(reflection);
+            a = next;
+            power *= 1.0 - reflection * reflection;
+            // Three per coefficient: cheap to leave a weak colour, dear to follow chance.
+            let score = n as f64 * power.max(1e-12).ln() + 8.0 * order as f64;
+            if score < best_score {
+                best_score = score;
+                best = Self { coefficients: a.clone(), stddev: power.sqrt().max(1e-3) };
+            }
+        }
+        best
+    }
+
+    fn whiten<T: Clone>(
+        &self,
+        rows: &[usize],
+        data: &mut [T],
+        add: impl Fn(&mut T, &T, f64),
+        scale: impl Fn(&mut T, f64),
+    ) {
+        for position in (0..rows.len()).rev() {
+            let Some(&row) = rows.get(position) else { continue };
+            let Some(mut value) = data.get(row).cloned() else { continue };
+            for (i, coefficient) in self.coefficients.iter().enumerate() {
+                let earlier =
+                    position.checked_sub(i + 1).and_then(|p| rows.get(p)).and_then(|r| data.get(*r));
+                if let Some(earlier) = earlier {
+                    add(&mut value, earlier, -coefficient);
+                }
+            }
+            scale(&mut value, 1.0 / self.stddev);
+            if let Some(slot) = data.get_mut(row) {
+                *slot = value;
+            }
+        }
+    }
+}
+
+/// A Gaussian fit of some columns.
+#[derive(Debug, Clone)]
+pub(crate) struct Estimate {
+    /// Columns in it.
+    pub active: Vec<usize>,
+    /// Their values, in their units.
+    pub value: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+    /// Log evidence over that of noise alone.
+    pub log_evidence: f64,
+    /// Drop of the misfit, penalty of the prior included.
+    pub drop: f64,
+}
+
+impl Estimate {
+    /// Posterior mean and evidence of `active` columns with prior variances.
+    pub fn new(normal: &Normal, active: &[usize], variance: impl Fn(usize) -> f64) -> Option<Self> {
+        let size = active.len();
+        let variances: Vec<f64> = active.iter().map(|i| variance(*i)).collect();
+        let mut posterior = DMatrix::zeros(size, size);
+        let mut vector = DVector::zeros(size);
+        for (a, i) in active.iter().enumerate() {
+            for (b, j) in active.iter().enumerate() {
+                posterior[(a, b)] = normal.matrix[(*i, *j)];
+            }
+            posterior[(a, a)] += 1.0 / variances[a];
+            vector[a] = normal.vector[*i];
+        }
+        let factor = Cholesky::new(posterior)?;
+        let value = factor.solve(&vector);
+        let drop = value.dot(&vector);
+        let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>()
+            + variances.iter().map(|v| v.ln()).sum::<f64>();
+        let log_evidence = 0.5 * drop - 0.5 * log_determinant;
+        log_evidence.is_finite().then(|| Self { active: active.to_vec(), value, factor, log_evidence, drop })
+    }
+
+    /// Covariance of the values.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        self.factor.inverse()
+    }
+
+    /// Value of a column; 0 if it is not in the fit.
+    pub fn of(&self, column: usize) -> f64 {
+        self.active.iter().position(|i| *i == column).map_or(0.0, |a| self.value[a])
+    }
+
+    /// All values over all columns.
+    pub fn spread(&self, columns: usize) -> DVector<f64> {
+        let mut all = DVector::zeros(columns);
+        for (a, i) in self.active.iter().enumerate() {
+            all[*i] = self.value[a];
+        }
+        all
+    }
+
+    /// Misfit of other data with these values, less that of noise alone.
+    pub fn misfit_change(&self, normal: &Normal) -> f64 {
+        let mut change = 0.0;
+        for (a, i) in self.active.iter().enumerate() {
+            change -= 2.0 * self.value[a] * normal.vector[*i];
+            for (b, j) in self.active.iter().enumerate() {
+                change += self.value[a] * normal.matrix[(*i, *j)] * self.value[b];
+            }
+        }
+        change
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_is_the_density_of_the_data() {
+        // One column of ones over two rows, y = (1, 2), prior variance 4: y ~ N(0, I + 4 11^T).
+        let mut normal = Normal::zeros(1);
+        normal.matrix[(0, 0)] = 2.0;
+        normal.vector[0] = 3.0;
+        normal.sum_of_squares = 5.0;
+        let estimate = Estimate::new(&normal, &[0], |_| 4.0).unwrap();
+        // det = 9, y^T C^-1 y = 5 - 4/9 * 9 = 1; noise alone: 5.
+        let expected = -0.5 * 9f64.ln() - 0.5 + 2.5;
+        assert!((estimate.log_evidence - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_autoregressive_residual_becomes_white() {
+        let mut x = vec![0.0_f64; 4000];
+        let mut state = 12_345_u64;
+        for k in 1..x.len() {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let uniform = (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+            x[k] = 0.8 * x[k - 1] + uniform * 12f64.sqrt();
+        }
+        let colour = Colour::of(&x);
+        assert!((colour.coefficients[0] - 0.8).abs() < 0.08, "{colour:?}");
+        let rows: Vec<usize> = (0..x.len()).collect();
+        let mut y = x.clone();
+        colour.whiten(&rows, &mut y, |y, x, f| *y += f * x, |y, f| *y *= f);
+        let power: f64 = y.iter().map(|v| v * v).sum::<f64>() / y.len() as f64;
+        let lag: f64 = y.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / y.len() as f64;
+        assert!((power - 1.0).abs() < 0.05 && lag.abs() < 0.05, "{power} {lag}");
+    }
+}

@@ -1,0 +1,346 @@
+//! Which set of effects explains the data: forward search with swaps, each step on a new linearisation.
+
+use crate::candidates::{Available, Layout, Lines};
+use crate::hypothesis::{Hypothesis, cross_validated_gain};
+use crate::parameters::{Point, Target};
+use crate::problem::{Dataset, Problem};
+use crate::regression::BLOCKS_PER_RUN;
+use crate::{DiagnosisError, Options, Progress};
+
+/// Log evidence that an effect must add. The number of effects that compete is paid for here too.
+pub(crate) const LEAST_EVIDENCE: f64 = 5.0;
+
+/// Drop of the whitened misfit that an effect must bring: below, a name would often be wrong.
+pub(crate) const LEAST_DROP: f64 = 25.0;
+
+/// Explanations closer than this in log evidence are both kept.
+pub(crate) const TIE: f64 = 3.0;
+
+/// The search's state: where the model is, and the regression there.
+pub(crate) struct Search<'a> {
+    pub problem: &'a mut Problem,
+    pub held_out: Option<&'a mut Problem>,
+    pub available: Available,
+    pub options: &'a Options,
+    pub lines: Lines,
+    pub point: Point,
+    pub layout: Layout,
+    pub data: Dataset,
+    pub held_data: Option<Dataset>,
+    pub base: Hypothesis,
+    pub best: Hypothesis,
+}
+
+const NO_FIT: DiagnosisError = DiagnosisError::NoTrajectory {
+    run: String::new(),
+    what: "the regression has no solution",
+};
+
+/// Regression of a problem at a point with the columns of a layout.
+pub(crate) fn dataset(problem: &Problem, point: &Point, layout: &Layout) -> Result<Dataset, DiagnosisError> {
+    let linearised = problem.linearise(point)?;
+    let whitened = problem.respond(&linearised, point, &layout.columns)?;
+    let wide: Vec<f64> = layout
+        .columns
+        .iter()
+        .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
+        .collect();
+    Ok(problem.dataset(whitened, layout.columns.len(), &wide, None))
+}
+
+/// The point of a fit.
+pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &Hypothesis) -> Point {
+    let mut point = from.clone();
+    // Effects that start from an origin of their own come first, then all else moves from there.
+    for &i in &fit.estimate.active {
+        let Some(column) = layout.columns.get(i) else { continue };
+        let value = fit.estimate.of(i);
+        let distance = problem.reference.distance(from, column);
+        let units = match column.quadratic {
+            true => value.max(0.0).sqrt(),
+            false => value - distance,
+        };
+        point = problem.reference.moved(&point, column, units);
+    }
+    point
+}
+
+impl<'a> Search<'a> {
+    /// Fits the base model and makes the first full regression.
+    pub fn start(
+        problem: &'a mut Problem,
+        mut held_out: Option<&'a mut Problem>,
+        options: &'a Options,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Self, DiagnosisError> {
+        progress(Progress { share: 0.1, doing: "smoothing the motion" });
+        let available = Available::of(&problem.runs);
+        let point = base_point_with(problem, &mut held_out)?;
+        progress(Progress { share: 0.45, doing: "passing every effect through the filter" });
+        let lines = Lines::default();
+        let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines);
+        let data = dataset(problem, &point, &layout)?;
+        let held_data = match &held_out {
+            Some(held) => Some(dataset(held, &point, &layout)?),
+            None => None,
+        };
+        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        Ok(Self {
+            problem,
+            held_out,
+            available,
+            options,
+            lines,
+            point,
+            layout,
+            data,
+            held_data,
+            best: base.clone(),
+            base,
+        })
+    }
+
+    /// Linearises anew at the present best and finds its members there.
+    pub(crate) fn relinearise(&mut self) -> Result<(), DiagnosisError> {
+        let members: Vec<&'static str> = self
+            .best
+            .members
+            .iter()
+            .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
+            .collect();
+        let old: Vec<Vec<(usize, bool)>> = self
+            .best
+            .members
+            .iter()
+            .map(|m| {
+                m.columns
+                    .iter()
+                    .filter_map(|i| self.layout.columns.get(*i))
+                    .map(|c| (c.index, c.origin.is_some()))
+                    .collect()
+            })
+            .collect();
+        let sizes: Vec<(f64, usize)> = self.best.members.iter().map(|m| (m.size, m.options)).collect();
+        let mut point = point_of(self.problem, &self.layout, &self.point, &self.best);
+        // Effects that have left the set leave the point.
+        point.effects.retain(|id, _| {
+            members.contains(id)
+                || crate::parameters::BASE_EFFECTS.contains(id)
+                || self.problem.reference.model.effects.contains_key(*id)
+        });
+        self.point = point;
+        smooth_all(self.problem, &mut self.held_out, &self.point, 1e-3)?;
+        self.layout = Layout::new(
+            &self.problem.reference,
+            &self.point,
+            &self.available,
+            &self.options.exclude,
+            &self.lines,
+        );
+        self.data = dataset(self.problem, &self.point, &self.layout)?;
+        self.held_data = match &self.held_out {
+            Some(held) => Some(dataset(held, &self.point, &self.layout)?),
+            None => None,
+        };
+        self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
+        let mut found = Vec::new();
+        for ((id, old), (size, options)) in members.iter().zip(&old).zip(&sizes) {
+            let Some(candidate) = self.layout.candidates.iter().position(|c| c.id == *id) else { continue };
+            let all: Vec<usize> =
+                self.layout.candidates[candidate].options.iter().flatten().copied().collect();
+            let mut columns: Vec<usize> = all
+                .iter()
+                .copied()
+                .filter(|i| {
+                    let c = &self.layout.columns[*i];
+                    old.iter().any(|(index, _)| *index == c.index) || old.iter().any(|(_, special)| *special)
+                })
+                .collect();
+            columns.sort_unstable();
+            columns.dedup();
+            found.push(crate::hypothesis::Member { candidate, columns, size: *size, options: *options });
+        }
+        self.best = Hypothesis::of(&self.layout, &self.data.total, found).unwrap_or_else(|| self.base.clone());
+        Ok(())
+    }
+
+    /// Log likelihood gained on held-out runs, or by cross-validation over blocks of time.
+    pub fn gain(&self, with: &Hypothesis, without: &Hypothesis) -> f64 {
+        match &self.held_data {
+            Some(held) => {
+                0.5 * (without.estimate.misfit_change(&held.total) - with.estimate.misfit_change(&held.total))
+            }
+            None => {
+                let per_fold = if self.problem.runs.len() >= 3 { BLOCKS_PER_RUN } else { 1 };
+                cross_validated_gain(&self.layout, &self.data.blocks, &self.data.total, with, without, per_fold)
+            }
+        }
+    }
+
+    /// Every effect added in turn to a hypothesis that does not hold it, best first.
+    pub fn additions(&self, to: &Hypothesis) -> Vec<Hypothesis> {
+        let free: Vec<usize> = (0..self.layout.candidates.len())
+            .filter(|c| to.members.iter().all(|m| m.candidate != *c))
+            .collect();
+        let mut found: Vec<Hypothesis> =
+            crate::threads::map(self.problem.threads, &free, |c| to.with(&self.layout, &self.data.total, *c))
+                .into_iter()
+                .flatten()
+                .collect();
+        found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        found
+    }
+
+    /// Grows the set while an effect passes every gate, swapping and removing members on the way.
+    pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
+        for round in 0..self.options.largest_set {
+            progress(Progress { share: 0.6 + 0.1 * round as f64, doing: "comparing explanations" });
+            let mut additions = self.additions(&self.best);
+            // A pair can beat the best single effect that neither of the two is.
+            if round == 0 {
+                let singles: Vec<usize> =
+                    additions.iter().take(8).filter_map(|h| h.members.last().map(|m| m.candidate)).collect();
+                let pairs: Vec<(usize, usize)> = singles
+                    .iter()
+                    .enumerate()
+                    .flat_map(|(i, a)| singles.iter().skip(i + 1).map(move |b| (*a, *b)))
+                    .collect();
+                let best_single = additions.first().map_or(0.0, |h| h.log_evidence);
+                if best_single > self.base.log_evidence + 4.0 * LEAST_EVIDENCE {
+                    let mut found: Vec<Hypothesis> =
+                        crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
+                            self.base
+                                .with(&self.layout, &self.data.total, *a)?
+                                .with(&self.layout, &self.data.total, *b)
+                        })
+                        .into_iter()
+                        .flatten()
+                        .filter(|h| h.members.len() == 2)
+                        .collect();
+                    found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+                    if let Some(pair) = found.first()
+                        && pair.log_evidence > best_single + 2.0 * LEAST_EVIDENCE
+                    {
+                        additions.insert(0, pair.clone());
+                    }
+                }
+            }
+            let Some(next) = additions.first().cloned() else { break };
+            if !self.passes(&next, &self.best) {
+                break;
+            }
+            self.best = next;
+            self.relinearise()?;
+            self.tidy()?;
+            if self.best.members.is_empty() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gates for a larger hypothesis over a smaller one.
+    pub fn passes(&self, larger: &Hypothesis, smaller: &Hypothesis) -> bool {
+        let added = larger.members.len().saturating_sub(smaller.members.len()).max(1) as f64;
+        larger.log_evidence - smaller.log_evidence > LEAST_EVIDENCE * added
+            && larger.estimate.drop - smaller.estimate.drop > LEAST_DROP * added
+            && self.gain(larger, smaller) > 0.0
+    }
+
+    /// Swaps and removes members as long as that is better.
+    fn tidy(&mut self) -> Result<(), DiagnosisError> {
+        for _ in 0..3 {
+            let mut changed = false;
+            for member in 0..self.best.members.len() {
+                let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
+                if !self.passes(&self.best, &rest) {
+                    self.best = rest;
+                    changed = true;
+                    break;
+                }
+                let Some(swap) = self.additions(&rest).into_iter().next() else { continue };
+                if swap.log_evidence > self.best.log_evidence + 1.0 {
+                    self.best = swap;
+                    changed = true;
+                    break;
+                }
+            }
+            if !changed {
+                return Ok(());
+            }
+            self.relinearise()?;
+        }
+        Ok(())
+    }
+
+    /// Other sets that explain the data as well: each member replaced by another effect.
+    pub fn alternatives(&self) -> Vec<Vec<String>> {
+        let mut sets = Vec::new();
+        let own = self.best.names(&self.layout);
+        for member in 0..self.best.members.len() {
+            let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
+            for other in self.additions(&rest) {
+                let names = other.names(&self.layout);
+                if other.log_evidence > self.best.log_evidence - TIE && names != own && !sets.contains(&names) {
+                    sets.push(names);
+                }
+            }
+        }
+        sets
+    }
+
+    /// The kind of the first member.
+    pub fn kind(&self) -> Option<String> {
+        let member = self.best.members.first()?;
+        let candidate = self.layout.candidates.get(member.candidate)?;
+        Some(candidate.effect.info().kind.to_string())
+    }
+}
+
+/// Smooths the motion and fits the base model.
+pub(crate) fn base_point(problem: &mut Problem) -> Result<Point, DiagnosisError> {
+    base_point_with(problem, &mut None)
+}
+
+fn base_point_with(problem: &mut Problem, held_out: &mut Option<&mut Problem>) -> Result<Point, DiagnosisError> {
+    let available = Available::of(&problem.runs);
+    let mut point = problem.reference.point();
+    smooth_all(problem, held_out, &point, 0.3)?;
+    smooth_all(problem, held_out, &point, 5e-3)?;
+    for _ in 0..2 {
+        let layout = base_layout(problem, &available);
+        let data = dataset(problem, &point, &layout)?;
+        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        point = point_of(problem, &layout, &point, &base);
+        smooth_all(problem, held_out, &point, 2e-3)?;
+    }
+    Ok(point)
+}
+
+fn base_layout(problem: &Problem, available: &Available) -> Layout {
+    let columns = problem.reference.base_columns(available.wheels, available.jets, available.body);
+    let columns: Vec<_> = columns
+        .into_iter()
+        .filter(|c| c.base_stddev > 0.0 && (available.body || c.group == "wheel_inertia"))
+        .collect();
+    let base = (0..columns.len()).collect();
+    Layout { columns, base, candidates: Vec::new() }
+}
+
+fn smooth_all(
+    problem: &mut Problem,
+    held_out: &mut Option<&mut Problem>,
+    point: &Point,
+    rate_walk: f64,
+) -> Result<(), DiagnosisError> {
+    problem.smooth(point, rate_walk)?;
+    if let Some(held) = held_out {
+        held.smooth(point, rate_walk)?;
+    }
+    Ok(())
+}
+
+/// True for columns of the moments of inertia.
+pub(crate) fn is_moment(target: &Target) -> bool {
+    matches!(target, Target::Moment(_))
+}

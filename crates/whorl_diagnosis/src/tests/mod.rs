@@ -1,0 +1,5 @@
+//! Whole diagnoses of simulated runs.
+
+mod generator;
+mod naming;
+mod whitening;
