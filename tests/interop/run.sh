@@ -49,7 +49,10 @@ stop_nodes() {
 take_domain() {
     local id
     for id in $(seq 99 -1 20); do
-        exec 9>>"${TMPDIR:-/tmp}/whorl-test-domain-$id"
+        lock=${TMPDIR:-/tmp}/whorl-test-domain-$id
+        # It may be another user's: only he may write to it, but everybody may lock it.
+        [ -e "$lock" ] || : >"$lock"
+        exec 9<"$lock"
         if flock -n 9; then
             export ROS_DOMAIN_ID=$id
             return

@@ -26,7 +26,11 @@ impl Domain {
 
     fn try_take(id: u16) -> Option<Self> {
         let path = std::env::temp_dir().join(format!("whorl-test-domain-{id}"));
-        let file = OpenOptions::new().create(true).truncate(false).write(true).open(path).ok()?;
+        // It may be another user's: only he may write to it, but everybody may lock it.
+        let file = match File::open(&path) {
+            Err(_) => OpenOptions::new().create_new(true).write(true).open(path).ok()?,
+            Ok(file) => file,
+        };
         match file.try_lock() {
             Ok(()) => Some(Self { id, _lock: file }),
             Err(TryLockError::WouldBlock | TryLockError::Error(_)) => None,
