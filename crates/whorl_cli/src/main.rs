@@ -6,10 +6,27 @@
     reason = "doc comments of arguments are the text of --help, with units in brackets and <PLACEHOLDERS>"
 )]
 
+mod adopt;
+mod balance;
+mod calibrate;
+mod campaign;
 mod command;
+mod compare;
+mod diagnose;
+mod effects;
+mod excitation;
+mod identify;
+mod model_changes;
 mod monitor;
+mod orbit;
+mod platforms;
+mod progress;
 mod report;
+mod reproduce;
+mod runs;
 mod simulate;
+mod table;
+mod where_;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -28,6 +45,12 @@ struct Arguments {
 enum Command {
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
+    /// Simulates many runs over parameters, seeds, faults and links; goes on where it was interrupted.
+    Campaign(campaign::Arguments),
+    /// Checks the orbits of an experiment and shows where its platforms will have to point.
+    Orbit(orbit::Arguments),
+    /// Writes a parameter folder with as many platforms as wanted.
+    Platforms(platforms::Arguments),
     /// Starts the experiment that the coordinator was loaded with.
     Start {
         /// Its name as a check; left out: whichever is loaded.
@@ -51,6 +74,26 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
     },
+    /// How far off the model is: errors of every channel and horizon against the noise.
+    Compare(compare::Arguments),
+    /// Where the model fails: the quantities that the unexplained torque follows.
+    Where(where_::Arguments),
+    /// Which physical effect the model lacks: a verdict in words, then every effect tested.
+    Diagnose(diagnose::Arguments),
+    /// Adds physical effects to a platform's model, refits it, and shows the errors before and after.
+    Adopt(adopt::Arguments),
+    /// Lists and explains the physical effects that can be simulated, fitted and compensated.
+    Effects(effects::Arguments),
+    /// Identifies mass properties from runs, with uncertainty, and says what was not excited.
+    Identify(identify::Arguments),
+    /// What an experiment will determine of the mass properties, and how well, before it is run.
+    Excitation(excitation::Arguments),
+    /// Says which mass actuator to move by how much, from runs in which the platform swung freely.
+    Balance(balance::Arguments),
+    /// Calibrates sensors from recordings and writes the result into the platform's file.
+    Calibrate(calibrate::Arguments),
+    /// Computes figures and tables of the dissertation anew, beside the printed values.
+    Reproduce(reproduce::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -62,10 +105,23 @@ fn main() -> ExitCode {
     );
     let result = match Arguments::parse().command {
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Campaign(arguments) => campaign::run(&arguments),
+        Command::Orbit(arguments) => orbit::run(&arguments),
+        Command::Platforms(arguments) => platforms::run(&arguments),
         Command::Start { experiment } => command::start(experiment),
         Command::Abort { reason } => command::abort(reason),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Report { runs, html } => report::run(&runs, html.as_deref()),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Where(arguments) => where_::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Adopt(arguments) => adopt::run(&arguments),
+        Command::Effects(arguments) => effects::run(&arguments),
+        Command::Identify(arguments) => identify::run(&arguments),
+        Command::Excitation(arguments) => excitation::run(&arguments),
+        Command::Balance(arguments) => balance::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Reproduce(arguments) => reproduce::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

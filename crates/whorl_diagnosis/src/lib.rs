@@ -38,6 +38,7 @@ mod run;
 mod search;
 mod threads;
 mod unknown;
+mod words;
 #[cfg(test)]
 mod tests;
 

@@ -1,0 +1,93 @@
+//! `whorl diagnose`: which physical effect a model lacks.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use whorl_diagnosis::{Diagnosis, Options, Progress, diagnose};
+
+use crate::progress;
+use crate::runs::{RunArguments, write};
+use crate::table::{print, significant};
+
+/// Effects listed in the table.
+const LISTED: usize = 12;
+
+/// Arguments of `whorl diagnose`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    runs: RunArguments,
+    /// An effect that is not to be considered, by its id; may be given several times.
+    #[arg(long, value_name = "EFFECT")]
+    exclude: Vec<String>,
+    /// Writes everything as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where the page goes [default: diagnose.html in the first run's directory].
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+/// Carries out `whorl diagnose`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let runs = progress::during("reading the runs", || arguments.runs.read())?;
+    let options = Options {
+        exclude: arguments.exclude.clone(),
+        threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
+        ..Options::default()
+    };
+    let begun = Instant::now();
+    let mut said = "";
+    let mut show = |p: Progress| {
+        if begun.elapsed() > Duration::from_secs(1) && p.doing != said {
+            said = p.doing;
+            eprintln!("{:3.0} %  {} ...", 100.0 * p.share, p.doing);
+        }
+    };
+    let diagnosis =
+        diagnose(&runs.training, &runs.held_out, &runs.known.model, &runs.known.prior, &options, &mut show)?;
+    let answer = diagnosis.answer();
+    for sentence in &answer {
+        println!("{sentence}");
+    }
+    println!();
+    print_candidates(&diagnosis);
+    for remark in &diagnosis.remarks {
+        println!("note: {remark}");
+    }
+    if let Some(path) = &arguments.json {
+        write(path, &serde_json::to_string_pretty(&diagnosis)?)?;
+    }
+    let page = arguments.runs.page(arguments.html.as_deref(), "diagnose.html");
+    write(&page, &whorl_report::diagnosis_html(&diagnosis, &answer, &runs.facts))?;
+    println!("\npage: {}", page.display());
+    Ok(())
+}
+
+fn print_candidates(diagnosis: &Diagnosis) {
+    let headings = ["effect", "#log evidence", "#held out", "#of excess %", "#lambda", "#base takes %", "estimate"]
+        .map(str::to_owned);
+    let rows: Vec<Vec<String>> = diagnosis
+        .candidates
+        .iter()
+        .take(LISTED)
+        .map(|c| {
+            let estimates: Vec<String> = c
+                .parameters
+                .iter()
+                .take(2)
+                .map(|p| format!("{} {} +- {} {}", p.name, significant(p.estimate), significant(p.stddev), p.unit))
+                .collect();
+            vec![
+                c.effect.clone(),
+                format!("{:.1}", c.delta_log_evidence),
+                format!("{:.1}", c.held_out_gain),
+                format!("{:.0}", 100.0 * c.share_of_excess),
+                significant(c.detectability),
+                format!("{:.0}", 100.0 * c.swallowed_by_base),
+                estimates.join(", "),
+            ]
+        })
+        .collect();
+    print(&headings, &rows);
+}
