@@ -28,9 +28,15 @@ pub struct Figure {
     pub curves: Vec<Curve>,
     /// Dashed curves, coloured like the solid curve of the same position.
     pub dashed: Vec<Curve>,
+    /// Bands drawn as shaded areas, coloured like the solid curve of the same position: lower and upper edge.
+    pub bands: Vec<(Curve, Curve)>,
+    /// Quantity and unit on the horizontal axis; empty: time.
+    pub x_label: String,
     /// Logarithmic vertical axis.
     pub log: bool,
-    /// The vertical axis is fitted to what comes after this time [s], so that a first transient does
+    /// Logarithmic horizontal axis.
+    pub log_x: bool,
+    /// The vertical axis is fitted to what comes after this time \[s\], so that a first transient does
     /// not flatten the rest; zooming out shows it all.
     pub fitted_from_s: Option<f64>,
 }
@@ -50,9 +56,22 @@ impl Figure {
         (low <= high).then_some([low, high])
     }
 
-    /// HTML of the figure; `shaded` stretches of time are drawn in grey behind the curves.
-    pub fn html(&self, id: &str, shaded: &[Interval], duration_s: f64) -> String {
+    /// HTML of the figure; `shaded` stretches of time are drawn in grey behind the curves;
+    /// without a range the horizontal axis is fitted to the curves.
+    pub fn html(&self, id: &str, shaded: &[Interval], x_range: Option<(f64, f64)>) -> String {
         let mut plot = Plot::new();
+        for (index, (lower, upper)) in self.bands.iter().enumerate().filter(|(_, b)| !b.0.time_s.is_empty()) {
+            let colour = COLOURS.get(index % COLOURS.len()).copied().unwrap_or("#000000");
+            let edge = |curve: &Curve| {
+                Scatter::new(rounded(curve.time_s.clone()), rounded(curve.value.clone()))
+                    .mode(Mode::Lines)
+                    .line(Line::new().color(colour).width(0.0))
+                    .show_legend(false)
+                    .hover_info(plotly::common::HoverInfo::Skip)
+            };
+            plot.add_trace(edge(lower));
+            plot.add_trace(edge(upper).fill(plotly::common::Fill::ToNextY).fill_color(format!("{colour}2a")));
+        }
         let solid = self.curves.iter().enumerate().map(|(i, c)| (i, c, "solid", 1.6));
         let dashed = self.dashed.iter().enumerate().map(|(i, c)| (i, c, "dash", 1.2));
         for (index, curve, dash, width) in solid.chain(dashed).filter(|(_, c, ..)| !c.time_s.is_empty()) {
@@ -81,6 +100,13 @@ impl Figure {
             let margin = 0.08 * (high - low).max(f64::MIN_POSITIVE);
             y = y.range(vec![low - margin, high + margin]);
         }
+        let x_label = if self.x_label.is_empty() { "time [s]" } else { self.x_label.as_str() };
+        let mut x = axis.title(Title::with_text(x_label));
+        if self.log_x {
+            x = x.type_(plotly::layout::AxisType::Log);
+        } else if let Some((first, last)) = x_range {
+            x = x.range(vec![first, last]);
+        }
         let shapes = shaded.iter().map(|(start, end)| {
             Shape::new()
                 .shape_type(ShapeType::Rect)
@@ -101,7 +127,7 @@ impl Figure {
                 .paper_background_color("#ffffff")
                 .plot_background_color("#ffffff")
                 .legend(Legend::new().orientation(Orientation::Horizontal).y(1.12).x(0.))
-                .x_axis(axis.title(Title::with_text("time [s]")).range(vec![0., duration_s]))
+                .x_axis(x)
                 .y_axis(y)
                 .shapes(shapes.collect()),
         );

@@ -1,17 +1,26 @@
 //! The HTML report of a run, and the numbers in it.
 //!
 //! [`RunData`] takes recorded messages, [`summarise`] computes the numbers, [`html`] draws the page:
-//! one file that opens offline.
+//! one file that opens offline. The pages that explain data ([`comparison_html`], [`whereabouts_html`],
+//! [`diagnosis_html`], [`adoption_html`]) are of the same make.
 
 mod data;
+mod document;
 mod events;
+mod explanation;
 mod figure;
 mod figures;
 mod metrics;
 mod page;
+mod reproduction;
 mod series;
 
 pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings};
+pub use explanation::{
+    AdoptedParameter, AdoptionPage, ComparedRun, Facts, adoption_html, comparison_html, diagnosis_html,
+    whereabouts_html,
+};
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};
+pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};

@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 use whorl_math::deg_from_rad;
 
 use crate::data::RunData;
+use crate::document::{Document, END, escaped, number};
 use crate::events::happenings;
-use crate::figure::{Figure, script};
+use crate::figure::Figure;
 use crate::figures::{link_figure, pair_figures, platform_figures};
 use crate::metrics::{Attitudes, Summary, hold_intervals, relative_errors};
 
@@ -32,38 +33,18 @@ pub struct TopicRow {
     pub type_name: String,
     /// Messages recorded.
     pub messages: u64,
-    /// Mean rate [Hz].
+    /// Mean rate \[Hz\].
     pub rate_hz: f64,
     /// Messages known to be lost; `None`: not known.
     pub lost: Option<u64>,
-    /// Longest time between two messages [s].
+    /// Longest time between two messages \[s\].
     pub longest_gap_s: f64,
 }
-
-const STYLE: &str = "
-body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: 0.2rem; } h2 { margin-top: 2.2rem; border-bottom: 1px solid #ccc; }
-h3 { margin: 1.4rem 0 0; font-size: 1rem; } p.caption { margin: 0; color: #555; font-size: 0.87rem; }
-table { border-collapse: collapse; margin: 0.8rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.2rem 0.7rem; border-bottom: 1px solid #e2e2e2; text-align: left; vertical-align: top; }
-th { font-weight: 600; } td.n, th.n { text-align: right; } td.code { font-family: ui-monospace, monospace; font-size: 0.85rem; }
-tr.fault td { background: #fdf1ea; } .warning { background: #fff4d6; border-left: 4px solid #e69f00; padding: 0.5rem 1rem; }
-.figure { break-inside: avoid; } .plot { height: 300px; } details summary { cursor: pointer; }
-@media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-before: auto; } }
-";
 
 /// The report as one self-contained HTML document.
 #[must_use]
 pub fn html(run: &RunData, summary: &Summary, description: &Description) -> String {
-    let mut page = String::new();
-    let title = escaped(&description.title);
-    // Writing to a String cannot fail.
-    let _ = write!(
-        page,
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\
-         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\n{}</head><body>\n<h1>{title}</h1>\n",
-        script()
-    );
+    let mut page = Document::new(&description.title).into_body();
     for warning in &description.warnings {
         let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
     }
@@ -72,7 +53,7 @@ pub fn html(run: &RunData, summary: &Summary, description: &Description) -> Stri
     page.push_str(&figures(run));
     page.push_str(&happenings_table(run));
     page.push_str(&topics_table(&description.topics));
-    page.push_str("</body></html>\n");
+    page.push_str(END);
     page
 }
 
@@ -155,7 +136,7 @@ fn figures(run: &RunData) -> String {
             "<div class=figure><h3>{}</h3><p class=caption>{}</p><div class=plot>{}</div></div>",
             escaped(&figure.title),
             escaped(&figure.caption),
-            figure.html(&format!("figure_{count}"), &hold, run.duration_s)
+            figure.html(&format!("figure_{count}"), &hold, Some((0.0, run.duration_s)))
         );
     };
     let attitudes: std::collections::BTreeMap<_, _> =
@@ -225,16 +206,4 @@ fn topics_table(topics: &[TopicRow]) -> String {
 
 fn angle(rad: f64) -> String {
     number(deg_from_rad(rad), 4)
-}
-
-fn number(value: f64, digits: usize) -> String {
-    if value.is_finite() {
-        format!("<td class=n>{value:.digits$}</td>")
-    } else {
-        "<td class=n>–</td>".to_owned()
-    }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

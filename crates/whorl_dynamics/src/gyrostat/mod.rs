@@ -221,6 +221,13 @@ impl Gyrostat {
         free.cholesky().map_or_else(Vector3::zeros, |factor| factor.solve(&torque))
     }
 
+    /// Inertia that resists angular acceleration with every wheel free, body axes [kg m^2]: I - sum J a a^T
+    /// less what does not follow rigidly.
+    #[must_use]
+    pub fn resisting_inertia_b_kg_m2(&self) -> Matrix3<f64> {
+        self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS])
+    }
+
     /// What ideal inertial sensors read, body axes: `environment` must hold the angular acceleration.
     #[must_use]
     pub fn true_imu(&self, environment: &Environment<'_>) -> TrueImu {

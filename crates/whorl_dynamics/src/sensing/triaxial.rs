@@ -29,6 +29,18 @@ impl TriaxialErrors {
         // `max` then `min` instead of `clamp`, which panics for a range that is not a number.
         y.map(|x| quantised(x.max(-self.range).min(self.range), self.quantum))
     }
+
+    /// What the sensor saw, in body axes, the constant errors that are known taken out of its reading:
+    /// R(m) ((y - bias) / (1 + scale)). Noise, turn-on bias and walk stay in.
+    #[must_use]
+    pub fn corrected(&self, reading: &Vector3<f64>) -> Vector3<f64> {
+        let seen = (reading - self.bias).component_div(&self.scale.map(|s| 1.0 + s));
+        if self.misalignment_rad == Vector3::zeros() {
+            seen
+        } else {
+            quaternion_exp(&self.misalignment_rad) * seen
+        }
+    }
 }
 
 #[cfg(test)]
@@ -57,6 +69,20 @@ mod tests {
         assert_eq!(clipped.reading(&truth, &zero, &zero), Vector3::new(0.75, -0.75, 0.5));
         let stepped = TriaxialErrors { quantum: 0.3, ..clean() };
         assert!((stepped.reading(&truth, &zero, &zero) - Vector3::new(0.9, -2.1, 0.6)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn known_errors_are_taken_out() {
+        let errors = TriaxialErrors {
+            bias: Vector3::new(0.01, -0.02, 0.03),
+            scale: Vector3::new(0.02, -0.01, 0.005),
+            misalignment_rad: Vector3::new(0.01, 0.02, -0.03),
+            ..clean()
+        };
+        let truth = Vector3::new(1.0, -2.0, 0.5);
+        let reading = errors.reading(&truth, &errors.bias, &Vector3::zeros());
+        assert!((reading - truth).norm() > 0.05);
+        assert!((errors.corrected(&reading) - truth).norm() < 1e-12);
     }
 
     #[test]

@@ -4,8 +4,8 @@ mod absolute;
 mod channels;
 mod words;
 
-pub use absolute::{Absolute, Residuals, Whiteness};
-pub use channels::{Channel, Overlay, Quantity};
+pub use absolute::{Absolute, InputCorrelation, Residuals, Whiteness};
+pub use channels::{Channel, HorizonError, Overlay, Quantity};
 
 use serde::Serialize;
 use whorl_dynamics::{Gyrostat, PlatformModel};
@@ -106,7 +106,7 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
     })
 }
 
-fn check(recording: &Recording, model: &PlatformModel) -> Result<(), ValidationError> {
+pub(crate) fn check(recording: &Recording, model: &PlatformModel) -> Result<(), ValidationError> {
     let run = recording.name.clone();
     let missing = |channel, help| ValidationError::MissingChannel { run: run.clone(), channel, help };
     let clamped = recording.mounting == Mounting::Clamped;

@@ -72,11 +72,9 @@ impl Attitudes {
     }
 }
 
-/// What the sensor saw, its modelled errors taken out: R(m) ((y - bias) / (1 + scale)), and when.
+/// What the sensor saw, its modelled errors taken out, and when.
 fn corrected(series: &Series<Vector3<f64>>, errors: &TriaxialErrors) -> (Vec<f64>, Vec<Vector3<f64>>) {
-    let turn = quaternion_exp(&errors.misalignment_rad);
-    let scale = errors.scale.map(|s| 1.0 + s);
-    let value = series.value.iter().map(|y| turn * (y - errors.bias).component_div(&scale)).collect();
+    let value = series.value.iter().map(|y| errors.corrected(y)).collect();
     (series.time_s.iter().map(|t| t - errors.latency_s).collect(), value)
 }
 

@@ -121,6 +121,11 @@ impl SmoothedMotion {
         }
     }
 
+    /// Measured rate less what the model explains of its change since the start, at the gyro's times [rad/s].
+    pub(crate) fn rate_left(&self) -> impl Iterator<Item = (f64, &Vector3<f64>)> {
+        self.rate_time_s.iter().copied().zip(&self.rate_left)
+    }
+
     fn rate_at(&self, time_s: f64) -> Vector3<f64> {
         if self.clamped {
             return Vector3::zeros();

@@ -12,6 +12,8 @@ pub struct Manoeuvre {
     pub seed: u64,
     /// Amplitude of the wheels' multisine [N m].
     pub wheel_torque_n_m: f64,
+    /// Amplitude of a slow torque of wheel z that swings the platform in yaw [N m].
+    pub yaw_swing_n_m: f64,
     /// A jet of each pair pulses every so often [s]; 0: never.
     pub jet_period_s: f64,
     pub rate_rad_s: Vector3<f64>,
@@ -23,6 +25,7 @@ impl Default for Manoeuvre {
             duration_s: 60.0,
             seed: 1,
             wheel_torque_n_m: 0.05,
+            yaw_swing_n_m: 0.0,
             jet_period_s: 2.0,
             rate_rad_s: Vector3::new(0.01, -0.01, 0.05),
         }
@@ -80,7 +83,8 @@ pub fn record(truth: &PlatformModel, manoeuvre: &Manoeuvre) -> Recording {
             let u: Vec<f64> = (0..3)
                 .map(|j| {
                     let phase = TAU * (0.11 + 0.07 * j as f64) * t + j as f64;
-                    manoeuvre.wheel_torque_n_m * (phase.sin() + 0.5 * (2.7 * phase).sin())
+                    let swing = if j == 2 { manoeuvre.yaw_swing_n_m * (TAU * t / 40.0).cos() } else { 0.0 };
+                    manoeuvre.wheel_torque_n_m * (phase.sin() + 0.5 * (2.7 * phase).sin()) + swing
                 })
                 .collect();
             plant.command_wheels(&u).unwrap();

@@ -4,3 +4,4 @@ mod comparisons;
 mod generator;
 mod smoothed;
 mod statistics;
+mod whereabouts;

@@ -1,0 +1,298 @@
+//! The page of `whorl compare`.
+
+use whorl_validation::Comparison;
+use whorl_validation::comparison::{Channel, INITIAL_STATE_RULE, Overlay, Quantity};
+
+use super::{Facts, facts};
+use crate::document::{Document, judged, number, significant, text};
+use crate::figure::Figure;
+use crate::series::Curve;
+
+/// A ratio to the noise floor that is shown as good.
+const GOOD_RATIO: f64 = 1.1;
+
+/// A run that was compared.
+#[derive(Debug, Clone)]
+pub struct ComparedRun {
+    /// The numbers.
+    pub comparison: Comparison,
+    /// Whether the run was kept out of every fit.
+    pub held_out: bool,
+}
+
+impl ComparedRun {
+    fn title(&self) -> String {
+        format!("{}{}", self.comparison.run, if self.held_out { " (held out)" } else { "" })
+    }
+}
+
+/// The page as one self-contained HTML document.
+#[must_use]
+pub fn comparison_html(runs: &[ComparedRun], about: &Facts) -> String {
+    let mut page = Document::new("How far off is the model?");
+    for run in runs {
+        page.paragraph("answer", &run.comparison.answer());
+    }
+    for run in runs {
+        page.list(&run.comparison.findings());
+    }
+    page.heading("Prediction errors");
+    page.paragraph("rule", &format!("Initial state: {INITIAL_STATE_RULE}."));
+    page.paragraph(
+        "rule",
+        "RMS of measured less predicted. Ratio: over the noise floor; 1 = nothing but noise. Fit: 100 % = perfect, 0 % = no better \
+         than the mean; it is left out where a channel does not move beyond its noise. Held-out runs took part in no fit.",
+    );
+    for run in runs {
+        error_table(&mut page, run);
+    }
+    for run in runs {
+        run_section(&mut page, run);
+    }
+    facts(&mut page, about);
+    page.finish()
+}
+
+fn horizon_name(horizon_s: Option<f64>) -> String {
+    horizon_s.map_or_else(|| "whole run".to_owned(), |h| format!("{h} s"))
+}
+
+fn error_table(page: &mut Document, run: &ComparedRun) {
+    let Some(first) = run.comparison.channels.first() else { return };
+    page.paragraph("", &run.title());
+    let mut headings =
+        vec!["channel".to_owned(), "unit".to_owned(), "#noise floor".to_owned(), "from".to_owned()];
+    for h in &first.horizons {
+        let name = horizon_name(h.horizon_s);
+        headings.extend([format!("#{name}: RMS"), "#ratio".to_owned(), "#fit [%]".to_owned()]);
+    }
+    let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
+    let rows: Vec<Vec<String>> = run.comparison.channels.iter().map(error_row).collect();
+    page.table(&headings, &rows);
+}
+
+fn error_row(channel: &Channel) -> Vec<String> {
+    let (unit, factor) = channel.quantity.display();
+    let source = match channel.floor_source {
+        whorl_validation::FloorSource::StillSegments => format!("{:.0} s still", channel.still_s),
+        whorl_validation::FloorSource::SensorParameters => "sensor parameters".to_owned(),
+    };
+    let mut row =
+        vec![text(&channel.name), text(unit), significant(channel.noise_floor * factor), text(&source)];
+    for h in &channel.horizons {
+        row.push(significant(h.rms * factor));
+        row.push(judged(h.ratio, 2, h.ratio < GOOD_RATIO));
+        row.push(number(h.fit_percent.unwrap_or(f64::NAN), 1));
+    }
+    row
+}
+
+fn run_section(page: &mut Document, run: &ComparedRun) {
+    let comparison = &run.comparison;
+    page.heading(&run.title());
+    if let Some(absolute) = &comparison.absolute {
+        page.paragraph(
+            "",
+            &format!(
+                "Against noise alone, initial states fitted over {:.0} s: chi-squared per degree of freedom {:.3}, 99 % band {:.3} to {:.3} ({} degrees).",
+                absolute.stretch_s,
+                absolute.chi_squared_per_degree,
+                absolute.band_99.0,
+                absolute.band_99.1,
+                absolute.degrees
+            ),
+        );
+    }
+    page.list(&comparison.remarks);
+    page.figure(&staircase(comparison), None);
+    let span = Some((0.0, comparison.duration_s));
+    for overlay in &comparison.overlays {
+        for figure in overlay_figures(overlay, &comparison.channels) {
+            page.figure(&figure, span);
+        }
+    }
+    whiteness_table(page, comparison);
+    page.figure(&periodograms(comparison), None);
+    for figure in cross_correlations(comparison) {
+        page.figure(&figure, None);
+    }
+}
+
+/// Ratio to the noise floor over the horizon.
+fn staircase(comparison: &Comparison) -> Figure {
+    let curve = |channel: &Channel| {
+        let points = channel.horizons.iter().map(|h| (h.horizon_s.unwrap_or(comparison.duration_s), h.ratio));
+        Curve::new(channel.name.as_str(), points)
+    };
+    Figure {
+        title: "Error over horizon".to_owned(),
+        caption: "RMS error over the noise floor. A curve that rises is a model error that accumulates; a curve at one is noise."
+            .to_owned(),
+        x_label: "horizon [s]".to_owned(),
+        y_label: "RMS / noise floor".to_owned(),
+        curves: comparison.channels.iter().map(curve).collect(),
+        log: true,
+        log_x: true,
+        ..Figure::default()
+    }
+}
+
+fn overlay_figures(overlay: &Overlay, channels: &[Channel]) -> Vec<Figure> {
+    let (unit, factor) = overlay.quantity.display();
+    let floor = channels.iter().find(|c| c.name == overlay.name).map_or(f64::NAN, |c| c.noise_floor) * factor;
+    // The longest finite horizon shows the model's error, the whole run where there is no other.
+    let Some((horizon_s, predicted)) =
+        overlay.predicted.iter().rev().find(|(h, _)| h.is_some()).or(overlay.predicted.last())
+    else {
+        return Vec::new();
+    };
+    let scaled = |values: &[f64]| -> Vec<(f64, f64)> {
+        overlay
+            .time_s
+            .iter()
+            .copied()
+            .zip(values.iter().map(|v| v * factor))
+            .filter(|(_, v)| v.is_finite())
+            .collect()
+    };
+    let error: Vec<(f64, f64)> = overlay
+        .time_s
+        .iter()
+        .zip(overlay.measured.iter().zip(predicted))
+        .map(|(t, (y, p))| (*t, (y - p) * factor))
+        .filter(|(_, e)| e.is_finite())
+        .collect();
+    let edge = |sign: f64| {
+        let ends = [overlay.time_s.first(), overlay.time_s.last()];
+        Curve::new("noise", ends.into_iter().flatten().map(|t| (*t, sign * 3.0 * floor)))
+    };
+    let name = overlay.name.replace('_', " ");
+    let horizon = horizon_name(*horizon_s);
+    let mut figures = Vec::new();
+    if overlay.quantity != Quantity::Accelerometer {
+        figures.push(Figure {
+            title: format!("{name}: measured and predicted"),
+            caption: format!("Predictions of {horizon}, one after the other."),
+            y_label: format!("{name} [{unit}]"),
+            curves: vec![
+                Curve::new("measured", scaled(&overlay.measured)),
+                Curve::new("predicted", scaled(predicted)),
+            ],
+            ..Figure::default()
+        });
+    }
+    figures.push(Figure {
+        title: format!("{name}: error of predictions over {horizon}"),
+        caption: "Measured less predicted. Band: three standard deviations of the noise.".to_owned(),
+        y_label: format!("error [{unit}]"),
+        curves: vec![Curve::new("error", error)],
+        bands: vec![(edge(-1.0), edge(1.0))],
+        ..Figure::default()
+    });
+    figures
+}
+
+fn whiteness_table(page: &mut Document, comparison: &Comparison) {
+    if comparison.whiteness.is_empty() {
+        return;
+    }
+    page.paragraph(
+        "rule",
+        "Is anything left? Residuals with the initial states fitted, over their noise. White residuals hold nothing that a model could explain. \
+         Ljung-Box: first 25 autocorrelations; periodogram: largest distance from the straight line.",
+    );
+    let rows: Vec<Vec<String>> = comparison
+        .whiteness
+        .iter()
+        .map(|w| {
+            let (q, limit) = w.ljung_box.map_or((f64::NAN, f64::NAN), |l| (l.statistic, l.limit_99));
+            let periodogram = w.periodogram.as_ref();
+            let (deviation, band) =
+                periodogram.map_or((f64::NAN, f64::NAN), |p| (p.largest_deviation, p.band_99));
+            let input = w.inputs.first().filter(|i| i.significant).map_or_else(
+                || "none".to_owned(),
+                |i| {
+                    format!(
+                        "{} ({:.3} after {} samples; band {:.3})",
+                        i.input, i.value, i.lag, i.correlation.joint_band_99
+                    )
+                },
+            );
+            vec![
+                text(&w.channel),
+                judged(w.rms, 3, w.rms < GOOD_RATIO),
+                judged(q, 1, q <= limit),
+                number(limit, 1),
+                judged(deviation, 3, deviation.abs() <= band),
+                number(band, 3),
+                number(periodogram.and_then(|p| p.line_hz).unwrap_or(f64::NAN), 2),
+                text(&input),
+            ]
+        })
+        .collect();
+    page.table(
+        &[
+            "channel",
+            "#RMS / noise",
+            "#Ljung-Box Q",
+            "#99 % limit",
+            "#periodogram",
+            "#99 % band",
+            "#line [Hz]",
+            "follows input",
+        ],
+        &rows,
+    );
+}
+
+fn periodograms(comparison: &Comparison) -> Figure {
+    let gyro = || comparison.whiteness.iter().filter(|w| w.channel.starts_with("gyro"));
+    let curves = gyro().filter_map(|w| {
+        let p = w.periodogram.as_ref()?;
+        Some(Curve::new(w.channel.as_str(), p.frequency_hz.iter().copied().zip(p.share.iter().copied())))
+    });
+    let edges = gyro().find_map(|w| w.periodogram.as_ref()).map(|p| {
+        let last = p.frequency_hz.last().copied().unwrap_or(1.0);
+        let edge = |sign: f64| Curve::new("99 %", [0.0, last].map(|f| (f, f / last + sign * p.band_99)));
+        (edge(-1.0), edge(1.0))
+    });
+    Figure {
+        title: "Cumulative periodogram of the gyro's residual".to_owned(),
+        caption: "Share of the residual's power below each frequency. White residuals stay in the band (99 %) about the diagonal; a \
+                  step is an oscillation, a bulge above it slow errors."
+            .to_owned(),
+        x_label: "frequency [Hz]".to_owned(),
+        y_label: "share of power".to_owned(),
+        curves: curves.collect(),
+        bands: edges.into_iter().collect(),
+        ..Figure::default()
+    }
+}
+
+/// The channels' correlations with the inputs that tell something.
+fn cross_correlations(comparison: &Comparison) -> Vec<Figure> {
+    let figure = |w: &whorl_validation::comparison::Whiteness| {
+        let inputs: Vec<_> = w.inputs.iter().filter(|i| i.significant).take(3).collect();
+        let band = inputs.first()?.correlation.joint_band_99;
+        let points = |i: &&whorl_validation::comparison::InputCorrelation| {
+            let c = &i.correlation;
+            Curve::new(i.input.as_str(), c.lag.iter().map(|k| *k as f64).zip(c.value.iter().copied()))
+        };
+        let lags = inputs.first()?.correlation.lag.clone();
+        let edge = |sign: f64| {
+            let ends = [lags.first(), lags.last()];
+            Curve::new("99 %", ends.into_iter().flatten().map(|k| (*k as f64, sign * band)))
+        };
+        Some(Figure {
+            title: format!("{}: correlation of the residual with inputs", w.channel.replace('_', " ")),
+            caption: "Lag > 0: the residual comes after the input. Band: 99 % for all lags together."
+                .to_owned(),
+            x_label: "lag [samples]".to_owned(),
+            y_label: "correlation".to_owned(),
+            curves: inputs.iter().map(points).collect(),
+            bands: vec![(edge(-1.0), edge(1.0))],
+            ..Figure::default()
+        })
+    };
+    comparison.whiteness.iter().filter_map(figure).take(4).collect()
+}

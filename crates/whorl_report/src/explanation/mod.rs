@@ -1,0 +1,28 @@
+//! Pages that explain data: how far off a model is, where it fails, what is missing, what adopting it brings.
+
+mod adoption;
+mod comparison;
+mod diagnosis;
+mod whereabouts;
+
+pub use adoption::{AdoptedParameter, AdoptionPage, adoption_html};
+pub use comparison::{ComparedRun, comparison_html};
+pub use diagnosis::diagnosis_html;
+pub use whereabouts::whereabouts_html;
+
+use crate::document::Document;
+
+/// What a page says about itself: label and value, in order (model, command, versions, ...).
+pub type Facts = [(String, String)];
+
+fn facts(page: &mut Document, facts: &Facts) {
+    if facts.is_empty() {
+        return;
+    }
+    page.heading("What was compared");
+    let rows: Vec<Vec<String>> = facts
+        .iter()
+        .map(|(label, value)| vec![crate::document::text(label), crate::document::code(value)])
+        .collect();
+    page.table(&["", ""], &rows);
+}

@@ -1,0 +1,181 @@
+//! The torque that a model does not explain, smoothed from a whole recording.
+//!
+//! What the model leaves of the gyro's change of rate is the integral of the missing angular acceleration
+//! plus white noise: no derivative of a noisy rate is taken. The acceleration is smoothed as a random walk
+//! (N. R. Kristensen, H. Madsen and S. B. Jorgensen, A method for systematic improvement of stochastic
+//! grey-box models, Comp. Chem. Eng. 28, 2004), each body axis by itself, with the intensity that makes the
+//! data most likely.
+
+use nalgebra::{Matrix2, Vector2, Vector3};
+use whorl_dynamics::{Gyrostat, PlatformModel};
+use whorl_recording::{Mounting, Recording};
+
+use crate::commands::Commands;
+use crate::comparison::check;
+use crate::dependence::ResidualTorque;
+use crate::error::ValidationError;
+use crate::smoothing::smooth;
+
+/// Gyro samples are averaged over this long \[s\].
+const BIN_S: f64 = 0.1;
+/// Intensities that are tried: angular acceleration per root second [rad/s^2/sqrt(s)].
+const INTENSITIES: [f64; 11] = [1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2];
+/// Prior standard deviation of the acceleration at the start [rad/s^2].
+const FIRST_ACCELERATION: f64 = 0.05;
+
+/// Residual torque with the motion along which it acted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residual {
+    /// Torque, standard deviation and attitude at ten times a second.
+    pub torque: ResidualTorque,
+    /// Smoothed rate at the same times, body axes [rad/s].
+    pub omega_wb_b_rad_s: Vec<Vector3<f64>>,
+}
+
+/// Smooths the torque that `model` does not explain out of a recording of a free platform.
+///
+/// # Errors
+/// As [`crate::compare`]; also for a clamped platform.
+pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<Residual, ValidationError> {
+    check(recording, model)?;
+    if recording.mounting == Mounting::Clamped {
+        return Err(ValidationError::Implausible {
+            run: recording.name.clone(),
+            what: "the platform was clamped, so no torque shows in its motion".to_owned(),
+            help: "record it on its bearing",
+        });
+    }
+    let gyrostat = Gyrostat::new(model)?;
+    let commands = Commands::of(recording, &gyrostat);
+    let motion = smooth(recording, &gyrostat, &commands);
+    let (time_s, left, counts) = bins(motion.rate_left());
+    let errors = &gyrostat.model().sensors.gyro.errors;
+    let axes = [0, 1, 2].map(|i| {
+        let sigma = errors.noise_stddev[i].hypot(errors.quantum / 12f64.sqrt()).max(1e-9);
+        let values: Vec<f64> = left.iter().map(|v| v[i]).collect();
+        let noise: Vec<f64> = counts.iter().map(|n| sigma / n.sqrt()).collect();
+        most_likely(&time_s, &values, &noise)
+    });
+    let inertia = gyrostat.resisting_inertia_b_kg_m2();
+    let at = |axis: &[(f64, f64)], k: usize| axis.get(k).copied().unwrap_or((0.0, f64::INFINITY));
+    let weight = gyrostat.model().mass_properties.gravity_offset_b_n_m();
+    let tilt_stddev_rad = motion.attitude.tilt_stddev_rad;
+    let mut torque = ResidualTorque::default();
+    let mut omega_wb_b_rad_s = Vec::with_capacity(time_s.len());
+    for (k, t) in time_s.iter().enumerate() {
+        let of = |f: fn((f64, f64)) -> f64| Vector3::from_fn(|i, _| f(at(&axes[i], k)));
+        let (acceleration, stddev) = (of(|x| x.0), of(|x| x.1));
+        let now = motion.at(*t);
+        // What is not known of the tilt (bias of the accelerometer) is not known of the weight's torque.
+        let up = whorl_math::vertical_b(&now.q_world_body);
+        let lever =
+            weight.cross(&up.cross(&Vector3::x())).abs() + weight.cross(&up.cross(&Vector3::y())).abs();
+        let tilt = if tilt_stddev_rad.is_finite() { lever * tilt_stddev_rad } else { Vector3::zeros() };
+        let squares =
+            inertia.component_mul(&inertia) * stddev.component_mul(&stddev) + tilt.component_mul(&tilt);
+        torque.time_s.push(*t);
+        torque.torque_b_n_m.push(inertia * acceleration);
+        torque.stddev_b_n_m.push(squares.map(f64::sqrt));
+        torque.q_world_body.push(now.q_world_body);
+        omega_wb_b_rad_s.push(now.omega_wb_b_rad_s);
+    }
+    Ok(Residual { torque, omega_wb_b_rad_s })
+}
+
+/// Means over bins: time, value, number of samples. Bins without samples are left out.
+fn bins<'a>(
+    samples: impl Iterator<Item = (f64, &'a Vector3<f64>)>,
+) -> (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>) {
+    let (mut times, mut values, mut counts): (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>) = Default::default();
+    let mut first = None;
+    let mut bin = -1.0;
+    for (t, value) in samples {
+        let start: f64 = *first.get_or_insert(t);
+        let here = ((t - start) / BIN_S + 1e-9).floor();
+        if here > bin {
+            bin = here;
+            times.push(0.0);
+            values.push(Vector3::zeros());
+            counts.push(0.0);
+        }
+        if let (Some(time), Some(sum), Some(count)) = (times.last_mut(), values.last_mut(), counts.last_mut())
+        {
+            *time += t;
+            *sum += value;
+            *count += 1.0;
+        }
+    }
+    for ((time, value), count) in times.iter_mut().zip(&mut values).zip(&counts) {
+        *time /= count;
+        *value /= *count;
+    }
+    (times, values, counts)
+}
+
+/// Acceleration and its standard deviation at each time, with the most likely intensity.
+fn most_likely(time_s: &[f64], value: &[f64], noise: &[f64]) -> Vec<(f64, f64)> {
+    let best = INTENSITIES
+        .iter()
+        .map(|q| (filtered(time_s, value, noise, *q).1, *q))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(INTENSITIES[0], |(_, q)| q);
+    smoothed(&filtered(time_s, value, noise, best).0)
+}
+
+/// A step of the filter: (rate left, acceleration), before and after its measurement, and how it came there.
+struct Step {
+    predicted: (Vector2<f64>, Matrix2<f64>),
+    updated: (Vector2<f64>, Matrix2<f64>),
+    transition: Matrix2<f64>,
+}
+
+/// Filter steps and log likelihood.
+fn filtered(time_s: &[f64], value: &[f64], noise: &[f64], intensity: f64) -> (Vec<Step>, f64) {
+    let mut x = Vector2::new(value.first().copied().unwrap_or(0.0), 0.0);
+    let mut p = Matrix2::new(1.0, 0.0, 0.0, FIRST_ACCELERATION.powi(2));
+    let mut before = time_s.first().copied().unwrap_or(0.0);
+    let mut log_likelihood = 0.0;
+    let mut steps = Vec::with_capacity(time_s.len());
+    for (k, ((t, y), sigma)) in time_s.iter().zip(value).zip(noise).enumerate() {
+        let dt = t - before;
+        before = *t;
+        let transition = Matrix2::new(1.0, dt, 0.0, 1.0);
+        let q = intensity * intensity;
+        x = transition * x;
+        p = transition * p * transition.transpose()
+            + Matrix2::new(q * dt.powi(3) / 3.0, q * dt * dt / 2.0, q * dt * dt / 2.0, q * dt);
+        let predicted = (x, p);
+        let variance = p[(0, 0)] + sigma * sigma;
+        let innovation = y - x[0];
+        if k > 0 {
+            log_likelihood -= 0.5 * (innovation * innovation / variance + variance.ln());
+        }
+        let gain = p.column(0) / variance;
+        x += gain * innovation;
+        p -= gain * p.row(0);
+        p = (p + p.transpose()) * 0.5;
+        steps.push(Step { predicted, updated: (x, p), transition });
+    }
+    (steps, log_likelihood)
+}
+
+/// Backward pass of Rauch, Tung and Striebel: acceleration and standard deviation.
+fn smoothed(steps: &[Step]) -> Vec<(f64, f64)> {
+    let Some(last) = steps.last() else { return Vec::new() };
+    let (mut x, mut p) = last.updated;
+    let mut found = vec![(x[1], p[(1, 1)].max(0.0).sqrt())];
+    for (step, next) in steps.iter().zip(steps.iter().skip(1)).rev() {
+        let (mean, covariance) = step.updated;
+        let Some(inverse) = next.predicted.1.try_inverse() else {
+            found.push((mean[1], covariance[(1, 1)].max(0.0).sqrt()));
+            (x, p) = (mean, covariance);
+            continue;
+        };
+        let gain = covariance * next.transition.transpose() * inverse;
+        x = mean + gain * (x - next.predicted.0);
+        p = covariance + gain * (p - next.predicted.1) * gain.transpose();
+        found.push((x[1], p[(1, 1)].max(0.0).sqrt()));
+    }
+    found.reverse();
+    found
+}

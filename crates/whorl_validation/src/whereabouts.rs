@@ -1,0 +1,139 @@
+//! Where a model fails, in words.
+
+use serde::Serialize;
+use whorl_dynamics::PlatformModel;
+use whorl_recording::Recording;
+
+use crate::dependence::{Dependence, Dependences, Frame, Growth, Parity, conditions, dependences};
+use crate::error::ValidationError;
+use crate::residual::{Residual, residual_torque};
+
+/// Quantities named in words.
+const NAMED: usize = 3;
+/// A share of the excess below which a quantity is not worth naming.
+const WORTH_NAMING: f64 = 0.15;
+/// A constant torque that explains within this share of the best curve is the simpler explanation.
+const CONSTANT_MARGIN: f64 = 0.07;
+
+/// Where a model fails in one run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Whereabouts {
+    /// Name of the run.
+    pub run: String,
+    /// RMS residual torque about each body axis [N m].
+    pub rms_b_n_m: [f64; 3],
+    /// Typical standard deviation of it about each body axis [N m].
+    pub stddev_b_n_m: [f64; 3],
+    /// What it depends on.
+    pub dependences: Dependences,
+    /// The residual itself, for plots.
+    #[serde(skip)]
+    pub residual: Residual,
+}
+
+/// Finds in which regime `model` fails.
+///
+/// # Errors
+/// As [`residual_torque`]; also for a run too short to see anything.
+pub fn explain_where(recording: &Recording, model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
+    let residual = residual_torque(recording, model)?;
+    let torque = &residual.torque;
+    let variables = conditions(recording, &torque.time_s, &torque.q_world_body, &residual.omega_wb_b_rad_s);
+    let found = dependences(torque, &variables).map_err(|error| ValidationError::Implausible {
+        run: recording.name.clone(),
+        what: error.to_string(),
+        help: "record a longer run",
+    })?;
+    let rms = |values: &[nalgebra::Vector3<f64>]| {
+        let sum: nalgebra::Vector3<f64> = values.iter().map(|v| v.component_mul(v)).sum();
+        (sum / values.len().max(1) as f64).map(f64::sqrt).into()
+    };
+    Ok(Whereabouts {
+        run: recording.name.clone(),
+        rms_b_n_m: rms(&torque.torque_b_n_m),
+        stddev_b_n_m: rms(&torque.stddev_b_n_m),
+        dependences: found,
+        residual,
+    })
+}
+
+impl Whereabouts {
+    /// The answer in words: a heading sentence, then one for each quantity named.
+    #[must_use]
+    pub fn answer(&self) -> Vec<String> {
+        let found = &self.dependences;
+        let rms = self.rms_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
+        let stddev = self.stddev_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
+        if found.excess < 0.05 {
+            return vec![format!(
+                "{}: the residual torque ({rms:.2} mN m RMS) is no more than noise ({stddev:.2} mN m): there is nothing to locate.",
+                self.run
+            )];
+        }
+        let mut answer = vec![format!(
+            "{}: the model leaves a torque of {rms:.2} mN m RMS unexplained (noise {stddev:.2} mN m).",
+            self.run
+        )];
+        let best = found.ranked.first().map_or(0.0, |d| d.share);
+        let (constant, frame, mean) = if found.constant_world_share > found.constant_body_share {
+            (found.constant_world_share, "fixed to the room (east, north, up)", found.mean_world_n_m)
+        } else {
+            (found.constant_body_share, "fixed to the platform (x, y, z)", found.mean_b_n_m)
+        };
+        if constant > WORTH_NAMING && constant + CONSTANT_MARGIN >= best {
+            let [x, y, z] = mean.map(|m| m * 1e3);
+            answer.push(format!(
+                "{:.0} % of the excess is a constant torque {frame}: {x:.2}, {y:.2}, {z:.2} mN m.",
+                constant * 100.0
+            ));
+        }
+        let named = found.ranked.iter().take(NAMED).filter(|d| d.share > WORTH_NAMING);
+        answer.extend(named.map(sentence));
+        if let Some(line) = found.line {
+            answer.push(format!(
+                "An oscillation of {:.2} mN m at {:.3} Hz about {} holds {:.0} % of that axis' power.",
+                line.amplitude_n_m * 1e3,
+                line.frequency_hz,
+                axis_name(line.frame, line.axis),
+                line.share * 100.0
+            ));
+        }
+        if answer.len() == 1 {
+            answer.push("No recorded quantity explains more than 15 % of it: it varies with something that was not measured.".to_owned());
+        }
+        answer
+    }
+}
+
+fn axis_name(frame: Frame, axis: usize) -> &'static str {
+    match (frame, axis) {
+        (Frame::Body, 0) => "body x",
+        (Frame::Body, 1) => "body y",
+        (Frame::Body, _) => "body z",
+        (Frame::World, 0) => "east",
+        (Frame::World, 1) => "north",
+        (Frame::World, _) => "the vertical",
+    }
+}
+
+/// "71 % of the excess is a function of yaw rate (about body z; odd; saturates)".
+fn sentence(d: &Dependence) -> String {
+    let mut notes = vec![format!("mostly about {}", axis_name(d.frame, d.axis))];
+    match d.parity {
+        Parity::Odd => notes.push("odd".to_owned()),
+        Parity::Even => notes.push("even".to_owned()),
+        Parity::None => {}
+    }
+    match d.growth {
+        Growth::Saturates if d.parity == Parity::Odd => notes.push("saturates".to_owned()),
+        Growth::Linear => notes.push("in proportion".to_owned()),
+        Growth::Superlinear => notes.push("grows faster than in proportion".to_owned()),
+        _ => {}
+    }
+    format!(
+        "{:.0} % of the excess is a function of {} ({}).",
+        d.share * 100.0,
+        d.variable.replace('_', " "),
+        notes.join("; ")
+    )
+}
