@@ -1,0 +1,412 @@
+//! `whorl adopt`: a physical effect becomes part of a platform's model.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use whorl_diagnosis::{Fit, Options, fit};
+use whorl_dynamics::effects::find;
+use whorl_report::{AdoptedParameter, AdoptionPage, ComparedRun};
+
+use crate::compare::compare_all;
+use crate::model_changes::{changes, write as write_model};
+use crate::progress;
+use crate::runs::{RunArguments, Runs, write};
+use crate::table::{print, significant};
+
+/// Version of the JSON form.
+const SCHEMA: u32 = 1;
+/// A held-out error this much above that before counts as worse.
+const WORSE: f64 = 1.005;
+
+/// Arguments of `whorl adopt`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Runs to fit, then the effects to adopt.
+    #[arg(required = true, value_name = "RUN... EFFECT")]
+    items: Vec<String>,
+    /// The parameter file that is changed.
+    #[arg(long, value_name = "FILE", required_unless_present = "try_")]
+    out: Option<PathBuf>,
+    /// Compares rivals side by side and writes nothing; `+` joins effects to a set: a,b+c.
+    #[arg(long = "try", value_name = "A,B", value_delimiter = ',')]
+    try_: Vec<String>,
+    /// Writes even if the held-out runs are predicted worse.
+    #[arg(long)]
+    anyway: bool,
+    /// A run that takes part in no fit; may be given several times.
+    #[arg(long, value_name = "RUN")]
+    held_out: Vec<PathBuf>,
+    /// The model to start from [default: the file given with --out, else the parameters saved in the first run].
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// The platform, where runs or parameters hold several.
+    #[arg(long, value_name = "NAME")]
+    platform: Option<String>,
+    /// Which topic or column holds what, for runs that are not Whorl's own.
+    #[arg(long, value_name = "FILE")]
+    channels: Option<PathBuf>,
+    /// Writes all numbers as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where the page goes [default: adopt.html in the first run's directory].
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+/// A version of the model with how well it predicts.
+struct Version {
+    name: String,
+    effects: Vec<String>,
+    fit: Option<Fit>,
+    runs: Vec<ComparedRun>,
+}
+
+/// Carries out `whorl adopt`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let (run_paths, effects): (Vec<&String>, Vec<&String>) =
+        arguments.items.iter().partition(|item| find(item).is_none() || Path::new(item.as_str()).exists());
+    if let Some(missing) = run_paths.iter().find(|p| !Path::new(p.as_str()).exists()) {
+        bail!("{missing} is neither a run nor an effect; `whorl effects` lists the effects");
+    }
+    let sets: Vec<Vec<String>> = if arguments.try_.is_empty() {
+        if effects.is_empty() {
+            bail!(
+                "name the effect to adopt after the runs; `whorl effects` lists them, `whorl diagnose` finds them"
+            );
+        }
+        vec![effects.iter().map(|e| (*e).clone()).collect()]
+    } else {
+        let joined = effects.iter().map(|e| (*e).clone());
+        arguments
+            .try_
+            .iter()
+            .map(|set| joined.clone().chain(set.split('+').map(str::to_owned)).collect())
+            .collect()
+    };
+    if let Some(unknown) = sets.iter().flatten().find(|id| find(id).is_none()) {
+        bail!("there is no effect {unknown}; `whorl effects` lists them");
+    }
+    let run_arguments = RunArguments {
+        runs: run_paths.iter().map(PathBuf::from).collect(),
+        held_out: arguments.held_out.clone(),
+        model: arguments.model.clone().or_else(|| arguments.out.clone().filter(|out| out.exists())),
+        platform: arguments.platform.clone(),
+        channels: arguments.channels.clone(),
+    };
+    let runs = progress::during("reading the runs", || run_arguments.read())?;
+    let versions = versions(&runs, &sets)?;
+    let answer = answer(&versions);
+    for sentence in &answer {
+        println!("{sentence}");
+    }
+    println!();
+    print_versions(&versions);
+    for version in versions.iter().filter(|v| !v.effects.is_empty()) {
+        print_parameters(version);
+    }
+    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let provenance = provenance(&run_arguments, &command)?;
+    if arguments.try_.is_empty() {
+        adopt(arguments, &runs, &versions, &provenance)?;
+    } else {
+        println!("\nNothing was written: --try only compares.");
+    }
+    if let Some(path) = &arguments.json {
+        write(path, &serde_json::to_string_pretty(&as_json(&runs, &versions, &answer, &provenance)?)?)?;
+    }
+    let page = run_arguments.page(arguments.html.as_deref(), "adopt.html");
+    let mut facts = runs.facts.clone();
+    facts.push(("command".to_owned(), format!("whorl {command}")));
+    facts.push(("provenance".to_owned(), provenance));
+    write(&page, &whorl_report::adoption_html(&as_page(&versions, answer), &facts))?;
+    println!("page: {}", page.display());
+    Ok(())
+}
+
+/// The model as given, with its own parameters refitted, and with each set of effects.
+fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<Vec<Version>> {
+    let known = &runs.known;
+    let mut versions = vec![Version {
+        name: "as given".to_owned(),
+        effects: Vec::new(),
+        fit: None,
+        runs: compare_all(runs, &known.model)?,
+    }];
+    let none = Vec::new();
+    for effects in std::iter::once(&none).chain(sets) {
+        let name = if effects.is_empty() {
+            "base refitted".to_owned()
+        } else {
+            format!("with {}", effects.join(" and "))
+        };
+        let ids: Vec<&str> = effects.iter().map(String::as_str).collect();
+        let fitted = progress::during(&format!("fitting {name}"), || {
+            fit(&runs.training, &runs.held_out, &known.model, &known.prior, &ids, &Options::default())
+        })
+        .with_context(|| format!("cannot fit {name}"))?;
+        let runs = compare_all(runs, &fitted.model)?;
+        versions.push(Version { name, effects: effects.clone(), fit: Some(fitted), runs });
+    }
+    Ok(versions)
+}
+
+/// Root of chi-squared per degree of freedom over the runs of one kind: 1 = noise.
+fn error(version: &Version, held_out: bool) -> Option<f64> {
+    let all = version.runs.iter().filter(|r| r.held_out == held_out).filter_map(|r| r.comparison.absolute);
+    let (sum, degrees) = all.fold((0.0, 0.0), |(s, d), a| {
+        (s + a.chi_squared_per_degree * a.degrees as f64, d + a.degrees as f64)
+    });
+    (degrees > 0.0).then(|| (sum / degrees).sqrt())
+}
+
+/// The gyro axis with the largest error over ten seconds before: name, each version's RMS, floor [deg/s].
+fn worst_gyro(versions: &[Version], held_out: bool) -> Option<(String, Vec<f64>, f64)> {
+    let of = |version: &Version, name: &str| -> Option<f64> {
+        let channels =
+            version.runs.iter().filter(|r| r.held_out == held_out).flat_map(|r| &r.comparison.channels);
+        let longest = channels
+            .filter(|c| c.name == name)
+            .filter_map(|c| c.horizons.iter().rev().find(|h| h.horizon_s.is_some()))
+            .map(|h| (h.rms * h.rms, 1.0))
+            .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+        (longest.1 > 0.0).then(|| whorl_math::deg_from_rad((longest.0 / longest.1).sqrt()))
+    };
+    let first = versions.first()?;
+    let (name, _) = ["gyro_x", "gyro_y", "gyro_z"]
+        .into_iter()
+        .filter_map(|n| of(first, n).map(|e| (n, e)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let floor = first.runs.iter().flat_map(|r| &r.comparison.channels).find(|c| c.name == name)?.noise_floor;
+    let all = versions.iter().map(|v| of(v, name).unwrap_or(f64::NAN)).collect();
+    Some((name.to_owned(), all, whorl_math::deg_from_rad(floor)))
+}
+
+fn answer(versions: &[Version]) -> Vec<String> {
+    let mut answer = Vec::new();
+    let Some(before) = versions.first() else { return answer };
+    for version in versions.iter().filter(|v| !v.effects.is_empty()) {
+        let mut text = format!("{}:", capitalised(&version.name));
+        for (held_out, kind) in [(false, "training"), (true, "held-out")] {
+            if let (Some(a), Some(b)) = (error(before, held_out), error(version, held_out)) {
+                text.push_str(&format!(" {kind} error {a:.2} -> {b:.2} times the noise;"));
+            }
+        }
+        let held_out = version.runs.iter().any(|r| r.held_out);
+        if let Some((name, errors, floor)) = worst_gyro(versions, held_out) {
+            let place = versions.iter().position(|v| std::ptr::eq(v, version)).unwrap_or(0);
+            if let (Some(a), Some(b)) = (errors.first(), errors.get(place)) {
+                text.push_str(&format!(
+                    " {} {name} over 10 s {} -> {} deg/s RMS (noise {}).",
+                    if held_out { "held-out" } else { "training" },
+                    significant(*a),
+                    significant(*b),
+                    significant(floor)
+                ));
+            }
+        }
+        answer.push(text);
+        let base = versions.iter().find(|v| v.name == "base refitted");
+        if let Some((a, b)) = base.and_then(|base| Some((error(base, held_out)?, error(version, held_out)?)))
+            && b > a / WORSE
+        {
+            answer.push(format!(
+                "Refitting inertia, centre of mass and actuators alone does as well ({a:.3} against {b:.3}): these data do not call for {}.",
+                version.effects.join(" and ")
+            ));
+        }
+    }
+    if !before.runs.iter().any(|r| r.held_out) {
+        answer.push(
+            "No held-out run was given: whether the model predicts other runs better was not tested."
+                .to_owned(),
+        );
+    }
+    answer
+}
+
+fn capitalised(text: &str) -> String {
+    let mut characters = text.chars();
+    characters.next().map_or_else(String::new, |c| c.to_uppercase().chain(characters).collect())
+}
+
+fn print_versions(versions: &[Version]) {
+    let mut headings = vec!["run".to_owned(), String::new()];
+    headings.extend(versions.iter().map(|v| format!("#{}", v.name)));
+    let Some(first) = versions.first() else { return };
+    let rows: Vec<Vec<String>> = first
+        .runs
+        .iter()
+        .enumerate()
+        .map(|(k, run)| {
+            let kind = if run.held_out { "held out" } else { "training" };
+            let mut row = vec![run.comparison.run.clone(), kind.to_owned()];
+            row.extend(versions.iter().map(|v| {
+                let absolute = v.runs.get(k).and_then(|r| r.comparison.absolute);
+                absolute.map_or_else(|| "-".to_owned(), |a| format!("{:.3}", a.chi_squared_per_degree.sqrt()))
+            }));
+            row
+        })
+        .collect();
+    println!(
+        "Error over noise (root of chi-squared per degree of freedom, initial states fitted; 1 = noise)"
+    );
+    print(&headings, &rows);
+}
+
+fn print_parameters(version: &Version) {
+    let Some(fit) = &version.fit else { return };
+    println!("\nParameters {}", version.name);
+    let rows: Vec<Vec<String>> = fit
+        .estimates
+        .iter()
+        .map(|p| {
+            let bound = if p.at_bound { "at its bound" } else { "" };
+            vec![
+                p.group.clone(),
+                p.name.clone(),
+                p.unit.clone(),
+                significant(p.before),
+                significant(p.estimate),
+                significant(p.stddev),
+                bound.to_owned(),
+            ]
+        })
+        .collect();
+    let headings = ["of", "parameter", "unit", "#before", "#after", "#+-", ""].map(str::to_owned);
+    print(&headings, &rows);
+}
+
+fn adopt(arguments: &Arguments, runs: &Runs, versions: &[Version], provenance: &str) -> anyhow::Result<()> {
+    let (Some(out), Some(first), Some(last)) = (&arguments.out, versions.first(), versions.last()) else {
+        return Ok(());
+    };
+    let Some(fit) = &last.fit else { return Ok(()) };
+    if let (Some(before), Some(after)) = (error(first, true), error(last, true))
+        && after > WORSE * before
+        && !arguments.anyway
+    {
+        bail!(
+            "the held-out runs are predicted worse with it ({before:.3} -> {after:.3} times the noise), so nothing was written; --anyway writes all the same"
+        );
+    }
+    if !out.exists() {
+        let source = runs.known.files.last().context("there is no parameter file to start from")?;
+        std::fs::copy(source, out).with_context(|| format!("cannot write {}", out.display()))?;
+    }
+    let changes = changes((&runs.known.model, &fit.model), (&runs.known.prior, &fit.prior), provenance);
+    if changes.is_empty() {
+        bail!("the fit changed nothing, so nothing was written");
+    }
+    write_model(out, &runs.known.platform, &changes)?;
+    println!("\n{}: {} entries written.", out.display(), changes.len());
+    Ok(())
+}
+
+/// Which data and which command: names with the hash of their measurements.
+fn provenance(arguments: &RunArguments, command: &str) -> anyhow::Result<String> {
+    let mut runs = Vec::new();
+    for path in &arguments.runs {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        runs.push(format!("{name} (sha256 {})", data_hash(path)?));
+    }
+    Ok(format!("{}; whorl {command}", runs.join(", ")))
+}
+
+/// First digits of the hash of a run's measurements: the bag's files by name.
+fn data_hash(path: &Path) -> anyhow::Result<String> {
+    let bag = path.join("bag");
+    let mut files = Vec::new();
+    if path.is_dir() {
+        let folder = if bag.is_dir() { bag.as_path() } else { path };
+        for entry in std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))? {
+            let file = entry?.path();
+            if file.extension().is_some_and(|e| ["mcap", "csv", "db3"].iter().any(|x| e == *x)) {
+                files.push(file);
+            }
+        }
+        files.sort();
+    } else {
+        files.push(path.to_owned());
+    }
+    let mut hash = Sha256::new();
+    for file in &files {
+        let mut reader =
+            std::fs::File::open(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let mut buffer = vec![0; 1 << 16];
+        loop {
+            let count = std::io::Read::read(&mut reader, &mut buffer)?;
+            if count == 0 {
+                break;
+            }
+            hash.update(buffer.get(..count).unwrap_or(&[]));
+        }
+    }
+    Ok(hash.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect())
+}
+
+fn as_page(versions: &[Version], answer: Vec<String>) -> AdoptionPage {
+    let adopted = versions.last().and_then(|v| v.fit.as_ref());
+    AdoptionPage {
+        answer,
+        versions: versions.iter().map(|v| v.name.clone()).collect(),
+        runs: versions.iter().map(|v| v.runs.clone()).collect(),
+        parameters: adopted.map_or_else(Vec::new, |fit| {
+            fit.estimates
+                .iter()
+                .map(|p| AdoptedParameter {
+                    group: p.group.clone(),
+                    name: p.name.clone(),
+                    unit: p.unit.clone(),
+                    before: p.before,
+                    estimate: p.estimate,
+                    stddev: p.stddev,
+                })
+                .collect()
+        }),
+    }
+}
+
+fn as_json(
+    runs: &Runs,
+    versions: &[Version],
+    answer: &[String],
+    provenance: &str,
+) -> anyhow::Result<serde_json::Value> {
+    let mut list = Vec::new();
+    for version in versions {
+        let parameters = version.fit.as_ref().map_or_else(Vec::new, |fit| {
+            let estimates = fit.estimates.iter();
+            estimates
+                .map(|p| {
+                    json!({"of": p.group, "name": p.name, "unit": p.unit, "before": p.before,
+                           "estimate": p.estimate, "stddev": p.stddev, "at_bound": p.at_bound})
+                })
+                .collect()
+        });
+        let mut compared = Vec::new();
+        for run in &version.runs {
+            let mut value = serde_json::to_value(&run.comparison)?;
+            if let Some(object) = value.as_object_mut() {
+                object.insert("held_out".to_owned(), json!(run.held_out));
+            }
+            compared.push(value);
+        }
+        list.push(json!({
+            "name": version.name,
+            "effects": version.effects,
+            "error": error(version, false),
+            "held_out_error": error(version, true),
+            "parameters": parameters,
+            "runs": compared,
+        }));
+    }
+    Ok(json!({
+        "schema": SCHEMA,
+        "platform": runs.known.platform,
+        "answer": answer,
+        "provenance": provenance,
+        "versions": list,
+    }))
+}

@@ -1,0 +1,129 @@
+//! `whorl compare`: how far a model is from recorded runs.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+use whorl_recording::Recording;
+use whorl_report::ComparedRun;
+use whorl_validation::comparison::INITIAL_STATE_RULE;
+use whorl_validation::{Comparison, FloorSource, compare};
+
+use crate::runs::{RunArguments, write};
+use crate::table::{print, significant};
+use crate::{progress, runs};
+
+/// Version of the JSON form.
+const SCHEMA: u32 = 1;
+
+/// Arguments of `whorl compare`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    runs: RunArguments,
+    /// Writes all numbers as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where the page goes [default: compare.html in the first run's directory].
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+/// Carries out `whorl compare`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let runs = progress::during("reading the runs", || arguments.runs.read())?;
+    let compared = compare_all(&runs, &runs.known.model)?;
+    for run in &compared {
+        println!(
+            "{}{}",
+            run.comparison.answer(),
+            if run.held_out { " (Held out: never fitted.)" } else { "" }
+        );
+        for finding in run.comparison.findings() {
+            println!("  {finding}");
+        }
+    }
+    println!("\nInitial state: {INITIAL_STATE_RULE}.");
+    for run in &compared {
+        println!("\n{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" });
+        print_errors(&run.comparison);
+        for remark in &run.comparison.remarks {
+            println!("  note: {remark}");
+        }
+    }
+    if let Some(path) = &arguments.json {
+        write(path, &serde_json::to_string_pretty(&as_json(&runs.known.platform, &compared)?)?)?;
+    }
+    let page = arguments.runs.page(arguments.html.as_deref(), "compare.html");
+    write(&page, &whorl_report::comparison_html(&compared, &runs.facts))?;
+    println!("\npage: {}", page.display());
+    Ok(())
+}
+
+fn all(runs: &runs::Runs) -> impl Iterator<Item = (&Recording, bool)> {
+    runs.training.iter().map(|r| (r, false)).chain(runs.held_out.iter().map(|r| (r, true)))
+}
+
+fn as_json(platform: &str, compared: &[ComparedRun]) -> anyhow::Result<serde_json::Value> {
+    let mut list = Vec::new();
+    for run in compared {
+        let mut value = serde_json::to_value(&run.comparison)?;
+        if let Some(object) = value.as_object_mut() {
+            object.insert("held_out".to_owned(), json!(run.held_out));
+            object.insert("answer".to_owned(), json!(run.comparison.answer()));
+            object.insert("findings".to_owned(), json!(run.comparison.findings()));
+        }
+        list.push(value);
+    }
+    Ok(json!({
+        "schema": SCHEMA,
+        "platform": platform,
+        "initial_state_rule": INITIAL_STATE_RULE,
+        "runs": list,
+    }))
+}
+
+/// RMS, ratio to the noise and fit of every channel at every horizon.
+pub fn print_errors(comparison: &Comparison) {
+    let Some(first) = comparison.channels.first() else { return };
+    let mut headings: Vec<String> =
+        ["channel", "unit", "#noise", "from"].into_iter().map(str::to_owned).collect();
+    for h in &first.horizons {
+        let name = h.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{s} s"));
+        headings.extend([format!("#RMS {name}"), "#/noise".to_owned(), "#fit %".to_owned()]);
+    }
+    let row = |channel: &whorl_validation::comparison::Channel| {
+        let (unit, factor) = channel.quantity.display();
+        let source = match channel.floor_source {
+            FloorSource::StillSegments => format!("still {:.0} s", channel.still_s),
+            FloorSource::SensorParameters => "parameters".to_owned(),
+        };
+        let mut cells =
+            vec![channel.name.clone(), unit.to_owned(), significant(channel.noise_floor * factor), source];
+        for h in &channel.horizons {
+            let fit = h.fit_percent.map_or_else(|| "-".to_owned(), |f| format!("{f:.1}"));
+            cells.extend([significant(h.rms * factor), format!("{:.2}", h.ratio), fit]);
+        }
+        cells
+    };
+    let rows: Vec<Vec<String>> = comparison.channels.iter().map(row).collect();
+    print(&headings, &rows);
+    if let Some(a) = &comparison.absolute {
+        println!(
+            "  chi-squared per degree of freedom {:.3} (99 % band {:.3} to {:.3}), initial states fitted over {:.0} s",
+            a.chi_squared_per_degree, a.band_99.0, a.band_99.1, a.stretch_s
+        );
+    }
+}
+
+/// Compares the runs with a model, training first.
+pub fn compare_all(
+    runs: &runs::Runs,
+    model: &whorl_dynamics::PlatformModel,
+) -> anyhow::Result<Vec<ComparedRun>> {
+    let compared = all(runs).map(|(recording, held_out)| {
+        let comparison =
+            progress::during(&format!("comparing {}", recording.name), || compare(recording, model))?;
+        Ok(ComparedRun { comparison, held_out })
+    });
+    compared.collect()
+}

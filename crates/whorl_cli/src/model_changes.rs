@@ -1,0 +1,287 @@
+//! What a fit has changed in a platform's model, as entries of its parameter file.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Context;
+use nalgebra::Vector3;
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_params::{Value, set_in_file};
+
+/// One entry to be written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// Key below the platform's section.
+    pub key: String,
+    /// Value.
+    pub value: Value,
+    /// Comment at the end of its line.
+    pub comment: String,
+}
+
+/// Collects changes.
+struct Changes<'a> {
+    provenance: &'a str,
+    all: Vec<Change>,
+}
+
+impl Changes<'_> {
+    fn number(&mut self, key: String, before: f64, after: f64, unit: &str, stddev: f64) {
+        if differs(before, after) {
+            let comment = format!("[{unit}] +- {}, adopted, was {}", short(stddev), short(before));
+            self.all.push(Change { key, value: Value::Double(rounded(after, stddev)), comment });
+        }
+    }
+
+    fn vector(&mut self, key: String, before: &Vector3<f64>, after: &Vector3<f64>, comment: String) {
+        if (0..3).any(|i| differs(before[i], after[i])) {
+            self.all.push(Change {
+                key,
+                value: Value::DoubleArray(after.iter().map(|x| rounded(*x, 1e-5)).collect()),
+                comment,
+            });
+        }
+    }
+
+    fn prior(&mut self, key: String, before: f64, after: f64) {
+        if differs(before, after) {
+            self.all.push(Change {
+                key: format!("model_prior.{key}"),
+                value: Value::Double(rounded(after, 0.01 * after)),
+                comment: "adopted".to_owned(),
+            });
+        }
+    }
+
+    fn source(&mut self, group: &str) {
+        self.all.push(Change {
+            key: format!("model_prior.{group}"),
+            value: Value::String(format!("adopted: {}", self.provenance)),
+            comment: String::new(),
+        });
+    }
+}
+
+fn differs(before: f64, after: f64) -> bool {
+    (before - after).abs() > 1e-12 * before.abs().max(after.abs())
+}
+
+/// Digits down to a hundredth of the standard deviation: more would only pretend.
+fn rounded(value: f64, stddev: f64) -> f64 {
+    if !(stddev > 0.0 && stddev.is_finite() && value.is_finite()) {
+        return value;
+    }
+    let step = 10f64.powf((stddev * 0.01).log10().floor());
+    let steps = (value / step).round();
+    // Through text, so that the file does not show the binary fraction.
+    let digits = usize::try_from((-step.log10()).round().max(0.0) as i64).unwrap_or(0).min(15);
+    format!("{:.digits$}", steps * step).parse().unwrap_or(value)
+}
+
+fn short(value: f64) -> String {
+    crate::table::significant(value)
+}
+
+/// Everything in which `after` differs from `before`: mass properties, wheels, jets, effects, and how well they
+/// are known. `provenance` says where the numbers are from.
+pub fn changes(
+    (before, after): (&PlatformModel, &PlatformModel),
+    (prior_before, prior): (&ModelPrior, &ModelPrior),
+    provenance: &str,
+) -> Vec<Change> {
+    let mut c = Changes { provenance, all: Vec::new() };
+    mass_properties(&mut c, before, after, prior_before, prior);
+    wheels_and_jets(&mut c, before, after, prior_before, prior);
+    effects(&mut c, before, after, prior);
+    c.all
+}
+
+fn mass_properties(
+    c: &mut Changes<'_>,
+    before: &PlatformModel,
+    after: &PlatformModel,
+    prior_before: &ModelPrior,
+    prior: &ModelPrior,
+) {
+    let (old, new) = (&before.mass_properties, &after.mass_properties);
+    let count = c.all.len();
+    for (name, i, j) in [("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2)] {
+        let (a, b) = (old.inertia_b_kg_m2()[(i, j)], new.inertia_b_kg_m2()[(i, j)]);
+        let stddev = prior.inertia_b_kg_m2[(i, j)];
+        c.number(format!("model.inertia_kg_m2.{name}"), a, b, "kg m^2", stddev);
+        c.prior(format!("inertia_kg_m2.{name}"), prior_before.inertia_b_kg_m2[(i, j)], stddev);
+    }
+    if c.all.len() > count {
+        c.source("inertia_kg_m2.source");
+    }
+    let (a, b) = (old.gravity_offset_b_n_m(), new.gravity_offset_b_n_m());
+    let stddev = prior.gravity_offset_b_n_m;
+    let comment = format!("[N m] +- {}, {}, {}, adopted", short(stddev.x), short(stddev.y), short(stddev.z));
+    c.vector("model.gravity_offset_n_m".to_owned(), &a, &b, comment);
+    if (0..3).any(|i| differs(prior_before.gravity_offset_b_n_m[i], stddev[i])) {
+        c.all.push(Change {
+            key: "model_prior.gravity_offset_n_m".to_owned(),
+            value: Value::DoubleArray(stddev.iter().map(|x| rounded(*x, 0.01 * x)).collect()),
+            comment: "[N m] adopted".to_owned(),
+        });
+        c.source("gravity_offset_n_m_source");
+    }
+}
+
+fn wheels_and_jets(
+    c: &mut Changes<'_>,
+    before: &PlatformModel,
+    after: &PlatformModel,
+    prior_before: &ModelPrior,
+    prior: &ModelPrior,
+) {
+    let of = |values: &[f64], j: usize| values.get(j).copied().unwrap_or(0.0);
+    for (j, (old, new)) in before.wheels.iter().zip(&after.wheels).enumerate() {
+        let group = format!("wheels.{}", old.name);
+        let count = c.all.len();
+        let stddev = of(&prior.wheel_spin_inertia, j) * new.spin_inertia_kg_m2;
+        let (a, b) = (old.spin_inertia_kg_m2, new.spin_inertia_kg_m2);
+        c.number(format!("model.{group}.spin_inertia_kg_m2"), a, b, "kg m^2", stddev);
+        c.prior(format!("{group}.spin_inertia_kg_m2"), of(&prior_before.wheel_spin_inertia, j) * a, stddev);
+        let axes = (&old.spin_axis_b, &new.spin_axis_b);
+        let angle = of(&prior.wheel_axis_rad, j);
+        c.vector(
+            format!("model.{group}.spin_axis"),
+            axes.0,
+            axes.1,
+            format!("+- {} rad, adopted", short(angle)),
+        );
+        c.prior(format!("{group}.spin_axis"), of(&prior_before.wheel_axis_rad, j), angle);
+        if c.all.len() > count {
+            c.source(&format!("{group}.source"));
+        }
+    }
+    for (j, (old, new)) in before.jets.iter().zip(&after.jets).enumerate() {
+        let group = format!("jets.{}", old.name);
+        let count = c.all.len();
+        let stddev = of(&prior.jet_thrust, j) * new.thrust_n;
+        c.number(format!("model.{group}.thrust_n"), old.thrust_n, new.thrust_n, "N", stddev);
+        c.prior(format!("{group}.thrust_n"), of(&prior_before.jet_thrust, j) * old.thrust_n, stddev);
+        let directions = (&old.force_direction_b, &new.force_direction_b);
+        let angle = of(&prior.jet_direction_rad, j);
+        let comment = format!("+- {} rad, adopted", short(angle));
+        c.vector(format!("model.{group}.force_direction"), directions.0, directions.1, comment);
+        c.prior(format!("{group}.force_direction"), of(&prior_before.jet_direction_rad, j), angle);
+        if c.all.len() > count {
+            c.source(&format!("{group}.source"));
+        }
+    }
+}
+
+fn effects(c: &mut Changes<'_>, before: &PlatformModel, after: &PlatformModel, prior: &ModelPrior) {
+    let none = BTreeMap::new();
+    for (id, parameters) in &after.effects {
+        let old = before.effects.get(id).unwrap_or(&none);
+        let deviations = prior.effects.get(id).unwrap_or(&none);
+        let units = whorl_dynamics::effects::find(id).map(|e| e.parameters(after)).unwrap_or_default();
+        let count = c.all.len();
+        for (name, value) in parameters {
+            let stddev = deviations.get(name).copied().unwrap_or(0.0);
+            let unit = units.iter().find(|p| p.name == *name).map_or("1", |p| p.unit);
+            if old.get(name).is_none_or(|o| differs(*o, *value)) {
+                c.all.push(Change {
+                    key: format!("model.effects.{id}.{name}"),
+                    value: Value::Double(rounded(*value, stddev)),
+                    comment: format!("[{unit}] +- {}, adopted", short(stddev)),
+                });
+            }
+        }
+        for (name, stddev) in
+            deviations.iter().filter(|(name, s)| **s > 0.0 && parameters.contains_key(*name))
+        {
+            if c.all.len() > count {
+                c.all.push(Change {
+                    key: format!("model_prior.effects.{id}.{name}"),
+                    value: Value::Double(rounded(*stddev, 0.01 * stddev)),
+                    comment: "adopted".to_owned(),
+                });
+            }
+        }
+        if c.all.len() > count {
+            c.source(&format!("effects.{id}.source"));
+        }
+    }
+}
+
+/// Writes the changes into a copy of the file, then puts the copy in its place: all of them or none.
+pub fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
+    let mut beside = file.as_os_str().to_owned();
+    beside.push(".adopting");
+    let beside = std::path::PathBuf::from(beside);
+    std::fs::copy(file, &beside).with_context(|| format!("cannot copy {}", file.display()))?;
+    let edit = || -> anyhow::Result<()> {
+        for change in changes {
+            let comment = (!change.comment.is_empty()).then_some(change.comment.as_str());
+            set_in_file(&beside, &format!("/{platform}/**"), &change.key, &change.value, comment)
+                .with_context(|| format!("cannot set {}", change.key))?;
+        }
+        std::fs::rename(&beside, file).with_context(|| format!("cannot write {}", file.display()))
+    };
+    edit().inspect_err(|_| {
+        // The file itself is untouched; only the leftover goes.
+        let _ = std::fs::remove_file(&beside);
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_dynamics::MassProperties;
+
+    #[test]
+    fn numbers_are_rounded_to_a_hundredth_of_their_deviation() {
+        assert_eq!(rounded(0.020_123_456, 4e-4), 0.020_123);
+        assert_eq!(rounded(-2.098_765, 0.03), -2.0988);
+        assert_eq!(rounded(1234.5678, 0.0), 1234.5678);
+    }
+
+    #[test]
+    fn an_adopted_effect_is_read_back_and_comments_stay() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("whorl_1.yaml");
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params/whorl_1.yaml");
+        std::fs::copy(source, &file).unwrap();
+        let known = whorl_recording::read_model(&file, None).unwrap();
+        let (mut model, mut prior) = (known.model.clone(), known.prior.clone());
+        let parameters = BTreeMap::from([("torque_n_m".to_owned(), 0.020_012_3)]);
+        model.effects.insert("bearing_coulomb_friction".to_owned(), parameters);
+        let deviations = BTreeMap::from([("torque_n_m".to_owned(), 3e-4)]);
+        prior.effects.insert("bearing_coulomb_friction".to_owned(), deviations);
+        let mut inertia = *model.mass_properties.inertia_b_kg_m2();
+        inertia[(2, 2)] = 12.284_567;
+        let offset = Vector3::new(-0.0212, -0.0733, -2.087);
+        model.mass_properties =
+            MassProperties::new(inertia, offset, model.mass_properties.mass_kg()).unwrap();
+        prior.inertia_b_kg_m2[(2, 2)] = 0.02;
+        model.wheels[1].spin_inertia_kg_m2 = 0.020_15;
+        prior.wheel_spin_inertia[1] = 0.002;
+        model.jets[4].thrust_n = 0.391;
+        let changes = changes((&known.model, &model), (&known.prior, &prior), "run a, sha256 1234");
+        write(&file, &known.platform, &changes).unwrap();
+        let again = whorl_recording::read_model(&file, None).unwrap();
+        assert!((again.model.effects["bearing_coulomb_friction"]["torque_n_m"] - 0.020_012).abs() < 1e-9);
+        assert!((again.model.mass_properties.inertia_b_kg_m2()[(2, 2)] - 12.2846).abs() < 1e-9);
+        assert!((again.model.mass_properties.gravity_offset_b_n_m() - offset).norm() < 1e-6);
+        assert!((again.model.wheels[1].spin_inertia_kg_m2 - 0.020_15).abs() < 1e-9);
+        assert_eq!(again.model.wheels[0], known.model.wheels[0]);
+        assert!((again.model.jets[4].thrust_n - 0.391).abs() < 1e-9);
+        assert!((again.prior.effects["bearing_coulomb_friction"]["torque_n_m"] - 3e-4).abs() < 1e-12);
+        assert!((again.prior.inertia_b_kg_m2[(2, 2)] - 0.02).abs() < 1e-12);
+        assert!((again.prior.wheel_spin_inertia[1] - 0.002).abs() < 1e-6);
+        let entry = again.prior_entries.iter().find(|e| e.key.starts_with("effects.")).unwrap();
+        assert_eq!(entry.source.as_deref(), Some("adopted: run a, sha256 1234"));
+        let (old, new) = (
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params/whorl_1.yaml"))
+                .unwrap(),
+            std::fs::read_to_string(&file).unwrap(),
+        );
+        let comments = |text: &str| text.lines().filter(|l| l.trim_start().starts_with('#')).count();
+        assert!(comments(&new) >= comments(&old));
+        assert!(new.contains("adopted, was 12.1"), "{new}");
+    }
+}

@@ -1,0 +1,105 @@
+//! Runs and the model that they are explained with: arguments that several commands share.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
+
+/// Runs, held-out runs and the model.
+#[derive(Debug, Clone, clap::Args)]
+pub struct RunArguments {
+    /// Run directories, rosbag2 directories or .mcap files.
+    #[arg(required = true, value_name = "RUN")]
+    pub runs: Vec<PathBuf>,
+    /// A run that takes part in no fit; may be given several times.
+    #[arg(long, value_name = "RUN")]
+    pub held_out: Vec<PathBuf>,
+    /// The platform's parameter file [default: the parameters saved in the first run].
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// The platform, where runs or parameters hold several.
+    #[arg(long, value_name = "NAME")]
+    pub platform: Option<String>,
+    /// Which topic or column holds what, for runs that are not Whorl's own.
+    #[arg(long, value_name = "FILE")]
+    pub channels: Option<PathBuf>,
+}
+
+/// What the arguments name, read.
+#[derive(Debug)]
+pub struct Runs {
+    /// The platform.
+    pub known: KnownPlatform,
+    /// Runs that may be fitted.
+    pub training: Vec<Recording>,
+    /// Runs that may not.
+    pub held_out: Vec<Recording>,
+    /// For pages: what was compared.
+    pub facts: Vec<(String, String)>,
+}
+
+impl RunArguments {
+    /// Reads everything.
+    pub fn read(&self) -> anyhow::Result<Runs> {
+        let first = self.runs.first().context("no run was given")?;
+        let source = self.model.as_deref().unwrap_or(first);
+        let known = read_model(source, self.platform.as_deref())
+            .with_context(|| format!("cannot read the model from {}", source.display()))?;
+        let read = |paths: &[PathBuf]| -> anyhow::Result<Vec<Recording>> {
+            paths.iter().map(|path| self.recording(path, &known)).collect()
+        };
+        let (training, held_out) = (read(&self.runs)?, read(&self.held_out)?);
+        let list = |recordings: &[Recording]| {
+            recordings
+                .iter()
+                .map(|r| format!("{} ({:.1} s)", r.name, r.duration_s()))
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let mut facts = vec![
+            ("platform".to_owned(), known.platform.clone()),
+            ("model".to_owned(), source.display().to_string()),
+            ("effects of the model".to_owned(), effects_of(&known)),
+            ("runs".to_owned(), list(&training)),
+        ];
+        if !held_out.is_empty() {
+            facts.push(("held-out runs".to_owned(), list(&held_out)));
+        }
+        facts.push(("Whorl version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()));
+        Ok(Runs { known, training, held_out, facts })
+    }
+
+    fn recording(&self, path: &Path, known: &KnownPlatform) -> anyhow::Result<Recording> {
+        let options = ReadOptions {
+            platform: Some(&known.platform),
+            model: Some(&known.model),
+            channels: self.channels.as_deref(),
+        };
+        let mut recordings =
+            read_run_with(path, &options).with_context(|| format!("cannot read {}", path.display()))?;
+        match recordings.len() {
+            1 => Ok(recordings.remove(0)),
+            0 => bail!("{} holds no measurements of {}", path.display(), known.platform),
+            _ => bail!("{} holds several platforms: choose one with --platform", path.display()),
+        }
+    }
+
+    /// Where the page goes: `--html`, else into the first run's directory, else beside its file.
+    pub fn page(&self, html: Option<&Path>, name: &str) -> PathBuf {
+        let first = self.runs.first().map_or(Path::new(""), PathBuf::as_path);
+        html.map_or_else(
+            || if first.is_dir() { first.join(name) } else { first.with_file_name(name) },
+            Path::to_owned,
+        )
+    }
+}
+
+fn effects_of(known: &KnownPlatform) -> String {
+    let ids: Vec<&str> = known.model.effects.keys().map(String::as_str).collect();
+    if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
+}
+
+/// Writes a file whole.
+pub fn write(path: &Path, content: &str) -> anyhow::Result<()> {
+    std::fs::write(path, content).with_context(|| format!("cannot write {}", path.display()))
+}

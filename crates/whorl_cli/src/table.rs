@@ -1,0 +1,47 @@
+//! Tables in plain text.
+
+/// Prints rows under headings, columns as wide as needed; headings that begin with `#` and their cells are
+/// set to the right.
+pub fn print(headings: &[String], rows: &[Vec<String>]) {
+    let width = |column: usize, heading: &str| {
+        let cells = rows.iter().filter_map(|row| row.get(column));
+        cells
+            .map(|c| c.chars().count())
+            .chain([heading.trim_start_matches('#').chars().count()])
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = headings.iter().enumerate().map(|(k, h)| width(k, h)).collect();
+    let line = |cells: &[String]| {
+        let mut text = String::from(" ");
+        for ((cell, width), heading) in cells.iter().zip(&widths).zip(headings) {
+            let cell = cell.trim_start_matches('#');
+            text.push(' ');
+            if heading.starts_with('#') {
+                text.push_str(&format!("{cell:>width$}"));
+            } else {
+                text.push_str(&format!("{cell:<width$}"));
+            }
+            text.push(' ');
+        }
+        text.trim_end().to_owned()
+    };
+    println!("{}", line(headings));
+    for row in rows {
+        println!("{}", line(row));
+    }
+}
+
+/// Three significant digits, plain where that is short; a dash for what is not a number.
+pub fn significant(value: f64) -> String {
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    let size = value.abs();
+    if size == 0.0 || (1e-3..1e5).contains(&size) {
+        let digits = if size == 0.0 { 0 } else { (2 - size.log10().floor() as i32).clamp(0, 6) };
+        format!("{value:.*}", usize::try_from(digits).unwrap_or(0))
+    } else {
+        format!("{value:.2e}")
+    }
+}

@@ -1,0 +1,87 @@
+//! `whorl where`: in which regime a model fails.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+use whorl_validation::dependence::Frame;
+use whorl_validation::explain_where;
+
+use crate::progress;
+use crate::runs::{RunArguments, write};
+use crate::table::print;
+
+/// Version of the JSON form.
+const SCHEMA: u32 = 1;
+/// Quantities listed in the table.
+const LISTED: usize = 12;
+
+/// Arguments of `whorl where`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    runs: RunArguments,
+    /// Writes all numbers as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where the page goes [default: where.html in the first run's directory].
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+/// Carries out `whorl where`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let runs = progress::during("reading the runs", || arguments.runs.read())?;
+    let mut found = Vec::new();
+    for recording in runs.training.iter().chain(&runs.held_out) {
+        found.push(progress::during(&format!("looking into {}", recording.name), || {
+            explain_where(recording, &runs.known.model)
+        })?);
+    }
+    for run in &found {
+        for (k, sentence) in run.answer().iter().enumerate() {
+            println!("{}{sentence}", if k > 0 { "  " } else { "" });
+        }
+    }
+    for run in &found {
+        let d = &run.dependences;
+        println!("\n{}: share of the excess that each quantity explains (shares overlap)", run.run);
+        let constant = |share: f64, frame: &str| {
+            let cells = ["constant", frame, &format!("{:.0}", share * 100.0), "", "", ""];
+            cells.map(str::to_owned).to_vec()
+        };
+        let mut rows =
+            vec![constant(d.constant_body_share, "body"), constant(d.constant_world_share, "world")];
+        rows.extend(d.ranked.iter().take(LISTED).map(|d| {
+            let (frame, axes) = match d.frame {
+                Frame::Body => ("body", ["x", "y", "z"]),
+                Frame::World => ("world", ["east", "north", "up"]),
+            };
+            vec![
+                d.variable.clone(),
+                frame.to_owned(),
+                format!("{:.0}", d.share * 100.0),
+                axes.get(d.axis).copied().unwrap_or("").to_owned(),
+                format!("{:?}", d.parity).to_lowercase(),
+                format!("{:?}", d.growth).to_lowercase(),
+            ]
+        }));
+        let headings = ["quantity", "frame", "#share %", "axis", "symmetry", "growth"].map(str::to_owned);
+        print(&headings, &rows);
+    }
+    if let Some(path) = &arguments.json {
+        let mut list = Vec::new();
+        for run in &found {
+            let mut value = serde_json::to_value(run)?;
+            if let Some(object) = value.as_object_mut() {
+                object.insert("answer".to_owned(), json!(run.answer()));
+            }
+            list.push(value);
+        }
+        let all = json!({"schema": SCHEMA, "platform": runs.known.platform, "runs": list});
+        write(path, &serde_json::to_string_pretty(&all)?)?;
+    }
+    let page = arguments.runs.page(arguments.html.as_deref(), "where.html");
+    write(&page, &whorl_report::whereabouts_html(&found, &runs.facts))?;
+    println!("\npage: {}", page.display());
+    Ok(())
+}
