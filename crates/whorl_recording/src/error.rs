@@ -1,9 +1,9 @@
 //! Why a run could not be read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use whorl_bag::BagError;
+use whorl_bag::{BagError, CsvError};
 use whorl_params::ParameterErrors;
 
 /// Errors of reading runs and models. Each says what is wrong and, where something can be done, what helps.
@@ -12,6 +12,19 @@ pub enum RecordingError {
     /// The run directory or bag cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
+    /// The CSV file or its map is wrong.
+    #[error(transparent)]
+    Csv(#[from] CsvError),
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
     /// The parameters cannot be read.
     #[error(transparent)]
     Parameters(#[from] ParameterErrors),
@@ -50,6 +63,38 @@ pub enum RecordingError {
         /// How many messages there are.
         messages: usize,
     },
+    /// A CSV file without a number in the columns that count.
+    #[error(
+        "{}: {rows} lines, and not one has a number in every column of gyro, accelerometer or wheel_speed: is the \
+         map that of this file?", path.display()
+    )]
+    NothingInCsv {
+        /// The file.
+        path: PathBuf,
+        /// Lines with a time.
+        rows: u64,
+    },
+    /// Times that cannot be meant.
+    #[error(
+        "{}: from the first to the last line it is {length_s:.0} s: is the time column's unit right?", path.display()
+    )]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+        /// From first to last line \[s\].
+        length_s: f64,
+    },
+    /// A vector sensor of which nobody says what it sees.
+    #[error(
+        "{}: vector sensor {sensor}: the direction that it sees in the world is not known: give reference_world in \
+         the map", path.display()
+    )]
+    NoReferenceWorld {
+        /// The file.
+        path: PathBuf,
+        /// Its number, from 1.
+        sensor: usize,
+    },
     /// The model of another platform.
     #[error(
         "the run {run} is of a platform with {counted}, and the model {model} has {expected}: is it the model of another platform?"
@@ -72,4 +117,11 @@ pub enum RecordingError {
         /// What helps.
         hint: String,
     },
+}
+
+impl RecordingError {
+    pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { action, path, source }
+    }
 }

@@ -2,19 +2,24 @@
 //!
 //! [`Recording`] is the one input of everything that explains data: comparison, diagnosis,
 //! identification, calibration, estimation after the fact. [`read_run`] makes it of run directories and
-//! bags, [`read_model`] reads what is known of the platform; nothing downstream knows where a recording
-//! came from.
+//! bags, [`read_csv`] of CSV files, [`read_model`] reads what is known of the platform; nothing downstream
+//! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back.
 
+mod csv;
 mod error;
 mod model;
+mod quality;
 mod read;
 mod recording;
 mod series;
 #[cfg(test)]
 mod tests;
+mod write;
 
+pub use csv::{ExportedCsv, ImportedCsv, export_csv, platform_parts, read_csv};
 pub use error::RecordingError;
 pub use model::{KnownPlatform, read_model};
 pub use read::{ReadOptions, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use series::Series;
+pub use write::{RunOrigin, write_run};

@@ -93,4 +93,25 @@ impl Recording {
         let last = spans.iter().filter_map(|t| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
         (last - first).max(0.0)
     }
+    /// When anything was first measured or commanded \[s\].
+    #[must_use]
+    pub fn first_time_s(&self) -> Option<f64> {
+        let truth = self.truth.as_ref();
+        let series = [
+            self.gyro_b_rad_s.time_s.first(),
+            self.specific_force_b_m_s2.time_s.first(),
+            self.wheel_speed_rad_s.time_s.first(),
+            self.wheel_torque_command_n_m.time_s.first(),
+            self.body_torque_b_n_m.time_s.first(),
+            self.bus_voltage_v.time_s.first(),
+            self.tank_pressure_pa.time_s.first(),
+            self.temperature_k.time_s.first(),
+            self.ballast_moment_b_n_m.time_s.first(),
+            truth.and_then(|truth| truth.q_world_body.time_s.first()),
+            truth.and_then(|truth| truth.omega_wb_b_rad_s.time_s.first()),
+        ];
+        let vectors = self.vectors.iter().map(|vector| vector.direction_b.time_s.first());
+        let pulses = self.jet_pulses.iter().map(|pulses| pulses.first().map(|pulse| &pulse.on_s));
+        series.into_iter().chain(vectors).chain(pulses).flatten().copied().min_by(f64::total_cmp)
+    }
 }

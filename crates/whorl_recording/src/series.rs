@@ -9,6 +9,11 @@ pub struct Series<T> {
     pub value: Vec<T>,
 }
 
+/// The number nearest to whole nanoseconds; a product with 1e-9 would be one of its neighbours.
+pub(crate) fn seconds(ns: i64) -> f64 {
+    ns as f64 / 1e9
+}
+
 impl<T> Default for Series<T> {
     fn default() -> Self {
         Self { time_s: Vec::new(), value: Vec::new() }

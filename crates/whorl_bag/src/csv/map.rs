@@ -140,7 +140,7 @@ impl CsvMap {
         Ok(whorl_params::read(&tree.for_node("/csv"), |r| Self::read(r, Some(parts)))?.0)
     }
 
-    /// Reads the map from the open group of a node's parameters. The single definition of its keys.
+    /// Reads the map from a node's parameters. The single definition of its keys.
     pub fn read(r: &mut Reader<'_>, parts: Option<&PlatformParts>) -> Self {
         let time = r.group("time", time);
         let gyro =
@@ -189,6 +189,13 @@ impl CsvMap {
         );
         let delimiter =
             r.choice_or("delimiter", ",", &[",", ";", "\t", " ", "|"], "character between the cells");
+        let first_parts = r.parameters().iter().map(|entry| entry.key.split('.').next().unwrap_or_default());
+        let mut unknown: Vec<String> =
+            first_parts.filter(|name| !CHANNELS.contains(name)).map(str::to_owned).collect();
+        unknown.dedup();
+        for name in unknown {
+            r.reject_group(&name, format!("is no channel; allowed: {}", CHANNELS.join(", ")));
+        }
         if gyro.is_none() && accelerometer.is_none() && wheel_speed.is_none() {
             r.reject("gyro", "nothing that moves is named; allowed: one of gyro, accelerometer, wheel_speed");
         }
@@ -213,6 +220,28 @@ impl CsvMap {
         }
     }
 }
+
+/// Every group or key of a map.
+const CHANNELS: [&str; 18] = [
+    "time",
+    "gyro",
+    "accelerometer",
+    "vector",
+    "vectors",
+    "wheel_speed",
+    "wheel_torque_command",
+    "jets",
+    "body_torque",
+    "ballast_moment",
+    "bus_voltage",
+    "tank_pressure",
+    "temperature",
+    "true_attitude",
+    "true_rate",
+    "closed_loop",
+    "mounting",
+    "delimiter",
+];
 
 fn optional<T>(r: &mut Reader<'_>, key: &str, read: impl FnOnce(&mut Reader<'_>) -> T) -> Option<T> {
     r.has(key).then(|| r.group(key, read))

@@ -22,6 +22,8 @@ pub struct CsvRow {
     pub specific_force_b_m_s2: Option<Vector3<f64>>,
     /// Of each vector sensor.
     pub vectors_b: Vec<Option<Unit<Vector3<f64>>>>,
+    /// Length of each vector, in the unit of its columns.
+    pub vector_lengths: Vec<Option<f64>>,
     /// Of each wheel [rad/s].
     pub wheel_speed_rad_s: Option<Vec<f64>>,
     /// Of each wheel [N m].
@@ -127,9 +129,11 @@ impl CsvRows {
             Ok::<_, CsvError>(list(table, columns)?.and_then(|l| l.first().copied()))
         };
         let mut vectors_b = Vec::with_capacity(self.vectors.len());
+        let mut vector_lengths = Vec::with_capacity(self.vectors.len());
         for columns in &self.vectors {
             // A vector of no length has no direction: no measurement.
             let numbers = table.numbers(columns)?;
+            vector_lengths.push(numbers.map(|v| Vector3::from(v).norm()));
             vectors_b.push(numbers.and_then(|v| Unit::try_new(Vector3::from(v), 1e-12)));
         }
         let truth = self.truth.map(|columns| table.numbers(&columns)).transpose()?.flatten();
@@ -141,6 +145,7 @@ impl CsvRows {
             gyro_b_rad_s: vector(&self.gyro)?,
             specific_force_b_m_s2: vector(&self.accelerometer)?,
             vectors_b,
+            vector_lengths,
             wheel_speed_rad_s: list(table, &self.wheel_speed)?,
             wheel_torque_command_n_m: list(table, &self.wheel_torque)?,
             jets: self.jets(time_ns)?,

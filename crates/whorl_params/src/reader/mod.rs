@@ -138,7 +138,7 @@ impl<'a> Reader<'a> {
     }
 
     /// As [`Self::reject`] for a whole group; its keys are not reported as unknown as well.
-    pub(crate) fn reject_group(&mut self, key: &str, problem: impl Into<String>) {
+    pub fn reject_group(&mut self, key: &str, problem: impl Into<String>) {
         let full = self.full(key);
         for group in self.overlaid(&full).into_iter().chain([full]) {
             let dot = format!("{group}.");

@@ -9,12 +9,8 @@ use whorl_node::Timestamp;
 
 use super::commands::{self, Limits, PulseNs};
 use super::gather::{Gathered, Samples, in_order, series};
-use super::{valves, wheel_torque};
+use super::{CLOSED_LOOP_NOTE, MOUNTING_NOTE, note, valves, wheel_torque};
 use crate::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
-
-/// Notes in a manifest that say how a recording came about.
-const MOUNTING_NOTE: &str = "mounting";
-const CLOSED_LOOP_NOTE: &str = "closed_loop";
 
 pub(super) fn recording(
     path: &Path,
@@ -25,10 +21,6 @@ pub(super) fn recording(
     model: Option<&PlatformModel>,
     mut remarks: Vec<String>,
 ) -> Recording {
-    let note = |key: &str| {
-        let notes = run.manifest().map_or(&[][..], |m| m.description.notes.as_slice());
-        notes.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str())
-    };
     for (role, count) in &gathered.not_finite {
         remarks.push(format!("{count} messages of {role:?} hold no finite numbers and were left out."));
     }
@@ -77,14 +69,14 @@ pub(super) fn recording(
         std::mem::take(&mut gathered.wheel_command)
     };
     let vectors = vectors(&mut gathered, start, model, &mut remarks);
-    let truth = (!gathered.true_attitude.is_empty()).then(|| TrueMotion {
+    let truth = (!gathered.true_attitude.is_empty() || !gathered.true_rate.is_empty()).then(|| TrueMotion {
         q_world_body: series(gathered.true_attitude, start),
         omega_wb_b_rad_s: series(gathered.true_rate, start),
     });
-    Recording {
+    let mut recording = Recording {
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
         platform: platform.to_owned(),
-        mounting: match note(MOUNTING_NOTE) {
+        mounting: match note(run, MOUNTING_NOTE) {
             Some("clamped") => Mounting::Clamped,
             _ => Mounting::OnBearing,
         },
@@ -99,17 +91,20 @@ pub(super) fn recording(
         tank_pressure_pa: series(gathered.tank_pressure_pa, start),
         temperature_k: series(gathered.temperature_k, start),
         ballast_moment_b_n_m: series(gathered.ballast, start),
-        closed_loop: match note(CLOSED_LOOP_NOTE) {
+        closed_loop: match note(run, CLOSED_LOOP_NOTE) {
             Some(text) => text == "true",
             None => gathered.controlled.unwrap_or(!gathered.commands.is_empty()),
         },
         truth,
         remarks,
-    }
+    };
+    let suspicions = recording.suspicions(model);
+    recording.remarks.extend(suspicions);
+    recording
 }
 
 fn intervals(pulses: &[PulseNs], start: Timestamp) -> Vec<OnInterval> {
-    let seconds = |at: i64| Timestamp(at).seconds_since(start);
+    let seconds = |at: i64| crate::series::seconds(at - start.0);
     pulses.iter().map(|p| OnInterval { on_s: seconds(p.on_ns), off_s: seconds(p.off_ns) }).collect()
 }
 

@@ -209,7 +209,7 @@ pub(super) fn in_order<T>(samples: &mut Samples<T>) -> usize {
 
 /// As a series over seconds since `start`.
 pub(super) fn series<T>(samples: Samples<T>, start: Timestamp) -> Series<T> {
-    samples.into_iter().map(|(at, value)| (Timestamp(at).seconds_since(start), value)).collect()
+    samples.into_iter().map(|(at, value)| (crate::series::seconds(at - start.0), value)).collect()
 }
 
 fn push(samples: &mut Samples<Vector3<f64>>, at: i64, v: geometry_msgs::Vector3) -> bool {

@@ -18,6 +18,13 @@ use crate::{Recording, RecordingError, read_model};
 use gather::Gathered;
 use roles::{Role, whorl_role};
 
+/// Note in a manifest: `clamped`, or on its bearing.
+pub(crate) const MOUNTING_NOTE: &str = "mounting";
+/// Note in a manifest: whether a controller was running, for recordings without its messages.
+pub(crate) const CLOSED_LOOP_NOTE: &str = "closed_loop";
+/// Note in a manifest: the log time that is the start of the run \[ns\], where it is not the first message's.
+pub(crate) const START_NOTE: &str = "start_of_run_ns";
+
 /// How a run is to be read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadOptions<'a> {
@@ -78,7 +85,8 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
     let first_log = bag.bounds().map(|(first, _)| first);
     let first_log = first_log.filter(|_| gathered.values().all(Gathered::one_clock));
     let start = gathered.values().filter_map(Gathered::first_stamp).chain(first_log).min();
-    let start = start.unwrap_or(Timestamp(0));
+    let noted = note(&run, START_NOTE).and_then(|text| text.parse().ok()).map(Timestamp);
+    let start = noted.or(start).unwrap_or(Timestamp(0));
     platforms
         .iter()
         .map(|platform| {
@@ -112,6 +120,12 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             Ok(recording)
         })
         .collect()
+}
+
+/// A fact out of the manifest.
+fn note<'a>(run: &'a RunDirectory, key: &str) -> Option<&'a str> {
+    let notes = &run.manifest()?.description.notes;
+    notes.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str())
 }
 
 /// Topic -> (platform, role), by Whorl's own names.

@@ -45,7 +45,7 @@ fn jet_pulses(states: &[(i64, ThrusterState)], jet: usize, commanded: &[PulseNs]
         let on_ns = (growth_s.or(since_s).unwrap_or(0.0).max(0.0) * 1e9).round() as i64;
         match before {
             // What was before the first message is known by its own on-time only.
-            None if open => add(&mut pulses, PulseNs { on_ns: now.at_ns - on_ns, off_ns: now.at_ns.max(1) }),
+            None if open => add(&mut pulses, PulseNs { on_ns: now.at_ns - on_ns, off_ns: now.at_ns }),
             None => {}
             Some(before) => between(&mut pulses, before, now, on_ns, commanded),
         }

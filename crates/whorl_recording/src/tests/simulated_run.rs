@@ -1,6 +1,6 @@
 //! A simulated run, recorded and read back.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
@@ -10,11 +10,8 @@ use whorl_node::{LogLine, Timestamp};
 use whorl_params::{ParameterTree, read_shared, standard_layers, truth_model};
 use whorl_sim::{NodeSet, Observer};
 
+use super::parameters;
 use crate::{OnInterval, Recording, RecordingError, read_model, read_run};
-
-fn parameters() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
-}
 
 struct Recorder {
     writer: RunWriter,
@@ -114,7 +111,7 @@ fn a_run_reads_back_what_was_measured_and_what_was_done() {
     let imu: Vec<_> = run
         .of(Topic::ImuRaw)
         .map(|m| match m {
-            Message::Imu(m) => (Timestamp::from(m.header.stamp).seconds(), m.angular_velocity),
+            Message::Imu(m) => (Timestamp::from(m.header.stamp).0 as f64 / 1e9, m.angular_velocity),
             _ => panic!(),
         })
         .collect();
@@ -158,7 +155,7 @@ fn a_run_reads_back_what_was_measured_and_what_was_done() {
     let Some(Message::ThrusterState(last)) = run.of(Topic::ThrusterState).last() else { panic!() };
     let totals: Vec<f64> =
         recording.jet_pulses.iter().map(|pulses| pulses.iter().map(|p| p.off_s - p.on_s).sum()).collect();
-    assert!(totals.iter().sum::<f64>() > 0.5, "jets fired: {totals:?}");
+    assert!(totals.iter().sum::<f64>() > 0.3, "jets fired: {totals:?}");
     for (read, driven) in totals.iter().zip(&last.total_on_time_s) {
         assert!((read - driven).abs() < 1e-6, "{totals:?} {:?}", last.total_on_time_s);
     }
@@ -168,6 +165,8 @@ fn a_run_reads_back_what_was_measured_and_what_was_done() {
     let rate_error = (end.omega_wb_b_rad_s - motion.omega_wb_b_rad_s.value.last().unwrap()).norm();
     let angle = end.q_world_body.angle_to(motion.q_world_body.value.last().unwrap());
     assert!(rate_error < 1e-5 && angle < 1e-4, "{rate_error} rad/s, {angle} rad");
+
+    super::round_trip::survives(recording);
 
     let known = read_model(&run.path, Some("whorl_1")).unwrap();
     let of_file = read_model(&parameters().join("whorl_1.yaml"), None).unwrap();

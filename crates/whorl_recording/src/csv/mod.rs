@@ -1,0 +1,7 @@
+//! Recordings from and to CSV.
+
+mod export;
+mod import;
+
+pub use export::{ExportedCsv, export_csv};
+pub use import::{ImportedCsv, platform_parts, read_csv};

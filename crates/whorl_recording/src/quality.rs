@@ -1,0 +1,179 @@
+//! What a recording lacks, what that costs, and what looks wrong in it: in words.
+
+use nalgebra::Vector3;
+use whorl_dynamics::PlatformModel;
+
+use crate::{Mounting, Recording, RecordingError, Series};
+
+/// Shorter runs hold too little [s].
+const SHORT_S: f64 = 10.0;
+/// Standard gravity [m/s^2].
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+impl Recording {
+    /// Refuses a model of another platform.
+    ///
+    /// # Errors
+    /// [`RecordingError::OtherPlatform`] when the numbers of wheels or jets differ.
+    pub fn check_fits(&self, model: &PlatformModel, model_name: &str) -> Result<(), RecordingError> {
+        let wheels = [&self.wheel_speed_rad_s, &self.wheel_torque_command_n_m];
+        let wheels = wheels.iter().find_map(|series| series.value.first()).map(Vec::len);
+        let jets = Some(self.jet_pulses.len()).filter(|jets| *jets > 0);
+        let parts = [("wheels", wheels, model.wheels.len()), ("jets", jets, model.jets.len())];
+        for (what, counted, expected) in parts {
+            if let Some(counted) = counted.filter(|counted| *counted != expected) {
+                return Err(RecordingError::OtherPlatform {
+                    run: self.name.clone(),
+                    counted: format!("{counted} {what}"),
+                    model: model_name.to_owned(),
+                    expected: format!("{expected}"),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// One sentence for each channel that was not recorded: what cannot be said without it.
+    #[must_use]
+    pub fn missing_channels(&self) -> Vec<String> {
+        let mut costs = Vec::new();
+        let mut missing = |is_missing: bool, sentence: &str| {
+            if is_missing {
+                costs.push(sentence.to_owned());
+            }
+        };
+        let wheels = !self.wheel_speed_rad_s.is_empty();
+        missing(
+            !wheels,
+            "No wheel speed: the wheels' momentum has to be taken from their commands, and wheel_friction, \
+             wheel_inertia, wheel_windage and wheel_imbalance cannot be told.",
+        );
+        missing(
+            self.wheel_torque_command_n_m.is_empty(),
+            "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier, and \
+             wheel_friction cannot be told from what the motors were asked to do.",
+        );
+        if self.mounting == Mounting::OnBearing {
+            missing(
+                self.gyro_b_rad_s.is_empty(),
+                "No gyro: the motion is not known, so no torque on the body can be told; only the wheels can be \
+                 judged.",
+            );
+            missing(
+                self.specific_force_b_m_s2.is_empty(),
+                "No accelerometer: the tilt is not known, so gravity_offset and everything that follows the \
+                 vertical is told by the gyro alone, and no accelerometer effect can be named.",
+            );
+            missing(
+                self.vectors.is_empty(),
+                "No vector sensor: yaw drifts with the gyro, so effects that follow the heading (magnetic_torque, \
+                 air_current, harness_spring) are hard to tell apart, and vector_sensor_misalignment cannot be seen.",
+            );
+            missing(
+                self.jet_pulses.is_empty() && self.body_torque_b_n_m.is_empty(),
+                "No jet commands: if a jet fired, its torque looks like a disturbance, and no thruster effect can \
+                 be named.",
+            );
+            missing(
+                self.tank_pressure_pa.is_empty(),
+                "No tank pressure: thruster_pressure, thruster_leak and mass_shift have to be told by the gas that \
+                 the commands used.",
+            );
+        }
+        missing(self.bus_voltage_v.is_empty(), "No bus voltage: supply_voltage cannot be told.");
+        missing(self.temperature_k.is_empty(), "No temperature: gyro_temperature cannot be told.");
+        costs
+    }
+
+    /// One sentence for each thing that looks wrong: a channel that never changes, a unit that cannot be, a run
+    /// too short. The recording may be right all the same.
+    #[must_use]
+    pub fn suspicions(&self, model: Option<&PlatformModel>) -> Vec<String> {
+        let mut found = Vec::new();
+        if self.duration_s() < SHORT_S {
+            found.push(format!(
+                "The run is {:.1} s long: too short to tell one cause from another; record at least a minute.",
+                self.duration_s()
+            ));
+        }
+        constant_axes(&self.gyro_b_rad_s, "gyro", &mut found);
+        constant_axes(&self.specific_force_b_m_s2, "accelerometer", &mut found);
+        force_unit(&self.specific_force_b_m_s2, &mut found);
+        if let Some(model) = model {
+            let range = model.sensors.gyro.errors.range;
+            let largest = largest(self.gyro_b_rad_s.value.iter().flat_map(Vector3::iter));
+            if largest > 1.2 * range {
+                found.push(format!(
+                    "The gyro reads up to {largest:.3} rad/s and its range is {range:.3} rad/s: is the unit deg/s?"
+                ));
+            }
+            for (j, wheel) in model.wheels.iter().enumerate() {
+                let speeds = self.wheel_speed_rad_s.value.iter().filter_map(|speeds| speeds.get(j));
+                let largest = self::largest(speeds);
+                if largest > 1.5 * wheel.max_speed_rad_s {
+                    found.push(format!(
+                        "{} reads up to {largest:.0} rad/s and its limit is {:.0} rad/s: is the unit rpm?",
+                        wheel.name, wheel.max_speed_rad_s
+                    ));
+                }
+                let torques = self.wheel_torque_command_n_m.value.iter().filter_map(|torques| torques.get(j));
+                let largest = self::largest(torques);
+                if largest > 10.0 * wheel.max_torque_n_m {
+                    found.push(format!(
+                        "{} is commanded up to {largest:.1} N m and its limit is {:.1} N m: is the unit mN m?",
+                        wheel.name, wheel.max_torque_n_m
+                    ));
+                }
+            }
+        }
+        found
+    }
+}
+
+fn largest<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+    values.fold(0.0, |largest, x| largest.max(x.abs()))
+}
+
+/// A sensor with noise never reads the same number throughout.
+fn constant_axes(series: &Series<Vector3<f64>>, name: &str, found: &mut Vec<String>) {
+    let Some(first) = series.value.first().filter(|_| series.len() >= 10) else { return };
+    let constant = |axis: usize| series.value.iter().all(|v| v.get(axis) == first.get(axis));
+    let axes: Vec<&str> =
+        (0..3).zip(["x", "y", "z"]).filter(|(axis, _)| constant(*axis)).map(|(_, n)| n).collect();
+    if !axes.is_empty() {
+        found.push(format!(
+            "The {name} reads the same number in all {} samples ({}): it is frozen, not connected, or rounded \
+             away by its unit; record again, or leave the channel out.",
+            series.len(),
+            axes.join(", ")
+        ));
+    }
+}
+
+/// At rest, and for the most part in any run on a bearing, its length is g.
+fn force_unit(series: &Series<Vector3<f64>>, found: &mut Vec<String>) {
+    if series.is_empty() {
+        return;
+    }
+    let mean = series.value.iter().map(|force| force.norm()).sum::<f64>() / series.len() as f64;
+    let ratio = mean / GRAVITY_M_S2;
+    let guess = |low: f64, high: f64| (low..high).contains(&mean);
+    let unit = if guess(0.8, 1.25) {
+        "its unit looks like g"
+    } else if guess(800.0, 1250.0) {
+        "its unit looks like mg"
+    } else {
+        "is its unit right, and is it the specific force (+9.81 on z at rest)?"
+    };
+    if !(0.8..1.25).contains(&ratio) {
+        found.push(format!("The accelerometer's mean length is {mean:.3} m/s^2 instead of 9.8: {unit}."));
+    }
+    let mean_z = series.value.iter().map(|force| force.z).sum::<f64>() / series.len() as f64;
+    if mean_z < -0.5 * mean {
+        found.push(
+            "The accelerometer reads negative on z: it must be the specific force, +9.81 on z at rest; reverse the \
+             sign in the map."
+                .to_owned(),
+        );
+    }
+}

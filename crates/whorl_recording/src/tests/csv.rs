@@ -1,0 +1,229 @@
+//! CSV files of other people.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use whorl_bag::CsvMap;
+
+use super::whorl_1;
+use crate::{ImportedCsv, Mounting, RecordingError, platform_parts, read_csv};
+
+struct Files {
+    directory: tempfile::TempDir,
+}
+
+impl Files {
+    fn new() -> Self {
+        Self { directory: tempfile::tempdir().unwrap() }
+    }
+
+    fn write(&self, name: &str, content: &str) -> PathBuf {
+        let path = self.directory.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        path
+    }
+
+    fn import(&self, map: &str, csv: &str) -> Result<ImportedCsv, RecordingError> {
+        let map = self.write("map.yaml", &format!("csv:\n  ros__parameters:\n{map}"));
+        let csv = self.write("a.csv", csv);
+        let known = whorl_1();
+        let map = CsvMap::load_for(&map, &platform_parts(&known))?;
+        read_csv(&csv, &map, &known)
+    }
+
+    /// The error's text without the folder.
+    fn error(&self, map: &str, csv: &str) -> String {
+        let text = self.import(map, csv).unwrap_err().to_string();
+        text.replace(&format!("{}/", Path::display(self.directory.path())), "")
+    }
+}
+
+/// Every channel in a unit that is not SI, with axes in another order.
+const MAP: &str = "    time: {column: ms, unit: ms}
+    gyro: {columns: [gy, -gx, gz], unit: deg/s}
+    accelerometer: {columns: [ax, ay, -az], unit: mg}
+    vectors:
+      lamp: {columns: [lx, ly, lz], reference_world: [0, 2, 0]}
+      magnet: {columns: [mx, my, mz], reference_world: [0, 0.6, -0.8]}
+    wheel_speed: {columns: [n1, n2, n3], unit: rpm}
+    wheel_torque_command: {columns: [u1, u2, u3], unit: mN m}
+    jets: {columns: [j1, j2, j3, j4, j5, j6, j7, j8, j9, j10, j11, j12], quantity: duty, unit: \"%\", slot_length_s: 0.1}
+    bus_voltage: {column: mv, unit: mV}
+    tank_pressure: {column: bar, unit: bar}
+    temperature: {column: c, unit: degC}
+    true_attitude: {columns: [qw, qx, qy, qz]}
+    closed_loop: true
+";
+const HEADER: &str = "ms,gx,gy,gz,ax,ay,az,lx,ly,lz,mx,my,mz,n1,n2,n3,u1,u2,u3,\
+j1,j2,j3,j4,j5,j6,j7,j8,j9,j10,j11,j12,mv,bar,c,qw,qx,qy,qz\n";
+
+fn lines() -> String {
+    let mut csv = HEADER.to_owned();
+    for i in 0..30 {
+        let duty = if (10..20).contains(&i) { "25" } else { "0" };
+        let slow = if i % 10 == 0 { "25200,200,20" } else { ",,NaN" };
+        csv += &format!(
+            "{},90,180,{i},0,0,-1000,0,3,{i},1,0,0,60,-60,0,100,0,-50,{duty},0,0,0,0,0,0,0,0,0,0,0,{slow},1,0,0,0\n",
+            5000 + i * 10
+        );
+    }
+    csv
+}
+
+#[test]
+fn every_channel_arrives_in_si_units_and_body_axes() {
+    let pi = std::f64::consts::PI;
+    let imported = Files::new().import(MAP, &lines()).unwrap();
+    let r = &imported.recording;
+    assert_eq!((imported.rows, r.platform.as_str(), r.mounting), (30, "whorl_1", Mounting::OnBearing));
+    assert!(r.closed_loop);
+    // The first line is the start.
+    assert_eq!((r.gyro_b_rad_s.time_s[0], r.gyro_b_rad_s.time_s[29]), (0.0, 0.29));
+    assert!((r.gyro_b_rad_s.value[3] - Vector3::new(pi, -pi / 2.0, pi / 60.0)).norm() < 1e-12);
+    assert!((r.specific_force_b_m_s2.value[0] - Vector3::new(0.0, 0.0, 9.806_65)).norm() < 1e-12);
+    assert_eq!(*r.vectors[0].reference_world, Vector3::y());
+    assert_eq!(r.vectors[0].direction_b.value[4], Vector3::new(0.0, 0.6, 0.8));
+    // A value that is repeated is no measurement.
+    assert_eq!((r.vectors[0].direction_b.len(), r.vectors[1].direction_b.len()), (30, 1));
+    for (given, expected) in r.wheel_speed_rad_s.value[0].iter().zip([2.0 * pi, -2.0 * pi, 0.0]) {
+        assert!((given - expected).abs() < 1e-12);
+    }
+    assert_eq!(r.wheel_torque_command_n_m.value[0], [0.1, 0.0, -0.05]);
+    // Slot by slot: opens at 0.1 s for a quarter of 0.1 s.
+    assert_eq!(r.jet_pulses.len(), 12);
+    assert_eq!(r.jet_pulses[0].len(), 1);
+    assert!((r.jet_pulses[0][0].on_s - 0.1).abs() < 1e-9 && (r.jet_pulses[0][0].off_s - 0.125).abs() < 1e-9);
+    assert!(r.jet_pulses[1].is_empty());
+    assert_eq!((r.bus_voltage_v.len(), r.bus_voltage_v.value[0]), (3, 25.2));
+    assert!((r.tank_pressure_pa.value[2] - 2e7).abs() < 1e-6);
+    assert!((r.temperature_k.value[0] - 293.15).abs() < 1e-12);
+    assert_eq!(r.truth.as_ref().unwrap().q_world_body.len(), 30);
+}
+
+#[test]
+fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
+    let files = Files::new();
+    let csv = lines();
+    let table = [
+        (
+            MAP.replace("unit: rpm", "unit: rps"),
+            csv.clone(),
+            "map.yaml:9: wheel_speed.unit = rps: allowed: one of rad/s, rpm, rev/s, deg/s (unit of these columns)",
+        ),
+        (
+            MAP.replace("[n1, n2, n3]", "[n1, n2]"),
+            csv.clone(),
+            "map.yaml:9: wheel_speed.columns = [n1, n2]: 2 names, but whorl_1 has 3 wheels; allowed: one column for each of wheel_x, wheel_y, wheel_z, in this order",
+        ),
+        (
+            MAP.replace("wheel_speed:", "wheel_sped:"),
+            csv.clone(),
+            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, closed_loop, mounting, delimiter",
+        ),
+        (
+            MAP.replace("u2", "torque_2"),
+            csv.clone(),
+            "a.csv:1: there is no column `torque_2`; there are: ms, gx, gy, gz, ax, ay, az, lx, ly, lz, mx, my, mz, n1, n2, n3, u1, u2, u3, j1, j2, j3, j4, j5, j6, j7, j8, j9, j10, j11, j12, mv, bar, c, qw, qx, qy, qz",
+        ),
+        (
+            MAP.replace(", unit: \"%\"", ""),
+            csv.clone(),
+            "a.csv:12: column `j1`: 25 is refused; allowed: a share of the slot, from 0 to 1 (0 to 100 with unit: \"%\")",
+        ),
+        (
+            MAP.replace("duty, unit: \"%\"", "on_time, unit: s"),
+            csv.clone(),
+            "a.csv:12: column `j1`: 25 is refused; allowed: an on-time from 0 to the slot's length, 0.1 s; is the unit right?",
+        ),
+        (
+            MAP.to_owned(),
+            csv.replace("\n5060,", "\n5050,"),
+            "a.csv:8: column `ms`: time 5.05 s does not come after 5.05 s",
+        ),
+        (
+            MAP.to_owned(),
+            csv.replace("\n5060,", "\n5020,"),
+            "a.csv:8: column `ms`: time 5.02 s does not come after 5.05 s",
+        ),
+        (MAP.to_owned(), HEADER.to_owned(), "a.csv: there are no measurements"),
+        (
+            "    time: {column: ms}\n    temperature: {column: c, unit: degC}\n".to_owned(),
+            csv.clone(),
+            "/csv: gyro: nothing that moves is named; allowed: one of gyro, accelerometer, wheel_speed",
+        ),
+        (
+            "    time: {column: ms, unit: s}\n    gyro: {columns: [gx, gy, gz]}\n    jets: {columns: [j1, j2, j3, j4, j5, j6, j7, j8, j9, j10, j11, j12], quantity: on_time, unit: ms, slot_length_s: 0.1}\n".to_owned(),
+            csv.replace("\n5290,", "\n5000000000,"),
+            "a.csv: from the first to the last line it is 4999995000 s: is the time column's unit right?",
+        ),
+        (
+            MAP.replace(", reference_world: [0, 0.6, -0.8]", ""),
+            csv.clone(),
+            "a.csv: vector sensor 2: the direction that it sees in the world is not known: give reference_world in the map",
+        ),
+    ];
+    for (map, csv, expected) in table {
+        assert_eq!(files.error(&map, &csv), expected);
+    }
+}
+
+#[test]
+fn nan_everywhere_is_an_error_and_in_one_channel_a_remark() {
+    let files = Files::new();
+    let map =
+        "    time: {column: t}\n    gyro: {columns: [x, y, z]}\n    wheel_speed: {columns: [a, b, c]}\n";
+    let line = |i: i32, rest: &str| format!("{i},{rest}\n");
+    let all: String = (0..5).map(|i| line(i, "nan,NaN,,,nan,nan")).collect();
+    assert_eq!(
+        files.error(map, &format!("t,x,y,z,a,b,c\n{all}")),
+        "a.csv: 5 lines, and not one has a number in every column of gyro, accelerometer or wheel_speed: is the map that of this file?"
+    );
+    let one: String = (0..25).map(|i| line(i, &format!("nan,nan,nan,1,2,{i}"))).collect();
+    let imported = files.import(map, &format!("t,x,y,z,a,b,c\n{one}")).unwrap();
+    assert_eq!(
+        imported.recording.remarks,
+        ["The map names columns for gyro, and no line has numbers in all of them: the channel is missing."]
+    );
+    let costs = imported.recording.missing_channels();
+    assert!(costs.iter().any(|cost| cost.starts_with("No gyro: ")), "{costs:?}");
+    assert!(!costs.iter().any(|cost| cost.starts_with("No wheel speed")), "{costs:?}");
+}
+
+#[test]
+fn what_looks_wrong_is_said() {
+    let files = Files::new();
+    let map = "    time: {column: t}\n    gyro: {columns: [x, y, z]}\n    accelerometer: {columns: [a, b, c]}\n    wheel_speed: {columns: [n, n2, n3]}\n";
+    let lines: String =
+        (0..20).map(|i| format!("0.{i:02},{i},0.5,0.{i},0.0,0.01,0.99{i},3000,{i},0\n")).collect();
+    let remarks = files.import(map, &format!("t,x,y,z,a,b,c,n,n2,n3\n{lines}")).unwrap().recording.remarks;
+    for start in [
+        "The run is 0.2 s long: too short",
+        "The gyro reads the same number in all 20 samples (y)",
+        "The accelerometer reads the same number in all 20 samples (x, y)",
+        "The accelerometer's mean length is 0.993 m/s^2 instead of 9.8: its unit looks like g.",
+        "The gyro reads up to 19.000 rad/s and its range is 1.309 rad/s: is the unit deg/s?",
+        "wheel_x reads up to 3000 rad/s and its limit is 314 rad/s: is the unit rpm?",
+    ] {
+        assert!(remarks.iter().any(|remark| remark.starts_with(start)), "{start}: {remarks:#?}");
+    }
+}
+
+#[test]
+fn a_bench_test_needs_no_gyro() {
+    let map = "    time: {column: t, unit: us}\n    wheel_speed: {columns: [a, b, c]}\n    wheel_torque_command: {columns: [u, v, w]}\n    mounting: clamped\n";
+    let lines: String = (0..2000).map(|i| format!("{},{i},0,0,0.1,0,0\n", i * 10_000)).collect();
+    let recording = Files::new().import(map, &format!("t,a,b,c,u,v,w\n{lines}")).unwrap().recording;
+    assert_eq!((recording.mounting, recording.duration_s()), (Mounting::Clamped, 19.99));
+    let costs = recording.missing_channels();
+    assert_eq!(costs.len(), 2, "bus voltage and temperature: {costs:?}");
+}
+
+proptest::proptest! {
+    /// Whatever is in the cells: an error or a recording, never a panic.
+    #[test]
+    fn any_text_is_survived(text in "[-0-9,.e\n\"nai]{0,300}") {
+        let _ = Files::new().import(MAP, &format!("{HEADER}{text}"));
+        let narrow = "    time: {column: t}\n    wheel_speed: {columns: [a, b, c]}\n    jets: {columns: [a, b, c, a, b, c, a, b, c, a, b, c], quantity: on_time, slot_length_s: 0.5}\n";
+        let _ = Files::new().import(narrow, &format!("t,a,b,c\n{text}"));
+    }
+}

@@ -1,0 +1,20 @@
+//! Tests of the crate as a whole.
+
+mod bad_messages;
+mod bad_runs;
+mod csv;
+mod round_trip;
+mod simulated_run;
+
+use std::path::{Path, PathBuf};
+
+use crate::{KnownPlatform, read_model};
+
+/// The parameter files of the repository.
+fn parameters() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
+}
+
+fn whorl_1() -> KnownPlatform {
+    read_model(&parameters().join("whorl_1.yaml"), None).unwrap()
+}
