@@ -1,0 +1,84 @@
+//! The page of reproduced figures and tables.
+
+use crate::document::{Document, text};
+use crate::figure::Figure;
+use crate::series::Curve;
+
+/// One figure or table of a publication, reproduced.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Reproduction {
+    /// Name on the command line, as `table_4_3`.
+    pub name: String,
+    /// Heading.
+    pub title: String,
+    /// Headings and rows of its table, if it has one; numbers' headings begin with `#`.
+    pub table: Option<(Vec<String>, Vec<Vec<String>>)>,
+    /// Its plots.
+    pub plots: Vec<ReproducedPlot>,
+    /// What differs from print, and why: a sentence each.
+    pub sentences: Vec<String>,
+}
+
+/// A curve: legend and points.
+pub type NamedPoints = (String, Vec<(f64, f64)>);
+
+/// One plot.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReproducedPlot {
+    /// Heading.
+    pub title: String,
+    /// How to read it.
+    pub caption: String,
+    /// Quantities and units on the axes, horizontal first.
+    pub labels: [String; 2],
+    /// Which axes are logarithmic, horizontal first.
+    pub logarithmic: [bool; 2],
+    /// Solid curves.
+    pub curves: Vec<NamedPoints>,
+    /// Dashed curves, coloured like the solid curve of the same position.
+    pub dashed: Vec<NamedPoints>,
+}
+
+/// The page of all reproductions.
+#[must_use]
+pub fn reproduction_html(title: &str, introduction: &str, items: &[Reproduction]) -> String {
+    let mut page = Document::new(title);
+    page.paragraph("", introduction);
+    for item in items {
+        page.heading(&item.title);
+        if let Some((headings, rows)) = &item.table {
+            let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
+            let cells = |row: &Vec<String>| row.iter().zip(&headings).map(|(c, h)| cell(c, h)).collect();
+            let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
+            page.table(&headings, &rows);
+        }
+        for plot in &item.plots {
+            page.figure(&figure(plot), None);
+        }
+        page.list(&item.sentences);
+    }
+    page.finish()
+}
+
+fn cell(content: &str, heading: &str) -> String {
+    let cell = text(content);
+    if heading.starts_with('#') { cell.replacen("<td>", "<td class=n>", 1) } else { cell }
+}
+
+fn figure(plot: &ReproducedPlot) -> Figure {
+    let curves = |all: &[NamedPoints]| -> Vec<Curve> {
+        all.iter().map(|(name, points)| Curve::new(name.clone(), points.iter().copied())).collect()
+    };
+    let [x_label, y_label] = plot.labels.clone();
+    Figure {
+        title: plot.title.clone(),
+        caption: plot.caption.clone(),
+        y_label,
+        x_label,
+        curves: curves(&plot.curves),
+        dashed: curves(&plot.dashed),
+        log: plot.logarithmic[1],
+        log_x: plot.logarithmic[0],
+        ..Figure::default()
+    }
+}
