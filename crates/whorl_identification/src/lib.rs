@@ -9,6 +9,7 @@
 //!
 //! Frames, signs and units: see `whorl_math`.
 
+pub mod balance;
 pub mod calibration;
 pub mod data;
 pub mod estimated;
@@ -16,6 +17,7 @@ pub mod mass_parameters;
 pub mod realisability;
 pub mod regression;
 pub mod rigid_body;
+pub mod sequential;
 #[cfg(test)]
 mod tests;
 pub mod trajectory;

@@ -86,6 +86,8 @@ pub struct Actuation {
     demand: Demand,
     unload_n_m: Vec<f64>,
     friction_n_m: Vec<f64>,
+    /// Torque of the model's effects on each wheel, besides bearing friction [N m].
+    wheel_effects_n_m: Vec<f64>,
     wheel_torque_n_m: Vec<f64>,
     on_time_s: Vec<f64>,
     slot: u64,
@@ -142,6 +144,7 @@ impl Actuation {
             wheel_target_rad_s: parameters.wheel_speed_target_rad_s.clone(),
             unload_n_m: vec![0.0; wheels.len()],
             friction_n_m: vec![0.0; wheels.len()],
+            wheel_effects_n_m: vec![0.0; wheels.len()],
             wheel_torque_n_m: vec![0.0; wheels.len()],
             on_time_s: vec![0.0; jets.len()],
             wheels,
@@ -213,6 +216,13 @@ impl Actuation {
             alpha: allocation.alpha,
             achieved_b_n_m: allocation.achieved_torque_b_n_m + self.jet_torque_b_n_m,
             found: found(&allocation),
+        }
+    }
+
+    /// Torque of the model's effects on each wheel \[N m\], which the motors counter from now on.
+    pub fn set_wheel_effects(&mut self, torque_n_m: &[f64]) {
+        for (slot, torque) in self.wheel_effects_n_m.iter_mut().zip(torque_n_m) {
+            *slot = *torque;
         }
     }
 
@@ -329,7 +339,8 @@ impl Actuation {
         for (j, wheel) in self.wheels.iter().enumerate() {
             let speed = wheel_speed_rad_s.get(j).copied().unwrap_or(0.0);
             let coulomb = wheel.coulomb_friction_n_m * (speed / COULOMB_SPEED_RAD_S).clamp(-1.0, 1.0);
-            let friction = wheel.viscous_friction_n_m_s * speed + coulomb;
+            let effects = self.wheel_effects_n_m.get(j).copied().unwrap_or(0.0);
+            let friction = wheel.viscous_friction_n_m_s * speed + coulomb - effects;
             let limit = wheel.max_torque_n_m;
             let taper = |distance_rad_s: f64| {
                 limit * (distance_rad_s / (SPEED_TAPER_SHARE * wheel.max_speed_rad_s)).clamp(0.0, 1.0)

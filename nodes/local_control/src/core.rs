@@ -7,6 +7,7 @@ use thiserror::Error;
 use whorl_control::reference::{EnvelopeError, Reference, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
 use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, TrackingLaw};
+use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::{Environment, Gyrostat, GyrostatError};
 use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -278,6 +279,8 @@ impl LocalControlCore {
             modelled_torque_b_n_m: &self.modelled_torque(estimate),
             dt_s,
         });
+        let effects = self.wheel_effects_n_m(estimate);
+        self.actuation.set_wheel_effects(&effects);
         let actuated =
             self.actuation.apply(estimate.stamp, &output.torque_b_n_m, wheel_speed, self.inputs.jet_failed());
         self.law.integrate(dt_s, actuated.alpha > 0.999);
@@ -300,8 +303,31 @@ impl LocalControlCore {
             return -model.mass_properties.gravity_offset_b_n_m().cross(&environment.vertical_b);
         }
         environment.wheel_speed_rad_s = self.inputs.wheel_speed_rad_s();
-        environment.gas_used_kg = self.actuation.gas_used_kg();
+        self.set_supplies(&mut environment);
         self.gyrostat.modelled_torque_b_n_m(&environment, &[])
+    }
+
+    /// Gas and its pressure, by the model.
+    fn set_supplies(&self, environment: &mut Environment<'_>) {
+        let used_kg = self.actuation.gas_used_kg();
+        environment.gas_used_kg = used_kg;
+        environment.tank_pressure_pa = self.gyrostat.pressure_pa(self.gyrostat.initial_gas_kg() - used_kg);
+    }
+
+    /// Torque of the model's effects on each wheel besides bearing friction, for the motors to counter \[N m\].
+    fn wheel_effects_n_m(&self, estimate: &Estimate) -> [f64; MAX_WHEELS] {
+        let mut torque_n_m = [0.0; MAX_WHEELS];
+        if self.parameters.compensate_effects {
+            let model = self.gyrostat.model();
+            let mut environment = Environment::new(model, estimate.q_world_body, estimate.omega_wb_b_rad_s);
+            environment.wheel_speed_rad_s = self.inputs.wheel_speed_rad_s();
+            environment.wheel_motor_torque_n_m = self.actuation.wheel_torque_n_m();
+            self.set_supplies(&mut environment);
+            if let Some(wheels) = torque_n_m.get_mut(..model.wheels.len()) {
+                self.gyrostat.effects().add_wheel_torque_n_m(&environment, wheels);
+            }
+        }
+        torque_n_m
     }
 
     fn safe(&mut self, now: Timestamp, stamp: Timestamp, authority: Authority, outputs: &mut Outputs) {

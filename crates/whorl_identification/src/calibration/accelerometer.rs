@@ -98,7 +98,8 @@ fn faces(
 ) {
     let mut rows = Vec::new();
     for s in still {
-        let x = (s.specific_force_m_s2 - sensor.bias.value).component_div(&sensor.scale.value.add_scalar(1.0));
+        let x =
+            (s.specific_force_m_s2 - sensor.bias.value).component_div(&sensor.scale.value.add_scalar(1.0));
         let seen = x / x.norm();
         let axis = seen.iamax();
         if seen[axis].abs() > ON_FACE {

@@ -161,15 +161,13 @@ pub(super) fn calibrate(
 /// Weighted mean over the still stretches; their scatter counts where it is larger than their noise.
 fn bias(still: &[Still], sensor: &mut SensorCalibration) {
     for axis in 0..3 {
-        let weights: Vec<f64> = still.iter().map(|s| (s.gyro_stddev_rad_s[axis].powi(2) + 1e-16).recip()).collect();
+        let weights: Vec<f64> =
+            still.iter().map(|s| (s.gyro_stddev_rad_s[axis].powi(2) + 1e-16).recip()).collect();
         let total: f64 = weights.iter().sum();
         let mean = still.iter().zip(&weights).map(|(s, w)| s.gyro_rad_s[axis] * w).sum::<f64>() / total;
-        let scatter = still
-            .iter()
-            .zip(&weights)
-            .map(|(s, w)| w * (s.gyro_rad_s[axis] - mean).powi(2))
-            .sum::<f64>()
-            / (still.len().max(2) - 1) as f64;
+        let scatter =
+            still.iter().zip(&weights).map(|(s, w)| w * (s.gyro_rad_s[axis] - mean).powi(2)).sum::<f64>()
+                / (still.len().max(2) - 1) as f64;
         sensor.bias.value[axis] = mean;
         sensor.bias.stddev[axis] = (scatter.max(1.0) / total).sqrt();
     }
@@ -193,7 +191,8 @@ fn turns<'a>(
         let series = &run.gyro_b_rad_s;
         let first = series.time_s.partition_point(|t| *t < a.to_s);
         let last = series.time_s.partition_point(|t| *t <= b.from_s);
-        let (Some(time_s), Some(rate)) = (series.time_s.get(first..last), series.value.get(first..last)) else {
+        let (Some(time_s), Some(rate)) = (series.time_s.get(first..last), series.value.get(first..last))
+        else {
             continue;
         };
         let noise = 0.5 * (a.specific_force_stddev_m_s2.norm() + b.specific_force_stddev_m_s2.norm()) / 9.81;

@@ -44,7 +44,11 @@ pub struct CalibrationSettings {
 
 impl Default for CalibrationSettings {
     fn default() -> Self {
-        Self { level_stddev_rad: 0.5_f64.to_radians(), known_turn_rad: None, turn_stddev_rad: 0.3_f64.to_radians() }
+        Self {
+            level_stddev_rad: 0.5_f64.to_radians(),
+            known_turn_rad: None,
+            turn_stddev_rad: 0.3_f64.to_radians(),
+        }
     }
 }
 

@@ -89,7 +89,8 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
     let force_limit = 2.5 * quietest(&|n| windows[n].3.1.amax(), force_floor * 0.2);
     // A turn at constant rate is as quiet as rest: its mean is not. Rest is the commonest mean.
     let mut centre = median(windows.iter().filter(|w| w.2.1.amax() < gyro_limit).map(|w| w.2.0));
-    let allowed = |w: &(f64, usize, (Vector3<f64>, Vector3<f64>), (Vector3<f64>, Vector3<f64>)), centre: &Vector3<f64>| {
+    let allowed = |w: &(f64, usize, (Vector3<f64>, Vector3<f64>), (Vector3<f64>, Vector3<f64>)),
+                   centre: &Vector3<f64>| {
         w.1 >= 5
             && w.2.1.amax() < gyro_limit
             && w.3.1.amax() < force_limit
@@ -101,7 +102,8 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
     for n in 0..=windows.len() {
         let still = windows.get(n).is_some_and(|w| {
             // A slow change of position shows in the accelerometer's mean.
-            let steady = began.and_then(|b| windows.get(b)).is_none_or(|b| (b.3.0 - w.3.0).amax() < force_limit);
+            let steady =
+                began.and_then(|b| windows.get(b)).is_none_or(|b| (b.3.0 - w.3.0).amax() < force_limit);
             allowed(w, &centre) && steady
         });
         match (still, began) {
@@ -129,8 +131,13 @@ fn stretch(index: usize, run: &Recording, windows: &[Window], first: usize, last
     let (gyro_rad_s, gyro_scatter) = mean_stddev(&g);
     let (specific_force_m_s2, force_scatter) = mean_stddev(&a);
     let t = &run.temperature_k;
-    let warm: Vec<f64> =
-        t.time_s.iter().zip(&t.value).filter(|(t, _)| (from_s..=to_s).contains(*t)).map(|(_, v)| *v).collect();
+    let warm: Vec<f64> = t
+        .time_s
+        .iter()
+        .zip(&t.value)
+        .filter(|(t, _)| (from_s..=to_s).contains(*t))
+        .map(|(_, v)| *v)
+        .collect();
     let temperature_k = if warm.is_empty() {
         t.held_at(to_s).copied()
     } else {

@@ -79,9 +79,18 @@ fn check(what: &str, found: &crate::calibration::PerAxis, truth: &Vector3<f64>) 
 fn six_positions_and_turns_give_every_error_within_its_uncertainty() {
     let truth = sensors();
     let turns = [
-        quarter(1., 0., 0.), quarter(1., 0., 0.), quarter(1., 0., 0.), quarter(1., 0., 0.),
-        quarter(0., 1., 0.), quarter(0., 1., 0.), quarter(0., 1., 0.), quarter(0., 1., 0.),
-        quarter(1., 0., 0.), quarter(0., 0., 1.), quarter(0., 0., 1.), quarter(0., 0., 1.),
+        quarter(1., 0., 0.),
+        quarter(1., 0., 0.),
+        quarter(1., 0., 0.),
+        quarter(1., 0., 0.),
+        quarter(0., 1., 0.),
+        quarter(0., 1., 0.),
+        quarter(0., 1., 0.),
+        quarter(0., 1., 0.),
+        quarter(1., 0., 0.),
+        quarter(0., 0., 1.),
+        quarter(0., 0., 1.),
+        quarter(0., 0., 1.),
     ];
     let run = record(&truth, &turns, 20.0, 3);
     let before = PlatformModel::whorl_1_reference().sensors;
@@ -90,7 +99,11 @@ fn six_positions_and_turns_give_every_error_within_its_uncertainty() {
     assert_eq!(found.still.len(), 13);
     check("accelerometer bias", &found.accelerometer.bias, &truth.accelerometer.errors.bias);
     check("accelerometer scale", &found.accelerometer.scale, &truth.accelerometer.errors.scale);
-    check("accelerometer misalignment", &found.accelerometer.misalignment_rad, &truth.accelerometer.errors.misalignment_rad);
+    check(
+        "accelerometer misalignment",
+        &found.accelerometer.misalignment_rad,
+        &truth.accelerometer.errors.misalignment_rad,
+    );
     check("gyro bias", &found.gyro.bias, &truth.gyro.errors.bias);
     check("gyro scale", &found.gyro.scale, &truth.gyro.errors.scale);
     check("gyro misalignment", &found.gyro.misalignment_rad, &truth.gyro.errors.misalignment_rad);

@@ -1,4 +1,5 @@
 mod calibration;
 mod regression;
+mod sequential;
 mod simulation;
 mod trajectory;

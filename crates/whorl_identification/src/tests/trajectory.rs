@@ -12,7 +12,7 @@ use crate::trajectory::{Determined, Identification, Settings, identify};
 
 /// Sines on the x and y wheels beside the pendulum's resonance at 0.57 rad/s, steps on the z wheel that
 /// yaw the platform by +-15 deg/s. Tilt stays below 5 deg, momentum below 4 of the wheels' 16 N m s.
-fn swinging(t: f64) -> Vec<f64> {
+pub(super) fn swinging(t: f64) -> Vec<f64> {
     vec![
         0.03 * (1.0 * t).sin(),
         0.04 * (1.3 * t).sin(),
@@ -21,7 +21,7 @@ fn swinging(t: f64) -> Vec<f64> {
 }
 
 /// The attitude in which the platform hangs still.
-fn at_balance(model: &PlatformModel) -> UnitQuaternion<f64> {
+pub(super) fn at_balance(model: &PlatformModel) -> UnitQuaternion<f64> {
     let up = Unit::new_normalize(-model.mass_properties.gravity_offset_b_n_m());
     attitude_from_vertical(up, 0.0)
 }
@@ -47,7 +47,7 @@ fn known_actuators(model: &PlatformModel) -> ModelPrior {
 }
 
 /// A model a tenth off in everything.
-fn wrong_model(truth: &PlatformModel) -> PlatformModel {
+pub(super) fn wrong_model(truth: &PlatformModel) -> PlatformModel {
     let mut model = truth.clone();
     let signs = [1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0];
     let t = mass_vector(&truth.mass_properties);

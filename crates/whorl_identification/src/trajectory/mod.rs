@@ -31,8 +31,11 @@ use crate::mass_parameters::{
     MASS_PARAMETERS, MassCovariance, MassVector, NAMES, inertia_b_kg_m2, mass_vector,
 };
 use crate::realisability::{nearest_realisable, smallest_density_moment_kg_m2};
+pub(crate) use dynamics::{Motion, Physics};
 use fit::{Fitted, Problem, mean_biases};
-use unknowns::{ACTUATORS, FRICTION, Unknowns};
+pub(crate) use segment::Noise;
+pub(crate) use unknowns::Unknowns;
+use unknowns::{ACTUATORS, FRICTION};
 
 /// How a fit is made.
 #[derive(Debug, Clone, PartialEq)]

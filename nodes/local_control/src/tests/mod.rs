@@ -1,5 +1,6 @@
 //! Tests of the core, closed over the truth plant.
 
+mod adoption;
 mod determinism;
 mod gating;
 mod pointing;

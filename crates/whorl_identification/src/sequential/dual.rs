@@ -1,0 +1,138 @@
+//! Parameters from another filter's estimates (eqs. 4.95-4.105).
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::{skew, vertical_b};
+
+use super::SequentialEstimate;
+use crate::mass_parameters::{
+    MASS_PARAMETERS, MassCovariance, MassVector, inertia_regressor, mass_vector, prior_stddev,
+};
+use crate::regression::{StateSample, StateSeries};
+
+type Row = SMatrix<f64, 3, MASS_PARAMETERS>;
+
+/// The parameter filter of a dual pair.
+#[derive(Debug, Clone)]
+pub struct DualFilter {
+    estimate: MassVector,
+    covariance: MassCovariance,
+    prior: MassVector,
+    /// lambda of eq. 4.97 per window, 0 < lambda <= 1.
+    forgetting: f64,
+    /// Length of a window \[s\].
+    window_s: f64,
+    /// Variance of the innovation about each axis.
+    noise: Matrix3<f64>,
+    wheels: StateSeries,
+    start: Option<StateSample>,
+    last: Option<StateSample>,
+    matrix: Row,
+    right: Vector3<f64>,
+}
+
+impl DualFilter {
+    /// Starts from a model and how well it is known. `rate_stddev_rad_s` is the error of the estimated
+    /// rate, `forgetting` the factor per window (1 = never forget).
+    #[must_use]
+    pub fn new(
+        model: &PlatformModel,
+        prior: &ModelPrior,
+        window_s: f64,
+        rate_stddev_rad_s: f64,
+        forgetting: f64,
+    ) -> Self {
+        let stddev = prior_stddev(prior);
+        let inertia = model.mass_properties.inertia_b_kg_m2().diagonal();
+        // Two rates in each innovation.
+        let noise = (inertia * rate_stddev_rad_s).map(|s| 2.0 * s.powi(2) + 1e-12);
+        Self {
+            estimate: mass_vector(&model.mass_properties),
+            covariance: MassCovariance::from_diagonal(&stddev.map(|s| s.powi(2))),
+            prior: stddev,
+            forgetting: forgetting.clamp(0.5, 1.0),
+            window_s,
+            noise: Matrix3::from_diagonal(&noise),
+            wheels: StateSeries {
+                samples: Vec::new(),
+                wheel_momentum_b_kg_m2: StateSeries::momentum_axes(&model.wheels),
+            },
+            start: None,
+            last: None,
+            matrix: Row::zeros(),
+            right: Vector3::zeros(),
+        }
+    }
+
+    /// Takes in the state filter's estimate at one time; answers at the end of each window. A gap of more
+    /// than half a window starts anew.
+    pub fn step(&mut self, sample: &StateSample) -> Option<SequentialEstimate> {
+        let last = self.last.replace(sample.clone());
+        let gap_s = last.as_ref().map_or(f64::INFINITY, |l| sample.time_s - l.time_s);
+        let (Some(start), Some(last)) =
+            (&self.start, last.filter(|_| gap_s > 0.0 && gap_s < 0.5 * self.window_s))
+        else {
+            self.begin(sample);
+            return None;
+        };
+        let quadratic = |s: &StateSample| {
+            let mut row = Row::zeros();
+            let omega = s.omega_wb_b_rad_s;
+            row.fixed_view_mut::<3, 6>(0, 0).copy_from(&(skew(&omega) * inertia_regressor(&omega)));
+            row.fixed_view_mut::<3, 3>(0, 6).copy_from(&-skew(&vertical_b(&s.q_world_body)));
+            row
+        };
+        let gyroscopic = |s: &StateSample| s.omega_wb_b_rad_s.cross(&self.wheels.wheel_momentum_b_n_m_s(s));
+        self.matrix += (quadratic(&last) + quadratic(sample)) * (0.5 * gap_s);
+        self.right +=
+            last.external_torque_b_n_m * gap_s - (gyroscopic(&last) + gyroscopic(sample)) * (0.5 * gap_s);
+        if sample.time_s - start.time_s < self.window_s {
+            return None;
+        }
+        let mut matrix = self.matrix;
+        let change = inertia_regressor(&sample.omega_wb_b_rad_s) - inertia_regressor(&start.omega_wb_b_rad_s);
+        let mut block = matrix.fixed_view_mut::<3, 6>(0, 0);
+        block += change;
+        let wheels = self.wheels.wheel_momentum_b_n_m_s(sample) - self.wheels.wheel_momentum_b_n_m_s(start);
+        let innovation = self.right - wheels - matrix * self.estimate;
+        self.update(&matrix, &innovation);
+        self.begin(sample);
+        Some(SequentialEstimate {
+            time_s: sample.time_s,
+            estimate: self.estimate,
+            covariance: self.covariance,
+            prior_stddev: self.prior,
+        })
+    }
+
+    fn begin(&mut self, sample: &StateSample) {
+        self.start = Some(sample.clone());
+        self.matrix = Row::zeros();
+        self.right = Vector3::zeros();
+    }
+
+    /// Eqs. 4.99-4.101, Joseph's form.
+    fn update(&mut self, matrix: &Row, innovation: &Vector3<f64>) {
+        let before = forget(&self.covariance, &self.prior, self.forgetting);
+        let spread = matrix * before * matrix.transpose() + self.noise;
+        let Some(factor) = spread.cholesky() else { return };
+        let gain = before * matrix.transpose() * factor.inverse();
+        let rest = MassCovariance::identity() - gain * matrix;
+        let covariance = rest * before * rest.transpose() + gain * self.noise * gain.transpose();
+        let estimate = self.estimate + gain * innovation;
+        if estimate.iter().all(|x| x.is_finite()) {
+            self.estimate = estimate;
+            self.covariance = 0.5 * (covariance + covariance.transpose());
+        }
+    }
+}
+
+/// P / lambda, with no variance beyond the prior's.
+pub(super) fn forget(covariance: &MassCovariance, prior: &MassVector, lambda: f64) -> MassCovariance {
+    let scale = MassVector::from_fn(|i, _| {
+        let variance = covariance[(i, i)].max(1e-300);
+        (prior[i].powi(2) / variance).clamp(1.0, 1.0 / lambda).sqrt()
+    });
+    let scale = MassCovariance::from_diagonal(&scale);
+    scale * covariance * scale
+}

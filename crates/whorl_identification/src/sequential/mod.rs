@@ -1,0 +1,42 @@
+//! Mass properties while the platform moves (section 4.6.5, eqs. 4.92-4.105).
+//!
+//! - [`JointFilter`]: attitude, rate, gyro bias and the nine parameters in one state (eqs. 4.92-4.94), as
+//!   extended, iterated or unscented filter;
+//! - [`DualFilter`]: the parameters alone (eqs. 4.95-4.105), fed with another filter's estimates. The
+//!   innovation of eq. 4.104 divides a difference of rates by the time between them; here the same equation
+//!   is integrated over a window, which needs no derivative. Its noise stands in the matrix, so it is biased
+//!   like the batch regressions; the joint filter is not.
+//!
+//! Both forget with the factor lambda of eqs. 4.97-4.99, but a parameter is never forgotten beyond what was
+//! known before the start: its variance stops at the prior's. So a parameter that is not excited keeps its
+//! value and its uncertainty instead of wandering off (covariance wind-up).
+
+mod dual;
+mod joint;
+mod unscented;
+
+pub use dual::DualFilter;
+pub use joint::{JointFilter, JointUpdate};
+
+use crate::mass_parameters::{MassCovariance, MassVector};
+
+/// What a sequential filter knows now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SequentialEstimate {
+    /// Time \[s\].
+    pub time_s: f64,
+    /// The nine parameters.
+    pub estimate: MassVector,
+    /// Their covariance.
+    pub covariance: MassCovariance,
+    /// Standard deviations before the start.
+    pub prior_stddev: MassVector,
+}
+
+impl SequentialEstimate {
+    /// Standard deviations now.
+    #[must_use]
+    pub fn stddev(&self) -> MassVector {
+        self.covariance.diagonal().map(|v| v.max(0.0).sqrt())
+    }
+}

@@ -1,0 +1,58 @@
+//! The unscented step: 2 n points of equal weight (S. J. Julier and J. K. Uhlmann, Proc. IEEE 92(3), 2004,
+//! with kappa = 0).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::joint::{JointFilter, Mean, STATE, StateMatrix, StateVector};
+use crate::data::Point;
+
+impl JointFilter {
+    pub(super) fn unscented(&mut self, last: &Point, point: &Point, dt_s: f64) -> Option<()> {
+        let points: Vec<Mean> = self
+            .spread(&self.mean, &self.covariance)?
+            .iter()
+            .map(|p| self.carried(p, last, point))
+            .collect::<Option<_>>()?;
+        let centre = self.carried(&self.mean, last, point)?;
+        let (mean, covariance) = gathered(&centre, &points);
+        let covariance = self.with_process(&covariance, dt_s);
+
+        let points = self.spread(&mean, &covariance)?;
+        let readings: Vec<DVector<f64>> =
+            points.iter().map(|p| self.readings(p, point)).collect::<Option<_>>()?;
+        let (z, variance) = self.measured(point);
+        let weight = 1.0 / (2.0 * STATE as f64);
+        let expected = readings.iter().fold(DVector::zeros(z.len()), |sum, r| sum + r) * weight;
+        let mut spread = DMatrix::from_diagonal(&variance);
+        let mut cross = DMatrix::zeros(STATE, z.len());
+        for (p, r) in points.iter().zip(&readings) {
+            let difference = r - &expected;
+            spread += &difference * difference.transpose() * weight;
+            let change = mean.to(p);
+            cross += DVector::from_column_slice(change.as_slice()) * difference.transpose() * weight;
+        }
+        let gain = &cross * spread.clone().cholesky()?.inverse();
+        let step = &gain * (z - expected);
+        let less = &gain * spread * gain.transpose();
+        let updated = covariance - StateMatrix::from_iterator(less.iter().copied());
+        self.mean = mean.moved(&StateVector::from_iterator(step.iter().copied()));
+        self.covariance = 0.5 * (updated + updated.transpose());
+        Some(())
+    }
+
+    fn spread(&self, mean: &Mean, covariance: &StateMatrix) -> Option<Vec<Mean>> {
+        let root = covariance.cholesky()?.l() * (STATE as f64).sqrt();
+        let columns = (0..STATE).map(|n| root.column(n).into_owned());
+        Some(columns.flat_map(|c| [mean.moved(&c), mean.moved(&-c)]).collect())
+    }
+}
+
+/// Mean and covariance of points around a centre.
+fn gathered(centre: &Mean, points: &[Mean]) -> (Mean, StateMatrix) {
+    let weight = 1.0 / points.len().max(1) as f64;
+    let changes: Vec<StateVector> = points.iter().map(|p| centre.to(p)).collect();
+    let shift = changes.iter().sum::<StateVector>() * weight;
+    let covariance =
+        changes.iter().map(|c| (c - shift) * (c - shift).transpose()).sum::<StateMatrix>() * weight;
+    (centre.moved(&shift), covariance)
+}

@@ -1,0 +1,68 @@
+//! What the model learns of the platform is used at once: the pointing error falls with every effect that
+//! the truth has and the model adopts.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_control::Reference;
+use whorl_dynamics::InitialState;
+use whorl_msgs::whorl::ControlStatus;
+
+use super::rig::*;
+
+/// Yaw of 20 degrees to both sides in 40 s, tilted by some degrees: 3.1 deg/s at most.
+fn swing(time_s: f64) -> Reference {
+    let (amplitude_rad, rate) = (0.35, TAU / 40.0);
+    let tilted = balanced();
+    let (sin, cos) = (rate * time_s).sin_cos();
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), amplitude_rad * (1.0 - cos));
+    let axis_b = tilted.inverse_transform_vector(&Vector3::z());
+    Reference {
+        q_world_reference: turned * tilted,
+        omega_wr_r_rad_s: axis_b * (amplitude_rad * rate * sin),
+        omega_dot_wr_r_rad_s2: axis_b * (amplitude_rad * rate * rate * cos),
+    }
+}
+
+/// RMS pointing error over a period of the swing [deg]; the truth has the effect, the model has adopted it or not.
+fn pointing_error_deg(id: &str, parameters_of_effect: &[(&str, f64)], adopted: bool) -> f64 {
+    let mut parameters = parameters("whorl_1", &["actuators:=wheels"]);
+    let mut truth = parameters.model.clone();
+    let values: BTreeMap<String, f64> =
+        parameters_of_effect.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+    truth.effects.insert(id.to_owned(), values.clone());
+    if adopted {
+        parameters.model.effects.insert(id.to_owned(), values);
+    }
+    let start = InitialState {
+        q_world_body: balanced(),
+        wheel_speed_rad_s: vec![60.0, -40.0, 50.0],
+        ..InitialState::default()
+    };
+    let mut rig = Rig::new(parameters, &truth, start);
+    rig.reference = Some(Box::new(swing));
+    rig.run(40.0);
+    let steps = rig.run(40.0);
+    assert_eq!(rig.mode(), (ControlStatus::MODE_TRACK, ControlStatus::REASON_NONE), "{id}");
+    rms_deg(&steps, |time_s| swing(time_s).q_world_reference)
+}
+
+#[test]
+fn every_adopted_effect_lowers_the_pointing_error() {
+    let cases: [(&str, &[(&str, f64)]); 7] = [
+        ("bearing_coulomb_friction", &[("torque_n_m", 0.02)]),
+        ("bearing_viscous_friction", &[("c_n_m_s", 0.5)]),
+        ("magnetic_torque", &[("dipole_x_a_m2", 400.0)]),
+        ("wheel_misalignment", &[("wheel_z_a_rad", 0.1), ("wheel_z_b_rad", -0.1)]),
+        ("wheel_friction", &[("wheel_z_coulomb_n_m", 0.02)]),
+        ("wheel_windage", &[("wheel_z_n_m_s2", 5e-6)]),
+        ("thruster_leak", &[("jet_3_n", 0.05)]),
+    ];
+    for (id, values) in cases {
+        let before = pointing_error_deg(id, values, false);
+        let after = pointing_error_deg(id, values, true);
+        assert!(after < 0.5 * before, "{id}: {before} deg before, {after} deg after");
+        assert!(after < 0.01, "{id}: {after}");
+    }
+}
