@@ -88,6 +88,7 @@ pub struct Bus {
     link: Link,
     outputs: Outputs,
     stepped: Vec<usize>,
+    link_messages: u64,
 }
 
 impl Bus {
@@ -111,6 +112,7 @@ impl Bus {
             link: Link::new(link, start, seed),
             outputs: Outputs::default(),
             stepped: Vec::new(),
+            link_messages: 0,
         }
     }
 
@@ -133,6 +135,12 @@ impl Bus {
     #[must_use]
     pub fn now(&self) -> Timestamp {
         self.now
+    }
+
+    /// Messages sent from one computer to another so far, each receiver counted, lost ones included.
+    #[must_use]
+    pub fn link_messages(&self) -> u64 {
+        self.link_messages
     }
 
     /// Whether the named node has finished its work.
@@ -211,7 +219,8 @@ impl Bus {
             let delay = if self.nodes[node].host == from {
                 Some(self.local_delay)
             } else {
-                self.link.delay(self.now)
+                self.link_messages += 1;
+                self.link.delay(self.now, [from, self.nodes[node].host])
             };
             if let Some(delay) = delay {
                 let message = Arc::clone(&message);

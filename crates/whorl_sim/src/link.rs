@@ -4,7 +4,10 @@ use std::time::Duration;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use whorl_msgs::topics::PlatformId;
 use whorl_node::Timestamp;
+
+use crate::bus::Host;
 
 /// A time in which nothing passes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,6 +16,8 @@ pub struct Cut {
     pub start_s: f64,
     /// Length \[s\], >= 0.
     pub length_s: f64,
+    /// The platform whose computer is cut off from all others; `None`: every link is cut.
+    pub platform: Option<PlatformId>,
 }
 
 /// How the link behaves.
@@ -41,13 +46,16 @@ impl Link {
         Self { parameters, start, rng: Pcg64Mcg::seed_from_u64(seed) }
     }
 
-    /// Delay of a message sent now; `None` when it is lost.
-    pub(crate) fn delay(&mut self, now: Timestamp) -> Option<Duration> {
+    /// Delay of a message sent now between these computers; `None` when it is lost.
+    pub(crate) fn delay(&mut self, now: Timestamp, ends: [Host; 2]) -> Option<Duration> {
         // Both numbers are drawn for every message, so that a parameter that is zero does not
         // change the sequence of the other.
         let (loss, jitter) = (self.uniform(), self.uniform());
         let elapsed_s = now.seconds_since(self.start);
-        let cut = self.parameters.cuts.iter().any(|c| (0.0..c.length_s).contains(&(elapsed_s - c.start_s)));
+        let cut = self.parameters.cuts.iter().any(|c| {
+            (0.0..c.length_s).contains(&(elapsed_s - c.start_s))
+                && c.platform.is_none_or(|platform| ends.contains(&Host::Platform(platform)))
+        });
         let delay_s = self.parameters.delay_s + jitter * self.parameters.jitter_s;
         (!cut && loss >= self.parameters.loss).then(|| Duration::from_nanos((delay_s * 1e9) as u64))
     }
@@ -62,12 +70,24 @@ impl Link {
 mod tests {
     use super::*;
 
+    const ENDS: [Host; 2] = [Host::Platform(PlatformId(0)), Host::Ground];
+
+    #[test]
+    fn one_platform_can_be_cut_off_alone() {
+        let cuts = vec![Cut { start_s: 0.0, length_s: 1.0, platform: Some(PlatformId(1)) }];
+        let mut link = Link::new(LinkParameters { cuts, ..Default::default() }, Timestamp(0), 7);
+        let mut passes = |from, to| link.delay(Timestamp(0), [from, to]).is_some();
+        let [one, two] = [0, 1].map(|id| Host::Platform(PlatformId(id)));
+        assert!(passes(one, Host::Ground) && passes(Host::Ground, one));
+        assert!(!passes(two, Host::Ground) && !passes(one, two));
+    }
+
     #[test]
     fn loses_the_stated_share_and_delays_within_the_stated_range() {
         let parameters = LinkParameters { delay_s: 0.02, jitter_s: 0.01, loss: 0.2, cuts: vec![] };
         let mut link = Link::new(parameters, Timestamp(0), 7);
         let delays: Vec<f64> =
-            (0..100_000).filter_map(|_| link.delay(Timestamp(0))).map(|d| d.as_secs_f64()).collect();
+            (0..100_000).filter_map(|_| link.delay(Timestamp(0), ENDS)).map(|d| d.as_secs_f64()).collect();
         let share = delays.len() as f64 / 1e5;
         // Five standard deviations of a binomial count.
         assert!((share - 0.8).abs() < 5.0 * (0.2f64 * 0.8 / 1e5).sqrt(), "{share}");
@@ -78,10 +98,10 @@ mod tests {
 
     #[test]
     fn nothing_passes_in_a_cut() {
-        let cuts = vec![Cut { start_s: 1.0, length_s: 2.0 }];
+        let cuts = vec![Cut { start_s: 1.0, length_s: 2.0, platform: None }];
         let mut link =
             Link::new(LinkParameters { cuts, ..Default::default() }, Timestamp::from_seconds(10.0), 7);
-        let mut passes = |t: f64| link.delay(Timestamp::from_seconds(10.0 + t)).is_some();
+        let mut passes = |t: f64| link.delay(Timestamp::from_seconds(10.0 + t), ENDS).is_some();
         assert_eq!([0.999, 1.0, 2.999, 3.0].map(&mut passes), [true, false, false, true]);
     }
 }

@@ -65,6 +65,7 @@ struct SimulationParameters {
 }
 
 fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
+    let platforms = formation(r).platforms;
     let local_delay_s = r.f64_or(
         "local_delay_s",
         2e-4,
@@ -83,12 +84,23 @@ fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
                     r.group(name, |r| Cut {
                         start_s: r.f64("start_s", non_negative(), "when the link is cut, from the start [s]"),
                         length_s: r.f64("length_s", non_negative(), "for how long [s]"),
+                        platform: read_cut_platform(r, &platforms),
                     })
                 })
             })
             .collect(),
     });
     Some(SimulationParameters { local_delay: Duration::from_secs_f64(local_delay_s), link })
+}
+
+fn read_cut_platform(r: &mut Reader<'_>, platforms: &[String]) -> Option<PlatformId> {
+    let name =
+        r.optional_string("platform", "the platform that is cut off alone; left out: every link is cut")?;
+    let found = platforms.iter().position(|platform| *platform == name);
+    if found.is_none() {
+        r.reject("platform", format!("`{name}` is no platform; allowed: {}", platforms.join(", ")));
+    }
+    found.and_then(|index| u16::try_from(index).ok()).map(PlatformId)
 }
 
 /// Collects what each node's parameters came to.

@@ -1,0 +1,144 @@
+//! Every run that follows from a definition.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+use whorl_params::{Override, ParameterErrors, ParameterTree, Reader, formation, standard_layers};
+
+use crate::definition::{Axis, Definition};
+
+/// More runs than this are taken for a mistake.
+const MOST_RUNS: u64 = 10_000_000;
+
+/// All runs, in the order of the table.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The definition.
+    pub definition: Definition,
+    /// Experiment files with the parameter files below them.
+    layers: Vec<Vec<PathBuf>>,
+    always: Vec<Override>,
+    /// Parsed overrides of every choice of every axis.
+    overrides: Vec<Vec<Vec<Override>>>,
+    runs: u64,
+}
+
+/// One run.
+#[derive(Debug, Clone)]
+pub struct RunSpec {
+    /// Its number, from 0.
+    pub index: u64,
+    /// Name of its experiment.
+    pub experiment: String,
+    /// Seed of its noise.
+    pub seed: u64,
+    /// Label of each axis.
+    pub labels: Vec<String>,
+    /// Parameter files, lowest layer first.
+    pub layers: Vec<PathBuf>,
+    /// What differs from them.
+    pub overrides: Vec<Override>,
+}
+
+/// A campaign that cannot be planned.
+#[derive(Debug, Error)]
+pub enum PlanError {
+    /// An experiment that is not there.
+    #[error("no experiment file {0}")]
+    NoExperiment(PathBuf),
+    /// Parameters or overrides that are wrong.
+    #[error("{0}")]
+    Parameters(#[from] ParameterErrors),
+    /// An override that is none.
+    #[error("sweep.{axis}: {problem}")]
+    Override {
+        /// Which axis.
+        axis: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// Too many runs.
+    #[error("{0} runs: at most {MOST_RUNS} in one campaign")]
+    TooMany(u128),
+}
+
+impl Plan {
+    /// From a definition and the parameter folder.
+    ///
+    /// # Errors
+    /// Files that are not there, parameters that cannot be loaded, overrides that are none.
+    pub fn new(definition: Definition, parameters: &Path) -> Result<Self, PlanError> {
+        let mut layers = Vec::with_capacity(definition.experiments.len());
+        for name in &definition.experiments {
+            let file = parameters.join("experiments").join(format!("{name}.yaml"));
+            if !file.is_file() {
+                return Err(PlanError::NoExperiment(file));
+            }
+            let tree = ParameterTree::load(&standard_layers(parameters, &[], Some(&file)), &[])?;
+            let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
+            let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
+            layers.push(standard_layers(parameters, &names, Some(&file)));
+        }
+        let parse = |axis: &str, text: &String| {
+            Override::parse(text)
+                .map_err(|e| PlanError::Override { axis: axis.to_owned(), problem: e.to_string() })
+        };
+        let always = definition.always.iter().map(|o| parse("always", o)).collect::<Result<_, _>>()?;
+        let of_axis = |axis: &Axis| -> Result<Vec<Vec<Override>>, PlanError> {
+            let choice =
+                |c: &crate::definition::Choice| c.overrides.iter().map(|o| parse(&axis.name, o)).collect();
+            axis.choices.iter().map(choice).collect()
+        };
+        let overrides = definition.axes.iter().map(of_axis).collect::<Result<_, _>>()?;
+        let combinations: u128 = definition.axes.iter().map(|a| a.choices.len() as u128).product();
+        let runs = definition.experiments.len() as u128 * combinations * u128::from(definition.seeds);
+        let runs = u64::try_from(runs).ok().filter(|n| *n <= MOST_RUNS).ok_or(PlanError::TooMany(runs))?;
+        Ok(Self { definition, layers, always, overrides, runs })
+    }
+
+    /// How many runs.
+    #[must_use]
+    pub fn len(&self) -> u64 {
+        self.runs
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.runs == 0
+    }
+
+    /// The run with this number: seeds change fastest, experiments slowest.
+    #[must_use]
+    pub fn run(&self, index: u64) -> Option<RunSpec> {
+        if index >= self.runs {
+            return None;
+        }
+        let mut rest = index;
+        let mut digit = |base: u64| {
+            let value = rest % base.max(1);
+            rest /= base.max(1);
+            value
+        };
+        let seed = self.definition.first_seed + digit(self.definition.seeds);
+        let mut labels = vec![String::new(); self.definition.axes.len()];
+        let mut chosen = vec![0; self.definition.axes.len()];
+        for (k, axis) in self.definition.axes.iter().enumerate().rev() {
+            chosen[k] = usize::try_from(digit(axis.choices.len() as u64)).ok()?;
+            labels[k].clone_from(&axis.choices.get(chosen[k])?.label);
+        }
+        let experiment = usize::try_from(digit(self.definition.experiments.len() as u64)).ok()?;
+        let mut overrides = self.always.clone();
+        for (k, choice) in chosen.iter().enumerate() {
+            overrides.extend(self.overrides.get(k)?.get(*choice)?.iter().cloned());
+        }
+        Some(RunSpec {
+            index,
+            experiment: self.definition.experiments.get(experiment)?.clone(),
+            seed,
+            labels,
+            layers: self.layers.get(experiment)?.clone(),
+            overrides,
+        })
+    }
+}

@@ -1,0 +1,175 @@
+//! All rows as CSV, and percentiles over what was swept.
+
+use std::io;
+
+use crate::plan::Plan;
+use crate::row::{METRICS, Row};
+
+/// Percentiles that tables and plots show.
+pub const PERCENTILES: [f64; 3] = [0.05, 0.5, 0.95];
+
+fn csv_error(error: impl std::fmt::Display) -> io::Error {
+    io::Error::other(error.to_string())
+}
+
+/// A row as a line of CSV.
+pub(crate) fn row_text(row: &Row) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    // Writing to memory does not fail.
+    let _ = writer.write_record(record(row));
+    let bytes = writer.into_inner().unwrap_or_default();
+    String::from_utf8(bytes).unwrap_or_default()
+}
+
+fn record(row: &Row) -> Vec<String> {
+    let head = [row.index.to_string(), row.experiment.clone(), row.seed.to_string()];
+    let outcome = [row.outcome.clone(), row.reason.clone()];
+    // Shortest text that reads back to the same number; nothing for none.
+    let number = |v: &f64| if v.is_nan() { String::new() } else { format!("{v:?}") };
+    head.into_iter()
+        .chain(row.labels.iter().cloned())
+        .chain(outcome)
+        .chain(row.metrics.iter().map(number))
+        .collect()
+}
+
+pub(crate) fn parse_row(text: &str, axes: usize) -> io::Result<Row> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_bytes());
+    let record = reader.records().next().ok_or_else(|| csv_error("an empty row"))?.map_err(csv_error)?;
+    let field = |k: usize| record.get(k).unwrap_or_default();
+    if record.len() != 5 + axes + METRICS.len() {
+        return Err(csv_error(format!(
+            "a row with {} columns; the campaign has {}",
+            record.len(),
+            5 + axes + METRICS.len()
+        )));
+    }
+    let number = |k: usize| match field(k) {
+        "" => Ok(f64::NAN),
+        text => text.parse().map_err(csv_error),
+    };
+    Ok(Row {
+        index: field(0).parse().map_err(csv_error)?,
+        experiment: field(1).to_owned(),
+        seed: field(2).parse().map_err(csv_error)?,
+        labels: (0..axes).map(|k| field(3 + k).to_owned()).collect(),
+        outcome: field(3 + axes).to_owned(),
+        reason: field(4 + axes).to_owned(),
+        metrics: (0..METRICS.len()).map(|k| number(5 + axes + k)).collect::<io::Result<_>>()?,
+    })
+}
+
+/// All rows with a header.
+#[must_use]
+pub fn csv_text(plan: &Plan, rows: &[Row]) -> String {
+    let axes = plan.definition.axes.iter().map(|a| a.name.clone());
+    let header: Vec<String> = ["run", "experiment", "seed"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(axes)
+        .chain(["outcome", "reason"].map(str::to_owned))
+        .chain(METRICS.map(str::to_owned))
+        .collect();
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let _ = writer.write_record(header);
+    for row in rows {
+        let _ = writer.write_record(record(row));
+    }
+    String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default()
+}
+
+/// Runs that differ in nothing but their seed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Group {
+    /// Their experiment.
+    pub experiment: String,
+    /// Their label on each axis.
+    pub labels: Vec<String>,
+    /// How many runs.
+    pub runs: usize,
+    /// How many finished.
+    pub finished: usize,
+    /// Per metric: [`PERCENTILES`] over the runs that have it; NaN for none.
+    pub percentiles: Vec<[f64; 3]>,
+}
+
+/// The groups, in the order of the table.
+#[must_use]
+pub fn groups(rows: &[Row]) -> Vec<Group> {
+    let mut keys: Vec<(&str, &[String])> = Vec::new();
+    for row in rows {
+        let key = (row.experiment.as_str(), row.labels.as_slice());
+        if !keys.contains(&key) {
+            keys.push(key);
+        }
+    }
+    let group = |(experiment, labels): (&str, &[String])| {
+        let own: Vec<&Row> =
+            rows.iter().filter(|r| r.experiment == experiment && r.labels == labels).collect();
+        let percentiles = (0..METRICS.len())
+            .map(|k| {
+                let mut values: Vec<f64> =
+                    own.iter().filter_map(|r| r.metrics.get(k).copied()).filter(|v| v.is_finite()).collect();
+                values.sort_by(f64::total_cmp);
+                PERCENTILES.map(|p| percentile(&values, p))
+            })
+            .collect();
+        Group {
+            experiment: experiment.to_owned(),
+            labels: labels.to_vec(),
+            runs: own.len(),
+            finished: own.iter().filter(|r| r.outcome == "finished").count(),
+            percentiles,
+        }
+    };
+    keys.into_iter().map(group).collect()
+}
+
+/// Of sorted values, interpolated linearly between the two nearest; NaN without any.
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let at = share * last as f64;
+    let below = at.floor() as usize;
+    let value = |k: usize| sorted.get(k.min(last)).copied().unwrap_or(f64::NAN);
+    value(below) + (value(below + 1) - value(below)) * (at - below as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(index: u64, label: &str, value: f64) -> Row {
+        let mut metrics = vec![f64::NAN; METRICS.len()];
+        metrics[1] = value;
+        Row {
+            index,
+            experiment: "e".into(),
+            seed: index,
+            labels: vec![label.into()],
+            outcome: "finished".into(),
+            reason: "a, \"b\"".into(),
+            metrics,
+        }
+    }
+
+    #[test]
+    fn a_row_survives_its_text() {
+        let before = row(7, "0.1", 1.0 / 3.0);
+        let after = parse_row(&row_text(&before), 1).unwrap();
+        assert_eq!(after.metrics[1].to_bits(), (1.0_f64 / 3.0).to_bits());
+        assert!(after.metrics[0].is_nan());
+        assert_eq!((after.index, &after.labels, &after.reason), (7, &before.labels, &before.reason));
+        assert!(parse_row("1,2,3\n", 1).is_err());
+    }
+
+    #[test]
+    fn percentiles_are_those_of_each_group() {
+        let rows: Vec<Row> = (0..=100).map(|k| row(k, "a", k as f64)).chain([row(101, "b", 5.0)]).collect();
+        let groups = groups(&rows);
+        assert_eq!(groups.len(), 2);
+        assert_eq!(groups[0].percentiles[1], [5.0, 50.0, 95.0]);
+        assert_eq!(groups[1].percentiles[1], [5.0; 3]);
+        assert!(groups[0].percentiles[0][1].is_nan());
+        assert_eq!((groups[0].runs, groups[0].finished), (101, 101));
+    }
+}

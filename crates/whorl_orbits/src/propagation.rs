@@ -1,0 +1,95 @@
+//! Motion of one spacecraft around the Earth.
+
+use nalgebra::{SVector, Vector3};
+
+use crate::elements::{Elements, OrbitError};
+use crate::runge_kutta::integrate;
+use crate::{EARTH_J2, EARTH_MU_M3_S2, EARTH_RADIUS_M};
+
+/// Longest step of the numerical propagator \[s\]: millimetres over a day in a low orbit.
+const STEP_S: f64 = 5.0;
+
+/// Position and velocity in inertial axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OrbitState {
+    /// Position from the Earth's centre \[m\].
+    pub position_m: Vector3<f64>,
+    /// Velocity \[m/s\].
+    pub velocity_m_s: Vector3<f64>,
+}
+
+/// How a spacecraft is propagated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Propagator {
+    /// (2.3): two bodies, in closed form.
+    TwoBody,
+    /// (2.4) with the acceleration of the Earth's oblateness, numerically.
+    J2,
+}
+
+impl Propagator {
+    /// The state `dt_s` later (or earlier).
+    ///
+    /// # Errors
+    /// A state that is on no ellipse.
+    pub fn after(self, state: &OrbitState, dt_s: f64) -> Result<OrbitState, OrbitError> {
+        match self {
+            Self::TwoBody => Ok(Elements::of(state)?.after(dt_s).state()),
+            Self::J2 => {
+                Elements::of(state)?;
+                let end = integrate(state.vector(), dt_s, STEP_S, |x| {
+                    let r = x.fixed_rows::<3>(0).into_owned();
+                    let a = two_body_m_s2(&r) + oblateness_m_s2(&r);
+                    let mut derivative = SVector::<f64, 6>::zeros();
+                    derivative.fixed_rows_mut::<3>(0).copy_from(&x.fixed_rows::<3>(3));
+                    derivative.fixed_rows_mut::<3>(3).copy_from(&a);
+                    derivative
+                });
+                Ok(OrbitState::from_vector(&end))
+            }
+        }
+    }
+}
+
+impl OrbitState {
+    fn vector(&self) -> SVector<f64, 6> {
+        let mut x = SVector::<f64, 6>::zeros();
+        x.fixed_rows_mut::<3>(0).copy_from(&self.position_m);
+        x.fixed_rows_mut::<3>(3).copy_from(&self.velocity_m_s);
+        x
+    }
+
+    fn from_vector(x: &SVector<f64, 6>) -> Self {
+        Self {
+            position_m: x.fixed_rows::<3>(0).into_owned(),
+            velocity_m_s: x.fixed_rows::<3>(3).into_owned(),
+        }
+    }
+}
+
+/// (2.1) \[m/s^2\].
+#[must_use]
+pub fn two_body_m_s2(position_m: &Vector3<f64>) -> Vector3<f64> {
+    -position_m * (EARTH_MU_M3_S2 / position_m.norm().powi(3))
+}
+
+/// Acceleration of the Earth's oblateness, J2 alone \[m/s^2\] (Schaub and Junkins, equation 11.57).
+#[must_use]
+pub fn oblateness_m_s2(position_m: &Vector3<f64>) -> Vector3<f64> {
+    let r = position_m.norm();
+    let sine2 = (position_m.z / r).powi(2);
+    let size = -1.5 * EARTH_J2 * EARTH_MU_M3_S2 / (r * r) * (EARTH_RADIUS_M / r).powi(2);
+    let along = |factor: f64, component: f64| factor * component / r;
+    Vector3::new(
+        along(1.0 - 5.0 * sine2, position_m.x),
+        along(1.0 - 5.0 * sine2, position_m.y),
+        along(3.0 - 5.0 * sine2, position_m.z),
+    ) * size
+}
+
+/// Drift of the node by J2, averaged over a revolution \[rad/s\] (Schaub and Junkins, equation 11.86).
+#[must_use]
+pub fn node_drift_rad_s(elements: &Elements) -> f64 {
+    let ratio = EARTH_RADIUS_M / elements.parameter_m();
+    -1.5 * EARTH_J2 * elements.mean_motion_rad_s() * ratio * ratio * elements.inclination_rad.cos()
+}
