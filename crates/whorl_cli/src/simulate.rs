@@ -40,6 +40,9 @@ pub struct Arguments {
     /// Print the nodes' log lines.
     #[arg(long, short)]
     verbose: bool,
+    /// Says nothing about the run: it is a step of another command.
+    #[arg(skip)]
+    quiet: bool,
 }
 
 /// Records what is published and keeps warnings.
@@ -98,6 +101,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         writer.finish(utc_now())?;
     }
     let outcome = simulated?;
+    if arguments.quiet {
+        return Ok(());
+    }
     let elapsed_s = began.elapsed().as_secs_f64();
     println!(
         "simulated {:.1} s in {elapsed_s:.2} s ({:.0} times real time), {} messages{}",
@@ -114,6 +120,26 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("report: {}", page.display());
     }
     Ok(())
+}
+
+/// Simulates an experiment into a run directory without a word or a report, for a look at its motion.
+pub fn record_quietly(
+    experiment: &Path,
+    params: Option<&Path>,
+    out: &Path,
+    seed: u64,
+) -> anyhow::Result<()> {
+    run(&Arguments {
+        experiment: experiment.to_owned(),
+        out: Some(out.to_owned()),
+        seed,
+        params: params.map(Path::to_owned),
+        longest: 3600.0,
+        no_record: false,
+        no_report: true,
+        verbose: false,
+        quiet: true,
+    })
 }
 
 fn layers(arguments: &Arguments) -> anyhow::Result<Vec<PathBuf>> {

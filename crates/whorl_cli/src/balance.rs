@@ -1,0 +1,91 @@
+//! `whorl balance`: which mass actuator to move by how much.
+
+use anyhow::{Context, bail};
+use nalgebra::{Unit, Vector3};
+use whorl_identification::balance::{Ballast, plan_balance};
+use whorl_identification::mass_parameters::gravity_offset_b_n_m;
+use whorl_identification::{Settings, identify};
+use whorl_recording::Recording;
+
+use crate::identify::print_findings;
+use crate::runs::RunArguments;
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    runs: RunArguments,
+    /// A mass that can be moved, as NAME:AXIS:WEIGHT_N:TRAVEL_MM with AXIS x, y, z or three numbers, e.g.
+    /// battery:1,1,0:30:50; may be given several times [default: x, y and z with 20 N and +-100 mm each].
+    #[arg(long, value_name = "BALLAST")]
+    ballast: Vec<String>,
+    /// Offset wanted about z [N m]; negative is stable.
+    #[arg(long, allow_negative_numbers = true, value_name = "N_M")]
+    target_z: Option<f64>,
+}
+
+/// Carries out `whorl balance`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let ballasts: Vec<Ballast> = if arguments.ballast.is_empty() {
+        ["actuator_x:x:20:100", "actuator_y:y:20:100", "actuator_z:z:20:100"].iter().map(|s| parse(s)).collect::<Result<_, _>>()?
+    } else {
+        arguments.ballast.iter().map(|s| parse(s)).collect::<Result<_, _>>()?
+    };
+    if arguments.target_z.is_some_and(|z| !z.is_finite()) {
+        bail!("--target-z is not a number");
+    }
+    let runs = arguments.runs.read()?;
+    let recordings: Vec<&Recording> = runs.training.iter().collect();
+    let found = identify(&recordings, &runs.known.model, &runs.known.prior, &Settings::default())?;
+    print_findings(&found.findings);
+    if !found.usable() {
+        bail!("these runs do not say where the centre of mass is");
+    }
+    let offset = gravity_offset_b_n_m(&found.estimate);
+    let covariance = found.covariance.fixed_view::<3, 3>(6, 6).into_owned();
+    let stddev = covariance.diagonal().map(f64::sqrt);
+    println!(
+        "gravity offset {:.1}, {:.1}, {:.1} N mm (+- {:.1}, {:.1}, {:.1})",
+        1e3 * offset.x, 1e3 * offset.y, 1e3 * offset.z, 1e3 * stddev.x, 1e3 * stddev.y, 1e3 * stddev.z
+    );
+    let target = Vector3::new(0.0, 0.0, arguments.target_z.unwrap_or(offset.z));
+    let plan = plan_balance(&offset, &covariance, &target, &ballasts);
+    for (ballast, moved) in ballasts.iter().zip(&plan.moves_m) {
+        println!("  move {} by {:+.2} mm", ballast.name, 1e3 * moved);
+    }
+    println!(
+        "predicted offset {:.2}, {:.2}, {:.2} N mm; torque left when level {:.2} N mm",
+        1e3 * plan.offset_b_n_m.x, 1e3 * plan.offset_b_n_m.y, 1e3 * plan.offset_b_n_m.z, 1e3 * plan.level_torque_n_m
+    );
+    print_findings(&plan.findings);
+    Ok(())
+}
+
+fn parse(text: &str) -> anyhow::Result<Ballast> {
+    let refuse = || format!("--ballast {text}: allowed: NAME:AXIS:WEIGHT_N:TRAVEL_MM, e.g. actuator_x:x:20:100");
+    let parts: Vec<&str> = text.split(':').collect();
+    let [name, axis, weight, travel] = parts.as_slice() else { bail!(refuse()) };
+    let axis = match *axis {
+        "x" => Vector3::x(),
+        "y" => Vector3::y(),
+        "z" => Vector3::z(),
+        numbers => {
+            let values: Vec<f64> = numbers.split(',').map(str::parse).collect::<Result<_, _>>().with_context(refuse)?;
+            let [x, y, z] = values.as_slice() else { bail!(refuse()) };
+            Vector3::new(*x, *y, *z)
+        }
+    };
+    let axis_b = Unit::try_new(axis, 1e-9).with_context(refuse)?;
+    let weight_n: f64 = weight.parse().with_context(refuse)?;
+    let travel_mm: f64 = travel.parse().with_context(refuse)?;
+    if !(weight_n > 0.0 && travel_mm > 0.0 && weight_n.is_finite() && travel_mm.is_finite()) {
+        bail!(refuse());
+    }
+    Ok(Ballast {
+        name: (*name).to_owned(),
+        axis_b,
+        weight_n,
+        position_m: 0.0,
+        travel_m: (-1e-3 * travel_mm, 1e-3 * travel_mm),
+        step_m: 0.0,
+    })
+}

@@ -1,0 +1,176 @@
+//! `whorl calibrate imu`: sensor errors from still stretches and turns, into the platform's file.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::Subcommand;
+use nalgebra::Vector3;
+use whorl_identification::calibration::{
+    CalibrationSettings, ImuCalibration, PerAxis, SensorCalibration, calibrate_imu,
+};
+use whorl_math::rad_from_deg;
+use whorl_params::{Value, set_in_file};
+use whorl_recording::Recording;
+
+use crate::identify::print_findings;
+use crate::runs::RunArguments;
+use crate::table;
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Gyro and accelerometer: bias, scale, misalignment, noise, temperature. Let the sensor lie still for
+    /// 20 s on each of its six faces and turn it from one to the next.
+    Imu(Imu),
+}
+
+#[derive(Debug, clap::Args)]
+struct Imu {
+    #[command(flatten)]
+    runs: RunArguments,
+    /// Turns about the vertical were by multiples of this angle [deg].
+    #[arg(long, value_name = "DEG")]
+    known_turn_deg: Option<f64>,
+    /// How exactly they were [deg].
+    #[arg(long, value_name = "DEG", default_value_t = 0.3)]
+    turn_error_deg: f64,
+    /// How level each face lay [deg].
+    #[arg(long, value_name = "DEG", default_value_t = 0.5)]
+    level_error_deg: f64,
+    /// Parameter file to write into [default: --model].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Show, but write nothing.
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// Carries out `whorl calibrate`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let What::Imu(imu) = &arguments.what;
+    for (value, what) in [
+        (imu.turn_error_deg, "--turn-error-deg"),
+        (imu.level_error_deg, "--level-error-deg"),
+        (imu.known_turn_deg.unwrap_or(1.0), "--known-turn-deg"),
+    ] {
+        if !(value > 0.0 && value.is_finite()) {
+            bail!("{what} is {value}; allowed: a positive number of degrees");
+        }
+    }
+    let runs = imu.runs.read()?;
+    let recordings: Vec<&Recording> = runs.training.iter().collect();
+    let settings = CalibrationSettings {
+        level_stddev_rad: rad_from_deg(imu.level_error_deg),
+        known_turn_rad: imu.known_turn_deg.map(rad_from_deg),
+        turn_stddev_rad: rad_from_deg(imu.turn_error_deg),
+    };
+    let found = calibrate_imu(&recordings, &runs.known.model.sensors, &settings);
+    print(&found);
+    print_findings(&found.findings);
+    if found.findings.iter().any(|f| f.fatal) {
+        bail!("nothing was written");
+    }
+    if imu.dry_run {
+        return Ok(());
+    }
+    let out = imu.out.as_ref().or(imu.runs.model.as_ref()).context(
+        "name the platform's file to write into with --out (or --model), or use --dry-run",
+    )?;
+    let section = format!("/{}/**", runs.known.platform);
+    let entries = entries(&found);
+    for (key, value, comment) in &entries {
+        set_in_file(out, &section, key, value, Some(comment))
+            .with_context(|| format!("cannot set {key} in {}", out.display()))?;
+    }
+    println!("{} entries written to {}", entries.len(), out.display());
+    Ok(())
+}
+
+/// Key, value and comment of everything that was determined on all axes.
+fn entries(found: &ImuCalibration) -> Vec<(String, Value, String)> {
+    let mut entries = Vec::new();
+    let sensors = [
+        ("gyro", "rad_s", "rad/s", &found.gyro),
+        ("accelerometer", "m_s2", "m/s^2", &found.accelerometer),
+    ];
+    for (name, suffix, unit, sensor) in sensors {
+        let group = format!("model.sensors.{name}");
+        let mut vector = |key: String, v: &PerAxis, unit: &str| {
+            if v.determined() == [true; 3] {
+                entries.push((key, array(&v.value, &v.stddev), format!("[{unit}] calibrated, +- {}", short(&v.stddev))));
+            }
+        };
+        vector(format!("{group}.bias_{suffix}"), &sensor.bias, unit);
+        vector(format!("{group}.scale"), &sensor.scale, "1");
+        vector(format!("{group}.misalignment_rad"), &sensor.misalignment_rad, "rad");
+        let samples = &sensor.noise_stddev;
+        if samples.min() > 0.0 {
+            let value = array(samples, &(samples * 0.01));
+            entries.push((format!("{group}.noise_stddev_{suffix}"), value, format!("[{unit}] per sample, calibrated at {:.1} Hz", found.rate_hz)));
+        }
+        let walk = sensor.noise.map(|n| n.filter(|n| n.walk_seen).map(|n| n.walk));
+        if let [Some(x), Some(y), Some(z)] = walk {
+            let value = Vector3::new(x, y, z);
+            let comment = format!("[{unit}/sqrt(s)] calibrated from the Allan deviation");
+            entries.push((format!("{group}.bias_walk_{suffix}_sqrt_s"), array(&value, &(value * 0.05)), comment));
+        }
+    }
+    entries
+}
+
+/// Digits down to a tenth of the standard deviation.
+fn array(value: &Vector3<f64>, stddev: &Vector3<f64>) -> Value {
+    let rounded = |i: usize| {
+        let digits = (1.0 - stddev[i].max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
+        format!("{:.digits$}", value[i]).parse().unwrap_or(value[i])
+    };
+    Value::DoubleArray((0..3).map(rounded).collect())
+}
+
+fn short(v: &Vector3<f64>) -> String {
+    v.iter().map(|x| table::significant(*x)).collect::<Vec<_>>().join(", ")
+}
+
+fn print(found: &ImuCalibration) {
+    println!("{} still stretches, {:.1} Hz", found.still.len(), found.rate_hz);
+    let headings: Vec<String> =
+        ["", "#x", "#+-", "#y", "#+-", "#z", "#+-", "unit"].iter().map(|s| (*s).to_owned()).collect();
+    let mut rows = Vec::new();
+    for (name, unit, sensor) in [("gyro", "rad/s", &found.gyro), ("accelerometer", "m/s^2", &found.accelerometer)] {
+        let per_kelvin = format!("{unit}/K");
+        let lines: [(&str, &PerAxis, &str); 4] = [
+            ("bias", &sensor.bias, unit),
+            ("scale", &sensor.scale, "1"),
+            ("misalignment", &sensor.misalignment_rad, "rad"),
+            ("bias over temperature", &sensor.temperature_slope, &per_kelvin),
+        ];
+        for (what, v, unit) in lines {
+            let mut row = vec![format!("{name} {what}")];
+            for axis in 0..3 {
+                if v.stddev[axis].is_finite() {
+                    row.extend([table::significant(v.value[axis]), table::significant(v.stddev[axis])]);
+                } else {
+                    row.extend(["not determined".to_owned(), String::new()]);
+                }
+            }
+            row.push(unit.to_owned());
+            rows.push(row);
+        }
+        rows.push(noise_row(name, unit, sensor));
+    }
+    table::print(&headings, &rows);
+}
+
+fn noise_row(name: &str, unit: &str, sensor: &SensorCalibration) -> Vec<String> {
+    let mut row = vec![format!("{name} noise of a sample")];
+    for axis in 0..3 {
+        row.extend([table::significant(sensor.noise_stddev[axis]), String::new()]);
+    }
+    row.push(unit.to_owned());
+    row
+}

@@ -1,0 +1,174 @@
+//! `whorl campaign`: many runs, percentiles, a page.
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use whorl_campaign::work::{Folder, work};
+use whorl_campaign::{Plan, definition, page, table};
+use whorl_params::{ParameterTree, try_read};
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Campaign file, e.g. params/campaigns/compare_laws.yaml.
+    #[arg(value_name = "FILE")]
+    campaign: PathBuf,
+    /// Folder of the campaign; an interrupted one goes on, several machines may share it [default:
+    /// campaigns/<name of the file>].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Parameter folder [default: the campaign file's ../, which is params/].
+    #[arg(long, value_name = "DIR")]
+    params: Option<PathBuf>,
+    /// Runs at the same time [default: one for each core].
+    #[arg(long, short = 'j', value_name = "N")]
+    threads: Option<usize>,
+    /// Seeds, instead of what the file says.
+    #[arg(long, value_name = "N")]
+    seeds: Option<u64>,
+    /// Only say what would be run.
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// Carries out `whorl campaign`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let file = &arguments.campaign;
+    if !file.is_file() {
+        bail!("no campaign file {}", file.display());
+    }
+    let parameters = match &arguments.params {
+        Some(folder) => folder.clone(),
+        None => file
+            .parent()
+            .and_then(Path::parent)
+            .filter(|folder| folder.join("common.yaml").is_file())
+            .map(Path::to_owned)
+            .with_context(|| {
+                format!(
+                    "{} is not in a folder campaigns/ beside a common.yaml; name the parameter folder with --params",
+                    file.display()
+                )
+            })?,
+    };
+    let tree = ParameterTree::load(std::slice::from_ref(file), &[])?;
+    tree.check_sections(["/campaign"])?;
+    let (mut definition, _) = try_read(&tree.for_node("/campaign"), |r| Some(definition::read(r)))?;
+    if let Some(seeds) = arguments.seeds {
+        if seeds == 0 {
+            bail!("--seeds is 0; allowed: at least 1");
+        }
+        definition.seeds = seeds;
+    }
+    let plan = Plan::new(definition, &parameters)?;
+    if arguments.dry_run {
+        return dry_run(&plan);
+    }
+    let name = file.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());
+    let out = arguments.out.clone().unwrap_or_else(|| Path::new("campaigns").join(&name));
+    let folder =
+        Folder::open(&out, &fingerprint(&plan)?).with_context(|| format!("cannot use {}", out.display()))?;
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = arguments.threads.unwrap_or(cores);
+    if threads == 0 {
+        bail!("--threads is 0; allowed: at least 1");
+    }
+
+    let before = folder.done()?;
+    let began = Instant::now();
+    let here = AtomicU64::new(0);
+    std::thread::scope(|scope| -> anyhow::Result<()> {
+        let worker = scope.spawn(|| work(&folder, &plan, threads, &here));
+        while !worker.is_finished() {
+            std::thread::sleep(Duration::from_millis(200));
+            progress(&folder, &plan, began, here.load(Ordering::Relaxed));
+        }
+        worker.join().unwrap_or_else(|_| Err(std::io::Error::other("a worker ended abnormally")))?;
+        Ok(())
+    })?;
+    if std::io::stderr().is_terminal() {
+        eprintln!();
+    }
+    finish(&folder, &plan, before, here.into_inner(), began.elapsed())
+}
+
+/// What the campaign runs, so that a folder is not continued with another one: plan and parameter files.
+fn fingerprint(plan: &Plan) -> anyhow::Result<String> {
+    let mut text = format!("whorl {}\n", env!("CARGO_PKG_VERSION"));
+    let first_of_each = plan.len().div_euclid(plan.definition.experiments.len().max(1) as u64).max(1);
+    for k in 0..plan.definition.experiments.len() as u64 {
+        for layer in plan.run(k * first_of_each).map(|spec| spec.layers).unwrap_or_default() {
+            let content = std::fs::read_to_string(&layer)
+                .with_context(|| format!("cannot read {}", layer.display()))?;
+            text.push_str(&format!("# {}\n{content}\n", layer.display()));
+        }
+    }
+    text.push_str(&format!("{:#?}\n", plan.definition));
+    Ok(text)
+}
+
+fn dry_run(plan: &Plan) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    for index in 0..plan.len() {
+        let Some(spec) = plan.run(index) else { break };
+        writeln!(out, "{index:6}  {}  seed {}  {}", spec.experiment, spec.seed, spec.labels.join("  "))?;
+    }
+    writeln!(out, "{} runs", plan.len())?;
+    Ok(())
+}
+
+fn progress(folder: &Folder, plan: &Plan, began: Instant, here: u64) {
+    if !std::io::stderr().is_terminal() {
+        return;
+    }
+    let done = folder.done().unwrap_or(here);
+    let share = done as f64 / plan.len().max(1) as f64;
+    let bars = (share * 30.0) as usize;
+    let left = if here > 0 {
+        let left_s = began.elapsed().as_secs_f64() / here as f64 * plan.len().saturating_sub(done) as f64;
+        format!("{:.0} min {:02.0} s left", (left_s / 60.0).floor(), left_s % 60.0)
+    } else {
+        String::new()
+    };
+    eprint!("\r[{:<30}] {done}/{} runs, {left}      ", "#".repeat(bars.min(30)), plan.len());
+}
+
+fn finish(folder: &Folder, plan: &Plan, before: u64, here: u64, elapsed: Duration) -> anyhow::Result<()> {
+    let rows = folder.rows(plan)?;
+    let csv = folder.path().join("summary.csv");
+    std::fs::write(&csv, table::csv_text(plan, &rows))
+        .with_context(|| format!("cannot write {}", csv.display()))?;
+    let html = folder.path().join("percentiles.html");
+    std::fs::write(&html, page::html(plan, &table::groups(&rows)))
+        .with_context(|| format!("cannot write {}", html.display()))?;
+    let simulated_s: f64 = rows.iter().filter_map(|r| r.metrics.first()).filter(|v| v.is_finite()).sum();
+    println!(
+        "{here} runs here in {:.1} s{}; {} of {} runs are done, {:.0} s simulated in all",
+        elapsed.as_secs_f64(),
+        if before > 0 { format!(", {before} were there") } else { String::new() },
+        rows.len(),
+        plan.len(),
+        simulated_s
+    );
+    let unfinished = rows.iter().filter(|r| r.outcome != "finished");
+    for row in unfinished.clone().take(5) {
+        println!(
+            "  run {} ({}, seed {}, {}): {}: {}",
+            row.index,
+            row.experiment,
+            row.seed,
+            row.labels.join(", "),
+            row.outcome,
+            row.reason
+        );
+    }
+    let more = unfinished.count();
+    if more > 5 {
+        println!("  and {} more that did not finish", more - 5);
+    }
+    println!("table: {}\npage: {}", csv.display(), html.display());
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! `whorl excitation`: what an experiment will determine, before it is run.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use whorl_identification::{Determined, Settings, predict};
+use whorl_math::deg_from_rad;
+use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
+
+use crate::identify::{print_findings, print_identification};
+use crate::simulate;
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Experiment file, e.g. params/experiments/identify.yaml.
+    #[arg(value_name = "EXPERIMENT")]
+    experiment: PathBuf,
+    /// Platforms to look at [default: all of the formation].
+    #[arg(long, value_name = "NAME")]
+    platform: Vec<String>,
+    /// Parameter folder [default: the experiment file's ../, which is params/].
+    #[arg(long, value_name = "DIR")]
+    params: Option<PathBuf>,
+    /// Seed of the noise in the simulation.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// Carries out `whorl excitation`: simulates the experiment and takes the Fisher information of its motion.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let folder = std::env::temp_dir().join(format!("whorl_excitation_{}", std::process::id()));
+    let out = folder.join("run");
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    let result = simulate::record_quietly(&arguments.experiment, arguments.params.as_deref(), &out, arguments.seed)
+        .and_then(|()| judge(arguments, &out));
+    // Only the scratch copy of the simulated run.
+    let _ = std::fs::remove_dir_all(&folder);
+    result
+}
+
+fn judge(arguments: &Arguments, run: &Path) -> anyhow::Result<()> {
+    let recordings = read_run_with(run, &ReadOptions::default())?;
+    let mut any = false;
+    for recording in recordings
+        .iter()
+        .filter(|r| arguments.platform.is_empty() || arguments.platform.contains(&r.platform))
+    {
+        let known = read_model(run, Some(&recording.platform))?;
+        if any {
+            println!();
+        }
+        report(&known, recording)?;
+        any = true;
+    }
+    anyhow::ensure!(any, "no such platform in this experiment");
+    Ok(())
+}
+
+fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<()> {
+    let tilt = recording.specific_force_b_m_s2.value.iter().map(|f| f.x.hypot(f.y).atan2(f.z));
+    let rate = recording.gyro_b_rad_s.value.iter().map(|w| w.norm()).fold(0.0, f64::max);
+    println!(
+        "{}: {:.1} s, tilt up to {:.1} deg, rate up to {:.1} deg/s",
+        known.platform,
+        recording.duration_s(),
+        deg_from_rad(tilt.fold(0.0, f64::max)),
+        deg_from_rad(rate)
+    );
+    let found = predict(&[recording], &known.model, &known.prior, &Settings::default())?;
+    print_identification(&known.model, &found);
+    let determined = found.determined.iter().filter(|d| **d == Determined::Yes).count();
+    println!("This experiment will determine {determined} of 9 parameters to the uncertainties above.");
+    print_findings(&found.findings);
+    Ok(())
+}

@@ -1,0 +1,132 @@
+//! `whorl platforms`: a parameter folder with as many platforms as wanted, for simulations of large formations.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// How many platforms.
+    #[arg(value_name = "N")]
+    count: u16,
+    /// Folder to write; must not exist yet.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Parameter folder to start from.
+    #[arg(long, value_name = "DIR", default_value = "params")]
+    params: PathBuf,
+}
+
+/// Carries out `whorl platforms`: platforms are called whorl_1 to whorl_N; odd ones are like whorl_1, even ones like
+/// whorl_2, and so are their sections of every experiment.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let (count, from, out) = (arguments.count, &arguments.params, &arguments.out);
+    if count < 2 {
+        bail!("N is {count}; allowed: 2 or more");
+    }
+    if out.exists() {
+        bail!("{} is there already", out.display());
+    }
+    for folder in ["experiments", "truth"] {
+        std::fs::create_dir_all(out.join(folder))
+            .with_context(|| format!("cannot create {}", out.display()))?;
+    }
+    let names: Vec<String> = (1..=count).map(|k| format!("whorl_{k}")).collect();
+    let list = format!("platforms: [{}]", names.join(", "));
+    let common = read(&from.join("common.yaml"))?;
+    let lines = common.lines().map(|line| match line.split_once("platforms: [") {
+        Some((indent, _)) if !line.trim_start().starts_with('#') => format!("{indent}{list}\n"),
+        _ => format!("{line}\n"),
+    });
+    write(&out.join("common.yaml"), &lines.collect::<String>())?;
+    for (index, name) in names.iter().enumerate() {
+        let like = pattern(index);
+        for folder in ["", "truth"] {
+            let text = read(&from.join(folder).join(format!("{like}.yaml")))?;
+            write(&out.join(folder).join(format!("{name}.yaml")), &renamed(&text, like, name))?;
+        }
+    }
+    let experiments = from.join("experiments");
+    let entries =
+        std::fs::read_dir(&experiments).with_context(|| format!("cannot read {}", experiments.display()))?;
+    for entry in entries {
+        let path = entry?.path();
+        let Some(file) = path.file_name().filter(|_| path.extension().is_some_and(|x| x == "yaml")) else {
+            continue;
+        };
+        let mut text = read(&path)?;
+        let own = sections(&text);
+        for (index, name) in names.iter().enumerate().skip(2) {
+            let like = pattern(index);
+            for section in own.iter().filter(|s| s.starts_with(&format!("/{like}/"))) {
+                text.push_str(&renamed(section, like, name));
+            }
+        }
+        write(&out.join("experiments").join(file), &text)?;
+    }
+    println!("{count} platforms in {}", out.display());
+    Ok(())
+}
+
+fn pattern(index: usize) -> &'static str {
+    if index.is_multiple_of(2) { "whorl_1" } else { "whorl_2" }
+}
+
+/// `text` with `from` replaced by `to` where it stands as a whole name.
+fn renamed(text: &str, from: &str, to: &str) -> String {
+    let mut result = String::with_capacity(text.len() + 64);
+    let mut rest = text;
+    while let Some(at) = rest.find(from) {
+        let (before, after) = rest.split_at(at);
+        let after = after.get(from.len()..).unwrap_or_default();
+        let whole = !after.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_');
+        result.push_str(before);
+        result.push_str(if whole { to } else { from });
+        rest = after;
+    }
+    result.push_str(rest);
+    result
+}
+
+/// Top-level sections of a parameter file, each with its name and what stands below it.
+fn sections(text: &str) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for line in text.lines() {
+        if line.starts_with('/') {
+            found.push(String::new());
+        }
+        if let Some(section) = found.last_mut().filter(|_| !line.starts_with('#')) {
+            section.push_str(line);
+            section.push('\n');
+        }
+    }
+    found
+}
+
+fn read(path: &Path) -> anyhow::Result<String> {
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_replaced_whole() {
+        assert_eq!(
+            renamed("/whorl_1/driver: whorl_10 whorl_1", "whorl_1", "whorl_3"),
+            "/whorl_3/driver: whorl_10 whorl_3"
+        );
+    }
+
+    #[test]
+    fn sections_end_where_the_next_begins() {
+        let text = "# a\n/whorl_1/driver:\n  x: 1\n# b\n/coordinator:\n  y: 2\n";
+        assert_eq!(sections(text), ["/whorl_1/driver:\n  x: 1\n", "/coordinator:\n  y: 2\n"]);
+    }
+}
