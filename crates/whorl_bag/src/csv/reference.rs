@@ -104,5 +104,5 @@ impl ReferenceSearch {
 }
 
 fn seconds(ns: i64) -> f64 {
-    ns as f64 * 1e-9
+    ns as f64 / 1e9
 }

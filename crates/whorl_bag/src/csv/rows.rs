@@ -175,7 +175,7 @@ impl CsvRows {
                 text: text.to_owned(),
             });
         };
-        let seconds = |ns: i64| ns as f64 * 1e-9;
+        let seconds = |ns: i64| ns as f64 / 1e9;
         if let Some(previous_ns) = self.previous_ns.replace(time_ns)
             && time_ns <= previous_ns
         {
