@@ -42,7 +42,10 @@ impl Laboratory {
     fn experiment(arguments: &[&str]) -> Self {
         let mut laboratory = Self::new();
         let out = laboratory.folder.path().join("runs");
-        laboratory.start("run_experiment.sh", &[arguments, &["--out", out.to_str().unwrap()]].concat());
+        let arguments = [arguments, &["--out", out.to_str().unwrap()]].concat();
+        let command = laboratory.command("run_experiment.sh", &arguments);
+        let log = laboratory.folder.path().join("script_0.log");
+        laboratory.scripts.push(Process::start_in_group("run_experiment.sh", command, &log));
         laboratory
     }
 

@@ -20,9 +20,15 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts it, with everything it prints appended to `log`, as the first of a process group.
-    pub fn start(name: &str, mut command: Command, log: &Path) -> Self {
+    /// Starts it as a terminal does: as the first of a process group, to which [`Self::ctrl_c`] goes. Ctrl-C on
+    /// the test does not reach it.
+    pub fn start_in_group(name: &str, mut command: Command, log: &Path) -> Self {
         command.process_group(0);
+        Self::start(name, command, log)
+    }
+
+    /// Starts it, with everything it prints appended to `log`.
+    pub fn start(name: &str, mut command: Command, log: &Path) -> Self {
         let file = File::options().create(true).append(true).open(log).unwrap();
         command.stdin(Stdio::null()).stdout(file.try_clone().unwrap()).stderr(file);
         let child = command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
@@ -50,7 +56,7 @@ impl Process {
         }
     }
 
-    /// Ctrl-C as a terminal gives it: to the process and to all that it started.
+    /// Ctrl-C as a terminal gives it: to the process, which has a group, and to all that it started.
     pub fn ctrl_c(&mut self) {
         if self.ended().is_none() {
             kill_process_group(Pid::from_child(&self.child), Signal::INT).unwrap();
