@@ -14,8 +14,10 @@ mod command;
 mod compare;
 mod diagnose;
 mod effects;
+mod export;
 mod excitation;
 mod identify;
+mod import;
 mod model_changes;
 mod monitor;
 mod orbit;
@@ -74,6 +76,10 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
     },
+    /// Makes a run directory of measurements of another system: CSV, or a bag with other topics.
+    Import(import::Arguments),
+    /// Writes the measurements of a run as CSV.
+    Export(export::Arguments),
     /// How far off the model is: errors of every channel and horizon against the noise.
     Compare(compare::Arguments),
     /// Where the model fails: the quantities that the unexplained torque follows.
@@ -112,6 +118,8 @@ fn main() -> ExitCode {
         Command::Abort { reason } => command::abort(reason),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Report { runs, html } => report::run(&runs, html.as_deref()),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Where(arguments) => where_::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
