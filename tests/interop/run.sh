@@ -66,7 +66,7 @@ take_domain() {
 start() {
     local name=$1
     shift
-    "$bin/$name" --ros-args "$@" >"$work/$name.log" 2>&1 9>&- &
+    "$bin/$name" --ros-args "$@" >"$work/$name.log" 2>&1 9<&- &
     pids+=($!)
 }
 
