@@ -14,6 +14,7 @@ mod command;
 mod compare;
 mod diagnose;
 mod effects;
+mod estimate;
 mod export;
 mod excitation;
 mod identify;
@@ -53,6 +54,8 @@ enum Command {
     Orbit(orbit::Arguments),
     /// Writes a parameter folder with as many platforms as wanted.
     Platforms(platforms::Arguments),
+    /// Estimates the attitude of a recorded sensor: gyro, accelerometer, magnetometer in, quaternions out.
+    Estimate(estimate::Arguments),
     /// Starts the experiment that the coordinator was loaded with.
     Start {
         /// Its name as a check; left out: whichever is loaded.
@@ -111,6 +114,7 @@ fn main() -> ExitCode {
     );
     let result = match Arguments::parse().command {
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Estimate(arguments) => estimate::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Orbit(arguments) => orbit::run(&arguments),
         Command::Platforms(arguments) => platforms::run(&arguments),

@@ -1,0 +1,433 @@
+//! The filter itself.
+
+use super::FreeMotionParameters;
+use super::covariance::{
+    ATTITUDE, Covariance, FIELD, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, IRON, Interval, POSITION, Row, VELOCITY,
+    propagate, update,
+};
+use super::rest::RestDetector;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
+
+/// The covariance is carried in steps of at least this \[s\].
+const COVARIANCE_STEP_S: f64 = 0.01;
+/// A longer gap between samples starts anew \[s\].
+const GAP_S: f64 = 1.0;
+
+/// The mean east component over this time in motion \[s\] ...
+const LOST_HEADING_S: f64 = 5.0;
+/// ... beyond this many standard deviations of its inhomogeneity means that the heading is wrong.
+const LOST_HEADING_SIGMAS: f64 = 4.0;
+
+/// What the filter says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FreeMotionEstimate {
+    /// Attitude: x east, y magnetic north, z up.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Gyro bias, sensor axes [rad/s].
+    pub gyro_bias_rad_s: Vector3<f64>,
+    /// Accelerometer bias, sensor axes [m/s^2].
+    pub accelerometer_bias_m_s2: Vector3<f64>,
+    /// Field of iron on the sensor, in the unit of the magnetometer.
+    pub iron: Vector3<f64>,
+    /// Standard deviation of the attitude error, world axes: inclination about east and north, heading \[rad\].
+    pub sigma_rad: Vector3<f64>,
+    /// Whether the sensor rests.
+    pub resting: bool,
+}
+
+/// Averages before the first attitude.
+#[derive(Clone, Debug, PartialEq, Default)]
+struct Start {
+    elapsed_s: f64,
+    force: Vector3<f64>,
+    forces: u32,
+    field: Vector3<f64>,
+    fields: u32,
+    /// Sensor axes of now in those of the begin.
+    q: UnitQuaternion<f64>,
+}
+
+/// Sums of the covariance's step.
+#[derive(Clone, Debug, PartialEq)]
+struct Sums {
+    dt_s: f64,
+    rotation_s: Matrix3<f64>,
+    force_w_m_s: Vector3<f64>,
+    rotation_rate: [Matrix3<f64>; 3],
+    rate_squared_s: f64,
+    acceleration_squared_s: f64,
+}
+
+impl Sums {
+    const ZERO: Self = Self {
+        dt_s: 0.0,
+        rotation_s: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        force_w_m_s: Vector3::new(0.0, 0.0, 0.0),
+        rotation_rate: [Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0); 3],
+        rate_squared_s: 0.0,
+        acceleration_squared_s: 0.0,
+    };
+}
+
+/// Attitude, velocity, position, sensor biases, field and iron of a freely moving sensor.
+///
+/// A pure state machine without allocation: `Clone` is the save and the restore.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeMotionFilter {
+    parameters: FreeMotionParameters,
+    start: Option<Start>,
+    previous: Option<(i64, Vector3<f64>, Vector3<f64>)>,
+    q: UnitQuaternion<f64>,
+    velocity: Vector3<f64>,
+    position: Vector3<f64>,
+    gyro_bias: Vector3<f64>,
+    gyro_matrix: Matrix3<f64>,
+    force_bias: Vector3<f64>,
+    /// Relative to `field_length`.
+    field: Vector3<f64>,
+    iron: Vector3<f64>,
+    field_length: Option<f64>,
+    covariance: Covariance,
+    sums: Sums,
+    rest: RestDetector,
+    since_motion_s: f64,
+    since_field_s: f64,
+    /// Mean square deviation of the field's north and up components, relative to its length.
+    inhomogeneity: f64,
+    /// Mean east component of the field at the estimated heading, in motion.
+    east_mean: f64,
+    /// Logarithm of the likelihood of the field's samples so far.
+    log_likelihood: f64,
+}
+
+impl FreeMotionFilter {
+    /// A filter that finds its first attitude from its first samples.
+    #[must_use]
+    pub fn new(parameters: FreeMotionParameters) -> Self {
+        Self {
+            parameters,
+            start: Some(Start::default()),
+            previous: None,
+            q: UnitQuaternion::identity(),
+            velocity: Vector3::zeros(),
+            position: Vector3::zeros(),
+            gyro_bias: Vector3::zeros(),
+            gyro_matrix: Matrix3::zeros(),
+            force_bias: Vector3::zeros(),
+            field: Vector3::y(),
+            iron: Vector3::zeros(),
+            field_length: None,
+            covariance: Covariance::zeros(),
+            sums: Sums::ZERO,
+            rest: RestDetector::default(),
+            since_motion_s: 0.0,
+            since_field_s: f64::INFINITY,
+            inhomogeneity: parameters.inhomogeneity_start.powi(2),
+            east_mean: 0.0,
+            log_likelihood: 0.0,
+        }
+    }
+
+    /// One sample of gyro [rad/s] and accelerometer (specific force, [m/s^2]), sensor axes, stamps in order.
+    pub fn on_imu(&mut self, stamp_ns: i64, gyro: &Vector3<f64>, force: &Vector3<f64>) {
+        if !(gyro.sum() + force.sum()).is_finite() {
+            return;
+        }
+        let Some((before_ns, gyro_before, force_before)) = self.previous else {
+            self.previous = Some((stamp_ns, *gyro, *force));
+            return;
+        };
+        let dt_s = stamp_ns.saturating_sub(before_ns) as f64 * 1e-9;
+        if dt_s <= 0.0 {
+            return;
+        }
+        self.previous = Some((stamp_ns, *gyro, *force));
+        if dt_s > GAP_S {
+            self.start = Some(Start::default());
+            return;
+        }
+        let measured = (gyro_before + gyro) * 0.5;
+        let turn = measured + self.gyro_matrix * measured - self.gyro_bias;
+        if let Some(start) = &mut self.start {
+            start.q *= quaternion_exp(&(turn * dt_s));
+            start.force += start.q * force;
+            start.forces += 1;
+            start.elapsed_s += dt_s;
+            self.rest.add(&self.parameters, dt_s, gyro, force);
+            self.finish_start();
+            return;
+        }
+        self.strapdown(dt_s, &turn, &measured, &((force_before + force) * 0.5));
+        let rate = self.rest.add(&self.parameters, dt_s, gyro, force);
+        self.since_motion_s += dt_s;
+        self.since_field_s += dt_s;
+        if self.sums.dt_s >= COVARIANCE_STEP_S {
+            self.carry_covariance();
+        }
+        if let Some(rate) = rate {
+            self.carry_covariance();
+            self.use_rest(&rate);
+        }
+        if self.since_motion_s >= self.parameters.motion_time_s {
+            self.carry_covariance();
+            self.use_motion();
+            self.since_motion_s = 0.0;
+        }
+    }
+
+    /// One sample of the magnetometer, sensor axes, any unit; taken to be of the time of the latest inertial sample.
+    pub fn on_magnetometer(&mut self, field: &Vector3<f64>) {
+        if !field.sum().is_finite() || field.norm() <= 0.0 {
+            return;
+        }
+        if let Some(start) = &mut self.start {
+            start.field += start.q * field;
+            start.fields += 1;
+            return;
+        }
+        if self.since_field_s < self.parameters.magnetometer_interval_s {
+            return;
+        }
+        self.since_field_s = 0.0;
+        self.carry_covariance();
+        self.use_field(field);
+    }
+
+    /// The estimate; `None` before the first attitude.
+    #[must_use]
+    pub fn estimate(&self) -> Option<FreeMotionEstimate> {
+        self.start.is_none().then(|| FreeMotionEstimate {
+            q_world_body: self.q,
+            gyro_bias_rad_s: self.gyro_bias,
+            accelerometer_bias_m_s2: self.force_bias,
+            iron: self.iron * self.field_length.unwrap_or(1.0),
+            sigma_rad: self.covariance.diagonal().fixed_rows::<3>(ATTITUDE).map(|v| v.max(0.0).sqrt()),
+            resting: self.rest.resting(&self.parameters),
+        })
+    }
+
+    /// Logarithm of the likelihood of the magnetometer's samples, without a constant: which of several
+    /// filters on the same samples has the better model of the field.
+    #[must_use]
+    pub fn log_likelihood(&self) -> f64 {
+        self.log_likelihood
+    }
+
+    fn finish_start(&mut self) {
+        let p = &self.parameters;
+        let Some(start) = self.start.as_ref().filter(|s| s.elapsed_s >= p.start_window_s) else { return };
+        let Ok(up) = unit(start.force) else { return };
+        let field = start.field / f64::from(start.fields.max(1));
+        let north = unit(field).ok();
+        // Sensor axes of the begin in the world; a field along the vertical has no north.
+        let begin = north
+            .and_then(|north| {
+                attitude_from_two_vectors(&up, &Vector3::z_axis(), &north, &Vector3::y_axis()).ok()
+            })
+            .unwrap_or_else(|| attitude_from_vertical(up, 0.0));
+        self.q = begin * start.q;
+        let mut variance = Row::zeros();
+        let mut set = |at: usize, sigma: f64| variance.fixed_rows_mut::<3>(at).fill(sigma * sigma);
+        set(ATTITUDE, 0.05);
+        set(VELOCITY, p.velocity_sigma_m_s);
+        set(POSITION, p.position_sigma_m);
+        set(GYRO_BIAS, p.gyro_bias_sigma_rad_s);
+        set(FORCE_BIAS, p.accelerometer_bias_sigma_m_s2);
+        set(IRON, p.iron_sigma);
+        for row in 0..3 {
+            set(GYRO_MATRIX + 3 * row, p.gyro_matrix_sigma);
+        }
+        variance[ATTITUDE + 2] = 1.0;
+        if start.fields > 0 {
+            let length = *self.field_length.get_or_insert(field.norm());
+            let world = begin * field / length;
+            self.field = Vector3::new(0.0, world.x.hypot(world.y), world.z);
+            let north = self.field.y;
+            // What iron takes from or gives to the field is in these components too.
+            variance[FIELD] =
+                (p.field_east_sigma * north).powi(2) + p.disagreement_gain * p.inhomogeneity_start.powi(2);
+            variance[FIELD + 1] = (p.iron_sigma + p.field_east_sigma * north).powi(2);
+            variance[FIELD + 2] = variance[FIELD + 1];
+        }
+        self.covariance = Covariance::from_diagonal(&variance);
+        (self.velocity, self.position) = (Vector3::zeros(), Vector3::zeros());
+        self.sums = Sums::ZERO;
+        self.start = None;
+    }
+
+    /// Moves attitude, velocity and position.
+    fn strapdown(&mut self, dt_s: f64, omega: &Vector3<f64>, gyro: &Vector3<f64>, force: &Vector3<f64>) {
+        let half = self.q * quaternion_exp(&(omega * (0.5 * dt_s)));
+        let middle = *half.to_rotation_matrix().matrix();
+        self.q *= quaternion_exp(&(omega * dt_s));
+        self.q.renormalize_fast();
+        let force_w = middle * (force - self.force_bias);
+        let acceleration = force_w - Vector3::z() * self.parameters.gravity_m_s2;
+        self.position += (self.velocity + acceleration * (0.5 * dt_s)) * dt_s;
+        self.velocity += acceleration * dt_s;
+        let sums = &mut self.sums;
+        sums.dt_s += dt_s;
+        sums.rotation_s += middle * dt_s;
+        for (sum, rate) in sums.rotation_rate.iter_mut().zip(gyro.iter()) {
+            *sum += middle * (rate * dt_s);
+        }
+        sums.force_w_m_s += force_w * dt_s;
+        sums.rate_squared_s += omega.norm_squared() * dt_s;
+        sums.acceleration_squared_s += acceleration.norm_squared() * dt_s;
+    }
+
+    fn carry_covariance(&mut self) {
+        let sums = std::mem::replace(&mut self.sums, Sums::ZERO);
+        if sums.dt_s <= 0.0 {
+            return;
+        }
+        let p = &self.parameters;
+        let dt_s = sums.dt_s;
+        let mut noise = Row::zeros();
+        let mut set = |at: usize, variance: f64| noise.fixed_rows_mut::<3>(at).fill(variance);
+        set(
+            ATTITUDE,
+            p.gyro_noise_rad_s_sqrt_hz.powi(2) * dt_s
+                + p.gyro_scale_noise_sqrt_s.powi(2) * sums.rate_squared_s,
+        );
+        set(
+            VELOCITY,
+            p.accelerometer_noise_m_s2_sqrt_hz.powi(2) * dt_s
+                + p.accelerometer_scale_noise_sqrt_s.powi(2) * sums.acceleration_squared_s,
+        );
+        set(GYRO_BIAS, p.gyro_bias_walk_rad_s_sqrt_s.powi(2) * dt_s);
+        set(FORCE_BIAS, p.accelerometer_bias_walk_m_s2_sqrt_s.powi(2) * dt_s);
+        let mut east_left = 1.0;
+        // The field changes with the place: at rest not at all.
+        if !self.rest.resting(p) {
+            set(POSITION, p.position_walk_m_sqrt_s.powi(2) * dt_s);
+            set(FIELD, p.field_walk_sqrt_s.powi(2) * dt_s);
+            east_left = (-dt_s / p.field_time_s).exp();
+            let east = (p.field_east_sigma * self.field.y).powi(2) + p.disagreement_gain * self.inhomogeneity;
+            noise[FIELD] = east * (1.0 - east_left * east_left);
+        }
+        self.field.x *= east_left;
+        let interval = Interval {
+            dt_s,
+            rotation_s: sums.rotation_s,
+            rotation_rate: sums.rotation_rate,
+            force_w_m_s: sums.force_w_m_s,
+            east_left,
+            noise,
+        };
+        propagate(&mut self.covariance, &interval);
+    }
+
+    /// Rate, velocity at rest.
+    fn use_rest(&mut self, rate: &Vector3<f64>) {
+        let variance = self.parameters.rest_rate_sigma_rad_s.powi(2);
+        for axis in 0..3 {
+            self.use_state(GYRO_BIAS + axis, rate[axis] - self.gyro_bias[axis], variance);
+        }
+        for axis in 0..3 {
+            self.use_state(VELOCITY + axis, -self.velocity[axis], 0.02 * 0.02);
+        }
+    }
+
+    /// The sensor stays where it is, roughly.
+    fn use_motion(&mut self) {
+        let (velocity, position) = (self.parameters.velocity_sigma_m_s, self.parameters.position_sigma_m);
+        for axis in 0..3 {
+            self.use_state(VELOCITY + axis, -self.velocity[axis], velocity * velocity);
+            self.use_state(POSITION + axis, -self.position[axis], position * position);
+        }
+    }
+
+    /// A measurement of one state's error.
+    fn use_state(&mut self, index: usize, innovation: f64, variance: f64) {
+        let mut h = Row::zeros();
+        h[index] = 1.0;
+        let (correction, _) = update(&mut self.covariance, &h, innovation, variance, None);
+        self.apply(&correction);
+    }
+
+    /// The field: north and up components first, which say how far the east component may be trusted.
+    fn use_field(&mut self, measured: &Vector3<f64>) {
+        let Some(length) = self.field_length else {
+            // The first magnetometer sample came after the start.
+            self.start = Some(Start::default());
+            return;
+        };
+        let p = self.parameters;
+        let rotation = *self.q.to_rotation_matrix().matrix();
+        let world = rotation * (measured / length - self.iron);
+        let (north, up) = (self.field.y, self.field.z);
+        // The heading error turns the horizontal part as a whole, however large it is.
+        let horizontal = world.x.hypot(world.y);
+        let deviation = 0.5 * ((horizontal - self.field.x.hypot(north)).powi(2) + (world.z - up).powi(2));
+        let time_s = if deviation > self.inhomogeneity { p.field_rise_s } else { p.field_fall_s };
+        self.inhomogeneity +=
+            (deviation - self.inhomogeneity) * (p.magnetometer_interval_s / time_s).min(1.0);
+        let places = 1.0 + 2.0 * p.field_short_time_s / p.magnetometer_interval_s;
+        let variance = p.magnetometer_sigma.powi(2) + self.inhomogeneity.max(deviation) * places;
+        let azimuth = world.x.atan2(world.y);
+        let innovations =
+            [azimuth * north - self.field.x, horizontal - self.field.x.hypot(north), world.z - up];
+        if self.heading_is_lost(azimuth * north) {
+            self.forget_heading();
+        }
+        // Neither inclination nor motion nor gyro bias learn from the field.
+        let mut mask = Row::zeros();
+        mask[ATTITUDE + 2] = 1.0;
+        mask.fixed_rows_mut::<6>(FIELD).fill(1.0);
+        for (axis, innovation) in innovations.into_iter().enumerate() {
+            let mut h = Row::zeros();
+            // The estimate sees R (m - iron) turned by -delta about the vertical: east gains north delta.
+            if axis == 0 {
+                h[ATTITUDE + 2] = north;
+            }
+            h[FIELD + axis] = 1.0;
+            h.fixed_rows_mut::<3>(IRON).copy_from(&rotation.row(axis).transpose());
+            let (correction, s) = update(&mut self.covariance, &h, innovation, variance, Some(&mask));
+            self.log_likelihood -= 0.5 * (innovation * innovation / s + s.ln());
+            self.apply(&correction);
+        }
+    }
+
+    /// Whether the field has pointed elsewhere for longer and by more than its inhomogeneity explains: then the heading
+    /// is wrong, and the covariance does not know.
+    fn heading_is_lost(&mut self, east: f64) -> bool {
+        let p = &self.parameters;
+        if !self.rest.resting(p) {
+            self.east_mean += (east - self.east_mean) * (p.magnetometer_interval_s / LOST_HEADING_S);
+        }
+        let explained =
+            (p.field_east_sigma * self.field.y).powi(2) + p.disagreement_gain * self.inhomogeneity;
+        self.east_mean.powi(2) > LOST_HEADING_SIGMAS.powi(2) * explained
+    }
+
+    /// The heading, and the field's east component, start anew.
+    pub(super) fn forget_heading(&mut self) {
+        self.east_mean = 0.0;
+        for state in [ATTITUDE + 2, FIELD] {
+            self.covariance.fill_row(state, 0.0);
+            self.covariance.fill_column(state, 0.0);
+        }
+        self.covariance[(ATTITUDE + 2, ATTITUDE + 2)] = 1.0;
+        let north = self.field.y;
+        self.field.x = 0.0;
+        self.covariance[(FIELD, FIELD)] = (self.parameters.field_east_sigma * north).powi(2);
+    }
+
+    fn apply(&mut self, correction: &Row) {
+        let part = |at: usize| Vector3::from(correction.fixed_rows::<3>(at));
+        self.q = quaternion_exp(&part(ATTITUDE)) * self.q;
+        self.q.renormalize_fast();
+        self.velocity += part(VELOCITY);
+        self.position += part(POSITION);
+        self.gyro_bias += part(GYRO_BIAS);
+        self.force_bias += part(FORCE_BIAS);
+        self.field += part(FIELD);
+        self.iron += part(IRON);
+        // A field without a horizontal part tells no heading; its direction is north by definition.
+        self.field.y = self.field.y.max(1e-3);
+        let matrix = correction.fixed_rows::<9>(GYRO_MATRIX);
+        self.gyro_matrix += Matrix3::from_row_iterator(matrix.iter().copied());
+    }
+}

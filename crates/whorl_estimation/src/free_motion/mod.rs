@@ -1,0 +1,28 @@
+//! Orientation of a sensor that moves freely: gyro, accelerometer and magnetometer.
+//!
+//! An air-bearing platform turns about a fixed point; a sensor in a hand, on a limb or on a trolley does not, and
+//! its accelerometer shows its own acceleration beside gravity. [`FreeMotionFilter`] is an inertial navigation
+//! filter that knows three things about such motion:
+//!
+//! - it stays in a room: the specific force is integrated to velocity and position in a frame that does not turn, and
+//!   what would carry the sensor away is an error of the inclination (Gauss-Markov motion, instead of a low-pass on
+//!   the vertical);
+//! - sometimes it rests: then gyro bias, velocity and the field's change are observed directly;
+//! - the magnetic field of a room is not uniform: the field's east component wanders as the sensor
+//!   moves, and with it the heading that the magnetometer shows. Iron and magnets on the sensor itself turn with it, and are
+//!   estimated. What disagrees in the components that do not depend on the heading counts little.
+//!
+//! The attitude error is a rotation vector in world axes (x east, y magnetic north, z up), as in [`crate::Filter`].
+
+mod covariance;
+mod filter;
+mod magnetised;
+mod parameters;
+mod rest;
+
+#[cfg(test)]
+mod tests;
+
+pub use filter::{FreeMotionEstimate, FreeMotionFilter};
+pub use magnetised::FreeMotionEstimator;
+pub use parameters::FreeMotionParameters;
