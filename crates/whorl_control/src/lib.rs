@@ -7,10 +7,12 @@
 //! | [`mod@reference`] | moving references, slews, command filter, tilt envelope | coordinator, local control |
 //! | [`formation`] | relative-attitude laws | coordinator |
 //! | [`tracking`] | the quaternion tracking law | local control |
+//! | [`mass_balancing`] | moving the linear actuators until the gravity offset is right | local control |
 //! | [`momentum`] | unloading of the wheels by the jets | local control |
 //! | [`safe_mode`] | rate damping, then coasting | local control |
 
 pub mod formation;
+pub mod mass_balancing;
 pub mod momentum;
 pub mod reference;
 pub mod safe_mode;
