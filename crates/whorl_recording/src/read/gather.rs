@@ -47,12 +47,16 @@ pub(super) struct Gathered {
     pub not_finite: Vec<(Role, usize)>,
     /// Messages that do not decode.
     pub undecodable: usize,
-    clocks: Option<Clocks>,
+    /// Joints that are the wheels, in their order; empty: all joints of a message.
+    pub wheel_joints: Vec<String>,
+    /// Whether efforts are measured and say nothing of commands.
+    pub efforts_are_measured: bool,
+    pub clocks: Option<Clocks>,
 }
 
 /// How stamps and log times go together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Clocks {
+pub(super) enum Clocks {
     One,
     /// Stamps of another clock than log times.
     Two,
@@ -62,7 +66,8 @@ enum Clocks {
 
 impl Gathered {
     pub fn add(&mut self, role: Role, recorded: &RecordedMessage) {
-        match recorded.decode() {
+        // By the role's type: a MagneticField is read as the Vector3Stamped that it begins with.
+        match Message::decode(role.message_type(), &recorded.cdr) {
             Ok(message) => self.add_message(role, recorded.log_time.0, message),
             Err(_) => self.undecodable += 1,
         }
@@ -99,8 +104,11 @@ impl Gathered {
             }
             (Role::WheelState, Message::JointState(m)) => self.wheels(at, m),
             (Role::WheelCommand, Message::JointState(m)) => {
-                let kept = push_list(&mut self.wheel_command, at, m.effort);
-                self.count(role, kept);
+                let effort = self.picked(&m.name, m.effort);
+                if !effort.is_empty() {
+                    let kept = push_list(&mut self.wheel_command, at, effort);
+                    self.count(role, kept);
+                }
             }
             (Role::Thrusters, Message::ThrusterState(m)) => self.thrusters.push((at, m)),
             (Role::ActuatorCommand, Message::ActuatorCommand(command)) => {
@@ -146,7 +154,22 @@ impl Gathered {
         }
     }
 
-    fn wheels(&mut self, at: i64, m: JointState) {
+    /// The wheels' part of a message about many joints; empty where one of them is missing.
+    fn picked(&self, names: &[String], values: Vec<f64>) -> Vec<f64> {
+        if self.wheel_joints.is_empty() {
+            return values;
+        }
+        let place = |joint: &String| names.iter().position(|name| name == joint);
+        let value = |joint: &String| place(joint).and_then(|place| values.get(place)).copied();
+        self.wheel_joints.iter().map(value).collect::<Option<_>>().unwrap_or_default()
+    }
+
+    fn wheels(&mut self, at: i64, mut m: JointState) {
+        m.velocity = self.picked(&m.name, m.velocity);
+        m.effort = if self.efforts_are_measured { Vec::new() } else { self.picked(&m.name, m.effort) };
+        if !self.wheel_joints.is_empty() {
+            m.name.clone_from(&self.wheel_joints);
+        }
         if self.wheel_names.is_empty() {
             self.wheel_names = m.name;
         }

@@ -4,19 +4,22 @@ mod assemble;
 mod commands;
 mod gather;
 mod roles;
+mod topic_map;
 mod valves;
 mod wheel_torque;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nalgebra::Unit;
 use whorl_bag::{BagReader, RunDirectory};
 use whorl_dynamics::PlatformModel;
 use whorl_node::Timestamp;
 
-use crate::{Recording, RecordingError, read_model};
+use crate::{Mounting, Recording, RecordingError, read_model};
 use gather::Gathered;
 use roles::{Role, whorl_role};
+use topic_map::TopicMap;
 
 /// Note in a manifest: `clamped`, or on its bearing.
 pub(crate) const MOUNTING_NOTE: &str = "mounting";
@@ -57,7 +60,15 @@ pub fn read_run(path: &Path, platform: Option<&str>) -> Result<Vec<Recording>, R
 pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recording>, RecordingError> {
     let run = RunDirectory::open(path)?;
     let bag = run.bag()?;
-    let roles = own_roles(&bag);
+    let map = topic_map(path, &run, &bag, options)?;
+    let roles = match &map {
+        None => own_roles(&bag),
+        Some(map) => {
+            let name = options.platform.or(map.platform.as_deref()).unwrap_or("platform");
+            let roles = map.roles.iter();
+            roles.map(|(topic, role)| (topic.clone(), (name.to_owned(), *role))).collect()
+        }
+    };
     let platforms = platforms(path, &run, &bag, &roles, options.platform)?;
     let mut remarks = Vec::new();
     let integrity = bag.integrity();
@@ -74,7 +85,8 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
         match message {
             Ok(message) => {
                 if let Some((platform, role)) = roles.get(&message.topic.name) {
-                    gathered.entry(platform).or_default().add(*role, &message);
+                    let gathered = gathered.entry(platform).or_insert_with(|| started(map.as_ref()));
+                    gathered.add(*role, &message);
                 }
             }
             // The reader goes on behind a damaged part.
@@ -104,8 +116,12 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             };
             let gathered = gathered.remove(platform.as_str()).unwrap_or_default();
             let motion_messages = gathered.motion_messages;
-            let recording =
+            let mut recording =
                 assemble::recording(path, &run, platform, gathered, start, known.as_ref(), remarks);
+            if let Some(map) = &map {
+                recording.closed_loop = map.closed_loop.unwrap_or(recording.closed_loop);
+                recording.mounting = if map.clamped { Mounting::Clamped } else { Mounting::OnBearing };
+            }
             if recording.gyro_b_rad_s.is_empty()
                 && recording.specific_force_b_m_s2.is_empty()
                 && recording.wheel_speed_rad_s.is_empty()
@@ -120,6 +136,33 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             Ok(recording)
         })
         .collect()
+}
+
+/// The topic map that is asked for, or the one in a plain bag's folder.
+fn topic_map(
+    path: &Path,
+    run: &RunDirectory,
+    bag: &BagReader,
+    options: &ReadOptions<'_>,
+) -> Result<Option<TopicMap>, RecordingError> {
+    let folder = if path.is_dir() { Some(path) } else { path.parent() };
+    let beside = folder.map(|folder| folder.join(topic_map::BESIDE_A_BAG));
+    let beside = beside.filter(|file| run.manifest().is_none() && file.is_file());
+    match options.channels.map(Path::to_owned).or(beside) {
+        None => Ok(None),
+        Some(file) => Ok(Some(TopicMap::load(&file, bag)?)),
+    }
+}
+
+/// An empty collection that knows what the map says.
+fn started(map: Option<&TopicMap>) -> Gathered {
+    let Some(map) = map else { return Gathered::default() };
+    Gathered {
+        wheel_joints: map.wheel_joints.clone(),
+        efforts_are_measured: !map.effort_is_command,
+        references: map.references.iter().map(|r| r.map(Unit::into_inner)).collect(),
+        ..Gathered::default()
+    }
 }
 
 /// A fact out of the manifest.

@@ -62,6 +62,7 @@ impl Role {
                 Topic::TankPressure => Some(Self::TankPressure),
                 Topic::Temperature => Some(Self::Temperature),
                 Topic::TruthState => Some(Self::Truth),
+                Topic::BallastMoment => Some(Self::BallastMoment),
                 _ => None,
             };
         }

@@ -3,6 +3,7 @@
 mod bad_messages;
 mod bad_runs;
 mod csv;
+mod foreign_bags;
 mod round_trip;
 mod simulated_run;
 

@@ -1,0 +1,126 @@
+//! Which topic of a bag holds what, for bags of other systems: a YAML file, see docs/recordings.md.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Unit, Vector3};
+use whorl_bag::{BagReader, BagTopic};
+use whorl_params::{ParameterErrors, ParameterTree, Reader};
+
+use super::roles::Role;
+
+/// The map beside a bag that is used without being asked for.
+pub(super) const BESIDE_A_BAG: &str = "channels.yaml";
+
+/// `sensor_msgs/MagneticField` begins as a `Vector3Stamped` does: header, then three numbers.
+const MAGNETIC_FIELD: &str = "sensor_msgs/msg/MagneticField";
+
+/// A map that fits the bag.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct TopicMap {
+    /// Name of the platform, if it is given.
+    pub platform: Option<String>,
+    /// Topic -> what it holds.
+    pub roles: BTreeMap<String, Role>,
+    /// Of each vector sensor.
+    pub references: Vec<Option<Unit<Vector3<f64>>>>,
+    /// Joints that are the wheels, in their order; empty: all joints of the message.
+    pub wheel_joints: Vec<String>,
+    /// Whether the efforts of the wheels' state are the torques that were commanded.
+    pub effort_is_command: bool,
+    pub closed_loop: Option<bool>,
+    pub clamped: bool,
+}
+
+impl TopicMap {
+    /// Reads a map file and checks it against the bag.
+    pub fn load(path: &Path, bag: &BagReader) -> Result<Self, ParameterErrors> {
+        let tree = ParameterTree::load(&[path.to_owned()], &[])?;
+        tree.check_sections(["/bag"])?;
+        Ok(whorl_params::read(&tree.for_node("/bag"), |r| Self::read(r, bag))?.0)
+    }
+
+    fn read(r: &mut Reader<'_>, bag: &BagReader) -> Self {
+        let mut map = Self::default();
+        let mut add = |r: &mut Reader<'_>, key: &str, role: Role| {
+            if let Some(topic) = topic(r, key, role, bag) {
+                map.roles.insert(topic, role);
+            }
+        };
+        add(r, "imu", Role::Imu);
+        add(r, "wheel_state", Role::WheelState);
+        add(r, "wheel_torque_command", Role::WheelCommand);
+        add(r, "thrusters", Role::Thrusters);
+        add(r, "actuator_command", Role::ActuatorCommand);
+        add(r, "body_torque", Role::BodyTorque);
+        add(r, "ballast_moment", Role::BallastMoment);
+        add(r, "bus_voltage", Role::BusVoltage);
+        add(r, "tank_pressure", Role::TankPressure);
+        add(r, "temperature", Role::Temperature);
+        add(r, "truth", Role::Truth);
+        let mut sensors: Vec<String> = vec!["vector".to_owned()];
+        let several = r.parameters().children("vectors");
+        sensors.extend(several.into_iter().map(|name| format!("vectors.{name}")));
+        let sensors = sensors.into_iter().filter(|key| r.has(key)).collect::<Vec<_>>();
+        for (index, key) in sensors.iter().enumerate() {
+            add(r, key, Role::Vector(index));
+            let reference = r.has(&format!("{key}.reference_world")).then(|| {
+                r.direction(
+                    &format!("{key}.reference_world"),
+                    "direction that the sensor sees, in the world (east, north, up)",
+                )
+            });
+            map.references.push(reference);
+        }
+        if r.has("wheel_state") {
+            map.wheel_joints = r.string_array_or(
+                "wheel_state.joints",
+                &[],
+                "names of the joints that are the wheels, in the order of the platform's parameters",
+            );
+            map.effort_is_command = r.bool_or(
+                "wheel_state.effort_is_command",
+                false,
+                "whether the efforts are the torques that were commanded, and not measured ones",
+            );
+        }
+        map.platform = r.optional_string("platform", "name of the platform");
+        map.closed_loop =
+            r.has("closed_loop").then(|| r.bool("closed_loop", "whether a controller was running"));
+        map.clamped = r.choice_or(
+            "mounting",
+            "on_bearing",
+            &["on_bearing", "clamped"],
+            "clamped: the body was held, only the wheels moved",
+        ) == "clamped";
+        map
+    }
+}
+
+fn topic(r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) -> Option<String> {
+    if !r.has(key) {
+        return None;
+    }
+    let full = format!("{key}.topic");
+    let name = r.string(&full, "full name of the topic");
+    if name.is_empty() {
+        return None;
+    }
+    let Some(topic) = bag.topic(&name) else {
+        let present: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
+        r.reject(&full, format!("the bag has no such topic; it has: {}", present.join(", ")));
+        return None;
+    };
+    if !fits(topic, role) {
+        let also = if matches!(role, Role::Vector(_)) { " or sensor_msgs/msg/MagneticField" } else { "" };
+        let (given, needed) = (&topic.type_name, role.message_type().name());
+        r.reject(&full, format!("its messages are {given}; allowed: {needed}{also}"));
+        return None;
+    }
+    Some(name)
+}
+
+fn fits(topic: &BagTopic, role: Role) -> bool {
+    topic.message_type() == Some(role.message_type())
+        || matches!(role, Role::Vector(_)) && topic.encoding == "cdr" && topic.type_name == MAGNETIC_FIELD
+}
