@@ -1,6 +1,9 @@
 //! A chosen filter, supervised by the gyro-bias filter.
 
-use super::{FilterKind, FilterStep, GyrostatFilter, Kernel, Solution, Update};
+use super::{
+    AttitudeRateFilter, FilterKind, FilterStep, GyrostatFilter, InvariantFilter, IteratedFilter, Kernel,
+    QuaternionRateFilter, Solution, UnscentedFilter, Update,
+};
 use crate::body::BodyModel;
 use crate::estimate::{Estimate, Health};
 use crate::filter::{Filter, ImuSample};
@@ -54,20 +57,36 @@ struct Wheels {
 }
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "nothing is allocated while it runs")]
 enum AnyKernel {
     Gyrostat(GyrostatFilter),
+    QuaternionRate(QuaternionRateFilter),
+    AttitudeRate(AttitudeRateFilter),
+    Iterated(IteratedFilter),
+    Unscented(UnscentedFilter),
+    Invariant(InvariantFilter),
 }
 
 impl AnyKernel {
     fn get(&self) -> &dyn Kernel {
         match self {
             Self::Gyrostat(kernel) => kernel,
+            Self::QuaternionRate(kernel) => kernel,
+            Self::AttitudeRate(kernel) => kernel,
+            Self::Iterated(kernel) => kernel,
+            Self::Unscented(kernel) => kernel,
+            Self::Invariant(kernel) => kernel,
         }
     }
 
     fn get_mut(&mut self) -> &mut dyn Kernel {
         match self {
             Self::Gyrostat(kernel) => kernel,
+            Self::QuaternionRate(kernel) => kernel,
+            Self::AttitudeRate(kernel) => kernel,
+            Self::Iterated(kernel) => kernel,
+            Self::Unscented(kernel) => kernel,
+            Self::Invariant(kernel) => kernel,
         }
     }
 }
@@ -255,13 +274,21 @@ impl Estimator {
             covariance: estimate.covariance,
             wheel_momentum_b_n_m_s,
         };
-        let parameters = self.supervisor.parameters();
+        let (parameters, body) = (self.supervisor.parameters(), self.body);
         self.kernel = match self.kind {
             FilterKind::AttitudeBias => None,
-            FilterKind::Gyrostat => self
-                .body
-                .and_then(|body| GyrostatFilter::new(parameters, &body, &start))
-                .map(AnyKernel::Gyrostat),
+            FilterKind::Gyrostat => {
+                body.and_then(|body| GyrostatFilter::new(parameters, &body, &start)).map(AnyKernel::Gyrostat)
+            }
+            FilterKind::QuaternionRate => body
+                .and_then(|body| QuaternionRateFilter::new(parameters, &body, &start))
+                .map(AnyKernel::QuaternionRate),
+            FilterKind::AttitudeRate => body
+                .and_then(|body| AttitudeRateFilter::new(parameters, &body, &start))
+                .map(AnyKernel::AttitudeRate),
+            FilterKind::Iterated => Some(AnyKernel::Iterated(IteratedFilter::new(parameters, &start))),
+            FilterKind::Unscented => Some(AnyKernel::Unscented(UnscentedFilter::new(parameters, &start))),
+            FilterKind::Invariant => Some(AnyKernel::Invariant(InvariantFilter::new(parameters, &start))),
         };
         self.disagreements = 0;
     }

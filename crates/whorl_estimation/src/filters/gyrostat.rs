@@ -352,3 +352,90 @@ impl Kernel for GyrostatFilter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_math::rotation_vector;
+
+    fn filter() -> (GyrostatFilter, FilterStep) {
+        let inertia = Matrix3::new(6.2, -0.9, -0.2, -0.9, 7.5, 0.1, -0.2, 0.1, 12.1);
+        let body = BodyModel::new(inertia, Vector3::new(-0.4, 0.7, -2.0));
+        let start = Solution {
+            q_world_body: UnitQuaternion::from_euler_angles(0.2, -0.3, 1.0),
+            omega_rad_s: Vector3::new(0.2, -0.3, 0.5),
+            gyro_bias_rad_s: Vector3::new(0.01, 0.0, -0.02),
+            covariance: Matrix6::identity() * 1e-4,
+            wheel_momentum_b_n_m_s: Vector3::new(0.5, -1.0, 0.3),
+        };
+        let mut filter = GyrostatFilter::new(&Parameters::motion_pak_ii(), &body, &start).expect("regular");
+        filter.torque_b_n_m = Vector3::new(0.3, -0.2, 0.1);
+        let step = FilterStep {
+            dt_s: 1e-3,
+            gyro_rad_s: start.omega_rad_s,
+            gyro_before_rad_s: start.omega_rad_s,
+            force_b_m_s2: None,
+            wheel_momentum_b_n_m_s: start.wheel_momentum_b_n_m_s + Vector3::new(1e-3, 0.0, -2e-3),
+            jet_impulse_b_n_m_s: Vector3::new(0.0, 2e-3, 1e-3),
+        };
+        (filter, step)
+    }
+
+    #[test]
+    fn transition_is_the_derivative_of_the_motion() {
+        let (reference, step) = filter();
+        let mut moved = reference.clone();
+        let (transition, _) = moved.predict(&step);
+        for state in [0, 1, 2, 3, 4, 5, 9, 10, 11] {
+            let mut error = Row::zeros();
+            error[state] = 1e-5;
+            let mut other = reference.clone();
+            other.apply(&error);
+            other.predict(&step);
+            let attitude = rotation_vector(&(other.q_world_body * moved.q_world_body.inverse())) / 1e-5;
+            let momentum = (other.momentum_w_n_m_s - moved.momentum_w_n_m_s) / 1e-5;
+            let unit = Vector3::from_fn(|i, _| if i == state % 3 { 1.0 } else { 0.0 });
+            let (expected_attitude, expected_momentum) = match state / 3 {
+                0 => (unit + transition.attitude_attitude * unit, transition.momentum_attitude * unit),
+                1 => (transition.attitude_momentum * unit, unit),
+                _ => (Vector3::zeros(), transition.momentum_torque * unit),
+            };
+            // Beyond the first order in the step: 1e-6 times accelerations of order one.
+            assert!((attitude - expected_attitude).norm() < 5e-6, "attitude, state {state}");
+            assert!((momentum - expected_momentum).norm() < 5e-5, "momentum, state {state}: {momentum}");
+        }
+    }
+
+    #[test]
+    fn rate_sensitivity_is_the_derivative() {
+        let (reference, _) = filter();
+        let rotation = *reference.q_world_body.to_rotation_matrix().matrix();
+        let (to_attitude, to_momentum) = reference.rate_sensitivity(&rotation);
+        for state in 0..6 {
+            let mut error = Row::zeros();
+            error[state] = 1e-6;
+            let mut other = reference.clone();
+            other.apply(&error);
+            let numeric =
+                (other.omega_rad_s - reference.rate(&rotation, &reference.wheel_momentum_b_n_m_s)) / 1e-6;
+            let expected = if state < 3 { to_attitude.column(state) } else { to_momentum.column(state - 3) };
+            assert!((numeric - expected).norm() < 1e-6, "state {state}");
+        }
+    }
+
+    #[test]
+    fn a_free_gyrostat_keeps_its_momentum() {
+        let (mut filter, mut step) = filter();
+        filter.body.gravity_offset_b_n_m = Vector3::zeros();
+        filter.torque_b_n_m = Vector3::zeros();
+        step.jet_impulse_b_n_m_s = Vector3::zeros();
+        let before = filter.momentum_w_n_m_s;
+        for _ in 0..1000 {
+            filter.predict(&step);
+        }
+        assert!((filter.momentum_w_n_m_s - before).norm() < 1e-12);
+        let rotation = *filter.q_world_body.to_rotation_matrix().matrix();
+        let total = rotation * (filter.body.inertia_kg_m2 * filter.omega_rad_s + step.wheel_momentum_b_n_m_s);
+        assert!((total - before).norm() < 1e-9);
+    }
+}

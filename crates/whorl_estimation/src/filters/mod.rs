@@ -4,11 +4,26 @@
 //! nothing of gates, lateness or health. [`Estimator`] runs a kernel beside the gyro-bias filter
 //! [`crate::Filter`], which gates the samples for it, finds its first attitude and judges health.
 
+mod attitude_rate;
+mod bias_state;
+mod dense;
 mod estimator;
 mod gyrostat;
+mod invariant;
+mod iterated;
+mod quaternion_rate;
+mod rigid_body;
+#[cfg(test)]
+mod tests;
+mod unscented;
 
+pub use attitude_rate::AttitudeRateFilter;
 pub use estimator::{Estimator, EstimatorError};
 pub use gyrostat::GyrostatFilter;
+pub use invariant::InvariantFilter;
+pub use iterated::IteratedFilter;
+pub use quaternion_rate::QuaternionRateFilter;
+pub use unscented::UnscentedFilter;
 
 use nalgebra::{Matrix6, Unit, UnitQuaternion, Vector3};
 
@@ -21,12 +36,29 @@ pub enum FilterKind {
     /// Attitude error, momentum, gyro bias, torque and accelerometer bias of a gyrostat:
     /// [`GyrostatFilter`] (4.5.3 with wheels).
     Gyrostat,
+    /// Quaternion and rate (4.5.2): [`QuaternionRateFilter`].
+    QuaternionRate,
+    /// Attitude error and rate (4.5.3): [`AttitudeRateFilter`].
+    AttitudeRate,
+    /// Attitude error and gyro bias, iterated update: [`IteratedFilter`].
+    Iterated,
+    /// Attitude error and gyro bias, sigma points (USQUE): [`UnscentedFilter`].
+    Unscented,
+    /// Attitude and gyro bias, equivariant: [`InvariantFilter`].
+    Invariant,
 }
 
 impl FilterKind {
     /// All of them, with their parameter names.
-    pub const ALL: [(&'static str, Self); 2] =
-        [("attitude_bias", Self::AttitudeBias), ("gyrostat", Self::Gyrostat)];
+    pub const ALL: [(&'static str, Self); 7] = [
+        ("attitude_bias", Self::AttitudeBias),
+        ("gyrostat", Self::Gyrostat),
+        ("quaternion_rate", Self::QuaternionRate),
+        ("attitude_rate", Self::AttitudeRate),
+        ("iterated", Self::Iterated),
+        ("unscented", Self::Unscented),
+        ("invariant", Self::Invariant),
+    ];
 
     /// The kind of that name.
     #[must_use]
@@ -43,7 +75,7 @@ impl FilterKind {
     /// Whether it needs a [`crate::BodyModel`].
     #[must_use]
     pub fn needs_body(self) -> bool {
-        matches!(self, Self::Gyrostat)
+        matches!(self, Self::Gyrostat | Self::QuaternionRate | Self::AttitudeRate)
     }
 }
 

@@ -3,4 +3,4 @@
 mod accuracy;
 mod gates;
 mod recovery;
-mod simulation;
+pub(crate) mod simulation;

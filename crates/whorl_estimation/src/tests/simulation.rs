@@ -9,16 +9,16 @@ use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{PI, TAU};
 
-pub(super) const IMU_PERIOD_NS: i64 = 10_000_000;
+pub(crate) const IMU_PERIOD_NS: i64 = 10_000_000;
 
 /// A sine: amplitude, angular frequency, phase.
 type Sine = (f64, f64, f64);
 
 #[derive(Clone, Debug)]
-pub(super) struct Motion {
-    pub(super) yaw_rate_rad_s: f64,
-    pub(super) yaw_start_rad: f64,
-    pub(super) roll_offset_rad: f64,
+pub(crate) struct Motion {
+    pub(crate) yaw_rate_rad_s: f64,
+    pub(crate) yaw_start_rad: f64,
+    pub(crate) roll_offset_rad: f64,
     roll: [Sine; 3],
     pitch: [Sine; 3],
     yaw: [Sine; 3],
@@ -33,12 +33,12 @@ fn uniform(rng: &mut Pcg64Mcg, low: f64, high: f64) -> f64 {
     low + (high - low) * unit
 }
 
-pub(super) fn normal3(rng: &mut Pcg64Mcg) -> Vector3<f64> {
+pub(crate) fn normal3(rng: &mut Pcg64Mcg) -> Vector3<f64> {
     Vector3::new(normal(rng), normal(rng), normal(rng))
 }
 
 impl Motion {
-    pub(super) fn still() -> Self {
+    pub(crate) fn still() -> Self {
         let none = [(0.0, 0.0, 0.0); 3];
         Self {
             yaw_rate_rad_s: 0.0,
@@ -51,7 +51,7 @@ impl Motion {
     }
 
     /// Tilt within +-5 deg, any heading, yaw spin up to 30 deg/s with swings.
-    pub(super) fn platform(rng: &mut Pcg64Mcg) -> Self {
+    pub(crate) fn platform(rng: &mut Pcg64Mcg) -> Self {
         let mut sines = |amplitude: f64| {
             [(); 3].map(|()| {
                 (
@@ -73,7 +73,7 @@ impl Motion {
         }
     }
 
-    pub(super) fn attitude(&self, t: f64) -> UnitQuaternion<f64> {
+    pub(crate) fn attitude(&self, t: f64) -> UnitQuaternion<f64> {
         let [roll, pitch, yaw] = self.angles(t);
         UnitQuaternion::from_euler_angles(roll, pitch, yaw)
     }
@@ -88,7 +88,7 @@ impl Motion {
     }
 
     /// Body rates of the yaw-pitch-roll sequence (Stevens and Lewis, eq. 1.3-21).
-    pub(super) fn rate(&self, t: f64) -> Vector3<f64> {
+    pub(crate) fn rate(&self, t: f64) -> Vector3<f64> {
         let slope = |sines: &[Sine; 3]| sines.iter().map(|(a, w, p)| a * w * (w * t + p).cos()).sum::<f64>();
         let [roll, pitch, _] = self.angles(t);
         let (roll_rate, pitch_rate) = (slope(&self.roll), slope(&self.pitch));
@@ -100,42 +100,42 @@ impl Motion {
         )
     }
 
-    pub(super) fn angular_acceleration(&self, t: f64) -> Vector3<f64> {
+    pub(crate) fn angular_acceleration(&self, t: f64) -> Vector3<f64> {
         (self.rate(t + 1e-5) - self.rate(t - 1e-5)) / 2e-5
     }
 }
 
 /// One platform with its sensors, stepped at 100 Hz.
-pub(super) struct Simulation {
-    pub(super) motion: Motion,
-    pub(super) bias: Vector3<f64>,
-    pub(super) rng: Pcg64Mcg,
-    pub(super) step: i64,
+pub(crate) struct Simulation {
+    pub(crate) motion: Motion,
+    pub(crate) bias: Vector3<f64>,
+    pub(crate) rng: Pcg64Mcg,
+    pub(crate) step: i64,
     /// 0 takes the noise away.
-    pub(super) noise_scale: f64,
+    pub(crate) noise_scale: f64,
     /// The vector sensor's sample is handed over so many IMU samples late.
-    pub(super) vector_delay_steps: i64,
+    pub(crate) vector_delay_steps: i64,
     waiting: Vec<(i64, i64, Vector3<f64>)>,
 }
 
 impl Simulation {
-    pub(super) fn new(motion: Motion, parameters: &Parameters, seed: u64) -> Self {
+    pub(crate) fn new(motion: Motion, parameters: &Parameters, seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let _ = rng.next_u64();
         let bias = normal3(&mut rng) * parameters.initial_bias_sigma_rad_s;
         Self { motion, bias, rng, step: 0, noise_scale: 1.0, vector_delay_steps: 0, waiting: Vec::new() }
     }
 
-    pub(super) fn time_s(&self) -> f64 {
+    pub(crate) fn time_s(&self) -> f64 {
         (self.step * IMU_PERIOD_NS) as f64 * 1e-9
     }
 
-    pub(super) fn stamp_ns(&self) -> i64 {
+    pub(crate) fn stamp_ns(&self) -> i64 {
         self.step * IMU_PERIOD_NS
     }
 
     /// The next IMU sample; the bias walks by one interval.
-    pub(super) fn imu(&mut self, parameters: &Parameters) -> ImuSample {
+    pub(crate) fn imu(&mut self, parameters: &Parameters) -> ImuSample {
         self.step += 1;
         let (t, dt) = (self.time_s(), IMU_PERIOD_NS as f64 * 1e-9);
         let scale = self.noise_scale;
@@ -155,7 +155,7 @@ impl Simulation {
     }
 
     /// The vector sample now taken (every tenth step), stamped now, with noise across.
-    pub(super) fn vector(&mut self, parameters: &Parameters) -> Option<(i64, Vector3<f64>)> {
+    pub(crate) fn vector(&mut self, parameters: &Parameters) -> Option<(i64, Vector3<f64>)> {
         let vector = parameters.vector?;
         if self.step % 10 == 0 {
             let truth = self.motion.attitude(self.time_s()).inverse() * vector.reference_w.into_inner();
@@ -169,7 +169,7 @@ impl Simulation {
     }
 
     /// Steps the filter once with all sensors.
-    pub(super) fn drive(&mut self, filter: &mut Filter) {
+    pub(crate) fn drive(&mut self, filter: &mut Filter) {
         let parameters = *filter.parameters();
         let sample = self.imu(&parameters);
         filter.on_imu(&sample);
@@ -179,7 +179,7 @@ impl Simulation {
     }
 
     /// Attitude error (body axes) and bias error of an estimate made now.
-    pub(super) fn error(&self, estimate: &Estimate) -> Vector6<f64> {
+    pub(crate) fn error(&self, estimate: &Estimate) -> Vector6<f64> {
         let attitude = (estimate.q_world_body.inverse() * self.motion.attitude(self.time_s())).scaled_axis();
         let bias = self.bias - estimate.gyro_bias_b_rad_s;
         Vector6::new(attitude.x, attitude.y, attitude.z, bias.x, bias.y, bias.z)
