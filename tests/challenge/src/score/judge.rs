@@ -143,6 +143,9 @@ pub fn judge(built: &Built, threads: usize) -> Outcome {
         }
     };
     outcome.seconds = seconds;
+    if std::env::var_os("WHORL_CHALLENGE_EXPLAIN").is_some() {
+        eprintln!("{}", serde_json::to_string_pretty(&diagnosis).unwrap_or_default());
+    }
     score(&mut outcome, built, &diagnosis);
     if built.spec.cell == Cell::Confounded {
         let mut all = built.training.clone();
