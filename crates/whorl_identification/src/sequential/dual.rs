@@ -22,13 +22,15 @@ pub struct DualFilter {
     forgetting: f64,
     /// Length of a window \[s\].
     window_s: f64,
-    /// Variance of the innovation about each axis.
+    /// Variance of the innovation about each axis, for one sample in each half of the window.
     noise: Matrix3<f64>,
     wheels: StateSeries,
     start: Option<StateSample>,
     last: Option<StateSample>,
     matrix: Row,
     right: Vector3<f64>,
+    /// Sums of the integrated equation over the first and the second half of the window, and their counts.
+    halves: [(Row, Vector3<f64>, f64); 2],
 }
 
 impl DualFilter {
@@ -61,6 +63,7 @@ impl DualFilter {
             last: None,
             matrix: Row::zeros(),
             right: Vector3::zeros(),
+            halves: [(Row::zeros(), Vector3::zeros(), 0.0); 2],
         }
     }
 
@@ -86,16 +89,29 @@ impl DualFilter {
         self.matrix += (quadratic(&last) + quadratic(sample)) * (0.5 * gap_s);
         self.right +=
             last.external_torque_b_n_m * gap_s - (gyroscopic(&last) + gyroscopic(sample)) * (0.5 * gap_s);
-        if sample.time_s - start.time_s < self.window_s {
-            return None;
-        }
         let mut matrix = self.matrix;
         let change = inertia_regressor(&sample.omega_wb_b_rad_s) - inertia_regressor(&start.omega_wb_b_rad_s);
         let mut block = matrix.fixed_view_mut::<3, 6>(0, 0);
         block += change;
         let wheels = self.wheels.wheel_momentum_b_n_m_s(sample) - self.wheels.wheel_momentum_b_n_m_s(start);
-        let innovation = self.right - wheels - matrix * self.estimate;
-        self.update(&matrix, &innovation);
+        let elapsed_s = sample.time_s - start.time_s;
+        let [first, second] = &mut self.halves;
+        let half = if elapsed_s < 0.5 * self.window_s { first } else { second };
+        half.0 += matrix;
+        half.1 += self.right - wheels;
+        half.2 += 1.0;
+        if elapsed_s < self.window_s {
+            return None;
+        }
+        // Means over half a window hold little of the rate's noise, which would stand in the matrix.
+        let [(a1, b1, n1), (a2, b2, n2)] = self.halves;
+        if n1 < 1.0 || n2 < 1.0 {
+            self.begin(sample);
+            return None;
+        }
+        let matrix = a2 / n2 - a1 / n1;
+        let innovation = b2 / n2 - b1 / n1 - matrix * self.estimate;
+        self.update(&matrix, &innovation, n1.min(n2));
         self.begin(sample);
         Some(SequentialEstimate {
             time_s: sample.time_s,
@@ -109,16 +125,18 @@ impl DualFilter {
         self.start = Some(sample.clone());
         self.matrix = Row::zeros();
         self.right = Vector3::zeros();
+        self.halves = [(Row::zeros(), Vector3::zeros(), 0.0); 2];
     }
 
     /// Eqs. 4.99-4.101, Joseph's form.
-    fn update(&mut self, matrix: &Row, innovation: &Vector3<f64>) {
+    fn update(&mut self, matrix: &Row, innovation: &Vector3<f64>, samples: f64) {
+        let noise = self.noise / samples;
         let before = forget(&self.covariance, &self.prior, self.forgetting);
-        let spread = matrix * before * matrix.transpose() + self.noise;
+        let spread = matrix * before * matrix.transpose() + noise;
         let Some(factor) = spread.cholesky() else { return };
         let gain = before * matrix.transpose() * factor.inverse();
         let rest = MassCovariance::identity() - gain * matrix;
-        let covariance = rest * before * rest.transpose() + gain * self.noise * gain.transpose();
+        let covariance = rest * before * rest.transpose() + gain * noise * gain.transpose();
         let estimate = self.estimate + gain * innovation;
         if estimate.iter().all(|x| x.is_finite()) {
             self.estimate = estimate;

@@ -252,6 +252,7 @@ impl JointFilter {
             transition.set_column(n, &(carried.to(&moved) / DIFFERENCE));
         }
         let covariance = self.with_process(&(transition * self.covariance * transition.transpose()), dt_s);
+        let covariance = DMatrix::from_column_slice(STATE, STATE, covariance.as_slice());
         let (z, variance) = self.measured(point);
         let noise = DMatrix::from_diagonal(&variance);
         let mut mean = carried.clone();
@@ -263,15 +264,15 @@ impl JointFilter {
                 let moved = self.readings(&mean.moved(&StateVector::ith(n, DIFFERENCE)), point)?;
                 jacobian.set_column(n, &((moved - &base) / DIFFERENCE));
             }
-            let spread = &jacobian * covariance * jacobian.transpose() + &noise;
-            gain = covariance * jacobian.transpose() * spread.cholesky()?.inverse();
+            let spread = &jacobian * &covariance * jacobian.transpose() + &noise;
+            gain = &covariance * jacobian.transpose() * spread.cholesky()?.inverse();
             // The iterated filter's innovation counts from the predicted state.
             let back = mean.to(&carried);
             let step = &gain * (&z - &base - &jacobian * back);
             mean = carried.moved(&StateVector::from_iterator(step.iter().copied()));
         }
         let rest = DMatrix::identity(STATE, STATE) - &gain * &jacobian;
-        let updated = &rest * covariance * rest.transpose() + &gain * noise * gain.transpose();
+        let updated = &rest * &covariance * rest.transpose() + &gain * noise * gain.transpose();
         let updated = StateMatrix::from_iterator(updated.iter().copied());
         self.covariance = 0.5 * (updated + updated.transpose());
         self.mean = mean;
