@@ -211,6 +211,9 @@ topics! {
     Diagnostics "diagnostics" shared DiagnosticArray RARE 1.0;
     /// Frames `<platform>/base_link` in `world`, from the estimators.
     Tf "tf" shared TFMessage RARE 20.0;
+    /// Moment that the linear mass actuators shall add to the gravity offset, body axes \[N m\], from local
+    /// control while it balances the platform; holds until the next.
+    BallastMoment "ballast/moment" platform Vector3Stamped STREAM 1.0;
 }
 
 impl Topic {

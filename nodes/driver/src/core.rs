@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use nalgebra::Vector3;
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -86,7 +87,10 @@ impl DriverCore {
 
 impl NodeCore for DriverCore {
     fn subscriptions(&self) -> Vec<Route> {
-        vec![Route::platform(self.parameters.platform, Topic::ActuatorCommand)]
+        vec![
+            Route::platform(self.parameters.platform, Topic::ActuatorCommand),
+            Route::platform(self.parameters.platform, Topic::BallastMoment),
+        ]
     }
 
     fn publications(&self) -> Vec<Route> {
@@ -116,6 +120,16 @@ impl NodeCore for DriverCore {
                             refusal.reason()
                         ),
                     ),
+                }
+            }
+            // The masses stay where they are when nobody commands: there is nothing to time out.
+            Event::Message { route, message: Message::Vector3Stamped(moment) }
+                if route.topic == Topic::BallastMoment =>
+            {
+                let moment_b_n_m: Vector3<f64> = moment.vector.into();
+                if moment_b_n_m.iter().all(|x| x.is_finite()) {
+                    self.hardware.advance_to(now);
+                    self.hardware.move_ballast(now, moment_b_n_m);
                 }
             }
             Event::Shutdown => {

@@ -1,5 +1,6 @@
 //! What a driver drives: simulated hardware, a recording, or real hardware.
 
+use nalgebra::Vector3;
 use whorl_msgs::topics::{Message, Topic};
 use whorl_node::Timestamp;
 
@@ -13,6 +14,10 @@ pub trait Hardware: Send {
 
     /// Carries out what the gate decided, now.
     fn apply(&mut self, now: Timestamp, action: &Action);
+
+    /// Moves the linear mass actuators: moment to add to the gravity offset from now on, body axes [N m],
+    /// finite. Hardware without them ignores it.
+    fn move_ballast(&mut self, _now: Timestamp, _moment_b_n_m: Vector3<f64>) {}
 
     /// Measurements that have become due by `now`, stamped, in order of time.
     fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>);

@@ -163,6 +163,12 @@ impl Hardware for SimulatedHardware {
         }
     }
 
+    fn move_ballast(&mut self, now: Timestamp, moment_b_n_m: Vector3<f64>) {
+        if let Some(running) = self.running(now) {
+            running.plant.set_ballast_moment(moment_b_n_m);
+        }
+    }
+
     fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>) {
         let vector_period = self.model.sensors.vector.map(|v| Duration::from_secs_f64(1.0 / v.rate_hz));
         let initial_v = self.model.bus.initial_v;
