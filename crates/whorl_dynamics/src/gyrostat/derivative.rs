@@ -132,7 +132,8 @@ impl Gyrostat {
         }
 
         let pressure_ratio = self.pressure_pa(state.gas_kg) / self.model.tank.reference_pressure_pa;
-        let thrust_factor = self.thrust_factor(pressure_ratio);
+        // Most of the time no jet blows, and a power is dear.
+        let thrust_factor = if jets.thrust_n == 0.0 { 0.0 } else { self.thrust_factor(pressure_ratio) };
         let offset = self.model.mass_properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
         let mut torque = jets.torque_b_n_m * thrust_factor + drive.body_torque_b_n_m
             - offset.cross(&vertical_b)
