@@ -6,7 +6,8 @@
 //!   half second after the writer was killed; [`recover`] makes such a bag complete.
 //! - [`RunWriter`] and [`RunDirectory`]: `<UTC time>_<experiment>/` with `bag/`, `params/`, `manifest.yaml`
 //!   and `summary.json`.
-//! - [`CsvRecording`], [`measurements()`]: what a platform's hardware would have sent, for replay;
+//! - [`CsvMap`], [`CsvRows`]: CSV files of any form, line by line in SI units;
+//!   [`CsvRecording`], [`measurements()`]: what a platform's hardware would have sent, for replay;
 //!   [`export_csv`]: a recording for spreadsheets.
 //! - [`SequenceTracker`], [`TopicStatistics`]: losses, gaps and rates, without files or clocks.
 

@@ -218,6 +218,15 @@ fn a_bench_test_needs_no_gyro() {
     assert_eq!(costs.len(), 2, "bus voltage and temperature: {costs:?}");
 }
 
+#[test]
+fn the_example_in_params_maps_every_channel() {
+    let known = whorl_1();
+    let path = super::parameters().join("channels/whorl.yaml");
+    let map = CsvMap::load_for(&path, &platform_parts(&known)).unwrap();
+    assert_eq!((map.vectors.len(), map.jets.unwrap().columns.len()), (2, 12));
+    assert!(map.bus_voltage.is_some() && map.tank_pressure.is_some() && map.temperature.is_some());
+}
+
 proptest::proptest! {
     /// Whatever is in the cells: an error or a recording, never a panic.
     #[test]
