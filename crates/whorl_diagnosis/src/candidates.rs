@@ -96,6 +96,7 @@ impl Layout {
         available: &Available,
         exclude: &[String],
         lines: &Lines,
+        with_hidden: bool,
     ) -> Self {
         let mut layout = Self {
             columns: reference.base_columns(
@@ -116,6 +117,9 @@ impl Layout {
                 continue;
             }
             if reference.model.effects.contains_key(id) && !BASE_EFFECTS.contains(&id) {
+                continue;
+            }
+            if effect.hidden_states(&reference.model) > 0 && !with_hidden && !point.effects.contains_key(id) {
                 continue;
             }
             layout.add(reference, point, available, effect, lines);

@@ -36,6 +36,7 @@ mod regression;
 pub mod residual;
 mod run;
 mod search;
+mod spectrum;
 mod threads;
 mod unknown;
 mod words;

@@ -173,7 +173,7 @@ impl Mechanics {
         let length = run.length(k);
         // The acceleration that was seen drives hidden states, not the model's own.
         let seen = (w1 - w0) / length;
-        let steps = ((length / 0.005).ceil() as usize).clamp(1, 64);
+        let steps = ((length / 0.012).ceil() as usize).clamp(1, 64);
         let h = length / steps as f64;
         let (mut sum, mut wheel_sum) = (Vector3::zeros(), [0.0; MAX_WHEELS]);
         let wheels = self.model().wheels.len();

@@ -13,7 +13,7 @@ use crate::run::{Run, sample_step_s};
 use crate::{DiagnosisError, threads};
 
 /// Nodes of all runs together, at most: more data go into wider bins.
-const MOST_NODES: f64 = 14_000.0;
+const MOST_NODES: f64 = 9_000.0;
 
 /// Widest bin \[s\].
 const WIDEST_BIN_S: f64 = 0.1;

@@ -4,7 +4,7 @@ use crate::candidates::{Available, Layout, Lines};
 use crate::hypothesis::{Hypothesis, cross_validated_gain};
 use crate::parameters::{Point, Target};
 use crate::problem::{Dataset, Problem};
-use crate::regression::BLOCKS_PER_RUN;
+use crate::regression::{BLOCKS_PER_RUN, Colour};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Log evidence that an effect must add. The number of effects that compete is paid for here too.
@@ -12,6 +12,9 @@ pub(crate) const LEAST_EVIDENCE: f64 = 5.0;
 
 /// Drop of the whitened misfit that an effect must bring: below, a name would often be wrong.
 pub(crate) const LEAST_DROP: f64 = 25.0;
+
+/// A rest of this many standard deviations is worth the columns of hidden states.
+const SOMETHING_LEFT: f64 = 4.0;
 
 /// Explanations closer than this in log evidence are both kept.
 pub(crate) const TIE: f64 = 3.0;
@@ -23,6 +26,11 @@ pub(crate) struct Search<'a> {
     pub available: Available,
     pub options: &'a Options,
     pub lines: Lines,
+    /// Hidden states compete as well: their many columns are made only when something is missing.
+    pub with_hidden: bool,
+    /// Colours of the noise, kept from the first full regression.
+    colours: Option<Vec<Vec<Colour>>>,
+    held_colours: Option<Vec<Vec<Colour>>>,
     pub point: Point,
     pub layout: Layout,
     pub data: Dataset,
@@ -37,7 +45,12 @@ const NO_FIT: DiagnosisError = DiagnosisError::NoTrajectory {
 };
 
 /// Regression of a problem at a point with the columns of a layout.
-pub(crate) fn dataset(problem: &Problem, point: &Point, layout: &Layout) -> Result<Dataset, DiagnosisError> {
+pub(crate) fn dataset(
+    problem: &Problem,
+    point: &Point,
+    layout: &Layout,
+    colours: Option<Vec<Vec<Colour>>>,
+) -> Result<Dataset, DiagnosisError> {
     let linearised = problem.linearise(point)?;
     let whitened = problem.respond(&linearised, point, &layout.columns)?;
     let wide: Vec<f64> = layout
@@ -45,7 +58,7 @@ pub(crate) fn dataset(problem: &Problem, point: &Point, layout: &Layout) -> Resu
         .iter()
         .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
         .collect();
-    Ok(problem.dataset(whitened, layout.columns.len(), &wide, None))
+    Ok(problem.dataset(whitened, layout.columns.len(), &wide, colours))
 }
 
 /// The point of a fit.
@@ -78,10 +91,10 @@ impl<'a> Search<'a> {
         let point = base_point_with(problem, &mut held_out)?;
         progress(Progress { share: 0.45, doing: "passing every effect through the filter" });
         let lines = Lines::default();
-        let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines);
-        let data = dataset(problem, &point, &layout)?;
+        let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
+        let data = dataset(problem, &point, &layout, None)?;
         let held_data = match &held_out {
-            Some(held) => Some(dataset(held, &point, &layout)?),
+            Some(held) => Some(dataset(held, &point, &layout, None)?),
             None => None,
         };
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
@@ -91,6 +104,9 @@ impl<'a> Search<'a> {
             available,
             options,
             lines,
+            with_hidden: false,
+            colours: Some(data.colours.clone()),
+            held_colours: held_data.as_ref().map(|h| h.colours.clone()),
             point,
             layout,
             data,
@@ -136,10 +152,11 @@ impl<'a> Search<'a> {
             &self.available,
             &self.options.exclude,
             &self.lines,
+            self.with_hidden,
         );
-        self.data = dataset(self.problem, &self.point, &self.layout)?;
+        self.data = dataset(self.problem, &self.point, &self.layout, self.colours.clone())?;
         self.held_data = match &self.held_out {
-            Some(held) => Some(dataset(held, &self.point, &self.layout)?),
+            Some(held) => Some(dataset(held, &self.point, &self.layout, self.held_colours.clone())?),
             None => None,
         };
         self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
@@ -193,6 +210,15 @@ impl<'a> Search<'a> {
 
     /// Grows the set while an effect passes every gate, swapping and removing members on the way.
     pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
+        let rest = crate::answer::rest(self.problem, &self.data, &self.layout, &self.base);
+        let additions = self.additions(&self.base);
+        let promising = additions.first().is_some_and(|h| self.passes(h, &self.base));
+        if promising || rest[crate::answer::worst(&rest)].significance() > SOMETHING_LEFT {
+            progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
+            self.with_hidden = true;
+            self.lines = crate::spectrum::lines(self);
+            self.relinearise()?;
+        }
         for round in 0..self.options.largest_set {
             progress(Progress { share: 0.6 + 0.1 * round as f64, doing: "comparing explanations" });
             let mut additions = self.additions(&self.best);
@@ -309,7 +335,7 @@ fn base_point_with(problem: &mut Problem, held_out: &mut Option<&mut Problem>) -
     smooth_all(problem, held_out, &point, 5e-3)?;
     for _ in 0..2 {
         let layout = base_layout(problem, &available);
-        let data = dataset(problem, &point, &layout)?;
+        let data = dataset(problem, &point, &layout, None)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         point = point_of(problem, &layout, &point, &base);
         smooth_all(problem, held_out, &point, 2e-3)?;
