@@ -54,7 +54,8 @@ impl Chosen {
             let filter = FreeMotionEstimator::new(FreeMotionParameters::default());
             return Ok(Self::FreeMotion(Box::new(filter)));
         }
-        let usable = || FilterKind::ALL.iter().filter(|(_, kind)| !kind.needs_body());
+        let usable =
+            || FilterKind::ALL.iter().filter(|(name, kind)| !kind.needs_body() && *name != FREE_MOTION);
         let Some((_, kind)) = usable().find(|(known, _)| *known == name) else {
             let names: Vec<&str> = usable().map(|(known, _)| *known).collect();
             bail!("--filter {name}: allowed: {FREE_MOTION}, {}", names.join(", "));

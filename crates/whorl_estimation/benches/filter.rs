@@ -5,9 +5,10 @@
 #![allow(clippy::expect_used, reason = "a bench stops at a broken precondition")]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use std::hint::black_box;
-use whorl_estimation::{Filter, ImuSample, Parameters};
+use whorl_estimation::free_motion::{FreeMotionEstimator, FreeMotionParameters};
+use whorl_estimation::{BodyModel, Estimator, Filter, FilterKind, ImuSample, Parameters};
 
 fn sample(step: i64) -> ImuSample {
     let t = step as f64 * 0.01;
@@ -69,5 +70,36 @@ fn filter(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, filter);
+/// One IMU sample through each filter with its supervision; every tenth comes with a vector sample.
+fn kinds(criterion: &mut Criterion) {
+    for (name, kind) in FilterKind::ALL {
+        criterion.bench_function(&format!("estimator_{name}"), |bencher| {
+            let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
+            let body = BodyModel::new(inertia, Vector3::new(0.0, 0.0, -2.0));
+            let mut estimator = Estimator::new(kind, parameters(false), Some(body)).expect("allowed");
+            let mut step = 0;
+            bencher.iter(|| {
+                step += 1;
+                let sample = sample(step);
+                estimator.on_wheels(sample.stamp_ns, Vector3::x(), Vector3::zeros());
+                estimator.on_imu(black_box(&sample));
+                if step % 10 == 0 {
+                    estimator.on_vector(sample.stamp_ns, &Vector3::x());
+                }
+            });
+        });
+    }
+    criterion.bench_function("free_motion_sample", |bencher| {
+        let mut estimator = FreeMotionEstimator::new(FreeMotionParameters::default());
+        let mut step = 0;
+        bencher.iter(|| {
+            step += 1;
+            let sample = sample(step);
+            estimator.on_imu(step * 3_500_000, &sample.gyro_rad_s, black_box(&sample.specific_force_m_s2));
+            estimator.on_magnetometer(&Vector3::new(0.1 * (step as f64 * 0.01).sin(), 15.0, -40.0));
+        });
+    });
+}
+
+criterion_group!(benches, filter, kinds);
 criterion_main!(benches);

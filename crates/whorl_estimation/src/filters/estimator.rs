@@ -1,12 +1,13 @@
 //! A chosen filter, supervised by the gyro-bias filter.
 
 use super::{
-    AttitudeRateFilter, FilterKind, FilterStep, GyrostatFilter, InvariantFilter, IteratedFilter, Kernel,
-    QuaternionRateFilter, Solution, UnscentedFilter, Update,
+    AttitudeRateFilter, FilterKind, FilterStep, FreeMotionKernel, GyrostatFilter, InvariantFilter,
+    IteratedFilter, Kernel, QuaternionRateFilter, Solution, UnscentedFilter, Update,
 };
 use crate::body::BodyModel;
 use crate::estimate::{Estimate, Health};
 use crate::filter::{Filter, ImuSample};
+use crate::free_motion::FreeMotionParameters;
 use crate::parameters::{ParameterError, Parameters};
 use crate::verdict::{FilterEvent, ImuOutcome, RejectionCounts, Verdict};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3};
@@ -65,6 +66,7 @@ enum AnyKernel {
     Iterated(IteratedFilter),
     Unscented(UnscentedFilter),
     Invariant(InvariantFilter),
+    FreeMotion(FreeMotionKernel),
 }
 
 impl AnyKernel {
@@ -76,6 +78,7 @@ impl AnyKernel {
             Self::Iterated(kernel) => kernel,
             Self::Unscented(kernel) => kernel,
             Self::Invariant(kernel) => kernel,
+            Self::FreeMotion(kernel) => kernel,
         }
     }
 
@@ -87,6 +90,7 @@ impl AnyKernel {
             Self::Iterated(kernel) => kernel,
             Self::Unscented(kernel) => kernel,
             Self::Invariant(kernel) => kernel,
+            Self::FreeMotion(kernel) => kernel,
         }
     }
 }
@@ -289,6 +293,14 @@ impl Estimator {
             FilterKind::Iterated => Some(AnyKernel::Iterated(IteratedFilter::new(parameters, &start))),
             FilterKind::Unscented => Some(AnyKernel::Unscented(UnscentedFilter::new(parameters, &start))),
             FilterKind::Invariant => Some(AnyKernel::Invariant(InvariantFilter::new(parameters, &start))),
+            FilterKind::FreeMotion => Some(AnyKernel::FreeMotion(FreeMotionKernel::new(
+                FreeMotionParameters {
+                    gravity_m_s2: parameters.gravity_m_s2,
+                    ..FreeMotionParameters::default()
+                },
+                parameters.vector.map(|vector| vector.reference_w),
+                &start,
+            ))),
         };
         self.disagreements = 0;
     }

@@ -8,6 +8,7 @@ mod attitude_rate;
 mod bias_state;
 mod dense;
 mod estimator;
+mod free_motion;
 mod gyrostat;
 mod invariant;
 mod iterated;
@@ -19,6 +20,7 @@ mod unscented;
 
 pub use attitude_rate::AttitudeRateFilter;
 pub use estimator::{Estimator, EstimatorError};
+pub use free_motion::FreeMotionKernel;
 pub use gyrostat::GyrostatFilter;
 pub use invariant::InvariantFilter;
 pub use iterated::IteratedFilter;
@@ -46,11 +48,13 @@ pub enum FilterKind {
     Unscented,
     /// Attitude and gyro bias, equivariant: [`InvariantFilter`].
     Invariant,
+    /// A sensor that moves freely, the vector sensor its magnetometer: [`crate::free_motion`].
+    FreeMotion,
 }
 
 impl FilterKind {
     /// All of them, with their parameter names.
-    pub const ALL: [(&'static str, Self); 7] = [
+    pub const ALL: [(&'static str, Self); 8] = [
         ("attitude_bias", Self::AttitudeBias),
         ("gyrostat", Self::Gyrostat),
         ("quaternion_rate", Self::QuaternionRate),
@@ -58,6 +62,7 @@ impl FilterKind {
         ("iterated", Self::Iterated),
         ("unscented", Self::Unscented),
         ("invariant", Self::Invariant),
+        ("free_motion", Self::FreeMotion),
     ];
 
     /// The kind of that name.

@@ -98,7 +98,8 @@ fn steady_states_agree() {
 /// From any attitude, half a turn included, with an honest covariance.
 #[test]
 fn all_filters_converge_from_any_attitude() {
-    for (name, kind) in FilterKind::ALL {
+    // The free-motion filter finds its own first attitude.
+    for (name, kind) in FilterKind::ALL.into_iter().filter(|(_, kind)| *kind != FilterKind::FreeMotion) {
         for axis in [Vector3::x(), Vector3::z(), Vector3::new(0.6, 0.0, 0.8)] {
             for angle_deg in [90.0_f64, 150.0, 180.0] {
                 let parameters = parameters();

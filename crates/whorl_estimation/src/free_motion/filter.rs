@@ -6,18 +6,13 @@ use super::covariance::{
     propagate, update,
 };
 use super::rest::RestDetector;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
 
 /// The covariance is carried in steps of at least this \[s\].
 const COVARIANCE_STEP_S: f64 = 0.01;
 /// A longer gap between samples starts anew \[s\].
 const GAP_S: f64 = 1.0;
-
-/// The mean east component over this time in motion \[s\] ...
-const LOST_HEADING_S: f64 = 5.0;
-/// ... beyond this many standard deviations of its inhomogeneity means that the heading is wrong.
-const LOST_HEADING_SIGMAS: f64 = 4.0;
 
 /// What the filter says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +33,7 @@ pub struct FreeMotionEstimate {
 
 /// Averages before the first attitude.
 #[derive(Clone, Debug, PartialEq, Default)]
-struct Start {
+pub(super) struct Start {
     elapsed_s: f64,
     force: Vector3<f64>,
     forces: u32,
@@ -75,30 +70,30 @@ impl Sums {
 /// A pure state machine without allocation: `Clone` is the save and the restore.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeMotionFilter {
-    parameters: FreeMotionParameters,
-    start: Option<Start>,
+    pub(super) parameters: FreeMotionParameters,
+    pub(super) start: Option<Start>,
     previous: Option<(i64, Vector3<f64>, Vector3<f64>)>,
-    q: UnitQuaternion<f64>,
+    pub(super) q: UnitQuaternion<f64>,
     velocity: Vector3<f64>,
     position: Vector3<f64>,
     gyro_bias: Vector3<f64>,
     gyro_matrix: Matrix3<f64>,
     force_bias: Vector3<f64>,
     /// Relative to `field_length`.
-    field: Vector3<f64>,
-    iron: Vector3<f64>,
-    field_length: Option<f64>,
-    covariance: Covariance,
+    pub(super) field: Vector3<f64>,
+    pub(super) iron: Vector3<f64>,
+    pub(super) field_length: Option<f64>,
+    pub(super) covariance: Covariance,
     sums: Sums,
-    rest: RestDetector,
+    pub(super) rest: RestDetector,
     since_motion_s: f64,
     since_field_s: f64,
     /// Mean square deviation of the field's north and up components, relative to its length.
-    inhomogeneity: f64,
+    pub(super) inhomogeneity: f64,
     /// Mean east component of the field at the estimated heading, in motion.
-    east_mean: f64,
+    pub(super) east_mean: f64,
     /// Logarithm of the likelihood of the field's samples so far.
-    log_likelihood: f64,
+    pub(super) log_likelihood: f64,
 }
 
 impl FreeMotionFilter {
@@ -205,6 +200,23 @@ impl FreeMotionFilter {
             sigma_rad: self.covariance.diagonal().fixed_rows::<3>(ATTITUDE).map(|v| v.max(0.0).sqrt()),
             resting: self.rest.resting(&self.parameters),
         })
+    }
+
+    /// Covariance of the attitude error (body axes \[rad\]) and the gyro's bias error [rad/s].
+    #[must_use]
+    pub fn covariance(&self) -> Matrix6<f64> {
+        let rotation = *self.q.to_rotation_matrix().matrix();
+        let block = |row: usize, column: usize| -> Matrix3<f64> {
+            self.covariance.fixed_view::<3, 3>(row, column).into()
+        };
+        let attitude = rotation.tr_mul(&(block(ATTITUDE, ATTITUDE) * rotation));
+        let cross = rotation.tr_mul(&block(ATTITUDE, GYRO_BIAS));
+        let mut covariance = Matrix6::zeros();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude);
+        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+        covariance.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
+        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&block(GYRO_BIAS, GYRO_BIAS));
+        (covariance + covariance.transpose()) * 0.5
     }
 
     /// Logarithm of the likelihood of the magnetometer's samples, without a constant: which of several
@@ -347,75 +359,7 @@ impl FreeMotionFilter {
         self.apply(&correction);
     }
 
-    /// The field: north and up components first, which say how far the east component may be trusted.
-    fn use_field(&mut self, measured: &Vector3<f64>) {
-        let Some(length) = self.field_length else {
-            // The first magnetometer sample came after the start.
-            self.start = Some(Start::default());
-            return;
-        };
-        let p = self.parameters;
-        let rotation = *self.q.to_rotation_matrix().matrix();
-        let world = rotation * (measured / length - self.iron);
-        let (north, up) = (self.field.y, self.field.z);
-        // The heading error turns the horizontal part as a whole, however large it is.
-        let horizontal = world.x.hypot(world.y);
-        let deviation = 0.5 * ((horizontal - self.field.x.hypot(north)).powi(2) + (world.z - up).powi(2));
-        let time_s = if deviation > self.inhomogeneity { p.field_rise_s } else { p.field_fall_s };
-        self.inhomogeneity +=
-            (deviation - self.inhomogeneity) * (p.magnetometer_interval_s / time_s).min(1.0);
-        let places = 1.0 + 2.0 * p.field_short_time_s / p.magnetometer_interval_s;
-        let variance = p.magnetometer_sigma.powi(2) + self.inhomogeneity.max(deviation) * places;
-        let azimuth = world.x.atan2(world.y);
-        let innovations =
-            [azimuth * north - self.field.x, horizontal - self.field.x.hypot(north), world.z - up];
-        if self.heading_is_lost(azimuth * north) {
-            self.forget_heading();
-        }
-        // Neither inclination nor motion nor gyro bias learn from the field.
-        let mut mask = Row::zeros();
-        mask[ATTITUDE + 2] = 1.0;
-        mask.fixed_rows_mut::<6>(FIELD).fill(1.0);
-        for (axis, innovation) in innovations.into_iter().enumerate() {
-            let mut h = Row::zeros();
-            // The estimate sees R (m - iron) turned by -delta about the vertical: east gains north delta.
-            if axis == 0 {
-                h[ATTITUDE + 2] = north;
-            }
-            h[FIELD + axis] = 1.0;
-            h.fixed_rows_mut::<3>(IRON).copy_from(&rotation.row(axis).transpose());
-            let (correction, s) = update(&mut self.covariance, &h, innovation, variance, Some(&mask));
-            self.log_likelihood -= 0.5 * (innovation * innovation / s + s.ln());
-            self.apply(&correction);
-        }
-    }
-
-    /// Whether the field has pointed elsewhere for longer and by more than its inhomogeneity explains: then the heading
-    /// is wrong, and the covariance does not know.
-    fn heading_is_lost(&mut self, east: f64) -> bool {
-        let p = &self.parameters;
-        if !self.rest.resting(p) {
-            self.east_mean += (east - self.east_mean) * (p.magnetometer_interval_s / LOST_HEADING_S);
-        }
-        let explained =
-            (p.field_east_sigma * self.field.y).powi(2) + p.disagreement_gain * self.inhomogeneity;
-        self.east_mean.powi(2) > LOST_HEADING_SIGMAS.powi(2) * explained
-    }
-
-    /// The heading, and the field's east component, start anew.
-    pub(super) fn forget_heading(&mut self) {
-        self.east_mean = 0.0;
-        for state in [ATTITUDE + 2, FIELD] {
-            self.covariance.fill_row(state, 0.0);
-            self.covariance.fill_column(state, 0.0);
-        }
-        self.covariance[(ATTITUDE + 2, ATTITUDE + 2)] = 1.0;
-        let north = self.field.y;
-        self.field.x = 0.0;
-        self.covariance[(FIELD, FIELD)] = (self.parameters.field_east_sigma * north).powi(2);
-    }
-
-    fn apply(&mut self, correction: &Row) {
+    pub(super) fn apply(&mut self, correction: &Row) {
         let part = |at: usize| Vector3::from(correction.fixed_rows::<3>(at));
         self.q = quaternion_exp(&part(ATTITUDE)) * self.q;
         self.q.renormalize_fast();

@@ -1,7 +1,7 @@
 //! Is there iron or a magnet on the sensor?
 
 use super::{FreeMotionEstimate, FreeMotionFilter, FreeMotionParameters};
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 
 /// Field of a magnet on the sensor, relative to the field's length \[1\].
 const MAGNET_SIGMA: f64 = 0.3;
@@ -56,6 +56,12 @@ impl FreeMotionEstimator {
     #[must_use]
     pub fn is_magnetised(&self) -> bool {
         self.magnetised.log_likelihood() > self.clean.log_likelihood() + EVIDENCE
+    }
+
+    /// Covariance of the attitude error (body axes \[rad\]) and the gyro's bias error [rad/s].
+    #[must_use]
+    pub fn covariance(&self) -> Matrix6<f64> {
+        if self.is_magnetised() { self.magnetised.covariance() } else { self.clean.covariance() }
     }
 
     /// The estimate; `None` before the first attitude.
