@@ -199,7 +199,9 @@ fn ctrl_c_at_any_moment_leaves_no_process_and_only_readable_runs() {
             continue;
         };
         readable(&run);
-        assert_eq!(RunDirectory::open(&run).unwrap().manifest().unwrap().state, RunState::Complete);
+        // Recovered by the report: the recorder was ended before it listened to signals.
+        let state = RunDirectory::open(&run).unwrap().manifest().unwrap().state.clone();
+        assert!(matches!(state, RunState::Complete | RunState::Recovered), "after {after_s} s: {state:?}");
     }
 }
 
