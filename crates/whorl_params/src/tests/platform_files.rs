@@ -14,7 +14,11 @@ use crate::{
 };
 
 fn layers(experiment: Option<&Path>) -> Vec<PathBuf> {
-    standard_layers(&params_directory(), &["whorl_1", "whorl_2"], experiment)
+    // The platforms decide which further files there are.
+    let tree = ParameterTree::load(&standard_layers(&params_directory(), &[], experiment), &[]).unwrap();
+    let platforms = read_shared(&tree.for_node("/coordinator"), formation).unwrap().platforms;
+    let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
+    standard_layers(&params_directory(), &names, experiment)
 }
 
 fn model(platform: &str) -> PlatformModel {

@@ -37,7 +37,7 @@ fn pointing_error_deg(id: &str, parameters_of_effect: &[(&str, f64)], adopted: b
     }
     let start = InitialState {
         q_world_body: balanced(),
-        wheel_speed_rad_s: vec![60.0, -40.0, 50.0],
+        wheel_speed_rad_s: vec![60.0, -40.0, 5.0],
         ..InitialState::default()
     };
     let mut rig = Rig::new(parameters, &truth, start);
@@ -48,16 +48,17 @@ fn pointing_error_deg(id: &str, parameters_of_effect: &[(&str, f64)], adopted: b
     rms_deg(&steps, |time_s| swing(time_s).q_world_reference)
 }
 
+/// Torques that change with the motion; a constant one, such as a leak's, is integrated away within the first
+/// period. The third wheel changes its direction.
 #[test]
 fn every_adopted_effect_lowers_the_pointing_error() {
-    let cases: [(&str, &[(&str, f64)]); 7] = [
+    let cases: [(&str, &[(&str, f64)]); 6] = [
         ("bearing_coulomb_friction", &[("torque_n_m", 0.02)]),
         ("bearing_viscous_friction", &[("c_n_m_s", 0.5)]),
         ("magnetic_torque", &[("dipole_x_a_m2", 400.0)]),
         ("wheel_misalignment", &[("wheel_z_a_rad", 0.1), ("wheel_z_b_rad", -0.1)]),
         ("wheel_friction", &[("wheel_z_coulomb_n_m", 0.02)]),
         ("wheel_windage", &[("wheel_z_n_m_s2", 5e-6)]),
-        ("thruster_leak", &[("jet_3_n", 0.05)]),
     ];
     for (id, values) in cases {
         let before = pointing_error_deg(id, values, false);
