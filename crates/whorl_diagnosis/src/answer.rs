@@ -6,14 +6,20 @@ use crate::excess::{Power, WINDOWS_S, powers};
 use crate::hypothesis::Hypothesis;
 use crate::problem::{Dataset, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Estimate};
-use crate::search::{LEAST_DROP, Search, TIE};
+use crate::search::{LEAST_DROP, LEAST_EVIDENCE, Search, TIE};
 use crate::{Diagnosis, NextManoeuvre, SCHEMA, Verdict};
 
 /// An unexplained rest of this many standard deviations is real.
 const REAL_REST: f64 = 8.0;
 
+/// From here on a rest is compared with torques of simple shape.
+const WORTH_A_LOOK: f64 = 3.5;
+
+/// A rest beyond this is real whether or not it has a simple shape.
+const OVERWHELMING_REST: f64 = 40.0;
+
 /// A named set must explain at least this share of what the base model leaves.
-const LEAST_SHARE: f64 = 0.75;
+const LEAST_SHARE: f64 = 0.6;
 
 /// Slow power of all runs with a hypothesis.
 pub(crate) fn rest(problem: &Problem, data: &Dataset, layout: &Layout, hypothesis: &Hypothesis) -> [Power; WINDOWS_S.len()] {
@@ -284,7 +290,18 @@ impl Search<'_> {
         let left = after[worst(&after)].significance();
         let mut remarks: Vec<String> = self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let digital = self.digital();
-        let unexplained = left > REAL_REST && (self.best.members.is_empty() || share < LEAST_SHARE);
+        let explained = self.best.log_evidence - self.base.log_evidence;
+        let explained_drop = self.best.estimate.drop - self.base.estimate.drop;
+        let follower = (left > WORTH_A_LOOK).then(|| crate::unknown::describe(self)).flatten();
+        // A shape without a name must add what an effect must add, and outweigh what names explain.
+        let unexplained = follower.as_ref().is_some_and(|f| {
+            let real = f.added_evidence > LEAST_EVIDENCE * self.data.temper
+                && f.added_drop > 1.5 * LEAST_DROP * self.data.temper;
+            let outweighs = self.best.members.is_empty()
+                || f.added_drop > 0.5 * explained_drop
+                || (f.alone_evidence > explained + 10.0 && f.added_drop > 0.1 * explained_drop);
+            real && outweighs
+        }) || (left > OVERWHELMING_REST && share < LEAST_SHARE);
         let verdict = if let Some(row) = &digital {
             remarks.push(format!("the gyro's readings show it directly: {}", row.parameters.iter().map(|p| format!("{} = {:.4} {}", p.name, p.estimate, p.unit)).collect::<Vec<_>>().join(", ")));
             Verdict::Named
@@ -304,7 +321,7 @@ impl Search<'_> {
                 100.0 * (1.0 - share)
             ));
         }
-        let unknown = (verdict == Verdict::Unknown).then(|| crate::unknown::describe(self)).flatten();
+        let unknown = follower.filter(|_| verdict == Verdict::Unknown).map(|f| f.unknown);
         let mut effects = if verdict == Verdict::Unknown { Vec::new() } else { names };
         let mut kind = self.kind();
         if let Some(row) = digital {

@@ -85,6 +85,19 @@ impl Hypothesis {
         None
     }
 
+    /// Prior variance of every column under this hypothesis.
+    pub fn variances(&self, layout: &Layout) -> Vec<f64> {
+        let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+        for member in &self.members {
+            for i in &member.columns {
+                if let (Some(slot), Some(column)) = (variance.get_mut(*i), layout.columns.get(*i)) {
+                    *slot += (member.size * column.catalogue_stddev).powi(2);
+                }
+            }
+        }
+        variance
+    }
+
     /// The best way for one more effect to enter; `None` if it would have to act against its sign.
     pub fn with(&self, layout: &Layout, normal: &Normal, candidate: usize) -> Option<Self> {
         let options = &layout.candidates.get(candidate)?.options;

@@ -39,6 +39,9 @@ pub(crate) struct Dataset {
     pub blocks: Vec<Normal>,
     pub total: Normal,
     pub whitened: Vec<Whitened>,
+    /// Power of slow noise over that of white noise, at least 1: what the colours leave. Evidence must be
+    /// so many times larger.
+    pub temper: f64,
     /// Colour of each channel of each run.
     pub colours: Vec<Vec<Colour>>,
 }
@@ -245,6 +248,21 @@ impl Problem {
                 blocks.push(block);
             }
         }
-        Dataset { blocks, total, whitened, colours }
+        let temper = self.slow_power(&whitened, &total, wide);
+        Dataset { temper, blocks, total, whitened, colours }
+    }
+
+    /// Power over 8 s windows that is left when everything is fitted, over that of white noise.
+    fn slow_power(&self, whitened: &[Whitened], total: &Normal, wide: &[f64]) -> f64 {
+        let active: Vec<usize> = (0..wide.len()).collect();
+        let fit = crate::regression::Estimate::new(total, &active, |i| wide.get(i).copied().unwrap_or(1.0));
+        let value = fit.map_or_else(|| nalgebra::DVector::zeros(wide.len()), |f| f.value);
+        let mut slow = crate::excess::Power::default();
+        for (run, slot) in self.runs.iter().zip(whitened) {
+            let duration_s = run.time(run.nodes() - 1) - run.time(0);
+            let powers = crate::excess::powers(slot, &slot.residual(&value), duration_s);
+            slow.add(powers[2]);
+        }
+        (slow.sum / slow.count.max(1.0)).clamp(1.0, 5.0)
     }
 }

@@ -8,10 +8,10 @@ use crate::regression::{BLOCKS_PER_RUN, Colour};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Log evidence that an effect must add. The number of effects that compete is paid for here too.
-pub(crate) const LEAST_EVIDENCE: f64 = 5.0;
+pub(crate) const LEAST_EVIDENCE: f64 = 6.0;
 
 /// Drop of the whitened misfit that an effect must bring: below, a name would often be wrong.
-pub(crate) const LEAST_DROP: f64 = 25.0;
+pub(crate) const LEAST_DROP: f64 = 27.0;
 
 /// A rest of this many standard deviations is worth the columns of hidden states.
 const SOMETHING_LEFT: f64 = 4.0;
@@ -268,8 +268,11 @@ impl<'a> Search<'a> {
     /// Gates for a larger hypothesis over a smaller one.
     pub fn passes(&self, larger: &Hypothesis, smaller: &Hypothesis) -> bool {
         let added = larger.members.len().saturating_sub(smaller.members.len()).max(1) as f64;
-        larger.log_evidence - smaller.log_evidence > LEAST_EVIDENCE * added
-            && larger.estimate.drop - smaller.estimate.drop > LEAST_DROP * added
+        let least = added * self.data.temper;
+        // What a large first effect leaves of its own wrong formula is no second effect.
+        let echo = 0.01 * (smaller.estimate.drop - self.base.estimate.drop).max(0.0);
+        larger.log_evidence - smaller.log_evidence > LEAST_EVIDENCE * least
+            && larger.estimate.drop - smaller.estimate.drop > (LEAST_DROP * least).max(echo)
             && self.gain(larger, smaller) > 0.0
     }
 

@@ -22,8 +22,8 @@ struct Shape {
     parity: &'static str,
     frequency_hz: Option<f64>,
     value: Box<dyn Fn(&Run, &Motion, usize) -> f64 + Sync + Send>,
-    /// Second shape that goes with it (phase of a line, both signs of an angle).
-    pair: bool,
+    /// It may act about an axis of the room as well as of the body.
+    in_room: bool,
 }
 
 type Value = Box<dyn Fn(&Run, &Motion, usize) -> f64 + Sync + Send>;
@@ -35,22 +35,23 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         parity,
         frequency_hz: None,
         value,
-        pair: false,
+        in_room: true,
     };
     let mut add = |variable: &str, scale: f64, centre: f64, value: Value| {
+        let in_room = !variable.contains("rate") && !variable.contains("speed") && variable != "tank_pressure";
         let value = std::sync::Arc::new(value);
         for (parity, power) in [("odd", 1), ("even", 2), ("odd", 3)] {
             let value = std::sync::Arc::clone(&value);
             let shape: Value =
                 Box::new(move |run, motion, k| ((value(run, motion, k) - centre) / scale).powi(power));
-            groups.push(vec![single(variable, parity, shape)]);
+            groups.push(vec![Shape { in_room, ..single(variable, parity, shape) }]);
         }
         let value = std::sync::Arc::clone(&value);
         let sense: Value = Box::new(move |run, motion, k| {
             let x = (value(run, motion, k) - centre) / scale;
             x / x.hypot(0.05)
         });
-        groups.push(vec![single(variable, "odd", sense)]);
+        groups.push(vec![Shape { in_room, ..single(variable, "odd", sense) }]);
     };
     for (i, name) in ["roll_rate", "pitch_rate", "yaw_rate"].into_iter().enumerate() {
         add(name, 0.1, 0.0, Box::new(move |_, m, k| m.omega.get(k).map_or(0.0, |w| w[i])));
@@ -94,8 +95,7 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     for n in [1.0, 2.0] {
         let sine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).sin()));
         let cosine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).cos()));
-        let mut first = single("yaw", "none", sine);
-        first.pair = true;
+        let first = single("yaw", "none", sine);
         groups.push(vec![first, single("yaw", "none", cosine)]);
     }
     for hz in &search.lines.torque_hz {
@@ -112,15 +112,31 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     groups
 }
 
-/// The shape that explains most of what is left.
-pub(crate) fn describe(search: &Search<'_>) -> Option<Unknown> {
+/// The torque of simple shape that explains most of what is left, and how well.
+#[derive(Debug, Clone)]
+pub(crate) struct Follower {
+    pub unknown: Unknown,
+    /// Log evidence that it adds to the best set of effects, choices paid for.
+    pub added_evidence: f64,
+    /// Drop of the misfit that it adds to the best set.
+    pub added_drop: f64,
+    /// Log evidence of the best shape beside the base model alone, choices paid for.
+    pub alone_evidence: f64,
+}
+
+/// Finds the shape that explains most of what the best set of effects leaves.
+pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
     let groups = shapes(search);
     let linearised = search.problem.linearise(&search.point).ok()?;
     // Every shape about every axis of both frames, as columns of their own regression beside the base.
     let mut owners: Vec<(usize, bool, usize)> = Vec::new();
     let mut columns: Vec<(usize, usize, bool, usize)> = Vec::new();
     for (g, group) in groups.iter().enumerate() {
+        let room = group.first().is_some_and(|s| s.in_room);
         for world in [false, true] {
+            if world && !room {
+                continue;
+            }
             for axis in 0..3 {
                 owners.push((g, world, axis));
                 for s in 0..group.len() {
@@ -129,9 +145,9 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Unknown> {
             }
         }
     }
-    let base = &search.layout.base;
-    let estimate = search.base.estimate.spread(search.layout.columns.len());
-    let _ = estimate;
+    let base = &search.best.estimate.active;
+    let variances = search.best.variances(&search.layout);
+    let base_size = search.layout.base.len();
     let lanes = crate::columns::LANES;
     let chunks: Vec<&[(usize, usize, bool, usize)]> = columns.chunks(lanes).collect();
     let work: Vec<(usize, usize)> =
@@ -182,7 +198,6 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Unknown> {
     }
     let total = columns.len();
     // Cross products with the base's columns, run by run.
-    let known = search.layout.columns.len();
     let mut joint = Normal::zeros(base.len() + total);
     for (run_index, slot) in whitened.iter_mut().enumerate() {
         slot.y = vec![0.0; slot.channel.len()];
@@ -207,10 +222,18 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Unknown> {
             }
         }
     }
-    let _ = known;
-    let variance = |i: usize| if i < base.len() { search.layout.base_variance(base[i]) } else { 100.0 };
+    let variance = |i: usize| {
+        base.get(i).map_or(100.0, |b| variances.get(*b).copied().unwrap_or(1.0).max(1e-12))
+    };
     let own: Vec<usize> = (0..base.len()).collect();
+    // The base model's columns come first among those of every fit.
+    let bare: Vec<usize> = (0..base_size.min(base.len())).collect();
+    let bare_variance = |i: usize| match base.get(i) {
+        Some(b) => search.layout.base_variance(*b).max(1e-12),
+        None => 100.0,
+    };
     let without = Estimate::new(&joint, &own, variance)?;
+    let bare_without = Estimate::new(&joint, &bare, bare_variance)?;
     let column_of = |owner: &(usize, bool, usize)| -> Vec<usize> {
         columns
             .iter()
@@ -220,28 +243,36 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Unknown> {
             .collect()
     };
     let scored = threads::map(search.problem.threads, &owners, |owner| {
-        let mut active = own.clone();
-        active.extend(column_of(owner));
-        Estimate::new(&joint, &active, variance).map_or((0.0, 0.0), |with| {
-            (with.log_evidence - without.log_evidence, with.drop - without.drop)
-        })
+        let with = |known: &[usize], variance: &dyn Fn(usize) -> f64, without: &Estimate| {
+            let mut active = known.to_vec();
+            active.extend(column_of(owner));
+            Estimate::new(&joint, &active, variance).map_or((0.0, 0.0), |with| {
+                (with.log_evidence - without.log_evidence, with.drop - without.drop)
+            })
+        };
+        (with(&own, &variance, &without), with(&bare, &bare_variance, &bare_without))
     });
-    let (best, (_, drop)) = owners
-        .iter()
-        .zip(&scored)
-        .max_by(|a, b| a.1.0.total_cmp(&b.1.0))
-        .map(|(o, s)| (*o, *s))?;
+    let choices = (owners.len() as f64).ln();
+    let alone_evidence =
+        scored.iter().map(|s| s.1.0).fold(f64::NEG_INFINITY, f64::max) - choices;
+    let (best, (added, _)) =
+        owners.iter().zip(&scored).max_by(|a, b| a.1.0.0.total_cmp(&b.1.0.0)).map(|(o, s)| (*o, *s))?;
     let (group, world, axis) = best;
     let shape = groups.get(group)?.first()?;
-    let left = (search.data.total.sum_of_squares - search.base.estimate.drop - search.data.total.rows).max(drop);
+    let left = (search.data.total.sum_of_squares - search.base.estimate.drop - search.data.total.rows)
+        .max(added.1 + search.best.estimate.drop - search.base.estimate.drop);
     let name = ["x", "y", "z"].get(axis).copied().unwrap_or("z");
-    let _ = shape.pair;
-    Some(Unknown {
-        variable: shape.variable.clone(),
-        frame: if world { "world" } else { "body" }.to_owned(),
-        axis: name.to_owned(),
-        parity: shape.parity.to_owned(),
-        frequency_hz: shape.frequency_hz,
-        share: (drop / left.max(1.0)).clamp(0.0, 1.0),
+    Some(Follower {
+        unknown: Unknown {
+            variable: shape.variable.clone(),
+            frame: if world { "world" } else { "body" }.to_owned(),
+            axis: name.to_owned(),
+            parity: shape.parity.to_owned(),
+            frequency_hz: shape.frequency_hz,
+            share: (added.1 / left.max(1.0)).clamp(0.0, 1.0),
+        },
+        added_evidence: added.0 - choices,
+        added_drop: added.1,
+        alone_evidence,
     })
 }
