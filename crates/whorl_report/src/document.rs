@@ -12,7 +12,7 @@ table { border-collapse: collapse; margin: 0.8rem 0; font-variant-numeric: tabul
 th, td { padding: 0.2rem 0.7rem; border-bottom: 1px solid #e2e2e2; text-align: left; vertical-align: top; }
 th { font-weight: 600; } td.n, th.n { text-align: right; } td.code { font-family: ui-monospace, monospace; font-size: 0.85rem; }
 tr.fault td { background: #fdf1ea; } .warning { background: #fff4d6; border-left: 4px solid #e69f00; padding: 0.5rem 1rem; }
-tr.held_out td { color: #555; } td.good { color: #006d4b; } td.bad { color: #a33b00; font-weight: 600; }
+.wide { overflow-x: auto; } .wide td, .wide th { padding: 0.2rem 0.45rem; font-size: 0.85rem; } td.good { color: #006d4b; } td.bad { color: #a33b00; font-weight: 600; }
 p.answer { font-size: 1.15rem; margin: 0.5rem 0; } p.rule { color: #555; font-size: 0.9rem; }
 .figure { break-inside: avoid; } .plot { height: 300px; } details summary { cursor: pointer; }
 @media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-before: auto; } }
@@ -76,7 +76,7 @@ impl Document {
     /// A table of cells that are HTML already ([`text`], [`number`]), with headings as plain text; numbers'
     /// headings begin with `#`.
     pub fn table(&mut self, headings: &[&str], rows: &[Vec<String>]) {
-        self.html.push_str("<table><tr>");
+        self.html.push_str("<div class=wide><table><tr>");
         for heading in headings {
             let _ = match heading.strip_prefix('#') {
                 Some(number) => write!(self.html, "<th class=n>{}</th>", escaped(number)),
@@ -87,7 +87,7 @@ impl Document {
         for row in rows {
             let _ = writeln!(self.html, "<tr>{}</tr>", row.concat());
         }
-        self.html.push_str("</table>\n");
+        self.html.push_str("</table></div>\n");
     }
 
     /// A figure, unless it is empty.

@@ -12,6 +12,9 @@ use crate::residual::{Residual, residual_torque};
 const NAMED: usize = 3;
 /// A share of the excess below which a quantity is not worth naming.
 const WORTH_NAMING: f64 = 0.15;
+/// Any slow torque is a smooth function of time: time is named only if it explains this much more than
+/// every other quantity.
+const TIME_MARGIN: f64 = 0.25;
 /// A constant torque that explains within this share of the best curve is the simpler explanation.
 const CONSTANT_MARGIN: f64 = 0.07;
 
@@ -87,8 +90,11 @@ impl Whereabouts {
                 constant * 100.0
             ));
         }
-        let named = found.ranked.iter().take(NAMED).filter(|d| d.share > WORTH_NAMING);
-        answer.extend(named.map(sentence));
+        let other = found.ranked.iter().filter(|d| d.variable != "time").map(|d| d.share).fold(0.0, f64::max);
+        let is_named = |d: &&Dependence| {
+            d.share > WORTH_NAMING && (d.variable != "time" || d.share > other + TIME_MARGIN)
+        };
+        answer.extend(found.ranked.iter().filter(is_named).take(NAMED).map(sentence));
         if let Some(line) = found.line {
             answer.push(format!(
                 "An oscillation of {:.2} mN m at {:.3} Hz about {} holds {:.0} % of that axis' power.",

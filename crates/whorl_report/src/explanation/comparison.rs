@@ -54,7 +54,7 @@ pub fn comparison_html(runs: &[ComparedRun], about: &Facts) -> String {
 }
 
 fn horizon_name(horizon_s: Option<f64>) -> String {
-    horizon_s.map_or_else(|| "whole run".to_owned(), |h| format!("{h} s"))
+    horizon_s.map_or_else(|| "run".to_owned(), |h| format!("{h} s"))
 }
 
 fn error_table(page: &mut Document, run: &ComparedRun) {
@@ -75,7 +75,7 @@ fn error_row(channel: &Channel) -> Vec<String> {
     let (unit, factor) = channel.quantity.display();
     let source = match channel.floor_source {
         whorl_validation::FloorSource::StillSegments => format!("{:.0} s still", channel.still_s),
-        whorl_validation::FloorSource::SensorParameters => "sensor parameters".to_owned(),
+        whorl_validation::FloorSource::SensorParameters => "parameters".to_owned(),
     };
     let mut row =
         vec![text(&channel.name), text(unit), significant(channel.noise_floor * factor), text(&source)];

@@ -4,6 +4,8 @@ use super::{Channel, Comparison};
 
 /// A ratio to the noise floor up to which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
+/// Findings that are put into words.
+const FINDINGS: usize = 3;
 
 impl Comparison {
     /// The answer in words.
@@ -39,25 +41,27 @@ impl Comparison {
         text
     }
 
-    /// What the tests of whiteness say, one sentence each.
+    /// What the tests of whiteness say, one sentence each, the clearest first.
     #[must_use]
     pub fn findings(&self) -> Vec<String> {
-        let mut findings = Vec::new();
+        // With how clear each is: power of a line or correlation over its band.
+        let mut findings: Vec<(f64, String)> = Vec::new();
         for w in &self.whiteness {
             if let Some(line) = w.periodogram.as_ref().filter(|p| !p.is_white()).and_then(|p| p.line_hz) {
-                findings.push(format!(
-                    "{}: a line at {line:.2} Hz stands out of the residual's spectrum.",
-                    w.channel
-                ));
+                let text =
+                    format!("{}: a line at {line:.2} Hz stands out of the residual's spectrum.", w.channel);
+                findings.push((f64::INFINITY, text));
             }
             if let Some(input) = w.inputs.first().filter(|i| i.significant) {
-                findings.push(format!(
+                let text = format!(
                     "{}: the residual follows {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
                     w.channel, input.input, input.value, input.lag, input.correlation.joint_band_99
-                ));
+                );
+                findings.push((input.value.abs() / input.correlation.joint_band_99, text));
             }
         }
-        findings
+        findings.sort_by(|a, b| b.0.total_cmp(&a.0));
+        findings.into_iter().take(FINDINGS).map(|(_, text)| text).collect()
     }
 
     /// Whether the residuals are no more than noise; `None` where that could not be tested.

@@ -8,6 +8,8 @@ use super::fourier;
 const LONGEST: usize = 4096;
 /// Least number of values.
 const FEWEST: usize = 64;
+/// Lines below this are slow errors, of which the fitted initial states of short stretches make lines \[Hz\].
+const SLOWEST_LINE_HZ: f64 = 0.5;
 /// A line holds at least this many times the mean power of a frequency and 2 % of all.
 const LINE: f64 = 12.0;
 
@@ -80,8 +82,8 @@ pub fn cumulative_periodogram(residual: &[f64], rate_hz: f64) -> Option<Cumulati
             periodogram.largest_deviation = deviation;
             periodogram.largest_deviation_hz = *frequency_hz;
         }
-        // The first few frequencies are drifts, not lines.
-        if k >= 4 && *power > strongest && *power * count > LINE * total && *power > 0.02 * total {
+        let fast = k >= 4 && *frequency_hz >= SLOWEST_LINE_HZ;
+        if fast && *power > strongest && *power * count > LINE * total && *power > 0.02 * total {
             strongest = *power;
             periodogram.line_hz = Some(*frequency_hz);
         }
