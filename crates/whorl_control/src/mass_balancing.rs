@@ -174,7 +174,7 @@ impl Balancer {
         let omega = input.omega_wb_b_rad_s;
         let momentum = self.inertia_b_kg_m2 * omega + input.wheel_momentum_b_n_m_s;
         let finite = momentum.iter().chain(&input.known_torque_b_n_m).all(|x| x.is_finite());
-        if !finite || !(input.dt_s > 0.0 && input.dt_s < 0.5) {
+        if !(finite && input.dt_s > 0.0 && input.dt_s < 0.5) {
             self.interrupt();
             return None;
         }
