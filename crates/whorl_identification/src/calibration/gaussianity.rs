@@ -61,7 +61,8 @@ pub fn chi_squared_test(samples: &[f64], alpha: f64) -> Option<Gaussianity> {
     }
     let mean = samples.iter().sum::<f64>() / count;
     let stddev = (samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
-    if !(stddev > 1e-12 * mean.abs().max(1e-12)) {
+    let scattered = stddev > 1e-12 * mean.abs().max(1e-12);
+    if !scattered {
         return None;
     }
     // Edges from the middle outwards, as far as the tail beyond still expects five.

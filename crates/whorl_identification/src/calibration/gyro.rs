@@ -1,7 +1,7 @@
 //! Turns (Figures 4.6 and 4.8).
 
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
-use whorl_math::{integrate_rate, quaternion_exp, rotation_vector};
+use whorl_math::{integrate_rate, quaternion_exp, rotation_vector, unit_or};
 use whorl_recording::Recording;
 
 use super::still::Still;
@@ -183,7 +183,7 @@ fn turns<'a>(
         let x = (s.specific_force_m_s2 - accelerometer.bias.value)
             .component_div(&accelerometer.scale.value.add_scalar(1.0));
         let m = quaternion_exp(&accelerometer.misalignment_rad.value);
-        (m * x).normalize()
+        unit_or(m * x, Vector3::z_axis()).into_inner()
     };
     let mut turns = Vec::new();
     for (a, b) in still.iter().zip(still.iter().skip(1)) {

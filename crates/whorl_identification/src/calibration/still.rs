@@ -69,7 +69,7 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
     let gyro = &run.gyro_b_rad_s;
     let (Some(start), Some(end)) = (gyro.time_s.first(), gyro.time_s.last()) else { return Vec::new() };
     let count = ((end - start) / WINDOW_S).floor() as usize;
-    let windows: Vec<_> = (0..count)
+    let windows: Vec<Window> = (0..count)
         .map(|n| {
             let from_s = start + n as f64 * WINDOW_S;
             let g = between(gyro, from_s, from_s + WINDOW_S);
@@ -89,8 +89,7 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
     let force_limit = 2.5 * quietest(&|n| windows[n].3.1.amax(), force_floor * 0.2);
     // A turn at constant rate is as quiet as rest: its mean is not. Rest is the commonest mean.
     let mut centre = median(windows.iter().filter(|w| w.2.1.amax() < gyro_limit).map(|w| w.2.0));
-    let allowed = |w: &(f64, usize, (Vector3<f64>, Vector3<f64>), (Vector3<f64>, Vector3<f64>)),
-                   centre: &Vector3<f64>| {
+    let allowed = |w: &Window, centre: &Vector3<f64>| {
         w.1 >= 5
             && w.2.1.amax() < gyro_limit
             && w.3.1.amax() < force_limit

@@ -21,7 +21,8 @@ pub(super) fn slopes(
     let warm: Vec<(f64, &Still)> = still.iter().filter_map(|s| Some((s.temperature_k?, s))).collect();
     let range = warm.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (t, _)| (l.min(*t), h.max(*t)));
     let change_k = range.1 - range.0;
-    if warm.len() < 3 || !(change_k >= LEAST_CHANGE_K) {
+    let enough = change_k >= LEAST_CHANGE_K;
+    if warm.len() < 3 || !enough {
         let text = if runs.iter().all(|r| r.temperature_k.is_empty()) {
             "Dependence on temperature not determined: no temperature was recorded.".to_owned()
         } else {

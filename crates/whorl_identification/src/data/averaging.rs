@@ -3,6 +3,7 @@
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
+use whorl_math::unit_or;
 use whorl_recording::{Mounting, OnInterval, Recording, Series};
 
 use super::checks::{DataError, Finding};
@@ -326,7 +327,7 @@ fn directions_at(
         for (t, seen) in samples.take_while(|(t, _)| **t - latency_s < time_s + half_s) {
             let direction_b = seen - rate.cross(seen) * (time_s - (t - latency_s));
             directions.push(Direction {
-                direction_b: direction_b.normalize(),
+                direction_b: unit_or(direction_b, channel.reference_world).into_inner(),
                 reference_world: channel.reference_world,
             });
         }

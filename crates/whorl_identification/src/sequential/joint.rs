@@ -137,10 +137,11 @@ impl JointFilter {
             return None;
         };
         let dt_s = point.time_s - last.time_s;
-        if !(dt_s > 0.0) {
+        if dt_s <= 0.0 {
             return None;
         }
-        if dt_s > LONGEST_STEP_S {
+        // Not a number counts as a gap.
+        if dt_s.is_nan() || dt_s > LONGEST_STEP_S {
             self.lose_motion(point);
             return None;
         }

@@ -117,8 +117,8 @@ fn a_still_platform_determines_next_to_nothing() {
     let run = record(&truth, at_balance(&truth), 40.0, 2, &|_| vec![0.0; 3]);
     let found = identify(&[&run], &truth, &ModelPrior::typical(&truth), &Settings::default()).unwrap();
     print(&truth, &found);
-    for i in 0..6 {
-        assert_ne!(found.determined[i], Determined::Yes, "{}", NAMES[i]);
+    for (name, determined) in NAMES.iter().zip(found.determined).take(6) {
+        assert_ne!(determined, Determined::Yes, "{name}");
     }
     assert!(found.findings.iter().any(|f| f.text.contains("I_zz")), "{:?}", found.findings);
 }

@@ -19,7 +19,7 @@ const STATES_FIRST: usize = 2;
 /// The iteration ends when no unknown moves by more than this share of its uncertainty.
 const CONVERGED: f64 = 1e-3;
 /// An iteration that can no longer lower the cost is done all the same when it would move by less.
-const STALLED: f64 = 0.3;
+const STALLED: f64 = 1.0;
 /// Attitude information before a chain starts, about the guess [1/rad^2]: only keeps an unobserved
 /// heading from drifting.
 const LOOSE_ATTITUDE: f64 = 1e-2;
@@ -69,6 +69,8 @@ pub(crate) struct Fitted {
     /// Number of measurements used.
     pub residuals: f64,
     pub outliers: usize,
+    /// How far the last step would still have moved an unknown, over its uncertainty.
+    pub unsettled: f64,
     /// -2 log of the marginal likelihood, up to a constant.
     pub surprise: f64,
 }
@@ -163,6 +165,8 @@ impl<'a> Problem<'a> {
                 }
                 let log_unknowns = 2.0 * factor.l().diagonal().map(f64::ln).sum();
                 return Ok(Fitted {
+                    // What the last step would still have moved counts as uncertainty.
+                    unsettled: if moved < CONVERGED { 0.0 } else { moved },
                     information: 0.5 * (&elimination.unknowns + elimination.unknowns.transpose()),
                     cost: parts.cost,
                     residuals: parts.residuals,

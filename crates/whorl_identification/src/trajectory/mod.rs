@@ -253,7 +253,7 @@ fn conclude(
     let freedom = (fitted.residuals - unknowns.len() as f64).max(1.0);
     let reduced = fitted.cost / freedom;
     // A model that explains the data badly is also less certain than it says.
-    let inflation = reduced.max(1.0);
+    let inflation = reduced.max(1.0) * (1.0 + fitted.unsettled.powi(2));
     let covariance_all = inverse(&fitted.information) * inflation;
     let known = fitted.information.view((0, 0), (ACTUATORS, ACTUATORS)).into_owned();
     let covariance_known = inverse(&known) * inflation;

@@ -179,7 +179,7 @@ pub(crate) fn fit_segment(
                      variance: &Vector3<f64>,
                      freedom: f64,
                      fit: &mut SegmentFit| {
-        let predicted = base.get(row..row + 3).map_or_else(Vector3::zeros, |s| Vector3::from_column_slice(s));
+        let predicted = base.get(row..row + 3).map_or_else(Vector3::zeros, Vector3::from_column_slice);
         let r = measured - predicted - bias.map_or_else(Vector3::zeros, |(_, b)| *b);
         let squared = r.component_mul(&r).component_div(variance).sum();
         let outlier = reject && squared > OUTLIER.powi(2);

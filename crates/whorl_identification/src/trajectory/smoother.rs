@@ -12,6 +12,9 @@ pub(crate) type StateMatrix = SMatrix<f64, STATE, STATE>;
 /// State rows, one column for each unknown.
 pub(crate) type CrossMatrix = OMatrix<f64, Const<STATE>, Dyn>;
 
+/// Changes of the unknowns and of every state, and the factor of the unknowns' information.
+pub(crate) type Changes = (DVector<f64>, Vec<StateVector>, Cholesky<f64, Dyn>);
+
 /// x' - (transition x + unknowns_column t) = -gap, with the information `weight`.
 pub(crate) struct Link {
     pub transition: StateMatrix,
@@ -111,7 +114,7 @@ impl Elimination {
 
     /// Solves for the unknowns and then, backwards, for every state. Returns the changes and the factor
     /// of the unknowns' information.
-    pub fn solve(&self) -> Result<(DVector<f64>, Vec<StateVector>, Cholesky<f64, Dyn>), &'static str> {
+    pub fn solve(&self) -> Result<Changes, &'static str> {
         let symmetric = 0.5 * (&self.unknowns + self.unknowns.transpose());
         let factor = symmetric.cholesky().ok_or("the unknowns are not determined")?;
         let unknowns = factor.solve(&self.unknowns_right);

@@ -3,6 +3,8 @@
 use nalgebra::{DVector, Unit, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
+use whorl_math::unit_or;
+
 use crate::mass_parameters::{MASS_PARAMETERS, mass_vector, prior_stddev};
 
 /// Position of the bearing's viscous friction among the unknowns.
@@ -99,7 +101,8 @@ pub(crate) fn adjusted(vector: &Vector3<f64>, turns: [f64; PER_ACTUATOR]) -> Vec
     let least = vector.iamin();
     let mut helper = Vector3::zeros();
     helper[least] = 1.0;
-    let first = direction.cross(&helper).normalize();
+    // The helper is across the vector, so the fallback is never taken.
+    let first = unit_or(direction.cross(&helper), Vector3::x_axis()).into_inner();
     let second = direction.cross(&first);
     vector * (1.0 + turns[0]) + (first * turns[1] + second * turns[2]).cross(vector)
 }
