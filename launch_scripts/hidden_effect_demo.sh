@@ -130,7 +130,7 @@ effects() { tr -d '\n' <"$1" | grep -o '"effects": *\[[^]]*\]' | head -n 1 | gre
 verdict() { grep -o '"verdict": *"[a-z_]*"' "$1" | sed 's/.*"\([a-z_]*\)"/\1/'; }
 
 fitted=("$first")
-if [ "$(verdict "$work/diagnosis.json")" = confounded ]; then
+if [ "$(verdict "$work/diagnosis.json")" = confounded ] && "$bin/whorl" next --help >/dev/null 2>&1; then
     say "the data leave several explanations: a manoeuvre that separates them"
     show next "$first" "${judge[@]}" --out "$work/params/experiments/separate.yaml" | sed -n '1,12p'
     experiment separate separate "$((seed + 2))"

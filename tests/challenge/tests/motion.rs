@@ -1,6 +1,8 @@
 //! Two independent derivations of the motion must agree: the challenge's (momenta, Rodrigues
 //! parameters) and the library's (rates, quaternions).
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
 use nalgebra::Vector3;
 use whorl_challenge::scenario::{Style, plan};
 use whorl_challenge::truth::run::Span;

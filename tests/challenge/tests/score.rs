@@ -1,0 +1,63 @@
+//! A small fixed part of the challenge: fails when the score falls.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::sync::Arc;
+
+use whorl_challenge::cases::build::{Stand, stand_key};
+use whorl_challenge::cases::{Laboratory, Spec, all_specs, build};
+use whorl_challenge::score::{Outcome, judge};
+
+fn specs(keys: &[&str]) -> Vec<Spec> {
+    let all = all_specs(1, false);
+    keys.iter()
+        .map(|key| all.iter().find(|s| s.key() == *key).unwrap_or_else(|| panic!("no {key}")).clone())
+        .collect()
+}
+
+fn answer(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Outcome {
+    let built = build(laboratory, stand, spec).unwrap_or_else(|e| panic!("{}: {e}", spec.key()));
+    // The case shows what it claims, whatever the diagnosis makes of it.
+    if spec.lambda > 0 {
+        let ratio = built.answer.lambda / f64::from(spec.lambda);
+        assert!((0.6..1.7).contains(&ratio), "{}: detectability off by {ratio}", spec.key());
+    }
+    let outcome = judge(&built, 2);
+    println!(
+        "{}: {} {:?}, detectability {:.0}, {:.1} s",
+        outcome.key, outcome.verdict, outcome.answer, outcome.lambda, outcome.seconds
+    );
+    outcome
+}
+
+#[test]
+fn the_score_of_a_fixed_part_does_not_fall() {
+    let laboratory = Laboratory::whorl_1().unwrap();
+    let singles = specs(&["single/air_current/100/0", "single/air_current_periodic/100/0"]);
+    let stand = Arc::new(Stand::new(&laboratory, &stand_key(&singles[0]), &singles[0]));
+    for spec in &singles {
+        let outcome = answer(&laboratory, &stand, spec);
+        assert!(outcome.error.is_none(), "{:?}", outcome.error);
+        assert!(outcome.exact, "{}: {} {:?}", outcome.key, outcome.verdict, outcome.answer);
+    }
+    let control = specs(&["control/none/0/0"]);
+    let stand = Arc::new(Stand::new(&laboratory, &stand_key(&control[0]), &control[0]));
+    let outcome = answer(&laboratory, &stand, &control[0]);
+    assert_eq!(outcome.verdict, "nothing_missing");
+}
+
+#[test]
+fn cases_are_the_same_every_time_and_sealed() {
+    let laboratory = Laboratory::whorl_1().unwrap();
+    let spec = specs(&["bench/wheel_friction/200/0"]).remove(0);
+    let make = || {
+        let stand = Arc::new(Stand::new(&laboratory, &stand_key(&spec), &spec));
+        build(&laboratory, &stand, &spec).unwrap()
+    };
+    let (first, second) = (make(), make());
+    assert_eq!(first.answer.seal(), second.answer.seal());
+    assert_eq!(first.training, second.training);
+    let wheel = first.training[0].wheel_speed_rad_s.value.first().unwrap().len();
+    assert_eq!(wheel, 3);
+    assert!(first.training[0].gyro_b_rad_s.is_empty(), "a clamped platform has nothing but its wheels");
+}
