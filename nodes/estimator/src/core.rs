@@ -217,8 +217,11 @@ impl NodeCore for EstimatorCore {
             Event::Message { message: Message::Imu(imu), .. } => {
                 let outcome = self.filter.on_imu(&ImuSample {
                     stamp_ns: Timestamp::from(imu.header.stamp).0,
-                    gyro_rad_s: imu.angular_velocity.into(),
-                    specific_force_m_s2: imu.linear_acceleration.into(),
+                    gyro_rad_s: self.parameters.calibration.rate_b_rad_s(&imu.angular_velocity.into()),
+                    specific_force_m_s2: self
+                        .parameters
+                        .calibration
+                        .specific_force_b_m_s2(&imu.linear_acceleration.into()),
                 });
                 self.note(outcome.event, outputs);
                 // A sample that brings nothing new must not make an estimate look fresh.
@@ -229,7 +232,9 @@ impl NodeCore for EstimatorCore {
             }
             Event::Message { message: Message::Vector3Stamped(vector), .. } => {
                 let stamp_ns = Timestamp::from(vector.header.stamp).0;
-                let (_, event) = self.filter.on_vector(stamp_ns, &vector.vector.into());
+                let (_, event) = self
+                    .filter
+                    .on_vector(stamp_ns, &self.parameters.calibration.direction_b(&vector.vector.into()));
                 self.note(event, outputs);
             }
             Event::Message { message: Message::JointState(wheels), .. } => self.wheels_arrived(wheels),

@@ -6,7 +6,7 @@
 mod body;
 
 use nalgebra::{Unit, Vector3};
-use whorl_dynamics::PlatformModel;
+use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_dynamics::platform::TriaxialErrors;
 use whorl_estimation::{
     AccelerationRejection, BodyModel, FilterKind, GyroSampling, Parameters as FilterParameters,
@@ -15,6 +15,8 @@ use whorl_estimation::{
 use whorl_math::{GRAVITY_M_S2, rad_from_deg};
 use whorl_msgs::topics::PlatformId;
 use whorl_params::{Reader, non_negative, own_platform, platform_model, positive, range};
+
+use crate::calibration::Calibration;
 
 /// Validated parameters of an estimator.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +35,8 @@ pub struct Parameters {
     pub wheels: Vec<SpinningWheel>,
     /// Torque of each jet at the reference pressure, body axes [N m].
     pub jet_torque_b_n_m: Vec<Vector3<f64>>,
+    /// Known errors of the sensors.
+    pub calibration: Calibration,
     /// Rate of `/tf` \[Hz\]; 0: none.
     pub tf_rate_hz: f64,
 }
@@ -50,7 +54,15 @@ pub struct SpinningWheel {
 /// holds the reasons.
 pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let own = own_platform(r);
-    let model = platform_model(r, "model");
+    // Effects that the model has adopted correct its constants: inertia, wheels, jets, sensors.
+    let model = platform_model(r, "model").and_then(|model| match Gyrostat::new(&model) {
+        Ok(gyrostat) => Some(gyrostat.model().clone()),
+        Err(error) => {
+            r.reject("model", error.to_string());
+            None
+        }
+    });
+    let calibration = model.as_ref().map(|m| Calibration::new(&m.sensors));
     let tf_rate_hz = r.f64_or("tf_rate_hz", 20.0, range(0.0..=100.0), "rate of /tf [Hz]; 0: none");
     let filter = read_filter(r, model.as_ref());
     if let Err(error) = filter.check() {
@@ -75,7 +87,8 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let jet_torque_b_n_m = jets.map(whorl_dynamics::platform::Jet::torque_b_n_m).collect();
     let (index, name) = own?;
     let platform = PlatformId(index);
-    Some(Parameters { platform, name, kind, filter, body, wheels, jet_torque_b_n_m, tf_rate_hz })
+    let calibration = calibration?;
+    Some(Parameters { platform, name, kind, filter, body, wheels, jet_torque_b_n_m, calibration, tf_rate_hz })
 }
 
 fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParameters {
