@@ -157,7 +157,10 @@ start_platform_nodes() {
     [ -z "$source" ] || truth+=(-p "replay.source:=$source")
     [ -z "$channels" ] || truth+=(-p "replay.channels:=$channels")
     start "${name}_driver" "$logdir/${name}_driver.log" "$bin/driver" "${truth[@]}"
-    for node in estimator local_control; do
+    # An experiment may have each platform run the law itself.
+    local nodes="estimator local_control"
+    if grep -Eq '^[[:space:]]*on_platforms:[[:space:]]*true' "$experiment_path"; then nodes="$nodes coordinator"; fi
+    for node in $nodes; do
         start "${name}_$node" "$logdir/${name}_$node.log" "$bin/$node" "${model[@]}"
     done
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 use whorl_coordinator::CoordinatorCore;
+use whorl_coordinator::parameters::Role;
 use whorl_driver::{Backend, DriverCore, DriverError};
 use whorl_estimator::EstimatorCore;
 use whorl_local_control::LocalControlCore;
@@ -143,10 +144,12 @@ impl NodeSet {
     pub fn build(tree: &ParameterTree, seed: u64, start: Timestamp) -> Result<Self, NodeSetError> {
         let mut builder = Builder { tree, effective: String::new(), errors: Vec::new() };
         let coordinator = builder.read("/coordinator", whorl_coordinator::parameters::read);
+        let on_platforms = coordinator.as_ref().is_some_and(|c| c.role == Role::Observer);
         let simulation = builder.read("/simulation", read_simulation);
         let Formation { platforms } = formation(&mut Reader::new(&tree.for_node("/coordinator")));
         let seed_value = Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
         let mut sets = Vec::new();
+        let mut own_coordinators = Vec::new();
         for platform in &platforms {
             let own = tree.for_node(&format!("/{platform}/driver")).with("seed", seed_value.clone());
             let driver = builder.read_from(&own, whorl_driver::parameters::read);
@@ -154,6 +157,11 @@ impl NodeSet {
                 builder.read(&format!("/{platform}/estimator"), whorl_estimator::parameters::read);
             let control =
                 builder.read(&format!("/{platform}/local_control"), whorl_local_control::parameters::read);
+            if on_platforms {
+                let own =
+                    builder.read(&format!("/{platform}/coordinator"), whorl_coordinator::parameters::read);
+                own_coordinators.extend(own);
+            }
             sets.extend(driver.zip(estimator).zip(control));
         }
         ParameterErrors::check(std::mem::take(&mut builder.errors))?;
@@ -181,6 +189,12 @@ impl NodeSet {
             bus.add(node("estimator"), host, Box::new(core), Duration::ZERO);
             let core = LocalControlCore::new(control).map_err(|e| failed(node("local_control"), e))?;
             bus.add(node("local_control"), host, Box::new(core), Duration::ZERO);
+        }
+        for (index, own) in (0u16..).zip(own_coordinators) {
+            let Some(platform) = platforms.get(usize::from(index)) else { break };
+            let name = format!("/{platform}/coordinator");
+            let core = CoordinatorCore::new(own).map_err(|e| failed(name.clone(), e))?;
+            bus.add(name, Host::Platform(PlatformId(index)), Box::new(core), Duration::ZERO);
         }
         let core = CoordinatorCore::new(coordinator).map_err(|e| failed("/coordinator".into(), e))?;
         bus.add("/coordinator", Host::Ground, Box::new(core), Duration::ZERO);

@@ -10,7 +10,7 @@ use whorl_msgs::whorl::FormationCommand;
 use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::link::PlatformLink;
-use crate::parameters::{AtEnd, Parameters};
+use crate::parameters::{AtEnd, Parameters, Role};
 use crate::report;
 use crate::run::{Progress, Run, Sight};
 
@@ -113,7 +113,7 @@ impl CoordinatorCore {
         if self.ticks.is_multiple_of(COMMAND_TICKS) {
             self.publish_command(now, self.command(), outputs);
         }
-        if self.ticks.is_multiple_of(STATE_TICKS) {
+        if self.ticks.is_multiple_of(STATE_TICKS) && !matches!(self.parameters.role, Role::Platform(_)) {
             self.publish_state(now, outputs);
         }
         if self.ticks.is_multiple_of(DIAGNOSTICS_TICKS) {
@@ -152,6 +152,8 @@ impl CoordinatorCore {
             Stage::Ready if !self.problems.is_empty() => {
                 self.stage = Stage::Waiting { since: now, well_since: None };
             }
+            // Platforms that run themselves decide when; an observer follows their authority.
+            Stage::Ready if self.parameters.role == Role::Observer => {}
             Stage::Ready if self.parameters.experiment.auto_start => {
                 if let Err(reason) = self.start(at, outputs) {
                     outputs.log(LogLevel::Warn, format!("cannot start: {reason}"));
@@ -230,6 +232,7 @@ impl CoordinatorCore {
             age_s: link.age_s(at),
             fresh: link.fresh(at, settings),
             following: link.following(at, settings),
+            reference: link.reference(at, settings),
         };
         self.links.iter().map(sight).collect()
     }
@@ -247,7 +250,11 @@ impl CoordinatorCore {
                 }
             })
         };
-        self.links.iter().filter_map(problem).collect()
+        let of_this = |platform: usize| {
+            if running { self.parameters.commands(platform) } else { self.parameters.hears(platform) }
+        };
+        let heard = self.links.iter().enumerate().filter(|(platform, _)| of_this(*platform));
+        heard.filter_map(|(_, link)| problem(link)).collect()
     }
 
     /// Logs platforms that became unwell, without repeating an age that grows.
@@ -279,7 +286,15 @@ impl CoordinatorCore {
 
     fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {
         let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
-        let message = report::command(now, self.sequences.command, command, now + validity);
+        let all = String::new();
+        let platform = match (self.parameters.role, &self.stage) {
+            (Role::Formation, _) => &all,
+            (Role::Platform(own), _) => self.parameters.platforms.get(own).unwrap_or(&all),
+            // An observer has no authority but to end what everybody does.
+            (Role::Observer, Stage::Aborted { run: Some(_), .. }) => &all,
+            (Role::Observer, _) => return,
+        };
+        let message = report::command(now, self.sequences.command, command, now + validity, platform);
         self.sequences.command += 1;
         outputs.publish(Route::shared(Topic::FormationCommand), message);
     }
@@ -288,6 +303,9 @@ impl CoordinatorCore {
         let (Stage::Running(run) | Stage::Finished { run, .. }) = &self.stage else { return };
         let valid_until = at + Duration::from_secs_f64(self.parameters.reference_validity_s);
         for (platform, leg) in (0u16..).zip(&run.legs) {
+            if !self.parameters.commands(usize::from(platform)) {
+                continue;
+            }
             let message = report::reference(at, self.sequences.reference, valid_until, leg);
             outputs.publish(Route::platform(PlatformId(platform), Topic::AttitudeReference), message);
         }
@@ -300,7 +318,33 @@ impl CoordinatorCore {
         outputs.publish(Route::shared(Topic::FormationState), message);
     }
 
-    fn take(&mut self, now: Timestamp, route: Route, message: &Message) {
+    /// What another coordinator commands, where platforms run themselves: who tracks starts the others, and an
+    /// abort of everybody is obeyed.
+    fn hear_command(&mut self, now: Timestamp, command: &FormationCommand, outputs: &mut Outputs) {
+        let waits = matches!(self.stage, Stage::Waiting { .. } | Stage::Ready);
+        match command.command {
+            FormationCommand::COMMAND_TRACK if waits && self.current_problems(now).is_empty() => {
+                let at = self.tick_at.unwrap_or(now);
+                if let Err(reason) = self.start(at, outputs) {
+                    outputs.log(LogLevel::Warn, format!("cannot start: {reason}"));
+                }
+            }
+            FormationCommand::COMMAND_ABORT
+                if command.header.frame_id.is_empty() && matches!(self.stage, Stage::Running(_)) =>
+            {
+                self.abort(now, "the formation was told to abort".to_owned(), outputs);
+            }
+            _ => {}
+        }
+    }
+
+    fn take(&mut self, now: Timestamp, route: Route, message: &Message, outputs: &mut Outputs) {
+        if let Message::FormationCommand(command) = message {
+            if self.parameters.role != Role::Formation {
+                self.hear_command(now, command, outputs);
+            }
+            return;
+        }
         let Some(link) = route.platform.and_then(|id| self.links.get_mut(usize::from(id.0))) else { return };
         match (route.topic, message) {
             (Topic::AttitudeEstimate, Message::AttitudeEstimate(estimate)) => {
@@ -309,6 +353,9 @@ impl CoordinatorCore {
             (Topic::ControlStatus, Message::ControlStatus(status)) => {
                 link.take_status(now, status, &self.parameters.link);
             }
+            (Topic::AttitudeReference, Message::AttitudeReference(reference)) => {
+                link.take_reference(now, reference, &self.parameters.link);
+            }
             _ => {}
         }
     }
@@ -316,13 +363,29 @@ impl CoordinatorCore {
 
 impl NodeCore for CoordinatorCore {
     fn subscriptions(&self) -> Vec<Route> {
-        self.routes(&[Topic::AttitudeEstimate, Topic::ControlStatus])
+        let heard = |route: &Route| {
+            route.platform.is_none_or(|PlatformId(id)| self.parameters.hears(usize::from(id)))
+        };
+        let mut routes = self.routes(&[Topic::AttitudeEstimate, Topic::ControlStatus]);
+        if self.parameters.role != Role::Formation {
+            routes.extend(self.routes(&[Topic::AttitudeReference]).into_iter().filter(|route| {
+                route.platform.is_some_and(|PlatformId(id)| !self.parameters.commands(usize::from(id)))
+            }));
+            routes.push(Route::shared(Topic::FormationCommand));
+        }
+        routes.retain(heard);
+        routes
     }
 
     fn publications(&self) -> Vec<Route> {
         let mut routes = self.routes(&[Topic::AttitudeReference]);
-        routes
-            .extend([Topic::FormationCommand, Topic::FormationState, Topic::Diagnostics].map(Route::shared));
+        routes.retain(|route| {
+            route.platform.is_some_and(|PlatformId(id)| self.parameters.commands(usize::from(id)))
+        });
+        routes.extend([Topic::FormationCommand, Topic::Diagnostics].map(Route::shared));
+        if !matches!(self.parameters.role, Role::Platform(_)) {
+            routes.push(Route::shared(Topic::FormationState));
+        }
         routes
     }
 
@@ -331,12 +394,15 @@ impl NodeCore for CoordinatorCore {
     }
 
     fn services(&self) -> &'static [Service] {
-        &[Service::StartExperiment, Service::AbortExperiment]
+        match self.parameters.role {
+            Role::Platform(_) => &[],
+            Role::Formation | Role::Observer => &[Service::StartExperiment, Service::AbortExperiment],
+        }
     }
 
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
-            Event::Message { route, message } => self.take(now, route, message),
+            Event::Message { route, message } => self.take(now, route, message, outputs),
             Event::Timer => self.tick(now, outputs),
             Event::Request { service: Service::StartExperiment, argument } => {
                 self.request_start(now, argument, outputs);
@@ -380,7 +446,7 @@ impl Configurable for CoordinatorCore {
 
     fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
         parameters.limits.iter().try_for_each(|limits| limits.check()).map_err(|e| e.to_string())?;
-        if parameters.platforms != self.parameters.platforms {
+        if parameters.platforms != self.parameters.platforms || parameters.role != self.parameters.role {
             return Err("the platforms cannot be changed while the coordinator runs".to_owned());
         }
         let same_experiment = parameters.steps == self.parameters.steps

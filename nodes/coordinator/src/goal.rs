@@ -1,10 +1,12 @@
 //! Where the experiment wants a leader, or the virtual structure: a smooth motion from step to step.
 
+use std::sync::Arc;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::formation::{ReferenceLimits, YawPitchRoll, YawPitchRollMotion};
 use whorl_control::reference::{Reference, Slew, SlewLimits};
 
-use crate::parameters::{self, Axis, PartialAngles, Scan};
+use crate::parameters::{self, Axis, CoObservation, PartialAngles, Scan};
 
 /// Share of a platform's limits that planned motion uses; its followers need the rest to catch up.
 const PLANNED_SHARE: f64 = 0.8;
@@ -24,6 +26,7 @@ enum Motion {
     Rest,
     Slew { plan: Box<Slew>, step: parameters::Slew },
     Scan(Scan),
+    Pass { pass: Arc<CoObservation>, platform: usize, yaw_rad: f64 },
 }
 
 /// Whose limits a slew is planned within.
@@ -49,6 +52,8 @@ impl Goal {
             Motion::Rest => false,
             Motion::Slew { plan, .. } => self.elapsed_s >= plan.duration_s(),
             Motion::Scan(scan) => self.elapsed_s >= scan.duration_s,
+            // Its trajectory rests at its end by itself.
+            Motion::Pass { .. } => false,
         };
         if ended {
             self.motion = Motion::Rest;
@@ -61,6 +66,9 @@ impl Goal {
             Motion::Rest => Reference::at_rest(self.angles.attitude()),
             Motion::Slew { plan, .. } => plan.at(self.elapsed_s),
             Motion::Scan(scan) => scan_motion(scan, &self.angles, self.elapsed_s).reference(),
+            Motion::Pass { pass, platform, yaw_rad } => pass
+                .motion(*platform, self.elapsed_s, *yaw_rad)
+                .unwrap_or_else(|| Reference::at_rest(self.angles.attitude())),
         }
     }
 
@@ -109,6 +117,9 @@ impl Goal {
         if let Motion::Scan(_) = &self.motion {
             return Self { angles: end, ..self.clone() };
         }
+        if let Motion::Pass { .. } = &self.motion {
+            return self.clone();
+        }
         let to = PartialAngles {
             yaw_rad: Some(end.yaw_rad - self.yaw_zero_rad),
             pitch_rad: Some(end.pitch_rad),
@@ -124,6 +135,20 @@ impl Goal {
             planning,
         );
         goal
+    }
+
+    /// What its yaw counts from \[rad\].
+    pub fn yaw_zero_rad(&self) -> f64 {
+        self.yaw_zero_rad
+    }
+
+    /// Begins the pass of a platform, whose headings count from `yaw_rad`.
+    pub fn observe(&mut self, pass: &Arc<CoObservation>, platform: usize, yaw_rad: f64) {
+        self.elapsed_s = 0.0;
+        if let Some(end) = pass.motion(platform, f64::INFINITY, yaw_rad) {
+            self.angles = YawPitchRoll::of(&end.q_world_reference);
+        }
+        self.motion = Motion::Pass { pass: Arc::clone(pass), platform, yaw_rad };
     }
 
     /// Begins a scan about the angles of the goal.

@@ -1,8 +1,9 @@
 //! What is known of one platform: its latest accepted messages and how old they are.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use whorl_control::reference::Reference;
 use whorl_math::integrate_rate;
-use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ControlStatus};
 use whorl_node::Timestamp;
 
 use crate::clock::SenderClock;
@@ -47,6 +48,8 @@ pub(crate) struct PlatformLink {
     clock: SenderClock,
     estimate: Option<Estimate>,
     status: Option<Status>,
+    /// Its latest reference, when another coordinator sends it.
+    reference: Option<(Timestamp, Reference)>,
     latest_sequence: Option<u64>,
     /// Estimates that never arrived, from gaps in their sequence numbers.
     pub lost_estimates: u64,
@@ -60,6 +63,7 @@ impl PlatformLink {
             clock: SenderClock,
             estimate: None,
             status: None,
+            reference: None,
             latest_sequence: None,
             lost_estimates: 0,
             dropped: Dropped::default(),
@@ -123,6 +127,37 @@ impl PlatformLink {
         }
         self.status = Some(Status { stamp, mode: message.mode, reason: message.reason });
         true
+    }
+
+    /// Takes a reference that another coordinator gives the platform; false when it was dropped.
+    pub fn take_reference(
+        &mut self,
+        now: Timestamp,
+        message: &AttitudeReference,
+        settings: &LinkSettings,
+    ) -> bool {
+        let stamp = self.clock.to_local(message.header.stamp);
+        let reference = message.q_world_reference.to_unit().map(|q| Reference {
+            q_world_reference: q,
+            omega_wr_r_rad_s: message.omega_wr_r_rad_s.into(),
+            omega_dot_wr_r_rad_s2: message.omega_dot_wr_r_rad_s2.into(),
+        });
+        let Some(reference) = reference.filter(Reference::is_finite) else {
+            self.dropped.invalid += 1;
+            return false;
+        };
+        if !self.in_time(now, stamp, self.reference.map(|(latest, _)| latest), settings.stale_s) {
+            return false;
+        }
+        self.reference = Some((stamp, reference));
+        true
+    }
+
+    /// The reference that another coordinator gives the platform, carried on to now; `None` unless fresh.
+    pub fn reference(&self, now: Timestamp, settings: &LinkSettings) -> Option<Reference> {
+        let (stamp, reference) = self.reference.as_ref()?;
+        let age_s = now.seconds_since(*stamp);
+        (age_s <= settings.stale_s).then(|| reference.extrapolated(age_s.max(0.0)))
     }
 
     fn in_time(&mut self, now: Timestamp, stamp: Timestamp, latest: Option<Timestamp>, stale_s: f64) -> bool {

@@ -1,11 +1,13 @@
 //! Parameters of the coordinator, experiment included: the single definition of their names, ranges
 //! and docs. `docs/experiments.md` is the user's guide to them.
 
+mod co_observation;
 mod experiment;
 mod law;
 mod limits;
 mod step;
 
+pub use co_observation::CoObservation;
 pub use experiment::{AtEnd, ExperimentSettings, YawZero};
 pub use law::{LawKind, LawSettings};
 pub use step::{Axis, PartialAngles, Scan, Slew, Step, StepKind};
@@ -18,6 +20,8 @@ use whorl_params::{Reader, positive, range};
 pub struct Parameters {
     /// Names of the platforms, in the order of `PlatformId`.
     pub platforms: Vec<String>,
+    /// Whose coordinator this is.
+    pub role: Role,
     /// What the experiment is called and how it starts and ends.
     pub experiment: ExperimentSettings,
     /// The relative-attitude law and the offsets it begins with.
@@ -38,6 +42,40 @@ pub struct Parameters {
     pub reference_validity_s: f64,
     /// How long a command gives authority \[s\].
     pub command_validity_s: f64,
+}
+
+impl Parameters {
+    /// Whether this coordinator gives the platform its references.
+    #[must_use]
+    pub fn commands(&self, platform: usize) -> bool {
+        match self.role {
+            Role::Formation => true,
+            Role::Platform(own) => own == platform,
+            Role::Observer => false,
+        }
+    }
+
+    /// Whether this coordinator needs to know what the platform does.
+    #[must_use]
+    pub fn hears(&self, platform: usize) -> bool {
+        match (self.role, self.law.first()) {
+            (Role::Platform(own), Some(LawKind::Decentralised(law))) => {
+                own == platform || law.graph().neighbours(own).iter().any(|(j, _)| *j == platform)
+            }
+            _ => true,
+        }
+    }
+}
+
+/// Whose coordinator a coordinator is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Of the whole formation.
+    Formation,
+    /// Of one platform that runs the law for itself, in that platform's namespace.
+    Platform(usize),
+    /// Of nobody: each platform has its own, this one tells what they do.
+    Observer,
 }
 
 /// Links and their ages.
@@ -84,7 +122,8 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let limits = r.group("limits", |r| limits::read(r, &platforms));
     let others = step::laws_switched_to(r);
     let law = r.fixed(|r| r.group("law", |r| law::read(r, &platforms, &limits, &others)));
-    let steps = r.fixed(|r| step::read_all(r, &platforms, law.as_ref()));
+    let role = r.fixed(|r| read_role(r, &platforms, law.as_ref()));
+    let steps = r.fixed(|r| step::read_all(r, &platforms, &limits, law.as_ref()));
     let bandwidth_rad_s = r.f64_or(
         "bandwidth_rad_s",
         2.0,
@@ -112,6 +151,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     }
     Some(Parameters {
         platforms,
+        role,
         experiment,
         law: law?,
         steps,
@@ -123,6 +163,33 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         reference_validity_s,
         command_validity_s,
     })
+}
+
+fn read_role(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>) -> Role {
+    let decentralised =
+        law.and_then(LawSettings::first).is_some_and(|l| matches!(l, LawKind::Decentralised(_)));
+    let on_platforms = decentralised
+        && r.bool_or(
+            "law.on_platforms",
+            false,
+            "each platform runs the law itself, in a coordinator of its own; this one then only observes",
+        );
+    let node = r.parameters().node().to_owned();
+    let own =
+        node.rsplit_once('/').and_then(|(space, _)| platforms.iter().position(|p| space == format!("/{p}")));
+    match own {
+        Some(platform) => {
+            if !on_platforms {
+                r.reject(
+                    "law.kind",
+                    "a coordinator in a platform's namespace serves that platform alone; allowed: decentralised, with law.on_platforms",
+                );
+            }
+            Role::Platform(platform)
+        }
+        None if on_platforms => Role::Observer,
+        None => Role::Formation,
+    }
 }
 
 fn read_link(r: &mut Reader<'_>) -> LinkSettings {

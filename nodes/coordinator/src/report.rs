@@ -8,21 +8,22 @@ use whorl_node::Timestamp;
 
 use crate::core::Stage;
 use crate::link::PlatformLink;
-use crate::parameters::Parameters;
+use crate::parameters::{Parameters, Role};
 use crate::run::{Leg, Run};
 
 fn header(stamp: Timestamp, frame_id: &str) -> Header {
     Header { stamp: stamp.into(), frame_id: frame_id.to_owned() }
 }
 
-/// Authority.
+/// Authority, over one platform or (empty name) over all.
 pub(crate) fn command(
     now: Timestamp,
     sequence: u64,
     command: u8,
     valid_until: Timestamp,
+    platform: &str,
 ) -> FormationCommand {
-    FormationCommand { header: header(now, ""), sequence, command, valid_until: valid_until.into() }
+    FormationCommand { header: header(now, platform), sequence, command, valid_until: valid_until.into() }
 }
 
 /// A platform's reference at `at`.
@@ -142,7 +143,15 @@ pub(crate) fn diagnostics(
     };
     let experiment = DiagnosticStatus {
         level,
-        name: "coordinator: experiment".to_owned(),
+        name: match parameters.role {
+            Role::Platform(own) => {
+                format!(
+                    "{}/coordinator: experiment",
+                    parameters.platforms.get(own).map_or("?", String::as_str)
+                )
+            }
+            _ => "coordinator: experiment".to_owned(),
+        },
         message,
         hardware_id: String::new(),
         values: vec![

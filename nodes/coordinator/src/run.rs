@@ -2,6 +2,8 @@
 
 mod steps;
 
+use std::sync::Arc;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::formation::{
     Demand, Goals, LawInput, Member, Offset, ReferenceShaper, Relation, RelativeAttitudeLaw, Shaped,
@@ -12,7 +14,7 @@ use whorl_math::attitude_error;
 use whorl_node::{Outputs, Timestamp};
 
 use crate::goal::{Goal, scan_motion};
-use crate::parameters::{LawKind, Parameters, Scan, Step, YawZero};
+use crate::parameters::{CoObservation, LawKind, Parameters, Scan, Step, YawZero};
 use crate::pause::{PauseWatch, PlatformCondition, Verdict};
 
 /// Period of the references \[s\].
@@ -31,6 +33,8 @@ pub(crate) struct Sight {
     pub fresh: bool,
     /// Whether its controller follows its reference.
     pub following: bool,
+    /// The reference that another coordinator gives it, if fresh.
+    pub reference: Option<Reference>,
 }
 
 /// A platform's part of the run.
@@ -38,8 +42,8 @@ pub(crate) struct Sight {
 pub(crate) struct Leg {
     shaper: ReferenceShaper,
     offset_angles: YawPitchRoll,
-    /// A swing of the offset about those angles, and for how long it has lasted \[s\].
-    offset_scan: Option<(Scan, f64)>,
+    /// How the offset moves, and for how long it has \[s\].
+    offset_motion: Option<(OffsetMotion, f64)>,
     /// Its own motion, for a platform that leads.
     goal: Option<Goal>,
     was_usable: bool,
@@ -47,6 +51,15 @@ pub(crate) struct Leg {
     pub shaped: Shaped,
     /// Whether it is told to come to rest.
     pub holding: bool,
+}
+
+/// An offset that moves.
+#[derive(Debug, Clone)]
+enum OffsetMotion {
+    /// It swings.
+    Scan(Scan),
+    /// It is what a pass makes it.
+    Pass { pass: Arc<CoObservation>, leader: usize, platform: usize },
 }
 
 /// How a tick ended.
@@ -93,7 +106,11 @@ impl Run {
         let mut legs = Vec::with_capacity(sights.len());
         for (platform, sight) in sights.iter().enumerate() {
             let name = parameters.platforms.get(platform).map_or("?", String::as_str);
-            let (q, _) = sight.motion.ok_or_else(|| format!("{name}: its attitude is not known"))?;
+            let (q, _) = match sight.motion {
+                // A platform's own coordinator needs to see its neighbours only.
+                None if !parameters.hears(platform) => (UnitQuaternion::identity(), Vector3::zeros()),
+                seen => seen.ok_or_else(|| format!("{name}: its attitude is not known"))?,
+            };
             let limits = parameters.limits.get(platform).ok_or_else(|| format!("{name}: no limits"))?;
             let shaper = ReferenceShaper::new(*limits, parameters.bandwidth_rad_s, &q)
                 .map_err(|e| format!("{name}: {e}"))?;
@@ -103,7 +120,7 @@ impl Run {
                 shaped: Shaped { reference: start, clipped: false },
                 shaper,
                 offset_angles: parameters.law.offsets.get(platform).copied().unwrap_or_default(),
-                offset_scan: None,
+                offset_motion: None,
                 goal,
                 was_usable: true,
                 holding: true,
@@ -133,7 +150,7 @@ impl Run {
             offsets: Vec::with_capacity(platforms),
             demands: Vec::with_capacity(platforms),
         };
-        run.look(sights);
+        run.look(parameters, sights);
         run.restart_law();
         run.begin_step(parameters, outputs);
         Ok(run)
@@ -189,7 +206,7 @@ impl Run {
             leg.shaper.advance(REFERENCE_PERIOD_S);
             leg.rejoin(sight, parameters.link.rejoin_error_rad);
         }
-        self.look(sights);
+        self.look(parameters, sights);
         let verdict = self.watch.evaluate(
             now,
             &self.conditions(parameters, sights),
@@ -273,11 +290,17 @@ impl Run {
     }
 
     /// Gathers what the law sees.
-    fn look(&mut self, sights: &[Sight]) {
+    fn look(&mut self, parameters: &Parameters, sights: &[Sight]) {
         self.members.clear();
         self.offsets.clear();
-        for (leg, sight) in self.legs.iter().zip(sights) {
-            let reference = leg.shaper.reference();
+        for (platform, (leg, sight)) in self.legs.iter().zip(sights).enumerate() {
+            let own = parameters.commands(platform);
+            let present = sight.motion.map_or(UnitQuaternion::identity(), |(q, _)| q);
+            let reference = if own {
+                leg.shaper.reference()
+            } else {
+                sight.reference.unwrap_or(Reference::at_rest(present))
+            };
             let (q_world_body, omega_wb_b_rad_s) =
                 sight.motion.unwrap_or((reference.q_world_reference, Vector3::zeros()));
             self.members.push(Member {
@@ -285,7 +308,8 @@ impl Run {
                 omega_wb_b_rad_s,
                 age_s: sight.age_s,
                 usable: sight.motion.is_some(),
-                tracking: sight.following,
+                // Without its reference a platform's estimated rate is all that is known of its motion.
+                tracking: sight.following && (own || sight.reference.is_some()),
                 reference,
             });
             self.offsets.push(leg.offset());
@@ -304,24 +328,34 @@ impl Run {
 
     fn conditions(&self, parameters: &Parameters, sights: &[Sight]) -> Vec<PlatformCondition> {
         let kind = self.law_kind(parameters);
+        let other = PlatformCondition { fresh: true, usable: true, following: true, leads: false };
         let condition = |(platform, sight): (usize, &Sight)| PlatformCondition {
             fresh: sight.fresh,
             usable: sight.motion.is_some(),
             following: sight.following,
             leads: kind.is_some_and(|law| law.needs_all() || law.leads(platform)),
         };
-        sights.iter().enumerate().map(condition).collect()
+        // What others do is their own coordinators' matter.
+        let judged = |(platform, sight)| {
+            if parameters.commands(platform) { condition((platform, sight)) } else { other }
+        };
+        sights.iter().enumerate().map(judged).collect()
     }
 }
 
 impl Leg {
     /// The commanded offset now.
     fn offset(&self) -> Offset {
-        match &self.offset_scan {
-            Some((scan, elapsed_s)) if *elapsed_s < scan.duration_s => {
+        let constant = Offset::constant(self.offset_angles.attitude());
+        match &self.offset_motion {
+            Some((OffsetMotion::Scan(scan), elapsed_s)) if *elapsed_s < scan.duration_s => {
                 Offset::moving(&scan_motion(scan, &self.offset_angles, *elapsed_s).reference())
             }
-            _ => Offset::constant(self.offset_angles.attitude()),
+            Some((OffsetMotion::Pass { pass, leader, platform }, elapsed_s)) => {
+                let motion = |index: usize| pass.motion(index, *elapsed_s, 0.0);
+                motion(*leader).zip(motion(*platform)).map_or(constant, |(l, p)| Offset::between(&l, &p))
+            }
+            _ => constant,
         }
     }
 

@@ -56,6 +56,21 @@ impl Offset {
         }
     }
 
+    /// The offset at which a platform that moves so stands to a leader that moves so.
+    #[must_use]
+    pub fn between(leader: &Reference, platform: &Reference) -> Self {
+        let q = leader.q_world_reference.inverse() * platform.q_world_reference;
+        let carried = q.inverse() * leader.omega_wr_r_rad_s;
+        let omega_lp_p_rad_s = platform.omega_wr_r_rad_s - carried;
+        Self {
+            q_leader_platform: q,
+            omega_lp_p_rad_s,
+            omega_dot_lp_p_rad_s2: platform.omega_dot_wr_r_rad_s2
+                - q.inverse() * leader.omega_dot_wr_r_rad_s2
+                + omega_lp_p_rad_s.cross(&carried),
+        }
+    }
+
     /// The leader seen from the platform: `self.inverse().apply(&self.apply(x)) == x`.
     #[must_use]
     pub fn inverse(&self) -> Self {
@@ -251,6 +266,9 @@ mod tests {
             omega_lp_p_rad_s: Vector3::new(0.2, -0.1, 0.15),
             omega_dot_lp_p_rad_s2: Vector3::new(0.03, 0.07, -0.02),
         };
+        let again = Offset::between(&leader, &offset.apply(&leader));
+        assert!((again.omega_lp_p_rad_s - offset.omega_lp_p_rad_s).norm() < 1e-14);
+        assert!((again.omega_dot_lp_p_rad_s2 - offset.omega_dot_lp_p_rad_s2).norm() < 1e-14);
         let back = offset.inverse().apply(&offset.apply(&leader));
         assert!(attitude_error(&leader.q_world_reference, &back.q_world_reference).norm() < 1e-14);
         assert!((back.omega_wr_r_rad_s - leader.omega_wr_r_rad_s).norm() < 1e-14);

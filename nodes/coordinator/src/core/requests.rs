@@ -3,12 +3,18 @@
 use whorl_node::{Outputs, Timestamp};
 
 use super::{CoordinatorCore, Stage};
+use crate::parameters::Role;
 
 impl CoordinatorCore {
     pub(super) fn request_start(&mut self, now: Timestamp, experiment: &str, outputs: &mut Outputs) {
         let name = self.parameters.experiment.name.clone();
         if !experiment.is_empty() && experiment != name {
             outputs.respond(false, format!("the experiment loaded is {name}, not {experiment}"));
+            return;
+        }
+        if self.parameters.role == Role::Observer {
+            outputs
+                .respond(false, "every platform runs the law itself and starts when its neighbours are well");
             return;
         }
         let problems = self.current_problems(now);
@@ -47,6 +53,10 @@ impl CoordinatorCore {
     }
 
     pub(super) fn shut_down(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        if self.parameters.role == Role::Observer {
+            // The platforms go on without it.
+            return;
+        }
         if matches!(self.stage, Stage::Running(_)) {
             self.abort(now, "the coordinator was stopped".to_owned(), outputs);
         }

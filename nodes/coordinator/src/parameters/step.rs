@@ -1,11 +1,14 @@
 //! The steps of an experiment.
 
-use whorl_control::formation::YawPitchRoll;
+use std::sync::Arc;
+
+use whorl_control::formation::{ReferenceLimits, YawPitchRoll};
 use whorl_msgs::whorl::FormationState;
 use whorl_params::{Reader, Value, positive, range};
 
+use super::co_observation::CoObservation;
 use super::law::KINDS;
-use super::{LawKind, LawSettings};
+use super::{LawKind, LawSettings, co_observation};
 
 /// A step of the sequence.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +39,8 @@ pub enum StepKind {
     },
     /// A platform's commanded offset swings about where it is.
     OffsetScan(Scan),
+    /// The platforms show a pass over a common target.
+    CoObserve(Arc<CoObservation>),
     /// Another law takes over and goes on to the same goal.
     Law {
         /// Which, of [`LawSettings::laws`].
@@ -117,6 +122,7 @@ impl Step {
             | StepKind::Scan(_)
             | StepKind::Offset { .. }
             | StepKind::OffsetScan(_)
+            | StepKind::CoObserve(_)
             | StepKind::Law { .. } => FormationState::PHASE_MANOEUVRE,
             StepKind::Hold => FormationState::PHASE_HOLD,
         }
@@ -124,7 +130,12 @@ impl Step {
 }
 
 /// All steps in the order of the file.
-pub(super) fn read_all(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>) -> Vec<Step> {
+pub(super) fn read_all(
+    r: &mut Reader<'_>,
+    platforms: &[String],
+    limits: &[ReferenceLimits],
+    law: Option<&LawSettings>,
+) -> Vec<Step> {
     let names = r.children("steps");
     if names.is_empty() {
         r.reject("steps", "the experiment has no steps; allowed: at least one, such as `hold: {kind: hold, duration_s: 10.0}`");
@@ -132,7 +143,11 @@ pub(super) fn read_all(r: &mut Reader<'_>, platforms: &[String], law: Option<&La
     let mut in_force = 0;
     names
         .into_iter()
-        .map(|name| r.group(&format!("steps.{name}"), |r| read_step(r, &name, platforms, law, &mut in_force)))
+        .map(|name| {
+            r.group(&format!("steps.{name}"), |r| {
+                read_step(r, &name, (platforms, limits), law, &mut in_force)
+            })
+        })
         .collect()
 }
 
@@ -149,14 +164,14 @@ pub(super) fn laws_switched_to(r: &Reader<'_>) -> Vec<String> {
 fn read_step(
     r: &mut Reader<'_>,
     name: &str,
-    platforms: &[String],
+    (platforms, limits): (&[String], &[ReferenceLimits]),
     settings: Option<&LawSettings>,
     in_force: &mut usize,
 ) -> Step {
     let law = settings.and_then(|s| s.laws.get(*in_force));
     let kind = r.choice(
         "kind",
-        &["settle", "slew", "scan", "offset", "offset_scan", "law", "hold"],
+        &["settle", "slew", "scan", "offset", "offset_scan", "co_observe", "law", "hold"],
         "what happens in the step",
     );
     let duration_s = r.f64("duration_s", positive(), "how long the step lasts [s]");
@@ -175,6 +190,10 @@ fn read_step(
             let platform = read_offset_platform(r, platforms, law);
             StepKind::OffsetScan(read_scan(r, duration_s, Some(platform)))
         }
+        "co_observe" => match co_observation::read(r, duration_s, platforms, limits) {
+            Some(pass) => StepKind::CoObserve(Arc::new(pass)),
+            None => StepKind::Hold,
+        },
         "law" => {
             let name = r.choice("law", &KINDS, "the law that takes over");
             let found = settings.and_then(|s| s.laws.iter().position(|l| l.name() == name));

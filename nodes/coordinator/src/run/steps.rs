@@ -1,11 +1,13 @@
 //! From step to step.
 
+use std::sync::Arc;
+
 use nalgebra::UnitQuaternion;
 use whorl_node::{LogLevel, Outputs};
 
-use super::{Leg, REFERENCE_PERIOD_S, Run};
-use crate::goal::Planning;
-use crate::parameters::{LawKind, Parameters, StepKind};
+use super::{Leg, OffsetMotion, REFERENCE_PERIOD_S, Run};
+use crate::goal::{Goal, Planning};
+use crate::parameters::{CoObservation, LawKind, Parameters, StepKind};
 
 impl Run {
     pub(super) fn advance_steps(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
@@ -21,7 +23,7 @@ impl Run {
             self.step_elapsed_s = 0.0;
             self.begin_step(parameters, outputs);
         }
-        for (_, elapsed_s) in self.legs.iter_mut().filter_map(|leg| leg.offset_scan.as_mut()) {
+        for (_, elapsed_s) in self.legs.iter_mut().filter_map(|leg| leg.offset_motion.as_mut()) {
             *elapsed_s += REFERENCE_PERIOD_S;
         }
         for (offset, leg) in self.offsets.iter_mut().zip(&self.legs) {
@@ -76,16 +78,42 @@ impl Run {
             StepKind::Offset { platform, to } => {
                 if let Some(leg) = self.legs.get_mut(*platform) {
                     leg.offset_angles = to.over(&leg.offset_angles, 0.0);
-                    leg.offset_scan = None;
+                    leg.offset_motion = None;
                 }
             }
             StepKind::OffsetScan(scan) => {
                 if let Some(leg) = scan.platform.and_then(|platform| self.legs.get_mut(platform)) {
-                    leg.offset_scan = Some((*scan, 0.0));
+                    leg.offset_motion = Some((OffsetMotion::Scan(*scan), 0.0));
                 }
+            }
+            StepKind::CoObserve(pass) => {
+                let text = describe(pass, &parameters.platforms);
+                outputs.log(LogLevel::Info, text);
+                let leader_of: Vec<_> =
+                    (0..self.legs.len()).map(|p| law.and_then(|law| law.leader(p)).unwrap_or(0)).collect();
+                self.observe(pass, &leader_of);
             }
             StepKind::Law { index } => self.switch_law(*index, parameters),
             StepKind::Hold => {}
+        }
+    }
+
+    /// Begins a pass: each leader, or the frame in the first platform's place, moves as its spacecraft does, and
+    /// the offsets are what the pass makes them.
+    fn observe(&mut self, pass: &Arc<CoObservation>, leader_of: &[usize]) {
+        let goals = self.structure_goal.iter().chain(self.legs.iter().filter_map(|leg| leg.goal.as_ref()));
+        // One heading for all: relative attitudes are those in orbit.
+        let yaw_rad = goals.map(Goal::yaw_zero_rad).next().unwrap_or(0.0);
+        if let Some(goal) = &mut self.structure_goal {
+            goal.observe(pass, 0, yaw_rad);
+        }
+        for ((platform, leg), leader) in self.legs.iter_mut().enumerate().zip(leader_of) {
+            if let Some(goal) = &mut leg.goal {
+                goal.observe(pass, platform, yaw_rad);
+            } else {
+                let motion = OffsetMotion::Pass { pass: Arc::clone(pass), leader: *leader, platform };
+                leg.offset_motion = Some((motion, 0.0));
+            }
         }
     }
 
@@ -139,6 +167,20 @@ impl Run {
         }
         self.restart_law();
     }
+}
+
+/// What the pass leaves of pointing and thrust.
+fn describe(pass: &CoObservation, platforms: &[String]) -> String {
+    let errors = pass.largest_errors_rad();
+    let each = platforms.iter().zip(errors).map(|(name, (boresight, thrust))| {
+        let thrust = if thrust.is_nan() {
+            "no thrust wanted".to_owned()
+        } else {
+            format!("thrust within {:.2} deg of what is wanted", thrust.to_degrees())
+        };
+        format!("{name}: boresight within {:.2} deg of the target, {thrust}", boresight.to_degrees())
+    });
+    format!("{:.0} s of orbit: {}", pass.mapping.orbit_span_s(), each.collect::<Vec<_>>().join("; "))
 }
 
 /// How the goal of the whole formation moves: at once for a law that plans its own way, else smoothly

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use whorl_params::{Reader, formation, standard_layers};
+
 use super::*;
 
 #[test]
@@ -10,12 +12,19 @@ fn every_experiment_runs_to_its_end_without_a_warning() {
     let mut seen = 0;
     for entry in std::fs::read_dir(folder.join("experiments")).unwrap() {
         let file = entry.unwrap().path();
-        let layers =
-            ["common.yaml", "whorl_1.yaml", "whorl_2.yaml"].map(|name| folder.join(name)).into_iter();
-        let files: Vec<_> = layers.chain([file.clone()]).collect();
-        let tree = ParameterTree::load(&files, &[]).unwrap();
+        let tree = ParameterTree::load(&standard_layers(&folder, &[], Some(&file)), &[]).unwrap();
+        let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
+        if platforms.len() < 2 {
+            continue;
+        }
+        let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
+        let tree = ParameterTree::load(&standard_layers(&folder, &names, Some(&file)), &[]).unwrap();
         let (parameters, _) = whorl_params::try_read(&tree.for_node("/coordinator"), parameters::read)
             .unwrap_or_else(|e| panic!("{e}"));
+        if parameters.role == parameters::Role::Observer {
+            // Each platform runs itself: `crates/whorl_sim/tests/on_platforms.rs`.
+            continue;
+        }
         let stem = file.file_stem().unwrap().to_string_lossy();
         assert_eq!(parameters.experiment.name, stem, "the run directory is named after it");
         let length_s: f64 = parameters.steps.iter().map(|step| step.duration_s).sum();

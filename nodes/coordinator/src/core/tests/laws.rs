@@ -137,3 +137,51 @@ fn with_a_member_gone_the_rest_go_on_where_the_law_and_the_user_allow_it() {
         assert_eq!((turned.to_degrees() - 15.0).abs() < 0.1, goes_on, "{law}: {}", turned.to_degrees());
     }
 }
+
+#[test]
+fn a_pass_that_cannot_be_shown_is_refused_before_anything_moves() {
+    let pass = |keys: &str| {
+        let step = format!("      observe: {{kind: co_observe, duration_s: 100.0, {keys}}}\n");
+        read(&with("      members: {whorl_2: {leader: whorl_1}}\n", &step))
+    };
+    assert!(pass("time_ratio: 4.0").is_ok());
+    for (keys, said) in [
+        ("orbit: {perigee_altitude_km: -50.0}", "above the ground"),
+        ("time_ratio: 80.0", "lower time_ratio"),
+        ("target: point, latitude_deg: 0.0, longitude_deg: 170.0", "below the horizon"),
+        ("model: clohessy_wiltshire, orbit: {eccentricity: 0.1}", "hold for circular chiefs"),
+        ("spacecraft: {whorl_2: {separation_m: 199000.0}}", "not small against the orbit"),
+        ("settle_s: 95.0", "longer than both ramps"),
+    ] {
+        let error = pass(keys).map(|_| keys).unwrap_err();
+        assert!(error.contains(said), "{keys}: {error}");
+    }
+}
+
+#[test]
+fn platforms_show_the_relative_attitude_of_the_pass_under_every_law() {
+    for kind in ["leader_follower", "virtual_structure", "decentralised"] {
+        let steps = "      observe: {kind: co_observe, duration_s: 100.0, settle_s: 30.0, time_ratio: 4.0, \
+                     spacecraft: {whorl_2: {separation_m: 30000.0, phase_deg: 60.0}}}\n";
+        let parameters = read(&with(&format!("      kind: {kind}\n"), steps)).unwrap();
+        let parameters::StepKind::CoObserve(pass) = parameters.steps[0].kind.clone() else { panic!() };
+        let mut lab = Laboratory::with(parameters);
+        lab.run_until(FormationState::PHASE_MANOEUVRE, 5.0);
+        lab.run(30.0);
+        let mut began = 30.0;
+        for _ in 0..6500 {
+            lab.step();
+            began += 0.01;
+            let motion = |platform| pass.motion(platform, began, 0.0).unwrap().q_world_reference;
+            let wanted = motion(0).inverse() * motion(1);
+            let relative = lab.platforms[0].q_world_body.inverse() * lab.platforms[1].q_world_body;
+            let error = attitude_error(&wanted, &relative).norm();
+            assert!(error < 1.5e-3, "{kind} {began}: {error}");
+        }
+        let moved = attitude_error(
+            &pass.motion(0, 0.0, 0.0).unwrap().q_world_reference,
+            &pass.motion(0, 100.0, 0.0).unwrap().q_world_reference,
+        );
+        assert!(moved.norm() > 0.2);
+    }
+}
