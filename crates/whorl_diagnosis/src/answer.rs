@@ -22,7 +22,12 @@ const OVERWHELMING_REST: f64 = 40.0;
 const LEAST_SHARE: f64 = 0.6;
 
 /// Slow power of all runs with a hypothesis.
-pub(crate) fn rest(problem: &Problem, data: &Dataset, layout: &Layout, hypothesis: &Hypothesis) -> [Power; WINDOWS_S.len()] {
+pub(crate) fn rest(
+    problem: &Problem,
+    data: &Dataset,
+    layout: &Layout,
+    hypothesis: &Hypothesis,
+) -> [Power; WINDOWS_S.len()] {
     let mut total = [Power::default(); WINDOWS_S.len()];
     for of_run in rest_by_run(problem, data, layout, hypothesis) {
         for (sum, power) in total.iter_mut().zip(of_run) {
@@ -151,7 +156,8 @@ impl Search<'_> {
         }
         signal.matrix.copy_from(&normal.matrix);
         let base: Vec<usize> = self.layout.base.iter().copied().filter(|i| !columns.contains(i)).collect();
-        let followed = Estimate::new(&signal, &base, |i| self.layout.base_variance(i)).map_or(0.0, |e| e.drop);
+        let followed =
+            Estimate::new(&signal, &base, |i| self.layout.base_variance(i)).map_or(0.0, |e| e.drop);
         if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 
@@ -221,7 +227,8 @@ impl Search<'_> {
             let disagreement =
                 from_others.estimate.misfit_change(&own) - from_own.estimate.misfit_change(&own);
             let rest = significance.get(r).copied().unwrap_or(0.0);
-            let usual = significance.iter().enumerate().filter(|(i, _)| *i != r).map(|(_, s)| *s).fold(0.0, f64::max);
+            let usual =
+                significance.iter().enumerate().filter(|(i, _)| *i != r).map(|(_, s)| *s).fold(0.0, f64::max);
             let stands_out = rest > REAL_REST && rest > 3.0 * usual.max(1.0);
             if disagreement > 6.0 * parameters + 60.0 || stands_out {
                 odd.push((disagreement.max(rest), run.name.clone()));
@@ -272,7 +279,8 @@ impl Search<'_> {
                     names.iter().filter(|n| **n != row.effect).cloned().chain([other.clone()]).collect();
                 set.sort();
                 // A signal of the same shape that needs an implausible size is none.
-                let plausible = additions_of(self, &set).is_some_and(|e| e > self.best.log_evidence - 3.0 * TIE);
+                let plausible =
+                    additions_of(self, &set).is_some_and(|e| e > self.best.log_evidence - 3.0 * TIE);
                 if plausible && !alternatives.contains(&set) {
                     alternatives.push(set);
                 }
@@ -288,7 +296,8 @@ impl Search<'_> {
             1.0
         };
         let left = after[worst(&after)].significance();
-        let mut remarks: Vec<String> = self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
+        let mut remarks: Vec<String> =
+            self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let digital = self.digital();
         let explained = self.best.log_evidence - self.base.log_evidence;
         let explained_drop = self.best.estimate.drop - self.base.estimate.drop;
@@ -303,7 +312,14 @@ impl Search<'_> {
             real && outweighs
         }) || (left > OVERWHELMING_REST && share < LEAST_SHARE);
         let verdict = if let Some(row) = &digital {
-            remarks.push(format!("the gyro's readings show it directly: {}", row.parameters.iter().map(|p| format!("{} = {:.4} {}", p.name, p.estimate, p.unit)).collect::<Vec<_>>().join(", ")));
+            remarks.push(format!(
+                "the gyro's readings show it directly: {}",
+                row.parameters
+                    .iter()
+                    .map(|p| format!("{} = {:.4} {}", p.name, p.estimate, p.unit))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ));
             Verdict::Named
         } else if unexplained {
             Verdict::Unknown
@@ -412,7 +428,8 @@ impl Search<'_> {
             .filter(|limit| *limit < 0.98 * errors.range)
             .fold(f64::INFINITY, f64::min);
         let step = self.problem.runs.iter().map(|r| r.gyro_step_rad_s).fold(f64::INFINITY, f64::min);
-        let coarse = step.is_finite() && step > 1.5 * errors.quantum && step > 0.3 * errors.noise_stddev.amin();
+        let coarse =
+            step.is_finite() && step > 1.5 * errors.quantum && step > 0.3 * errors.noise_stddev.amin();
         if !range.is_finite() && !coarse {
             return None;
         }

@@ -63,7 +63,9 @@ impl Available {
         let id = effect.info().id;
         match id {
             // In every base model, known, negligible or not an effect.
-            "gyro_bias" | "gravity_gradient" | "earth_rotation" | "unmodelled_torque" | "gyro_saturation" => false,
+            "gyro_bias" | "gravity_gradient" | "earth_rotation" | "unmodelled_torque" | "gyro_saturation" => {
+                false
+            }
             "wheel_friction" | "wheel_windage" => self.wheels && self.wheel_command,
             "supply_voltage" => (self.wheels && self.wheel_command) || self.jets,
             "wheel_inertia" => self.wheels,
@@ -99,11 +101,7 @@ impl Layout {
         with_hidden: bool,
     ) -> Self {
         let mut layout = Self {
-            columns: reference.base_columns(
-                available.wheels,
-                available.jets,
-                available.body,
-            ),
+            columns: reference.base_columns(available.wheels, available.jets, available.body),
             ..Self::default()
         };
         if !available.body {
@@ -206,7 +204,13 @@ fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>
             let all = indices.iter().copied().filter(|i| columns.get(*i).is_some_and(|c| c.name == "all"));
             options.insert(0, all.collect());
             options.remove(1);
-            options.push(indices.iter().copied().filter(|i| columns.get(*i).is_some_and(|c| c.name != "all")).collect());
+            options.push(
+                indices
+                    .iter()
+                    .copied()
+                    .filter(|i| columns.get(*i).is_some_and(|c| c.name != "all"))
+                    .collect(),
+            );
         }
         if id == "air_current" || id == "magnetic_torque" {
             options.push(indices.iter().copied().take(2).collect());
@@ -229,7 +233,9 @@ fn directed(
     let mut step = vec![0.0; specs.len()];
     let mut range = (f64::NEG_INFINITY, f64::INFINITY);
     for (index, size) in moves {
-        if let (Some(slot), Some(spec), Some(from)) = (step.get_mut(*index), specs.get(*index), origin.get(*index)) {
+        if let (Some(slot), Some(spec), Some(from)) =
+            (step.get_mut(*index), specs.get(*index), origin.get(*index))
+        {
             *slot = *size;
             let (a, b) = ((spec.min - from) / size, (spec.max - from) / size);
             range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
@@ -267,7 +273,8 @@ fn special_options(
     let neutral: Vec<f64> = specs.iter().map(|s| s.neutral).collect();
     let unit = |i: usize| specs.get(i).map_or(1.0, |s| s.prior_stddev);
     let name = |i: usize| specs.get(i).map_or("", |s| s.name.as_str());
-    let column = |origin: &[f64], i: usize| directed(effect, reference, name(i), origin, &[(i, unit(i))], false);
+    let column =
+        |origin: &[f64], i: usize| directed(effect, reference, name(i), origin, &[(i, unit(i))], false);
     let with = |changes: &[(usize, f64)]| {
         let mut values = neutral.clone();
         for (i, x) in changes {
@@ -344,13 +351,8 @@ fn special_options(
 }
 
 /// Directions of participation that are tried.
-const DIRECTIONS: [[f64; 3]; 5] = [
-    [1.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0],
-    [0.0, 0.0, 1.0],
-    [0.707, 0.707, 0.0],
-    [0.707, -0.707, 0.0],
-];
+const DIRECTIONS: [[f64; 3]; 5] =
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.707, 0.707, 0.0], [0.707, -0.707, 0.0]];
 
 /// `count` values from `from` to `to`, in equal ratios.
 fn grid(from: f64, to: f64, count: usize) -> Vec<f64> {

@@ -119,7 +119,14 @@ fn touches_sensors(base: &Gyrostat, moved: &Gyrostat) -> bool {
     read(base) != read(moved)
 }
 
-fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &Mechanics, units: f64, change: &mut Change) {
+fn dynamics(
+    run: &Run,
+    motion: &Motion,
+    base: &Linearised,
+    moved: &Mechanics,
+    units: f64,
+    change: &mut Change,
+) {
     let nodes = run.nodes();
     let voltage_drop = {
         let mut environment = run.environment(base.mechanics.model(), 0);
@@ -132,8 +139,8 @@ fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &Mechanics, un
     let delays = |m: &Mechanics| -> Vec<(f64, f64)> {
         m.model().jets.iter().map(|j| (j.opening_delay_s, j.closing_delay_s)).collect()
     };
-    let other_inputs = (voltage_drop || lag || delays(&base.mechanics) != delays(moved))
-        .then(|| moved.inputs(run));
+    let other_inputs =
+        (voltage_drop || lag || delays(&base.mechanics) != delays(moved)).then(|| moved.inputs(run));
     let mut inputs = other_inputs.unwrap_or_else(|| base.inputs.clone());
     for (slot, active) in inputs.jet_active.iter_mut().zip(&base.inputs.jet_active) {
         *slot |= active;
@@ -159,13 +166,19 @@ fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &Mechanics, un
     // The accelerometer feels the angular acceleration at its lever arm.
     let lever = base.mechanics.model().sensors.accelerometer.lever_arm_b_m;
     let at = |k: usize| change.omega_dot.get(k).copied().unwrap_or_default();
-    change.accel = (0..nodes)
-        .map(|k| if k == 0 { at(0) } else { (at(k - 1) + at(k)) * 0.5 }.cross(&lever))
-        .collect();
+    change.accel =
+        (0..nodes).map(|k| if k == 0 { at(0) } else { (at(k - 1) + at(k)) * 0.5 }.cross(&lever)).collect();
     change.gyro = edges;
 }
 
-fn readings(run: &Run, motion: &Motion, base: &Linearised, moved: &Mechanics, units: f64, change: &mut Change) {
+fn readings(
+    run: &Run,
+    motion: &Motion,
+    base: &Linearised,
+    moved: &Mechanics,
+    units: f64,
+    change: &mut Change,
+) {
     let mut prediction = Prediction {
         omega_dot: base.prediction.omega_dot.clone(),
         edge_rate: base.prediction.edge_rate.clone(),
@@ -189,7 +202,11 @@ fn readings(run: &Run, motion: &Motion, base: &Linearised, moved: &Mechanics, un
 }
 
 /// Whitened sensitivities to torques on the body, given over every interval [N m].
-pub(crate) fn torque_response(run: &Run, linearised: &Linearised, torques: &[Vec<Vector3<f64>>]) -> Vec<Lanes> {
+pub(crate) fn torque_response(
+    run: &Run,
+    linearised: &Linearised,
+    torques: &[Vec<Vector3<f64>>],
+) -> Vec<Lanes> {
     let inverse = linearised.mechanics.inverse_inertia;
     let wheels = &linearised.mechanics.model().wheels;
     let changes: Vec<Change> = torques
@@ -312,14 +329,8 @@ impl Linearised {
     ) -> Result<Self, DiagnosisError> {
         let mechanics = Mechanics::new(&reference.model_at(point)?)?;
         let (inputs, prediction) = predict(&mechanics, run, motion);
-        let system = System {
-            run,
-            motion,
-            mechanics: &mechanics,
-            inputs: &inputs,
-            prediction: &prediction,
-            settings,
-        };
+        let system =
+            System { run, motion, mechanics: &mechanics, inputs: &inputs, prediction: &prediction, settings };
         let (gains, _) = system.filter(true, false);
         Ok(Self { inputs, prediction, gains, mechanics })
     }

@@ -10,7 +10,9 @@ pub enum DiagnosisError {
     #[error("no recording was given; name at least one run")]
     NoRecording,
     /// Too little time.
-    #[error("{run}: {duration_s:.1} s of data are too short to tell effects apart; record at least {needed_s:.0} s")]
+    #[error(
+        "{run}: {duration_s:.1} s of data are too short to tell effects apart; record at least {needed_s:.0} s"
+    )]
     TooShort {
         /// Name of the run.
         run: String,
@@ -30,7 +32,9 @@ pub enum DiagnosisError {
         help: &'static str,
     },
     /// A channel never changes.
-    #[error("{run}: the {channel} never changes: it is frozen, or not this platform's; check the sensor and the channel's name")]
+    #[error(
+        "{run}: the {channel} never changes: it is frozen, or not this platform's; check the sensor and the channel's name"
+    )]
     Constant {
         /// Name of the run.
         run: String,
@@ -74,7 +78,9 @@ pub enum DiagnosisError {
     #[error(transparent)]
     Effect(#[from] EffectError),
     /// Numerical trouble.
-    #[error("{run}: the motion cannot be reconstructed from the data ({what}); check units, axes and time stamps")]
+    #[error(
+        "{run}: the motion cannot be reconstructed from the data ({what}); check units, axes and time stamps"
+    )]
     NoTrajectory {
         /// Name of the run.
         run: String,

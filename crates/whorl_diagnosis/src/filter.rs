@@ -142,8 +142,7 @@ impl System<'_> {
         for (j, wheel) in model.wheels.iter().enumerate() {
             let axis = wheel.spin_axis_b.into_inner();
             let b = wheel.viscous_friction_n_m_s;
-            let column =
-                inverse * (axis * b - omega.cross(&(axis * wheel.spin_inertia_kg_m2)));
+            let column = inverse * (axis * b - omega.cross(&(axis * wheel.spin_inertia_kg_m2)));
             for i in 0..3 {
                 a[(RATE + i) * n + WHEEL + j] = column[i];
             }
@@ -209,9 +208,8 @@ impl System<'_> {
             let axis = |i: usize| {
                 // Free wheels keep their speed in space: what turns the body turns against them.
                 let mut direction = vec![(RATE + i, 1.0)];
-                direction.extend(
-                    model.wheels.iter().enumerate().map(|(j, w)| (WHEEL + j, -w.spin_axis_b[i])),
-                );
+                direction
+                    .extend(model.wheels.iter().enumerate().map(|(j, w)| (WHEEL + j, -w.spin_axis_b[i])));
                 direction
             };
             for i in 0..3 {
@@ -245,19 +243,15 @@ impl System<'_> {
                 s.wheel_noise
             };
             // The motor's torque turns wheel and body against each other.
-            let body = if self.run.clamped {
-                Vector3::zeros()
-            } else {
-                -(self.mechanics.inverse_inertia * axis)
-            };
+            let body =
+                if self.run.clamped { Vector3::zeros() } else { -(self.mechanics.inverse_inertia * axis) };
             let own = 1.0 / wheel.spin_inertia_kg_m2;
             let mut direction = [0.0; 3 + whorl_dynamics::gyrostat::MAX_WHEELS];
             for i in 0..3 {
                 direction[i] = body[i];
             }
             for (other, w) in model.wheels.iter().enumerate() {
-                direction[3 + other] =
-                    -w.spin_axis_b.dot(&body) + if other == j { own } else { 0.0 };
+                direction[3 + other] = -w.spin_axis_b.dot(&body) + if other == j { own } else { 0.0 };
             }
             let index = |i: usize| if i < 3 { RATE + i } else { WHEEL + i - 3 };
             let size = 3 + self.wheels();
@@ -278,7 +272,13 @@ impl System<'_> {
         for i in 0..3 {
             let slanted = |v: &crate::run::VectorRun| v.reference_world.normalize().z.abs() < 0.98;
             let heading = i == 2 && !self.run.vectors.iter().any(slanted);
-            let angle = if clamped { 1e-9 } else if heading { 1e-5 } else { 0.2 };
+            let angle = if clamped {
+                1e-9
+            } else if heading {
+                1e-5
+            } else {
+                0.2
+            };
             p[(ANGLE + i) * (n + 1)] = angle * angle;
             p[(RATE + i) * (n + 1)] = if clamped { 1e-20 } else { 0.25 };
             let bias = (3.0 * sensors.gyro.errors.bias_turn_on_stddev[i]).max(0.02);
@@ -467,9 +467,8 @@ impl System<'_> {
             if k + 1 < nodes {
                 self.transition(k, &mut a, &mut f);
                 self.defect(k, &mut d);
-                let moved: Vec<f64> = (0..n)
-                    .map(|i| (0..n).map(|j| f[i * n + j] * x[j]).sum::<f64>() + d[i])
-                    .collect();
+                let moved: Vec<f64> =
+                    (0..n).map(|i| (0..n).map(|j| f[i * n + j] * x[j]).sum::<f64>() + d[i]).collect();
                 x = moved;
                 multiply(&f, &p, &mut fp, n);
                 multiply_transposed(&fp, &f, &mut p, n);
@@ -507,8 +506,7 @@ impl System<'_> {
         for k in (0..nodes).rev() {
             if k + 1 < nodes {
                 let f = &gains.transition[k * n * n..(k + 1) * n * n];
-                let back: Vec<f64> =
-                    (0..n).map(|i| (0..n).map(|j| f[j * n + i] * lambda[j]).sum()).collect();
+                let back: Vec<f64> = (0..n).map(|i| (0..n).map(|j| f[j * n + i] * lambda[j]).sum()).collect();
                 lambda = back;
                 if with_torque {
                     // F^T L F

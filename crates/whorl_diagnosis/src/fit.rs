@@ -50,7 +50,8 @@ impl Search<'_> {
             let value = best.estimate.value[at];
             let (before, after) = match column.target {
                 Target::Moment(axis) => {
-                    let at = |m: &whorl_dynamics::PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
+                    let at =
+                        |m: &whorl_dynamics::PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
                     prior.inertia_b_kg_m2[(axis, axis)] = stddev;
                     (at(&reference.model), at(&model))
                 }
@@ -75,12 +76,15 @@ impl Search<'_> {
     }
 
     /// The model at a point, with the base effects folded into its constants.
-    fn folded(&self, point: &crate::parameters::Point) -> Result<whorl_dynamics::PlatformModel, DiagnosisError> {
+    fn folded(
+        &self,
+        point: &crate::parameters::Point,
+    ) -> Result<whorl_dynamics::PlatformModel, DiagnosisError> {
         let reference = &self.problem.reference;
         let mut constants = point.clone();
-        constants.effects.retain(|id, _| {
-            BASE_EFFECTS.contains(id) && !reference.model.effects.contains_key(*id)
-        });
+        constants
+            .effects
+            .retain(|id, _| BASE_EFFECTS.contains(id) && !reference.model.effects.contains_key(*id));
         let mut given = reference.clone();
         given.model.effects = BTreeMap::new();
         let adjusted = whorl_dynamics::Gyrostat::new(&given.model_at(&constants)?)?.model().clone();
@@ -104,7 +108,14 @@ impl Search<'_> {
         Ok(model)
     }
 
-    fn tighten(&self, prior: &mut whorl_dynamics::ModelPrior, id: &str, index: usize, name: &str, stddev: f64) {
+    fn tighten(
+        &self,
+        prior: &mut whorl_dynamics::ModelPrior,
+        id: &str,
+        index: usize,
+        name: &str,
+        stddev: f64,
+    ) {
         let set = |list: &mut Vec<f64>, i: usize| {
             if let Some(slot) = list.get_mut(i) {
                 *slot = stddev;

@@ -36,8 +36,7 @@ impl Hypothesis {
     pub fn of(layout: &Layout, normal: &Normal, mut members: Vec<Member>) -> Option<Self> {
         for _ in 0..8 {
             let mut active = layout.base.clone();
-            let mut variance: Vec<f64> =
-                (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+            let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
             for member in &members {
                 for i in &member.columns {
                     let column = &layout.columns[*i];
@@ -69,8 +68,7 @@ impl Hypothesis {
                     .flat_map(|m| &m.columns)
                     .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
                     .count();
-                let choices: f64 =
-                    members.iter().map(|m| ((SIZES.len() * m.options) as f64).ln()).sum();
+                let choices: f64 = members.iter().map(|m| ((SIZES.len() * m.options) as f64).ln()).sum();
                 let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
                 return Some(Self { members, estimate, log_evidence });
             };

@@ -37,11 +37,11 @@ pub mod residual;
 mod run;
 mod search;
 mod spectrum;
+#[cfg(test)]
+mod tests;
 mod threads;
 mod unknown;
 mod words;
-#[cfg(test)]
-mod tests;
 
 pub use diagnosis::{
     Candidate, ChannelError, Diagnosis, ErrorSummary, NextManoeuvre, ParameterEstimate, SCHEMA, Unknown,

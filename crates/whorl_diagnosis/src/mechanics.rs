@@ -48,8 +48,7 @@ impl Mechanics {
             let axis = wheel.spin_axis_b.into_inner();
             resisting -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
         }
-        let inverse_inertia =
-            resisting.try_inverse().ok_or(whorl_dynamics::GyrostatError::NothingLeft)?;
+        let inverse_inertia = resisting.try_inverse().ok_or(whorl_dynamics::GyrostatError::NothingLeft)?;
         // Clipped readings were dropped and the quantum is part of the noise.
         let linear = |errors: TriaxialErrors| TriaxialErrors { quantum: 0.0, range: f64::MAX, ..errors };
         let (gyro, accel) =
@@ -64,9 +63,7 @@ impl Mechanics {
     /// The jets of a run as this platform's valves carry them out.
     pub fn inputs(&self, run: &Run) -> Inputs {
         let model = self.model();
-        Inputs::jets(&run.jet_pulses, &self.gyrostat, &run.times, &|t| {
-            run.environment(model, run.node_at(t))
-        })
+        Inputs::jets(&run.jet_pulses, &self.gyrostat, &run.times, &|t| run.environment(model, run.node_at(t)))
     }
 
     /// The motors' torques in interval `k`.
@@ -79,7 +76,13 @@ impl Mechanics {
     }
 
     /// Accelerations of body and wheels in one state with an input.
-    fn rates(&self, run: &Run, k: usize, environment: &Environment<'_>, hidden: &[f64]) -> (Vector3<f64>, Wheels) {
+    fn rates(
+        &self,
+        run: &Run,
+        k: usize,
+        environment: &Environment<'_>,
+        hidden: &[f64],
+    ) -> (Vector3<f64>, Wheels) {
         let omega = environment.omega_wb_b_rad_s;
         let wheel_torque = self.gyrostat.wheel_torque_n_m(environment);
         let wheels = &self.model().wheels;
@@ -87,7 +90,8 @@ impl Mechanics {
             Vector3::zeros()
         } else {
             let momentum = self.gyrostat.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
-            let mut torque = self.gyrostat.modelled_torque_b_n_m(environment, hidden) - omega.cross(&momentum);
+            let mut torque =
+                self.gyrostat.modelled_torque_b_n_m(environment, hidden) - omega.cross(&momentum);
             if environment.valve_fraction.iter().any(|f| *f != 0.0) {
                 torque += self.gyrostat.jet_torque_b_n_m(environment);
             }
@@ -268,7 +272,8 @@ impl Mechanics {
         // Stamps were set back by the latency of the model that laid out the run.
         let later_s = sensors.gyro.errors.latency_s - run.latency_s;
         for k in 0..nodes {
-            let (Some(q), Some(omega), Some(speed)) = (motion.q.get(k), motion.omega.get(k), motion.wheel.get(k))
+            let (Some(q), Some(omega), Some(speed)) =
+                (motion.q.get(k), motion.omega.get(k), motion.wheel.get(k))
             else {
                 continue;
             };

@@ -35,11 +35,8 @@ impl NoiseLevels {
         let triaxial = |series: &Series<Vector3<f64>>, stddev: &Vector3<f64>, quantum: f64| {
             Vector3::from_fn(|i, _| floor(spread(series, |v| v[i]), stddev[i], quantum))
         };
-        let gyro = triaxial(
-            &recording.gyro_b_rad_s,
-            &sensors.gyro.errors.noise_stddev,
-            sensors.gyro.errors.quantum,
-        );
+        let gyro =
+            triaxial(&recording.gyro_b_rad_s, &sensors.gyro.errors.noise_stddev, sensors.gyro.errors.quantum);
         let accel = triaxial(
             &recording.specific_force_b_m_s2,
             &sensors.accelerometer.errors.noise_stddev,
@@ -51,7 +48,8 @@ impl NoiseLevels {
             .vectors
             .first()
             .map(|channel| {
-                let squares: Vec<f64> = (0..3).filter_map(|i| spread(&channel.direction_b, |v| v[i])).collect();
+                let squares: Vec<f64> =
+                    (0..3).filter_map(|i| spread(&channel.direction_b, |v| v[i])).collect();
                 (squares.iter().map(|s| s * s).sum::<f64>() / 2.0).sqrt()
             })
             .filter(|s| *s > 0.0)
@@ -118,8 +116,7 @@ pub(crate) fn clipping_and_step(recording: &Recording, model: &PlatformModel) ->
 fn step_of(values: &[Vector3<f64>]) -> f64 {
     let mut sorted: Vec<f64> = values.iter().take(20_000).map(|v| v.x).collect();
     sorted.sort_by(f64::total_cmp);
-    let smallest =
-        sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-9).fold(f64::INFINITY, f64::min);
+    let smallest = sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-9).fold(f64::INFINITY, f64::min);
     if !smallest.is_finite() {
         return 0.0;
     }

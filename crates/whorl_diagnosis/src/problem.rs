@@ -48,7 +48,11 @@ pub(crate) struct Dataset {
 
 impl Problem {
     /// Checks recordings and smooths their trajectories with the model as given.
-    pub fn new(recordings: &[Recording], reference: Reference, threads: usize) -> Result<Self, DiagnosisError> {
+    pub fn new(
+        recordings: &[Recording],
+        reference: Reference,
+        threads: usize,
+    ) -> Result<Self, DiagnosisError> {
         let total_s: f64 = recordings.iter().map(Recording::duration_s).sum();
         let made = threads::map(threads, recordings, |recording| {
             let step_s = sample_step_s(recording).max(1e-4);
@@ -100,15 +104,17 @@ impl Problem {
                 return Motion::default();
             };
             let (inputs, prediction) = predict(&mechanics, run, motion);
-            let wheel_noise = mechanics
-                .model()
-                .wheels
-                .iter()
-                .map(|w| 0.03 * w.max_torque_n_m)
-                .fold(1e-4, f64::max);
+            let wheel_noise =
+                mechanics.model().wheels.iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
             let settings = Settings { rate_walk, torque_walk: 0.0, wheel_noise };
-            let system =
-                System { run, motion, mechanics: &mechanics, inputs: &inputs, prediction: &prediction, settings };
+            let system = System {
+                run,
+                motion,
+                mechanics: &mechanics,
+                inputs: &inputs,
+                prediction: &prediction,
+                settings,
+            };
             let n = system.states();
             let (_, smoothed) = system.filter(false, true);
             let mut better = motion.clone();
@@ -218,7 +224,8 @@ impl Problem {
                 }
             }
             let active: Vec<usize> = (0..columns).collect();
-            let fit = crate::regression::Estimate::new(&total, &active, |i| wide.get(i).copied().unwrap_or(1.0));
+            let fit =
+                crate::regression::Estimate::new(&total, &active, |i| wide.get(i).copied().unwrap_or(1.0));
             let value = fit.map_or_else(|| nalgebra::DVector::zeros(columns), |f| f.value);
             whitened
                 .iter_mut()

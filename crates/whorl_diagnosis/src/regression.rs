@@ -211,16 +211,18 @@ impl Colour {
         let n = residual.len();
         if n < 100 {
             let power = residual.iter().map(|e| e * e).sum::<f64>() / n.max(1) as f64;
-            return Self { coefficients: Vec::new(), stddev: if n > 20 { power.sqrt().max(0.2) } else { 1.0 } };
+            return Self {
+                coefficients: Vec::new(),
+                stddev: if n > 20 { power.sqrt().max(0.2) } else { 1.0 },
+            };
         }
         let clipped: Vec<f64> = {
             let power = residual.iter().map(|e| e * e).sum::<f64>() / n as f64;
             let limit = 5.0 * power.sqrt();
             residual.iter().map(|e| e.max(-limit).min(limit)).collect()
         };
-        let lag = |l: usize| {
-            clipped.iter().zip(clipped.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / n as f64
-        };
+        let lag =
+            |l: usize| clipped.iter().zip(clipped.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / n as f64;
         let r: Vec<f64> = (0..=ORDER).map(lag).collect();
         let mut best = Self { coefficients: Vec::new(), stddev: r[0].sqrt().max(1e-3) };
         let mut best_score = n as f64 * r[0].max(1e-12).ln();

@@ -105,8 +105,11 @@ pub fn residual_torque(
         motion.correct(k, &part(0), &part(3), &state[WHEEL..WHEEL + wheels]);
         result.torque_b_n_m.push(part(torque));
     }
-    result.stddev_b_n_m =
-        smoothed.torque_variance.chunks_exact(3).map(|v| Vector3::new(v[0], v[1], v[2]).map(f64::sqrt)).collect();
+    result.stddev_b_n_m = smoothed
+        .torque_variance
+        .chunks_exact(3)
+        .map(|v| Vector3::new(v[0], v[1], v[2]).map(f64::sqrt))
+        .collect();
     result.jet_open = (0..run.nodes()).map(|k| inputs.jets_at(k).to_vec()).collect();
     result.wheel_speed_rad_s =
         motion.wheel.iter().map(|w| w.iter().copied().take(wheels).collect()).collect();

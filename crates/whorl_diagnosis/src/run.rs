@@ -131,7 +131,8 @@ impl Run {
             .collect();
         let times = SampleTimes { node_s, samples_s };
         let noise = NoiseLevels::measured(recording, model);
-        let mean3 = |series: &Series<Vector3<f64>>, latency_s: f64| mean_of(series, latency_s, &times, &bin_of);
+        let mean3 =
+            |series: &Series<Vector3<f64>>, latency_s: f64| mean_of(series, latency_s, &times, &bin_of);
         let (gyro_clips_at_rad_s, gyro_step_rad_s) = crate::noise::clipping_and_step(recording, model);
         let mut gyro = mean3(&recording.gyro_b_rad_s, latency_s);
         if let Some(limit) = gyro_clips_at_rad_s {
@@ -249,7 +250,10 @@ impl Run {
             if recording.vectors.is_empty() {
                 missing.push("no vector sensor: heading drifts with the gyro's bias, so torques fixed in the room and gyro errors about the vertical are weakly seen");
             }
-            if recording.jet_pulses.is_empty() && !model.jets.is_empty() && recording.body_torque_b_n_m.is_empty() {
+            if recording.jet_pulses.is_empty()
+                && !model.jets.is_empty()
+                && recording.body_torque_b_n_m.is_empty()
+            {
                 missing.push("no jet commands: jets are taken as shut, and no thruster effect can be tested");
             }
         }
@@ -336,9 +340,8 @@ fn check(recording: &Recording, model: &PlatformModel) -> Result<(), DiagnosisEr
         });
     }
     let (wheels, jets) = (model.wheels.len(), model.jets.len());
-    let wrong_count = |series: &Series<Vec<f64>>| {
-        series.value.iter().map(Vec::len).find(|given| *given != wheels)
-    };
+    let wrong_count =
+        |series: &Series<Vec<f64>>| series.value.iter().map(Vec::len).find(|given| *given != wheels);
     for series in [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m] {
         if let Some(given) = wrong_count(series) {
             let what = format!("it holds {given} wheels and the model has {wheels}");
@@ -372,7 +375,10 @@ fn check(recording: &Recording, model: &PlatformModel) -> Result<(), DiagnosisEr
     if mean_square.sqrt() > 20.0 {
         return Err(DiagnosisError::Implausible {
             run: run(),
-            what: format!("the gyro reads {:.0} rad/s on average, more than any such platform turns", mean_square.sqrt()),
+            what: format!(
+                "the gyro reads {:.0} rad/s on average, more than any such platform turns",
+                mean_square.sqrt()
+            ),
             help: "perhaps degrees per second were taken for radians per second",
         });
     }
@@ -382,7 +388,9 @@ fn check(recording: &Recording, model: &PlatformModel) -> Result<(), DiagnosisEr
         if !(6.0..=14.0).contains(&mean) {
             return Err(DiagnosisError::Implausible {
                 run: run(),
-                what: format!("the accelerometer reads {mean:.2} m/s^2 on average, and gravity is 9.81 m/s^2"),
+                what: format!(
+                    "the accelerometer reads {mean:.2} m/s^2 on average, and gravity is 9.81 m/s^2"
+                ),
                 help: "check its unit (g or m/s^2) and its axes",
             });
         }
@@ -393,7 +401,9 @@ fn check(recording: &Recording, model: &PlatformModel) -> Result<(), DiagnosisEr
         if up < 6.0 {
             return Err(DiagnosisError::Implausible {
                 run: run(),
-                what: format!("the accelerometer's z axis reads {up:.2} m/s^2 on average and must be near +9.81 with the platform upright"),
+                what: format!(
+                    "the accelerometer's z axis reads {up:.2} m/s^2 on average and must be near +9.81 with the platform upright"
+                ),
                 help: "check the order and the signs of its axes (specific force points up at rest)",
             });
         }

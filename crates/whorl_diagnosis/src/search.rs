@@ -39,10 +39,8 @@ pub(crate) struct Search<'a> {
     pub best: Hypothesis,
 }
 
-const NO_FIT: DiagnosisError = DiagnosisError::NoTrajectory {
-    run: String::new(),
-    what: "the regression has no solution",
-};
+const NO_FIT: DiagnosisError =
+    DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
 /// Regression of a problem at a point with the columns of a layout.
 pub(crate) fn dataset(
@@ -177,7 +175,8 @@ impl<'a> Search<'a> {
             columns.dedup();
             found.push(crate::hypothesis::Member { candidate, columns, size: *size, options: *options });
         }
-        self.best = Hypothesis::of(&self.layout, &self.data.total, found).unwrap_or_else(|| self.base.clone());
+        self.best =
+            Hypothesis::of(&self.layout, &self.data.total, found).unwrap_or_else(|| self.base.clone());
         Ok(())
     }
 
@@ -189,7 +188,14 @@ impl<'a> Search<'a> {
             }
             None => {
                 let per_fold = if self.problem.runs.len() >= 3 { BLOCKS_PER_RUN } else { 1 };
-                cross_validated_gain(&self.layout, &self.data.blocks, &self.data.total, with, without, per_fold)
+                cross_validated_gain(
+                    &self.layout,
+                    &self.data.blocks,
+                    &self.data.total,
+                    with,
+                    without,
+                    per_fold,
+                )
             }
         }
     }
@@ -235,9 +241,11 @@ impl<'a> Search<'a> {
                 if best_single > self.base.log_evidence + 4.0 * LEAST_EVIDENCE {
                     let mut found: Vec<Hypothesis> =
                         crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
-                            self.base
-                                .with(&self.layout, &self.data.total, *a)?
-                                .with(&self.layout, &self.data.total, *b)
+                            self.base.with(&self.layout, &self.data.total, *a)?.with(
+                                &self.layout,
+                                &self.data.total,
+                                *b,
+                            )
                         })
                         .into_iter()
                         .flatten()
@@ -310,7 +318,8 @@ impl<'a> Search<'a> {
             let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
             for other in self.additions(&rest) {
                 let names = other.names(&self.layout);
-                if other.log_evidence > self.best.log_evidence - TIE && names != own && !sets.contains(&names) {
+                if other.log_evidence > self.best.log_evidence - TIE && names != own && !sets.contains(&names)
+                {
                     sets.push(names);
                 }
             }
@@ -331,7 +340,10 @@ pub(crate) fn base_point(problem: &mut Problem) -> Result<Point, DiagnosisError>
     base_point_with(problem, &mut None)
 }
 
-fn base_point_with(problem: &mut Problem, held_out: &mut Option<&mut Problem>) -> Result<Point, DiagnosisError> {
+fn base_point_with(
+    problem: &mut Problem,
+    held_out: &mut Option<&mut Problem>,
+) -> Result<Point, DiagnosisError> {
     let available = Available::of(&problem.runs);
     let mut point = problem.reference.point();
     smooth_all(problem, held_out, &point, 0.3)?;

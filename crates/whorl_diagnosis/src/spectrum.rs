@@ -49,7 +49,8 @@ pub(crate) fn lines(search: &Search<'_>) -> Lines {
             if here > LINE / 6.0 * median.max(1e-12) * 3.0 {
                 // Between two bins the line is where their amplitudes balance.
                 let (left, right) = (power[m - 1].sqrt(), power[m + 1].sqrt());
-                let shift = if right > left { right / (right + here.sqrt()) } else { -left / (left + here.sqrt()) };
+                let shift =
+                    if right > left { right / (right + here.sqrt()) } else { -left / (left + here.sqrt()) };
                 let hz = (m as f64 + shift) / (power.len() as f64 * 2.0 * step_s);
                 found.push((here / median.max(1e-12), hz));
             }

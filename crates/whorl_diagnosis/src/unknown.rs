@@ -38,7 +38,8 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         in_room: true,
     };
     let mut add = |variable: &str, scale: f64, centre: f64, value: Value| {
-        let in_room = !variable.contains("rate") && !variable.contains("speed") && variable != "tank_pressure";
+        let in_room =
+            !variable.contains("rate") && !variable.contains("speed") && variable != "tank_pressure";
         let value = std::sync::Arc::new(value);
         for (parity, power) in [("odd", 1), ("even", 2), ("odd", 3)] {
             let value = std::sync::Arc::clone(&value);
@@ -102,7 +103,8 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         let hz = *hz;
         let w = std::f64::consts::TAU * hz;
         let sine: Value = Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).sin());
-        let cosine: Value = Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).cos());
+        let cosine: Value =
+            Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).cos());
         let mut first = single("time", "none", sine);
         first.frequency_hz = Some(hz);
         let mut second = single("time", "none", cosine);
@@ -153,12 +155,9 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
     let work: Vec<(usize, usize)> =
         (0..search.problem.runs.len()).flat_map(|r| (0..chunks.len()).map(move |c| (r, c))).collect();
     let responses = threads::map(search.problem.threads, &work, |&(r, c)| {
-        let (Some(run), Some(motion), Some(linear), Some(chunk)) = (
-            search.problem.runs.get(r),
-            search.problem.motions.get(r),
-            linearised.get(r),
-            chunks.get(c),
-        ) else {
+        let (Some(run), Some(motion), Some(linear), Some(chunk)) =
+            (search.problem.runs.get(r), search.problem.motions.get(r), linearised.get(r), chunks.get(c))
+        else {
             return Vec::new();
         };
         let torques: Vec<Vec<Vector3<f64>>> = chunk
@@ -222,9 +221,8 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
             }
         }
     }
-    let variance = |i: usize| {
-        base.get(i).map_or(100.0, |b| variances.get(*b).copied().unwrap_or(1.0).max(1e-12))
-    };
+    let variance =
+        |i: usize| base.get(i).map_or(100.0, |b| variances.get(*b).copied().unwrap_or(1.0).max(1e-12));
     let own: Vec<usize> = (0..base.len()).collect();
     // The base model's columns come first among those of every fit.
     let bare: Vec<usize> = (0..base_size.min(base.len())).collect();
@@ -253,8 +251,7 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
         (with(&own, &variance, &without), with(&bare, &bare_variance, &bare_without))
     });
     let choices = (owners.len() as f64).ln();
-    let alone_evidence =
-        scored.iter().map(|s| s.1.0).fold(f64::NEG_INFINITY, f64::max) - choices;
+    let alone_evidence = scored.iter().map(|s| s.1.0).fold(f64::NEG_INFINITY, f64::max) - choices;
     let (best, (added, _)) =
         owners.iter().zip(&scored).max_by(|a, b| a.1.0.0.total_cmp(&b.1.0.0)).map(|(o, s)| (*o, *s))?;
     let (group, world, axis) = best;

@@ -40,7 +40,10 @@ impl Diagnosis {
                 text.push(format!("The model lacks: {}.", list(&self.effects)));
             }
             Verdict::Confounded => {
-                text.push(format!("The model lacks {}, or an effect that these data cannot tell from it.", list(&self.effects)));
+                text.push(format!(
+                    "The model lacks {}, or an effect that these data cannot tell from it.",
+                    list(&self.effects)
+                ));
                 let others: Vec<String> = self.confounded_with.iter().map(|set| list(set)).collect();
                 text.push(format!("As well supported: {}.", others.join("; ")));
             }
@@ -48,7 +51,8 @@ impl Diagnosis {
                 text.push("Something is missing that no effect of the catalogue explains.".to_owned());
                 if let Some(u) = &self.unknown {
                     let line = u.frequency_hz.map_or_else(String::new, |f| format!(", a line at {f:.3} Hz"));
-                    let parity = if u.parity == "none" { String::new() } else { format!(", {} in it", u.parity) };
+                    let parity =
+                        if u.parity == "none" { String::new() } else { format!(", {} in it", u.parity) };
                     text.push(format!(
                         "The unexplained torque follows {} best{parity}{line}: about {} of the {} frame; this explains {:.0} % of the excess.",
                         u.variable, u.axis, u.frame, 100.0 * u.share
@@ -58,8 +62,14 @@ impl Diagnosis {
             Verdict::NothingMissing => {
                 text.push("Nothing is missing: the model, its own parameters refitted, explains the data to the noise.".to_owned());
                 if let Some(best) = self.candidates.iter().find(|c| !c.parameters.is_empty()) {
-                    text.push(format!("Effects of ordinary size would have shown; for example {} from {}.", title(&best.effect),
-                        best.parameters.first().map_or_else(String::new, |p| format!("{} = {:.1e} {}", p.name, p.smallest_detectable, p.unit))));
+                    text.push(format!(
+                        "Effects of ordinary size would have shown; for example {} from {}.",
+                        title(&best.effect),
+                        best.parameters.first().map_or_else(String::new, |p| format!(
+                            "{} = {:.1e} {}",
+                            p.name, p.smallest_detectable, p.unit
+                        ))
+                    ));
                 }
             }
             Verdict::NotEnoughInformation => {
@@ -73,7 +83,9 @@ impl Diagnosis {
         }
         if !self.effects.is_empty() {
             let held = match (self.error.held_out_before, self.error.held_out_after) {
-                (Some(before), Some(after)) => format!(", and on held-out runs from {before:.2} to {after:.2}"),
+                (Some(before), Some(after)) => {
+                    format!(", and on held-out runs from {before:.2} to {after:.2}")
+                }
                 _ => String::new(),
             };
             text.push(format!(

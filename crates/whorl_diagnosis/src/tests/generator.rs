@@ -40,8 +40,8 @@ pub(crate) fn wrong_model(truth: &PlatformModel, seed: u64) -> (PlatformModel, M
                 inertia[(j, i)] = inertia[(i, j)];
             }
         }
-        let offset = properties.gravity_offset_b_n_m()
-            + prior.gravity_offset_b_n_m.map(|s| s * normal(&mut rng));
+        let offset =
+            properties.gravity_offset_b_n_m() + prior.gravity_offset_b_n_m.map(|s| s * normal(&mut rng));
         if let Ok(made) = MassProperties::new(inertia, offset, properties.mass_kg()) {
             model.mass_properties = made;
             break;
@@ -60,7 +60,12 @@ pub(crate) fn wrong_model(truth: &PlatformModel, seed: u64) -> (PlatformModel, M
 pub(crate) type Extra<'a> = &'a dyn Fn(f64, &UnitQuaternion<f64>, &Vector3<f64>) -> Vector3<f64>;
 
 /// Simulates a run of `duration_s` at 100 Hz.
-pub(crate) fn record(truth: &PlatformModel, seed: u64, duration_s: f64, extra: Option<Extra<'_>>) -> Recording {
+pub(crate) fn record(
+    truth: &PlatformModel,
+    seed: u64,
+    duration_s: f64,
+    extra: Option<Extra<'_>>,
+) -> Recording {
     let mut rng = random(seed);
     let tilt = Vector3::new(normal(&mut rng), normal(&mut rng), 0.0) * 0.02;
     let yaw = normal(&mut rng) * 1.5;
@@ -68,7 +73,8 @@ pub(crate) fn record(truth: &PlatformModel, seed: u64, duration_s: f64, extra: O
     let spin = if normal(&mut rng) > 0.0 { 1.0 } else { -1.0 };
     let omega = Vector3::new(normal(&mut rng) * 0.01, normal(&mut rng) * 0.01, spin * 0.1);
     let wheels = truth.wheels.len();
-    let bias: Vec<f64> = (0..wheels).map(|j| if j == 2 { 40.0 } else { 8.0 } * (1.0 + 0.3 * normal(&mut rng))).collect();
+    let bias: Vec<f64> =
+        (0..wheels).map(|j| if j == 2 { 40.0 } else { 8.0 } * (1.0 + 0.3 * normal(&mut rng))).collect();
     let initial = InitialState {
         q_world_body: q,
         omega_wb_b_rad_s: omega,
@@ -97,7 +103,10 @@ pub(crate) fn record(truth: &PlatformModel, seed: u64, duration_s: f64, extra: O
             .sensors
             .vector
             .iter()
-            .map(|v| VectorChannel { reference_world: v.reference_direction_world, direction_b: Series::default() })
+            .map(|v| VectorChannel {
+                reference_world: v.reference_direction_world,
+                direction_b: Series::default(),
+            })
             .collect(),
         ..Recording::default()
     };
@@ -143,11 +152,16 @@ pub(crate) fn record(truth: &PlatformModel, seed: u64, duration_s: f64, extra: O
             let rate = state.omega_wb_b_rad_s;
             let up = state.q_world_body.inverse_transform_vector(&Vector3::z());
             let wish = Vector3::new(-rate.x * 3.0 - up.y, -rate.y * 3.0 + up.x, 0.0) * 20.0
-                + Vector3::new(normal(&mut rng), normal(&mut rng), normal(&mut rng) * 0.8 - 3.0 * (rate.z - 0.1 * (0.05 * t).sin() * spin));
+                + Vector3::new(
+                    normal(&mut rng),
+                    normal(&mut rng),
+                    normal(&mut rng) * 0.8 - 3.0 * (rate.z - 0.1 * (0.05 * t).sin() * spin),
+                );
             let jet = (0..truth.jets.len())
                 .max_by(|a, b| {
                     let score = |j: &usize| {
-                        truth.jets[*j].torque_b_n_m().dot(&wish) * (1.0 + 0.1 * ((*j * 7919 + k as usize) % 13) as f64)
+                        truth.jets[*j].torque_b_n_m().dot(&wish)
+                            * (1.0 + 0.1 * ((*j * 7919 + k as usize) % 13) as f64)
                     };
                     score(a).total_cmp(&score(b))
                 })

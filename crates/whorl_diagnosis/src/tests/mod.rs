@@ -1,5 +1,6 @@
 //! Whole diagnoses of simulated runs.
 
+mod bad_input;
 mod generator;
 mod naming;
 mod whitening;

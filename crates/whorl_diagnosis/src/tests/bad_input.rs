@@ -1,0 +1,37 @@
+//! Recordings that cannot be explained give a sentence, never a verdict.
+
+use nalgebra::Vector3;
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_recording::{Recording, Series};
+
+use super::generator::record;
+use crate::{DiagnosisError, Options, diagnose};
+
+fn error_of(recording: Recording, model: &PlatformModel) -> DiagnosisError {
+    let prior = ModelPrior::typical(model);
+    diagnose(&[recording], &[], model, &prior, &Options::default(), &mut |_| {}).unwrap_err()
+}
+
+#[test]
+fn each_says_what_is_wrong() {
+    let model = PlatformModel::whorl_1_reference();
+    let good = record(&model, 5, 12.0, None);
+    let nothing = diagnose(&[], &[], &model, &ModelPrior::typical(&model), &Options::default(), &mut |_| {});
+    assert_eq!(nothing.unwrap_err(), DiagnosisError::NoRecording);
+    let short = record(&model, 5, 4.0, None);
+    assert!(matches!(error_of(short, &model), DiagnosisError::TooShort { .. }));
+    let silent = Recording { gyro_b_rad_s: Series::default(), ..good.clone() };
+    assert!(matches!(error_of(silent, &model), DiagnosisError::MissingChannel { channel: "gyro", .. }));
+    let mut frozen = good.clone();
+    frozen.gyro_b_rad_s.value.iter_mut().for_each(|w| w.y = 0.1);
+    assert!(matches!(error_of(frozen, &model), DiagnosisError::Constant { .. }));
+    let mut in_g = good.clone();
+    in_g.specific_force_b_m_s2.value.iter_mut().for_each(|f: &mut Vector3<f64>| *f /= 9.81);
+    assert!(error_of(in_g, &model).to_string().contains("unit"));
+    let mut other = model.clone();
+    other.wheels.pop();
+    assert!(matches!(error_of(good.clone(), &other), DiagnosisError::OtherPlatform { .. }));
+    let unknown = Options { exclude: vec!["no_such_effect".to_owned()], ..Options::default() };
+    let result = diagnose(&[good], &[], &model, &ModelPrior::typical(&model), &unknown, &mut |_| {});
+    assert!(matches!(result.unwrap_err(), DiagnosisError::UnknownEffect { .. }));
+}
