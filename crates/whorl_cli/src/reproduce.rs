@@ -35,11 +35,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(unknown) = arguments.items.iter().find(|item| !known.contains(&item.as_str())) {
         bail!("`{unknown}` is nothing that can be reproduced; allowed: {}", known.join(", "));
     }
-    let names: Vec<&str> = if arguments.all {
-        known
-    } else {
-        arguments.items.iter().map(String::as_str).collect()
-    };
+    let names: Vec<&str> =
+        if arguments.all { known } else { arguments.items.iter().map(String::as_str).collect() };
     let mut items = Vec::new();
     for name in names {
         let Some(item) = reproduce(name) else { continue };

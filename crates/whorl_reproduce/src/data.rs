@@ -65,7 +65,11 @@ pub fn measured(truth: &StateSeries, model: &PlatformModel, seed: u128, decimati
             &vertical,
         );
         push(&mut run.gyro_b_rad_s, s.time_s, gyro.reading(&omega, &gyro_bias, &noise.vector()));
-        push(&mut run.specific_force_b_m_s2, s.time_s, force.reading(&specific, &force_bias, &noise.vector()));
+        push(
+            &mut run.specific_force_b_m_s2,
+            s.time_s,
+            force.reading(&specific, &force_bias, &noise.vector()),
+        );
         push(&mut run.body_torque_b_n_m, s.time_s, s.external_torque_b_n_m);
         if let Some(sensor) = sensors.vector.filter(|_| k % decimation.max(1) == 0) {
             let seen = sensor.reading(&s.q_world_body, &[noise.draw(), noise.draw()]);

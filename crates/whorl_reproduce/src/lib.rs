@@ -10,12 +10,13 @@ mod noise_map;
 mod perturbations;
 pub mod rotating_earth;
 mod sensors;
+mod sequential;
 mod spin;
 
 use whorl_report::Reproduction;
 
 /// Name and contents of everything that can be reproduced, in the order of the dissertation.
-pub const ITEMS: [(&str, &str); 20] = [
+pub const ITEMS: [(&str, &str); 21] = [
     ("fig_4_4", "Magnitude of perturbation torques"),
     ("fig_4_7", "Accelerometer calibration data"),
     ("fig_4_8", "Rate gyro calibration data"),
@@ -36,6 +37,7 @@ pub const ITEMS: [(&str, &str); 20] = [
     ("table_4_3", "Parameters from filtered data, two vector sensors"),
     ("table_4_4", "Parameters from filtered data, accelerometer alone"),
     ("manoeuvre", "A designed manoeuvre and the integrated weighted method"),
+    ("sequential", "Convergence of the joint filters"),
 ];
 
 /// Makes one item; `None` for a name that is not in [`ITEMS`].
@@ -52,6 +54,7 @@ pub fn reproduce(name: &str) -> Option<Reproduction> {
         "table_4_3" => identification::filtered(true),
         "table_4_4" => identification::filtered(false),
         "manoeuvre" => identification::manoeuvre(),
+        "sequential" => sequential::convergence(),
         "fig_4_21" => noise_map::map(),
         filter => spin::figure(filter)?,
     };
@@ -65,6 +68,7 @@ fn display_name(name: &str) -> String {
     match name.split_once('_') {
         Some(("fig", number)) => format!("Figure {}", number.replace('_', ".")),
         Some(("table", number)) => format!("Table {}", number.replace('_', ".")),
+        _ if name == "sequential" => "Section 4.6.5".to_owned(),
         _ => "Beyond Table 4.3".to_owned(),
     }
 }

@@ -22,9 +22,11 @@ pub fn map() -> Reproduction {
     let truth = mass_vector(&model.mass_properties);
     let mut curves: [Vec<(String, Vec<(f64, f64)>)>; 2] = Default::default();
     for period_s in PERIODS_S {
-        let square =
-            move |t: f64| Vector3::new(0.0, 0.0, if t.rem_euclid(period_s) < 0.5 * period_s { 0.1 } else { -0.1 });
-        let exact = simulate_rigid_body(&model.mass_properties, (level(), Vector3::zeros()), &square, 0.1, 1001, 10);
+        let square = move |t: f64| {
+            Vector3::new(0.0, 0.0, if t.rem_euclid(period_s) < 0.5 * period_s { 0.1 } else { -0.1 })
+        };
+        let exact =
+            simulate_rigid_body(&model.mass_properties, (level(), Vector3::zeros()), &square, 0.1, 1001, 10);
         for (form, list) in [Form::Natural, Form::IntegratedTrapezoid].into_iter().zip(&mut curves) {
             let points = NOISE_PERCENT.map(|percent| {
                 let errors = (0..SEEDS).map(|seed| {
@@ -42,13 +44,15 @@ pub fn map() -> Reproduction {
         }
     }
     let [natural, integrated] = curves;
-    let plot = |title: &str, curves| ReproducedPlot {
+    let plot = |title: &str, curves| {
+        ReproducedPlot {
         title: title.to_owned(),
         caption: "Median over the nine parameters of the percent error, and over five seeds; a curve for each period of the square wave about z.".to_owned(),
         labels: ["sensor noise [% of the largest value]".to_owned(), "median error [%]".to_owned()],
         logarithmic: [true, true],
         curves,
         dashed: Vec::new(),
+    }
     };
     Reproduction {
         plots: vec![plot("natural form", natural), plot("integrated form", integrated)],

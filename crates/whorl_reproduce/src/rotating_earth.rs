@@ -82,8 +82,7 @@ pub fn perturbation_b_n_m(
     let whole = external_torque_b_n_m(body, laboratory, q_local_body, omega_b_rad_s, &zero);
     let euler = omega_b_rad_s.cross(&(body.inertia_b_kg_m2 * omega_b_rad_s));
     let centrifugal = body.first_moment_b_kg_m.cross(
-        &q_local_body
-            .inverse_transform_vector(&laboratory.rate_l_rad_s.cross(&laboratory.velocity_l_m_s)),
+        &q_local_body.inverse_transform_vector(&laboratory.rate_l_rad_s.cross(&laboratory.velocity_l_m_s)),
     );
     whole - euler - if plumb_line { centrifugal } else { zero }
 }

@@ -123,13 +123,12 @@ pub fn gyro() -> Reproduction {
             .collect::<Vec<_>>()
     };
     let (bias, scale) = (found.bias.value.z, found.scale.value.z);
-    let mut sentences = vec![format!(
-        "Scale error about z {:.2} +- {:.2} % (truth {:.2}); the dissertation reports agreement within 5 %. Simulated: its data are not published.",
+    let sentences = vec![format!(
+        "Scale error about z {:.2} +- {:.2} % (truth {:.2}); the dissertation reports agreement within 5 %. Simulated: its data are not published. A turn about the vertical says nothing of the other two gyros; `whorl calibrate` says so.",
         100.0 * scale,
         100.0 * found.scale.stddev.z,
         100.0 * gyro.scale.z
     )];
-    sentences.extend(calibration.findings.iter().map(|f| f.text.clone()));
     Reproduction {
         plots: vec![
             ReproducedPlot {
@@ -140,7 +139,8 @@ pub fn gyro() -> Reproduction {
             },
             ReproducedPlot {
                 title: "integrated".to_owned(),
-                caption: "As read, with the bias taken off, and calibrated: the turn was by 90 deg.".to_owned(),
+                caption: "As read, with the bias taken off, and calibrated: the turn was by 90 deg."
+                    .to_owned(),
                 labels: ["time [s]".to_owned(), "angle [deg]".to_owned()],
                 curves: vec![
                     ("as read".to_owned(), integrated(0.0, 0.0)),
@@ -160,8 +160,9 @@ pub fn histogram() -> Reproduction {
     let sensors = unit();
     let gyro = &sensors.gyro.errors;
     let mut noise = Noise::new(23);
-    let samples: Vec<f64> =
-        (0..4000).map(|_| gyro.reading(&Vector3::zeros(), &gyro.bias, &noise.vector()).x.to_degrees()).collect();
+    let samples: Vec<f64> = (0..4000)
+        .map(|_| gyro.reading(&Vector3::zeros(), &gyro.bias, &noise.vector()).x.to_degrees())
+        .collect();
     let Some(test) = chi_squared_test(&samples, 0.01) else { return Reproduction::default() };
     let bars = |of: &dyn Fn(&whorl_identification::calibration::Bin) -> f64| {
         let inner = test.bins.iter().filter(|b| b.from.is_finite() && b.to.is_finite());

@@ -40,24 +40,41 @@ struct Traces {
 /// A figure by its name; `None` for a name that is none of these.
 pub fn figure(name: &str) -> Option<Reproduction> {
     use std::f64::consts::PI;
-    let nominal = || Run { title: "flat spin at pi/4 rad/s".into(), truth: spin(PI / 4.0, 0.0, 60.0), vector_noise_rad: Some(2e-3) };
+    let nominal = || Run {
+        title: "flat spin at pi/4 rad/s".into(),
+        truth: spin(PI / 4.0, 0.0, 60.0),
+        vector_noise_rad: Some(2e-3),
+    };
     let blind = |title: &str, truth| Run { title: title.into(), truth, vector_noise_rad: None };
     let drift = "Clocking drifts with the gyro's scale error times the rate of spin (0.1 % assumed here; the dissertation does not say what its simulated sensors had). Its accelerometer-only filter drifts by some degrees within the printed 60 s; the trend over spin rate is the same.";
     let (runs, kind, sentence): (Vec<Run>, Kind, &str) = match name {
         "fig_4_10" => (vec![nominal()], Kind::State, "As printed: estimates cannot be told from the truth."),
-        "fig_4_11" => (vec![nominal()], Kind::Error, "As printed: the three-sigma envelope holds the errors."),
-        "fig_4_13" => (vec![nominal()], Kind::Angles, "As printed: the clocking angle grows with the spin (shown within +-180 deg here), the out-of-plane angle swings by some degrees."),
+        "fig_4_11" => {
+            (vec![nominal()], Kind::Error, "As printed: the three-sigma envelope holds the errors.")
+        }
+        "fig_4_13" => (
+            vec![nominal()],
+            Kind::Angles,
+            "As printed: the clocking angle grows with the spin (shown within +-180 deg here), the out-of-plane angle swings by some degrees.",
+        ),
         "fig_4_14" => (vec![nominal()], Kind::AngleError, "As printed: scatter without drift."),
         "fig_4_15" => (
             vec![
-                Run { title: "(a) vector sensor ten times noisier".into(), vector_noise_rad: Some(2e-2), ..nominal() },
+                Run {
+                    title: "(a) vector sensor ten times noisier".into(),
+                    vector_noise_rad: Some(2e-2),
+                    ..nominal()
+                },
                 blind("(b) no vector sensor", spin(PI / 4.0, 0.0, 60.0)),
             ],
             Kind::AngleError,
             "As printed: a poor second vector costs scatter, none at all lets the clocking angle drift.",
         ),
         "fig_4_16" => (
-            vec![blind("(a) flat spin at pi rad/s", spin(PI, 0.0, 60.0)), blind("(b) flat spin at 2 pi rad/s", spin(2.0 * PI, 0.0, 60.0))],
+            vec![
+                blind("(a) flat spin at pi rad/s", spin(PI, 0.0, 60.0)),
+                blind("(b) flat spin at 2 pi rad/s", spin(2.0 * PI, 0.0, 60.0)),
+            ],
             Kind::AngleError,
             drift,
         ),
@@ -187,7 +204,8 @@ fn filtered(run: &Run) -> Traces {
     let mut traces = Traces::default();
     let Some(first) = run.truth.samples.first() else { return traces };
     // The start is known: these figures are of tracking, not of finding the attitude.
-    let covariance = nalgebra::Matrix6::from_diagonal(&nalgebra::Vector6::new(1e-6, 1e-6, 1e-6, 2.5e-7, 2.5e-7, 2.5e-7));
+    let covariance =
+        nalgebra::Matrix6::from_diagonal(&nalgebra::Vector6::new(1e-6, 1e-6, 1e-6, 2.5e-7, 2.5e-7, 2.5e-7));
     let start = first.q_world_body;
     let Ok(mut filter) = Filter::with_attitude(parameters, 0, start, Vector3::zeros(), &covariance) else {
         return traces;
@@ -260,8 +278,14 @@ fn plots(run: &Run, traces: &Traces, kind: Kind) -> Vec<ReproducedPlot> {
         vec![plot(
             "two-angle attitude (dashed: truth)",
             "angle [deg]",
-            vec![("out of plane".to_owned(), traces.tilt[1].clone()), ("clocking".to_owned(), traces.clocking[1].clone())],
-            vec![("true".to_owned(), traces.tilt[0].clone()), ("true".to_owned(), traces.clocking[0].clone())],
+            vec![
+                ("out of plane".to_owned(), traces.tilt[1].clone()),
+                ("clocking".to_owned(), traces.clocking[1].clone()),
+            ],
+            vec![
+                ("true".to_owned(), traces.tilt[0].clone()),
+                ("true".to_owned(), traces.clocking[0].clone()),
+            ],
         )]
     };
     let errors = || {
@@ -278,7 +302,12 @@ fn plots(run: &Run, traces: &Traces, kind: Kind) -> Vec<ReproducedPlot> {
     match kind {
         Kind::State => vec![
             plot("attitude", "angle [deg]", named(["roll", "pitch", "yaw"], &traces.angles), Vec::new()),
-            plot("rate (dashed: truth)", "rate [deg/s]", named(["x", "y", "z"], &traces.rates), named(["x true", "y true", "z true"], &traces.rates_true)),
+            plot(
+                "rate (dashed: truth)",
+                "rate [deg/s]",
+                named(["x", "y", "z"], &traces.rates),
+                named(["x true", "y true", "z true"], &traces.rates_true),
+            ),
         ],
         Kind::Error => {
             let negative = traces.three_sigma.iter().map(|(t, s)| (*t, -s)).collect();
