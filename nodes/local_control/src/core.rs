@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 use thiserror::Error;
+use whorl_control::mass_balancing::BalancingError;
 use whorl_control::reference::{EnvelopeError, Reference, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
 use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, TrackingLaw};
@@ -16,6 +17,7 @@ use whorl_node::{Configurable, Event, NodeCore, Outputs, Timestamp};
 
 use crate::actuation::{Actuation, ActuationError};
 use crate::authority::{Authority, Heartbeat};
+use crate::balancing::Balancing;
 use crate::inputs::{Estimate, Inputs};
 use crate::parameters::Parameters;
 use crate::publishing::Report;
@@ -48,6 +50,9 @@ pub enum LocalControlError {
     /// Actuators.
     #[error(transparent)]
     Actuation(#[from] ActuationError),
+    /// Mass balancing.
+    #[error(transparent)]
+    Balancing(#[from] BalancingError),
 }
 
 /// Local control of one platform.
@@ -61,6 +66,8 @@ pub struct LocalControlCore {
     pub(crate) safe_envelope: TiltEnvelope,
     pub(crate) target: Target,
     pub(crate) actuation: Actuation,
+    /// `None`: the mass actuators are left alone.
+    pub(crate) balancing: Option<Balancing>,
     pub(crate) inputs: Inputs,
     pub(crate) heartbeat: Heartbeat,
     pub(crate) mode: u8,
@@ -102,6 +109,7 @@ impl LocalControlCore {
             safe_envelope: TiltEnvelope::new(adjusted.tilt_limit, limits.safe_tilt_margin_rad)?,
             target: Target::new(parameters.rejoin, limits.deceleration_rad_s2, envelope),
             actuation: Actuation::new(&parameters, &gyrostat)?,
+            balancing: parameters.balancing.map(|b| Balancing::new(b, &gyrostat)).transpose()?,
             inputs: Inputs::new(adjusted.wheels.len(), adjusted.jets.len(), limits.max_message_age_s),
             frame_id: format!("{}/base_link", parameters.name),
             heartbeat: Heartbeat::default(),
@@ -241,6 +249,9 @@ impl LocalControlCore {
     fn leave_tracking(&mut self) {
         self.law.reset();
         self.target.reset();
+        if let Some(balancing) = &mut self.balancing {
+            balancing.interrupt();
+        }
     }
 
     fn track(&mut self, now: Timestamp, estimate: &Estimate, authority: Authority, outputs: &mut Outputs) {
@@ -276,7 +287,7 @@ impl LocalControlCore {
             omega_wb_b_rad_s: &estimate.omega_wb_b_rad_s,
             reference: &aim.reference,
             wheel_momentum_b_n_m_s: &wheel_momentum,
-            modelled_torque_b_n_m: &self.modelled_torque(estimate),
+            modelled_torque_b_n_m: &(self.modelled_torque(estimate) + self.balancing_torque(estimate)),
             dt_s,
         });
         let effects = self.wheel_effects_n_m(estimate);
@@ -291,9 +302,14 @@ impl LocalControlCore {
             && aim.reference.omega_wr_r_rad_s.norm() < 1e-9
             && estimate.omega_wb_b_rad_s.norm() < still_rad_s;
 
+        self.balance(now, estimate, &wheel_momentum, outputs);
         let asked_b_n_m = output.torque_b_n_m;
         let report = Report { mode, reason, tracking: Some(output), asked_b_n_m, actuated };
         self.finish(now, estimate.stamp, report, outputs);
+    }
+
+    fn balancing_torque(&self, estimate: &Estimate) -> Vector3<f64> {
+        self.balancing.as_ref().map_or_else(Vector3::zeros, |b| b.torque_b_n_m(estimate))
     }
 
     fn modelled_torque(&self, estimate: &Estimate) -> Vector3<f64> {
@@ -385,6 +401,7 @@ impl NodeCore for LocalControlCore {
         vec![
             Route::platform(self.parameters.platform, Topic::ActuatorCommand),
             Route::platform(self.parameters.platform, Topic::ControlStatus),
+            Route::platform(self.parameters.platform, Topic::BallastMoment),
             Route::shared(Topic::Diagnostics),
         ]
     }
@@ -401,6 +418,9 @@ impl NodeCore for LocalControlCore {
                 Message::JointState(wheels) => self.inputs.wheels_arrived(now, wheels),
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
+                // Where every platform has a coordinator of its own, a command names whom it is for.
+                Message::FormationCommand(command)
+                    if !["", self.parameters.name.as_str()].contains(&command.header.frame_id.as_str()) => {}
                 Message::FormationCommand(command) => {
                     let max_age_s = self.parameters.limits.max_message_age_s;
                     self.heartbeat.arrived(now, command, max_age_s, self.inputs.refused_mut());

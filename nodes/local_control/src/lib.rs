@@ -23,6 +23,7 @@
 
 mod actuation;
 mod authority;
+mod balancing;
 mod core;
 mod diagnostics;
 mod inputs;

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 use whorl_allocation::Mode;
+use whorl_control::mass_balancing::BalancingSettings;
 use whorl_control::momentum::{MomentumUnloading, UnloadingSettings};
 use whorl_control::reference::{CommandFilterSettings, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeSettings};
@@ -51,6 +52,8 @@ pub struct Parameters {
     pub wheel_speed_target_rad_s: Vec<f64>,
     /// Price of missing a wished wheel torque in the allocation; see [`whorl_allocation::Demand`].
     pub wheel_weight: f64,
+    /// Automatic mass balancing; `None`: the mass actuators are left alone.
+    pub balancing: Option<BalancingSettings>,
     /// Whether every allocation is compared with the exact oracle; costs as much again.
     pub check_allocation: bool,
 }
@@ -146,6 +149,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "price of a wished wheel torque that is missed, against gas: how willingly jets help out [1]",
         )
     });
+    let balancing = r.group("balancing", |r| read_balancing(r, model.as_ref()));
     let check_allocation = r.bool_or(
         "check_allocation",
         false,
@@ -187,6 +191,12 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             r.reject(group, error.to_string());
         }
     }
+    if balancing.is_some() && actuators != Mode::Wheels {
+        r.reject(
+            "balancing.enabled",
+            "allowed with actuators: wheels alone; thrust is not known well enough",
+        );
+    }
     let (index, name) = own?;
     Some(Parameters {
         platform: PlatformId(index),
@@ -206,9 +216,61 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         unloading,
         wheel_speed_target_rad_s: if targets.is_empty() { vec![0.0; wheels] } else { targets },
         wheel_weight,
+        balancing,
         check_allocation,
         model,
     })
+}
+
+/// Sweeping slowly by a few degrees shows the z part as well; see [`whorl_control::mass_balancing`].
+fn read_balancing(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> Option<BalancingSettings> {
+    let defaults = BalancingSettings::default();
+    let stable = model.map_or(0.0, |m| m.mass_properties.gravity_offset_b_n_m().z);
+    let enabled = r.bool_or(
+        "enabled",
+        false,
+        "moves the linear mass actuators until the gravity offset is target_n_m, while tracking with the wheels",
+    );
+    let settings = BalancingSettings {
+        target_b_n_m: r.vector3_or(
+            "target_n_m",
+            Vector3::new(0.0, 0.0, stable),
+            any(),
+            "gravity offset wanted [N m]; a negative z is stable; left out: no x and y, z as in the model",
+        ),
+        limit_b_n_m: r.vector3_or(
+            "limit_n_m",
+            Vector3::repeat(2.0),
+            positive(),
+            "largest moment of the actuators along each body axis, either way: weight times travel [N m]",
+        ),
+        window_s: r.f64_or(
+            "window_s",
+            defaults.window_s,
+            range(1.0..=100.0),
+            "momentum is balanced over windows of this length [s]; the actuators move after each",
+        ),
+        momentum_noise_n_m_s: r.f64_or(
+            "momentum_noise_n_m_s",
+            defaults.momentum_noise_n_m_s,
+            positive(),
+            "noise of a sample of momentum: inertia times noise of the estimated rate [N m s]",
+        ),
+        initial_stddev_n_m: r.f64_or(
+            "initial_stddev_n_m",
+            0.3,
+            positive(),
+            "how well the model's gravity offset is known, standard deviation [N m]",
+        ),
+        tolerance_n_m: r.f64_or(
+            "tolerance_n_m",
+            defaults.tolerance_n_m,
+            positive(),
+            "balanced when every axis is nearer to the target than this [N m]",
+        ),
+        ..defaults
+    };
+    enabled.then_some(settings)
 }
 
 struct GainDefaults {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 use whorl_control::tracking::TrackingOutput;
+use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Route, Topic};
 use whorl_msgs::whorl::{ActuatorCommand, ControlStatus};
@@ -12,6 +13,7 @@ use whorl_node::{LogLevel, Outputs, Timestamp};
 use crate::actuation::{Actuated, Found};
 use crate::core::LocalControlCore;
 use crate::diagnostics::{Summary, diagnostics, phrase};
+use crate::inputs::Estimate;
 
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
@@ -51,6 +53,30 @@ impl LocalControlCore {
             let next = self.next_status.map_or(now + period, |due| due + period);
             self.next_status = Some(if next <= now { now + period } else { next });
             self.publish_status(now, stamp, &report, outputs);
+        }
+    }
+
+    /// Lets the mass balancing take in an estimate and sends what it decides.
+    pub(crate) fn balance(
+        &mut self,
+        now: Timestamp,
+        estimate: &Estimate,
+        wheel_momentum_b_n_m_s: &Vector3<f64>,
+        outputs: &mut Outputs,
+    ) {
+        let Some(balancing) = &mut self.balancing else { return };
+        let output = balancing.step(now, estimate, wheel_momentum_b_n_m_s);
+        if let Some(moment) = output.moment_b_n_m {
+            outputs.publish(
+                Route::platform(self.parameters.platform, Topic::BallastMoment),
+                Vector3Stamped {
+                    header: Header { stamp: estimate.stamp.into(), frame_id: self.frame_id.clone() },
+                    vector: moment.into(),
+                },
+            );
+        }
+        if let Some(sentence) = output.sentence {
+            outputs.log(LogLevel::Info, format!("{}: {sentence}", self.parameters.name));
         }
     }
 

@@ -27,7 +27,8 @@ fn swing(time_s: f64) -> Reference {
 
 /// RMS pointing error over a period of the swing [deg]; the truth has the effect, the model has adopted it or not.
 fn pointing_error_deg(id: &str, parameters_of_effect: &[(&str, f64)], adopted: bool) -> f64 {
-    let mut parameters = parameters("whorl_1", &["actuators:=wheels"]);
+    // Without integral action, which would hide slow torques in the end.
+    let mut parameters = parameters("whorl_1", &["actuators:=wheels", "tracking.integral_time_s:=0.0"]);
     let mut truth = parameters.model.clone();
     let values: BTreeMap<String, f64> =
         parameters_of_effect.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();

@@ -1,6 +1,7 @@
 //! Tests of the core, closed over the truth plant.
 
 mod adoption;
+mod balancing;
 mod determinism;
 mod gating;
 mod pointing;

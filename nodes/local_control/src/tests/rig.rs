@@ -142,6 +142,7 @@ impl Rig {
                     self.commands.push(command);
                 }
                 Message::ControlStatus(status) => self.statuses.push(status),
+                Message::Vector3Stamped(moment) => self.plant.set_ballast_moment(moment.vector.into()),
                 _ => {}
             }
         }
