@@ -10,10 +10,6 @@ pub const WHEEL_COMMAND: &str = "wheels/command";
 /// the next.
 pub const BODY_TORQUE: &str = "body_torque";
 
-/// Commanded moment of the linear mass actuators, weight times displacement, body axes [N m]
-/// (`geometry_msgs/Vector3Stamped`), each until the next.
-pub const BALLAST_MOMENT: &str = "ballast/moment";
-
 /// More vector sensors than any platform has.
 pub const MAX_VECTOR_SENSORS: usize = 16;
 

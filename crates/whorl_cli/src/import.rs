@@ -76,12 +76,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             };
             let recordings = read_run_with(&arguments.file, &options)?;
             let recording = recordings.into_iter().next().context("the bag holds no platform")?;
-            println!(
-                "{}: {:.1} s of {}",
-                arguments.file.display(),
-                recording.duration_s(),
-                known.platform
-            );
+            println!("{}: {:.1} s of {}", arguments.file.display(), recording.duration_s(), known.platform);
             finish(arguments, &known, recording, &[&arguments.channels])
         }
     }

@@ -137,7 +137,7 @@ fn messages(recording: &Recording, wheels: &[String]) -> Vec<(i64, Place, Messag
     }
     valves(recording, &header, &mut out);
     vectors(&|| Place::Extra(extra::BODY_TORQUE.to_owned()), &recording.body_torque_b_n_m, &mut out);
-    vectors(&|| Place::Extra(extra::BALLAST_MOMENT.to_owned()), &recording.ballast_moment_b_n_m, &mut out);
+    vectors(&|| Place::Standard(Topic::BallastMoment), &recording.ballast_moment_b_n_m, &mut out);
     for (at, voltage) in samples(&recording.bus_voltage_v) {
         let unknown = f32::NAN;
         let message = BatteryState {

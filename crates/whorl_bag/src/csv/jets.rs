@@ -270,7 +270,7 @@ mod tests {
         // The log began 30 ms before a slot did.
         let rows: Vec<(i64, f64)> = (0..40)
             .map(|i| (i * 10, if (13..23).contains(&i) { 0.04 } else { 0.0 }))
-            .map(|(t, u)| (t, if t >= 230 && t < 330 { 0.01 } else { u }))
+            .map(|(t, u)| (t, if (230..330).contains(&t) { 0.01 } else { u }))
             .collect();
         assert_eq!(pulses(&on_time, &rows, 10, 390), [(130, 170), (230, 240)]);
     }

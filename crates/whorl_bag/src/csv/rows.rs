@@ -134,7 +134,7 @@ impl CsvRows {
             // A vector of no length has no direction: no measurement.
             let numbers = table.numbers(columns)?;
             vector_lengths.push(numbers.map(|v| Vector3::from(v).norm()));
-            vectors_b.push(numbers.and_then(|v| Unit::try_new(Vector3::from(v), 1e-12)));
+            vectors_b.push(numbers.and_then(|v| direction(Vector3::from(v))));
         }
         let truth = self.truth.map(|columns| table.numbers(&columns)).transpose()?.flatten();
         let scored = self.scored.map(|column| table.number(column)).transpose()?.flatten();
@@ -233,6 +233,11 @@ fn list(table: &Table, columns: &Option<Columns>) -> Result<Option<Vec<f64>>, Cs
         }
     }
     Ok((values.len() == columns.columns.len()).then_some(values))
+}
+
+/// One of length one stays as it is, to the bit: what was exported comes back.
+fn direction(v: Vector3<f64>) -> Option<Unit<Vector3<f64>>> {
+    if (v.norm() - 1.0).abs() < 1e-12 { Some(Unit::new_unchecked(v)) } else { Unit::try_new(v, 1e-12) }
 }
 
 fn vector_of(values: Vec<f64>) -> Option<Vector3<f64>> {

@@ -156,7 +156,10 @@ fn vectors(
             ));
             continue;
         };
-        let direction = |v: Vector3<f64>| v.try_normalize(1e-9);
+        // One of length one stays as it is, to the bit: what was exported comes back.
+        let direction = |v: Vector3<f64>| {
+            if (v.norm() - 1.0).abs() < 1e-12 { Some(v) } else { v.try_normalize(1e-9) }
+        };
         let samples = samples.into_iter().filter_map(|(at, v)| Some((at, direction(v)?))).collect();
         channels.push(VectorChannel { reference_world, direction_b: series(samples, start) });
     }

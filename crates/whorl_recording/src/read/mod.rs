@@ -34,7 +34,8 @@ pub struct ReadOptions<'a> {
     /// Only this platform; `None`: all.
     pub platform: Option<&'a str>,
     /// The platform's model, for what a plain bag does not say: the vector sensor's reference direction, the
-    /// order of wheels. `None`: the parameters in the run directory, if there are any.
+    /// order of wheels. A run with other numbers of wheels or jets is refused. `None`: the parameters in the run
+    /// directory, if there are any.
     pub model: Option<&'a PlatformModel>,
     /// Which topic holds what, for bags of other systems. `None`: `channels.yaml` in the bag's folder, if there
     /// is one, and else Whorl's own topics.
@@ -121,6 +122,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             if let Some(map) = &map {
                 recording.closed_loop = map.closed_loop.unwrap_or(recording.closed_loop);
                 recording.mounting = if map.clamped { Mounting::Clamped } else { Mounting::OnBearing };
+            }
+            if let Some(model) = options.model {
+                recording.check_fits(model, platform)?;
             }
             if recording.gyro_b_rad_s.is_empty()
                 && recording.specific_force_b_m_s2.is_empty()

@@ -69,7 +69,6 @@ impl Role {
         match name {
             whorl_bag::extra::WHEEL_COMMAND => return Some(Self::WheelCommand),
             whorl_bag::extra::BODY_TORQUE => return Some(Self::BodyTorque),
-            whorl_bag::extra::BALLAST_MOMENT => return Some(Self::BallastMoment),
             _ => {}
         }
         let sensor = |n: usize| whorl_bag::extra::vector_direction(n) == name;

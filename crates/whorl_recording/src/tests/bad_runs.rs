@@ -122,7 +122,7 @@ proptest::proptest! {
             (0usize..7, proptest::collection::vec(-1e300..1e300f64, 0..4), -3i64..3, 0u64..4), 1..40),
     ) {
         let folder = tempfile::tempdir().unwrap();
-        let messages: Vec<(Topic, Message)> = rows.iter().map(|row| super::bad_messages::message(row)).collect();
+        let messages: Vec<(Topic, Message)> = rows.iter().map(super::bad_messages::message).collect();
         if let Ok(recordings) = read_run(&run_with(&messages, folder.path()), None) {
             for r in recordings {
                 let finite = |x: f64| x.is_finite();

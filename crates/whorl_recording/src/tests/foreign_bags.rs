@@ -84,7 +84,8 @@ fn standard_messages_are_read_by_the_map() {
     assert_eq!(*r.vectors[0].reference_world, Vector3::y());
     // Two wheels are not Whorl-I's three.
     let known = whorl_1();
-    assert!(matches!(r.check_fits(&known.model, "whorl_1"), Err(RecordingError::OtherPlatform { .. })));
+    let options = ReadOptions { model: Some(&known.model), ..ReadOptions::default() };
+    assert!(matches!(read_run_with(&path, &options), Err(RecordingError::OtherPlatform { .. })));
 }
 
 #[test]
