@@ -177,7 +177,7 @@ pub fn work(folder: &Folder, plan: &Plan, threads: usize, progress: &AtomicU64) 
                 if !folder.claim(index)? {
                     continue;
                 }
-                let kept = plan.definition.keep_every > 0 && index % plan.definition.keep_every == 0;
+                let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
                 let keep = kept.then(|| folder.run_path(index));
                 let row = simulate(&spec, plan.definition.longest_s, keep.as_deref());
                 folder.store(&row)?;

@@ -26,7 +26,10 @@ pub struct Arguments {
 /// Carries out `whorl balance`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let ballasts: Vec<Ballast> = if arguments.ballast.is_empty() {
-        ["actuator_x:x:20:100", "actuator_y:y:20:100", "actuator_z:z:20:100"].iter().map(|s| parse(s)).collect::<Result<_, _>>()?
+        ["actuator_x:x:20:100", "actuator_y:y:20:100", "actuator_z:z:20:100"]
+            .iter()
+            .map(|s| parse(s))
+            .collect::<Result<_, _>>()?
     } else {
         arguments.ballast.iter().map(|s| parse(s)).collect::<Result<_, _>>()?
     };
@@ -45,7 +48,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let stddev = covariance.diagonal().map(f64::sqrt);
     println!(
         "gravity offset {:.1}, {:.1}, {:.1} N mm (+- {:.1}, {:.1}, {:.1})",
-        1e3 * offset.x, 1e3 * offset.y, 1e3 * offset.z, 1e3 * stddev.x, 1e3 * stddev.y, 1e3 * stddev.z
+        1e3 * offset.x,
+        1e3 * offset.y,
+        1e3 * offset.z,
+        1e3 * stddev.x,
+        1e3 * stddev.y,
+        1e3 * stddev.z
     );
     let target = Vector3::new(0.0, 0.0, arguments.target_z.unwrap_or(offset.z));
     let plan = plan_balance(&offset, &covariance, &target, &ballasts);
@@ -54,14 +62,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     println!(
         "predicted offset {:.2}, {:.2}, {:.2} N mm; torque left when level {:.2} N mm",
-        1e3 * plan.offset_b_n_m.x, 1e3 * plan.offset_b_n_m.y, 1e3 * plan.offset_b_n_m.z, 1e3 * plan.level_torque_n_m
+        1e3 * plan.offset_b_n_m.x,
+        1e3 * plan.offset_b_n_m.y,
+        1e3 * plan.offset_b_n_m.z,
+        1e3 * plan.level_torque_n_m
     );
     print_findings(&plan.findings);
     Ok(())
 }
 
 fn parse(text: &str) -> anyhow::Result<Ballast> {
-    let refuse = || format!("--ballast {text}: allowed: NAME:AXIS:WEIGHT_N:TRAVEL_MM, e.g. actuator_x:x:20:100");
+    let refuse =
+        || format!("--ballast {text}: allowed: NAME:AXIS:WEIGHT_N:TRAVEL_MM, e.g. actuator_x:x:20:100");
     let parts: Vec<&str> = text.split(':').collect();
     let [name, axis, weight, travel] = parts.as_slice() else { bail!(refuse()) };
     let axis = match *axis {
@@ -69,7 +81,8 @@ fn parse(text: &str) -> anyhow::Result<Ballast> {
         "y" => Vector3::y(),
         "z" => Vector3::z(),
         numbers => {
-            let values: Vec<f64> = numbers.split(',').map(str::parse).collect::<Result<_, _>>().with_context(refuse)?;
+            let values: Vec<f64> =
+                numbers.split(',').map(str::parse).collect::<Result<_, _>>().with_context(refuse)?;
             let [x, y, z] = values.as_slice() else { bail!(refuse()) };
             Vector3::new(*x, *y, *z)
         }

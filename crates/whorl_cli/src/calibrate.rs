@@ -78,9 +78,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if imu.dry_run {
         return Ok(());
     }
-    let out = imu.out.as_ref().or(imu.runs.model.as_ref()).context(
-        "name the platform's file to write into with --out (or --model), or use --dry-run",
-    )?;
+    let out = imu
+        .out
+        .as_ref()
+        .or(imu.runs.model.as_ref())
+        .context("name the platform's file to write into with --out (or --model), or use --dry-run")?;
     let section = format!("/{}/**", runs.known.platform);
     let entries = entries(&found);
     for (key, value, comment) in &entries {
@@ -94,15 +96,17 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 /// Key, value and comment of everything that was determined on all axes.
 fn entries(found: &ImuCalibration) -> Vec<(String, Value, String)> {
     let mut entries = Vec::new();
-    let sensors = [
-        ("gyro", "rad_s", "rad/s", &found.gyro),
-        ("accelerometer", "m_s2", "m/s^2", &found.accelerometer),
-    ];
+    let sensors =
+        [("gyro", "rad_s", "rad/s", &found.gyro), ("accelerometer", "m_s2", "m/s^2", &found.accelerometer)];
     for (name, suffix, unit, sensor) in sensors {
         let group = format!("model.sensors.{name}");
         let mut vector = |key: String, v: &PerAxis, unit: &str| {
             if v.determined() == [true; 3] {
-                entries.push((key, array(&v.value, &v.stddev), format!("[{unit}] calibrated, +- {}", short(&v.stddev))));
+                entries.push((
+                    key,
+                    array(&v.value, &v.stddev),
+                    format!("[{unit}] calibrated, +- {}", short(&v.stddev)),
+                ));
             }
         };
         vector(format!("{group}.bias_{suffix}"), &sensor.bias, unit);
@@ -111,13 +115,21 @@ fn entries(found: &ImuCalibration) -> Vec<(String, Value, String)> {
         let samples = &sensor.noise_stddev;
         if samples.min() > 0.0 {
             let value = array(samples, &(samples * 0.01));
-            entries.push((format!("{group}.noise_stddev_{suffix}"), value, format!("[{unit}] per sample, calibrated at {:.1} Hz", found.rate_hz)));
+            entries.push((
+                format!("{group}.noise_stddev_{suffix}"),
+                value,
+                format!("[{unit}] per sample, calibrated at {:.1} Hz", found.rate_hz),
+            ));
         }
         let walk = sensor.noise.map(|n| n.filter(|n| n.walk_seen).map(|n| n.walk));
         if let [Some(x), Some(y), Some(z)] = walk {
             let value = Vector3::new(x, y, z);
             let comment = format!("[{unit}/sqrt(s)] calibrated from the Allan deviation");
-            entries.push((format!("{group}.bias_walk_{suffix}_sqrt_s"), array(&value, &(value * 0.05)), comment));
+            entries.push((
+                format!("{group}.bias_walk_{suffix}_sqrt_s"),
+                array(&value, &(value * 0.05)),
+                comment,
+            ));
         }
     }
     entries
@@ -141,7 +153,9 @@ fn print(found: &ImuCalibration) {
     let headings: Vec<String> =
         ["", "#x", "#+-", "#y", "#+-", "#z", "#+-", "unit"].iter().map(|s| (*s).to_owned()).collect();
     let mut rows = Vec::new();
-    for (name, unit, sensor) in [("gyro", "rad/s", &found.gyro), ("accelerometer", "m/s^2", &found.accelerometer)] {
+    for (name, unit, sensor) in
+        [("gyro", "rad/s", &found.gyro), ("accelerometer", "m/s^2", &found.accelerometer)]
+    {
         let per_kelvin = format!("{unit}/K");
         let lines: [(&str, &PerAxis, &str); 4] = [
             ("bias", &sensor.bias, unit),

@@ -65,8 +65,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 fn print_candidates(diagnosis: &Diagnosis) {
-    let headings = ["effect", "#log evidence", "#held out", "#of excess %", "#lambda", "#base takes %", "estimate"]
-        .map(str::to_owned);
+    let headings =
+        ["effect", "#log evidence", "#held out", "#of excess %", "#lambda", "#base takes %", "estimate"]
+            .map(str::to_owned);
     let rows: Vec<Vec<String>> = diagnosis
         .candidates
         .iter()
@@ -76,7 +77,9 @@ fn print_candidates(diagnosis: &Diagnosis) {
                 .parameters
                 .iter()
                 .take(2)
-                .map(|p| format!("{} {} +- {} {}", p.name, significant(p.estimate), significant(p.stddev), p.unit))
+                .map(|p| {
+                    format!("{} {} +- {} {}", p.name, significant(p.estimate), significant(p.stddev), p.unit)
+                })
                 .collect();
             vec![
                 c.effect.clone(),

@@ -155,10 +155,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if map.vectors.is_empty() {
         println!("no magnetometer: the heading is that of the first attitude, and drifts");
     }
-    if let Chosen::FreeMotion(filter) = &filter {
-        if filter.is_magnetised() {
-            println!("there is iron or a magnet on the sensor; its field is estimated and taken away");
-        }
+    if let Chosen::FreeMotion(filter) = &filter
+        && filter.is_magnetised()
+    {
+        println!("there is iron or a magnet on the sensor; its field is estimated and taken away");
     }
     match errors.root_mean_square_rad() {
         Some(rms) => {

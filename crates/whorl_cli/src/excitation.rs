@@ -31,8 +31,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let folder = std::env::temp_dir().join(format!("whorl_excitation_{}", std::process::id()));
     let out = folder.join("run");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let result = simulate::record_quietly(&arguments.experiment, arguments.params.as_deref(), &out, arguments.seed)
-        .and_then(|()| judge(arguments, &out));
+    let result =
+        simulate::record_quietly(&arguments.experiment, arguments.params.as_deref(), &out, arguments.seed)
+            .and_then(|()| judge(arguments, &out));
     // Only the scratch copy of the simulated run.
     let _ = std::fs::remove_dir_all(&folder);
     result

@@ -81,7 +81,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         trajectory(arguments, &known, &runs.training)
     } else {
         if arguments.out.is_some() {
-            bail!("--out goes with --method trajectory: the regressions have no uncertainty that could be written down");
+            bail!(
+                "--out goes with --method trajectory: the regressions have no uncertainty that could be written down"
+            );
         }
         runs.training.iter().try_for_each(|recording| regress(arguments, &runs.known.model, recording))
     }
@@ -137,9 +139,11 @@ fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
     if out.exists() {
         return Ok(());
     }
-    let file = known.files.iter().rev().find(|f| {
-        std::fs::read_to_string(f).is_ok_and(|text| text.contains("model:"))
-    });
+    let file = known
+        .files
+        .iter()
+        .rev()
+        .find(|f| std::fs::read_to_string(f).is_ok_and(|text| text.contains("model:")));
     let file = file.context("no file of the model to copy; name an existing --out")?;
     std::fs::copy(file, out)
         .with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))?;
@@ -147,8 +151,7 @@ fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
 }
 
 fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) -> anyhow::Result<()> {
-    let series =
-        whorl_identification::estimated::estimated_series(recording, model, arguments.step)?;
+    let series = whorl_identification::estimated::estimated_series(recording, model, arguments.step)?;
     let method = match arguments.method {
         Method::Momentum => regression::Method::Momentum { shift: usize::from(arguments.shift) },
         Method::Energy => regression::Method::Energy,
@@ -166,7 +169,12 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
         WeightingChoice::Total => Weighting::TotalLeastSquares { rate_stddev_rad_s: gyro.amax() },
     };
     let solution = solve(&rows(&series, method, form), weighting)?;
-    println!("{}: {} samples, residual {:.2e} RMS", recording.name, series.samples.len(), solution.residual_rms);
+    println!(
+        "{}: {} samples, residual {:.2e} RMS",
+        recording.name,
+        series.samples.len(),
+        solution.residual_rms
+    );
     let before = mass_vector(&model.mass_properties);
     let cells: Vec<Vec<String>> = (0..MASS_PARAMETERS)
         .map(|i| {
@@ -212,7 +220,16 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         })
         .collect();
     table::print(
-        &headings(&["", "#model", "#found", "#+-", "#+- (actuators exact)", "#+- before", "unit", "determined"]),
+        &headings(&[
+            "",
+            "#model",
+            "#found",
+            "#+-",
+            "#+- (actuators exact)",
+            "#+- before",
+            "unit",
+            "determined",
+        ]),
         &cells,
     );
     let (friction, friction_stddev) = found.friction_n_m_s;

@@ -117,7 +117,7 @@ fn mass_properties(
     let (a, b) = (old.gravity_offset_b_n_m(), new.gravity_offset_b_n_m());
     let stddev = prior.gravity_offset_b_n_m;
     let comment = format!("[N m] +- {}, {}, {}, adopted", short(stddev.x), short(stddev.y), short(stddev.z));
-    c.vector("model.gravity_offset_n_m".to_owned(), &a, &b, comment);
+    c.vector("model.gravity_offset_n_m".to_owned(), a, b, comment);
     if (0..3).any(|i| differs(prior_before.gravity_offset_b_n_m[i], stddev[i])) {
         c.all.push(Change {
             key: "model_prior.gravity_offset_n_m".to_owned(),

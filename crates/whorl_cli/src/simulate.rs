@@ -123,12 +123,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 /// Simulates an experiment into a run directory without a word or a report, for a look at its motion.
-pub fn record_quietly(
-    experiment: &Path,
-    params: Option<&Path>,
-    out: &Path,
-    seed: u64,
-) -> anyhow::Result<()> {
+pub fn record_quietly(experiment: &Path, params: Option<&Path>, out: &Path, seed: u64) -> anyhow::Result<()> {
     run(&Arguments {
         experiment: experiment.to_owned(),
         out: Some(out.to_owned()),

@@ -6,8 +6,8 @@
 mod body;
 
 use nalgebra::{Unit, Vector3};
-use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_dynamics::platform::TriaxialErrors;
+use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_estimation::{
     AccelerationRejection, BodyModel, FilterKind, GyroSampling, Parameters as FilterParameters,
     VectorParameters, VectorUse,
