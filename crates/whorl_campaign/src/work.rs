@@ -185,9 +185,11 @@ pub fn work(folder: &Folder, plan: &Plan, threads: usize, progress: &AtomicU64) 
             }
         };
         let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(worker)).collect();
-        let ended = workers
-            .into_iter()
-            .map(|w| w.join().unwrap_or_else(|_| Err(io::Error::other("a worker ended abnormally"))));
-        ended.fold(Ok(()), |all, one| all.and(one))
+        let mut ended = Ok(());
+        for worker in workers {
+            let one = worker.join().unwrap_or_else(|_| Err(io::Error::other("a worker ended abnormally")));
+            ended = ended.and(one);
+        }
+        ended
     })
 }

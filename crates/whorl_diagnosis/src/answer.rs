@@ -443,7 +443,7 @@ impl Search<'_> {
         };
         let mut parameters = Vec::new();
         if range.is_finite() {
-            parameters.push(parameter("range_rad_s", range, 0.5 * step.min(1e-3).max(1e-6)));
+            parameters.push(parameter("range_rad_s", range, 0.5 * step.clamp(1e-6, 1e-3)));
         }
         if coarse {
             parameters.push(parameter("step_rad_s", step, 1e-3 * step));

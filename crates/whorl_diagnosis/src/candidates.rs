@@ -37,7 +37,6 @@ pub(crate) struct Available {
     pub vector: bool,
     pub temperature: bool,
     pub ballast: bool,
-    pub duration_s: f64,
     pub bin_s: f64,
 }
 
@@ -53,7 +52,6 @@ impl Available {
             vector: any(&|r| !r.clamped && !r.vectors.is_empty()),
             temperature: any(&|r| r.has_temperature),
             ballast: any(&|r| r.ballast_direction.iter().any(|d| d.norm() > 0.0)),
-            duration_s: runs.iter().map(|r| r.time(r.nodes() - 1) - r.time(0)).fold(0.0, f64::max),
             bin_s: runs.iter().map(|r| r.length(0)).fold(0.0, f64::max),
         }
     }
@@ -167,10 +165,6 @@ impl Layout {
     /// Variance of a column as part of the base model.
     pub fn base_variance(&self, column: usize) -> f64 {
         self.columns.get(column).map_or(1.0, |c| c.base_stddev * c.base_stddev)
-    }
-
-    pub fn candidate(&self, id: &str) -> Option<&Candidate> {
-        self.candidates.iter().find(|c| c.id == id)
     }
 }
 

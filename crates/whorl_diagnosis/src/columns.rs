@@ -150,7 +150,7 @@ fn dynamics(
     change.wheel_dot = vec![[0.0; MAX_WHEELS]; nodes];
     let wheels = base.mechanics.model().wheels.len();
     let mut edges = vec![Vector3::zeros(); nodes];
-    for k in 0..nodes {
+    for (k, edge) in edges.iter_mut().enumerate() {
         if jets_only && !inputs.is_active(k) {
             continue;
         }
@@ -158,7 +158,7 @@ fn dynamics(
         for j in 0..wheels {
             change.wheel_dot[k][j] = (prediction.wheel_dot[k][j] - base.prediction.wheel_dot[k][j]) / units;
         }
-        edges[k] = (prediction.edge_rate[k] - base.prediction.edge_rate[k]) / units;
+        *edge = (prediction.edge_rate[k] - base.prediction.edge_rate[k]) / units;
     }
     if run.clamped {
         return;
@@ -329,8 +329,7 @@ impl Linearised {
     ) -> Result<Self, DiagnosisError> {
         let mechanics = Mechanics::new(&reference.model_at(point)?)?;
         let (inputs, prediction) = predict(&mechanics, run, motion);
-        let system =
-            System { run, motion, mechanics: &mechanics, inputs: &inputs, prediction: &prediction, settings };
+        let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
         let (gains, _) = system.filter(true, false);
         Ok(Self { inputs, prediction, gains, mechanics })
     }

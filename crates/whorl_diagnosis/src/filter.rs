@@ -8,7 +8,6 @@
 use nalgebra::{Matrix3, Vector3};
 use whorl_math::{GRAVITY_M_S2, skew, vertical_b};
 
-use crate::inputs::Inputs;
 use crate::mechanics::{Mechanics, Prediction};
 use crate::motion::Motion;
 use crate::run::Run;
@@ -71,11 +70,6 @@ pub(crate) struct Smoothed {
     pub torque_variance: Vec<f64>,
 }
 
-/// Number of channels: gyro, accelerometer, two per vector sensor, wheels.
-pub(crate) fn channels(run: &Run, wheels: usize) -> usize {
-    6 + 2 * run.vectors.len() + wheels
-}
-
 /// Two axes across a direction.
 pub(crate) fn across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let helper = if direction.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
@@ -89,7 +83,6 @@ pub(crate) struct System<'a> {
     pub run: &'a Run,
     pub motion: &'a Motion,
     pub mechanics: &'a Mechanics,
-    pub inputs: &'a Inputs,
     pub prediction: &'a Prediction,
     pub settings: Settings,
 }
@@ -270,7 +263,8 @@ impl System<'_> {
         let sensors = &self.mechanics.model().sensors;
         let clamped = self.run.clamped;
         for i in 0..3 {
-            let slanted = |v: &crate::run::VectorRun| v.reference_world.normalize().z.abs() < 0.98;
+            let slanted =
+                |v: &crate::run::VectorRun| v.reference_world.z.abs() < 0.98 * v.reference_world.norm();
             let heading = i == 2 && !self.run.vectors.iter().any(slanted);
             let angle = if clamped {
                 1e-9

@@ -103,18 +103,11 @@ impl Problem {
             let (Some(run), Some(motion)) = (self.runs.get(r), self.motions.get(r)) else {
                 return Motion::default();
             };
-            let (inputs, prediction) = predict(&mechanics, run, motion);
+            let (_, prediction) = predict(&mechanics, run, motion);
             let wheel_noise =
                 mechanics.model().wheels.iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
             let settings = Settings { rate_walk, torque_walk: 0.0, wheel_noise };
-            let system = System {
-                run,
-                motion,
-                mechanics: &mechanics,
-                inputs: &inputs,
-                prediction: &prediction,
-                settings,
-            };
+            let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
             let n = system.states();
             let (_, smoothed) = system.filter(false, true);
             let mut better = motion.clone();

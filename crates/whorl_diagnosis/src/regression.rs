@@ -7,9 +7,6 @@ use crate::columns::{LANES, Lanes};
 /// Blocks of time into which each run is cut for cross-validation.
 pub(crate) const BLOCKS_PER_RUN: usize = 4;
 
-/// A whitened innovation beyond this many standard deviations is an outlier and counts no more.
-const OUTLIER: f64 = 7.0;
-
 /// Highest order of the model of coloured noise.
 const ORDER: usize = 6;
 
@@ -163,25 +160,6 @@ impl Whitened {
                 );
             }
         }
-    }
-
-    /// Takes rows out whose residual is an outlier; returns how many.
-    pub fn drop_outliers(&mut self, residual: &[f64]) -> usize {
-        let mut dropped = 0;
-        for (row, e) in residual.iter().enumerate() {
-            if e.abs() > OUTLIER {
-                dropped += 1;
-                if let Some(y) = self.y.get_mut(row) {
-                    *y = 0.0;
-                }
-                for group in &mut self.groups {
-                    if let Some(lanes) = group.get_mut(row) {
-                        *lanes = [0.0; LANES];
-                    }
-                }
-            }
-        }
-        dropped
     }
 }
 

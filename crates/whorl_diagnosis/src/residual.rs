@@ -71,7 +71,6 @@ pub fn residual_torque(
         run,
         motion,
         mechanics: &mechanics,
-        inputs: &inputs,
         prediction: &prediction,
         settings: Settings { torque_walk, ..problem.settings(0) },
     };

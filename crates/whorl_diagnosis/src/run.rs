@@ -56,7 +56,6 @@ pub(crate) struct Run {
     pub noise: NoiseLevels,
     /// Latency of gyro and accelerometer that was taken off their stamps \[s\].
     pub latency_s: f64,
-    pub closed_loop: bool,
     pub remarks: Vec<String>,
     pub has_pressure: bool,
     pub has_voltage: bool,
@@ -180,7 +179,6 @@ impl Run {
             ballast_direction,
             noise,
             latency_s,
-            closed_loop: recording.closed_loop,
             remarks: Vec::new(),
             has_pressure: recording.tank_pressure_pa.len() > 1,
             has_voltage: recording.bus_voltage_v.len() > 1,

@@ -2,7 +2,7 @@
 
 use crate::candidates::{Available, Layout, Lines};
 use crate::hypothesis::{Hypothesis, cross_validated_gain};
-use crate::parameters::{Point, Target};
+use crate::parameters::Point;
 use crate::problem::{Dataset, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Colour};
 use crate::{DiagnosisError, Options, Progress};
@@ -379,9 +379,4 @@ fn smooth_all(
         held.smooth(point, rate_walk)?;
     }
     Ok(())
-}
-
-/// True for columns of the moments of inertia.
-pub(crate) fn is_moment(target: &Target) -> bool {
-    matches!(target, Target::Moment(_))
 }

@@ -21,7 +21,7 @@ struct Shape {
     variable: String,
     parity: &'static str,
     frequency_hz: Option<f64>,
-    value: Box<dyn Fn(&Run, &Motion, usize) -> f64 + Sync + Send>,
+    value: Value,
     /// It may act about an axis of the room as well as of the body.
     in_room: bool,
 }

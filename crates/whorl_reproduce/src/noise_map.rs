@@ -16,11 +16,14 @@ const NOISE_PERCENT: [f64; 9] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100
 /// Seeds whose median is shown.
 const SEEDS: u128 = 5;
 
+/// Name and points.
+type Curve = (String, Vec<(f64, f64)>);
+
 /// Median percent error of the nine parameters over noise, a curve for each period.
 pub fn map() -> Reproduction {
     let model = rigid_whorl_1(true);
     let truth = mass_vector(&model.mass_properties);
-    let mut curves: [Vec<(String, Vec<(f64, f64)>)>; 2] = Default::default();
+    let mut curves: [Vec<Curve>; 2] = Default::default();
     for period_s in PERIODS_S {
         let square = move |t: f64| {
             Vector3::new(0.0, 0.0, if t.rem_euclid(period_s) < 0.5 * period_s { 0.1 } else { -0.1 })

@@ -35,7 +35,7 @@ fn positions(sensors: &SensorSuite) -> Recording {
     for (n, up) in faces.into_iter().enumerate() {
         // A bubble level: half a degree.
         let tilt = noise.vector() * 0.5_f64.to_radians();
-        let up = (up + tilt.cross(&up)).normalize();
+        let up = whorl_math::unit_or(up + tilt.cross(&up), Vector3::z_axis()).into_inner();
         for k in 0..(POSITION_S * RATE_HZ) as usize {
             let time_s = n as f64 * POSITION_S + k as f64 / RATE_HZ;
             run.gyro_b_rad_s.time_s.push(time_s);

@@ -1,6 +1,6 @@
 //! The decentralised law on the platforms themselves: the formation's coordinator gives nothing and is not needed.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;

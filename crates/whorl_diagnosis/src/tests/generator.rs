@@ -89,7 +89,7 @@ pub(crate) fn record(
                 .map(|i| {
                     let f = 0.03 * 1.9_f64.powi(i) * (1.0 + 0.11 * j as f64);
                     let size = if j == 2 { 0.08 } else { 0.02 };
-                    (size * (0.6 + 0.4 * normal(&mut rng).abs()), f, 6.28 * normal(&mut rng))
+                    (size * (0.6 + 0.4 * normal(&mut rng).abs()), f, std::f64::consts::TAU * normal(&mut rng))
                 })
                 .collect()
         })
@@ -141,7 +141,7 @@ pub(crate) fn record(
         }
         let torque: Vec<f64> = tones
             .iter()
-            .map(|list| list.iter().map(|(a, f, p)| a * (6.283 * f * t + p).sin()).sum())
+            .map(|list| list.iter().map(|(a, f, p)| a * (std::f64::consts::TAU * f * t + p).sin()).sum())
             .collect();
         plant.command_wheels(&torque).unwrap();
         recording.wheel_torque_command_n_m.time_s.push(t);

@@ -105,7 +105,7 @@ fn vector() -> impl Strategy<Value = Vector3<f64>> + Clone {
 }
 
 fn direction() -> impl Strategy<Value = Vector3<f64>> + Clone {
-    [0.1..1.0, -1.0..1.0, -1.0..1.0f64].prop_map(|v| Vector3::from(v).normalize())
+    [0.1..1.0, -1.0..1.0, -1.0..1.0f64].prop_map(|v| Unit::new_normalize(Vector3::from(v)).into_inner())
 }
 
 fn list(count: usize) -> impl Strategy<Value = Vec<f64>> + Clone {

@@ -39,7 +39,7 @@ pub enum Style {
 
 /// Balance attitude at a heading.
 fn balanced(body: &Body, yaw_rad: f64) -> UnitQuaternion<f64> {
-    let k = -body.mgr_n_m.normalize();
+    let k = -body.mgr_n_m / body.mgr_n_m.norm();
     let level = UnitQuaternion::rotation_between(&k, &Vector3::z()).unwrap_or_default();
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad) * level
 }
@@ -297,7 +297,7 @@ fn controller(
 
 /// Balanced at the heading of `q`.
 fn balanced_at(mgr: &Vector3<f64>, q: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-    let k = -mgr.normalize();
+    let k = -mgr / mgr.norm();
     let level = UnitQuaternion::rotation_between(&k, &Vector3::z()).unwrap_or_default();
     let yaw = |q: &UnitQuaternion<f64>| {
         let x = q * Vector3::x();
