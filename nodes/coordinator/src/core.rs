@@ -113,7 +113,7 @@ impl CoordinatorCore {
         if self.ticks.is_multiple_of(COMMAND_TICKS) {
             self.publish_command(now, self.command(), outputs);
         }
-        if self.ticks.is_multiple_of(STATE_TICKS) && !matches!(self.parameters.role, Role::Platform(_)) {
+        if self.ticks.is_multiple_of(STATE_TICKS) {
             self.publish_state(now, outputs);
         }
         if self.ticks.is_multiple_of(DIAGNOSTICS_TICKS) {
@@ -312,7 +312,11 @@ impl CoordinatorCore {
         self.sequences.reference += 1;
     }
 
+    /// The formation's state has one author; a platform's own coordinator is not it.
     fn publish_state(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        if matches!(self.parameters.role, Role::Platform(_)) {
+            return;
+        }
         let message = report::state(now, self.sequences.state, &self.parameters, &self.links, &self.stage);
         self.sequences.state += 1;
         outputs.publish(Route::shared(Topic::FormationState), message);
