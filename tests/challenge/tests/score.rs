@@ -33,7 +33,7 @@ fn answer(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Outcome {
 #[test]
 fn the_score_of_a_fixed_part_does_not_fall() {
     let laboratory = Laboratory::whorl_1().unwrap();
-    let singles = specs(&["single/air_current/100/0", "single/air_current_periodic/100/0"]);
+    let singles = specs(&["single/air_current/100/0", "single/bearing_coulomb_friction/100/0"]);
     let stand = Arc::new(Stand::new(&laboratory, &stand_key(&singles[0]), &singles[0]));
     for spec in &singles {
         let outcome = answer(&laboratory, &stand, spec);
