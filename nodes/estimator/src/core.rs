@@ -100,7 +100,7 @@ impl EstimatorCore {
         let transform = TransformStamped {
             header: Header { stamp: stamp.into(), frame_id: "world".to_owned() },
             child_frame_id: format!("{}/base_link", self.parameters.name),
-            transform: Transform { rotation, ..Transform::default() },
+            transform: Transform { translation: self.parameters.tf_position_w_m.into(), rotation },
         };
         outputs.publish(Route::shared(Topic::Tf), TFMessage { transforms: vec![transform] });
     }

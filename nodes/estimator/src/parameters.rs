@@ -39,6 +39,8 @@ pub struct Parameters {
     pub calibration: Calibration,
     /// Rate of `/tf` \[Hz\]; 0: none.
     pub tf_rate_hz: f64,
+    /// Where the platform's centre of rotation stands in the world, for `/tf` alone \[m\].
+    pub tf_position_w_m: Vector3<f64>,
 }
 
 /// What the estimator needs to know of a wheel.
@@ -64,6 +66,12 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     });
     let calibration = model.as_ref().map(|m| Calibration::new(&m.sensors));
     let tf_rate_hz = r.f64_or("tf_rate_hz", 20.0, range(0.0..=100.0), "rate of /tf [Hz]; 0: none");
+    let tf_position_w_m = r.vector3_or(
+        "tf_position_w_m",
+        Vector3::zeros(),
+        range(-1000.0..=1000.0),
+        "where the platform stands in the world, for /tf [m]",
+    );
     let filter = read_filter(r, model.as_ref());
     if let Err(error) = filter.check() {
         r.reject(error.name, error.to_string());
@@ -88,7 +96,18 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let (index, name) = own?;
     let platform = PlatformId(index);
     let calibration = calibration?;
-    Some(Parameters { platform, name, kind, filter, body, wheels, jet_torque_b_n_m, calibration, tf_rate_hz })
+    Some(Parameters {
+        platform,
+        name,
+        kind,
+        filter,
+        body,
+        wheels,
+        jet_torque_b_n_m,
+        calibration,
+        tf_rate_hz,
+        tf_position_w_m,
+    })
 }
 
 fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParameters {
