@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::effectors::Effectors;
+use crate::list::{ListError, check_list};
 
 /// A set of jets, one bit each: bit j is jet j.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -94,28 +95,9 @@ pub enum DemandError {
     /// A component of the torque is NaN, infinite or beyond 1e9 N m.
     #[error("torque demand {0:?} N m: must be finite, at most 1e9 N m")]
     Torque([f64; 3]),
-    /// A list does not have one entry per jet or wheel.
-    #[error("{field} has {found} entries where {expected} are needed")]
-    Count {
-        /// The field.
-        field: &'static str,
-        /// Its length.
-        found: usize,
-        /// Number of jets or wheels.
-        expected: usize,
-    },
-    /// A number is NaN, infinite or outside its range.
-    #[error("{field}[{index}] = {value}: must be {allowed}")]
-    Value {
-        /// The field.
-        field: &'static str,
-        /// Which jet or wheel; 0 for a single number.
-        index: usize,
-        /// The offending number.
-        value: f64,
-        /// What is allowed, in words.
-        allowed: &'static str,
-    },
+    /// A list does not fit.
+    #[error(transparent)]
+    List(#[from] ListError),
     /// A lower bound above its upper bound.
     #[error("{what} {index}: lower bound {min} above upper bound {max}")]
     Crossed {
@@ -166,20 +148,20 @@ impl Demand {
             ("jet_on_fraction_min", &self.jet_on_fraction_min),
             ("jet_on_fraction_max", &self.jet_on_fraction_max),
         ] {
-            check_values(field, values, effectors.jets(), fraction, "0..=1")?;
+            check_list(field, values, effectors.jets(), fraction, "0..=1")?;
         }
         for (field, values) in [
             ("wheel_motor_torque_min_n_m", &self.wheel_motor_torque_min_n_m),
             ("wheel_motor_torque_max_n_m", &self.wheel_motor_torque_max_n_m),
             ("wheel_motor_torque_desired_n_m", &self.wheel_motor_torque_desired_n_m),
         ] {
-            check_values(field, values, effectors.wheels(), sane, "finite, at most 1e9")?;
+            check_list(field, values, effectors.wheels(), sane, "finite, at most 1e9")?;
         }
         check_order("jet", &self.jet_on_fraction_min, &self.jet_on_fraction_max)?;
         check_order("wheel", &self.wheel_motor_torque_min_n_m, &self.wheel_motor_torque_max_n_m)?;
         let weight = |value: f64| (0.0..=1e6).contains(&value);
-        check_values("wheel_weight", &[self.wheel_weight], 1, weight, "0..=1e6")?;
-        check_values("net_force_weight", &[self.net_force_weight], 1, weight, "0..=1e6")?;
+        check_list("wheel_weight", &[self.wheel_weight], 1, weight, "0..=1e6")?;
+        check_list("net_force_weight", &[self.net_force_weight], 1, weight, "0..=1e6")?;
         if self.net_force_weight > 0.0 && effectors.layout().jet_force_b_n.is_none() {
             return Err(DemandError::NoForces);
         }
@@ -190,22 +172,6 @@ impl Demand {
 /// Finite, and small enough for its square to be.
 fn sane(value: f64) -> bool {
     value.abs() <= 1e9
-}
-
-fn check_values(
-    field: &'static str,
-    values: &[f64],
-    expected: usize,
-    valid: impl Fn(f64) -> bool,
-    allowed: &'static str,
-) -> Result<(), DemandError> {
-    if values.len() != expected {
-        return Err(DemandError::Count { field, found: values.len(), expected });
-    }
-    match values.iter().enumerate().find(|(_, value)| !valid(**value)) {
-        None => Ok(()),
-        Some((index, &value)) => Err(DemandError::Value { field, index, value, allowed }),
-    }
 }
 
 fn check_order(what: &'static str, min: &[f64], max: &[f64]) -> Result<(), DemandError> {

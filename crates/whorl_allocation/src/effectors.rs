@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3xX, Vector3};
 
+use crate::list::{ListError, check_count, check_list};
+
 /// Most jets an [`Effectors`] may have: one bit each in a [`crate::JetMask`].
 pub const MAX_JETS: usize = 32;
 /// Most wheels an [`Effectors`] may have.
@@ -45,28 +47,9 @@ pub enum EffectorError {
     /// More wheels than [`MAX_WHEELS`].
     #[error("{0} wheels; at most {MAX_WHEELS} are supported")]
     TooManyWheels(usize),
-    /// Two fields disagree on how many jets or wheels there are.
-    #[error("{field} has {found} entries where {expected} are needed")]
-    Count {
-        /// The field.
-        field: &'static str,
-        /// Its length.
-        found: usize,
-        /// The length that fits the others.
-        expected: usize,
-    },
-    /// A number is NaN, infinite, or outside its range.
-    #[error("{field}[{index}] = {value}: must be {allowed}")]
-    Value {
-        /// The field.
-        field: &'static str,
-        /// Which jet or wheel.
-        index: usize,
-        /// The offending number.
-        value: f64,
-        /// What is allowed, in words.
-        allowed: &'static str,
-    },
+    /// A list does not fit.
+    #[error(transparent)]
+    List(#[from] ListError),
 }
 
 impl Effectors {
@@ -99,12 +82,8 @@ impl Effectors {
         for (index, axis) in layout.wheel_axis_b.column_iter().enumerate() {
             let norm = axis.norm();
             if (norm - 1.0).abs() > 1e-6 {
-                return Err(EffectorError::Value {
-                    field: "wheel_axis_b",
-                    index,
-                    value: norm,
-                    allowed: "of length 1",
-                });
+                let allowed = "of length 1";
+                return Err(ListError::Value { field: "wheel_axis_b", index, value: norm, allowed }.into());
             }
         }
         Ok(Self { layout })
@@ -150,23 +129,17 @@ impl Effectors {
     }
 }
 
-fn check_count(field: &'static str, found: usize, expected: usize) -> Result<(), EffectorError> {
-    if found == expected { Ok(()) } else { Err(EffectorError::Count { field, found, expected }) }
-}
-
-fn check_columns(field: &'static str, columns: &Matrix3xX<f64>) -> Result<(), EffectorError> {
+fn check_columns(field: &'static str, columns: &Matrix3xX<f64>) -> Result<(), ListError> {
     for (index, column) in columns.column_iter().enumerate() {
         if let Some(&value) = column.iter().find(|value| value.is_nan() || value.abs() > LARGEST) {
             let allowed = "finite, at most 1e9";
-            return Err(EffectorError::Value { field, index, value, allowed });
+            return Err(ListError::Value { field, index, value, allowed });
         }
     }
     Ok(())
 }
 
-fn check_positive(field: &'static str, values: &[f64]) -> Result<(), EffectorError> {
-    match values.iter().enumerate().find(|(_, value)| !(1.0 / LARGEST..=LARGEST).contains(*value)) {
-        None => Ok(()),
-        Some((index, &value)) => Err(EffectorError::Value { field, index, value, allowed: "in 1e-9..=1e9" }),
-    }
+fn check_positive(field: &'static str, values: &[f64]) -> Result<(), ListError> {
+    let valid = |value| (1.0 / LARGEST..=LARGEST).contains(&value);
+    check_list(field, values, values.len(), valid, "in 1e-9..=1e9")
 }

@@ -62,6 +62,7 @@ mod effectors;
 #[cfg(test)]
 mod layouts;
 mod least_squares;
+mod list;
 mod polish;
 mod problem;
 pub mod pulses;
@@ -74,3 +75,4 @@ pub use allocation::{Allocation, FallbackReason, SolverOutcome, Status};
 pub use allocator::{Allocator, AllocatorError};
 pub use demand::{Demand, DemandError, JetMask, Mode};
 pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_WHEELS};
+pub use list::ListError;

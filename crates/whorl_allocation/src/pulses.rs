@@ -27,6 +27,7 @@
 use nalgebra::{Matrix3xX, Vector3};
 
 use crate::effectors::Effectors;
+use crate::list::{ListError, check_list};
 
 /// Longest impulse error carried, in minimum impulse bits.
 pub const ERROR_LIMIT_BITS: f64 = 4.0;
@@ -66,28 +67,9 @@ pub enum PulseError {
     /// The slot length is not finite and positive.
     #[error("slot of {0} s: must be finite and > 0")]
     Slot(f64),
-    /// A list does not have one entry per jet.
-    #[error("{field} has {found} entries where {expected} are needed")]
-    Count {
-        /// The list.
-        field: &'static str,
-        /// Its length.
-        found: usize,
-        /// Number of jets.
-        expected: usize,
-    },
-    /// A number is NaN, infinite or outside its range.
-    #[error("{field}[{index}] = {value}: must be {allowed}")]
-    Value {
-        /// The list.
-        field: &'static str,
-        /// Which jet or axis.
-        index: usize,
-        /// The offending number.
-        value: f64,
-        /// What is allowed, in words.
-        allowed: &'static str,
-    },
+    /// A list does not fit.
+    #[error(transparent)]
+    List(#[from] ListError),
 }
 
 impl PulseModulator {
@@ -101,7 +83,7 @@ impl PulseModulator {
         }
         let jet_torque_b_n_m = effectors.layout().jet_torque_b_n_m.clone();
         let range = |value: f64| (0.0..=slot_s).contains(&value);
-        check("min_on_time_s", &min_on_time_s, effectors.jets(), range, "0..=slot")?;
+        check_list("min_on_time_s", &min_on_time_s, effectors.jets(), range, "0..=slot")?;
         let min_impulse_bit_n_m_s = jet_torque_b_n_m
             .column_iter()
             .zip(&min_on_time_s)
@@ -141,7 +123,7 @@ impl PulseModulator {
     /// fired, and the state is as before.
     pub fn modulate(&mut self, jet_on_fraction: &[f64]) -> Result<Pulses, PulseError> {
         let unit = |value: f64| (0.0..=1.0).contains(&value);
-        check("jet_on_fraction", jet_on_fraction, self.min_on_time_s.len(), unit, "0..=1")?;
+        check_list("jet_on_fraction", jet_on_fraction, self.min_on_time_s.len(), unit, "0..=1")?;
         let wanted: Vec<f64> = jet_on_fraction.iter().map(|u| u * self.slot_s).collect();
         let mut on_time_s = wanted.clone();
         let mut waiting = Vec::new();
@@ -183,8 +165,8 @@ impl PulseModulator {
     /// [`PulseError`] when a list has the wrong length or a number is not finite.
     pub fn record_driven(&mut self, commanded_on_s: &[f64], driven_on_s: &[f64]) -> Result<(), PulseError> {
         let jets = self.min_on_time_s.len();
-        check("commanded_on_s", commanded_on_s, jets, f64::is_finite, "finite")?;
-        check("driven_on_s", driven_on_s, jets, f64::is_finite, "finite")?;
+        check_list("commanded_on_s", commanded_on_s, jets, f64::is_finite, "finite")?;
+        check_list("driven_on_s", driven_on_s, jets, f64::is_finite, "finite")?;
         let missing = self.impulse(commanded_on_s) - self.impulse(driven_on_s);
         self.carry(self.impulse_error_b_n_m_s + missing);
         Ok(())
@@ -204,10 +186,10 @@ impl PulseModulator {
     /// Continues from a stored state.
     ///
     /// # Errors
-    /// [`PulseError::Value`] when a component is not finite; the state is then as before.
+    /// [`ListError::Value`] when a component is not finite; the state is then as before.
     pub fn restore(&mut self, state: PulseState) -> Result<(), PulseError> {
         let error = state.impulse_error_b_n_m_s;
-        check("impulse_error_b_n_m_s", &error, 3, f64::is_finite, "finite")?;
+        check_list("impulse_error_b_n_m_s", &error, 3, f64::is_finite, "finite")?;
         self.carry(error.into());
         Ok(())
     }
@@ -223,21 +205,5 @@ impl PulseModulator {
             .column_iter()
             .zip(on_time_s)
             .fold(Vector3::zeros(), |sum, (torque, &on)| sum + torque * on)
-    }
-}
-
-fn check(
-    field: &'static str,
-    values: &[f64],
-    expected: usize,
-    valid: impl Fn(f64) -> bool,
-    allowed: &'static str,
-) -> Result<(), PulseError> {
-    if values.len() != expected {
-        return Err(PulseError::Count { field, found: values.len(), expected });
-    }
-    match values.iter().enumerate().find(|(_, value)| !valid(**value)) {
-        None => Ok(()),
-        Some((index, &value)) => Err(PulseError::Value { field, index, value, allowed }),
     }
 }

@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use crate::layouts::{canted_pods, direction, eight_jets, no_wheels, uniform};
 use crate::pulses::{ERROR_LIMIT_BITS, PulseError, PulseModulator, PulseState};
 use crate::zonotope::{LeastCost, jet_generators};
-use crate::{Allocator, Demand, Effectors, JetMask, Mode};
+use crate::{Allocator, Demand, Effectors, JetMask, ListError, Mode};
 
 const SLOT_S: f64 = 0.1;
 const MIN_ON_S: f64 = 0.01;
@@ -165,11 +165,11 @@ fn bad_input_is_refused_and_changes_nothing() {
     assert!(matches!(PulseModulator::new(&effectors, vec![0.0; 12], 0.0), Err(PulseError::Slot(_))));
     assert!(matches!(
         PulseModulator::new(&effectors, vec![0.2; 12], SLOT_S),
-        Err(PulseError::Value { field: "min_on_time_s", index: 0, .. })
+        Err(PulseError::List(ListError::Value { field: "min_on_time_s", index: 0, .. }))
     ));
     assert!(matches!(
         PulseModulator::new(&effectors, vec![MIN_ON_S; 11], SLOT_S),
-        Err(PulseError::Count { found: 11, expected: 12, .. })
+        Err(PulseError::List(ListError::Count { found: 11, expected: 12, .. }))
     ));
     let mut modulator = PulseModulator::new(&effectors, vec![MIN_ON_S; 12], SLOT_S).unwrap();
     modulator.modulate(&[0.03; 12]).unwrap();
@@ -178,7 +178,7 @@ fn bad_input_is_refused_and_changes_nothing() {
     fractions[5] = f64::NAN;
     assert!(matches!(
         modulator.modulate(&fractions),
-        Err(PulseError::Value { field: "jet_on_fraction", index: 5, .. })
+        Err(PulseError::List(ListError::Value { field: "jet_on_fraction", index: 5, .. }))
     ));
     assert_eq!(modulator, before);
 }

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3xX, Vector3};
 
 use crate::layouts::{canted_pods, no_wheels, six_jets, three_wheels, wheels_only};
 use crate::{
-    Allocator, Demand, DemandError, EffectorError, EffectorLayout, Effectors, FallbackReason, JetMask, Mode,
-    Status,
+    Allocator, Demand, DemandError, EffectorError, EffectorLayout, Effectors, FallbackReason, JetMask,
+    ListError, Mode, Status,
 };
 
 fn layout() -> EffectorLayout {
@@ -23,18 +23,21 @@ fn layouts_are_refused_by_field_and_index() {
     bad.jet_gas_rate_kg_s[2] = 0.0;
     assert!(matches!(
         Effectors::new(bad),
-        Err(EffectorError::Value { field: "jet_gas_rate_kg_s", index: 2, .. })
+        Err(EffectorError::List(ListError::Value { field: "jet_gas_rate_kg_s", index: 2, .. }))
     ));
 
     let mut bad = layout();
     bad.wheel_axis_b *= 2.0;
-    assert!(matches!(Effectors::new(bad), Err(EffectorError::Value { field: "wheel_axis_b", index: 0, .. })));
+    assert!(matches!(
+        Effectors::new(bad),
+        Err(EffectorError::List(ListError::Value { field: "wheel_axis_b", index: 0, .. }))
+    ));
 
     let mut bad = layout();
     bad.wheel_torque_limit_n_m.pop();
     assert_eq!(
         Effectors::new(bad),
-        Err(EffectorError::Count { field: "wheel_torque_limit_n_m", found: 2, expected: 3 })
+        Err(EffectorError::List(ListError::Count { field: "wheel_torque_limit_n_m", found: 2, expected: 3 }))
     );
 
     let jets = |count: usize| EffectorLayout {
@@ -61,18 +64,21 @@ fn demands_are_refused_by_field_and_index() {
     };
     for bad in [f64::NAN, f64::INFINITY] {
         assert!(matches!(refuse(&|d| d.torque_b_n_m.y = bad), DemandError::Torque(_)));
-        assert!(matches!(refuse(&|d| d.wheel_weight = bad), DemandError::Value { .. }));
+        assert!(matches!(refuse(&|d| d.wheel_weight = bad), DemandError::List(ListError::Value { .. })));
         assert!(matches!(
             refuse(&|d| d.wheel_motor_torque_max_n_m[1] = bad),
-            DemandError::Value { field: "wheel_motor_torque_max_n_m", index: 1, .. }
+            DemandError::List(ListError::Value { field: "wheel_motor_torque_max_n_m", index: 1, .. })
         ));
         assert!(matches!(
             refuse(&|d| d.jet_on_fraction_max[11] = bad),
-            DemandError::Value { field: "jet_on_fraction_max", index: 11, .. }
+            DemandError::List(ListError::Value { field: "jet_on_fraction_max", index: 11, .. })
         ));
     }
-    assert!(matches!(refuse(&|d| d.wheel_weight = -1.0), DemandError::Value { .. }));
-    assert!(matches!(refuse(&|d| d.jet_on_fraction_min[0] = -0.1), DemandError::Value { .. }));
+    assert!(matches!(refuse(&|d| d.wheel_weight = -1.0), DemandError::List(ListError::Value { .. })));
+    assert!(matches!(
+        refuse(&|d| d.jet_on_fraction_min[0] = -0.1),
+        DemandError::List(ListError::Value { .. })
+    ));
     let crossed = refuse(&|d| {
         d.jet_on_fraction_min[3] = 0.6;
         d.jet_on_fraction_max[3] = 0.4;
@@ -84,7 +90,7 @@ fn demands_are_refused_by_field_and_index() {
     ));
     assert!(matches!(
         refuse(&|d| d.jet_on_fraction_min.push(0.0)),
-        DemandError::Count { field: "jet_on_fraction_min", found: 13, expected: 12 }
+        DemandError::List(ListError::Count { field: "jet_on_fraction_min", found: 13, expected: 12 })
     ));
 }
 
