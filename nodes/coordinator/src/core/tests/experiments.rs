@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use whorl_dynamics::platform::TiltLimit;
 use whorl_params::{Reader, formation, standard_layers};
 
 use super::*;
@@ -40,4 +41,24 @@ fn every_experiment_runs_to_its_end_without_a_warning() {
         seen += 1;
     }
     assert!(seen >= 12);
+}
+
+/// The coordinator does not read the platforms' models: their stops stand in its own parameters too.
+#[test]
+fn references_stop_where_the_platforms_bearings_do() {
+    let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../params"));
+    let names = ["whorl_1", "whorl_2"];
+    let experiment = folder.join("experiments/leader_follower.yaml");
+    let tree = ParameterTree::load(&standard_layers(&folder, &names, Some(&experiment)), &[]).unwrap();
+    let (coordinator, _) = whorl_params::try_read(&tree.for_node("/coordinator"), parameters::read).unwrap();
+    for (name, limits) in names.iter().zip(&coordinator.limits) {
+        let node = tree.for_node(&format!("/{name}/local_control"));
+        let model = whorl_params::platform_model(&mut Reader::new(&node), "model").unwrap();
+        let (stop_rad, known_rad) = match (model.tilt_limit, limits.envelope.limit()) {
+            (TiltLimit::Cone { max_rad: stop }, TiltLimit::Cone { max_rad: known })
+            | (TiltLimit::Pitch { max_rad: stop }, TiltLimit::Pitch { max_rad: known }) => (stop, known),
+            (stop, known) => panic!("{name}: {stop:?} and {known:?}"),
+        };
+        assert!(known_rad <= stop_rad && stop_rad - known_rad < 1e-3, "{name}: {known_rad} of {stop_rad}");
+    }
 }
