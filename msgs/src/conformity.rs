@@ -196,6 +196,8 @@ compare! {
     "whorl_msgs/ActuatorCommand" crate::whorl::ActuatorCommand;
     "whorl_msgs/AttitudeEstimate" crate::whorl::AttitudeEstimate;
     "whorl_msgs/AttitudeReference" crate::whorl::AttitudeReference;
+    "whorl_msgs/ClockReply" crate::whorl::ClockReply;
+    "whorl_msgs/ClockRequest" crate::whorl::ClockRequest;
     "whorl_msgs/ControlStatus" crate::whorl::ControlStatus;
     "whorl_msgs/FormationCommand" crate::whorl::FormationCommand;
     "whorl_msgs/FormationState" crate::whorl::FormationState;

@@ -28,8 +28,8 @@ definitions! {
     "standard/sensor_msgs" "sensor_msgs": "Imu" "JointState" "FluidPressure" "Temperature" "BatteryState";
     "standard/diagnostic_msgs" "diagnostic_msgs": "KeyValue" "DiagnosticStatus" "DiagnosticArray";
     "msg" "whorl_msgs":
-        "ActuatorCommand" "AttitudeEstimate" "AttitudeReference" "ControlStatus" "FormationCommand"
-        "FormationState" "ThrusterState";
+        "ActuatorCommand" "AttitudeEstimate" "AttitudeReference" "ClockReply" "ClockRequest" "ControlStatus"
+        "FormationCommand" "FormationState" "ThrusterState";
 }
 
 /// The definition of `package/Type` or `package/msg/Type`.

@@ -142,6 +142,8 @@ messages! {
     ActuatorCommand(whorl::ActuatorCommand) "whorl_msgs/msg/ActuatorCommand";
     AttitudeEstimate(whorl::AttitudeEstimate) "whorl_msgs/msg/AttitudeEstimate";
     AttitudeReference(whorl::AttitudeReference) "whorl_msgs/msg/AttitudeReference";
+    ClockReply(whorl::ClockReply) "whorl_msgs/msg/ClockReply";
+    ClockRequest(whorl::ClockRequest) "whorl_msgs/msg/ClockRequest";
     ControlStatus(whorl::ControlStatus) "whorl_msgs/msg/ControlStatus";
     FormationCommand(whorl::FormationCommand) "whorl_msgs/msg/FormationCommand";
     FormationState(whorl::FormationState) "whorl_msgs/msg/FormationState";
@@ -207,6 +209,10 @@ topics! {
     FormationState "formation/state" shared FormationState STREAM 10.0;
     /// Authority heartbeat, from the coordinator.
     FormationCommand "formation/command" shared FormationCommand STREAM 20.0;
+    /// Asks for the time of every platform's computer and tells what is known of it, from the coordinator.
+    FormationClock "formation/clock" shared ClockRequest STREAM 2.0;
+    /// The time of the platform's computer, from local control.
+    Clock "clock" platform ClockReply STREAM 2.0;
     /// From every node.
     Diagnostics "diagnostics" shared DiagnosticArray RARE 1.0;
     /// Frames `<platform>/base_link` in `world`, from the estimators.

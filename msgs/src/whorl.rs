@@ -146,6 +146,23 @@ impl ControlStatus {
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ClockRequest {
+    pub header: Header,
+    pub sequence: u64,
+    pub platforms: Vec<String>,
+    pub offset_s: Vec<f64>,
+    pub uncertainty_s: Vec<f64>,
+    pub applied_s: Vec<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ClockReply {
+    pub header: Header,
+    pub sequence: u64,
+    pub asked: Time,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FormationCommand {
     pub header: Header,
     pub sequence: u64,

@@ -31,15 +31,15 @@ fn the_formation_rejoins_by_itself_after_a_cut_of_a_minute() {
         skipped(what, "WHORL_FAST_TESTS=1");
         return;
     }
-    let lan = match Lan::new() {
+    let lan = match Lan::new(2) {
         Ok(lan) => lan,
         Err(why) => {
             skipped(what, &format!("network namespaces cannot be made here: {why}"));
             return;
         }
     };
-    let mut formation =
-        Formation::new(&PLATFORMS, &[LONG_HOLD]).in_namespaces(&[&lan.hosts[0], &lan.hosts[1]]);
+    let mut formation = Formation::new(&PLATFORMS, &[LONG_HOLD])
+        .in_namespaces(&lan.hosts[0], &[&lan.hosts[0], &lan.hosts[1]]);
     // One observer on each side: what crosses the link must not be judged by who sits beyond it.
     let network = Network { domain_id: formation.domain(), interfaces: None, static_peers: Vec::new() };
     let watches = [0, 1].map(|host| lan.on_host(host, || Watch::on(network.clone(), &PLATFORMS)));

@@ -5,6 +5,7 @@ mod experiment;
 mod jet_failure;
 mod leader_stale;
 mod link_cut;
+mod links;
 mod node_deaths;
 mod recorder;
 mod replay_backend;

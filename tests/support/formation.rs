@@ -63,8 +63,10 @@ pub struct Formation {
     pub platforms: Vec<&'static str>,
     files: Vec<PathBuf>,
     environment: Vec<(String, String)>,
-    /// Network namespace of each platform's nodes; the others run in the first one.
+    /// Network namespaces: of what belongs to no platform, then of each platform's nodes; or none.
     namespaces: Vec<String>,
+    /// Variables of each platform's nodes alone.
+    own_environment: BTreeMap<String, Vec<(String, String)>>,
     folder: TempDir,
     domain: Domain,
     _share: Share,
@@ -88,6 +90,7 @@ impl Formation {
             files: files.collect(),
             environment: Vec::new(),
             namespaces: Vec::new(),
+            own_environment: BTreeMap::new(),
             folder,
             domain: Domain::take(),
             _share: share,
@@ -112,11 +115,16 @@ impl Formation {
         (formation, watch)
     }
 
-    /// Puts each platform into a network namespace; the coordinator goes with the first.
-    pub fn in_namespaces(mut self, namespaces: &[&str]) -> Self {
-        self.namespaces = namespaces.iter().map(|&n| n.to_owned()).collect();
+    /// Puts the coordinator into a network namespace, and each platform into one.
+    pub fn in_namespaces(mut self, ground: &str, platforms: &[&str]) -> Self {
+        self.namespaces = [&[ground], platforms].concat().iter().map(|&n| n.to_owned()).collect();
         self.environment.push(("ROS_AUTOMATIC_DISCOVERY_RANGE".into(), "SUBNET".into()));
         self
+    }
+
+    /// Gives a platform's nodes variables of their own.
+    pub fn set_environment(&mut self, platform: &str, variables: Vec<(String, String)>) {
+        self.own_environment.insert(platform.to_owned(), variables);
     }
 
     /// The domain's number.
@@ -185,8 +193,8 @@ impl Formation {
 
     /// A program in the formation's domain, and in the namespace of that platform if there are any.
     pub fn command(&self, platform: Option<&str>, program: &Path) -> Command {
-        let index = self.platforms.iter().position(|p| Some(*p) == platform).unwrap_or(0);
-        let mut command = match self.namespaces.get(index) {
+        let index = self.platforms.iter().position(|p| Some(*p) == platform);
+        let mut command = match self.namespaces.get(index.map_or(0, |index| index + 1)) {
             None => Command::new(program),
             Some(namespace) => {
                 let mut command = Command::new("ip");
@@ -201,6 +209,7 @@ impl Formation {
         }
         command.env("ROS_DOMAIN_ID", self.domain().to_string());
         command.envs(self.environment.iter().cloned());
+        command.envs(platform.and_then(|p| self.own_environment.get(p)).into_iter().flatten().cloned());
         command.current_dir(self.folder());
         command
     }

@@ -1,11 +1,13 @@
 //! What the tests stand on: binaries, processes, domains, an observer on the network, simulations.
 
 pub mod binaries;
+pub mod clock;
 pub mod domain;
 pub mod formation;
 pub mod machine;
 pub mod network;
 pub mod process;
+pub mod relay;
 pub mod simulation;
 pub mod typed;
 pub mod watch;

@@ -30,6 +30,8 @@ typed! {
     ActuatorCommand whorl::ActuatorCommand;
     AttitudeEstimate whorl::AttitudeEstimate;
     AttitudeReference whorl::AttitudeReference;
+    ClockReply whorl::ClockReply;
+    ClockRequest whorl::ClockRequest;
     ControlStatus whorl::ControlStatus;
     FormationCommand whorl::FormationCommand;
     FormationState whorl::FormationState;

@@ -60,6 +60,8 @@ pub fn stamp_of(message: &Message) -> Option<Timestamp> {
         Message::AttitudeReference(m) => &m.header,
         Message::ControlStatus(m) => &m.header,
         Message::FormationCommand(m) => &m.header,
+        Message::ClockRequest(m) => &m.header,
+        Message::ClockReply(m) => &m.header,
         Message::FormationState(m) => &m.header,
         Message::DiagnosticArray(m) => &m.header,
         Message::TFMessage(_) => return None,

@@ -388,6 +388,8 @@ pub fn sequence_of(message: &Message) -> Option<u64> {
         Message::AttitudeReference(m) => Some(m.sequence),
         Message::ControlStatus(m) => Some(m.sequence),
         Message::FormationCommand(m) => Some(m.sequence),
+        Message::ClockRequest(m) => Some(m.sequence),
+        Message::ClockReply(m) => Some(m.sequence),
         Message::FormationState(m) => Some(m.sequence),
         Message::Imu(_)
         | Message::Vector3Stamped(_)

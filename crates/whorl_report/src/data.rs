@@ -7,8 +7,8 @@ use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
 use whorl_msgs::topics::{Message, Topic};
 use whorl_msgs::whorl::{
-    ActuatorCommand, AttitudeEstimate, AttitudeReference, ControlStatus, FormationCommand, FormationState,
-    ThrusterState,
+    ActuatorCommand, AttitudeEstimate, AttitudeReference, ClockRequest, ControlStatus, FormationCommand,
+    FormationState, ThrusterState,
 };
 
 /// A message and when it was recorded, seconds since the first message of the run.
@@ -16,7 +16,7 @@ use whorl_msgs::whorl::{
 pub struct Recorded<T> {
     /// Recorder's clock \[s\].
     pub log_time_s: f64,
-    /// The message's own stamp on the same time line \[s\].
+    /// The message's own stamp on the same time line \[s\]; a platform's clock that was found to be off is put right.
     pub stamp_s: f64,
     /// The message.
     pub message: T,
@@ -60,6 +60,8 @@ pub struct RunData {
     pub formation: Vec<Recorded<FormationState>>,
     /// Authority heartbeat.
     pub authority: Vec<Recorded<FormationCommand>>,
+    /// What the formation's coordinator knew of the platforms' clocks.
+    pub clocks: Vec<Recorded<ClockRequest>>,
     /// Diagnostics of all nodes.
     pub diagnostics: Vec<Recorded<DiagnosticArray>>,
     /// Time between the first and the last message \[s\].
@@ -67,6 +69,8 @@ pub struct RunData {
     /// Messages on topics that the report does not use.
     pub other_messages: u64,
     first_log_time_ns: Option<i64>,
+    /// By which each platform's clock is ahead of the coordinator's, as it applied it latest \[s\].
+    clock_ahead_s: BTreeMap<String, f64>,
 }
 
 impl RunData {
@@ -88,13 +92,14 @@ impl RunData {
         if !self.platforms.contains_key(platform) {
             self.platforms.insert(platform.to_owned(), PlatformData::default());
         }
+        let ahead_s = self.clock_ahead_s.get(platform).copied().unwrap_or(0.0);
         let Some(data) = self.platforms.get_mut(platform) else { return };
         macro_rules! keep {
             ($($topic:ident $variant:ident $field:ident;)+) => {
                 match (topic, message) {
                     $((Topic::$topic, Message::$variant(message)) => data.$field.push(Recorded {
                         log_time_s,
-                        stamp_s: stamp_s(message.header.stamp, first).unwrap_or(log_time_s),
+                        stamp_s: stamp_s(message.header.stamp, first).map_or(log_time_s, |s| s - ahead_s),
                         message,
                     }),)+
                     _ => self.other_messages += 1,
@@ -126,6 +131,16 @@ impl RunData {
             (Topic::FormationCommand, Message::FormationCommand(message)) => {
                 let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
                 self.authority.push(Recorded { log_time_s, stamp_s, message });
+            }
+            // Platforms' own coordinators ask as well, by their own clocks.
+            (Topic::FormationClock, Message::ClockRequest(message))
+                if message.header.frame_id == "coordinator" =>
+            {
+                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
+                for (platform, ahead_s) in message.platforms.iter().zip(&message.applied_s) {
+                    self.clock_ahead_s.insert(platform.clone(), *ahead_s);
+                }
+                self.clocks.push(Recorded { log_time_s, stamp_s, message });
             }
             (Topic::Diagnostics, Message::DiagnosticArray(message)) => {
                 let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);

@@ -60,6 +60,18 @@ pub fn happenings(run: &RunData) -> Vec<Happening> {
             .formation
             .iter()
             .filter_map(|s| Some((s.stamp_s, *s.message.link_ok.get(index(&s.message)?)?)));
+        let clock = run.clocks.iter().filter_map(|s| {
+            let index = s.message.platforms.iter().position(|p| p == name)?;
+            Some((s.stamp_s, *s.message.applied_s.get(index)?))
+        });
+        changes(clock, |t, ahead_s| {
+            // The first one says nothing yet.
+            if ahead_s != 0.0 {
+                let what =
+                    format!("clock offset {:+.1} ms found: stamps are translated by it", ahead_s * 1e3);
+                add(t, name, what, false);
+            }
+        });
         changes(links, |t, ok| add(t, name, if ok { "link up" } else { "link lost" }.to_owned(), !ok));
     }
     diagnostics(run, &mut add);

@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
-use whorl_msgs::whorl::{ControlStatus, FormationState};
+use whorl_msgs::whorl::{ClockRequest, ControlStatus, FormationState};
 
 use crate::data::{PlatformData, RunData};
 use crate::series::{AttitudeSeries, maximum, percentile, rms};
@@ -82,6 +82,10 @@ pub struct PlatformSummary {
     pub sensor_to_command_p99_s: f64,
     /// Largest age of the platform's estimate at the coordinator, after start \[s\].
     pub link_age_max_s: f64,
+    /// Clock of its computer less the coordinator's, as measured last \[s\].
+    pub clock_offset_s: f64,
+    /// That is not further off than this \[s\].
+    pub clock_uncertainty_s: f64,
     /// Sensor samples that the estimator refused.
     pub rejected_samples: u32,
     /// Time in a mode other than tracking, after start \[s\].
@@ -319,6 +323,15 @@ pub(crate) fn estimator_errors(attitudes: &Attitudes) -> Vec<(f64, Vector3<f64>)
         .collect()
 }
 
+/// Latest known value of a platform's clock; NaN when nobody measured it.
+fn last_clock(run: &RunData, name: &str, values: fn(&ClockRequest) -> &Vec<f64>) -> f64 {
+    let of_platform = |clocks: &ClockRequest| {
+        let index = clocks.platforms.iter().position(|p| p == name)?;
+        values(clocks).get(index).copied().filter(|value| value.is_finite())
+    };
+    run.clocks.iter().rev().find_map(|c| of_platform(&c.message)).unwrap_or(f64::NAN)
+}
+
 fn summarise_platform(
     run: &RunData,
     name: &str,
@@ -364,6 +377,8 @@ fn summarise_platform(
         sensor_to_command_p50_s: percentile(ages(), 0.5),
         sensor_to_command_p99_s: percentile(ages(), 0.99),
         link_age_max_s: maximum(link_ages),
+        clock_offset_s: last_clock(run, name, |clocks| &clocks.offset_s),
+        clock_uncertainty_s: last_clock(run, name, |clocks| &clocks.uncertainty_s),
         rejected_samples: data.estimate.last().map_or(0, |e| e.message.rejected_samples),
         not_tracking_s,
     }

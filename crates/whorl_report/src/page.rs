@@ -93,7 +93,7 @@ fn summary_tables(summary: &Summary) -> String {
     }
     html.push_str("</tr>\n");
     type Cell = fn(&crate::metrics::PlatformSummary) -> String;
-    let rows: [(&str, Cell); 14] = [
+    let rows: [(&str, Cell); 15] = [
         ("pointing error to the reference in hold, RMS [deg]", |p| angle(p.pointing_error_rms_rad)),
         ("estimator error, RMS [deg]", |p| angle(p.estimator_error_rms_rad)),
         ("of it heading [deg]", |p| angle(p.estimator_heading_error_rms_rad)),
@@ -106,6 +106,15 @@ fn summary_tables(summary: &Summary) -> String {
         ("sensor stamp to command, median [ms]", |p| number(p.sensor_to_command_p50_s * 1e3, 2)),
         ("sensor stamp to command, 99th percentile [ms]", |p| number(p.sensor_to_command_p99_s * 1e3, 2)),
         ("largest link age [ms]", |p| number(p.link_age_max_s * 1e3, 1)),
+        ("clock offset to the coordinator's computer [ms]", |p| {
+            if p.clock_offset_s.is_finite() {
+                let text =
+                    format!("{:+.2} \u{b1} {:.2}", p.clock_offset_s * 1e3, p.clock_uncertainty_s * 1e3);
+                format!("<td class=n>{text}</td>")
+            } else {
+                number(f64::NAN, 2)
+            }
+        }),
         ("rejected sensor samples", |p| number(f64::from(p.rejected_samples), 0)),
         ("time not tracking, after start [s]", |p| number(p.not_tracking_s, 2)),
     ];

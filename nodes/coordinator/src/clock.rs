@@ -1,18 +1,210 @@
-//! The one place where stamps of other nodes become this node's time.
+//! The clocks of the platforms' computers: the one place where stamps of other nodes become this node's
+//! time, and the other way round.
+//!
+//! Two ways of one exchange: a request left at `asked` by this clock and arrived at `told` by the other, whose
+//! reply arrived at `now` by this one. With the offset `o` (the other clock less this one) and the times that
+//! both ways took,
+//!
+//! ```text
+//! told - asked = there + o,        now - told = back - o,        there, back >= 0
+//! ```
+//!
+//! so `o` lies between `-(now - told)` and `told - asked`. Delays only ever add, so the smallest of each over a
+//! window bound it best; between them the middle is taken, which is exact when the quickest way there
+//! takes as long as the quickest way back (Mills, RFC 5905, section 8, with the minima taken way by way).
+
+use std::collections::VecDeque;
+use std::time::Duration;
 
 use whorl_msgs::builtin_interfaces::Time;
 use whorl_node::Timestamp;
 
+/// Exchanges count for this long \[s\]: crystals part by less than 1 ms in it.
+const WINDOW_S: f64 = 30.0;
+/// A reply that took longer says too little \[s\].
+const LONGEST_EXCHANGE_S: f64 = 2.0;
+/// Clocks that agree within this are one clock \[s\]: at 5 deg/s it is worth 0.01 deg.
+const SAME_S: f64 = 2e-3;
+/// What is applied follows what is measured when it is further off than this \[s\].
+const FOLLOW_S: f64 = 1e-3;
+/// With fewer exchanges more are asked for quickly.
+const ENOUGH: usize = 10;
+
+/// What is known of another clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ClockOffset {
+    /// Other clock less this one \[s\].
+    pub offset_s: f64,
+    /// It is not further off than this \[s\].
+    pub uncertainty_s: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Exchange {
+    at: Timestamp,
+    there_s: f64,
+    back_s: f64,
+}
+
 /// Clock of the sender of a platform's messages.
-///
-/// All nodes run on one host now, so it is the same clock. Platforms on their own computers get an
-/// offset here, measured by the nodes.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct SenderClock;
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SenderClock {
+    exchanges: VecDeque<Exchange>,
+    measured: Option<ClockOffset>,
+    applied_s: f64,
+}
 
 impl SenderClock {
+    /// Takes a reply. True when stamps are translated by another amount from now on.
+    pub fn take(&mut self, now: Timestamp, asked: Time, told: Time) -> bool {
+        let (asked, told) = (Timestamp::from(asked), Timestamp::from(told));
+        if !(0.0..=LONGEST_EXCHANGE_S).contains(&now.seconds_since(asked)) {
+            return false;
+        }
+        let new = Exchange { at: now, there_s: told.seconds_since(asked), back_s: now.seconds_since(told) };
+        self.exchanges.retain(|e| (0.0..=WINDOW_S).contains(&now.seconds_since(e.at)));
+        self.exchanges.push_back(new);
+        if self.way_s() < 0.0 {
+            // No way takes less than no time: one of the clocks was set since.
+            self.exchanges.clear();
+            self.exchanges.push_back(new);
+        }
+        let (there_s, back_s) = self.quickest_s();
+        let offset_s = 0.5 * (there_s - back_s);
+        self.measured = Some(ClockOffset { offset_s, uncertainty_s: 0.5 * self.way_s() });
+        let wanted_s = if offset_s.abs() < SAME_S { 0.0 } else { offset_s };
+        let changes = (wanted_s - self.applied_s).abs() > FOLLOW_S;
+        if changes {
+            self.applied_s = wanted_s;
+        }
+        changes
+    }
+
+    fn quickest_s(&self) -> (f64, f64) {
+        self.exchanges.iter().fold((f64::INFINITY, f64::INFINITY), |(there_s, back_s), e| {
+            (there_s.min(e.there_s), back_s.min(e.back_s))
+        })
+    }
+
+    fn way_s(&self) -> f64 {
+        let (there_s, back_s) = self.quickest_s();
+        there_s + back_s
+    }
+
+    /// What is known of it.
+    pub fn measured(&self) -> Option<ClockOffset> {
+        self.measured
+    }
+
+    /// By how much stamps are translated \[s\].
+    pub fn applied_s(&self) -> f64 {
+        self.applied_s
+    }
+
+    /// Whether the offset rests on few exchanges.
+    pub fn hardly_known(&self) -> bool {
+        self.exchanges.len() < ENOUGH
+    }
+
     /// A stamp of the sender, in this node's time.
-    pub fn to_local(self, stamp: Time) -> Timestamp {
-        Timestamp::from(stamp)
+    pub fn to_local(&self, stamp: Time) -> Timestamp {
+        Timestamp(Timestamp::from(stamp).0.saturating_sub(self.applied_ns()))
+    }
+
+    /// An instant of this node's time, as the other clock shows it.
+    pub fn to_remote(&self, at: Timestamp) -> Timestamp {
+        Timestamp(at.0.saturating_add(self.applied_ns()))
+    }
+
+    fn applied_ns(&self) -> i64 {
+        (self.applied_s * 1e9) as i64
+    }
+}
+
+/// Ticks of `period` between two requests: twice a second, and quickly while little is known of a platform that
+/// is there.
+pub(crate) fn ticks_between_requests(period: Duration, hurry: bool) -> u64 {
+    let every_s = if hurry { 0.1 } else { 0.5 };
+    ((every_s / period.as_secs_f64()).round() as u64).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Deterministic delays in 0..1, without a generator: multiples of the golden ratio.
+    fn spread(k: u32) -> f64 {
+        (f64::from(k) * 0.618_033_988_749_895).fract()
+    }
+
+    /// `count` exchanges, two a second, with a clock that is `offset_s` ahead.
+    fn exchanges(
+        clock: &mut SenderClock,
+        from_s: f64,
+        count: u32,
+        offset_s: f64,
+        delay_s: impl Fn(u32) -> f64,
+    ) {
+        for k in 0..count {
+            let asked_s = from_s + 0.5 * f64::from(k);
+            let told_s = asked_s + delay_s(2 * k) + offset_s;
+            let now_s = asked_s + delay_s(2 * k) + delay_s(2 * k + 1);
+            let time = |s: f64| Time::from(Timestamp::from_seconds(s));
+            clock.take(Timestamp::from_seconds(now_s), time(asked_s), time(told_s));
+        }
+    }
+
+    #[test]
+    fn the_offset_is_found_through_delays_that_differ_each_time() {
+        for offset_s in [-3600.0, -0.05, 0.05, 0.3, 10.0] {
+            let mut clock = SenderClock::default();
+            // 20 to 200 ms on each way.
+            exchanges(&mut clock, 1e6, 60, offset_s, |k| 0.02 + 0.18 * spread(k));
+            let measured = clock.measured().unwrap();
+            assert!((measured.offset_s - offset_s).abs() < 4e-3, "{measured:?} for {offset_s}");
+            assert!((0.02..0.03).contains(&measured.uncertainty_s), "{measured:?}");
+            let local = clock.to_local(Timestamp::from_seconds(1e6 + offset_s).into());
+            assert!((local.seconds() - 1e6).abs() < 5e-3, "{local}");
+            assert!(
+                clock.to_remote(local).seconds_since(Timestamp::from_seconds(1e6 + offset_s)).abs() < 1e-6
+            );
+        }
+    }
+
+    #[test]
+    fn it_is_never_further_off_than_it_says_however_unlike_the_ways_are() {
+        for (there_s, back_s) in [(0.0, 0.2), (0.2, 0.0), (0.1, 0.11), (1.0, 0.001)] {
+            let mut clock = SenderClock::default();
+            exchanges(&mut clock, 1e3, 5, 0.05, |k| if k % 2 == 0 { there_s } else { back_s });
+            let measured = clock.measured().unwrap();
+            assert!((measured.offset_s - 0.05).abs() <= measured.uncertainty_s + 1e-6, "{measured:?}");
+        }
+    }
+
+    #[test]
+    fn clocks_of_one_computer_are_one_clock() {
+        let mut clock = SenderClock::default();
+        exchanges(&mut clock, 1e3, 100, 0.0, |k| 1e-4 + 2e-3 * spread(k));
+        assert_eq!(clock.applied_s(), 0.0);
+    }
+
+    #[test]
+    fn a_clock_that_is_set_is_followed_at_once() {
+        for step_s in [1.0, -1.0] {
+            let mut clock = SenderClock::default();
+            exchanges(&mut clock, 1e3, 60, 0.05, |_| 0.01);
+            assert!((clock.applied_s() - 0.05).abs() < 1e-6);
+            exchanges(&mut clock, 1e3 + 30.0, 1, 0.05 + step_s, |_| 0.01);
+            assert!((clock.applied_s() - 0.05 - step_s).abs() < 1e-6, "{}", clock.applied_s());
+        }
+    }
+
+    #[test]
+    fn a_reply_to_nothing_that_was_asked_is_ignored() {
+        let mut clock = SenderClock::default();
+        let time = |s: f64| Time::from(Timestamp::from_seconds(s));
+        assert!(!clock.take(Timestamp::from_seconds(100.0), time(101.0), time(100.0)));
+        assert!(!clock.take(Timestamp::from_seconds(100.0), time(90.0), time(95.0)));
+        assert_eq!(clock.measured(), None);
     }
 }

@@ -77,6 +77,7 @@ struct Sequences {
     reference: u64,
     command: u64,
     state: u64,
+    clock: u64,
 }
 
 impl CoordinatorCore {
@@ -120,6 +121,7 @@ impl CoordinatorCore {
             let array = report::diagnostics(now, &self.parameters, &self.links, &self.stage, &self.problems);
             outputs.publish(Route::shared(Topic::Diagnostics), array);
         }
+        self.ask_for_time(now, outputs);
         self.ticks += 1;
     }
 
@@ -306,7 +308,10 @@ impl CoordinatorCore {
             if !self.parameters.commands(usize::from(platform)) {
                 continue;
             }
-            let message = report::reference(at, self.sequences.reference, valid_until, leg);
+            // By the platform's own clock, as everything in its namespace.
+            let clock = self.links.get(usize::from(platform)).map(PlatformLink::clock);
+            let [at, until] = [at, valid_until].map(|t| clock.map_or(t, |clock| clock.to_remote(t)));
+            let message = report::reference(at, self.sequences.reference, until, leg);
             outputs.publish(Route::platform(PlatformId(platform), Topic::AttitudeReference), message);
         }
         self.sequences.reference += 1;
@@ -360,6 +365,12 @@ impl CoordinatorCore {
             (Topic::AttitudeReference, Message::AttitudeReference(reference)) => {
                 link.take_reference(now, reference, &self.parameters.link);
             }
+            (Topic::Clock, Message::ClockReply(reply)) if reply.header.frame_id == self.parameters.name() => {
+                let changes = link.take_time(now, reply);
+                if changes {
+                    outputs.log(LogLevel::Info, report::clock_in_words(link));
+                }
+            }
             _ => {}
         }
     }
@@ -370,7 +381,7 @@ impl NodeCore for CoordinatorCore {
         let heard = |route: &Route| {
             route.platform.is_none_or(|PlatformId(id)| self.parameters.hears(usize::from(id)))
         };
-        let mut routes = self.routes(&[Topic::AttitudeEstimate, Topic::ControlStatus]);
+        let mut routes = self.routes(&[Topic::AttitudeEstimate, Topic::ControlStatus, Topic::Clock]);
         if self.parameters.role != Role::Formation {
             routes.extend(self.routes(&[Topic::AttitudeReference]).into_iter().filter(|route| {
                 route.platform.is_some_and(|PlatformId(id)| !self.parameters.commands(usize::from(id)))
@@ -386,7 +397,8 @@ impl NodeCore for CoordinatorCore {
         routes.retain(|route| {
             route.platform.is_some_and(|PlatformId(id)| self.parameters.commands(usize::from(id)))
         });
-        routes.extend([Topic::FormationCommand, Topic::Diagnostics].map(Route::shared));
+        routes
+            .extend([Topic::FormationCommand, Topic::FormationClock, Topic::Diagnostics].map(Route::shared));
         if !matches!(self.parameters.role, Role::Platform(_)) {
             routes.push(Route::shared(Topic::FormationState));
         }

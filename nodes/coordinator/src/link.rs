@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::reference::Reference;
 use whorl_math::integrate_rate;
-use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ControlStatus};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ClockReply, ControlStatus};
 use whorl_node::Timestamp;
 
 use crate::clock::SenderClock;
@@ -60,7 +60,7 @@ impl PlatformLink {
     pub fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
-            clock: SenderClock,
+            clock: SenderClock::default(),
             estimate: None,
             status: None,
             reference: None,
@@ -111,6 +111,16 @@ impl PlatformLink {
         let (health, usable) = (message.health, message.usable());
         self.estimate = Some(Estimate { stamp, q_world_body, omega_wb_b_rad_s, health, usable });
         true
+    }
+
+    /// The clock of the platform's computer.
+    pub fn clock(&self) -> &SenderClock {
+        &self.clock
+    }
+
+    /// Takes the time of the platform's computer. True when stamps are translated by another amount from now on.
+    pub fn take_time(&mut self, now: Timestamp, message: &ClockReply) -> bool {
+        self.clock.take(now, message.asked, message.header.stamp)
     }
 
     /// Takes a status; false when it was dropped.

@@ -55,6 +55,13 @@ impl Parameters {
         }
     }
 
+    /// Its name without the leading slash: who asks, in questions and answers between nodes.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let own = if let Role::Platform(own) = self.role { self.platforms.get(own) } else { None };
+        own.map_or_else(|| "coordinator".to_owned(), |platform| format!("{platform}/coordinator"))
+    }
+
     /// Whether this coordinator needs to know what the platform does.
     #[must_use]
     pub fn hears(&self, platform: usize) -> bool {

@@ -3,12 +3,13 @@
 use nalgebra::Vector3;
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
-use whorl_msgs::whorl::{AttitudeReference, FormationCommand, FormationState};
+use whorl_msgs::whorl::{AttitudeReference, ClockRequest, FormationCommand, FormationState};
 use whorl_node::Timestamp;
 
+use crate::clock::ClockOffset;
 use crate::core::Stage;
 use crate::link::PlatformLink;
-use crate::parameters::{Parameters, Role};
+use crate::parameters::Parameters;
 use crate::run::{Leg, Run};
 
 fn header(stamp: Timestamp, frame_id: &str) -> Header {
@@ -43,6 +44,38 @@ pub(crate) fn reference(
         omega_dot_wr_r_rad_s2: reference.omega_dot_wr_r_rad_s2.into(),
         mode: if leg.holding { AttitudeReference::MODE_HOLD } else { AttitudeReference::MODE_TRACK },
     }
+}
+
+/// A question for the time, with what is known of the platforms' clocks.
+pub(crate) fn clock_request(
+    now: Timestamp,
+    sequence: u64,
+    parameters: &Parameters,
+    links: &[PlatformLink],
+) -> ClockRequest {
+    let measured = |pick: fn(&ClockOffset) -> f64| {
+        links.iter().map(|link| link.clock().measured().as_ref().map_or(f64::NAN, pick)).collect()
+    };
+    ClockRequest {
+        header: header(now, &parameters.name()),
+        sequence,
+        platforms: parameters.platforms.clone(),
+        offset_s: measured(|clock| clock.offset_s),
+        uncertainty_s: measured(|clock| clock.uncertainty_s),
+        applied_s: links.iter().map(|link| link.clock().applied_s()).collect(),
+    }
+}
+
+/// What is known of the clock of a platform's computer, for the log.
+pub(crate) fn clock_in_words(link: &PlatformLink) -> String {
+    let applied_ms = link.clock().applied_s() * 1e3;
+    let uncertainty_ms = link.clock().measured().map_or(f64::NAN, |clock| clock.uncertainty_s * 1e3);
+    format!(
+        "the clock of {} is {:.1} ms {} of this one (known within {uncertainty_ms:.1} ms): stamps are translated",
+        link.name(),
+        applied_ms.abs(),
+        if applied_ms < 0.0 { "behind" } else { "ahead" },
+    )
 }
 
 /// `FormationState::PHASE_*`.
@@ -141,17 +174,10 @@ pub(crate) fn diagnostics(
         Stage::Running(_) => (DiagnosticStatus::OK, "running".to_owned()),
         Stage::Finished { .. } => (DiagnosticStatus::OK, "finished".to_owned()),
     };
+    let seconds = |s: Option<f64>| s.map_or_else(String::new, |s| format!("{s:.4}"));
     let experiment = DiagnosticStatus {
         level,
-        name: match parameters.role {
-            Role::Platform(own) => {
-                format!(
-                    "{}/coordinator: experiment",
-                    parameters.platforms.get(own).map_or("?", String::as_str)
-                )
-            }
-            _ => "coordinator: experiment".to_owned(),
-        },
+        name: format!("{}: experiment", parameters.name()),
         message,
         hardware_id: String::new(),
         values: vec![
@@ -169,7 +195,7 @@ pub(crate) fn diagnostics(
         let level = if problem.is_none() { DiagnosticStatus::OK } else { DiagnosticStatus::WARN };
         DiagnosticStatus {
             level,
-            name: format!("coordinator: link to {}", link.name()),
+            name: format!("{}: link to {}", parameters.name(), link.name()),
             message: problem.unwrap_or_else(|| "estimates arrive".to_owned()),
             hardware_id: link.name().to_owned(),
             values: vec![
@@ -179,6 +205,8 @@ pub(crate) fn diagnostics(
                 value("dropped_out_of_order", link.dropped.out_of_order.to_string()),
                 value("dropped_late", link.dropped.late.to_string()),
                 value("dropped_future", link.dropped.future.to_string()),
+                value("clock_offset_s", seconds(link.clock().measured().map(|c| c.offset_s))),
+                value("clock_uncertainty_s", seconds(link.clock().measured().map(|c| c.uncertainty_s))),
             ],
         }
     };

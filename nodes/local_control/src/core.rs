@@ -11,8 +11,9 @@ use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingInput, Tra
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::{Environment, Gyrostat, GyrostatError};
 use whorl_msgs::sensor_msgs::Imu;
+use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
-use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ControlStatus};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ClockReply, ClockRequest, ControlStatus};
 use whorl_node::{Configurable, Event, NodeCore, Outputs, Timestamp};
 
 use crate::actuation::{Actuation, ActuationError};
@@ -81,6 +82,7 @@ pub struct LocalControlCore {
     pub(crate) latest_step: Option<Timestamp>,
     pub(crate) command_sequence: u64,
     pub(crate) status_sequence: u64,
+    pub(crate) clock_sequence: u64,
     pub(crate) next_status: Option<Timestamp>,
     pub(crate) next_diagnostics: Option<Timestamp>,
 }
@@ -121,6 +123,7 @@ impl LocalControlCore {
             latest_step: None,
             command_sequence: 0,
             status_sequence: 0,
+            clock_sequence: 0,
             next_status: None,
             next_diagnostics: None,
             inertia,
@@ -379,6 +382,14 @@ impl LocalControlCore {
         self.finish(now, stamp, report, outputs);
     }
 
+    /// Lets a coordinator find the offset between its clock and this one.
+    fn tell_time(&mut self, now: Timestamp, request: &ClockRequest, outputs: &mut Outputs) {
+        let header = Header { stamp: now.into(), frame_id: request.header.frame_id.clone() };
+        let reply = ClockReply { header, sequence: self.clock_sequence, asked: request.header.stamp };
+        self.clock_sequence += 1;
+        outputs.publish(Route::platform(self.parameters.platform, Topic::Clock), reply);
+    }
+
     fn step_length_s(&self, now: Timestamp) -> f64 {
         self.latest_step.map_or(0.0, |at| now.seconds_since(at).clamp(0.0, LONGEST_STEP_S))
     }
@@ -394,7 +405,7 @@ impl NodeCore for LocalControlCore {
             Topic::AttitudeReference,
         ];
         let own = own.map(|topic| Route::platform(self.parameters.platform, topic));
-        own.into_iter().chain([Route::shared(Topic::FormationCommand)]).collect()
+        own.into_iter().chain([Topic::FormationCommand, Topic::FormationClock].map(Route::shared)).collect()
     }
 
     fn publications(&self) -> Vec<Route> {
@@ -402,6 +413,7 @@ impl NodeCore for LocalControlCore {
             Route::platform(self.parameters.platform, Topic::ActuatorCommand),
             Route::platform(self.parameters.platform, Topic::ControlStatus),
             Route::platform(self.parameters.platform, Topic::BallastMoment),
+            Route::platform(self.parameters.platform, Topic::Clock),
             Route::shared(Topic::Diagnostics),
         ]
     }
@@ -426,6 +438,7 @@ impl NodeCore for LocalControlCore {
                     self.heartbeat.arrived(now, command, max_age_s, self.inputs.refused_mut());
                     self.released = false;
                 }
+                Message::ClockRequest(request) => self.tell_time(now, request, outputs),
                 _ => {}
             },
             Event::Timer => self.on_timer(now, outputs),

@@ -1,11 +1,25 @@
-//! What is asked of the coordinator from outside: start, abort, stop.
+//! What is asked of the coordinator from outside: start, abort, stop. And what it asks: the time.
 
+use whorl_msgs::topics::{Route, Topic};
 use whorl_node::{Outputs, Timestamp};
 
-use super::{CoordinatorCore, Stage};
+use super::{CoordinatorCore, PERIOD, Stage};
+use crate::clock::ticks_between_requests;
 use crate::parameters::Role;
+use crate::report;
 
 impl CoordinatorCore {
+    /// Asks every platform's computer for its time, and tells what is known of it.
+    pub(super) fn ask_for_time(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let settings = &self.parameters.link;
+        let hurry = self.links.iter().any(|link| link.clock().hardly_known() && link.fresh(now, settings));
+        if self.ticks.is_multiple_of(ticks_between_requests(PERIOD, hurry)) {
+            let message = report::clock_request(now, self.sequences.clock, &self.parameters, &self.links);
+            self.sequences.clock += 1;
+            outputs.publish(Route::shared(Topic::FormationClock), message);
+        }
+    }
+
     pub(super) fn request_start(&mut self, now: Timestamp, experiment: &str, outputs: &mut Outputs) {
         let name = self.parameters.experiment.name.clone();
         if !experiment.is_empty() && experiment != name {
