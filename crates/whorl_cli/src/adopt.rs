@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use serde_json::json;
 use sha2::{Digest, Sha256};
-use whorl_diagnosis::{Fit, Options, fit};
+use whorl_diagnosis::{Fit, FittedParameter, Options, fit};
+use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
 use whorl_report::{AdoptedParameter, AdoptionPage, ComparedRun};
 
@@ -142,14 +143,50 @@ fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<Vec<Version>> {
             format!("with {}", effects.join(" and "))
         };
         let ids: Vec<&str> = effects.iter().map(String::as_str).collect();
-        let fitted = progress::during(&format!("fitting {name}"), || {
+        let doing = if effects.is_empty() {
+            "fitting the platform's own parameters".to_owned()
+        } else {
+            format!("fitting {}", effects.join(" and "))
+        };
+        let mut fitted = progress::during(&doing, || {
             fit(&runs.training, &runs.held_out, &known.model, &known.prior, &ids, &Options::default())
         })
         .with_context(|| format!("cannot fit {name}"))?;
+        let after = fitted.model.clone();
+        fitted.estimates.iter_mut().for_each(|p| say_in_full(p, &known.model, &after));
         let runs = compare_all(runs, &fitted.model)?;
         versions.push(Version { name, effects: effects.clone(), fit: Some(fitted), runs });
     }
     Ok(versions)
+}
+
+/// The fit corrects the platform's constants; a person wants to read the constants themselves, or that it is
+/// a correction.
+fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &PlatformModel) {
+    let axis = |letter: Option<char>| letter.and_then(|c| "xyz".find(c));
+    let totals = match parameter.group.as_str() {
+        "gravity_offset" => axis(parameter.name.chars().nth(4)).map(|i| {
+            let of = |model: &PlatformModel| model.mass_properties.gravity_offset_b_n_m()[i];
+            (of(before), of(after))
+        }),
+        "inertia_products" => {
+            let mut letters = parameter.name.chars().skip(1);
+            axis(letters.next()).zip(axis(letters.next())).map(|(i, j)| {
+                let of = |model: &PlatformModel| model.mass_properties.inertia_b_kg_m2()[(i, j)];
+                (of(before), of(after))
+            })
+        }
+        "wheel_inertia" | "wheel_misalignment" | "thruster_strength" | "thruster_misalignment" => {
+            if !before.effects.contains_key(&parameter.group) {
+                parameter.name = format!("{} (correction)", parameter.name);
+            }
+            None
+        }
+        _ => None,
+    };
+    if let Some((before, after)) = totals {
+        (parameter.before, parameter.estimate) = (before, after);
+    }
 }
 
 /// Root of chi-squared per degree of freedom over the runs of one kind: 1 = noise.

@@ -3,11 +3,15 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use whorl_diagnosis::residual::residual_torque;
 use whorl_diagnosis::{Diagnosis, Options, Progress, diagnose};
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{Effect, PlatformModel};
+use whorl_report::UnexplainedTorque;
 
-use crate::progress;
-use crate::runs::{RunArguments, write};
+use crate::runs::{RunArguments, Runs, write};
 use crate::table::{print, significant};
+use crate::{next, progress};
 
 /// Effects listed in the table.
 const LISTED: usize = 12;
@@ -44,8 +48,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             eprintln!("{:3.0} %  {} ...", 100.0 * p.share, p.doing);
         }
     };
-    let diagnosis =
+    let mut diagnosis =
         diagnose(&runs.training, &runs.held_out, &runs.known.model, &runs.known.prior, &options, &mut show)?;
+    if let Some(next) = next::proposal(&runs, &diagnosis, &options) {
+        diagnosis.next = Some(next);
+    }
     let answer = diagnosis.answer();
     for sentence in &answer {
         println!("{sentence}");
@@ -58,10 +65,32 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(path) = &arguments.json {
         write(path, &serde_json::to_string_pretty(&diagnosis)?)?;
     }
+    let torque = progress::during("drawing", || unexplained(&runs, &diagnosis));
     let page = arguments.runs.page(arguments.html.as_deref(), "diagnose.html");
-    write(&page, &whorl_report::diagnosis_html(&diagnosis, &answer, &runs.facts))?;
+    write(&page, &whorl_report::diagnosis_html(&diagnosis, &answer, torque.as_ref(), &runs.facts))?;
     println!("\npage: {}", page.display());
     Ok(())
+}
+
+/// What the model leaves of the first run without and with the effects named; nothing of a clamped one.
+fn unexplained(runs: &Runs, diagnosis: &Diagnosis) -> Option<UnexplainedTorque> {
+    let recording = runs.training.first()?;
+    let given = &runs.known.model;
+    let before = residual_torque(recording, given).ok()?;
+    let mut model = given.clone();
+    for id in &diagnosis.effects {
+        let found = diagnosis.candidates.iter().find(|c| c.effect == *id)?;
+        let values = model.effects.entry(id.clone()).or_default();
+        for p in found.parameters.iter().filter(|p| find(id).is_some_and(|e| has(e, given, &p.name))) {
+            values.insert(p.name.clone(), p.estimate);
+        }
+    }
+    let after = (!diagnosis.effects.is_empty()).then(|| residual_torque(recording, &model).ok()).flatten();
+    Some(UnexplainedTorque { run: recording.name.clone(), before, after })
+}
+
+fn has(effect: &dyn Effect, model: &PlatformModel, name: &str) -> bool {
+    effect.parameters(model).iter().any(|spec| spec.name == name)
 }
 
 fn print_candidates(diagnosis: &Diagnosis) {

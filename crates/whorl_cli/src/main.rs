@@ -21,6 +21,7 @@ mod identify;
 mod import;
 mod model_changes;
 mod monitor;
+mod next;
 mod orbit;
 mod platforms;
 mod progress;
@@ -91,6 +92,8 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// Adds physical effects to a platform's model, refits it, and shows the errors before and after.
     Adopt(adopt::Arguments),
+    /// The manoeuvre that separates what is still confounded, written as an experiment.
+    Next(next::Arguments),
     /// Lists and explains the physical effects that can be simulated, fitted and compensated.
     Effects(effects::Arguments),
     /// Identifies mass properties from runs, with uncertainty, and says what was not excited.
@@ -128,6 +131,7 @@ fn main() -> ExitCode {
         Command::Where(arguments) => where_::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Adopt(arguments) => adopt::run(&arguments),
+        Command::Next(arguments) => next::run(&arguments),
         Command::Effects(arguments) => effects::run(&arguments),
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Excitation(arguments) => excitation::run(&arguments),

@@ -32,6 +32,7 @@ mod noise;
 mod options;
 mod parameters;
 mod problem;
+mod prospect;
 mod regression;
 pub mod residual;
 mod run;
@@ -49,6 +50,7 @@ pub use diagnosis::{
 };
 pub use error::DiagnosisError;
 pub use options::{Options, Progress};
+pub use prospect::{Prospect, Prospects, prospects};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;

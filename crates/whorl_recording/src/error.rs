@@ -109,6 +109,14 @@ pub enum RecordingError {
         /// What the model has.
         expected: String,
     },
+    /// Models of several platforms, and none was chosen.
+    #[error("{}: it holds the models of {present}: choose one with --platform", path.display())]
+    SeveralModels {
+        /// Parameter file or run.
+        path: PathBuf,
+        /// The platforms that there are.
+        present: String,
+    },
     /// No model in parameter files.
     #[error("{}: there is no platform model in it (group `model`); {hint}", path.display())]
     NoModel {

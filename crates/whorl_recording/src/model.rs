@@ -48,7 +48,8 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
         // A section for every platform (`/**`) may hold one; then the file names it.
         (None, []) => source.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         (None, _) => {
-            return Err(no_model(format!("it has those of {}: name one of them", present.join(", "))));
+            let present = present.join(" and ");
+            return Err(RecordingError::SeveralModels { path: source.to_owned(), present });
         }
     };
     let parameters = tree.for_node(&format!("/{platform}/estimator"));

@@ -18,8 +18,8 @@ mod series;
 pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings};
 pub use explanation::{
-    AdoptedParameter, AdoptionPage, ComparedRun, Facts, adoption_html, comparison_html, diagnosis_html,
-    whereabouts_html,
+    AdoptedParameter, AdoptionPage, ComparedRun, Facts, NextPage, PlannedMotion, UnexplainedTorque,
+    adoption_html, comparison_html, diagnosis_html, next_html, whereabouts_html,
 };
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};

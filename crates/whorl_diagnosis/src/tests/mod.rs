@@ -3,4 +3,5 @@
 mod bad_input;
 mod generator;
 mod naming;
+mod prospects;
 mod whitening;

@@ -1,13 +1,16 @@
-//! Pages that explain data: how far off a model is, where it fails, what is missing, what adopting it brings.
+//! Pages that explain data: how far off a model is, where it fails, what is missing, what adopting it brings, what
+//! to do next.
 
 mod adoption;
 mod comparison;
 mod diagnosis;
+mod proposal;
 mod whereabouts;
 
 pub use adoption::{AdoptedParameter, AdoptionPage, adoption_html};
 pub use comparison::{ComparedRun, comparison_html};
-pub use diagnosis::diagnosis_html;
+pub use diagnosis::{UnexplainedTorque, diagnosis_html};
+pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use whereabouts::whereabouts_html;
 
 use crate::document::Document;

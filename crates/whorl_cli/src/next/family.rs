@@ -1,0 +1,301 @@
+//! The manoeuvres that compete: what each does, as steps of an experiment.
+
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::platform::TiltLimit;
+use whorl_math::deg_from_rad;
+
+/// Kept free of the tilt limit for control errors \[deg\].
+const TILT_MARGIN_DEG: f64 = 1.0;
+/// Largest tilt about balance \[deg\].
+const TILT_MOST_DEG: f64 = 2.5;
+/// Fastest yaw rate \[deg/s\].
+const RATE_MOST_DEG_S: f64 = 16.0;
+
+/// Which actuators control uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Actuators {
+    /// Wheels alone: their momentum is measured, thrust is not.
+    Wheels,
+    /// Jets alone.
+    Jets,
+}
+
+/// One step of the experiment; angles in degrees.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// Turns to angles within rate and acceleration limits; what is not given stays.
+    Slew {
+        yaw_deg: Option<f64>,
+        tilt_deg: Option<(f64, f64)>,
+        rate_deg_s: f64,
+        acceleration_deg_s2: f64,
+        duration_s: f64,
+    },
+    /// Swings one angle.
+    Scan { axis: &'static str, amplitude_deg: f64, period_s: f64, duration_s: f64 },
+    /// Waits.
+    Hold { duration_s: f64 },
+}
+
+/// A manoeuvre of the family.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Manoeuvre {
+    /// Short name.
+    pub name: &'static str,
+    /// What is done, to complete "the platform ...".
+    pub words: &'static str,
+    /// With which actuators.
+    pub actuators: Actuators,
+    /// What is done, after settling at balance.
+    pub steps: Vec<Step>,
+}
+
+impl Manoeuvre {
+    /// Largest rate and acceleration that its steps ask for.
+    pub fn demand_deg_s(&self) -> (f64, f64) {
+        self.steps.iter().fold((1.0, 0.6), |(rate, acceleration), step| {
+            let (r, a) = match step {
+                Step::Slew { rate_deg_s, acceleration_deg_s2, .. } => (*rate_deg_s, *acceleration_deg_s2),
+                Step::Scan { amplitude_deg, period_s, .. } => {
+                    let omega = std::f64::consts::TAU / period_s;
+                    (amplitude_deg * omega, amplitude_deg * omega * omega)
+                }
+                Step::Hold { .. } => (0.0, 0.0),
+            };
+            (rate.max(r), acceleration.max(a))
+        })
+    }
+}
+
+/// What a platform can do, as far as manoeuvres need it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Envelope {
+    /// Attitude at which it balances: pitch, roll \[deg\].
+    pub balance_deg: (f64, f64),
+    /// Tilt about balance that is free \[deg\].
+    pub tilt_deg: f64,
+    /// Yaw rate [deg/s] and acceleration [deg/s^2] with the wheels.
+    pub wheels: Option<(f64, f64)>,
+    /// Yaw acceleration [deg/s^2] with the jets.
+    pub jets: Option<f64>,
+    /// Torque about x and y that wheels give [N m].
+    torque_n_m: f64,
+    inertia_kg_m2: f64,
+    stiffness_n_m: f64,
+}
+
+impl Envelope {
+    /// Of a platform; `scale` shrinks every motion.
+    pub fn of(model: &PlatformModel, scale: f64) -> Self {
+        let mgr = model.mass_properties.gravity_offset_b_n_m();
+        let up = if mgr.z < -1e-3 { -mgr / mgr.norm() } else { nalgebra::Vector3::z() };
+        let (limit, tilt_at_balance) = match model.tilt_limit {
+            TiltLimit::Cone { max_rad } => (max_rad, up.z.clamp(-1.0, 1.0).acos()),
+            TiltLimit::Pitch { max_rad } => (max_rad, up.x.clamp(-1.0, 1.0).asin().abs()),
+        };
+        let limit_deg = deg_from_rad(limit);
+        let rests_inside = deg_from_rad(tilt_at_balance) < limit_deg - TILT_MARGIN_DEG;
+        let balance_deg = if rests_inside {
+            (deg_from_rad((-up.x).asin()), deg_from_rad(up.y.atan2(up.z)))
+        } else {
+            (0.0, 0.0)
+        };
+        let used_deg = if rests_inside { deg_from_rad(tilt_at_balance) } else { 0.0 };
+        let inertia = model.mass_properties.inertia_b_kg_m2();
+        let about = |axis: usize| {
+            let sum = |of: &dyn Fn(&whorl_dynamics::platform::Wheel) -> f64| {
+                model.wheels.iter().map(|w| w.spin_axis_b[axis].abs() * of(w)).sum::<f64>()
+            };
+            (sum(&|w| w.max_torque_n_m), sum(&|w| w.spin_inertia_kg_m2 * w.max_speed_rad_s))
+        };
+        let (torque_z, momentum_z) = about(2);
+        let wheels = (torque_z > 0.0).then(|| {
+            let rate = deg_from_rad(0.35 * momentum_z / inertia[(2, 2)]).min(RATE_MOST_DEG_S);
+            (rate * scale, deg_from_rad(0.5 * torque_z / inertia[(2, 2)]) * scale)
+        });
+        // Both ways about the vertical; half of it is left for disturbances.
+        let (mut plus, mut minus) = (0.0, 0.0);
+        for jet in &model.jets {
+            let torque = jet.position_b_m.cross(&jet.force_direction_b).z * jet.thrust_n;
+            if torque > 0.0 { plus += torque } else { minus -= torque }
+        }
+        let torque: f64 = 0.5 * f64::min(plus, minus);
+        let jets = (torque > 0.0).then(|| deg_from_rad(torque / inertia[(2, 2)]) * scale);
+        Self {
+            balance_deg,
+            tilt_deg: (limit_deg - TILT_MARGIN_DEG - used_deg).clamp(0.2, TILT_MOST_DEG) * scale,
+            wheels,
+            jets,
+            torque_n_m: 0.5 * about(0).0.min(about(1).0) * scale,
+            inertia_kg_m2: inertia[(0, 0)].max(inertia[(1, 1)]),
+            stiffness_n_m: mgr.norm(),
+        }
+    }
+
+    /// Amplitude of a swing in tilt that the torque allows \[deg\].
+    fn swing_deg(&self, torque_n_m: f64, period_s: f64) -> f64 {
+        let omega = std::f64::consts::TAU / period_s;
+        let needed = (self.inertia_kg_m2 * omega * omega - self.stiffness_n_m).abs().max(0.2);
+        deg_from_rad(torque_n_m / needed).min(self.tilt_deg)
+    }
+}
+
+/// How long a turn takes \[s\]: a smooth one needs half as long again to gain and lose speed as a sudden one.
+fn turn_s(angle_deg: f64, rate_deg_s: f64, acceleration_deg_s2: f64) -> f64 {
+    let angle = angle_deg.abs();
+    let gain_s = 1.5 * rate_deg_s / acceleration_deg_s2;
+    if angle > rate_deg_s * gain_s {
+        angle / rate_deg_s + gain_s
+    } else {
+        2.0 * (1.5 * angle / acceleration_deg_s2).sqrt()
+    }
+}
+
+/// A plan that is being written, with where the yaw is.
+struct Plan<'a> {
+    envelope: &'a Envelope,
+    acceleration_deg_s2: f64,
+    yaw_deg: f64,
+    steps: Vec<Step>,
+}
+
+impl Plan<'_> {
+    fn yaw(&mut self, to_deg: f64, rate_deg_s: f64) {
+        let duration_s = turn_s(to_deg - self.yaw_deg, rate_deg_s, self.acceleration_deg_s2) + 1.0;
+        self.steps.push(self.turn(Some(to_deg), None, rate_deg_s, duration_s));
+        self.yaw_deg = to_deg;
+    }
+
+    /// A turn that goes on while the next steps run.
+    fn yaw_meanwhile(&mut self, to_deg: f64, rate_deg_s: f64) -> f64 {
+        let whole_s = turn_s(to_deg - self.yaw_deg, rate_deg_s, self.acceleration_deg_s2);
+        self.steps.push(self.turn(Some(to_deg), None, rate_deg_s, 4.0));
+        self.yaw_deg = to_deg;
+        whole_s - 4.0
+    }
+
+    /// Tilts about balance: pitch, roll.
+    fn tilt(&mut self, pitch_deg: f64, roll_deg: f64) {
+        let (pitch, roll) = self.envelope.balance_deg;
+        let step = self.turn(None, Some((pitch + pitch_deg, roll + roll_deg)), 1.0, 6.0);
+        self.steps.push(step);
+    }
+
+    fn turn(&self, yaw: Option<f64>, tilt: Option<(f64, f64)>, rate: f64, duration_s: f64) -> Step {
+        Step::Slew {
+            yaw_deg: yaw,
+            tilt_deg: tilt,
+            rate_deg_s: rate,
+            acceleration_deg_s2: self.acceleration_deg_s2,
+            duration_s,
+        }
+    }
+
+    fn scan(&mut self, axis: &'static str, amplitude_deg: f64, period_s: f64, periods: f64) {
+        self.steps.push(Step::Scan { axis, amplitude_deg, period_s, duration_s: period_s * periods });
+    }
+
+    /// A yaw swing as large as rate and acceleration allow.
+    fn swing_yaw(&mut self, rate_deg_s: f64, period_s: f64, periods: f64) {
+        let omega = std::f64::consts::TAU / period_s;
+        let amplitude = (rate_deg_s / omega).min(self.acceleration_deg_s2 / (omega * omega)).min(60.0);
+        self.scan("yaw", amplitude, period_s, periods);
+    }
+
+    fn swing_tilt(&mut self, axis: &'static str, torque_n_m: f64, period_s: f64, periods: f64) {
+        let amplitude = self.envelope.swing_deg(torque_n_m, period_s);
+        self.scan(axis, amplitude, period_s, periods);
+    }
+
+    fn hold(&mut self, duration_s: f64) {
+        self.steps.push(Step::Hold { duration_s });
+    }
+}
+
+/// All manoeuvres that the platform has the actuators for.
+pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
+    let mut all = Vec::new();
+    if let Some((rate, acceleration)) = envelope.wheels {
+        let torque = envelope.torque_n_m;
+        let mut add = |name, words, write: &dyn Fn(&mut Plan<'_>)| {
+            let mut plan =
+                Plan { envelope, acceleration_deg_s2: acceleration, yaw_deg: 0.0, steps: Vec::new() };
+            write(&mut plan);
+            all.push(Manoeuvre { name, words, actuators: Actuators::Wheels, steps: plan.steps });
+        };
+        add("yaw_rates", "turns in yaw at rates over 10:1, both ways, each time to a full stop", &|p| {
+            p.yaw(12.0 * rate, rate);
+            p.hold(2.0);
+            p.yaw(11.0 * rate, 0.1 * rate);
+            p.yaw(6.0 * rate, 0.4 * rate);
+            p.hold(2.0);
+            p.yaw(7.0 * rate, 0.1 * rate);
+            p.yaw(-4.0 * rate, rate);
+        });
+        add("slow_turn", "turns slowly by half a turn at balance, tilts, and turns back tilted", &|p| {
+            p.yaw(175.0, 0.7 * rate);
+            p.tilt(0.6 * envelope.tilt_deg, -0.6 * envelope.tilt_deg);
+            p.yaw(0.0, 0.7 * rate);
+            p.tilt(0.0, 0.0);
+        });
+        add("swings", "swings about yaw, pitch and roll, slow and fast (a multisine in parts)", &|p| {
+            p.swing_yaw(rate, 24.0, 1.0);
+            p.swing_yaw(rate, 9.0, 2.0);
+            p.swing_tilt("pitch", torque, 7.0, 2.0);
+            p.swing_tilt("roll", torque, 5.0, 3.0);
+            p.swing_tilt("pitch", torque, 3.0, 4.0);
+        });
+        add(
+            "wheel_sweep",
+            "drives one wheel after the other at rest, then again during a steady yaw turn",
+            &|p| {
+                for _ in 0..2 {
+                    p.swing_tilt("pitch", torque, 4.0, 3.0);
+                    p.swing_tilt("roll", torque, 4.0, 3.0);
+                    if p.yaw_deg == 0.0 {
+                        p.swing_yaw(rate, 6.0, 2.0);
+                        p.yaw_meanwhile(175.0, 0.6 * rate);
+                    }
+                }
+                p.hold(6.0);
+            },
+        );
+        add("headings", "holds and swings at two headings far apart", &|p| {
+            for heading in [80.0, -80.0] {
+                p.yaw(heading, rate);
+                p.hold(8.0);
+                p.swing_yaw(0.5 * rate, 10.0, 1.0);
+                p.tilt(0.5 * envelope.tilt_deg, 0.5 * envelope.tilt_deg);
+                p.tilt(0.0, 0.0);
+            }
+        });
+        add("steps", "steps to and fro in yaw and tilt at irregular times (a binary sequence)", &|p| {
+            for (k, hold_s) in [1.0, 4.0, 1.0, 1.0, 6.0, 2.0, 1.0, 3.0].into_iter().enumerate() {
+                let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+                p.yaw(sign * 0.9 * rate, rate);
+                p.hold(hold_s);
+                if k % 3 == 2 {
+                    p.tilt(sign * 0.6 * envelope.tilt_deg, 0.4 * envelope.tilt_deg);
+                    p.tilt(0.0, 0.0);
+                }
+            }
+        });
+    }
+    if let Some(acceleration) = envelope.jets {
+        let mut plan = Plan { envelope, acceleration_deg_s2: acceleration, yaw_deg: 0.0, steps: Vec::new() };
+        plan.swing_yaw(3.0, 16.0, 2.0);
+        for axis in ["pitch", "roll"] {
+            let amplitude = envelope.swing_deg(0.15, 6.0).min(0.6 * envelope.tilt_deg);
+            plan.scan(axis, amplitude, 6.0, 3.0);
+        }
+        plan.yaw(6.0, 1.5);
+        plan.yaw(0.0, 1.5);
+        all.push(Manoeuvre {
+            name: "jets",
+            words: "swings and steps about every axis with the jets alone, in pulses",
+            actuators: Actuators::Jets,
+            steps: plan.steps,
+        });
+    }
+    all
+}
