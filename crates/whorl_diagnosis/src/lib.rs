@@ -31,6 +31,7 @@ mod motion;
 mod noise;
 mod options;
 mod parameters;
+mod physical;
 mod problem;
 mod prospect;
 mod regression;

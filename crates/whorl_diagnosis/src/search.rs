@@ -73,7 +73,7 @@ pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &H
         };
         point = problem.reference.moved(&point, column, units);
     }
-    point
+    problem.reference.towards(from, point)
 }
 
 impl<'a> Search<'a> {
