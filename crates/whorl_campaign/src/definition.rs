@@ -2,6 +2,8 @@
 
 use whorl_params::{Entry, Reader, Value, positive, range};
 
+use crate::row::METRICS;
+
 /// What a campaign sweeps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Definition {
@@ -58,6 +60,14 @@ pub fn read(r: &mut Reader<'_>) -> Definition {
         .iter()
         .map(|axis| r.group(&format!("sweep.{axis}"), |r| read_axis(r, axis)))
         .collect();
+    let plots = r.string_array_or(
+        "plots",
+        &["relative_error_rms_deg", "gas_used_g"],
+        "metrics of the percentile plots: columns of the table",
+    );
+    for metric in plots.iter().filter(|metric| !METRICS.contains(&metric.as_str())) {
+        r.reject("plots", format!("there is no metric `{metric}`; allowed: {}", METRICS.join(", ")));
+    }
     Definition {
         name,
         experiments,
@@ -74,11 +84,7 @@ pub fn read(r: &mut Reader<'_>) -> Definition {
                 "every so many runs one is recorded as a run directory; 0: none",
             )
             .unsigned_abs(),
-        plots: r.string_array_or(
-            "plots",
-            &["relative_error_rms_deg", "gas_used_g"],
-            "metrics of the percentile plots: columns of the table",
-        ),
+        plots,
     }
 }
 

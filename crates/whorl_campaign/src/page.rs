@@ -3,12 +3,12 @@
 use std::fmt::Write;
 
 use crate::plan::Plan;
-use crate::row::METRICS;
+use crate::row::{MEANINGS, METRICS};
 use crate::table::{Group, PERCENTILES};
 
 const WIDTH: f64 = 900.0;
 const ROW_HEIGHT: f64 = 22.0;
-const LABEL_WIDTH: f64 = 330.0;
+const LABEL_WIDTH: f64 = 370.0;
 
 /// The page: a plot for each metric that the campaign names, and the table of medians.
 #[must_use]
@@ -18,21 +18,13 @@ pub fn html(plan: &Plan, groups: &[Group]) -> String {
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Campaign: {name}</title><style>\
          body{{font:15px/1.5 system-ui,sans-serif;max-width:960px;margin:2em auto;color:#1c2733}}\
          table{{border-collapse:collapse;font-size:13px;display:block;overflow-x:auto}}td,th{{padding:2px 9px;text-align:right;\
-         border-bottom:1px solid #e3e8ee;white-space:nowrap}}td:first-child,th:first-child{{text-align:left}}svg text{{font-size:12px}}</style>\
+         border-bottom:1px solid #e3e8ee;white-space:nowrap}}td:first-child,th:first-child,td.why{{text-align:left}}td.why{{white-space:normal;min-width:16em}}svg text{{font-size:12px}}</style>\
          <h1>Campaign: {name}</h1><p>{} runs. Bars: 5th to 95th percentile over seeds; mark: median.</p>",
         groups.iter().map(|g| g.runs).sum::<usize>()
     );
     for metric in &plan.definition.plots {
-        match METRICS.iter().position(|m| m == metric) {
-            Some(index) => plot(&mut page, metric, index, groups),
-            None => {
-                let _ = write!(
-                    page,
-                    "<p>There is no metric {}: the metrics are {}.</p>",
-                    escaped(metric),
-                    METRICS.join(", ")
-                );
-            }
+        if let Some(index) = METRICS.iter().position(|m| m == metric) {
+            plot(&mut page, metric, index, groups);
         }
     }
     medians(&mut page, groups);
@@ -40,9 +32,11 @@ pub fn html(plan: &Plan, groups: &[Group]) -> String {
     page
 }
 
-fn label(group: &Group) -> String {
-    let parts: Vec<&str> =
-        std::iter::once(group.experiment.as_str()).chain(group.labels.iter().map(String::as_str)).collect();
+/// What a group differs in from the others: the experiment only where there are several.
+fn label(group: &Group, groups: &[Group]) -> String {
+    let several = groups.iter().any(|other| other.experiment != group.experiment);
+    let experiment = (several || group.labels.is_empty()).then_some(group.experiment.as_str());
+    let parts: Vec<&str> = experiment.into_iter().chain(group.labels.iter().map(String::as_str)).collect();
     escaped(&parts.join(" · "))
 }
 
@@ -53,8 +47,9 @@ fn plot(page: &mut String, metric: &str, index: usize, groups: &[Group]) {
     let height = ROW_HEIGHT * (groups.len() as f64 + 1.5);
     let _ = write!(
         page,
-        "<h2>{}</h2><svg viewBox=\"0 0 {WIDTH} {height}\" width=\"100%\" role=\"img\">",
-        escaped(metric)
+        "<h2>{}</h2><p>{}</p><svg viewBox=\"0 0 {WIDTH} {height}\" width=\"100%\" role=\"img\">",
+        escaped(metric),
+        escaped(MEANINGS.get(index).copied().unwrap_or_default())
     );
     for (k, group) in groups.iter().enumerate() {
         let y = ROW_HEIGHT * (k as f64 + 0.8);
@@ -62,7 +57,7 @@ fn plot(page: &mut String, metric: &str, index: usize, groups: &[Group]) {
             page,
             "<text x=\"{}\" y=\"{y:.1}\" text-anchor=\"end\">{}</text>",
             LABEL_WIDTH - 8.0,
-            label(group)
+            label(group, groups)
         );
         let [low, median, high] = values(group);
         if !median.is_finite() {
@@ -88,14 +83,22 @@ fn plot(page: &mut String, metric: &str, index: usize, groups: &[Group]) {
 }
 
 fn medians(page: &mut String, groups: &[Group]) {
-    page.push_str("<h2>Medians</h2><table><tr><th>group</th><th>runs</th><th>finished</th>");
+    page.push_str(
+        "<h2>Medians</h2><table><tr><th>group</th><th>runs</th><th>finished</th><th>otherwise</th>",
+    );
     for metric in METRICS {
         let _ = write!(page, "<th>{metric}</th>");
     }
     page.push_str("</tr>");
     for group in groups {
-        let _ =
-            write!(page, "<tr><td>{}</td><td>{}</td><td>{}</td>", label(group), group.runs, group.finished);
+        let _ = write!(
+            page,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td class=why>{}</td>",
+            label(group, groups),
+            group.runs,
+            group.finished,
+            escaped(&group.otherwise)
+        );
         for [_, median, _] in &group.percentiles {
             let _ = write!(page, "<td>{}</td>", short(*median));
         }

@@ -6,9 +6,15 @@ use thiserror::Error;
 use whorl_params::{Override, ParameterErrors, ParameterTree, Reader, formation, standard_layers};
 
 use crate::definition::{Axis, Definition};
+use crate::single::check;
 
 /// More runs than this are taken for a mistake.
 const MOST_RUNS: u64 = 10_000_000;
+
+/// Combinations that are looked at before a campaign begins.
+const MOST_CHECKED: u64 = 300;
+/// Of those that cannot begin so many are told of.
+const MOST_TOLD: usize = 3;
 
 /// All runs, in the order of the table.
 #[derive(Debug, Clone)]
@@ -57,6 +63,9 @@ pub enum PlanError {
         /// What is wrong.
         problem: String,
     },
+    /// Runs whose parameters are refused.
+    #[error("runs that cannot begin:\n{0}")]
+    Refused(String),
     /// Too many runs.
     #[error("{0} runs: at most {MOST_RUNS} in one campaign")]
     TooMany(u128),
@@ -106,6 +115,30 @@ impl Plan {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.runs == 0
+    }
+
+    /// Whether every combination can begin: the first run of each, or of as many as can be looked at in a few
+    /// seconds.
+    ///
+    /// # Errors
+    /// The first combinations that cannot, and why.
+    pub fn check(&self) -> Result<(), PlanError> {
+        let seeds = self.definition.seeds.max(1);
+        let combinations = self.runs / seeds;
+        let every = combinations.div_ceil(MOST_CHECKED).max(1);
+        let firsts = (0..combinations).step_by(usize::try_from(every).unwrap_or(usize::MAX));
+        let specs = firsts.filter_map(|k| self.run(k * seeds));
+        let mut problems: Vec<String> = Vec::new();
+        for spec in specs {
+            let Err(reason) = check(&spec) else { continue };
+            if !problems.iter().any(|known| known.ends_with(&reason)) {
+                problems.push(format!("{} {}: {reason}", spec.experiment, spec.labels.join(", ")));
+            }
+            if problems.len() == MOST_TOLD {
+                break;
+            }
+        }
+        if problems.is_empty() { Ok(()) } else { Err(PlanError::Refused(problems.join("\n"))) }
     }
 
     /// The run with this number: seeds change fastest, experiments slowest.

@@ -26,6 +26,26 @@ pub const METRICS: [&str; 16] = [
     "broadcasts_per_s",
 ];
 
+/// What each of [`METRICS`] is.
+pub const MEANINGS: [&str; METRICS.len()] = [
+    "simulated time [s]",
+    "relative pointing error in hold, RMS, of the worst pair [deg]",
+    "relative pointing error in hold, largest [deg]",
+    "the control's share of the relative error in hold, RMS [deg]",
+    "the estimators' share of the relative error in hold, RMS [deg]",
+    "relative error while the formation moves, largest, by the estimates [deg]",
+    "longest time from the beginning of a movement until relative errors stay below 0.25 deg [s]",
+    "pointing error to the own reference in hold, RMS, of the worst platform [deg]",
+    "gas used by all platforms together [g]",
+    "how evenly gas was used: 1 alike, 0 by one alone",
+    "largest wheel speed [rad/s]",
+    "smallest attainable share of an asked torque",
+    "time not tracking, of all platforms together [s]",
+    "largest age of an estimate at the coordinator [s]",
+    "messages from one computer to another, each receiver counted [1/s]",
+    "broadcasts of platforms that the law triggers, where it counts them [1/s]",
+];
+
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {

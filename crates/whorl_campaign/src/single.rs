@@ -64,6 +64,15 @@ impl Observer for Keeper {
     }
 }
 
+/// Whether a run can begin.
+///
+/// # Errors
+/// Why not: what is wrong with its parameters.
+pub fn check(spec: &RunSpec) -> Result<(), String> {
+    let tree = ParameterTree::load(&spec.layers, &spec.overrides).map_err(|e| e.to_string())?;
+    NodeSet::build(&tree, spec.seed, Timestamp(0)).map(|_| ()).map_err(|e| e.to_string())
+}
+
 /// Simulates a run. What goes wrong with it is in its row: a campaign does not end because a run does.
 /// With `keep`, the run directory is written there.
 #[must_use]

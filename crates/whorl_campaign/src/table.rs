@@ -89,6 +89,8 @@ pub struct Group {
     pub runs: usize,
     /// How many finished.
     pub finished: usize,
+    /// How the others ended and why, of the first of them; empty when all finished.
+    pub otherwise: String,
     /// Per metric: [`PERCENTILES`] over the runs that have it; NaN for none.
     pub percentiles: Vec<[f64; 3]>,
 }
@@ -119,6 +121,11 @@ pub fn groups(rows: &[Row]) -> Vec<Group> {
             labels: labels.to_vec(),
             runs: own.len(),
             finished: own.iter().filter(|r| r.outcome == "finished").count(),
+            otherwise: own
+                .iter()
+                .find(|r| r.outcome != "finished")
+                .map(|r| format!("{}: {}", r.outcome, r.reason))
+                .unwrap_or_default(),
             percentiles,
         }
     };

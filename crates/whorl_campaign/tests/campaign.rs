@@ -83,6 +83,14 @@ fn a_run_that_is_refused_says_why_in_its_row() {
 }
 
 #[test]
+fn a_campaign_whose_runs_cannot_begin_is_refused_before_the_first() {
+    plan(SMALL).unwrap().check().unwrap();
+    let text = SMALL.replace("[0.001, 0.1]", "[0.001, -1.0]");
+    let error = plan(&text).unwrap().check().unwrap_err().to_string();
+    assert!(error.contains("leader_follower_short -1.0") && error.contains("link.delay_s"), "{error}");
+}
+
+#[test]
 fn definitions_that_are_wrong_are_refused_in_words() {
     for (from, to, said) in [
         ("leader_follower_short", "no_such", "no experiment file"),
@@ -90,6 +98,7 @@ fn definitions_that_are_wrong_are_refused_in_words() {
         ("seeds: 2", "seedz: 2", "did you mean"),
         ("\"/simulation:link.delay_s\"", "\"/simulation:link delay\"", "sweep.delay_s"),
         ("values: [0.001, 0.1]", "values: []", "nothing to sweep"),
+        ("keep_every: 3", "plots: [gas]", "there is no metric `gas`"),
     ] {
         let error = plan(&SMALL.replace(from, to)).unwrap_err();
         assert!(error.contains(said), "{to}: {error}");

@@ -64,6 +64,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         definition.seeds = seeds;
     }
     let plan = Plan::new(definition, &parameters)?;
+    plan.check()?;
     if arguments.dry_run {
         return dry_run(&plan);
     }
