@@ -2,8 +2,8 @@
 
 use super::FreeMotionFilter;
 use super::covariance::{ATTITUDE, FIELD, IRON, Row, update};
-use super::filter::Start;
-use nalgebra::Vector3;
+use super::filter::{Start, rotation_about_z};
+use nalgebra::{Vector2, Vector3};
 
 /// The mean east component over this time in motion \[s\] ...
 const LOST_HEADING_S: f64 = 5.0;
@@ -48,10 +48,75 @@ impl FreeMotionFilter {
             }
             h[FIELD + axis] = 1.0;
             h.fixed_rows_mut::<3>(IRON).copy_from(&rotation.row(axis).transpose());
-            let (correction, s) = update(&mut self.covariance, &h, innovation, variance, Some(&mask));
-            self.log_likelihood -= 0.5 * (innovation * innovation / s + s.ln());
+            let (correction, _) = update(&mut self.covariance, &h, innovation, variance, Some(&mask));
+            self.turned_rad += correction[ATTITUDE + 2];
             self.apply(&correction);
         }
+        self.notice_another_place();
+    }
+
+    /// Where the north and up components are others, the east component is another one as well: its variance grows by
+    /// what they have changed.
+    fn notice_another_place(&mut self) {
+        let p = &self.parameters;
+        let here = Vector2::new(self.field.y, self.field.z);
+        let (place, since_s) = self.place.get_or_insert((here, 0.0));
+        *since_s += p.magnetometer_interval_s;
+        let wanted = p.disagreement_gain * 0.5 * (here - *place).norm_squared();
+        if wanted > self.place_variance {
+            self.covariance[(FIELD, FIELD)] += wanted - self.place_variance;
+            self.place_variance = wanted;
+        }
+        if *since_s > p.field_time_s {
+            self.place = None;
+            self.place_variance = 0.0;
+        }
+    }
+
+    /// Variance of the field's east component in motion, relative to its length squared.
+    pub(super) fn east_variance(&self) -> f64 {
+        let p = &self.parameters;
+        let moved = self
+            .begin
+            .map_or(0.0, |begin| 0.5 * (Vector2::new(self.field.y, self.field.z) - begin).norm_squared());
+        (p.field_east_sigma * self.field.y).powi(2) + p.disagreement_gain * self.inhomogeneity.max(moved)
+    }
+
+    /// A heading and a field that were found otherwise: `azimuth_rad` is that of north in axes that only the gyro's error
+    /// turns, `sigma_rad` its standard deviation. The field is given at the start, and here.
+    pub(super) fn restart_field(
+        &mut self,
+        azimuth_rad: f64,
+        sigma_rad: f64,
+        at_start: &Vector3<f64>,
+        here: &Vector3<f64>,
+    ) {
+        self.turn_heading(whorl_math::wrap_angle_rad(azimuth_rad - self.turned_rad));
+        self.forget_heading();
+        let length = at_start.norm().max(1e-12);
+        self.field_length = Some(length);
+        let begin = Vector2::new(at_start.xy().norm(), at_start.z) / length;
+        self.begin = Some(begin);
+        self.place = None;
+        self.place_variance = 0.0;
+        self.field = Vector3::new(0.0, here.xy().norm(), here.z) / length;
+        self.inhomogeneity = self.parameters.inhomogeneity_start.powi(2);
+        let east = self.east_variance();
+        for (state, variance) in
+            [(ATTITUDE + 2, sigma_rad.powi(2) + 1e-4), (FIELD, east), (FIELD + 1, 2e-3), (FIELD + 2, 2e-3)]
+        {
+            self.covariance.fill_row(state, 0.0);
+            self.covariance.fill_column(state, 0.0);
+            self.covariance[(state, state)] = variance;
+        }
+    }
+
+    /// Turns the heading without a doubt.
+    pub(super) fn turn_heading(&mut self, angle_rad: f64) {
+        self.q = rotation_about_z(angle_rad) * self.q;
+        self.velocity = rotation_about_z(angle_rad) * self.velocity;
+        self.position = rotation_about_z(angle_rad) * self.position;
+        self.turned_rad += angle_rad;
     }
 
     /// Whether the field has pointed elsewhere for longer and by more than its inhomogeneity explains: then the heading
@@ -61,8 +126,7 @@ impl FreeMotionFilter {
         if !self.rest.resting(p) {
             self.east_mean += (east - self.east_mean) * (p.magnetometer_interval_s / LOST_HEADING_S);
         }
-        let explained =
-            (p.field_east_sigma * self.field.y).powi(2) + p.disagreement_gain * self.inhomogeneity;
+        let explained = self.east_variance();
         self.east_mean.powi(2) > LOST_HEADING_SIGMAS.powi(2) * explained
     }
 

@@ -6,7 +6,7 @@ use super::covariance::{
     propagate, update,
 };
 use super::rest::RestDetector;
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector2, Vector3};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
 
 /// The covariance is carried in steps of at least this \[s\].
@@ -74,8 +74,8 @@ pub struct FreeMotionFilter {
     pub(super) start: Option<Start>,
     previous: Option<(i64, Vector3<f64>, Vector3<f64>)>,
     pub(super) q: UnitQuaternion<f64>,
-    velocity: Vector3<f64>,
-    position: Vector3<f64>,
+    pub(super) velocity: Vector3<f64>,
+    pub(super) position: Vector3<f64>,
     gyro_bias: Vector3<f64>,
     gyro_matrix: Matrix3<f64>,
     force_bias: Vector3<f64>,
@@ -92,8 +92,14 @@ pub struct FreeMotionFilter {
     pub(super) inhomogeneity: f64,
     /// Mean east component of the field at the estimated heading, in motion.
     pub(super) east_mean: f64,
-    /// Logarithm of the likelihood of the field's samples so far.
-    pub(super) log_likelihood: f64,
+    /// Angle about the vertical by which the field has turned the heading \[rad\].
+    pub(super) turned_rad: f64,
+    /// North and up component of the field at the start.
+    pub(super) begin: Option<Vector2<f64>>,
+    /// North and up component of the field where its changes are counted from, and for how long \[s\].
+    pub(super) place: Option<(Vector2<f64>, f64)>,
+    /// Variance that the east component was given for them.
+    pub(super) place_variance: f64,
 }
 
 impl FreeMotionFilter {
@@ -120,7 +126,10 @@ impl FreeMotionFilter {
             since_field_s: f64::INFINITY,
             inhomogeneity: parameters.inhomogeneity_start.powi(2),
             east_mean: 0.0,
-            log_likelihood: 0.0,
+            turned_rad: 0.0,
+            begin: None,
+            place: None,
+            place_variance: 0.0,
         }
     }
 
@@ -172,21 +181,25 @@ impl FreeMotionFilter {
     }
 
     /// One sample of the magnetometer, sensor axes, any unit; taken to be of the time of the latest inertial sample.
-    pub fn on_magnetometer(&mut self, field: &Vector3<f64>) {
+    /// Gives the rotation of sensor axes into axes that only the gyro's error turns about the vertical, if the sample
+    /// was used.
+    pub fn on_magnetometer(&mut self, field: &Vector3<f64>) -> Option<Matrix3<f64>> {
         if !field.sum().is_finite() || field.norm() <= 0.0 {
-            return;
+            return None;
         }
         if let Some(start) = &mut self.start {
             start.field += start.q * field;
             start.fields += 1;
-            return;
+            return None;
         }
         if self.since_field_s < self.parameters.magnetometer_interval_s {
-            return;
+            return None;
         }
         self.since_field_s = 0.0;
         self.carry_covariance();
+        let rotation = rotation_about_z(-self.turned_rad) * self.q;
         self.use_field(field);
+        self.start.is_none().then(|| *rotation.to_rotation_matrix().matrix())
     }
 
     /// The estimate; `None` before the first attitude.
@@ -219,13 +232,6 @@ impl FreeMotionFilter {
         (covariance + covariance.transpose()) * 0.5
     }
 
-    /// Logarithm of the likelihood of the magnetometer's samples, without a constant: which of several
-    /// filters on the same samples has the better model of the field.
-    #[must_use]
-    pub fn log_likelihood(&self) -> f64 {
-        self.log_likelihood
-    }
-
     fn finish_start(&mut self) {
         let p = &self.parameters;
         let Some(start) = self.start.as_ref().filter(|s| s.elapsed_s >= p.start_window_s) else { return };
@@ -255,16 +261,18 @@ impl FreeMotionFilter {
             let length = *self.field_length.get_or_insert(field.norm());
             let world = begin * field / length;
             self.field = Vector3::new(0.0, world.x.hypot(world.y), world.z);
+            self.begin = Some(Vector2::new(self.field.y, self.field.z));
             let north = self.field.y;
             // What iron takes from or gives to the field is in these components too.
-            variance[FIELD] =
-                (p.field_east_sigma * north).powi(2) + p.disagreement_gain * p.inhomogeneity_start.powi(2);
+            variance[FIELD] = (p.start_east_sigma * north).powi(2);
             variance[FIELD + 1] = (p.iron_sigma + p.field_east_sigma * north).powi(2);
             variance[FIELD + 2] = variance[FIELD + 1];
         }
         self.covariance = Covariance::from_diagonal(&variance);
         (self.velocity, self.position) = (Vector3::zeros(), Vector3::zeros());
         self.sums = Sums::ZERO;
+        self.turned_rad = 0.0;
+        self.place = None;
         self.start = None;
     }
 
@@ -316,7 +324,7 @@ impl FreeMotionFilter {
             set(POSITION, p.position_walk_m_sqrt_s.powi(2) * dt_s);
             set(FIELD, p.field_walk_sqrt_s.powi(2) * dt_s);
             east_left = (-dt_s / p.field_time_s).exp();
-            let east = (p.field_east_sigma * self.field.y).powi(2) + p.disagreement_gain * self.inhomogeneity;
+            let east = self.east_variance();
             noise[FIELD] = east * (1.0 - east_left * east_left);
         }
         self.field.x *= east_left;
@@ -374,4 +382,8 @@ impl FreeMotionFilter {
         let matrix = correction.fixed_rows::<9>(GYRO_MATRIX);
         self.gyro_matrix += Matrix3::from_row_iterator(matrix.iter().copied());
     }
+}
+
+pub(super) fn rotation_about_z(angle_rad: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle_rad)
 }

@@ -8,15 +8,17 @@
 //!   what would carry the sensor away is an error of the inclination (Gauss-Markov motion, instead of a low-pass on
 //!   the vertical);
 //! - sometimes it rests: then gyro bias, velocity and the field's change are observed directly;
-//! - the magnetic field of a room is not uniform: the field's east component wanders as the sensor
-//!   moves, and with it the heading that the magnetometer shows. Iron and magnets on the sensor itself turn with it, and are
-//!   estimated. What disagrees in the components that do not depend on the heading counts little.
+//! - the magnetic field of a room is not uniform: the field's east component wanders as the sensor moves, and with it the
+//!   heading that the magnetometer shows. North is where the field points at the start. How much the components that do
+//!   not depend on the heading differ from those at the start says how far the east component may be trusted elsewhere.
+//! - iron and magnets on the sensor itself turn with it: their field is estimated and taken off the samples.
 //!
 //! The attitude error is a rotation vector in world axes (x east, y magnetic north, z up), as in [`crate::Filter`].
 
 mod covariance;
 mod field;
 mod filter;
+mod iron;
 mod magnetised;
 mod parameters;
 mod rest;

@@ -33,6 +33,8 @@ pub struct FreeMotionParameters {
     pub motion_time_s: f64,
     /// East component of the field's inhomogeneity, relative to its horizontal length \[1\].
     pub field_east_sigma: f64,
+    /// The same at the start, which says what north is \[1\].
+    pub start_east_sigma: f64,
     /// After this time in motion the inhomogeneity is another one \[s\].
     pub field_time_s: f64,
     /// How fast the field's north and up components wander in motion, relative to its length [1/sqrt(s)].
@@ -85,7 +87,8 @@ impl Default for FreeMotionParameters {
             position_walk_m_sqrt_s: 0.2,
             motion_time_s: 0.5,
             field_east_sigma: 0.05,
-            field_time_s: 20.0,
+            start_east_sigma: 0.05,
+            field_time_s: 100.0,
             field_walk_sqrt_s: 0.005,
             magnetometer_sigma: 0.03,
             magnetometer_interval_s: 0.05,
