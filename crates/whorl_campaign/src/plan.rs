@@ -53,7 +53,7 @@ pub enum PlanError {
     #[error("no experiment file {0}")]
     NoExperiment(PathBuf),
     /// Parameters or overrides that are wrong.
-    #[error("{0}")]
+    #[error(transparent)]
     Parameters(#[from] ParameterErrors),
     /// An override that is none.
     #[error("sweep.{axis}: {problem}")]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 use whorl_coordinator::parameters::{self, CoObservation, StepKind};
-use whorl_params::{ParameterTree, Reader, formation, standard_layers, try_read};
+use whorl_params::{Override, ParameterTree, Reader, formation, standard_layers, try_read};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -16,6 +16,9 @@ pub struct Arguments {
     /// Parameter folder [default: the experiment file's ../, which is params/].
     #[arg(long, value_name = "DIR")]
     params: Option<PathBuf>,
+    /// A parameter above the files: -p /coordinator:steps.observe.time_ratio:=2.0; may be repeated.
+    #[arg(short = 'p', value_name = "NODE:KEY:=VALUE")]
+    overrides: Vec<String>,
     /// Time between two lines of the table, in the laboratory [s].
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
     every: f64,
@@ -35,7 +38,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let tree = ParameterTree::load(&standard_layers(&folder, &[], Some(experiment)), &[])?;
     let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
     let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
-    let tree = ParameterTree::load(&standard_layers(&folder, &names, Some(experiment)), &[])?;
+    let overrides =
+        arguments.overrides.iter().map(|text| Override::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    let tree = ParameterTree::load(&standard_layers(&folder, &names, Some(experiment)), &overrides)?;
     let (parameters, _) = try_read(&tree.for_node("/coordinator"), parameters::read)?;
     let mut out = std::io::stdout().lock();
     let mut found = false;

@@ -9,7 +9,7 @@ use clap::Args;
 use whorl_bag::{BackgroundRunWriter, BagError, BagOptions, RunDescription, RunWriter};
 use whorl_msgs::topics::{Message, Route};
 use whorl_node::{LogLevel, LogLine, Timestamp};
-use whorl_params::{ParameterTree, Reader, formation, standard_layers};
+use whorl_params::{Override, ParameterTree, Reader, formation, standard_layers};
 use whorl_sim::{NodeSet, Observer, run as run_simulation};
 
 use crate::report;
@@ -28,6 +28,9 @@ pub struct Arguments {
     /// Parameter folder [default: the experiment file's ../, which is params/].
     #[arg(long, value_name = "DIR")]
     params: Option<PathBuf>,
+    /// A parameter above the files, as the nodes take it: -p /coordinator:law.kind:=decentralised; may be repeated.
+    #[arg(short = 'p', value_name = "NODE:KEY:=VALUE")]
+    overrides: Vec<String>,
     /// Longest simulated time [s]; an experiment normally ends by itself.
     #[arg(long, value_name = "SECONDS", default_value_t = 3600.0)]
     longest: f64,
@@ -77,7 +80,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--longest is {}; allowed: a positive number of seconds", arguments.longest);
     }
     let layers = layers(arguments)?;
-    let tree = ParameterTree::load(&layers, &[])?;
+    let overrides =
+        arguments.overrides.iter().map(|text| Override::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    let tree = ParameterTree::load(&layers, &overrides)?;
     let mut set = NodeSet::build(&tree, arguments.seed, Timestamp(0))?;
     let experiment =
         arguments.experiment.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
@@ -129,6 +134,7 @@ pub fn record_quietly(experiment: &Path, params: Option<&Path>, out: &Path, seed
         out: Some(out.to_owned()),
         seed,
         params: params.map(Path::to_owned),
+        overrides: Vec::new(),
         longest: 3600.0,
         no_record: false,
         no_report: true,

@@ -22,7 +22,7 @@ use crate::link::{Cut, LinkParameters};
 #[derive(Debug, Error)]
 pub enum NodeSetError {
     /// Parameters are wrong.
-    #[error("{0}")]
+    #[error(transparent)]
     Parameters(#[from] ParameterErrors),
     /// A driver cannot start.
     #[error("{node}: {source}")]

@@ -5,6 +5,7 @@ mod co_observation;
 mod experiment;
 mod law;
 mod limits;
+mod refusals;
 mod step;
 
 pub use co_observation::CoObservation;

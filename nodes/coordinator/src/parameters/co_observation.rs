@@ -6,10 +6,12 @@ use whorl_control::reference::Reference;
 use whorl_dynamics::platform::TiltLimit;
 use whorl_orbits::co_observation::{Mounting, Target};
 use whorl_orbits::formation::Formation;
-use whorl_orbits::laboratory::{Mapping, Reach, Trajectory, trajectories};
-use whorl_orbits::pass::{Pass, RelativeModel, Spacecraft, WantedDeltaV};
+use whorl_orbits::laboratory::{LaboratoryError, Mapping, Reach, Trajectory, trajectories};
+use whorl_orbits::pass::{Pass, PassError, RelativeModel, Spacecraft, WantedDeltaV};
 use whorl_orbits::{EARTH_RADIUS_M, Elements};
 use whorl_params::{Reader, positive, range};
+
+use super::refusals;
 
 /// The pass and the motions that it becomes.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,7 +113,14 @@ pub(super) fn read(
     match trajectories(&pass, &mapping, &reaches) {
         Ok(trajectories) => Some(CoObservation { pass, mapping, settle_s, trajectories }),
         Err(error) => {
-            r.reject("kind", format!("the pass cannot be shown: {error}"));
+            let key = match &error {
+                LaboratoryError::Pass(PassError::Orbit(_)) => "orbit.perigee_altitude_km",
+                LaboratoryError::Pass(PassError::Target(_)) if r.has("target") => "target",
+                LaboratoryError::Pass(PassError::NotCircular { .. }) => "model",
+                _ => "kind",
+            };
+            let error = refusals::with_names(&error.to_string(), platforms);
+            r.reject(key, format!("the pass cannot be shown: {error}"));
             None
         }
     }

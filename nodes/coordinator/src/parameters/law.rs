@@ -10,6 +10,7 @@ use whorl_control::formation::{
 };
 use whorl_params::{Reader, positive, range};
 
+use super::refusals;
 use members::Member;
 
 /// Share of the tightest platform's limits that a virtual structure uses by default: its members
@@ -151,7 +152,8 @@ pub(super) fn read(
             r.group(&format!("members.{platform}"), |r| members::read(r, index, platforms, &kinds))
         })
         .collect();
-    let laws = kinds.iter().filter_map(|kind| read_law(r, kind, &members, limits)).collect::<Vec<_>>();
+    let laws =
+        kinds.iter().filter_map(|kind| read_law(r, kind, &members, limits, platforms)).collect::<Vec<_>>();
     (laws.len() == kinds.len())
         .then(|| LawSettings { laws, offsets: members.iter().map(|m| m.offset).collect() })
 }
@@ -161,24 +163,36 @@ fn read_law(
     kind: &str,
     members: &[Member],
     limits: &[ReferenceLimits],
+    platforms: &[String],
 ) -> Option<LawKind> {
     match kind {
         "leader_follower" => {
             let graph = LeaderGraph::new(members.iter().map(|m| m.leader).collect());
-            graph.map_err(|e| r.reject("members", e.to_string())).ok().map(LawKind::LeaderFollower)
+            graph
+                .map_err(|e| r.reject("members", refusals::with_names(&e.to_string(), platforms)))
+                .ok()
+                .map(LawKind::LeaderFollower)
         }
-        "virtual_structure" => r.group(kind, |r| read_structure(r, limits)).map(LawKind::VirtualStructure),
-        "behavioural" => {
-            r.group(kind, |r| distributed::behavioural(r, members, limits)).map(LawKind::Behavioural)
+        "virtual_structure" => {
+            r.group(kind, |r| read_structure(r, limits, platforms)).map(LawKind::VirtualStructure)
         }
+        "behavioural" => r
+            .group(kind, |r| distributed::behavioural(r, members, limits, platforms))
+            .map(LawKind::Behavioural),
         "decentralised" => {
-            r.group(kind, |r| distributed::decentralised(r, members)).map(LawKind::Decentralised)
+            r.group(kind, |r| distributed::decentralised(r, members, platforms)).map(LawKind::Decentralised)
         }
-        _ => r.group(kind, |r| distributed::perceptive_frame(r, limits)).map(LawKind::PerceptiveFrame),
+        _ => r
+            .group(kind, |r| distributed::perceptive_frame(r, limits, platforms))
+            .map(LawKind::PerceptiveFrame),
     }
 }
 
-fn read_structure(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -> Option<VirtualStructure> {
+fn read_structure(
+    r: &mut Reader<'_>,
+    limits: &[ReferenceLimits],
+    platforms: &[String],
+) -> Option<VirtualStructure> {
     let (rate_max_rad_s, acceleration_max_rad_s2) = read_motion_limits(r, limits);
     let gains = VirtualStructureGains {
         bandwidth_rad_s: r.f64_or(
@@ -200,7 +214,7 @@ fn read_structure(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -> Option<Virt
         rate_max_rad_s,
         acceleration_max_rad_s2,
     };
-    VirtualStructure::new(gains).map_err(|e| r.reject("bandwidth_rad_s", e.to_string())).ok()
+    VirtualStructure::new(gains).map_err(|e| refusals::law(r, &e, "bandwidth_rad_s", platforms)).ok()
 }
 
 /// Largest rate \[rad/s\] and acceleration \[rad/s^2\] of a law's own motion.

@@ -24,7 +24,7 @@ fn graphs_over_which_nothing_can_be_agreed_are_refused_in_a_sentence() {
         ),
         (
             "      kind: decentralised\n      members: {whorl_2: {neighbours: [], goal_weight: 0.0}}\n",
-            "platforms [1]",
+            "whorl_2",
         ),
         (
             "      members: {whorl_1: {leader: whorl_2}, whorl_2: {leader: whorl_1}}\n",

@@ -6,6 +6,7 @@ use whorl_control::formation::{
 };
 use whorl_params::{Reader, non_negative, positive, range};
 
+use super::super::refusals;
 use super::members::Member;
 use super::read_motion_limits;
 
@@ -29,6 +30,7 @@ pub(super) fn behavioural(
     r: &mut Reader<'_>,
     members: &[Member],
     limits: &[ReferenceLimits],
+    platforms: &[String],
 ) -> Option<Behavioural> {
     let (rate_max_rad_s, acceleration_max_rad_s2) = read_motion_limits(r, limits);
     let settings = BehaviouralSettings {
@@ -51,13 +53,17 @@ pub(super) fn behavioural(
         neighbours: members.iter().map(|m| m.ring.clone()).collect(),
         keep_out: members.iter().map(|m| m.keep_out).collect(),
     };
-    Behavioural::new(settings).map_err(|e| r.reject("goal_bandwidth_rad_s", e.to_string())).ok()
+    Behavioural::new(settings).map_err(|e| refusals::law(r, &e, "goal_bandwidth_rad_s", platforms)).ok()
 }
 
-pub(super) fn decentralised(r: &mut Reader<'_>, members: &[Member]) -> Option<Decentralised> {
+pub(super) fn decentralised(
+    r: &mut Reader<'_>,
+    members: &[Member],
+    platforms: &[String],
+) -> Option<Decentralised> {
     let listening: Vec<_> = members.iter().map(|m| m.listening.clone()).collect();
-    let graph = NeighbourGraph::new(&listening).map_err(|e| r.reject("error_share", e.to_string())).ok()?;
-    let bound = Decentralised::error_share_bound(&graph);
+    let graph = NeighbourGraph::new(&listening);
+    let bound = graph.as_ref().map_or(0.0, Decentralised::error_share_bound);
     let error_share = r.f64_or(
         "error_share",
         (ERROR_SHARE_OF_BOUND * bound).min(1.0),
@@ -82,11 +88,18 @@ pub(super) fn decentralised(r: &mut Reader<'_>, members: &[Member]) -> Option<De
         let heartbeat_s = r.f64_or("heartbeat_s", 1.0, positive(), "and after this long in any case [s]");
         (rate_max_hz > 0.0).then_some(TrafficCap { rate_max_hz, trigger_rad, heartbeat_s })
     });
+    // After all keys are read: a graph that is none is one error, not one for each of them.
+    let graph =
+        graph.map_err(|e| r.reject("error_share", refusals::with_names(&e.to_string(), platforms))).ok()?;
     let settings = DecentralisedSettings { graph, error_share, traffic };
-    Decentralised::new(settings).map_err(|e| r.reject("error_share", e.to_string())).ok()
+    Decentralised::new(settings).map_err(|e| refusals::law(r, &e, "error_share", platforms)).ok()
 }
 
-pub(super) fn perceptive_frame(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -> Option<PerceptiveFrame> {
+pub(super) fn perceptive_frame(
+    r: &mut Reader<'_>,
+    limits: &[ReferenceLimits],
+    platforms: &[String],
+) -> Option<PerceptiveFrame> {
     let (rate_max_rad_s, acceleration_max_rad_s2) = read_motion_limits(r, limits);
     let gains = PerceptiveFrameGains {
         bandwidth_rad_s: r.f64_or(
@@ -106,5 +119,5 @@ pub(super) fn perceptive_frame(r: &mut Reader<'_>, limits: &[ReferenceLimits]) -
         rate_max_rad_s,
         acceleration_max_rad_s2,
     };
-    PerceptiveFrame::new(gains).map_err(|e| r.reject("perception_gain_s", e.to_string())).ok()
+    PerceptiveFrame::new(gains).map_err(|e| refusals::law(r, &e, "perception_gain_s", platforms)).ok()
 }
