@@ -78,7 +78,13 @@ impl RunArguments {
         let mut recordings =
             read_run_with(path, &options).with_context(|| format!("cannot read {}", path.display()))?;
         match recordings.len() {
-            1 => Ok(recordings.remove(0)),
+            1 => {
+                let recording = recordings.remove(0);
+                if let Some(reason) = recording.contradictions(Some(&known.model)).first() {
+                    bail!("{} cannot be explained: {reason}", path.display());
+                }
+                Ok(recording)
+            }
             0 => bail!("{} holds no measurements of {}", path.display(), known.platform),
             _ => bail!("{} holds several platforms: choose one with --platform", path.display()),
         }

@@ -5,6 +5,7 @@
 //! bags, [`read_csv`] of CSV files, [`read_model`] reads what is known of the platform; nothing downstream
 //! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back.
 
+mod consistency;
 mod csv;
 mod error;
 mod model;

@@ -96,8 +96,7 @@ impl Recording {
                 self.duration_s()
             ));
         }
-        constant_axes(&self.gyro_b_rad_s, "gyro", &mut found);
-        constant_axes(&self.specific_force_b_m_s2, "accelerometer", &mut found);
+        found.extend(self.contradictions(model));
         force_unit(&self.specific_force_b_m_s2, &mut found);
         if let Some(model) = model {
             let range = model.sensors.gyro.errors.range;
@@ -134,22 +133,6 @@ fn largest<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     values.fold(0.0, |largest, x| largest.max(x.abs()))
 }
 
-/// A sensor with noise never reads the same number throughout.
-fn constant_axes(series: &Series<Vector3<f64>>, name: &str, found: &mut Vec<String>) {
-    let Some(first) = series.value.first().filter(|_| series.len() >= 10) else { return };
-    let constant = |axis: usize| series.value.iter().all(|v| v.get(axis) == first.get(axis));
-    let axes: Vec<&str> =
-        (0..3).zip(["x", "y", "z"]).filter(|(axis, _)| constant(*axis)).map(|(_, n)| n).collect();
-    if !axes.is_empty() {
-        found.push(format!(
-            "The {name} reads the same number in all {} samples ({}): it is frozen, not connected, or rounded \
-             away by its unit; record again, or leave the channel out.",
-            series.len(),
-            axes.join(", ")
-        ));
-    }
-}
-
 /// At rest, and for the most part in any run on a bearing, its length is g.
 fn force_unit(series: &Series<Vector3<f64>>, found: &mut Vec<String>) {
     if series.is_empty() {
@@ -159,14 +142,14 @@ fn force_unit(series: &Series<Vector3<f64>>, found: &mut Vec<String>) {
     let ratio = mean / GRAVITY_M_S2;
     let guess = |low: f64, high: f64| (low..high).contains(&mean);
     let unit = if guess(0.8, 1.25) {
-        "its unit looks like g"
+        "its unit looks like g."
     } else if guess(800.0, 1250.0) {
-        "its unit looks like mg"
+        "its unit looks like mg."
     } else {
         "is its unit right, and is it the specific force (+9.81 on z at rest)?"
     };
     if !(0.8..1.25).contains(&ratio) {
-        found.push(format!("The accelerometer's mean length is {mean:.3} m/s^2 instead of 9.8: {unit}."));
+        found.push(format!("The accelerometer's mean length is {mean:.3} m/s^2 instead of 9.8: {unit}"));
     }
     let mean_z = series.value.iter().map(|force| force.z).sum::<f64>() / series.len() as f64;
     if mean_z < -0.5 * mean {

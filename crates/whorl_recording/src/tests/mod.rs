@@ -2,6 +2,7 @@
 
 mod bad_messages;
 mod bad_runs;
+mod contradictions;
 mod csv;
 mod foreign_bags;
 mod round_trip;

@@ -172,6 +172,6 @@ fn a_run_reads_back_what_was_measured_and_what_was_done() {
     let of_file = read_model(&parameters().join("whorl_1.yaml"), None).unwrap();
     assert_eq!(known.model, of_file.model);
     assert_eq!(of_file.platform, "whorl_1");
-    assert!(matches!(read_model(&run.path, None), Err(RecordingError::NoModel { .. })));
+    assert!(matches!(read_model(&run.path, None), Err(RecordingError::SeveralModels { .. })));
     assert!(matches!(read_run(&run.path, Some("whorl_3")), Err(RecordingError::NoSuchPlatform { .. })));
 }
