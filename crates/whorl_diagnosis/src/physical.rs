@@ -10,16 +10,31 @@ use crate::parameters::{Point, Reference};
 /// Halvings of a step.
 const HALVINGS: u32 = 6;
 
+/// Distance from the edge of what can exist, as a share of the trace of the inertia.
+const MARGIN: f64 = 0.01;
+
 impl Reference {
     /// The point `to`, or as far towards it from `from` as the platform can exist.
     pub(crate) fn towards(&self, from: &Point, to: Point) -> Point {
         for halvings in 0..=HALVINGS {
             let point = between(from, &to, 0.5_f64.powi(halvings as i32));
-            if self.model_at(&point).is_ok_and(|model| Gyrostat::new(&model).is_ok()) {
+            if self.is_well_inside(&point) {
                 return point;
             }
         }
         from.clone()
+    }
+
+    /// Whether the platform can exist, and its neighbours too, from which sensitivities are taken: its largest
+    /// principal moment stays below the sum of the others.
+    fn is_well_inside(&self, point: &Point) -> bool {
+        let Ok(gyrostat) = self.model_at(point).and_then(|model| Ok(Gyrostat::new(&model)?)) else {
+            return false;
+        };
+        let inertia = gyrostat.model().mass_properties.inertia_b_kg_m2();
+        let trace = inertia.trace();
+        let largest = inertia.symmetric_eigenvalues().max();
+        trace - 2.0 * largest > MARGIN * trace
     }
 }
 
