@@ -34,6 +34,8 @@ mod yaw_pitch_roll;
 #[cfg(test)]
 mod convergence_tests;
 #[cfg(test)]
+mod inertia_tests;
+#[cfg(test)]
 mod law_tests;
 #[cfg(test)]
 mod shaper_tests;
