@@ -18,6 +18,12 @@ const WORTH_A_LOOK: f64 = 3.5;
 /// A rest beyond this is real whether or not it has a simple shape.
 const OVERWHELMING_REST: f64 = 40.0;
 
+/// Power of the attitude sensors' residual against the gyro that no noise has.
+const CONTRADICTION: f64 = 2.5;
+
+/// Log evidence of one candidate below which nothing is taken to be missing.
+const FAINT: f64 = 5.0;
+
 /// A named set must explain at least this share of what the base model leaves.
 const LEAST_SHARE: f64 = 0.6;
 
@@ -113,7 +119,7 @@ impl Search<'_> {
                 _ => 0.0,
             };
             let value = with.estimate.value[at];
-            let stddev = covariance[(at, at)].max(0.0).sqrt() * column.scale;
+            let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt() * column.scale;
             parameters.push(ParameterEstimate {
                 name: column.name.clone(),
                 unit: column.unit.to_owned(),
@@ -298,36 +304,52 @@ impl Search<'_> {
         let left = after[worst(&after)].significance();
         let mut remarks: Vec<String> =
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
-        let digital = self.digital();
+        let mut direct: Vec<Candidate> = self.digital().into_iter().collect();
+        direct.extend(crate::vibration::fast_effects(self));
         let explained = self.best.log_evidence - self.base.log_evidence;
         let explained_drop = self.best.estimate.drop - self.base.estimate.drop;
         let follower = (left > WORTH_A_LOOK).then(|| crate::unknown::describe(self)).flatten();
         // A shape without a name must add what an effect must add, and outweigh what names explain.
         let unexplained = follower.as_ref().is_some_and(|f| {
             let real = f.added_evidence > LEAST_EVIDENCE * self.data.temper
-                && f.added_drop > 1.5 * LEAST_DROP * self.data.temper;
+                && f.added_drop > 1.2 * LEAST_DROP * self.data.temper;
             let outweighs = self.best.members.is_empty()
                 || f.added_drop > 0.5 * explained_drop
                 || (f.alone_evidence > explained + 10.0 && f.added_drop > 0.1 * explained_drop);
             real && outweighs
         }) || (left > OVERWHELMING_REST && share < LEAST_SHARE);
-        let verdict = if let Some(row) = &digital {
+        for row in &direct {
             remarks.push(format!(
-                "the gyro's readings show it directly: {}",
+                "{}: the samples themselves show it: {}",
+                row.effect,
                 row.parameters
                     .iter()
-                    .map(|p| format!("{} = {:.4} {}", p.name, p.estimate, p.unit))
+                    .map(|p| format!("{} = {:.4e} {}", p.name, p.estimate, p.unit))
                     .collect::<Vec<_>>()
                     .join(", ")
             ));
-            Verdict::Named
-        } else if unexplained {
+        }
+        let contradiction = self.contradiction();
+        let rhythm = if direct.is_empty() { self.rhythm() } else { None };
+        let verdict = if contradiction.is_some() {
+            direct.clear();
+            remarks.push(
+                "accelerometer and vector sensor contradict the gyro whatever torques act: check the order, signs and units of the sensors' axes".to_owned(),
+            );
+            Verdict::Unknown
+        } else if !direct.is_empty() {
+            if alternatives.is_empty() { Verdict::Named } else { Verdict::Confounded }
+        } else if unexplained || rhythm.is_some() {
             Verdict::Unknown
         } else if !self.best.members.is_empty() {
             if alternatives.is_empty() { Verdict::Named } else { Verdict::Confounded }
         } else if self.could_have_seen() {
             let strongest = additions.first().map_or(0.0, |h| h.log_evidence - self.base.log_evidence);
-            if strongest > 2.5 { Verdict::NotEnoughInformation } else { Verdict::NothingMissing }
+            if strongest > FAINT * self.data.temper {
+                Verdict::NotEnoughInformation
+            } else {
+                Verdict::NothingMissing
+            }
         } else {
             Verdict::NotEnoughInformation
         };
@@ -337,19 +359,29 @@ impl Search<'_> {
                 100.0 * (1.0 - share)
             ));
         }
-        let unknown = follower.filter(|_| verdict == Verdict::Unknown).map(|f| f.unknown);
+        let unknown = contradiction
+            .or(rhythm)
+            .or_else(|| follower.filter(|_| verdict == Verdict::Unknown).map(|f| f.unknown));
         let mut effects = if verdict == Verdict::Unknown { Vec::new() } else { names };
         let mut kind = self.kind();
-        if let Some(row) = digital {
+        for row in direct {
             if !effects.contains(&row.effect) {
-                effects.insert(0, row.effect.clone());
+                effects.push(row.effect.clone());
+                effects.sort();
+            }
+            for set in &mut alternatives {
+                if !set.contains(&row.effect) {
+                    set.push(row.effect.clone());
+                    set.sort();
+                }
             }
             if effects.len() == 1 {
-                kind = Some("sensor".to_owned());
-                alternatives.clear();
+                kind = crate::candidates::effect(&row.effect).map(|e| e.info().kind.to_string());
             }
+            candidates.retain(|c| c.effect != row.effect);
             candidates.insert(0, row);
         }
+        alternatives.retain(|set| *set != effects);
         if verdict == Verdict::Unknown {
             kind = None;
         }
@@ -395,6 +427,44 @@ impl Search<'_> {
             }
         }
         tested > 0 && seen * 2 >= tested
+    }
+
+    /// The gyro against the other sensors, if no motion at all fits both.
+    fn contradiction(&self) -> Option<crate::Unknown> {
+        let point = crate::search::point_of(self.problem, &self.layout, &self.point, &self.best);
+        let power = self.problem.kinematic_power(&point).unwrap_or(1.0);
+        (power > CONTRADICTION).then(|| crate::Unknown {
+            variable: "gyro_rate".to_owned(),
+            frame: "body".to_owned(),
+            axis: "x".to_owned(),
+            parity: "odd".to_owned(),
+            frequency_hz: None,
+            share: (1.0 - 1.0 / power).clamp(0.0, 1.0),
+        })
+    }
+
+    /// A rhythm that is left in the residual and that no effect has.
+    fn rhythm(&self) -> Option<crate::Unknown> {
+        let lines = crate::spectrum::lines(self, &self.best);
+        let least = if self.best.members.is_empty() { 1.5 } else { 2.0 } * crate::spectrum::CERTAIN;
+        if lines.strongest < least {
+            return None;
+        }
+        let wheels = &self.problem.reference.model.wheels;
+        let (variable, frequency_hz) = match lines.orders.first() {
+            Some((wheel, _)) => {
+                (format!("{}_angle", wheels.get(*wheel).map_or("wheel", |w| w.name.as_str())), None)
+            }
+            None => ("time".to_owned(), lines.torque_hz.first().copied()),
+        };
+        Some(crate::Unknown {
+            variable,
+            frame: "body".to_owned(),
+            axis: "z".to_owned(),
+            parity: "none".to_owned(),
+            frequency_hz,
+            share: 1.0,
+        })
     }
 
     /// What the catalogue says separates what is left.

@@ -38,6 +38,12 @@ pub(crate) struct Available {
     pub temperature: bool,
     pub ballast: bool,
     pub bin_s: f64,
+    /// Largest rate about any axis that lasted a few bins [rad/s].
+    pub largest_rate_rad_s: f64,
+    /// Largest tilt that lasted a few bins \[rad\].
+    pub largest_tilt_rad: f64,
+    /// The gyro's readings pile up at a limit.
+    pub clips: bool,
 }
 
 impl Available {
@@ -53,6 +59,9 @@ impl Available {
             temperature: any(&|r| r.has_temperature),
             ballast: any(&|r| r.ballast_direction.iter().any(|d| d.norm() > 0.0)),
             bin_s: runs.iter().map(|r| r.length(0)).fold(0.0, f64::max),
+            largest_rate_rad_s: largest(runs, |r| &r.gyro, |w| w.amax()),
+            largest_tilt_rad: largest(runs, |r| &r.accel, |f| f.x.hypot(f.y).atan2(f.z)),
+            clips: any(&|r| r.gyro_clips_at_rad_s.is_some()),
         }
     }
 
@@ -61,13 +70,15 @@ impl Available {
         let id = effect.info().id;
         match id {
             // In every base model, known, negligible or not an effect.
-            "gyro_bias" | "gravity_gradient" | "earth_rotation" | "unmodelled_torque" | "gyro_saturation" => {
-                false
-            }
+            "gyro_bias" | "gravity_gradient" | "earth_rotation" | "unmodelled_torque" => false,
+            // Seen in the samples themselves, where the phase of each run is free.
+            "wheel_imbalance" => false,
+            // Readings that pile up at a limit show it by themselves and were left out.
+            "gyro_saturation" => self.body && !self.clips,
             "wheel_friction" | "wheel_windage" => self.wheels && self.wheel_command,
             "supply_voltage" => (self.wheels && self.wheel_command) || self.jets,
             "wheel_inertia" => self.wheels,
-            "wheel_misalignment" | "wheel_imbalance" => self.wheels && self.body,
+            "wheel_misalignment" => self.wheels && self.body,
             "thruster_leak" => self.body,
             "moving_ballast_backlash" => self.body && self.ballast,
             "accel_bias" | "accel_scale" | "accel_lever_arm" => self.accel,
@@ -80,11 +91,32 @@ impl Available {
     }
 }
 
+/// Largest size of the mean of five bins in a row.
+fn largest(
+    runs: &[Run],
+    means: impl Fn(&Run) -> &Vec<crate::run::Mean3>,
+    size: impl Fn(&nalgebra::Vector3<f64>) -> f64,
+) -> f64 {
+    runs.iter()
+        .flat_map(|run| {
+            let whole: Vec<_> = means(run).iter().filter(|m| m.count > 0.0).map(|m| m.value).collect();
+            whole
+                .windows(5)
+                .map(|w| size(&(w.iter().sum::<nalgebra::Vector3<f64>>() / 5.0)))
+                .collect::<Vec<_>>()
+        })
+        .fold(0.0, f64::max)
+}
+
 /// Lines found in the spectrum of the residual \[Hz\].
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lines {
     pub torque_hz: Vec<f64>,
     pub sensor_hz: Vec<f64>,
+    /// Lines over the angle of a wheel: wheel, cycles per turn.
+    pub orders: Vec<(usize, f64)>,
+    /// Standard deviations by which the strongest stands out.
+    pub strongest: f64,
 }
 
 impl Layout {
@@ -176,6 +208,7 @@ fn drop_ineffective(columns: &mut Vec<Column>, reference: &Reference, point: &Po
     columns.retain(|c| match (id, c.index) {
         ("air_current_periodic", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
         ("flexible_mode", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
+        ("gyro_saturation", i) => i == 0,
         ("vibration_alias", i) if i < 6 => values.get(i).is_some_and(|v| *v != 0.0),
         _ => true,
     });
@@ -289,10 +322,22 @@ fn special_options(
         }
         "tilt_stop_contact" => {
             let limit = neutral.get(2).copied().unwrap_or(0.1);
-            for share in [0.5, 0.65, 0.8, 0.9] {
-                let origin = with(&[(2, share * limit)]);
+            for share in [0.995, 0.985, 0.97, 0.95, 0.92, 0.88, 0.8, 0.65] {
+                let angle_rad = share * available.largest_tilt_rad;
+                // The platform's own stop is no missing effect.
+                if angle_rad > limit - OWN_STOP_RAD {
+                    continue;
+                }
+                let origin = with(&[(2, angle_rad)]);
                 options.push(vec![column(&origin, 0)]);
                 options.push(vec![column(&origin, 0), column(&origin, 1)]);
+            }
+        }
+        "gyro_saturation" => {
+            for share in [1.0, 0.99, 0.975, 0.95, 0.92, 0.88, 0.83] {
+                let origin = with(&[(0, share * available.largest_rate_rad_s)]);
+                // What is cut off at this range: all of it or nothing.
+                options.push(vec![directed(effect, reference, name(0), &origin, &[(0, 0.0)], true)]);
             }
         }
         "air_current_periodic" => {
@@ -343,6 +388,9 @@ fn special_options(
     let _ = EffectKind::HiddenState;
     Some(options)
 }
+
+/// A contact this near the platform's own stop is that stop \[rad\].
+const OWN_STOP_RAD: f64 = 0.005;
 
 /// Directions of participation that are tried.
 const DIRECTIONS: [[f64; 3]; 5] =

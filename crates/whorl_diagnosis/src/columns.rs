@@ -63,7 +63,13 @@ fn change(
     point: &Point,
     column: &Column,
 ) -> Result<Change, DiagnosisError> {
-    let mut units = if column.quadratic { 1.0 } else { DIFFERENCE };
+    let mut units = DIFFERENCE;
+    if column.quadratic {
+        units = 1.0;
+    } else if column.name == "range_rad_s" || column.name == "angle_rad" {
+        // What lies beyond a limit is small: so must be the step.
+        units *= 0.02;
+    }
     if column.range.1 < units + reference.distance(point, column) {
         units = -units;
     }

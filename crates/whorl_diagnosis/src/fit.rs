@@ -46,7 +46,7 @@ impl Search<'_> {
         let mut estimates = Vec::new();
         for (at, &i) in best.estimate.active.iter().enumerate() {
             let Some(column) = self.layout.columns.get(i) else { continue };
-            let stddev = covariance[(at, at)].max(0.0).sqrt() * column.scale;
+            let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt() * column.scale;
             let value = best.estimate.value[at];
             let (before, after) = match column.target {
                 Target::Moment(axis) => {

@@ -4,7 +4,7 @@ use crate::candidates::Layout;
 use crate::regression::{Estimate, Normal};
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior.
-const SIZES: [f64; 6] = [0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 
 /// One effect of a hypothesis and how it enters.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +63,16 @@ impl Hypothesis {
                 }
             }
             let Some((out, _)) = worst else {
+                // A size that no such platform can have explains nothing.
+                let implausible = members.iter().flat_map(|m| &m.columns).any(|i| {
+                    let column = &layout.columns[*i];
+                    let value = estimate.of(*i);
+                    let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
+                    !column.quadratic && (value < column.range.0 - slack || value > column.range.1 + slack)
+                });
+                if implausible {
+                    return None;
+                }
                 let signs = members
                     .iter()
                     .flat_map(|m| &m.columns)
@@ -112,7 +122,7 @@ impl Hypothesis {
         // Sizes first at a coarse step for every option, then finely for the best.
         let mut best: Option<Self> = None;
         for columns in options {
-            for size in [0.1, 1.0] {
+            for size in [0.01, 0.3] {
                 best = better(best, try_one(columns, size));
             }
         }

@@ -43,6 +43,7 @@ mod spectrum;
 mod tests;
 mod threads;
 mod unknown;
+mod vibration;
 mod words;
 
 pub use diagnosis::{
@@ -97,11 +98,14 @@ fn prepare(
         }
     }
     let reference = parameters::Reference::new(model, prior);
-    let problem = problem::Problem::new(training, reference.clone(), options.threads)?;
+    // All runs, held-out ones as well, in bins of one width: so many that there are not too many nodes.
+    let recordings = training.iter().chain(held_out);
+    let total_s: f64 = recordings.map(Recording::duration_s).sum();
+    let problem = problem::Problem::new(training, reference.clone(), total_s, options.threads)?;
     let held = if held_out.is_empty() {
         None
     } else {
-        Some(problem::Problem::new(held_out, reference, options.threads)?)
+        Some(problem::Problem::new(held_out, reference, total_s, options.threads)?)
     };
     Ok((problem, held))
 }

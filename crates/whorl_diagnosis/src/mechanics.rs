@@ -49,8 +49,8 @@ impl Mechanics {
             resisting -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
         }
         let inverse_inertia = resisting.try_inverse().ok_or(whorl_dynamics::GyrostatError::NothingLeft)?;
-        // Clipped readings were dropped and the quantum is part of the noise.
-        let linear = |errors: TriaxialErrors| TriaxialErrors { quantum: 0.0, range: f64::MAX, ..errors };
+        // The quantum is part of the noise.
+        let linear = |errors: TriaxialErrors| TriaxialErrors { quantum: 0.0, ..errors };
         let (gyro, accel) =
             (linear(adjusted.sensors.gyro.errors), linear(adjusted.sensors.accelerometer.errors));
         Ok(Self { inverse_inertia, gyro, accel, gyrostat })

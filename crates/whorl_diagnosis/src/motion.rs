@@ -17,6 +17,8 @@ pub(crate) struct Motion {
     pub q_mid: Vec<UnitQuaternion<f64>>,
     pub omega_mid: Vec<Vector3<f64>>,
     pub wheel_mid: Vec<Wheels>,
+    /// Angle that each wheel has turned since the first node \[rad\].
+    pub wheel_angle: Vec<Wheels>,
 }
 
 impl Motion {
@@ -71,7 +73,10 @@ impl Motion {
         self.q_mid.clear();
         self.omega_mid.clear();
         self.wheel_mid.clear();
+        self.wheel_angle.clear();
+        let mut angle = [0.0; MAX_WHEELS];
         for k in 0..nodes {
+            self.wheel_angle.push(angle);
             let next = (k + 1).min(nodes - 1);
             let (Some(q0), Some(q1)) = (self.q.get(k), self.q.get(next)) else { continue };
             let half = rotation_vector(&(q0.inverse() * q1)) * 0.5;
@@ -83,6 +88,9 @@ impl Motion {
                 let mut middle = [0.0; MAX_WHEELS];
                 for ((m, x), y) in middle.iter_mut().zip(a).zip(b) {
                     *m = 0.5 * (x + y);
+                }
+                for (a, m) in angle.iter_mut().zip(&middle) {
+                    *a += m * run.length_or_zero(k);
                 }
                 self.wheel_mid.push(middle);
             }

@@ -22,6 +22,9 @@ const WIDEST_BIN_S: f64 = 0.1;
 /// longer it is, and mismatched formulas the less.
 pub(crate) const MEMORY_S: f64 = 20.0;
 
+/// A walk of the rate so strong that any motion is as likely as the model's [rad/s/sqrt(s)].
+pub(crate) const FREE_RATE_WALK: f64 = 0.3;
+
 /// Runs with their trajectories.
 pub(crate) struct Problem {
     pub reference: Reference,
@@ -46,14 +49,29 @@ pub(crate) struct Dataset {
     pub colours: Vec<Vec<Colour>>,
 }
 
+/// The random walk of the rate that the data support best, not below `least`.
+fn likeliest_walk(least: f64, log_likelihood: impl Fn(f64) -> f64) -> f64 {
+    let mut best = (log_likelihood(least), least);
+    for factor in [5.0, 25.0, 125.0] {
+        let here = log_likelihood(least * factor);
+        // A few more would be chance.
+        if here < best.0 + 3.0 {
+            break;
+        }
+        best = (here, least * factor);
+    }
+    best.1
+}
+
 impl Problem {
-    /// Checks recordings and smooths their trajectories with the model as given.
+    /// Checks recordings and makes rough trajectories of them. Bins are so wide that `total_s` of data have
+    /// no more than the most nodes.
     pub fn new(
         recordings: &[Recording],
         reference: Reference,
+        total_s: f64,
         threads: usize,
     ) -> Result<Self, DiagnosisError> {
-        let total_s: f64 = recordings.iter().map(Recording::duration_s).sum();
         let made = threads::map(threads, recordings, |recording| {
             let step_s = sample_step_s(recording).max(1e-4);
             let samples = (total_s / MOST_NODES / step_s).ceil().max(1.0);
@@ -94,9 +112,13 @@ impl Problem {
         Ok(())
     }
 
-    /// Smooths the trajectories with the model at a point; the model's accelerations are trusted to
-    /// within a random walk of `rate_walk` [rad/s/sqrt(s)].
-    pub fn smooth(&mut self, point: &Point, rate_walk: f64) -> Result<(), DiagnosisError> {
+    /// Smooths the trajectories with the model at a point. The model's accelerations are trusted to within
+    /// a random walk of `rate_walk` [rad/s/sqrt(s)]; `None`: as far as the data of each run support it.
+    ///
+    /// Sensitivities are taken along this trajectory. If it followed the gyro's noise, a reading's noise
+    /// would be part of its own regressor (errors in variables), and a platform at rest would seem to have
+    /// a gyro with a scale error. Hence the model is trusted as far as it is right.
+    pub fn smooth(&mut self, point: &Point, rate_walk: Option<f64>) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let indices: Vec<usize> = (0..self.runs.len()).collect();
         let smoothed = threads::map(self.threads, &indices, |&r| {
@@ -106,8 +128,18 @@ impl Problem {
             let (_, prediction) = predict(&mechanics, run, motion);
             let wheel_noise =
                 mechanics.model().wheels.iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
-            let settings = Settings { rate_walk, torque_walk: 0.0, wheel_noise };
-            let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
+            let system = |rate_walk: f64| System {
+                run,
+                motion,
+                mechanics: &mechanics,
+                prediction: &prediction,
+                settings: Settings { rate_walk, torque_walk: 0.0, wheel_noise },
+            };
+            let system = system(rate_walk.unwrap_or_else(|| {
+                likeliest_walk(self.settings(r).rate_walk, |walk| {
+                    system(walk).filter(false, false).0.log_likelihood
+                })
+            }));
             let n = system.states();
             let (_, smoothed) = system.filter(false, true);
             let mut better = motion.clone();
@@ -122,6 +154,36 @@ impl Problem {
         });
         self.motions = smoothed;
         self.check_attitude()
+    }
+
+    /// Power of what accelerometer and vector sensors say against the gyro, over that of noise: no torque
+    /// enters, for the model's accelerations are not trusted. Median of the runs.
+    pub fn kinematic_power(&self, point: &Point) -> Result<f64, DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let mut powers: Vec<f64> = self
+            .runs
+            .iter()
+            .zip(&self.motions)
+            .enumerate()
+            .filter(|(_, (run, _))| !run.clamped)
+            .filter_map(|(r, (run, motion))| {
+                let (_, prediction) = predict(&mechanics, run, motion);
+                let settings = Settings { rate_walk: FREE_RATE_WALK, ..self.settings(r) };
+                let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
+                let (gains, _) = system.filter(true, false);
+                let vectors = 6 + 2 * run.vectors.len();
+                let attitude: Vec<f64> = gains
+                    .whitened
+                    .iter()
+                    .zip(&gains.channel)
+                    .filter(|(_, c)| (3..vectors).contains(&usize::from(**c)))
+                    .map(|(e, _)| e * e)
+                    .collect();
+                (!attitude.is_empty()).then(|| attitude.iter().sum::<f64>() / attitude.len() as f64)
+            })
+            .collect();
+        powers.sort_by(f64::total_cmp);
+        Ok(powers.get(powers.len() / 2).copied().unwrap_or(1.0))
     }
 
     /// Settings of the whitening filter of a run.
@@ -212,7 +274,8 @@ impl Problem {
         let colours = colours.unwrap_or_else(|| {
             let mut total = Normal::zeros(columns);
             for slot in &whitened {
-                for block in slot.normals(columns, self.threads) {
+                // A quarter of the rows is enough to leave only the noise.
+                for block in slot.normals(columns, self.threads, 4) {
                     total.add(&block, 1.0);
                 }
             }
@@ -243,7 +306,7 @@ impl Problem {
         let mut blocks = Vec::new();
         let mut total = Normal::zeros(columns);
         for slot in &whitened {
-            for block in slot.normals(columns, self.threads) {
+            for block in slot.normals(columns, self.threads, 1) {
                 total.add(&block, 1.0);
                 blocks.push(block);
             }

@@ -71,6 +71,9 @@ pub fn prospects(
         temperature: own.temperature || added.temperature,
         ballast: own.ballast || added.ballast,
         bin_s: own.bin_s.max(added.bin_s),
+        largest_rate_rad_s: own.largest_rate_rad_s.max(added.largest_rate_rad_s),
+        largest_tilt_rad: own.largest_tilt_rad.max(added.largest_tilt_rad),
+        clips: own.clips || added.clips,
     };
     let testable = |a: &Available| {
         [a.body, a.jets, a.wheels, a.wheel_command, a.accel, a.vector, a.temperature, a.ballast]
@@ -78,7 +81,7 @@ pub fn prospects(
     if hidden || testable(&joint) != testable(&own) {
         if hidden {
             search.with_hidden = true;
-            search.lines = crate::spectrum::lines(&search);
+            search.lines = crate::spectrum::lines(&search, &search.base);
         }
         search.available = joint;
         search.relinearise()?;

@@ -7,6 +7,9 @@ use crate::columns::{LANES, Lanes};
 /// Blocks of time into which each run is cut for cross-validation.
 pub(crate) const BLOCKS_PER_RUN: usize = 4;
 
+/// Rows that enter the normal equations at once.
+const STRETCH: usize = 256;
+
 /// Highest order of the model of coloured noise.
 const ORDER: usize = 6;
 
@@ -49,72 +52,53 @@ impl Normal {
 }
 
 impl Whitened {
-    fn block_of(&self, row: usize) -> usize {
-        let node = self.node.get(row).copied().unwrap_or(0) as usize;
-        (node * BLOCKS_PER_RUN / self.nodes.max(1)).min(BLOCKS_PER_RUN - 1)
-    }
-
-    /// Normal equations of each block of time.
-    pub fn normals(&self, columns: usize, threads: usize) -> Vec<Normal> {
-        let mut blocks = vec![Normal::zeros(columns); BLOCKS_PER_RUN];
+    /// Normal equations of each block of time, from every `every`-th stretch of rows.
+    pub fn normals(&self, columns: usize, threads: usize, every: usize) -> Vec<Normal> {
         let bounds: Vec<usize> = (0..=BLOCKS_PER_RUN)
             .map(|b| {
+                // Rows are in order of time.
+                let first = (b * self.nodes.max(1)).div_ceil(BLOCKS_PER_RUN);
                 if b == BLOCKS_PER_RUN {
                     self.y.len()
                 } else {
-                    (0..self.y.len()).collect::<Vec<_>>().partition_point(|row| self.block_of(*row) < b)
+                    self.node.partition_point(|node| (*node as usize) < first)
                 }
             })
             .collect();
-        let pairs: Vec<(usize, usize)> =
-            (0..self.groups.len()).flat_map(|a| (a..self.groups.len()).map(move |b| (a, b))).collect();
-        let products = crate::threads::map(threads, &pairs, |(a, b)| {
-            let (Some(left), Some(right)) = (self.groups.get(*a), self.groups.get(*b)) else {
-                return Vec::new();
-            };
-            bounds
-                .windows(2)
-                .map(|w| match w {
-                    [from, to] => product(&left[*from..*to], &right[*from..*to]),
-                    _ => [[0.0; LANES]; LANES],
-                })
-                .collect()
-        });
-        for ((a, b), per_block) in pairs.iter().zip(products) {
-            for (block, product) in blocks.iter_mut().zip(per_block) {
-                for (i, line) in product.iter().enumerate() {
-                    for (j, value) in line.iter().enumerate() {
-                        let (row, column) = (a * LANES + i, b * LANES + j);
-                        if row < columns && column < columns {
-                            block.matrix[(row, column)] = *value;
-                            block.matrix[(column, row)] = *value;
+        let pairs: Vec<(usize, usize)> = bounds.iter().copied().zip(bounds.iter().copied().skip(1)).collect();
+        crate::threads::map(threads, &pairs, |(from, to)| self.normal_of(*from, *to, columns, every.max(1)))
+    }
+
+    /// Normal equations of the rows `from..to`: stretch by stretch, each as one product of matrices.
+    fn normal_of(&self, from: usize, to: usize, columns: usize, every: usize) -> Normal {
+        let padded = self.groups.len() * LANES;
+        let mut normal = Normal::zeros(padded);
+        let mut start = from;
+        while start < to {
+            let end = (start + STRETCH).min(to);
+            // One column for each row of the regression.
+            let mut rows = DMatrix::zeros(padded, end - start);
+            for (at, row) in (start..end).enumerate() {
+                let mut slot = rows.column_mut(at);
+                for (g, group) in self.groups.iter().enumerate() {
+                    if let Some(lanes) = group.get(row) {
+                        for (i, x) in lanes.iter().enumerate() {
+                            slot[g * LANES + i] = *x;
                         }
                     }
                 }
             }
+            let y = DVector::from_column_slice(&self.y[start..end]);
+            normal.matrix.gemm(1.0, &rows, &rows.transpose(), 1.0);
+            normal.vector.gemv(1.0, &rows, &y, 1.0);
+            normal.sum_of_squares += y.norm_squared();
+            normal.rows += (end - start) as f64;
+            start += STRETCH * every;
         }
-        for (g, group) in self.groups.iter().enumerate() {
-            for (block, w) in blocks.iter_mut().zip(bounds.windows(2)) {
-                let [from, to] = w else { continue };
-                let mut sums = [0.0; LANES];
-                for (lanes, y) in group[*from..*to].iter().zip(&self.y[*from..*to]) {
-                    for (sum, x) in sums.iter_mut().zip(lanes) {
-                        *sum += x * y;
-                    }
-                }
-                for (i, sum) in sums.iter().enumerate() {
-                    if let Some(slot) = block.vector.get_mut(g * LANES + i) {
-                        *slot = *sum;
-                    }
-                }
-            }
-        }
-        for (block, w) in blocks.iter_mut().zip(bounds.windows(2)) {
-            let [from, to] = w else { continue };
-            block.sum_of_squares = self.y[*from..*to].iter().map(|y| y * y).sum();
-            block.rows = (to - from) as f64;
-        }
-        blocks
+        normal.matrix = normal.matrix.resize(columns, columns, 0.0);
+        normal.vector =
+            normal.vector.rows(0, columns.min(padded)).into_owned().resize_vertically(columns, 0.0);
+        normal
     }
 
     /// Residual of a fit.
@@ -161,19 +145,6 @@ impl Whitened {
             }
         }
     }
-}
-
-/// Sum over rows of the outer products.
-fn product(left: &[Lanes], right: &[Lanes]) -> [[f64; LANES]; LANES] {
-    let mut sum = [[0.0; LANES]; LANES];
-    for (a, b) in left.iter().zip(right) {
-        for (line, x) in sum.iter_mut().zip(a) {
-            for (slot, y) in line.iter_mut().zip(b) {
-                *slot += x * y;
-            }
-        }
-    }
-    sum
 }
 
 /// Colour of one channel's whitened innovation: an autoregressive model and its innovation's size.

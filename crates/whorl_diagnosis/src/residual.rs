@@ -60,7 +60,7 @@ pub fn residual_torque(
         });
     }
     let reference = Reference::new(model, &ModelPrior::typical(model));
-    let mut problem = Problem::new(std::slice::from_ref(recording), reference, 1)?;
+    let mut problem = Problem::new(std::slice::from_ref(recording), reference, recording.duration_s(), 1)?;
     let point = base_point(&mut problem)?;
     let mechanics = Mechanics::new(&problem.reference.model_at(&point)?)?;
     let (Some(run), Some(motion)) = (problem.runs.first(), problem.motions.first()) else {

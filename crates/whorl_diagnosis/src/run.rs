@@ -64,6 +64,9 @@ pub(crate) struct Run {
     pub gyro_clips_at_rad_s: Option<f64>,
     /// Step of the gyro's output as seen in the data [rad/s].
     pub gyro_step_rad_s: f64,
+    /// Samples as they came, their stamps corrected for latency: what bins average away.
+    pub raw_gyro: Series<Vector3<f64>>,
+    pub raw_accel: Series<Vector3<f64>>,
 }
 
 impl Run {
@@ -185,6 +188,12 @@ impl Run {
             has_temperature: recording.temperature_k.len() > 1,
             gyro_clips_at_rad_s,
             gyro_step_rad_s,
+            raw_gyro: if clamped { Series::default() } else { earlier(&recording.gyro_b_rad_s, latency_s) },
+            raw_accel: if clamped {
+                Series::default()
+            } else {
+                earlier(&recording.specific_force_b_m_s2, accel_latency_s)
+            },
             times,
         };
         run.surroundings(recording, model)?;
@@ -236,6 +245,14 @@ impl Run {
         replace(&mut self.pressure_pa, &recording.tank_pressure_pa, &self.times.node_s, 5.0);
         replace(&mut self.voltage_v, &recording.bus_voltage_v, &self.times.node_s, 0.15);
         replace(&mut self.temperature_k, &recording.temperature_k, &self.times.node_s, 5.0);
+        if self.has_pressure {
+            // What is gone from the full tank, not from the start of this run.
+            let full_pa = model.tank.initial_pressure_pa.max(1.0);
+            let full_kg = gyrostat.initial_gas_kg();
+            for (used, pressure) in self.gas_used_kg.iter_mut().zip(&self.pressure_pa) {
+                *used = full_kg * (1.0 - pressure / full_pa);
+            }
+        }
         Ok(())
     }
 
@@ -409,7 +426,12 @@ fn check(recording: &Recording, model: &PlatformModel) -> Result<(), DiagnosisEr
     Ok(())
 }
 
-fn median_step_s(times: &[f64]) -> f64 {
+/// A channel with its stamps set back.
+fn earlier(series: &Series<Vector3<f64>>, latency_s: f64) -> Series<Vector3<f64>> {
+    Series { time_s: series.time_s.iter().map(|t| t - latency_s).collect(), value: series.value.clone() }
+}
+
+pub(crate) fn median_step_s(times: &[f64]) -> f64 {
     let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
     if steps.is_empty() {
         return 0.01;

@@ -3,15 +3,18 @@
 use crate::candidates::{Available, Layout, Lines};
 use crate::hypothesis::{Hypothesis, cross_validated_gain};
 use crate::parameters::Point;
-use crate::problem::{Dataset, Problem};
+use crate::problem::{Dataset, FREE_RATE_WALK, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Colour};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Log evidence that an effect must add. The number of effects that compete is paid for here too.
-pub(crate) const LEAST_EVIDENCE: f64 = 6.0;
+pub(crate) const LEAST_EVIDENCE: f64 = 10.0;
 
 /// Drop of the whitened misfit that an effect must bring: below, a name would often be wrong.
-pub(crate) const LEAST_DROP: f64 = 27.0;
+pub(crate) const LEAST_DROP: f64 = 36.0;
+
+/// Held-out data veto an effect by a loss of log likelihood of this share of its log evidence.
+const AGAINST: f64 = 0.1;
 
 /// A rest of this many standard deviations is worth the columns of hidden states.
 const SOMETHING_LEFT: f64 = 4.0;
@@ -143,7 +146,7 @@ impl<'a> Search<'a> {
                 || self.problem.reference.model.effects.contains_key(*id)
         });
         self.point = point;
-        smooth_all(self.problem, &mut self.held_out, &self.point, 1e-3)?;
+        smooth_all(self.problem, &mut self.held_out, &self.point, None)?;
         self.layout = Layout::new(
             &self.problem.reference,
             &self.point,
@@ -219,10 +222,13 @@ impl<'a> Search<'a> {
         let rest = crate::answer::rest(self.problem, &self.data, &self.layout, &self.base);
         let additions = self.additions(&self.base);
         let promising = additions.first().is_some_and(|h| self.passes(h, &self.base));
-        if promising || rest[crate::answer::worst(&rest)].significance() > SOMETHING_LEFT {
+        self.lines = crate::spectrum::lines(self, &self.base);
+        if promising
+            || self.lines.strongest > crate::spectrum::CERTAIN
+            || rest[crate::answer::worst(&rest)].significance() > SOMETHING_LEFT
+        {
             progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
             self.with_hidden = true;
-            self.lines = crate::spectrum::lines(self);
             self.relinearise()?;
         }
         for round in 0..self.options.largest_set {
@@ -259,10 +265,10 @@ impl<'a> Search<'a> {
                     }
                 }
             }
-            let Some(next) = additions.first().cloned() else { break };
-            if !self.passes(&next, &self.best) {
+            // One that held-out data refuse gives way to the next.
+            let Some(next) = additions.into_iter().take(12).find(|h| self.passes(h, &self.best)) else {
                 break;
-            }
+            };
             self.best = next;
             self.relinearise()?;
             self.tidy()?;
@@ -281,7 +287,8 @@ impl<'a> Search<'a> {
         let echo = 0.01 * (smaller.estimate.drop - self.base.estimate.drop).max(0.0);
         larger.log_evidence - smaller.log_evidence > LEAST_EVIDENCE * least
             && larger.estimate.drop - smaller.estimate.drop > (LEAST_DROP * least).max(echo)
-            && self.gain(larger, smaller) > 0.0
+            // Held-out data may hold little of the effect: only what they say against it counts.
+            && self.gain(larger, smaller) > -AGAINST * (larger.log_evidence - smaller.log_evidence)
     }
 
     /// Swaps and removes members as long as that is better.
@@ -346,14 +353,14 @@ fn base_point_with(
 ) -> Result<Point, DiagnosisError> {
     let available = Available::of(&problem.runs);
     let mut point = problem.reference.point();
-    smooth_all(problem, held_out, &point, 0.3)?;
-    smooth_all(problem, held_out, &point, 5e-3)?;
-    for _ in 0..2 {
+    smooth_all(problem, held_out, &point, Some(FREE_RATE_WALK))?;
+    smooth_all(problem, held_out, &point, Some(5e-3))?;
+    for walk in [Some(2e-3), None] {
         let layout = base_layout(problem, &available);
         let data = dataset(problem, &point, &layout, None)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         point = point_of(problem, &layout, &point, &base);
-        smooth_all(problem, held_out, &point, 2e-3)?;
+        smooth_all(problem, held_out, &point, walk)?;
     }
     Ok(point)
 }
@@ -372,7 +379,7 @@ fn smooth_all(
     problem: &mut Problem,
     held_out: &mut Option<&mut Problem>,
     point: &Point,
-    rate_walk: f64,
+    rate_walk: Option<f64>,
 ) -> Result<(), DiagnosisError> {
     problem.smooth(point, rate_walk)?;
     if let Some(held) = held_out {

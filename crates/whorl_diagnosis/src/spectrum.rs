@@ -1,85 +1,241 @@
-//! Lines in the spectrum of what the base model leaves.
+//! Lines in the spectrum of what the base model leaves: over time, and over the angle of each wheel.
 
 use nalgebra::Vector3;
 
 use crate::candidates::Lines;
+use crate::hypothesis::Hypothesis;
 use crate::search::Search;
 
 /// Lines looked at, strongest first.
 const MOST_LINES: usize = 2;
 
-/// Power of a line over the mean power at which chance is ruled out (of some 10^4 frequencies, 1e-4).
-const LINE: f64 = 18.0;
+/// Standard deviations above which no line of some 10^4 frequencies is chance.
+pub(crate) const CERTAIN: f64 = 5.5;
 
-/// Finds lines in the whitened residual of the gyro: seen in the room's axes they are torques that do not
-/// turn with the body, or vibration.
-pub(crate) fn lines(search: &Search<'_>) -> Lines {
-    let estimate = search.base.estimate.spread(search.layout.columns.len());
-    let mut found: Vec<(f64, f64)> = Vec::new();
-    for ((run, motion), whitened) in
-        search.problem.runs.iter().zip(&search.problem.motions).zip(&search.data.whitened)
-    {
+/// Lines are looked for up to this many per turn of a wheel.
+const HIGHEST_ORDER: f64 = 1.6;
+
+/// Whitened residual of a run at every node.
+struct Residual {
+    run: usize,
+    rate: Vec<Vector3<f64>>,
+    speeds: Vec<Vec<f64>>,
+}
+
+/// A peak of a spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Peak {
+    /// Cycles per unit of the axis.
+    pub frequency: f64,
+    /// Standard deviations above what is around it.
+    pub significance: f64,
+}
+
+/// Finds lines in the whitened residual of the gyro, about axes of the room and of the body: torques that
+/// have a rhythm of their own, or that of a wheel.
+pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
+    let estimate = of.estimate.spread(search.layout.columns.len());
+    // Of each run: the residual at every node about axes of the body, and of each wheel's speed.
+    let mut residuals: Vec<Residual> = Vec::new();
+    let wheels = search.problem.reference.model.wheels.len();
+    for (r, (run, whitened)) in search.problem.runs.iter().zip(&search.data.whitened).enumerate() {
         if run.clamped || run.nodes() < 64 {
             continue;
         }
-        let residual = whitened.residual(&estimate);
         let mut series = vec![Vector3::zeros(); run.nodes()];
-        for ((e, channel), node) in residual.iter().zip(&whitened.channel).zip(&whitened.node) {
-            if *channel < 3
-                && let Some(slot) = series.get_mut(*node as usize)
+        let mut speeds = vec![vec![0.0; run.nodes()]; wheels];
+        let first_wheel = 6 + 2 * run.vectors.len();
+        for ((e, channel), node) in
+            whitened.residual(&estimate).iter().zip(&whitened.channel).zip(&whitened.node)
+        {
+            let (channel, node) = (usize::from(*channel), *node as usize);
+            let e = e.clamp(-6.0, 6.0);
+            if channel < 3 {
+                if let Some(slot) = series.get_mut(node) {
+                    slot[channel] = e;
+                }
+            } else if let Some(slot) = channel
+                .checked_sub(first_wheel)
+                .and_then(|j| speeds.get_mut(j))
+                .and_then(|list| list.get_mut(node))
             {
-                slot[usize::from(*channel)] = e.clamp(-6.0, 6.0);
+                *slot = e;
             }
         }
+        residuals.push(Residual { run: r, rate: series, speeds });
+    }
+    let step_s = |r: usize| {
+        let run = &search.problem.runs[r];
+        (run.time(run.nodes() - 1) - run.time(0)) / (run.nodes() - 1) as f64
+    };
+    let Some(first_step_s) = residuals.first().map(|r| step_s(r.run)) else { return Lines::default() };
+    let size = residuals.iter().map(|r| r.rate.len()).max().unwrap_or(0).next_power_of_two() * 2;
+    let mut in_body = Spectrum::new(size);
+    let mut in_room = Spectrum::new(size);
+    for Residual { run, rate: series, .. } in &residuals {
+        let stretch = step_s(*run) / first_step_s;
+        let motion = &search.problem.motions[*run];
         let turned: Vec<Vector3<f64>> =
             series.iter().zip(&motion.q).map(|(e, q)| q.transform_vector(e)).collect();
-        let length_s = run.time(run.nodes() - 1) - run.time(0);
-        let step_s = length_s / (run.nodes() - 1) as f64;
-        let power = power_spectrum(&turned);
-        // The residual is white where nothing is missing; a line stands out from its neighbours.
-        for m in 2..power.len().saturating_sub(2) {
-            let here = power[m];
-            if here < power[m - 1] || here < power[m + 1] {
-                continue;
-            }
-            let (from, to) = (m.saturating_sub(30).max(1), (m + 31).min(power.len()));
-            let mut around: Vec<f64> = power[from..to].to_vec();
-            let middle = around.len() / 2;
-            let median = *around.select_nth_unstable_by(middle, f64::total_cmp).1;
-            if here > LINE / 6.0 * median.max(1e-12) * 3.0 {
-                // Between two bins the line is where their amplitudes balance.
-                let (left, right) = (power[m - 1].sqrt(), power[m + 1].sqrt());
-                let shift =
-                    if right > left { right / (right + here.sqrt()) } else { -left / (left + here.sqrt()) };
-                let hz = (m as f64 + shift) / (power.len() as f64 * 2.0 * step_s);
-                found.push((here / median.max(1e-12), hz));
-            }
+        in_body.add(&axes(series), stretch);
+        in_room.add(&axes(&turned), stretch);
+    }
+    let mut peaks: Vec<Peak> =
+        in_body.peaks(first_step_s, 0.0).into_iter().chain(in_room.peaks(first_step_s, 0.0)).collect();
+    peaks.sort_by(|a, b| b.significance.total_cmp(&a.significance));
+    let mut chosen: Vec<Peak> = Vec::new();
+    for peak in peaks {
+        if chosen.len() < MOST_LINES
+            && chosen.iter().all(|c| (c.frequency - peak.frequency).abs() > 0.03 * peak.frequency)
+        {
+            chosen.push(peak);
         }
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut chosen: Vec<f64> = Vec::new();
-    for (_, hz) in found {
-        if chosen.len() < MOST_LINES && chosen.iter().all(|c| (c - hz).abs() > 0.03 * hz) {
-            chosen.push(hz);
-        }
+    let orders = wheel_orders(search, &residuals);
+    let hz: Vec<f64> = chosen.iter().map(|p| p.frequency).collect();
+    let strongest = chosen.first().map_or(0.0, |p| p.significance);
+    let strongest_order = orders.first().map_or(0.0, |o| o.2);
+    Lines {
+        torque_hz: hz.clone(),
+        sensor_hz: hz,
+        strongest: strongest.max(strongest_order),
+        // A line over time is blurred over a wheel's angle, and the other way round.
+        orders: if strongest_order > CERTAIN.max(strongest) {
+            orders.iter().take(1).map(|o| (o.0, o.1)).collect()
+        } else {
+            Vec::new()
+        },
     }
-    Lines { torque_hz: chosen.clone(), sensor_hz: chosen }
 }
 
-/// Power of the three axes at frequencies m / (padded length), zero-padded to a power of two.
-fn power_spectrum(series: &[Vector3<f64>]) -> Vec<f64> {
-    let size = series.len().next_power_of_two() * 2;
-    let mut power = vec![0.0; size / 2];
-    for axis in 0..3 {
-        let mut re: Vec<f64> = series.iter().map(|v| v[axis]).collect();
-        re.resize(size, 0.0);
-        let mut im = vec![0.0; size];
-        transform(&mut re, &mut im);
-        for (slot, (a, b)) in power.iter_mut().zip(re.iter().zip(&im)) {
-            *slot += (a * a + b * b) / series.len() as f64;
+/// Lines over the angle of each wheel: wheel, cycles per turn, significance; strongest first.
+fn wheel_orders(search: &Search<'_>, residuals: &[Residual]) -> Vec<(usize, f64, f64)> {
+    // Steps of the angle, small against a cycle of the highest order.
+    let step_turns = 0.16 / HIGHEST_ORDER;
+    let mut found = Vec::new();
+    for wheel in 0..search.problem.reference.model.wheels.len() {
+        let turns = |r: usize| -> Vec<f64> {
+            let motion = &search.problem.motions[r];
+            motion.wheel_angle.iter().map(|a| a[wheel] / std::f64::consts::TAU).collect()
+        };
+        let mut gridded: Vec<[Vec<f64>; 4]> = Vec::new();
+        let mut longest = 0;
+        let mut fewest_turns = f64::INFINITY;
+        for Residual { run, rate, speeds } in residuals {
+            let angle = turns(*run);
+            let low = angle.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = angle.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            fewest_turns = fewest_turns.min(high - low);
+            let cells = ((high - low) / step_turns).clamp(0.0, 4e6) as usize + 1;
+            longest = longest.max(cells);
+            let mut grid: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; cells]);
+            for ((turn, e), speed) in angle.iter().zip(rate).zip(&speeds[wheel]) {
+                let cell = (((turn - low) / step_turns) as usize).min(cells - 1);
+                for (list, x) in grid.iter_mut().zip(e.iter().chain([speed])) {
+                    list[cell] += x;
+                }
+            }
+            gridded.push(grid);
+        }
+        if fewest_turns < 40.0 {
+            continue;
+        }
+        let mut spectrum = Spectrum::new(longest.next_power_of_two() * 2);
+        for (grid, residual) in gridded.iter().zip(residuals) {
+            spectrum.add_of(grid, residual.rate.len() as f64, 1.0);
+        }
+        // Slower than a few cycles a run is no rhythm of the wheel.
+        for peak in spectrum.peaks(step_turns, 8.0 / fewest_turns) {
+            if peak.frequency < HIGHEST_ORDER {
+                found.push((wheel, peak.frequency, peak.significance));
+            }
         }
     }
-    power
+    found.sort_by(|a, b| b.2.total_cmp(&a.2));
+    found
+}
+
+fn axes(series: &[Vector3<f64>]) -> [Vec<f64>; 3] {
+    [0, 1, 2].map(|i| series.iter().map(|v| v[i]).collect())
+}
+
+/// Sum of the power spectra of series of unit variance.
+pub(crate) struct Spectrum {
+    size: usize,
+    power: Vec<f64>,
+    series: f64,
+}
+
+impl Spectrum {
+    /// For series of at most `size` entries; `size` is a power of two.
+    pub fn new(size: usize) -> Self {
+        Self { size, power: vec![0.0; size / 2], series: 0.0 }
+    }
+
+    /// Adds series whose steps are `stretch` times those of the first.
+    pub fn add(&mut self, list: &[Vec<f64>], stretch: f64) {
+        let length = list.first().map_or(0, Vec::len);
+        self.add_of(list, length as f64, stretch);
+    }
+
+    /// As [`Self::add`], with the sum of the variances of each series' entries.
+    pub fn add_of(&mut self, list: &[Vec<f64>], variance: f64, stretch: f64) {
+        for series in list {
+            let mut re = series.clone();
+            re.resize(self.size, 0.0);
+            let mut im = vec![0.0; self.size];
+            transform(&mut re, &mut im);
+            for (m, (a, b)) in re.iter().zip(&im).enumerate().take(self.size / 2) {
+                let at = (m as f64 / stretch).round() as usize;
+                if let Some(slot) = self.power.get_mut(at) {
+                    *slot += (a * a + b * b) / variance.max(1.0);
+                }
+            }
+            self.series += 1.0;
+        }
+    }
+
+    /// Peaks that stand out of their surroundings, from frequency `from` on.
+    pub fn peaks(&self, step: f64, from: f64) -> Vec<Peak> {
+        let power = &self.power;
+        let mut peaks = Vec::new();
+        if self.series < 1.0 {
+            return peaks;
+        }
+        let degrees = self.series;
+        let first = ((from * self.size as f64 * step).ceil() as usize).max(2);
+        for m in first..power.len().saturating_sub(2) {
+            let here = power[m];
+            if here < power[m - 1] || here < power[m + 1] || here < 1.5 * degrees {
+                continue;
+            }
+            let (low, high) = (m.saturating_sub(40).max(1), (m + 41).min(power.len()));
+            let mut around: Vec<f64> = power[low..high].to_vec();
+            let middle = around.len() / 2;
+            let median = *around.select_nth_unstable_by(middle, f64::total_cmp).1;
+            // Noise alone: a sum of exponential variates of mean 1. Louder surroundings count as noise.
+            let level = (median / (degrees - 1.0 / 3.0)).max(1.0);
+            let significance = gamma_significance(here / level, degrees);
+            if significance < 4.0 {
+                continue;
+            }
+            // Between two bins the line is where their amplitudes balance.
+            let (left, right) = (power[m - 1].sqrt(), power[m + 1].sqrt());
+            let shift =
+                if right > left { right / (right + here.sqrt()) } else { -left / (left + here.sqrt()) };
+            // Padded to twice the length or more, the peak is wider than a bin.
+            peaks
+                .push(Peak { frequency: (m as f64 + 0.5 * shift) / (self.size as f64 * step), significance });
+        }
+        peaks
+    }
+}
+
+/// Standard deviations of the normal law with the same tail as a sum of `degrees` exponential variates
+/// (Wilson and Hilferty 1931).
+pub(crate) fn gamma_significance(sum: f64, degrees: f64) -> f64 {
+    let spread = 1.0 / (9.0 * degrees);
+    ((sum / degrees).max(0.0).cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 /// Fast Fourier transform in place, radix two.
@@ -101,14 +257,17 @@ fn transform(re: &mut [f64], im: &mut [f64]) {
     let mut length = 2;
     while length <= n {
         let angle = -std::f64::consts::TAU / length as f64;
+        let (step_s, step_c) = angle.sin_cos();
         for start in (0..n).step_by(length) {
+            // The twiddle factor by recurrence: a butterfly costs no sine.
+            let (mut c, mut s) = (1.0, 0.0);
             for k in 0..length / 2 {
-                let (s, c) = (angle * k as f64).sin_cos();
                 let (a, b) = (start + k, start + k + length / 2);
                 let (x, y) = (re[b] * c - im[b] * s, re[b] * s + im[b] * c);
                 (re[b], im[b]) = (re[a] - x, im[a] - y);
                 re[a] += x;
                 im[a] += y;
+                (c, s) = (c * step_c - s * step_s, c * step_s + s * step_c);
             }
         }
         length *= 2;
@@ -120,11 +279,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sine_has_one_line() {
-        let series: Vec<Vector3<f64>> =
-            (0..1000).map(|k| Vector3::x() * (std::f64::consts::TAU * 0.1 * f64::from(k)).sin()).collect();
-        let power = power_spectrum(&series);
-        let (peak, _) = power.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap();
-        assert!((peak as f64 / (2.0 * power.len() as f64) - 0.1).abs() < 1e-3);
+    fn a_sine_in_noise_has_one_line() {
+        let mut state = 4_u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 12f64.sqrt()
+        };
+        let step_s = 0.02;
+        let series: Vec<f64> = (0..4000)
+            .map(|k| 0.25 * (std::f64::consts::TAU * 3.217 * f64::from(k) * step_s).sin() + noise())
+            .collect();
+        let mut spectrum = Spectrum::new(8192);
+        spectrum.add(&[series], 1.0);
+        let mut peaks = spectrum.peaks(step_s, 0.0);
+        peaks.sort_by(|a, b| b.significance.total_cmp(&a.significance));
+        assert!(peaks[0].significance > CERTAIN, "{peaks:?}");
+        assert!((peaks[0].frequency - 3.217).abs() < 3e-3, "{peaks:?}");
+        assert!(peaks.iter().skip(1).all(|p| p.significance < CERTAIN), "{peaks:?}");
+    }
+
+    #[test]
+    fn the_tail_of_a_sum_of_exponentials_is_that_of_the_normal_law() {
+        // P(sum of one exponential > x) = exp(-x): 2.33 and 3.09 standard deviations are 1e-2 and 1e-3.
+        assert!((gamma_significance(100f64.ln(), 1.0) - 2.326).abs() < 0.05);
+        assert!((gamma_significance(1000f64.ln(), 1.0) - 3.090).abs() < 0.08);
     }
 }

@@ -40,12 +40,21 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     let mut add = |variable: &str, scale: f64, centre: f64, value: Value| {
         let in_room =
             !variable.contains("rate") && !variable.contains("speed") && variable != "tank_pressure";
+        let slow = matches!(variable, "tank_pressure" | "bus_voltage" | "temperature" | "time");
         let value = std::sync::Arc::new(value);
         for (parity, power) in [("odd", 1), ("even", 2), ("odd", 3)] {
             let value = std::sync::Arc::clone(&value);
             let shape: Value =
                 Box::new(move |run, motion, k| ((value(run, motion, k) - centre) / scale).powi(power));
             groups.push(vec![Shape { in_room, ..single(variable, parity, shape) }]);
+        }
+        if slow {
+            // A line through a zero of its own.
+            let linear = std::sync::Arc::clone(&value);
+            let shape: Value = Box::new(move |run, motion, k| (linear(run, motion, k) - centre) / scale);
+            let first = Shape { in_room, ..single(variable, "odd", shape) };
+            let second = Shape { in_room, ..single(variable, "odd", Box::new(|_, _, _| 1.0)) };
+            groups.push(vec![first, second]);
         }
         let value = std::sync::Arc::clone(&value);
         let sense: Value = Box::new(move |run, motion, k| {
@@ -111,6 +120,15 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         second.frequency_hz = Some(hz);
         groups.push(vec![first, second]);
     }
+    for (wheel, order) in &search.lines.orders {
+        let (wheel, order) = (*wheel, *order);
+        let name = search.problem.reference.model.wheels.get(wheel).map_or("wheel", |w| w.name.as_str());
+        let phase = move |m: &Motion, k: usize| order * m.wheel_angle.get(k).map_or(0.0, |a| a[wheel]);
+        let sine: Value = Box::new(move |_, m, k| phase(m, k).sin());
+        let cosine: Value = Box::new(move |_, m, k| phase(m, k).cos());
+        let shape = |value| Shape { in_room: false, ..single(&format!("{name}_angle"), "none", value) };
+        groups.push(vec![shape(sine), shape(cosine)]);
+    }
     groups
 }
 
@@ -125,6 +143,9 @@ pub(crate) struct Follower {
     /// Log evidence of the best shape beside the base model alone, choices paid for.
     pub alone_evidence: f64,
 }
+
+/// Log evidence and drop of the misfit, beside the best set and beside the base model.
+type Score = ((f64, f64), (f64, f64));
 
 /// Finds the shape that explains most of what the best set of effects leaves.
 pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
@@ -211,7 +232,7 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
         };
         let padded = old.groups.len() * lanes;
         combined.groups.append(&mut slot.groups);
-        for block in combined.normals(padded + chunks.len() * lanes, search.problem.threads) {
+        for block in combined.normals(padded + chunks.len() * lanes, search.problem.threads, 1) {
             let index = |i: usize| if i < base.len() { base[i] } else { padded + i - base.len() };
             for i in 0..base.len() + total {
                 joint.vector[i] += block.vector[index(i)];
@@ -252,8 +273,15 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
     });
     let choices = (owners.len() as f64).ln();
     let alone_evidence = scored.iter().map(|s| s.1.0).fold(f64::NEG_INFINITY, f64::max) - choices;
-    let (best, (added, _)) =
-        owners.iter().zip(&scored).max_by(|a, b| a.1.0.0.total_cmp(&b.1.0.0)).map(|(o, s)| (*o, *s))?;
+    let best_by = |score: &dyn Fn(&Score) -> f64| {
+        owners.iter().zip(&scored).max_by(|a, b| score(a.1).total_cmp(&score(b.1))).map(|(o, s)| (*o, *s))
+    };
+    let (mut best, (added, _)) = best_by(&|s| s.0.0)?;
+    // Where a shape alone outdoes every name, it says more than what it adds to the names.
+    let explained = search.best.log_evidence - search.base.log_evidence;
+    if alone_evidence > explained {
+        best = best_by(&|s| s.1.0)?.0;
+    }
     let (group, world, axis) = best;
     let shape = groups.get(group)?.first()?;
     let left = (search.data.total.sum_of_squares - search.base.estimate.drop - search.data.total.rows)

@@ -14,10 +14,10 @@ fn the_true_model_leaves_white_noise() {
     truth.tilt_limit = whorl_dynamics::platform::TiltLimit::Cone { max_rad: 0.5 };
     let run = record(&truth, 7, 60.0, None);
     let reference = Reference::new(&truth, &ModelPrior::typical(&truth));
-    let mut problem = Problem::new(std::slice::from_ref(&run), reference, 1).unwrap();
+    let mut problem = Problem::new(std::slice::from_ref(&run), reference, run.duration_s(), 1).unwrap();
     let point = problem.reference.point();
     for walk in [0.3, 5e-3] {
-        problem.smooth(&point, walk).unwrap();
+        problem.smooth(&point, Some(walk)).unwrap();
     }
     let linear = problem.linearise(&point).unwrap();
     let (whitened, channels) = (&linear[0].gains.whitened, &linear[0].gains.channel);
