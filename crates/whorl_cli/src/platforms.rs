@@ -19,7 +19,8 @@ pub struct Arguments {
 }
 
 /// Carries out `whorl platforms`: platforms are called whorl_1 to whorl_N; odd ones are like whorl_1, even ones like
-/// whorl_2, and so are their sections of every experiment.
+/// whorl_2, and so are their sections of every experiment. Experiments over a chain, a tree and two parallel leaders are
+/// written besides.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (count, from, out) = (arguments.count, &arguments.params, &arguments.out);
     if count < 2 {
@@ -65,8 +66,82 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         write(&out.join("experiments").join(file), &text)?;
     }
+    let pair = read(&out.join("experiments/leader_follower_short.yaml"))?;
+    for graph in [Graph::Chain, Graph::Tree, Graph::ParallelLeaders] {
+        let text = graph.experiment(&pair, &names).with_context(|| {
+            format!("leader_follower_short.yaml in {} is not as it was", experiments.display())
+        })?;
+        write(&out.join(format!("experiments/{}.yaml", graph.name())), &text)?;
+    }
     println!("{count} platforms in {}", out.display());
     Ok(())
+}
+
+/// Who leads whom in the experiments that are written besides those of two platforms.
+#[derive(Debug, Clone, Copy)]
+enum Graph {
+    /// Each follows the one before it.
+    Chain,
+    /// Each leads two.
+    Tree,
+    /// The first two lead, and every other one follows one of them.
+    ParallelLeaders,
+}
+
+impl Graph {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Chain => "chain",
+            Self::Tree => "tree",
+            Self::ParallelLeaders => "parallel_leaders",
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Chain => "chain",
+            Self::Tree => "tree in which each leads two",
+            Self::ParallelLeaders => "forest of two parallel leaders",
+        }
+    }
+
+    /// Whom a platform follows, counted from 0.
+    fn leader(self, platform: usize) -> Option<usize> {
+        match self {
+            Self::Chain => platform.checked_sub(1),
+            Self::Tree => platform.checked_sub(1).map(|p| p / 2),
+            Self::ParallelLeaders => (platform >= 2).then_some(platform % 2),
+        }
+    }
+
+    /// The experiment of a pair, with all platforms on this graph; `None` when it is not one.
+    fn experiment(self, pair: &str, names: &[String]) -> Option<String> {
+        let mut text = format!("# Written by `whorl platforms`: leader-follower over a {}.\n", self.words());
+        let mut replaced = false;
+        for line in pair.lines().skip_while(|line| line.starts_with('#')) {
+            if line.trim_start().starts_with("whorl_2: {leader: whorl_1") {
+                replaced = true;
+                for (platform, name) in names.iter().enumerate() {
+                    let leader = self.leader(platform);
+                    // Odd and even platforms begin 20 deg apart.
+                    let yaw_deg =
+                        leader.map_or(0.0, |leader| 20.0 * ((platform % 2) as f64 - (leader % 2) as f64));
+                    let leader = leader.and_then(|leader| names.get(leader)).map_or("\"\"", String::as_str);
+                    text +=
+                        &format!("        {name}: {{leader: {leader}, offset: {{yaw_deg: {yaw_deg:?}}}}}\n");
+                }
+            } else if line.trim_start().starts_with("description:") {
+                text += &format!("      description: leader-follower over a {}\n", self.words());
+            } else {
+                // Both of two leaders go to the first attitude, also the one that begins elsewhere.
+                text += &line
+                    .replace("leader_follower_short", self.name())
+                    .replace("kind: settle, duration_s: 7.0", "kind: settle, duration_s: 20.0");
+                text.push('\n');
+            }
+        }
+        replaced.then_some(text)
+    }
 }
 
 fn pattern(index: usize) -> &'static str {
@@ -122,6 +197,22 @@ mod tests {
             renamed("/whorl_1/driver: whorl_10 whorl_1", "whorl_1", "whorl_3"),
             "/whorl_3/driver: whorl_10 whorl_3"
         );
+    }
+
+    #[test]
+    fn graphs_are_those_of_their_names() {
+        let leaders = |graph: Graph| (0..6).map(|p| graph.leader(p)).collect::<Vec<_>>();
+        assert_eq!(leaders(Graph::Chain), [None, Some(0), Some(1), Some(2), Some(3), Some(4)]);
+        assert_eq!(leaders(Graph::Tree), [None, Some(0), Some(0), Some(1), Some(1), Some(2)]);
+        assert_eq!(leaders(Graph::ParallelLeaders), [None, None, Some(0), Some(1), Some(0), Some(1)]);
+        let pair = "# x\nname: leader_follower_short\n        whorl_2: {leader: whorl_1, offset: {}}\n";
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let text = Graph::Chain.experiment(pair, &names).unwrap();
+        assert!(
+            text.contains("name: chain\n") && text.contains("c: {leader: b, offset: {yaw_deg: -20.0}}"),
+            "{text}"
+        );
+        assert!(Graph::Chain.experiment("steps: {}", &names).is_none());
     }
 
     #[test]
