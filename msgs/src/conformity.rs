@@ -201,6 +201,7 @@ compare! {
     "whorl_msgs/ControlStatus" crate::whorl::ControlStatus;
     "whorl_msgs/FormationCommand" crate::whorl::FormationCommand;
     "whorl_msgs/FormationState" crate::whorl::FormationState;
+    "whorl_msgs/ParameterEstimate" crate::whorl::ParameterEstimate;
     "whorl_msgs/ThrusterState" crate::whorl::ThrusterState;
 }
 

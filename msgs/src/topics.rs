@@ -147,6 +147,7 @@ messages! {
     ControlStatus(whorl::ControlStatus) "whorl_msgs/msg/ControlStatus";
     FormationCommand(whorl::FormationCommand) "whorl_msgs/msg/FormationCommand";
     FormationState(whorl::FormationState) "whorl_msgs/msg/FormationState";
+    ParameterEstimate(whorl::ParameterEstimate) "whorl_msgs/msg/ParameterEstimate";
     DiagnosticArray(diagnostic_msgs::DiagnosticArray) "diagnostic_msgs/msg/DiagnosticArray";
     TFMessage(tf2_msgs::TFMessage) "tf2_msgs/msg/TFMessage";
 }
@@ -199,6 +200,8 @@ topics! {
     ActuatorCommand "actuators/command" platform ActuatorCommand STREAM 100.0;
     /// From the estimator.
     AttitudeEstimate "attitude/estimate" platform AttitudeEstimate STREAM 100.0;
+    /// Mass properties, from an estimator that identifies while the platform moves.
+    ParameterEstimate "parameters/estimate" platform ParameterEstimate STREAM 1.0;
     /// From the coordinator.
     AttitudeReference "attitude/reference" platform AttitudeReference STREAM 50.0;
     /// From local control.

@@ -88,6 +88,16 @@ impl AttitudeEstimate {
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ParameterEstimate {
+    pub header: Header,
+    pub sequence: u64,
+    pub name: Vec<String>,
+    pub value: Vec<f64>,
+    pub stddev: Vec<f64>,
+    pub prior_stddev: Vec<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct AttitudeReference {
     pub header: Header,
     pub sequence: u64,

@@ -112,6 +112,7 @@ fn message(topic: Topic, sequence: u64, now: Timestamp) -> Message {
         Message::FormationCommand(m) => m.sequence = sequence,
         Message::ClockRequest(m) => m.sequence = sequence,
         Message::ClockReply(m) => m.sequence = sequence,
+        Message::ParameterEstimate(m) => m.sequence = sequence,
         Message::FormationState(m) => {
             m.sequence = sequence;
             m.experiment = "sample".into();

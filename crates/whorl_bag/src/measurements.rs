@@ -63,6 +63,7 @@ pub fn stamp_of(message: &Message) -> Option<Timestamp> {
         Message::ClockRequest(m) => &m.header,
         Message::ClockReply(m) => &m.header,
         Message::FormationState(m) => &m.header,
+        Message::ParameterEstimate(m) => &m.header,
         Message::DiagnosticArray(m) => &m.header,
         Message::TFMessage(_) => return None,
     };

@@ -391,6 +391,7 @@ pub fn sequence_of(message: &Message) -> Option<u64> {
         Message::ClockRequest(m) => Some(m.sequence),
         Message::ClockReply(m) => Some(m.sequence),
         Message::FormationState(m) => Some(m.sequence),
+        Message::ParameterEstimate(m) => Some(m.sequence),
         Message::Imu(_)
         | Message::Vector3Stamped(_)
         | Message::JointState(_)

@@ -13,6 +13,7 @@ use whorl_msgs::whorl::{AttitudeEstimate, ThrusterState};
 use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::Parameters;
+use crate::identifying::Identifying;
 
 /// How often staleness is looked for when no IMU sample arrives.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
@@ -22,6 +23,7 @@ const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 pub struct EstimatorCore {
     parameters: Parameters,
     filter: Estimator,
+    identifying: Option<Identifying>,
     thrusters_before: Option<u64>,
     sequence: u64,
     last_published: Option<Timestamp>,
@@ -38,6 +40,7 @@ impl EstimatorCore {
     pub fn new(parameters: Parameters) -> Result<Self, EstimatorError> {
         Ok(Self {
             filter: Estimator::new(parameters.kind, parameters.filter, parameters.body)?,
+            identifying: parameters.identification.as_ref().map(Identifying::new),
             thrusters_before: None,
             parameters,
             sequence: 0,
@@ -83,6 +86,14 @@ impl EstimatorCore {
         let rotation = message.q_world_body;
         outputs.publish(self.route(Topic::AttitudeEstimate), message);
         self.publish_tf(now, stamp, usable.then_some(rotation), outputs);
+        if let Some(identifying) = &mut self.identifying {
+            if usable {
+                identifying.begin(estimate.q_world_body);
+            }
+            if let Some(message) = identifying.message(now, &self.parameters.name) {
+                outputs.publish(self.route(Topic::ParameterEstimate), message);
+            }
+        }
     }
 
     fn publish_tf(
@@ -107,6 +118,9 @@ impl EstimatorCore {
 
     /// Wheel speeds and torques as momentum and torque in body axes.
     fn wheels_arrived(&mut self, wheels: &JointState) {
+        if let Some(identifying) = &mut self.identifying {
+            identifying.on_wheels(wheels);
+        }
         let own = &self.parameters.wheels;
         if wheels.velocity.len() != own.len() {
             return;
@@ -126,6 +140,9 @@ impl EstimatorCore {
             return;
         }
         self.thrusters_before = Some(thrusters.sequence);
+        if let Some(identifying) = &mut self.identifying {
+            identifying.on_jets(&thrusters.on_time_s);
+        }
         let impulse = torques.iter().zip(&thrusters.on_time_s).map(|(torque, time_s)| torque * *time_s).sum();
         self.filter.on_jets(&impulse);
     }
@@ -198,14 +215,25 @@ impl EstimatorCore {
 impl NodeCore for EstimatorCore {
     fn subscriptions(&self) -> Vec<Route> {
         let mut topics = vec![Topic::ImuRaw, Topic::VectorDirection];
-        if self.parameters.kind.needs_body() {
+        if self.parameters.kind.needs_body() || self.identifying.is_some() {
             topics.extend([Topic::WheelState, Topic::ThrusterState]);
+        }
+        if self.identifying.is_some() {
+            topics.push(Topic::BallastMoment);
         }
         topics.into_iter().map(|topic| self.route(topic)).collect()
     }
 
     fn publications(&self) -> Vec<Route> {
-        vec![self.route(Topic::AttitudeEstimate), Route::shared(Topic::Tf), Route::shared(Topic::Diagnostics)]
+        let mut routes = vec![
+            self.route(Topic::AttitudeEstimate),
+            Route::shared(Topic::Tf),
+            Route::shared(Topic::Diagnostics),
+        ];
+        if self.identifying.is_some() {
+            routes.push(self.route(Topic::ParameterEstimate));
+        }
+        routes
     }
 
     fn timer_period(&self) -> Option<Duration> {
@@ -215,14 +243,18 @@ impl NodeCore for EstimatorCore {
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
             Event::Message { message: Message::Imu(imu), .. } => {
-                let outcome = self.filter.on_imu(&ImuSample {
+                let calibration = &self.parameters.calibration;
+                let sample = ImuSample {
                     stamp_ns: Timestamp::from(imu.header.stamp).0,
-                    gyro_rad_s: self.parameters.calibration.rate_b_rad_s(&imu.angular_velocity.into()),
-                    specific_force_m_s2: self
-                        .parameters
-                        .calibration
-                        .specific_force_b_m_s2(&imu.linear_acceleration.into()),
-                });
+                    gyro_rad_s: calibration.rate_b_rad_s(&imu.angular_velocity.into()),
+                    specific_force_m_s2: calibration.specific_force_b_m_s2(&imu.linear_acceleration.into()),
+                };
+                let outcome = self.filter.on_imu(&sample);
+                let used = outcome.gyro == Verdict::Used && outcome.accelerometer.rejection().is_none();
+                if let Some(identifying) = self.identifying.as_mut().filter(|_| used) {
+                    let stamp = Timestamp(sample.stamp_ns);
+                    identifying.on_imu(stamp, &sample.gyro_rad_s, &sample.specific_force_m_s2);
+                }
                 self.note(outcome.event, outputs);
                 // A sample that brings nothing new must not make an estimate look fresh.
                 let stale = [Rejection::DuplicateStamp, Rejection::OutOfOrder];
@@ -230,11 +262,21 @@ impl NodeCore for EstimatorCore {
                     self.publish(now, outputs);
                 }
             }
+            Event::Message { route, message: Message::Vector3Stamped(moment) }
+                if route.topic == Topic::BallastMoment =>
+            {
+                if let Some(identifying) = &mut self.identifying {
+                    identifying.on_ballast(&moment.vector.into());
+                }
+            }
             Event::Message { message: Message::Vector3Stamped(vector), .. } => {
                 let stamp_ns = Timestamp::from(vector.header.stamp).0;
-                let (_, event) = self
-                    .filter
-                    .on_vector(stamp_ns, &self.parameters.calibration.direction_b(&vector.vector.into()));
+                let direction_b = self.parameters.calibration.direction_b(&vector.vector.into());
+                let (verdict, event) = self.filter.on_vector(stamp_ns, &direction_b);
+                if let Some(identifying) = self.identifying.as_mut().filter(|_| verdict.rejection().is_none())
+                {
+                    identifying.on_direction(Timestamp(stamp_ns), &direction_b);
+                }
                 self.note(event, outputs);
             }
             Event::Message { message: Message::JointState(wheels), .. } => self.wheels_arrived(wheels),
@@ -279,6 +321,9 @@ impl Configurable for EstimatorCore {
                 )
             }
             .map_err(|e| e.to_string())?;
+        }
+        if parameters.identification != self.parameters.identification {
+            self.identifying = parameters.identification.as_ref().map(Identifying::new);
         }
         self.parameters = parameters.clone();
         Ok(())

@@ -14,9 +14,10 @@ use whorl_estimation::{
 };
 use whorl_math::{GRAVITY_M_S2, rad_from_deg};
 use whorl_msgs::topics::PlatformId;
-use whorl_params::{Reader, non_negative, own_platform, platform_model, positive, range};
+use whorl_params::{Reader, non_negative, own_platform, platform_model_with_prior, positive, range};
 
 use crate::calibration::Calibration;
+use crate::identifying::Identification;
 
 /// Validated parameters of an estimator.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +42,8 @@ pub struct Parameters {
     pub tf_rate_hz: f64,
     /// Where the platform's centre of rotation stands in the world, for `/tf` alone \[m\].
     pub tf_position_w_m: Vector3<f64>,
+    /// Whether and how mass properties are estimated while the platform moves.
+    pub identification: Option<Identification>,
 }
 
 /// What the estimator needs to know of a wheel.
@@ -57,13 +60,15 @@ pub struct SpinningWheel {
 pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let own = own_platform(r);
     // Effects that the model has adopted correct its constants: inertia, wheels, jets, sensors.
-    let model = platform_model(r, "model").and_then(|model| match Gyrostat::new(&model) {
-        Ok(gyrostat) => Some(gyrostat.model().clone()),
+    let platform = platform_model_with_prior(r).and_then(|(model, prior)| match Gyrostat::new(&model) {
+        Ok(gyrostat) => Some((gyrostat.model().clone(), prior)),
         Err(error) => {
             r.reject("model", error.to_string());
             None
         }
     });
+    let identification = Identification::read(r, platform.as_ref());
+    let model = platform.map(|(model, _)| model);
     let calibration = model.as_ref().map(|m| Calibration::new(&m.sensors));
     let tf_rate_hz = r.f64_or("tf_rate_hz", 20.0, range(0.0..=100.0), "rate of /tf [Hz]; 0: none");
     let tf_position_w_m = r.vector3_or(
@@ -107,6 +112,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         calibration,
         tf_rate_hz,
         tf_position_w_m,
+        identification,
     })
 }
 

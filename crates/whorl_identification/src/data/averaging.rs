@@ -17,7 +17,7 @@ const SHORTEST_STRETCH_S: f64 = 3.0;
 const SHORTEST_RUN_S: f64 = 10.0;
 /// So near to the bearing's stop counts as touching it \[rad\], and for so long before and after \[s\].
 const CONTACT_MARGIN_RAD: f64 = 0.002;
-const CONTACT_LASTS_S: f64 = 0.3;
+pub(crate) const CONTACT_LASTS_S: f64 = 0.3;
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
 
@@ -182,16 +182,8 @@ fn prepare_run(
 
 /// Stretches away from the bearing's stop, whose contact no model here knows.
 fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>> {
-    let near = |p: &Point| {
-        p.specific_force_b_m_s2.is_some_and(|(force, _)| match model.tilt_limit {
-            TiltLimit::Cone { max_rad } => {
-                force.x.hypot(force.y).atan2(force.z) > max_rad - CONTACT_MARGIN_RAD
-            }
-            TiltLimit::Pitch { max_rad } => {
-                force.x.atan2(force.y.hypot(force.z)).abs() > max_rad - CONTACT_MARGIN_RAD
-            }
-        })
-    };
+    let near =
+        |p: &Point| p.specific_force_b_m_s2.is_some_and(|(force, _)| touches(&force, model.tilt_limit));
     let touching: Vec<f64> = points.iter().filter(|p| near(p)).map(|p| p.time_s).collect();
     let mut stretches = vec![Vec::new()];
     for point in points {
@@ -206,6 +198,17 @@ fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>>
     }
     stretches.retain(|s| !s.is_empty());
     stretches
+}
+
+/// Whether the specific force says that the platform is at its stop, or nearly.
+pub(crate) fn touches(force_b_m_s2: &Vector3<f64>, limit: TiltLimit) -> bool {
+    let force = force_b_m_s2;
+    match limit {
+        TiltLimit::Cone { max_rad } => force.x.hypot(force.y).atan2(force.z) > max_rad - CONTACT_MARGIN_RAD,
+        TiltLimit::Pitch { max_rad } => {
+            force.x.atan2(force.y.hypot(force.z)).abs() > max_rad - CONTACT_MARGIN_RAD
+        }
+    }
 }
 
 /// Samples with their latency taken off and clipped ones left out.

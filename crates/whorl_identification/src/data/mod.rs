@@ -4,5 +4,6 @@ mod averaging;
 mod checks;
 mod wheels;
 
+pub(crate) use averaging::{CONTACT_LASTS_S, touches};
 pub use averaging::{Chain, Direction, Point, PreparedData, prepare};
 pub use checks::{DataError, Finding};

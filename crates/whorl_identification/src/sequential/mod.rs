@@ -13,10 +13,12 @@
 
 mod dual;
 mod joint;
+mod online;
 mod unscented;
 
 pub use dual::DualFilter;
 pub use joint::{JointFilter, JointUpdate};
+pub use online::OnlineFilter;
 
 use crate::mass_parameters::{MassCovariance, MassVector};
 
