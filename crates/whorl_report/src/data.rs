@@ -8,7 +8,7 @@ use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temp
 use whorl_msgs::topics::{Message, Topic};
 use whorl_msgs::whorl::{
     ActuatorCommand, AttitudeEstimate, AttitudeReference, ClockRequest, ControlStatus, FormationCommand,
-    FormationState, ThrusterState,
+    FormationState, ParameterEstimate, ThrusterState,
 };
 
 /// A message and when it was recorded, seconds since the first message of the run.
@@ -43,6 +43,8 @@ pub struct PlatformData {
     pub command: Vec<Recorded<ActuatorCommand>>,
     /// Estimates.
     pub estimate: Vec<Recorded<AttitudeEstimate>>,
+    /// Mass properties estimated while the platform moved.
+    pub parameters: Vec<Recorded<ParameterEstimate>>,
     /// References.
     pub reference: Vec<Recorded<AttitudeReference>>,
     /// Controller status.
@@ -116,6 +118,7 @@ impl RunData {
             Temperature Temperature temperature;
             ActuatorCommand ActuatorCommand command;
             AttitudeEstimate AttitudeEstimate estimate;
+            ParameterEstimate ParameterEstimate parameters;
             AttitudeReference AttitudeReference reference;
             ControlStatus ControlStatus control;
             TruthState AttitudeEstimate truth;

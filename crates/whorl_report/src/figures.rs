@@ -119,8 +119,43 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
         ..Figure::default()
     });
     figures.extend(jet_figures(data));
+    figures.extend(mass_property_figures(data));
     figures.retain(|f| !f.is_empty());
     figures
+}
+
+/// How the mass properties converge that were estimated while the platform moved: three figures of three.
+fn mass_property_figures(data: &PlatformData) -> Vec<Figure> {
+    let groups = [
+        ("Moments of inertia", [0, 3, 5], "change [kg m^2]"),
+        ("Products of inertia", [1, 2, 4], "change [kg m^2]"),
+        ("Gravity offset", [6, 7, 8], "change [N m]"),
+    ];
+    let first = data.parameters.first();
+    groups
+        .into_iter()
+        .map(|(title, indices, y_label)| {
+            let curve = |index: usize, sigmas: f64| {
+                let at = |values: &[f64]| values.get(index).copied().unwrap_or(f64::NAN);
+                let start = first.map_or(f64::NAN, |f| at(&f.message.value));
+                let name = first.and_then(|f| f.message.name.get(index)).cloned().unwrap_or_default();
+                let points = data.parameters.iter().map(move |p| {
+                    (p.stamp_s, at(&p.message.value) + sigmas * at(&p.message.stddev) - start)
+                });
+                Curve::new(name.as_str(), points)
+            };
+            Figure {
+                title: format!("{title}, estimated while the platform moved"),
+                caption: "Change against the first estimate. Bands: one standard deviation; a band that stays wide \
+                          belongs to a parameter that the motion does not excite."
+                    .to_owned(),
+                y_label: y_label.to_owned(),
+                curves: indices.map(|i| curve(i, 0.0)).to_vec(),
+                bands: indices.map(|i| (curve(i, -1.0), curve(i, 1.0))).to_vec(),
+                ..Figure::default()
+            }
+        })
+        .collect()
 }
 
 /// When the filter has settled, if there is an estimate.
