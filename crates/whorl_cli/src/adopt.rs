@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 use whorl_diagnosis::{Fit, FittedParameter, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
+use whorl_recording::KnownPlatform;
 use whorl_report::{AdoptedParameter, AdoptionPage, ComparedRun};
 
 use crate::compare::compare_all;
@@ -20,6 +21,8 @@ use crate::table::{print, significant};
 const SCHEMA: u32 = 1;
 /// A held-out error this much above that before counts as worse.
 const WORSE: f64 = 1.005;
+/// Standard deviations of its prior beyond which no mass property is.
+const BEYOND_BELIEF: f64 = 12.0;
 
 /// Arguments of `whorl adopt`.
 #[derive(Debug, clap::Args)]
@@ -33,7 +36,7 @@ pub struct Arguments {
     /// Compares rivals side by side and writes nothing; `+` joins effects to a set: a,b+c.
     #[arg(long = "try", value_name = "A,B", value_delimiter = ',')]
     try_: Vec<String>,
-    /// Writes even if the held-out runs are predicted worse.
+    /// Writes even if the held-out runs are predicted worse, or a mass property moves beyond belief.
     #[arg(long)]
     anyway: bool,
     /// A run that takes part in no fit; may be given several times.
@@ -328,6 +331,9 @@ fn adopt(arguments: &Arguments, runs: &Runs, versions: &[Version], provenance: &
             "the held-out runs are predicted worse with it ({before:.3} -> {after:.3} times the noise), so nothing was written; --anyway writes all the same"
         );
     }
+    if let Some(reason) = strangest(&runs.known, &fit.model).filter(|_| !arguments.anyway) {
+        bail!("{reason}. Nothing was written; --anyway writes all the same");
+    }
     if !out.exists() {
         let source = runs.known.files.last().context("there is no parameter file to start from")?;
         std::fs::copy(source, out).with_context(|| format!("cannot write {}", out.display()))?;
@@ -339,6 +345,36 @@ fn adopt(arguments: &Arguments, runs: &Runs, versions: &[Version], provenance: &
     write_model(out, &runs.known.platform, &changes)?;
     println!("\n{}: {} entries written.", out.display(), changes.len());
     Ok(())
+}
+
+/// The mass property that a fit has moved beyond belief, in a sentence.
+fn strangest(known: &KnownPlatform, fitted: &PlatformModel) -> Option<String> {
+    let inertia = |model: &PlatformModel, i, j| model.mass_properties.inertia_b_kg_m2()[(i, j)];
+    let offset = |model: &PlatformModel, i: usize| model.mass_properties.gravity_offset_b_n_m()[i];
+    let mut parts = Vec::new();
+    for (name, i, j) in [("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2)] {
+        let stddev = known.prior.inertia_b_kg_m2[(i, j)];
+        let name = format!("inertia_kg_m2.{name}");
+        parts.push((name, inertia(&known.model, i, j), inertia(fitted, i, j), stddev));
+    }
+    for (name, i) in [("x", 0), ("y", 1), ("z", 2)] {
+        let stddev = known.prior.gravity_offset_b_n_m[i];
+        let name = format!("gravity_offset_n_m.{name}");
+        parts.push((name, offset(&known.model, i), offset(fitted, i), stddev));
+    }
+    let sigmas = |part: &(String, f64, f64, f64)| (part.2 - part.1).abs() / part.3;
+    let worst = parts.into_iter().filter(|p| p.3 > 0.0).max_by(|a, b| sigmas(a).total_cmp(&sigmas(b)))?;
+    (sigmas(&worst) > BEYOND_BELIEF).then(|| {
+        format!(
+            "the fit asks for {} = {}, and the model says {} +- {}: {:.0} standard deviations. Are these data of \
+             another platform? Or is there too little motion in them to fit it: take in a livelier run",
+            worst.0,
+            significant(worst.2),
+            significant(worst.1),
+            significant(worst.3),
+            sigmas(&worst)
+        )
+    })
 }
 
 /// Which data and which command: names with the hash of their measurements.

@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
+use whorl_bag::CsvMap;
+use whorl_recording::{
+    KnownPlatform, ReadOptions, Recording, platform_parts, read_csv, read_model, read_run_with,
+};
 
 /// Runs, held-out runs and the model.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RunArguments {
-    /// Run directories, rosbag2 directories or .mcap files.
+    /// Run directories, rosbag2 directories, .mcap files, or CSV files with --channels.
     #[arg(required = true, value_name = "RUN")]
     pub runs: Vec<PathBuf>,
     /// A run that takes part in no fit; may be given several times.
@@ -43,8 +46,16 @@ impl RunArguments {
     pub fn read(&self) -> anyhow::Result<Runs> {
         let first = self.runs.first().context("no run was given")?;
         let source = self.model.as_deref().unwrap_or(first);
-        let known = read_model(source, self.platform.as_deref())
-            .with_context(|| format!("cannot read the model from {}", source.display()))?;
+        // Its errors name the file.
+        let known = match read_model(source, self.platform.as_deref()) {
+            Err(_) if self.model.is_none() && is_csv(first) => {
+                bail!(
+                    "{}: a CSV file holds no parameters: name the platform's file, e.g. --model params/whorl_1.yaml",
+                    first.display()
+                )
+            }
+            read => read?,
+        };
         let read = |paths: &[PathBuf]| -> anyhow::Result<Vec<Recording>> {
             paths.iter().map(|path| self.recording(path, &known)).collect()
         };
@@ -75,8 +86,19 @@ impl RunArguments {
             model: Some(&known.model),
             channels: self.channels.as_deref(),
         };
-        let mut recordings =
-            read_run_with(path, &options).with_context(|| format!("cannot read {}", path.display()))?;
+        let mut recordings = match (is_csv(path), &self.channels) {
+            (true, None) => bail!(
+                "{}: a CSV file needs a map of its columns, --channels MAP.yaml: docs/recordings.md shows one",
+                path.display()
+            ),
+            (true, Some(map)) => {
+                let map = CsvMap::load_for(map, &platform_parts(known))?;
+                let recording = read_csv(path, &map, known)?.recording;
+                recording.check_fits(&known.model, &known.platform)?;
+                vec![recording]
+            }
+            _ => read_run_with(path, &options)?,
+        };
         match recordings.len() {
             1 => {
                 let recording = recordings.remove(0);
@@ -98,6 +120,12 @@ impl RunArguments {
             Path::to_owned,
         )
     }
+}
+
+/// A CSV file, plain or compressed.
+fn is_csv(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    !path.is_dir() && (name.ends_with(".csv") || name.ends_with(".csv.gz"))
 }
 
 fn effects_of(known: &KnownPlatform) -> String {

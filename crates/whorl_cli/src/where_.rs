@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             println!("{}{sentence}", if k > 0 { "  " } else { "" });
         }
     }
-    for run in &found {
+    for run in found.iter().filter(|run| run.is_anything_left()) {
         let d = &run.dependences;
         println!("\n{}: share of the excess that each quantity explains (shares overlap)", run.run);
         let constant = |share: f64, frame: &str| {

@@ -8,6 +8,8 @@ use crate::dependence::{Dependence, Dependences, Frame, Growth, Parity, conditio
 use crate::error::ValidationError;
 use crate::residual::{Residual, residual_torque};
 
+/// Excess over the noise below which there is nothing to locate.
+const LEAST_EXCESS: f64 = 0.05;
 /// Quantities named in words.
 const NAMED: usize = 3;
 /// A share of the excess below which a quantity is not worth naming.
@@ -41,7 +43,9 @@ pub struct Whereabouts {
 pub fn explain_where(recording: &Recording, model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
     let residual = residual_torque(recording, model)?;
     let torque = &residual.torque;
-    let variables = conditions(recording, &torque.time_s, &torque.q_world_body, &residual.omega_wb_b_rad_s);
+    let wheels: Vec<String> = model.wheels.iter().map(|w| w.name.clone()).collect();
+    let variables =
+        conditions(recording, &torque.time_s, &torque.q_world_body, &residual.omega_wb_b_rad_s, &wheels);
     let found = dependences(torque, &variables).map_err(|error| ValidationError::Implausible {
         run: recording.name.clone(),
         what: error.to_string(),
@@ -61,13 +65,19 @@ pub fn explain_where(recording: &Recording, model: &PlatformModel) -> Result<Whe
 }
 
 impl Whereabouts {
+    /// Whether there is anything to locate: below, shares are shares of noise.
+    #[must_use]
+    pub fn is_anything_left(&self) -> bool {
+        self.dependences.excess >= LEAST_EXCESS
+    }
+
     /// The answer in words: a heading sentence, then one for each quantity named.
     #[must_use]
     pub fn answer(&self) -> Vec<String> {
         let found = &self.dependences;
         let rms = self.rms_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
         let stddev = self.stddev_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
-        if found.excess < 0.05 {
+        if !self.is_anything_left() {
             return vec![format!(
                 "{}: the residual torque ({rms:.2} mN m RMS) is no more than noise ({stddev:.2} mN m): there is nothing to locate.",
                 self.run

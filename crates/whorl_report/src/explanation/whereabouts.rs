@@ -21,7 +21,13 @@ pub fn whereabouts_html(runs: &[Whereabouts], about: &Facts) -> String {
         }
     }
     for run in runs {
-        section(&mut page, run);
+        page.heading(&run.run);
+        if run.is_anything_left() {
+            section(&mut page, run);
+        }
+        for figure in over_time(run) {
+            page.figure(&figure, None);
+        }
     }
     facts(&mut page, about);
     page.finish()
@@ -29,7 +35,6 @@ pub fn whereabouts_html(runs: &[Whereabouts], about: &Facts) -> String {
 
 fn section(page: &mut Document, run: &Whereabouts) {
     let found = &run.dependences;
-    page.heading(&run.run);
     page.paragraph(
         "rule",
         "Share: how much of the residual torque's mean square beyond noise a smooth curve of each quantity predicts on stretches of \
@@ -55,9 +60,6 @@ fn section(page: &mut Document, run: &Whereabouts) {
     page.table(&["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"], &rows);
     for dependence in found.ranked.iter().take(DRAWN).filter(|d| d.share > 0.05) {
         page.figure(&shape(dependence), None);
-    }
-    for figure in over_time(run) {
-        page.figure(&figure, None);
     }
 }
 

@@ -173,7 +173,9 @@ fn remarks(
         say("The wheels' speeds were not recorded: they are taken to start at rest.");
     }
     if !clamped && recording.specific_force_b_m_s2.is_empty() {
-        say("The accelerometer was not recorded: tilt, and with it the gravity torque, is poorly known.");
+        say(
+            "The accelerometer was not recorded: the platform is taken to stay about balance, so tilt, and with it the gravity torque, is poorly known.",
+        );
     }
     if !clamped && !motion.attitude.heading_measured {
         say(

@@ -31,13 +31,15 @@ impl Variable {
 /// Everything recorded, at the given times and attitudes: time, tilt, azimuth, rates, wheel speeds, tank
 /// pressure, temperature, voltage, time since the last jet edge, gas used. What was not recorded is left out.
 ///
-/// `omega_wb_b_rad_s` is the body rate at those times, smoothed: noise in it would blur sharp curves.
+/// `omega_wb_b_rad_s` is the body rate at those times, smoothed: noise in it would blur sharp curves. `wheel_names` are
+/// the platform's.
 #[must_use]
 pub fn conditions(
     recording: &Recording,
     time_s: &[f64],
     q_world_body: &[UnitQuaternion<f64>],
     omega_wb_b_rad_s: &[Vector3<f64>],
+    wheel_names: &[String],
 ) -> Vec<Variable> {
     let mut all = vec![Variable::new("time", "s", 1.0, time_s.to_vec())];
     let vertical: Vec<Vector3<f64>> = q_world_body.iter().map(vertical_b).collect();
@@ -58,15 +60,13 @@ pub fn conditions(
     all.push(of_rate("pitch_rate", &|w| w.y));
     all.push(of_rate("yaw_rate", &|w| w.z));
     all.push(of_rate("rate_magnitude", &Vector3::norm));
-    let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
-    for j in 0..wheels {
+    for (j, wheel) in wheel_names.iter().enumerate() {
         let speed = sampled(&recording.wheel_speed_rad_s, time_s, |v| v.get(j).copied());
-        all.extend(speed.map(|value| Variable::new(format!("wheel_{}_speed", j + 1), "rad/s", 0.5, value)));
+        all.extend(speed.map(|value| Variable::new(format!("{wheel}_speed"), "rad/s", 0.5, value)));
     }
-    let wheels = recording.wheel_torque_command_n_m.value.first().map_or(0, Vec::len);
-    for j in 0..wheels {
+    for (j, wheel) in wheel_names.iter().enumerate() {
         let torque = sampled(&recording.wheel_torque_command_n_m, time_s, |v| v.get(j).copied());
-        all.extend(torque.map(|value| Variable::new(format!("wheel_{}_torque", j + 1), "N m", 1e-3, value)));
+        all.extend(torque.map(|value| Variable::new(format!("{wheel}_torque"), "N m", 1e-3, value)));
     }
     let slow = [
         ("bus_voltage", "V", 0.05, &recording.bus_voltage_v),

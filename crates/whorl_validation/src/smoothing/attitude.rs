@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_dynamics::platform::TriaxialErrors;
+use whorl_dynamics::platform::{TiltLimit, TriaxialErrors};
 use whorl_math::{
     GRAVITY_M_S2, attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, rotation_vector, skew,
     unit_or, vertical_b,
@@ -17,6 +17,8 @@ use whorl_recording::{Recording, Series};
 const NODE_S: f64 = 0.2;
 /// A gap between gyro samples beyond this adds uncertainty \[s\].
 const GAP_S: f64 = 0.05;
+/// Without an accelerometer the tilt wanders about balance with this correlation time \[s\].
+const BALANCE_S: f64 = 20.0;
 
 type Matrix9 = SMatrix<f64, 9, 9>;
 type Vector9 = SVector<f64, 9>;
@@ -39,7 +41,7 @@ pub struct Attitudes {
     pub tilt_stddev_rad: f64,
     /// Whether heading was measured, by a vector sensor; if not it starts at zero and follows the gyro.
     pub heading_measured: bool,
-    /// Whether tilt was measured; if not the run is taken to start level.
+    /// Whether tilt was measured; if not the run is taken to stay about balance.
     pub tilt_measured: bool,
 }
 
@@ -301,9 +303,10 @@ fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> 
     let seen = (0..sensors.vectors.len()).find_map(|j| {
         nodes.iter().find_map(|t| sensors.direction(j, *t, &zero)).map(|(d, reference, _)| (d, reference))
     });
-    let vertical = unit_or(down, Vector3::z_axis());
+    let vertical = unit_or(down, balance(sensors.model).0);
+    let (balanced, tilt_stddev_rad) = balance(sensors.model);
     let start = if sensors.force.0.is_empty() && seen.is_none() {
-        UnitQuaternion::identity()
+        attitude_from_vertical(balanced, 0.0)
     } else {
         seen.and_then(|(d, reference)| {
             attitude_from_two_vectors(&vertical, &Vector3::z_axis(), &unit_or(d, reference), &reference).ok()
@@ -314,7 +317,7 @@ fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> 
     let mut p = Matrix9::zeros();
     let up = vertical_b(&start);
     let heading_variance: f64 = if heading { 0.1 } else { 1e-8 };
-    let tilt_variance: f64 = if tilt { 0.01 } else { 1e-8 };
+    let tilt_variance: f64 = if tilt { 0.01 } else { tilt_stddev_rad * tilt_stddev_rad };
     let about_vertical = up * up.transpose();
     p.fixed_view_mut::<3, 3>(0, 0).copy_from(
         &(about_vertical * heading_variance + (Matrix3::identity() - about_vertical) * tilt_variance),
@@ -356,6 +359,9 @@ fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> V
         if let Some(measured) = gravity_measurement(sensors, time_s, &node) {
             node = updated(node, &measured);
         }
+        if sensors.force.0.is_empty() {
+            node = updated(node, &balance_measurement(sensors.model, &node));
+        }
         for j in 0..sensors.vectors.len() {
             if let Some(measured) = direction_measurement(sensors, j, time_s, &node) {
                 node = updated(node, &measured);
@@ -384,6 +390,28 @@ fn gravity_measurement(sensors: &Sensors<'_>, time_s: f64, node: &Node) -> Optio
     h.fixed_view_mut::<3, 3>(0, 0).copy_from(&skew(&expected));
     h.fixed_view_mut::<3, 3>(0, 6).copy_from(&Matrix3::identity());
     Some(Measured { innovation: force - expected - node.force_bias, h, r: Matrix3::identity() * variance })
+}
+
+/// The vertical in body axes where the platform balances, and how far it may tilt from there in either direction:
+/// all that is known of the tilt without an accelerometer.
+fn balance(model: &PlatformModel) -> (Unit<Vector3<f64>>, f64) {
+    let mgr = model.mass_properties.gravity_offset_b_n_m();
+    let up = if mgr.z < 0.0 { unit_or(-mgr, Vector3::z_axis()) } else { Vector3::z_axis() };
+    match model.tilt_limit {
+        TiltLimit::Cone { max_rad } => (up, 0.5 * max_rad),
+        // The other axis is free.
+        TiltLimit::Pitch { max_rad } => (up, max_rad),
+    }
+}
+
+/// Without it the tilt would follow the gyro's bias far beyond what the bearing allows.
+fn balance_measurement(model: &PlatformModel, node: &Node) -> Measured {
+    let (up, stddev_rad) = balance(model);
+    let expected = vertical_b(&node.q);
+    let mut h = SMatrix::<f64, 3, 9>::zeros();
+    h.fixed_view_mut::<3, 3>(0, 0).copy_from(&skew(&expected));
+    let r = Matrix3::identity() * (stddev_rad * stddev_rad * BALANCE_S / NODE_S);
+    Measured { innovation: up.into_inner() - expected, h, r }
 }
 
 fn direction_measurement(sensors: &Sensors<'_>, j: usize, time_s: f64, node: &Node) -> Option<Measured> {
