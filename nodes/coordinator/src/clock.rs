@@ -10,8 +10,9 @@
 //! ```
 //!
 //! so `o` lies between `-(now - told)` and `told - asked`. Delays only ever add, so the smallest of each over a
-//! window bound it best; between them the middle is taken, which is exact when the quickest way there
-//! takes as long as the quickest way back (Mills, RFC 5905, section 8, with the minima taken way by way).
+//! window, widened with age by the clocks' drift, bound it best; between them the middle is taken, which is exact when
+//! the quickest way there takes as long as the quickest way back (Mills, RFC 5905, section 8, with the minima
+//! taken way by way).
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -19,8 +20,10 @@ use std::time::Duration;
 use whorl_msgs::builtin_interfaces::Time;
 use whorl_node::Timestamp;
 
-/// Exchanges count for this long \[s\]: crystals part by less than 1 ms in it.
-const WINDOW_S: f64 = 30.0;
+/// Exchanges count for this long \[s\]; a link that was good helps while it is poor.
+const WINDOW_S: f64 = 300.0;
+/// Crystals part by at most this, and what an exchange says is worth so much less the older it is \[s/s\].
+const DRIFT: f64 = 2e-5;
 /// A reply that took longer says too little \[s\].
 const LONGEST_EXCHANGE_S: f64 = 2.0;
 /// Clocks that agree within this are one clock \[s\]: at 5 deg/s it is worth 0.01 deg.
@@ -64,14 +67,15 @@ impl SenderClock {
         let new = Exchange { at: now, there_s: told.seconds_since(asked), back_s: now.seconds_since(told) };
         self.exchanges.retain(|e| (0.0..=WINDOW_S).contains(&now.seconds_since(e.at)));
         self.exchanges.push_back(new);
-        if self.way_s() < 0.0 {
+        let (mut there_s, mut back_s) = self.quickest_s(now);
+        if there_s + back_s < 0.0 {
             // No way takes less than no time: one of the clocks was set since.
             self.exchanges.clear();
             self.exchanges.push_back(new);
+            (there_s, back_s) = (new.there_s, new.back_s);
         }
-        let (there_s, back_s) = self.quickest_s();
         let offset_s = 0.5 * (there_s - back_s);
-        self.measured = Some(ClockOffset { offset_s, uncertainty_s: 0.5 * self.way_s() });
+        self.measured = Some(ClockOffset { offset_s, uncertainty_s: 0.5 * (there_s + back_s) });
         let wanted_s = if offset_s.abs() < SAME_S { 0.0 } else { offset_s };
         let changes = (wanted_s - self.applied_s).abs() > FOLLOW_S;
         if changes {
@@ -80,15 +84,11 @@ impl SenderClock {
         changes
     }
 
-    fn quickest_s(&self) -> (f64, f64) {
+    fn quickest_s(&self, now: Timestamp) -> (f64, f64) {
         self.exchanges.iter().fold((f64::INFINITY, f64::INFINITY), |(there_s, back_s), e| {
-            (there_s.min(e.there_s), back_s.min(e.back_s))
+            let drift_s = DRIFT * now.seconds_since(e.at);
+            (there_s.min(e.there_s + drift_s), back_s.min(e.back_s + drift_s))
         })
-    }
-
-    fn way_s(&self) -> f64 {
-        let (there_s, back_s) = self.quickest_s();
-        there_s + back_s
     }
 
     /// What is known of it.
@@ -178,6 +178,18 @@ mod tests {
             exchanges(&mut clock, 1e3, 5, 0.05, |k| if k % 2 == 0 { there_s } else { back_s });
             let measured = clock.measured().unwrap();
             assert!((measured.offset_s - 0.05).abs() <= measured.uncertainty_s + 1e-6, "{measured:?}");
+        }
+    }
+
+    #[test]
+    fn a_link_that_becomes_poor_does_not_make_the_clock_unknown() {
+        let mut clock = SenderClock::default();
+        exchanges(&mut clock, 1e3, 20, 0.05, |_| 1e-3);
+        for k in 0..400_u32 {
+            exchanges(&mut clock, 1e3 + 10.0 + 0.5 * f64::from(k), 1, 0.05, |j| {
+                0.02 + 0.18 * spread(2 * k + j)
+            });
+            assert!((clock.applied_s() - 0.05).abs() < 2e-3, "{} after {k}", clock.applied_s());
         }
     }
 
