@@ -6,6 +6,8 @@
 
 mod attitude_rate;
 mod bias_state;
+#[cfg(test)]
+mod consistency_tests;
 mod dense;
 mod estimator;
 mod free_motion;

@@ -1,18 +1,15 @@
-//! All filters on the same runs: consistency, steady state, convergence.
+//! All filters on the same runs: convergence, dynamics.
 
 use super::{FilterKind, FilterStep};
-use crate::consistency::{average_band, nees};
 use crate::tests::simulation::{Motion, Simulation};
 use crate::{BodyModel, Estimator, Parameters};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
-use rand_core::SeedableRng;
-use rand_pcg::Pcg64Mcg;
 use whorl_math::quaternion_exp;
 
-const BIAS_FILTERS: [FilterKind; 4] =
+pub(super) const BIAS_FILTERS: [FilterKind; 4] =
     [FilterKind::AttitudeBias, FilterKind::Iterated, FilterKind::Unscented, FilterKind::Invariant];
 
-fn drive(simulation: &mut Simulation, parameters: &Parameters, estimator: &mut Estimator) {
+pub(super) fn drive(simulation: &mut Simulation, parameters: &Parameters, estimator: &mut Estimator) {
     let sample = simulation.imu(parameters);
     estimator.on_imu(&sample);
     if let Some((stamp_ns, direction)) = simulation.vector(parameters) {
@@ -20,7 +17,7 @@ fn drive(simulation: &mut Simulation, parameters: &Parameters, estimator: &mut E
     }
 }
 
-fn parameters() -> Parameters {
+pub(super) fn parameters() -> Parameters {
     Parameters::motion_pak_ii().with_vector(Vector3::x_axis())
 }
 
@@ -40,58 +37,6 @@ fn names_are_found_again() {
         assert_eq!(FilterKind::find(name), Some(kind));
         assert_eq!(kind.name(), name);
         assert_eq!(Estimator::new(kind, parameters(), None).is_err(), kind.needs_body());
-    }
-}
-
-/// Average NEES of 40 runs of moving platforms; the band is that of one instant, wider than the average needs.
-#[test]
-fn bias_filters_are_consistent() {
-    let runs = 40;
-    for kind in BIAS_FILTERS {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for run in 0..runs {
-            let mut rng = Pcg64Mcg::seed_from_u64(run + 77);
-            let parameters = parameters();
-            let mut simulation = Simulation::new(Motion::platform(&mut rng), &parameters, run);
-            let mut estimator = Estimator::new(kind, parameters, None).expect("allowed");
-            for step in 0..3000 {
-                drive(&mut simulation, &parameters, &mut estimator);
-                if step > 300 && step % 100 == 0 {
-                    let estimate = estimator.estimate(simulation.stamp_ns());
-                    sum += nees(&simulation.error(&estimate), &estimate.covariance).expect("definite");
-                    count += 1.0;
-                }
-            }
-        }
-        let (low, high) = average_band(6, 40, 0.99);
-        let mean = sum / count;
-        assert!((low..=high).contains(&mean), "{}: mean NEES {mean}", kind.name());
-    }
-}
-
-/// The bias filter's steady state is within 1 % of the Riccati optimum (tests of `crate::Filter`); so is that of the others.
-#[test]
-fn steady_states_agree() {
-    for rate_deg_s in [0.0_f64, 1.0, 10.0, 30.0] {
-        let mut motion = Motion::still();
-        motion.yaw_rate_rad_s = rate_deg_s.to_radians();
-        motion.roll_offset_rad = 0.05;
-        let sigmas = BIAS_FILTERS.map(|kind| {
-            let parameters = parameters();
-            let mut simulation = Simulation::new(motion.clone(), &parameters, 5);
-            let mut estimator = Estimator::new(kind, parameters, None).expect("allowed");
-            for _ in 0..9000 {
-                drive(&mut simulation, &parameters, &mut estimator);
-            }
-            estimator.estimate(simulation.stamp_ns()).covariance.diagonal().map(f64::sqrt)
-        });
-        let [reference, others @ ..] = &sigmas;
-        for (kind, sigma) in BIAS_FILTERS[1..].iter().zip(others) {
-            for axis in 0..6 {
-                let ratio = sigma[axis] / reference[axis];
-                assert!((ratio - 1.0).abs() < 0.01, "{} {rate_deg_s} axis {axis}: {ratio}", kind.name());
-            }
-        }
     }
 }
 
