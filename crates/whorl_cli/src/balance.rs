@@ -61,11 +61,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("  move {} by {:+.2} mm", ballast.name, 1e3 * moved);
     }
     println!(
-        "predicted offset {:.2}, {:.2}, {:.2} N mm; torque left when level {:.2} N mm",
+        "predicted offset {:.2}, {:.2}, {:.2} N mm; torque left when level {:.2} N mm (+- {:.2})",
         1e3 * plan.offset_b_n_m.x,
         1e3 * plan.offset_b_n_m.y,
         1e3 * plan.offset_b_n_m.z,
-        1e3 * plan.level_torque_n_m
+        1e3 * plan.level_torque_n_m,
+        1e3 * plan.stddev_b_n_m.xy().norm()
     );
     print_findings(&plan.findings);
     Ok(())

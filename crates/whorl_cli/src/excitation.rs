@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use whorl_dynamics::platform::Wheel;
 use whorl_identification::{Determined, Settings, predict};
 use whorl_math::deg_from_rad;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
@@ -67,10 +68,48 @@ fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<()> {
         deg_from_rad(tilt.fold(0.0, f64::max)),
         deg_from_rad(rate)
     );
+    limits(known, recording);
     let found = predict(&[recording], &known.model, &known.prior, &Settings::default())?;
     print_identification(&known.model, &found);
     let determined = found.determined.iter().filter(|d| **d == Determined::Yes).count();
     println!("This experiment will determine {determined} of 9 parameters to the uncertainties above.");
     print_findings(&found.findings);
     Ok(())
+}
+
+/// How near the experiment comes to what the wheels can do, and how long the jets fire.
+fn limits(known: &KnownPlatform, recording: &Recording) {
+    let wheels = &known.model.wheels;
+    // Of each sample the wheel that is nearest to its limit, as a share of it.
+    let shares = |samples: &[Vec<f64>], limit: &dyn Fn(&Wheel) -> f64| -> Vec<f64> {
+        samples
+            .iter()
+            .map(|sample| {
+                sample.iter().zip(wheels).map(|(x, wheel)| x.abs() / limit(wheel)).fold(0.0, f64::max)
+            })
+            .collect()
+    };
+    let speed = shares(&recording.wheel_speed_rad_s.value, &|w| w.max_speed_rad_s);
+    let torque = shares(&recording.wheel_torque_command_n_m.value, &|w| w.max_torque_n_m);
+    let largest = |shares: &[f64]| 100.0 * shares.iter().copied().fold(0.0, f64::max);
+    if !wheels.is_empty() {
+        println!(
+            "wheels: up to {:.0} % of their speed, {:.0} % of their torque",
+            largest(&speed),
+            largest(&torque)
+        );
+    }
+    for (shares, what) in [(speed, "speed"), (torque, "torque")] {
+        let at_limit = shares.iter().filter(|s| **s > 0.99).count();
+        if at_limit * 100 > shares.len() {
+            println!(
+                "note: A wheel is at its largest {what} for {:.0} % of the time: the motion is not the one that was designed. Move less.",
+                100.0 * at_limit as f64 / shares.len() as f64
+            );
+        }
+    }
+    let open_s: f64 = recording.jet_pulses.iter().flatten().map(|p| p.off_s - p.on_s).sum();
+    if open_s > 0.0 {
+        println!("jets: open for {open_s:.1} s in all");
+    }
 }

@@ -5,6 +5,7 @@
 //! computed on the spot from simulated data with fixed seeds; nothing is stored.
 
 mod data;
+mod filters;
 mod identification;
 mod noise_map;
 mod perturbations;
@@ -16,7 +17,7 @@ mod spin;
 use whorl_report::Reproduction;
 
 /// Name and contents of everything that can be reproduced, in the order of the dissertation.
-pub const ITEMS: [(&str, &str); 21] = [
+pub const ITEMS: [(&str, &str); 22] = [
     ("fig_4_4", "Magnitude of perturbation torques"),
     ("fig_4_7", "Accelerometer calibration data"),
     ("fig_4_8", "Rate gyro calibration data"),
@@ -29,6 +30,7 @@ pub const ITEMS: [(&str, &str); 21] = [
     ("fig_4_16", "Effect of spin rate on the two-angle attitude error, no vector sensor"),
     ("fig_4_17", "Effect of large out-of-plane motion, no vector sensor"),
     ("fig_4_18", "Out-of-plane manoeuvres of Whorl-I and Whorl-II, no vector sensor"),
+    ("filters", "All filters on the same runs"),
     ("fig_4_19", "Platform that does not move"),
     ("fig_4_20", "Small x-rotation with a period of 4 s, then 6 s"),
     ("table_4_1", "Parameters from the CAD model"),
@@ -54,6 +56,7 @@ pub fn reproduce(name: &str) -> Option<Reproduction> {
         "table_4_3" => identification::filtered(true),
         "table_4_4" => identification::filtered(false),
         "manoeuvre" => identification::manoeuvre(),
+        "filters" => filters::comparison(),
         "sequential" => sequential::convergence(),
         "fig_4_21" => noise_map::map(),
         filter => spin::figure(filter)?,
@@ -68,6 +71,7 @@ fn display_name(name: &str) -> String {
     match name.split_once('_') {
         Some(("fig", number)) => format!("Figure {}", number.replace('_', ".")),
         Some(("table", number)) => format!("Table {}", number.replace('_', ".")),
+        _ if name == "filters" => "Section 4.5".to_owned(),
         _ if name == "sequential" => "Section 4.6.5".to_owned(),
         _ => "Beyond Table 4.3".to_owned(),
     }

@@ -20,6 +20,10 @@ const CONTACT_MARGIN_RAD: f64 = 0.002;
 pub(crate) const CONTACT_LASTS_S: f64 = 0.3;
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
+/// So often must three readings in a row be the largest of all to show an end of the range, ...
+const PLATEAU_SAMPLES: usize = 5;
+/// ... in a signal whose noise is at least this share of it (a noiseless one may well stay constant).
+const NOISY: f64 = 3e-4;
 
 /// A direction seen by a vector sensor, moved to the time of its point.
 #[derive(Debug, Clone, PartialEq)]
@@ -200,6 +204,23 @@ fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>>
     stretches
 }
 
+/// Ends of an axis's range where the readings themselves show one: a noisy signal that stays at its largest or smallest
+/// value exactly, again and again, is clipped, whatever the model says of the range. Infinite where nothing shows.
+fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
+    let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
+    let mut bends: Vec<f64> =
+        x.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs()).filter(|bend| *bend > 0.0).collect();
+    bends.sort_by(f64::total_cmp);
+    let noise = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
+    let end = |sign: f64| {
+        let extreme = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
+        let stays = x.windows(3).filter(|w| w.iter().all(|v| sign * v == extreme)).count();
+        let noisy = noise > NOISY * extreme.abs() && extreme.abs() > 5.0 * noise;
+        if noisy && stays >= PLATEAU_SAMPLES { extreme } else { f64::INFINITY }
+    };
+    (-end(-1.0), end(1.0))
+}
+
 /// Whether the specific force says that the platform is at its stop, or nearly.
 pub(crate) fn touches(force_b_m_s2: &Vector3<f64>, limit: TiltLimit) -> bool {
     let force = force_b_m_s2;
@@ -220,8 +241,11 @@ struct Samples {
 impl Samples {
     fn new(series: &Series<Vector3<f64>>, latency_s: f64, range: f64) -> Self {
         let all = series.time_s.iter().zip(&series.value);
-        let kept: Vec<_> =
-            all.filter(|(_, v)| v.amax() < CLIPPED * range).map(|(t, v)| (t - latency_s, *v)).collect();
+        let ends = [0, 1, 2].map(|axis| ends(&series.value, axis));
+        let inside = |v: &Vector3<f64>| {
+            v.amax() < CLIPPED * range && v.iter().zip(&ends).all(|(x, (low, high))| low < x && x < high)
+        };
+        let kept: Vec<_> = all.filter(|(_, v)| inside(v)).map(|(t, v)| (t - latency_s, *v)).collect();
         Self { clipped: series.len() - kept.len(), kept }
     }
 

@@ -200,3 +200,21 @@ fn useless_recordings_are_refused_with_a_reason() {
     wheels.wheel_speed_rad_s.value.iter_mut().for_each(|w| w.truncate(2));
     assert!(matches!(refuse(&wheels), DataError::Count { given: 2, expected: 3, .. }));
 }
+
+/// A gyro that ends well within the range that the model gives it: said, and the rest is used.
+#[test]
+fn clipped_peaks_are_left_out_whatever_the_model_says_of_the_range() {
+    let truth = PlatformModel::whorl_1_reference();
+    let mut run = run_of(&truth, 4);
+    for rate in &mut run.gyro_b_rad_s.value {
+        rate.z = rate.z.clamp(-0.15, 0.15);
+    }
+    let found = identify(&[&run], &truth, &loose(&truth), &Settings::default()).unwrap();
+    let text: String = found.findings.iter().map(|f| f.text.as_str()).collect();
+    assert!(text.contains("gyro samples at the end of the sensor's range"), "{text}");
+    let (t, sigma) = (mass_vector(&truth.mass_properties), found.stddev());
+    for i in 0..MASS_PARAMETERS {
+        let miss = (found.estimate[i] - t[i]) / sigma[i];
+        assert!(miss.abs() < 4.0, "{}: {} true {} +- {}", NAMES[i], found.estimate[i], t[i], sigma[i]);
+    }
+}
