@@ -63,6 +63,8 @@ pub struct NodeSet {
 struct SimulationParameters {
     local_delay: Duration,
     link: LinkParameters,
+    /// Computers whose clocks are off, and by how much \[s\].
+    clocks: Vec<(PlatformId, f64)>,
 }
 
 fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
@@ -91,7 +93,27 @@ fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
             })
             .collect(),
     });
-    Some(SimulationParameters { local_delay: Duration::from_secs_f64(local_delay_s), link })
+    let mut clocks = Vec::new();
+    for name in r.children("clock_offset_s") {
+        let offset_s = r.group("clock_offset_s", |r| {
+            r.f64(
+                &name,
+                range(-3600.0..=3600.0),
+                "the clock of that platform's computer less the ground's [s]",
+            )
+        });
+        match platforms.iter().position(|platform| *platform == name).map(u16::try_from) {
+            Some(Ok(index)) => clocks.push((PlatformId(index), offset_s)),
+            _ => {
+                let allowed = platforms.join(", ");
+                r.reject(
+                    &format!("clock_offset_s.{name}"),
+                    format!("`{name}` is no platform; allowed: {allowed}"),
+                );
+            }
+        }
+    }
+    Some(SimulationParameters { local_delay: Duration::from_secs_f64(local_delay_s), link, clocks })
 }
 
 fn read_cut_platform(r: &mut Reader<'_>, platforms: &[String]) -> Option<PlatformId> {
@@ -198,6 +220,9 @@ impl NodeSet {
         }
         let core = CoordinatorCore::new(coordinator).map_err(|e| failed("/coordinator".into(), e))?;
         bus.add("/coordinator", Host::Ground, Box::new(core), Duration::ZERO);
+        for (platform, offset_s) in simulation.clocks {
+            bus.set_clock(Host::Platform(platform), offset_s);
+        }
         Ok(Self { bus, platforms, effective_parameters: builder.effective })
     }
 }

@@ -1,5 +1,6 @@
 //! The coordinator's state machine.
 
+mod publishing;
 mod requests;
 
 use std::time::Duration;
@@ -284,47 +285,6 @@ impl CoordinatorCore {
             },
             Stage::Aborted { run: Some(_), .. } => FormationCommand::COMMAND_ABORT,
         }
-    }
-
-    fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {
-        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
-        let all = String::new();
-        let platform = match (self.parameters.role, &self.stage) {
-            (Role::Formation, _) => &all,
-            (Role::Platform(own), _) => self.parameters.platforms.get(own).unwrap_or(&all),
-            // An observer has no authority but to end what everybody does.
-            (Role::Observer, Stage::Aborted { run: Some(_), .. }) => &all,
-            (Role::Observer, _) => return,
-        };
-        let message = report::command(now, self.sequences.command, command, now + validity, platform);
-        self.sequences.command += 1;
-        outputs.publish(Route::shared(Topic::FormationCommand), message);
-    }
-
-    fn publish_references(&mut self, at: Timestamp, outputs: &mut Outputs) {
-        let (Stage::Running(run) | Stage::Finished { run, .. }) = &self.stage else { return };
-        let valid_until = at + Duration::from_secs_f64(self.parameters.reference_validity_s);
-        for (platform, leg) in (0u16..).zip(&run.legs) {
-            if !self.parameters.commands(usize::from(platform)) {
-                continue;
-            }
-            // By the platform's own clock, as everything in its namespace.
-            let clock = self.links.get(usize::from(platform)).map(PlatformLink::clock);
-            let [at, until] = [at, valid_until].map(|t| clock.map_or(t, |clock| clock.to_remote(t)));
-            let message = report::reference(at, self.sequences.reference, until, leg);
-            outputs.publish(Route::platform(PlatformId(platform), Topic::AttitudeReference), message);
-        }
-        self.sequences.reference += 1;
-    }
-
-    /// The formation's state has one author; a platform's own coordinator is not it.
-    fn publish_state(&mut self, now: Timestamp, outputs: &mut Outputs) {
-        if matches!(self.parameters.role, Role::Platform(_)) {
-            return;
-        }
-        let message = report::state(now, self.sequences.state, &self.parameters, &self.links, &self.stage);
-        self.sequences.state += 1;
-        outputs.publish(Route::shared(Topic::FormationState), message);
     }
 
     /// What another coordinator commands, where platforms run themselves: who tracks starts the others, and an

@@ -141,6 +141,12 @@ impl VirtualStructure {
     fn start(input: &LawInput<'_>) -> Reference {
         structure_of_first(input)
     }
+
+    /// Whether it waits for members that lag; without formation feedback it goes on alone.
+    #[must_use]
+    pub fn waits_for_members(&self) -> bool {
+        self.gains.half_speed_error_rad.is_finite()
+    }
 }
 
 fn mean_square_error_rad2(input: &LawInput<'_>) -> f64 {

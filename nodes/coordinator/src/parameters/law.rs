@@ -103,7 +103,7 @@ impl LawKind {
     /// Whether the formation cannot go on without one of its members.
     #[must_use]
     pub fn needs_all(&self) -> bool {
-        matches!(self, Self::VirtualStructure(_))
+        matches!(self, Self::VirtualStructure(law) if law.waits_for_members())
     }
 }
 

@@ -1,0 +1,63 @@
+//! What the coordinator sends: authority, references, the formation's state.
+
+use std::time::Duration;
+
+use whorl_msgs::topics::{PlatformId, Route, Topic};
+use whorl_node::{Outputs, Timestamp};
+
+use super::{CoordinatorCore, Stage};
+use crate::link::PlatformLink;
+use crate::parameters::Role;
+use crate::report;
+
+impl CoordinatorCore {
+    pub(super) fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {
+        let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
+        // Whom it names, and when that is by his clock; all at once while they have one clock.
+        let to: Vec<(String, Timestamp)> = match (self.parameters.role, &self.stage) {
+            (Role::Formation, _) if self.links.iter().any(|link| link.clock().applied_s() != 0.0) => {
+                let remote = |link: &PlatformLink| (link.name().to_owned(), link.clock().to_remote(now));
+                self.links.iter().map(remote).collect()
+            }
+            (Role::Formation, _) => vec![(String::new(), now)],
+            (Role::Platform(own), _) => {
+                let link = self.links.get(own);
+                link.map(|link| (link.name().to_owned(), link.clock().to_remote(now))).into_iter().collect()
+            }
+            // An observer has no authority but to end what everybody does.
+            (Role::Observer, Stage::Aborted { run: Some(_), .. }) => vec![(String::new(), now)],
+            (Role::Observer, _) => return,
+        };
+        for (platform, at) in to {
+            let message = report::command(at, self.sequences.command, command, at + validity, &platform);
+            self.sequences.command += 1;
+            outputs.publish(Route::shared(Topic::FormationCommand), message);
+        }
+    }
+
+    pub(super) fn publish_references(&mut self, at: Timestamp, outputs: &mut Outputs) {
+        let (Stage::Running(run) | Stage::Finished { run, .. }) = &self.stage else { return };
+        let valid_until = at + Duration::from_secs_f64(self.parameters.reference_validity_s);
+        for (platform, leg) in (0u16..).zip(&run.legs) {
+            if !self.parameters.commands(usize::from(platform)) {
+                continue;
+            }
+            // By the platform's own clock, as everything in its namespace.
+            let clock = self.links.get(usize::from(platform)).map(PlatformLink::clock);
+            let [at, until] = [at, valid_until].map(|t| clock.map_or(t, |clock| clock.to_remote(t)));
+            let message = report::reference(at, self.sequences.reference, until, leg);
+            outputs.publish(Route::platform(PlatformId(platform), Topic::AttitudeReference), message);
+        }
+        self.sequences.reference += 1;
+    }
+
+    /// The formation's state has one author; a platform's own coordinator is not it.
+    pub(super) fn publish_state(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        if matches!(self.parameters.role, Role::Platform(_)) {
+            return;
+        }
+        let message = report::state(now, self.sequences.state, &self.parameters, &self.links, &self.stage);
+        self.sequences.state += 1;
+        outputs.publish(Route::shared(Topic::FormationState), message);
+    }
+}
