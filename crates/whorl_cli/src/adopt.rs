@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use serde_json::json;
 use sha2::{Digest, Sha256};
-use whorl_diagnosis::{Fit, FittedParameter, Options, fit};
+use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
 use whorl_recording::KnownPlatform;
@@ -100,8 +100,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         channels: arguments.channels.clone(),
     };
     let runs = progress::during("reading the runs", || run_arguments.read())?;
-    let versions = versions(&runs, &sets)?;
+    let (versions, left_out) = versions(&runs, &sets)?;
     let answer = answer(&versions);
+    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let provenance = provenance(&run_arguments, &command)?;
+    // Before anything is printed: whoever reads may close the pipe after a few lines.
+    let written = if arguments.try_.is_empty() {
+        adopt(arguments, &runs, &versions, &provenance)
+    } else {
+        Ok("Nothing was written: --try only compares.".to_owned())
+    };
     for sentence in &answer {
         println!("{sentence}");
     }
@@ -110,13 +118,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for version in versions.iter().filter(|v| !v.effects.is_empty()) {
         print_parameters(version);
     }
-    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
-    let provenance = provenance(&run_arguments, &command)?;
-    if arguments.try_.is_empty() {
-        adopt(arguments, &runs, &versions, &provenance)?;
-    } else {
-        println!("\nNothing was written: --try only compares.");
+    for reason in &left_out {
+        println!("note: {reason}");
     }
+    println!("\n{}", written?);
     if let Some(path) = &arguments.json {
         write(path, &serde_json::to_string_pretty(&as_json(&runs, &versions, &answer, &provenance)?)?)?;
     }
@@ -130,7 +135,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 /// The model as given, with its own parameters refitted, and with each set of effects.
-fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<Vec<Version>> {
+/// Rivals that cannot be fitted come second, with the reason.
+fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<(Vec<Version>, Vec<String>)> {
     let known = &runs.known;
     let mut versions = vec![Version {
         name: "as given".to_owned(),
@@ -139,6 +145,7 @@ fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<Vec<Version>> {
         runs: compare_all(runs, &known.model)?,
     }];
     let none = Vec::new();
+    let mut left_out = Vec::new();
     for effects in std::iter::once(&none).chain(sets) {
         let name = if effects.is_empty() {
             "base refitted".to_owned()
@@ -151,16 +158,22 @@ fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<Vec<Version>> {
         } else {
             format!("fitting {}", effects.join(" and "))
         };
-        let mut fitted = progress::during(&doing, || {
+        let fitted = progress::during(&doing, || {
             fit(&runs.training, &runs.held_out, &known.model, &known.prior, &ids, &Options::default())
-        })
-        .with_context(|| format!("cannot fit {name}"))?;
+        });
+        let mut fitted = match fitted {
+            Err(error @ DiagnosisError::NoEffect { .. }) if sets.len() > 1 => {
+                left_out.push(format!("{}: {error}", effects.join(" and ")));
+                continue;
+            }
+            fitted => fitted.with_context(|| format!("cannot fit {name}"))?,
+        };
         let after = fitted.model.clone();
         fitted.estimates.iter_mut().for_each(|p| say_in_full(p, &known.model, &after));
         let runs = compare_all(runs, &fitted.model)?;
         versions.push(Version { name, effects: effects.clone(), fit: Some(fitted), runs });
     }
-    Ok(versions)
+    Ok((versions, left_out))
 }
 
 /// The fit corrects the platform's constants; a person wants to read the constants themselves, or that it is
@@ -318,11 +331,17 @@ fn print_parameters(version: &Version) {
     print(&headings, &rows);
 }
 
-fn adopt(arguments: &Arguments, runs: &Runs, versions: &[Version], provenance: &str) -> anyhow::Result<()> {
+/// Writes the last version into the parameter file and says so.
+fn adopt(
+    arguments: &Arguments,
+    runs: &Runs,
+    versions: &[Version],
+    provenance: &str,
+) -> anyhow::Result<String> {
     let (Some(out), Some(first), Some(last)) = (&arguments.out, versions.first(), versions.last()) else {
-        return Ok(());
+        bail!("name the file to write with --out");
     };
-    let Some(fit) = &last.fit else { return Ok(()) };
+    let Some(fit) = &last.fit else { bail!("nothing was fitted") };
     if let (Some(before), Some(after)) = (error(first, true), error(last, true))
         && after > WORSE * before
         && !arguments.anyway
@@ -343,8 +362,7 @@ fn adopt(arguments: &Arguments, runs: &Runs, versions: &[Version], provenance: &
         bail!("the fit changed nothing, so nothing was written");
     }
     write_model(out, &runs.known.platform, &changes)?;
-    println!("\n{}: {} entries written.", out.display(), changes.len());
-    Ok(())
+    Ok(format!("{}: {} entries written.", out.display(), changes.len()))
 }
 
 /// The mass property that a fit has moved beyond belief, in a sentence.

@@ -163,6 +163,7 @@ pub fn fit(
     }
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, &mut |_| {})?;
     let mut search = search::Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
+    prospect::make_columns_for(&mut search, effects)?;
     search.adopt(&chosen)?;
     search.fit()
 }

@@ -57,7 +57,6 @@ pub fn prospects(
     }
     let (mut problem, mut held) = prepare(training, further, model, prior, options, &mut |_| {})?;
     let mut search = Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
-    let hidden = explanations.iter().flatten().any(|id| needs_hidden_columns(id, model));
     // Actuators and sensors that only the further recordings have make more effects testable.
     let own = search.available;
     let added = search.held_out.as_ref().map_or(own, |held| Available::of(&held.runs));
@@ -78,14 +77,12 @@ pub fn prospects(
     let testable = |a: &Available| {
         [a.body, a.jets, a.wheels, a.wheel_command, a.accel, a.vector, a.temperature, a.ballast]
     };
-    if hidden || testable(&joint) != testable(&own) {
-        if hidden {
-            search.with_hidden = true;
-            search.lines = crate::spectrum::lines(&search, &search.base);
-        }
+    if testable(&joint) != testable(&own) {
         search.available = joint;
         search.relinearise()?;
     }
+    let ids: Vec<&str> = explanations.iter().flatten().map(String::as_str).collect();
+    make_columns_for(&mut search, &ids)?;
     let total = &search.data.total;
     let rivals: Vec<Hypothesis> = explanations.iter().filter_map(|set| explanation(&search, set)).collect();
     let nothing = Normal::zeros(search.layout.columns.len());
@@ -111,10 +108,19 @@ pub fn prospects(
     Ok(Prospects { now, with })
 }
 
-/// Whether an effect enters by columns that are made only on demand.
-fn needs_hidden_columns(id: &str, model: &PlatformModel) -> bool {
-    matches!(id, "air_current_periodic" | "vibration_alias")
-        || find(id).is_some_and(|effect| effect.hidden_states(model) > 0)
+/// Makes the columns of effects that have them only on demand: lines and hidden states.
+pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<(), DiagnosisError> {
+    let model = &search.problem.reference.model;
+    let on_demand = |id: &&str| {
+        matches!(*id, "air_current_periodic" | "vibration_alias")
+            || find(id).is_some_and(|effect| effect.hidden_states(model) > 0)
+    };
+    if ids.iter().any(on_demand) && !search.with_hidden {
+        search.with_hidden = true;
+        search.lines = crate::spectrum::lines(search, &search.base);
+        search.relinearise()?;
+    }
+    Ok(())
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.

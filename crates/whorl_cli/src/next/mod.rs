@@ -66,14 +66,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let design = design::design(known, &common, &runs.training, &diagnosis, &options)?;
     let best = design.best().context("no manoeuvre was found")?;
     let answer = words::answer(&design, best, diagnosis.verdict, &known.platform);
-    for sentence in &answer {
-        println!("{sentence}");
-    }
-    println!();
-    print(&words::HEADINGS.map(str::to_owned), &words::rows(&design));
-    for (name, reason) in &design.left_out {
-        println!("note: {name} is left out: even made smaller it {reason}");
-    }
     let comments: Vec<String> = answer
         .iter()
         .flat_map(|sentence| words::wrapped(sentence, 108))
@@ -84,6 +76,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         std::fs::create_dir_all(parent).with_context(|| format!("cannot create {}", parent.display()))?;
     }
     write(out, &text)?;
+    for sentence in &answer {
+        println!("{sentence}");
+    }
+    println!();
+    print(&words::HEADINGS.map(str::to_owned), &words::rows(&design));
+    for (name, reason) in &design.left_out {
+        println!("note: {name} is left out: even made smaller it {reason}");
+    }
     println!("\nexperiment: {}", out.display());
     println!("run it:     launch_scripts/run_experiment.sh {} --platforms {}", out.display(), known.platform);
     let given: Vec<String> = arguments.runs.runs.iter().map(|r| r.display().to_string()).collect();
