@@ -135,7 +135,7 @@ pub fn filtered(vector: bool) -> Reproduction {
         if vector {
             "The thrust about x hardly turns the platform about z, so noise of the rate dominates that column and the pseudo-inverse drives I_zz towards zero: the printed 0.14 and the printed 98.9 % are the signature of a parameter that was not excited, not an estimate. The sensors' noise is not printed; ours is a tenth of the MotionPak's (0.01 deg/s, 0.002 m/s^2 a sample), read at 10 Hz: with all of it the regressions lose every parameter, while the trajectory method still finds what is excited to a per cent.".to_owned()
         } else {
-            "With the accelerometer alone the printed filter's heading drifts, and all parameters collapse. Heading does not enter the equations: only gravity's direction and the rates do, and our filter keeps those; so the same regression does not collapse here.".to_owned()
+            "With the accelerometer alone the printed filter's heading drifts, and all parameters collapse. Heading does not enter the equations: only gravity's direction and the rates do, and our filter keeps those: the same regression loses half of most parameters instead of all (I_zz, which the thrust hardly excites, it loses with either), and the trajectory method none.".to_owned()
         },
         SIGN_NOTE.to_owned(),
     ];
@@ -173,7 +173,7 @@ fn quieten(model: &mut PlatformModel) {
 
 fn stddevs(found: &Identification) -> String {
     let stddev = found.stddev();
-    (0..MASS_PARAMETERS).map(|i| format!("{} {:.3}", NAMES[i], stddev[i])).collect::<Vec<_>>().join(", ")
+    (0..MASS_PARAMETERS).map(|i| format!("{} {:.1e}", NAMES[i], stddev[i])).collect::<Vec<_>>().join(", ")
 }
 
 /// Torques of the designed manoeuvre: sines about x and y beside the pendulum's resonance at 0.57 rad/s, a

@@ -190,6 +190,16 @@ impl EstimatorCore {
                 value: counts.total().to_string(),
             })
             .collect();
+        let runs = self.filter.chosen_filter_runs();
+        values.push(KeyValue {
+            key: "filter".to_owned(),
+            value: if runs {
+                self.parameters.kind.name()
+            } else {
+                "attitude_bias, until the chosen one can start"
+            }
+            .to_owned(),
+        });
         let sigma_deg = |i: usize| estimate.covariance[(i, i)].sqrt().to_degrees();
         values.push(KeyValue {
             key: "attitude uncertainty, body axes [deg]".to_owned(),

@@ -150,6 +150,13 @@ impl Estimator {
         self.kind
     }
 
+    /// Whether the estimate is that of the chosen filter. Without what it needs (wheel speeds), and for a moment at the start,
+    /// it is the supervising gyro-bias filter's.
+    #[must_use]
+    pub fn chosen_filter_runs(&self) -> bool {
+        self.kind == FilterKind::AttitudeBias || self.kernel.is_some()
+    }
+
     /// The wheels' momentum relative to the body and the torque of their motors on them, body axes.
     pub fn on_wheels(&mut self, stamp_ns: i64, momentum_b_n_m_s: Vector3<f64>, torque_b_n_m: Vector3<f64>) {
         let finite = (momentum_b_n_m_s.sum() + torque_b_n_m.sum()).is_finite();
@@ -260,7 +267,7 @@ impl Estimator {
 
     /// Momentum of the wheels at a stamp, carried on from the last message; zero without wheels.
     fn wheels_at(&self, stamp_ns: i64) -> Option<Vector3<f64>> {
-        if !self.body.is_some_and(|body| body.has_wheels) {
+        if !self.kind.needs_body() || !self.body.is_some_and(|body| body.has_wheels) {
             return Some(Vector3::zeros());
         }
         let wheels = self.wheels?;

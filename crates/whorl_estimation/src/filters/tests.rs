@@ -40,6 +40,22 @@ fn names_are_found_again() {
     }
 }
 
+/// A body with wheels of which nothing is heard stops only the filters that compute with them.
+#[test]
+fn filters_that_need_no_wheels_do_not_wait_for_them() {
+    for (name, kind) in FilterKind::ALL {
+        let parameters = parameters();
+        let mut simulation = Simulation::new(Motion::still(), &parameters, 3);
+        let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
+        let body = BodyModel::new(inertia, Vector3::zeros());
+        let mut estimator = Estimator::new(kind, parameters, Some(body)).expect("allowed");
+        for _ in 0..300 {
+            drive(&mut simulation, &parameters, &mut estimator);
+        }
+        assert_eq!(estimator.chosen_filter_runs(), !kind.needs_body(), "{name}");
+    }
+}
+
 /// From any attitude, half a turn included, with an honest covariance.
 #[test]
 fn all_filters_converge_from_any_attitude() {
