@@ -18,8 +18,8 @@ const WORTH_A_LOOK: f64 = 3.5;
 /// A rest beyond this is real whether or not it has a simple shape.
 const OVERWHELMING_REST: f64 = 40.0;
 
-/// Power of the attitude sensors' residual against the gyro that no noise has.
-const CONTRADICTION: f64 = 2.5;
+/// Slow power over that of noise that is left even when every effect of the catalogue may help.
+const INEXPLICABLE: f64 = 2.5;
 
 /// Log evidence of one candidate below which nothing is taken to be missing.
 const FAINT: f64 = 5.0;
@@ -311,13 +311,14 @@ impl Search<'_> {
         let follower = (left > WORTH_A_LOOK).then(|| crate::unknown::describe(self)).flatten();
         // A shape without a name must add what an effect must add, and outweigh what names explain.
         let unexplained = follower.as_ref().is_some_and(|f| {
-            let real = f.added_evidence > LEAST_EVIDENCE * self.data.temper
-                && f.added_drop > 1.2 * LEAST_DROP * self.data.temper;
+            let real = f.added_evidence > 1.6 * LEAST_EVIDENCE * self.data.temper
+                && f.added_drop > 1.4 * LEAST_DROP * self.data.temper;
             let outweighs = self.best.members.is_empty()
                 || f.added_drop > 0.5 * explained_drop
                 || (f.alone_evidence > explained + 10.0 && f.added_drop > 0.1 * explained_drop);
             real && outweighs
-        }) || (left > OVERWHELMING_REST && share < LEAST_SHARE);
+        }) || (left > OVERWHELMING_REST && share < LEAST_SHARE)
+            || self.data.temper > INEXPLICABLE;
         for row in &direct {
             remarks.push(format!(
                 "{}: the samples themselves show it: {}",
@@ -359,9 +360,8 @@ impl Search<'_> {
                 100.0 * (1.0 - share)
             ));
         }
-        let unknown = contradiction
-            .or(rhythm)
-            .or_else(|| follower.filter(|_| verdict == Verdict::Unknown).map(|f| f.unknown));
+        let follower = follower.filter(|_| unexplained || rhythm.is_none()).map(|f| f.unknown);
+        let unknown = contradiction.or(follower).or(rhythm).filter(|_| verdict == Verdict::Unknown);
         let mut effects = if verdict == Verdict::Unknown { Vec::new() } else { names };
         let mut kind = self.kind();
         for row in direct {
@@ -429,44 +429,6 @@ impl Search<'_> {
         tested > 0 && seen * 2 >= tested
     }
 
-    /// The gyro against the other sensors, if no motion at all fits both.
-    fn contradiction(&self) -> Option<crate::Unknown> {
-        let point = crate::search::point_of(self.problem, &self.layout, &self.point, &self.best);
-        let power = self.problem.kinematic_power(&point).unwrap_or(1.0);
-        (power > CONTRADICTION).then(|| crate::Unknown {
-            variable: "gyro_rate".to_owned(),
-            frame: "body".to_owned(),
-            axis: "x".to_owned(),
-            parity: "odd".to_owned(),
-            frequency_hz: None,
-            share: (1.0 - 1.0 / power).clamp(0.0, 1.0),
-        })
-    }
-
-    /// A rhythm that is left in the residual and that no effect has.
-    fn rhythm(&self) -> Option<crate::Unknown> {
-        let lines = crate::spectrum::lines(self, &self.best);
-        let least = if self.best.members.is_empty() { 1.5 } else { 2.0 } * crate::spectrum::CERTAIN;
-        if lines.strongest < least {
-            return None;
-        }
-        let wheels = &self.problem.reference.model.wheels;
-        let (variable, frequency_hz) = match lines.orders.first() {
-            Some((wheel, _)) => {
-                (format!("{}_angle", wheels.get(*wheel).map_or("wheel", |w| w.name.as_str())), None)
-            }
-            None => ("time".to_owned(), lines.torque_hz.first().copied()),
-        };
-        Some(crate::Unknown {
-            variable,
-            frame: "body".to_owned(),
-            axis: "z".to_owned(),
-            parity: "none".to_owned(),
-            frequency_hz,
-            share: 1.0,
-        })
-    }
-
     /// What the catalogue says separates what is left.
     fn advice(&self, verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
         let text = match verdict {
@@ -482,52 +444,6 @@ impl Search<'_> {
         };
         let odds = candidates.first().map_or(0.0, |c| c.detectability * 0.5);
         Some(NextManoeuvre { manoeuvre: text, expected_log_odds: odds })
-    }
-
-    /// Clipping and coarse steps of the gyro, which the readings themselves show.
-    fn digital(&self) -> Option<Candidate> {
-        if self.options.exclude.iter().any(|e| e == "gyro_saturation") {
-            return None;
-        }
-        let errors = &self.problem.reference.model.sensors.gyro.errors;
-        let range = self
-            .problem
-            .runs
-            .iter()
-            .filter_map(|r| r.gyro_clips_at_rad_s)
-            .filter(|limit| *limit < 0.98 * errors.range)
-            .fold(f64::INFINITY, f64::min);
-        let step = self.problem.runs.iter().map(|r| r.gyro_step_rad_s).fold(f64::INFINITY, f64::min);
-        let coarse =
-            step.is_finite() && step > 1.5 * errors.quantum && step > 0.3 * errors.noise_stddev.amin();
-        if !range.is_finite() && !coarse {
-            return None;
-        }
-        let parameter = |name: &str, estimate: f64, stddev: f64| ParameterEstimate {
-            name: name.to_owned(),
-            unit: "rad/s".to_owned(),
-            estimate,
-            stddev,
-            at_bound: false,
-            smallest_detectable: 5.0 * stddev,
-        };
-        let mut parameters = Vec::new();
-        if range.is_finite() {
-            parameters.push(parameter("range_rad_s", range, 0.5 * step.clamp(1e-6, 1e-3)));
-        }
-        if coarse {
-            parameters.push(parameter("step_rad_s", step, 1e-3 * step));
-        }
-        Some(Candidate {
-            effect: "gyro_saturation".to_owned(),
-            delta_log_evidence: 100.0,
-            held_out_gain: 100.0,
-            share_of_excess: 1.0,
-            swallowed_by_base: 0.0,
-            detectability: 200.0,
-            indistinguishable_from: Vec::new(),
-            parameters,
-        })
     }
 }
 

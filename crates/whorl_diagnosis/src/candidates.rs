@@ -216,6 +216,14 @@ fn drop_ineffective(columns: &mut Vec<Column>, reference: &Reference, point: &Po
 
 /// All columns together, then per wheel or jet, then each alone.
 fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>> {
+    if id == "thruster_leak" {
+        // One jet or two: any torque at all could be put together from all of them.
+        let mut options: Vec<Vec<usize>> = indices.iter().map(|i| vec![*i]).collect();
+        for (n, a) in indices.iter().enumerate() {
+            options.extend(indices.iter().skip(n + 1).map(|b| vec![*a, *b]));
+        }
+        return options;
+    }
     let mut options = vec![indices.to_vec()];
     if indices.len() > 1 {
         let per = match id {
@@ -334,7 +342,7 @@ fn special_options(
             }
         }
         "gyro_saturation" => {
-            for share in [1.0, 0.99, 0.975, 0.95, 0.92, 0.88, 0.83] {
+            for share in [1.0, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.945, 0.92, 0.88, 0.83] {
                 let origin = with(&[(0, share * available.largest_rate_rad_s)]);
                 // What is cut off at this range: all of it or nothing.
                 options.push(vec![directed(effect, reference, name(0), &origin, &[(0, 0.0)], true)]);

@@ -233,7 +233,8 @@ impl System<'_> {
             } else if near_zero || at_limit {
                 (2.0 * wheel.coulomb_friction_n_m).max(0.02 * wheel.max_torque_n_m)
             } else {
-                s.wheel_noise
+                // Just off standstill friction is still not what it is at speed.
+                s.wheel_noise.max(2.0 * wheel.coulomb_friction_n_m * (0.3 / speed).powi(2))
             };
             // The motor's torque turns wheel and body against each other.
             let body =
@@ -371,7 +372,8 @@ impl System<'_> {
             let predicted = self.motion.wheel.get(k).copied().unwrap_or_default();
             let rate = self.prediction.wheel_dot.get(k).copied().unwrap_or_default();
             for j in 0..self.wheels() {
-                let residual = speeds[j] - predicted[j] - rate[j] * late_s;
+                let edge = self.prediction.edge_speed.get(k).map_or(0.0, |e| e[j]);
+                let residual = speeds[j] - predicted[j] - rate[j] * late_s - edge;
                 let variance = noise.wheel.powi(2) / count;
                 push(6 + 2 * run.vectors.len() + j, residual, variance, &[(WHEEL + j, 1.0)]);
             }

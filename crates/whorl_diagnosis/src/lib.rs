@@ -17,8 +17,10 @@
 
 mod answer;
 mod candidates;
+mod check;
 mod columns;
 mod diagnosis;
+mod direct;
 mod error;
 mod excess;
 mod filter;

@@ -31,6 +31,8 @@ pub(crate) struct Prediction {
     pub wheel_dot: Vec<Wheels>,
     /// What the jets' and wheels' edges within a node's samples add to its mean rate.
     pub edge_rate: Vec<Vector3<f64>>,
+    /// The same for the wheels' speeds.
+    pub edge_speed: Vec<Wheels>,
     /// Readings at each node; empty if not asked for.
     pub gyro: Vec<Vector3<f64>>,
     pub accel: Vec<Vector3<f64>>,
@@ -119,14 +121,21 @@ impl Mechanics {
             omega_dot: vec![Vector3::zeros(); nodes],
             wheel_dot: vec![[0.0; MAX_WHEELS]; nodes],
             edge_rate: vec![Vector3::zeros(); nodes],
+            edge_speed: vec![[0.0; MAX_WHEELS]; nodes],
             ..Prediction::default()
         };
         let hidden_states = self.gyrostat.effects().hidden_states().min(MAX_HIDDEN_STATES);
         let mut hidden = [0.0; MAX_HIDDEN_STATES];
         let wheels = self.model().wheels.len();
         for k in 0..nodes {
-            if (!jets_only || inputs.is_active(k)) && !run.clamped {
-                prediction.edge_rate[k] = self.edge_rate(run, inputs, k);
+            if !jets_only || inputs.is_active(k) {
+                let edge = if run.clamped { Vector3::zeros() } else { self.edge_rate(run, inputs, k) };
+                let speeds = prediction.edge_speed[k].iter_mut();
+                for ((slot, wheel), command) in speeds.zip(&self.model().wheels).zip(&run.wheel_command) {
+                    *slot =
+                        command.mean_integral_at(k) / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&edge);
+                }
+                prediction.edge_rate[k] = edge;
             }
             if k + 1 >= nodes || (jets_only && !inputs.is_active(k)) {
                 continue;

@@ -8,16 +8,22 @@ use crate::regression::{BLOCKS_PER_RUN, Colour};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Log evidence that an effect must add. The number of effects that compete is paid for here too.
-pub(crate) const LEAST_EVIDENCE: f64 = 10.0;
+pub(crate) const LEAST_EVIDENCE: f64 = 6.0;
 
 /// Drop of the whitened misfit that an effect must bring: below, a name would often be wrong.
-pub(crate) const LEAST_DROP: f64 = 36.0;
+pub(crate) const LEAST_DROP: f64 = 30.0;
 
 /// Held-out data veto an effect by a loss of log likelihood of this share of its log evidence.
 const AGAINST: f64 = 0.1;
 
+/// Log evidence and held-out gain that an effect must bring together.
+const LEAST_TOGETHER: f64 = 14.0;
+
 /// A rest of this many standard deviations is worth the columns of hidden states.
-const SOMETHING_LEFT: f64 = 4.0;
+const SOMETHING_LEFT: f64 = 3.0;
+
+/// So is log evidence of this size for any effect.
+const FAINT: f64 = 3.0;
 
 /// Explanations closer than this in log evidence are both kept.
 pub(crate) const TIE: f64 = 3.0;
@@ -221,10 +227,10 @@ impl<'a> Search<'a> {
     pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         let rest = crate::answer::rest(self.problem, &self.data, &self.layout, &self.base);
         let additions = self.additions(&self.base);
-        let promising = additions.first().is_some_and(|h| self.passes(h, &self.base));
         self.lines = crate::spectrum::lines(self, &self.base);
-        if promising
-            || self.lines.strongest > crate::spectrum::CERTAIN
+        let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
+        if faint
+            || self.lines.strongest > 0.8 * crate::spectrum::CERTAIN
             || rest[crate::answer::worst(&rest)].significance() > SOMETHING_LEFT
         {
             progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
@@ -285,10 +291,15 @@ impl<'a> Search<'a> {
         let least = added * self.data.temper;
         // What a large first effect leaves of its own wrong formula is no second effect.
         let echo = 0.01 * (smaller.estimate.drop - self.base.estimate.drop).max(0.0);
-        larger.log_evidence - smaller.log_evidence > LEAST_EVIDENCE * least
-            && larger.estimate.drop - smaller.estimate.drop > (LEAST_DROP * least).max(echo)
-            // Held-out data may hold little of the effect: only what they say against it counts.
-            && self.gain(larger, smaller) > -AGAINST * (larger.log_evidence - smaller.log_evidence)
+        let evidence = larger.log_evidence - smaller.log_evidence;
+        let drop = larger.estimate.drop - smaller.estimate.drop;
+        if evidence <= LEAST_EVIDENCE * least || drop <= (LEAST_DROP * least).max(echo) {
+            return false;
+        }
+        // Held-out data may hold little of the effect, so what they say against it counts only if it is much;
+        // a faint effect needs them on its side.
+        let gain = self.gain(larger, smaller);
+        gain > -AGAINST * evidence && evidence + gain.min(evidence) > LEAST_TOGETHER * least
     }
 
     /// Swaps and removes members as long as that is better.

@@ -101,8 +101,8 @@ fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     }
     slow("time", |r| &r.times.node_s);
     groups.push(vec![single("constant", "even", Box::new(|_, _, _| 1.0))]);
-    // Heading: first and second harmonic.
-    for n in [1.0, 2.0] {
+    // Heading: the first harmonics.
+    for n in [1.0, 2.0, 3.0] {
         let sine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).sin()));
         let cosine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).cos()));
         let first = single("yaw", "none", sine);

@@ -30,20 +30,44 @@ fn answer(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Outcome {
     outcome
 }
 
+fn answers(laboratory: &Laboratory, keys: &[&str]) -> Vec<Outcome> {
+    // The keys share platform and runs.
+    let specs = specs(keys);
+    let stand = Arc::new(Stand::new(laboratory, &stand_key(&specs[0]), &specs[0]));
+    let outcomes: Vec<Outcome> = specs.iter().map(|spec| answer(laboratory, &stand, spec)).collect();
+    for outcome in &outcomes {
+        assert!(outcome.error.is_none(), "{}: {:?}", outcome.key, outcome.error);
+        assert!(!outcome.wrong_name, "{}: {} {:?}", outcome.key, outcome.verdict, outcome.answer);
+    }
+    outcomes
+}
+
 #[test]
-fn the_score_of_a_fixed_part_does_not_fall() {
+fn a_friction_and_a_sensor_are_named() {
     let laboratory = Laboratory::whorl_1().unwrap();
-    let singles = specs(&["single/air_current/100/0", "single/bearing_coulomb_friction/100/0"]);
-    let stand = Arc::new(Stand::new(&laboratory, &stand_key(&singles[0]), &singles[0]));
-    for spec in &singles {
-        let outcome = answer(&laboratory, &stand, spec);
-        assert!(outcome.error.is_none(), "{:?}", outcome.error);
+    let keys = ["single/bearing_coulomb_friction/100/0", "single/gyro_scale/100/0"];
+    for outcome in answers(&laboratory, &keys) {
         assert!(outcome.exact, "{}: {} {:?}", outcome.key, outcome.verdict, outcome.answer);
     }
-    let control = specs(&["control/none/0/0"]);
-    let stand = Arc::new(Stand::new(&laboratory, &stand_key(&control[0]), &control[0]));
-    let outcome = answer(&laboratory, &stand, &control[0]);
-    assert_eq!(outcome.verdict, "nothing_missing");
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_missing_also_with_a_controller_running() {
+    let laboratory = Laboratory::whorl_1().unwrap();
+    for key in ["control/none/0/0", "closed_loop/none/0/0"] {
+        for outcome in answers(&laboratory, &[key]) {
+            assert_eq!(outcome.verdict, "nothing_missing", "{}", outcome.key);
+        }
+    }
+}
+
+#[test]
+fn what_no_library_has_is_unknown() {
+    let laboratory = Laboratory::whorl_1().unwrap();
+    for outcome in answers(&laboratory, &["outside/gear/1000/0"]) {
+        assert_eq!(outcome.unknown_right, Some(true), "{}: {:?}", outcome.key, outcome.answer);
+        assert_eq!(outcome.variable_right, Some(true), "{:?}", outcome.unknown_variable);
+    }
 }
 
 #[test]
