@@ -9,7 +9,7 @@ use crate::estimate::{Estimate, Health};
 use crate::filter::{Filter, ImuSample};
 use crate::free_motion::FreeMotionParameters;
 use crate::parameters::{ParameterError, Parameters};
-use crate::verdict::{FilterEvent, ImuOutcome, RejectionCounts, Verdict};
+use crate::verdict::{FilterEvent, ImuOutcome, Rejection, RejectionCounts, Verdict};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::rotation_vector;
@@ -48,6 +48,8 @@ pub struct Estimator {
     jet_impulse_b_n_m_s: Vector3<f64>,
     gyro_before_rad_s: Vector3<f64>,
     disagreements: u32,
+    /// Latest sample of the free-motion filter.
+    free_motion_ns: Option<i64>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -141,6 +143,7 @@ impl Estimator {
             jet_impulse_b_n_m_s: Vector3::zeros(),
             gyro_before_rad_s: Vector3::zeros(),
             disagreements: 0,
+            free_motion_ns: None,
         })
     }
 
@@ -178,7 +181,12 @@ impl Estimator {
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
         self.update = Update::default();
         let outcome = self.supervisor.on_imu(sample);
-        if self.kind == FilterKind::AttitudeBias || matches!(outcome.gyro, Verdict::Rejected(_)) {
+        let spike = self.kind == FilterKind::FreeMotion && outcome.gyro.rejection() == Some(Rejection::Spike);
+        if self.kind == FilterKind::AttitudeBias || (matches!(outcome.gyro, Verdict::Rejected(_)) && !spike) {
+            return outcome;
+        }
+        if self.kind == FilterKind::FreeMotion {
+            self.free_motion_step(sample, &outcome);
             return outcome;
         }
         let impulse = std::mem::take(&mut self.jet_impulse_b_n_m_s);
@@ -226,6 +234,12 @@ impl Estimator {
     pub fn on_vector(&mut self, stamp_ns: i64, direction_b: &Vector3<f64>) -> (Verdict, Option<FilterEvent>) {
         self.update = Update::default();
         let (verdict, event) = self.supervisor.on_vector(stamp_ns, direction_b);
+        if let Some(AnyKernel::FreeMotion(kernel)) = &mut self.kernel {
+            if matches!(verdict.rejection(), None | Some(Rejection::Outlier { .. })) {
+                kernel.on_magnetometer(direction_b);
+            }
+            return (verdict, event);
+        }
         if verdict == Verdict::Used {
             self.use_vector();
         }
@@ -310,6 +324,40 @@ impl Estimator {
             ))),
         };
         self.disagreements = 0;
+    }
+
+    /// The free-motion filter has gates of its own, and a better idea of the motion than the supervising filter: only what
+    /// is no measurement is kept from it.
+    fn free_motion_step(&mut self, sample: &ImuSample, outcome: &ImuOutcome) {
+        let broken = |verdict: &Verdict| {
+            matches!(
+                verdict.rejection(),
+                Some(Rejection::NotFinite | Rejection::OutOfRange | Rejection::Frozen)
+            )
+        };
+        if broken(&outcome.accelerometer) {
+            return;
+        }
+        let before_ns = self.free_motion_ns.replace(sample.stamp_ns);
+        let before_rad_s = std::mem::replace(&mut self.gyro_before_rad_s, sample.gyro_rad_s);
+        let dt_s = before_ns.map_or(0.0, |before| sample.stamp_ns.saturating_sub(before) as f64 * 1e-9);
+        if !(0.0..1.0).contains(&dt_s) || outcome.event == Some(FilterEvent::RestartedAfterClockStep) {
+            self.kernel = None;
+        }
+        if self.kernel.is_none() {
+            self.start(Vector3::zeros());
+        } else if let Some(kernel) = &mut self.kernel
+            && dt_s > 0.0
+        {
+            kernel.get_mut().step(&FilterStep {
+                dt_s,
+                gyro_rad_s: sample.gyro_rad_s,
+                gyro_before_rad_s: before_rad_s,
+                force_b_m_s2: Some(sample.specific_force_m_s2),
+                wheel_momentum_b_n_m_s: Vector3::zeros(),
+                jet_impulse_b_n_m_s: Vector3::zeros(),
+            });
+        }
     }
 
     /// Drops a kernel that lost its way; it starts anew with the next sample.

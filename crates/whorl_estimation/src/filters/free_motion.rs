@@ -20,6 +20,11 @@ pub struct FreeMotionKernel {
 }
 
 impl FreeMotionKernel {
+    /// One sample of the magnetometer, sensor axes, any unit.
+    pub fn on_magnetometer(&mut self, field: &Vector3<f64>) {
+        self.estimator.on_magnetometer(field);
+    }
+
     /// A filter that finds its own attitude; until then it turns the one given. `reference_w` is the field's direction in
     /// the world.
     #[must_use]

@@ -5,6 +5,7 @@ use super::covariance::{
 };
 use super::{FreeMotionEstimator, FreeMotionFilter, FreeMotionParameters};
 use crate::orientation_error::OrientationErrors;
+use crate::{Estimator, FilterKind, ImuSample, Parameters};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -180,6 +181,24 @@ fn without_a_magnetometer_the_inclination_is_as_good() {
     }
     let [_, _, inclination] = errors.root_mean_square_rad().expect("scored").map(f64::to_degrees);
     assert!(inclination < 0.7, "{inclination}");
+}
+
+/// Behind the platforms' interface its samples are not gated by a filter that expects a fixed pivot.
+#[test]
+fn the_estimator_of_the_node_is_as_good() {
+    let parameters = Parameters::freely_moving().with_magnetometer(std::f64::consts::FRAC_PI_2);
+    let mut estimator = Estimator::new(FilterKind::FreeMotion, parameters, None).expect("allowed");
+    let mut errors = OrientationErrors::default();
+    for sample in record(90.0, &usual(), 2) {
+        let (gyro_rad_s, specific_force_m_s2) = (sample.gyro, sample.force);
+        estimator.on_imu(&ImuSample { stamp_ns: sample.stamp_ns, gyro_rad_s, specific_force_m_s2 });
+        estimator.on_vector(sample.stamp_ns, &sample.field);
+        if sample.scored {
+            errors.add(&estimator.estimate(sample.stamp_ns).q_world_body, &sample.truth);
+        }
+    }
+    let [_, heading, inclination] = errors.root_mean_square_rad().expect("scored").map(f64::to_degrees);
+    assert!(inclination < 0.6 && heading < 1.5, "inclination {inclination}, heading {heading}");
 }
 
 #[test]
