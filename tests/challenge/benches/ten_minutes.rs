@@ -1,0 +1,49 @@
+//! How long a diagnosis of ten minutes at 100 Hz with every effect takes on two threads, and how much memory.
+//!
+//! ```text
+//! cargo bench -p whorl_challenge
+//! ```
+
+#![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark fails by panicking")]
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use whorl_challenge::cases::build::{Stand, stand_key};
+use whorl_challenge::cases::{Laboratory, all_specs, build};
+use whorl_diagnosis::{Options, diagnose};
+
+/// Largest memory that the process has had \[MB\]; `None` where the system does not say.
+fn peak_megabytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+}
+
+fn ten_minutes(criterion: &mut Criterion) {
+    let laboratory = Laboratory::whorl_1().unwrap();
+    let mut group = criterion.benchmark_group("ten_minutes");
+    group.sample_size(10).measurement_time(Duration::from_secs(30));
+    for key in ["single/bearing_viscous_friction/100/0", "control/none/0/0"] {
+        let spec = all_specs(1, false).into_iter().find(|s| s.key() == key).unwrap();
+        let stand = Arc::new(Stand::new(&laboratory, &stand_key(&spec), &spec));
+        let built = build(&laboratory, &stand, &spec).unwrap();
+        // Three runs of 90 s twice over, and one held out: 10.5 minutes.
+        let training: Vec<_> = built.training.iter().chain(&built.training).cloned().collect();
+        let options = Options { threads: 2, ..Options::default() };
+        group.bench_function(key, |bencher| {
+            bencher.iter(|| {
+                diagnose(&training, &built.held_out, &built.model, &built.prior, &options, &mut |_| {})
+                    .unwrap()
+            });
+        });
+    }
+    group.finish();
+    if let Some(peak) = peak_megabytes() {
+        println!("peak memory: {peak:.0} MB");
+    }
+}
+
+criterion_group!(benches, ten_minutes);
+criterion_main!(benches);
