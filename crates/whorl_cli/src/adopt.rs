@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde_json::json;
-use sha2::{Digest, Sha256};
 use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
@@ -14,6 +13,7 @@ use whorl_report::{AdoptedParameter, AdoptionPage, ComparedRun};
 use crate::compare::compare_all;
 use crate::model_changes::{changes, write as write_model};
 use crate::progress;
+use crate::provenance::provenance;
 use crate::runs::{RunArguments, Runs, write};
 use crate::table::{print, significant};
 
@@ -21,6 +21,10 @@ use crate::table::{print, significant};
 const SCHEMA: u32 = 1;
 /// A held-out error this much above that before counts as worse.
 const WORSE: f64 = 1.005;
+/// Ends the names of corrections.
+const CORRECTION: &str = " (correction)";
+/// A correction of more standard deviations than this is listed.
+const TOLD_STDDEVS: f64 = 2.0;
 /// Standard deviations of its prior beyond which no mass property is.
 const BEYOND_BELIEF: f64 = 12.0;
 
@@ -194,7 +198,7 @@ fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &
         }
         "wheel_inertia" | "wheel_misalignment" | "thruster_strength" | "thruster_misalignment" => {
             if !before.effects.contains_key(&parameter.group) {
-                parameter.name = format!("{} (correction)", parameter.name);
+                parameter.name.push_str(CORRECTION);
             }
             None
         }
@@ -311,9 +315,14 @@ fn print_versions(versions: &[Version]) {
 fn print_parameters(version: &Version) {
     let Some(fit) = &version.fit else { return };
     println!("\nParameters {}", version.name);
+    // Corrections of wheels and jets that the data do not ask for would only hide the others.
+    let is_told = |p: &&FittedParameter| {
+        !p.name.ends_with(CORRECTION) || (p.estimate - p.before).abs() > TOLD_STDDEVS * p.stddev
+    };
     let rows: Vec<Vec<String>> = fit
         .estimates
         .iter()
+        .filter(is_told)
         .map(|p| {
             let bound = if p.at_bound { "at its bound" } else { "" };
             vec![
@@ -329,6 +338,12 @@ fn print_parameters(version: &Version) {
         .collect();
     let headings = ["of", "parameter", "unit", "#before", "#after", "#+-", ""].map(str::to_owned);
     print(&headings, &rows);
+    let others = fit.estimates.len() - rows.len();
+    if others > 0 {
+        println!(
+            "  and {others} corrections of wheels and jets, each within {TOLD_STDDEVS} standard deviations of none"
+        );
+    }
 }
 
 /// Writes the last version into the parameter file and says so.
@@ -393,48 +408,6 @@ fn strangest(known: &KnownPlatform, fitted: &PlatformModel) -> Option<String> {
             sigmas(&worst)
         )
     })
-}
-
-/// Which data and which command: names with the hash of their measurements.
-fn provenance(arguments: &RunArguments, command: &str) -> anyhow::Result<String> {
-    let mut runs = Vec::new();
-    for path in &arguments.runs {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        runs.push(format!("{name} (sha256 {})", data_hash(path)?));
-    }
-    Ok(format!("{}; whorl {command}", runs.join(", ")))
-}
-
-/// First digits of the hash of a run's measurements: the bag's files by name.
-fn data_hash(path: &Path) -> anyhow::Result<String> {
-    let bag = path.join("bag");
-    let mut files = Vec::new();
-    if path.is_dir() {
-        let folder = if bag.is_dir() { bag.as_path() } else { path };
-        for entry in std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))? {
-            let file = entry?.path();
-            if file.extension().is_some_and(|e| ["mcap", "csv", "db3"].iter().any(|x| e == *x)) {
-                files.push(file);
-            }
-        }
-        files.sort();
-    } else {
-        files.push(path.to_owned());
-    }
-    let mut hash = Sha256::new();
-    for file in &files {
-        let mut reader =
-            std::fs::File::open(file).with_context(|| format!("cannot read {}", file.display()))?;
-        let mut buffer = vec![0; 1 << 16];
-        loop {
-            let count = std::io::Read::read(&mut reader, &mut buffer)?;
-            if count == 0 {
-                break;
-            }
-            hash.update(buffer.get(..count).unwrap_or(&[]));
-        }
-    }
-    Ok(hash.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect())
 }
 
 fn as_page(versions: &[Version], answer: Vec<String>) -> AdoptionPage {

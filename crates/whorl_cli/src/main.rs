@@ -25,6 +25,7 @@ mod next;
 mod orbit;
 mod platforms;
 mod progress;
+mod provenance;
 mod report;
 mod reproduce;
 mod runs;

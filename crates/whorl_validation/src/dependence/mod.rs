@@ -79,7 +79,7 @@ pub struct Dependence {
     pub frame: Frame,
     /// Share of the excess that the curve predicts where it was not fitted, 0..1.
     pub share: f64,
-    /// The axis with the largest part: 0, 1, 2 for x, y, z.
+    /// The axis on which the curve varies most: 0, 1, 2 for x, y, z.
     pub axis: usize,
     /// Share of the whole excess that each axis contributes.
     pub axis_share: [f64; 3],
@@ -168,11 +168,12 @@ pub fn dependences(
     let noise = (3 * count) as f64;
     let folds = folds(count);
 
-    let constant = |axes: &[Vec<(f64, f64)>; 3]| -> f64 {
-        let explained = |axis: &Vec<(f64, f64)>| regression::constant_explains(axis, &folds);
-        axes.iter().map(explained).sum::<f64>().max(0.0)
+    let constants = |axes: &[Vec<(f64, f64)>; 3]| {
+        axes.each_ref().map(|axis| regression::constant_explains(axis, &folds).max(0.0))
     };
-    let (constant_body, constant_world) = (constant(&body), constant(&world));
+    let (constants_body, constants_world) = (constants(&body), constants(&world));
+    let constant_body: f64 = constants_body.iter().sum();
+    let constant_world: f64 = constants_world.iter().sum();
 
     let mut found = Vec::new();
     for variable in variables.iter().filter(|v| v.value.len() == count) {
@@ -199,7 +200,11 @@ pub fn dependences(
         .into_iter()
         .map(|(variable, frame, explained, shape)| {
             let axis_share = explained.map(|e| (e / excess).clamp(-1.0, 1.0));
-            let axis = (0..3).max_by(|a, b| axis_share[*a].total_cmp(&axis_share[*b])).unwrap_or(0);
+            // A torque that stands still is no function of anything: the axis is the one on which the curve bends or
+            // slopes.
+            let still = if frame == Frame::World { constants_world } else { constants_body };
+            let varies = |i: usize| explained[i] - still[i];
+            let axis = (0..3).max_by(|a, b| varies(*a).total_cmp(&varies(*b))).unwrap_or(0);
             Dependence {
                 variable: variable.name.clone(),
                 unit: variable.unit.to_owned(),
