@@ -6,7 +6,8 @@
 //! second: to our own participant, and, unless everything stays on this machine, to all others.
 //!
 //! With an address of another machine in it, the same announcement makes RustDDS tell that machine
-//! of us by unicast: so `ROS_STATIC_PEERS` works where a wireless LAN does not carry multicast.
+//! of us by unicast: so `ROS_STATIC_PEERS` works where a wireless LAN does not carry multicast. With more addresses
+//! of this machine, it lets more than twelve participants of one machine meet.
 //!
 //! Wire format: OMG DDSI-RTPS 2.5, 8.5.3 (SPDP), 9.4 (messages), 9.6.2.3 (ports).
 
@@ -33,6 +34,13 @@ const READS_ANNOUNCEMENTS: u32 = 2;
 
 /// A machine of `ROS_STATIC_PEERS` may run so many participants (RTPS counts them from 0).
 const PARTICIPANTS_PER_PEER: u16 = 12;
+
+/// RustDDS announces itself to so many participants of this machine (`SPDP_LOCALHOST_PEER_COUNT`), where the
+/// loopback interface carries no multicast; two that both have a higher number would never meet.
+const TOLD_BY_RUSTDDS: u16 = 12;
+
+/// So many participants may run on one machine: ten platforms with three nodes each, and a few more.
+const PARTICIPANTS_HERE: u16 = 36;
 
 /// Where a participant hears announcements: RTPS 9.6.2.3.
 fn announcement_port(domain_id: u16, participant: u16) -> u16 {
@@ -70,6 +78,16 @@ impl Nudge {
             let id = prefix(u32::MAX - u32::try_from(index).unwrap_or(0));
             let message = announcement(id, 1, INFINITE_S, READS_ANNOUNCEMENTS, &locators);
             nudge.deliver(participant.participant_number(), &message);
+        }
+        if network.is_localhost() {
+            let own = participant.participant_number();
+            for other in (TOLD_BY_RUSTDDS..PARTICIPANTS_HERE).filter(|other| *other != own) {
+                // Of the loopback addresses of a participant RustDDS takes the first: one id for each.
+                let place = SocketAddrV4::new(Ipv4Addr::LOCALHOST, announcement_port(nudge.domain_id, other));
+                let id = prefix(u32::MAX / 2 + u32::from(other));
+                let message = announcement(id, 1, INFINITE_S, READS_ANNOUNCEMENTS, &[place]);
+                nudge.deliver(own, &message);
+            }
         }
         Ok(nudge)
     }
