@@ -132,5 +132,9 @@ fn faces(
     let product = matrix.tr_mul(&right);
     let m = inverse * Vector3::new(product[0], product[1], product[2]);
     sensor.misalignment_rad.value = m;
-    sensor.misalignment_rad.stddev = inverse.diagonal().map(|v| v.sqrt() * settings.level_stddev_rad);
+    // Where the faces lay less level than was said, their scatter about the fit counts: two angles each, three unknowns.
+    let rest = &right - &matrix * m;
+    let freedom = (2 * rows.len()).saturating_sub(3).max(1) as f64;
+    let level_rad = (rest.norm_squared() / freedom).sqrt().max(settings.level_stddev_rad);
+    sensor.misalignment_rad.stddev = inverse.diagonal().map(|v| v.sqrt() * level_rad);
 }

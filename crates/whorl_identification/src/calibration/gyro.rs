@@ -133,7 +133,10 @@ pub(super) fn calibrate(
     for n in 0..6 {
         let (axis, kind) = (n % 3, n / 3);
         let slot = if kind == 0 { &mut sensor.scale } else { &mut sensor.misalignment_rad };
-        let stddev = covariance[(n, n)].sqrt();
+        // Gravity in the body is as the accelerometer says: how that is turned in its case, the gyro cannot know better.
+        let shared = accelerometer.misalignment_rad.stddev[axis];
+        let shared = if kind == 1 && shared.is_finite() { shared } else { 0.0 };
+        let stddev = covariance[(n, n)].sqrt().hypot(shared);
         if stddev < DETERMINED * WIDEST {
             slot.value[axis] = errors[n];
             slot.stddev[axis] = stddev;
