@@ -6,6 +6,7 @@ mod jet_failure;
 mod leader_stale;
 mod link_cut;
 mod links;
+mod many_participants;
 mod node_deaths;
 mod recorder;
 mod replay_backend;

@@ -1,0 +1,20 @@
+//! More participants on one machine than RustDDS tells of itself: four platforms have twelve nodes, and coordinator,
+//! recorder and monitor come to that.
+
+use whorl_ros::Participant;
+
+use crate::support::formation::{Formation, LONG_HOLD_ALONE};
+
+/// Those beyond this number are on no participant's list.
+const TOLD_BY_RUSTDDS: u16 = 12;
+
+#[test]
+fn nodes_beyond_the_twelfth_participant_meet() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let watch = formation.watch();
+    let crowd: Vec<Participant> = (1..TOLD_BY_RUSTDDS).map(|_| formation.participant()).collect();
+    assert!(crowd.iter().all(|one| one.participant_number() < TOLD_BY_RUSTDDS));
+    formation.start_all();
+    formation.wait_for_step(&watch, "hold");
+    formation.stop();
+}
