@@ -263,6 +263,10 @@ fn answer(versions: &[Version]) -> Vec<String> {
                 ));
             }
         }
+        if text.ends_with(';') {
+            text.pop();
+            text.push('.');
+        }
         answer.push(text);
         let base = versions.iter().find(|v| v.name == "base refitted");
         if let Some((a, b)) = base.and_then(|base| Some((error(base, held_out)?, error(version, held_out)?)))
