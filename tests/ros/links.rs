@@ -105,7 +105,12 @@ impl Laboratory {
             let state = log.after::<FormationState>(route(0, Topic::FormationState), since).find(|(_, m)| {
                 m.step == "hold" && m.link_ok == [true; 2] && m.control_mode == [ControlStatus::MODE_TRACK; 2]
             });
-            state.map(|(at, _)| at)
+            // The coordinator tells the latest mode that it knows of; these are told since.
+            let tracks = |platform| {
+                let mut statuses = log.after::<ControlStatus>(route(platform, Topic::ControlStatus), since);
+                statuses.find(|(_, m)| m.mode == ControlStatus::MODE_TRACK).map(|(at, _)| at)
+            };
+            Some(state?.0.max(tracks(0)?).max(tracks(1)?))
         });
         whole.seconds_since(since)
     }
