@@ -161,6 +161,9 @@ impl<'a> Search<'a> {
             &self.lines,
             self.with_hidden,
         );
+        // The old columns make room for the new ones.
+        self.data.whitened = Vec::new();
+        self.held_data = None;
         self.data = dataset(self.problem, &self.point, &self.layout, self.colours.clone())?;
         self.held_data = match &self.held_out {
             Some(held) => Some(dataset(held, &self.point, &self.layout, self.held_colours.clone())?),
