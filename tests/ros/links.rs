@@ -153,8 +153,9 @@ impl Laboratory {
         for platform in 0..2 {
             let log = self.watch.log();
             for (_, m) in log.after::<ControlStatus>(route(platform, Topic::ControlStatus), since) {
-                // Its own estimates cross no link: without them it is the machine that is busy.
-                let busy = m.reason == ControlStatus::REASON_ESTIMATE_STALE;
+                // Its own sensors and estimates cross no link: without them it is the machine that is busy.
+                let own = [ControlStatus::REASON_ESTIMATE_STALE, ControlStatus::REASON_ESTIMATE_UNHEALTHY];
+                let busy = own.contains(&m.reason);
                 assert!(busy || m.mode < ControlStatus::MODE_SAFE_DAMPING, "safe mode on a poor link: {m:?}");
                 all += 1;
                 tracked += usize::from(m.mode == ControlStatus::MODE_TRACK);
