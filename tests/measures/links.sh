@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A formation on three computers (network namespaces) with poor links, cuts up to two minutes and a restart: prints what
-# docs/formation.md says of links. Needs root; takes eight minutes.
+# docs/links.md says. Needs root; takes eight minutes.
 #   tests/measures/links.sh [REPORT.html]
 
 set -euo pipefail
