@@ -41,6 +41,12 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summa
         }
     }
     if data.platforms.is_empty() {
+        if bag.topics().iter().any(|topic| topic.name.ends_with("/imu/data_raw")) {
+            bail!(
+                "{} holds no message of any platform: none was heard while it was recorded",
+                path.display()
+            );
+        }
         bail!(
             "{} holds none of Whorl's topics (such as /whorl_1/imu/data_raw); it holds: {}",
             path.display(),
