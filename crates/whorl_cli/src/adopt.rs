@@ -8,14 +8,14 @@ use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
 use whorl_recording::KnownPlatform;
-use whorl_report::{AdoptedParameter, AdoptionPage, ComparedRun};
+use whorl_report::{AdoptedParameter, AdoptionPage, ComparedRun, three_digits};
 
 use crate::compare::compare_all;
 use crate::model_changes::{changes, write as write_model};
 use crate::progress;
 use crate::provenance::provenance;
 use crate::runs::{RunArguments, Runs, write};
-use crate::table::{print, significant};
+use crate::table::print;
 
 /// Version of the JSON form.
 const SCHEMA: u32 = 1;
@@ -257,9 +257,9 @@ fn answer(versions: &[Version]) -> Vec<String> {
                 text.push_str(&format!(
                     " {} {name} over 10 s {} -> {} deg/s RMS (noise {}).",
                     if held_out { "held-out" } else { "training" },
-                    significant(*a),
-                    significant(*b),
-                    significant(floor)
+                    three_digits(*a),
+                    three_digits(*b),
+                    three_digits(floor)
                 ));
             }
         }
@@ -333,9 +333,9 @@ fn print_parameters(version: &Version) {
                 p.group.clone(),
                 p.name.clone(),
                 p.unit.clone(),
-                significant(p.before),
-                significant(p.estimate),
-                significant(p.stddev),
+                three_digits(p.before),
+                three_digits(p.estimate),
+                three_digits(p.stddev),
                 bound.to_owned(),
             ]
         })
@@ -406,9 +406,9 @@ fn strangest(known: &KnownPlatform, fitted: &PlatformModel) -> Option<String> {
             "the fit asks for {} = {}, and the model says {} +- {}: {:.0} standard deviations. Are these data of \
              another platform? Or is there too little motion in them to fit it: take in a livelier run",
             worst.0,
-            significant(worst.2),
-            significant(worst.1),
-            significant(worst.3),
+            three_digits(worst.2),
+            three_digits(worst.1),
+            three_digits(worst.3),
             sigmas(&worst)
         )
     })

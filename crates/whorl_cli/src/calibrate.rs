@@ -15,6 +15,7 @@ use whorl_recording::Recording;
 use crate::identify::print_findings;
 use crate::runs::RunArguments;
 use crate::table;
+use whorl_report::three_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -145,7 +146,7 @@ fn array(value: &Vector3<f64>, stddev: &Vector3<f64>) -> Value {
 }
 
 fn short(v: &Vector3<f64>) -> String {
-    v.iter().map(|x| table::significant(*x)).collect::<Vec<_>>().join(", ")
+    v.iter().map(|x| three_digits(*x)).collect::<Vec<_>>().join(", ")
 }
 
 fn print(found: &ImuCalibration) {
@@ -167,7 +168,7 @@ fn print(found: &ImuCalibration) {
             let mut row = vec![format!("{name} {what}")];
             for axis in 0..3 {
                 if v.stddev[axis].is_finite() {
-                    row.extend([table::significant(v.value[axis]), table::significant(v.stddev[axis])]);
+                    row.extend([three_digits(v.value[axis]), three_digits(v.stddev[axis])]);
                 } else {
                     row.extend(["not determined".to_owned(), String::new()]);
                 }
@@ -183,7 +184,7 @@ fn print(found: &ImuCalibration) {
 fn noise_row(name: &str, unit: &str, sensor: &SensorCalibration) -> Vec<String> {
     let mut row = vec![format!("{name} noise of a sample")];
     for axis in 0..3 {
-        row.extend([table::significant(sensor.noise_stddev[axis]), String::new()]);
+        row.extend([three_digits(sensor.noise_stddev[axis]), String::new()]);
     }
     row.push(unit.to_owned());
     row

@@ -9,8 +9,9 @@ use whorl_validation::comparison::INITIAL_STATE_RULE;
 use whorl_validation::{Comparison, FloorSource, compare};
 
 use crate::runs::{RunArguments, write};
-use crate::table::{print, significant};
+use crate::table::print;
 use crate::{progress, runs};
+use whorl_report::three_digits;
 
 /// Version of the JSON form.
 const SCHEMA: u32 = 1;
@@ -98,10 +99,10 @@ pub fn print_errors(comparison: &Comparison) {
             FloorSource::SensorParameters => "parameters".to_owned(),
         };
         let mut cells =
-            vec![channel.name.clone(), unit.to_owned(), significant(channel.noise_floor * factor), source];
+            vec![channel.name.clone(), unit.to_owned(), three_digits(channel.noise_floor * factor), source];
         for h in &channel.horizons {
             let fit = h.fit_percent.map_or_else(|| "-".to_owned(), |f| format!("{f:.1}"));
-            cells.extend([significant(h.rms * factor), format!("{:.2}", h.ratio), fit]);
+            cells.extend([three_digits(h.rms * factor), format!("{:.2}", h.ratio), fit]);
         }
         cells
     };

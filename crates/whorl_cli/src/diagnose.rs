@@ -10,8 +10,9 @@ use whorl_dynamics::{Effect, PlatformModel};
 use whorl_report::UnexplainedTorque;
 
 use crate::runs::{RunArguments, Runs, write};
-use crate::table::{print, significant};
+use crate::table::print;
 use crate::{next, progress};
+use whorl_report::three_digits;
 
 /// Effects listed in the table.
 const LISTED: usize = 12;
@@ -107,7 +108,13 @@ fn print_candidates(diagnosis: &Diagnosis) {
                 .iter()
                 .take(2)
                 .map(|p| {
-                    format!("{} {} +- {} {}", p.name, significant(p.estimate), significant(p.stddev), p.unit)
+                    format!(
+                        "{} {} +- {} {}",
+                        p.name,
+                        three_digits(p.estimate),
+                        three_digits(p.stddev),
+                        p.unit
+                    )
                 })
                 .collect();
             vec![
@@ -115,7 +122,7 @@ fn print_candidates(diagnosis: &Diagnosis) {
                 format!("{:.1}", c.delta_log_evidence),
                 format!("{:.1}", c.held_out_gain),
                 format!("{:.0}", 100.0 * c.share_of_excess),
-                significant(c.detectability),
+                three_digits(c.detectability),
                 format!("{:.0}", 100.0 * c.swallowed_by_base),
                 estimates.join(", "),
             ]

@@ -15,6 +15,7 @@ use whorl_recording::{KnownPlatform, Recording};
 use crate::model_changes;
 use crate::runs::RunArguments;
 use crate::table;
+use whorl_report::three_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -180,9 +181,9 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
         .map(|i| {
             vec![
                 NAMES[i].to_owned(),
-                table::significant(before[i]),
-                table::significant(solution.estimate[i]),
-                table::significant(solution.singular_values[i]),
+                three_digits(before[i]),
+                three_digits(solution.estimate[i]),
+                three_digits(solution.singular_values[i]),
                 UNITS[i].to_owned(),
             ]
         })
@@ -204,11 +205,11 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         .map(|i| {
             vec![
                 NAMES[i].to_owned(),
-                table::significant(before[i]),
+                three_digits(before[i]),
                 format!("{:.4}", found.estimate[i]),
-                table::significant(stddev[i]),
-                table::significant(found.stddev_known_actuators[i]),
-                table::significant(found.prior_stddev[i]),
+                three_digits(stddev[i]),
+                three_digits(found.stddev_known_actuators[i]),
+                three_digits(found.prior_stddev[i]),
                 UNITS[i].to_owned(),
                 match found.determined[i] {
                     Determined::Yes => "yes",
@@ -234,7 +235,7 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
     );
     let (friction, friction_stddev) = found.friction_n_m_s;
     println!("  bearing friction {friction:.5} +- {friction_stddev:.5} N m s");
-    let values: Vec<String> = found.singular_values.iter().map(|v| table::significant(v.sqrt())).collect();
+    let values: Vec<String> = found.singular_values.iter().map(|v| three_digits(v.sqrt())).collect();
     println!("  singular values of the information over the prior's: {}", values.join(", "));
 }
 

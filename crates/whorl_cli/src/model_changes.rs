@@ -7,6 +7,7 @@ use anyhow::Context;
 use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_params::{Value, set_in_file};
+use whorl_report::three_digits;
 
 /// One entry to be written.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,7 +80,7 @@ fn rounded(value: f64, stddev: f64) -> f64 {
 }
 
 fn short(value: f64) -> String {
-    crate::table::significant(value)
+    three_digits(value)
 }
 
 /// Everything in which `after` differs from `before`: mass properties, wheels, jets, effects, and how well they

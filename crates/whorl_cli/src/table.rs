@@ -31,17 +31,3 @@ pub fn print(headings: &[String], rows: &[Vec<String>]) {
         println!("{}", line(row));
     }
 }
-
-/// Three significant digits, plain where that is short; a dash for what is not a number.
-pub fn significant(value: f64) -> String {
-    if !value.is_finite() {
-        return "-".to_owned();
-    }
-    let size = value.abs();
-    if size == 0.0 || (1e-3..1e5).contains(&size) {
-        let digits = if size == 0.0 { 0 } else { (2 - size.log10().floor() as i32).clamp(0, 6) };
-        format!("{value:.*}", usize::try_from(digits).unwrap_or(0))
-    } else {
-        format!("{value:.2e}")
-    }
-}

@@ -127,8 +127,9 @@ pub(crate) fn significant(value: f64) -> String {
     format!("<td class=n>{}</td>", escaped(&three_digits(value)))
 }
 
-/// A number with three significant digits, in plain notation where that is short.
-pub(crate) fn three_digits(value: f64) -> String {
+/// A number with three significant digits, in plain notation where that is short; a dash for what is not finite.
+#[must_use]
+pub fn three_digits(value: f64) -> String {
     if !value.is_finite() {
         return "–".to_owned();
     }

@@ -16,6 +16,7 @@ mod reproduction;
 mod series;
 
 pub use data::{PlatformData, Recorded, RunData};
+pub use document::three_digits;
 pub use events::{Happening, happenings};
 pub use explanation::{
     AdoptedParameter, AdoptionPage, ComparedRun, Facts, NextPage, PlannedMotion, UnexplainedTorque,
