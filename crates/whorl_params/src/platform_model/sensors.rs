@@ -1,4 +1,5 @@
-//! Sensors and their errors.
+//! Sensors and their errors. Only what no sensor is without must be given: a rate, a noise, the bias of a
+//! turn-on. An error that is left out is none.
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::{
@@ -8,12 +9,20 @@ use whorl_dynamics::platform::{
 use crate::limits::{any, non_negative, positive, range};
 use crate::reader::Reader;
 
+/// 2000 deg/s and 16 g: the widest ranges that are usual; a platform comes nowhere near.
+const USUAL_GYRO_RANGE_RAD_S: f64 = 35.0;
+const USUAL_ACCELEROMETER_RANGE_M_S2: f64 = 157.0;
+
+/// 20 degC.
+pub(super) const ROOM_K: f64 = 293.15;
+
 pub(super) fn read(r: &mut Reader<'_>) -> SensorSuite {
     r.group("sensors", |r| {
         let rate_hz = r.f64("rate_hz", rate(), "sample rate of gyro, accelerometer and wheel speed [Hz]");
-        let gyro = r.group("gyro", |r| RateGyro { errors: triaxial(r, "rad_s", "rad/s") });
+        let gyro =
+            r.group("gyro", |r| RateGyro { errors: triaxial(r, "rad_s", "rad/s", USUAL_GYRO_RANGE_RAD_S) });
         let accelerometer = r.group("accelerometer", |r| Accelerometer {
-            errors: triaxial(r, "m_s2", "m/s^2"),
+            errors: triaxial(r, "m_s2", "m/s^2", USUAL_ACCELEROMETER_RANGE_M_S2),
             lever_arm_b_m: r.vector3(
                 "lever_arm_m",
                 any(),
@@ -37,13 +46,15 @@ pub(super) fn read(r: &mut Reader<'_>) -> SensorSuite {
             bus_voltage,
             tank_pressure,
             temperature,
-            ambient_temperature_k: r.f64(
+            ambient_temperature_k: r.f64_or(
                 "ambient_temperature_k",
+                ROOM_K,
                 positive(),
                 "temperature at the start of a run [K]",
             ),
-            temperature_drift_k_s: r.f64(
+            temperature_drift_k_s: r.f64_or(
                 "temperature_drift_k_s",
+                0.0,
                 range(-1.0..=1.0),
                 "drift of the temperature [K/s]",
             ),
@@ -56,26 +67,28 @@ fn rate() -> crate::Limits<f64> {
 }
 
 fn latency(r: &mut Reader<'_>) -> f64 {
-    r.f64("latency_s", range(0.0..=1.0), "age of the data when stamped [s]")
+    r.f64_or("latency_s", 0.0, range(0.0..=1.0), "age of the data when stamped [s]")
 }
 
 fn misalignment(r: &mut Reader<'_>) -> Vector3<f64> {
-    r.per_axis(
+    r.per_axis_or(
         "misalignment_rad",
+        0.0,
         range(-0.5..=0.5),
         "small rotation from body axes to the sensor's own axes [rad]",
     )
 }
 
-fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str) -> TriaxialErrors {
+fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_range: f64) -> TriaxialErrors {
     TriaxialErrors {
         noise_stddev: r.per_axis(
             &format!("noise_stddev_{suffix}"),
             non_negative(),
             &format!("white noise, standard deviation of one sample [{unit}]"),
         ),
-        bias: r.per_axis(
+        bias: r.per_axis_or(
             &format!("bias_{suffix}"),
+            0.0,
             any(),
             &format!("constant part of the turn-on bias [{unit}]"),
         ),
@@ -84,23 +97,31 @@ fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str) -> TriaxialErrors {
             non_negative(),
             &format!("random part of the turn-on bias, standard deviation over runs [{unit}]"),
         ),
-        bias_walk: r.per_axis(
+        bias_walk: r.per_axis_or(
             &format!("bias_walk_{suffix}_sqrt_s"),
+            0.0,
             non_negative(),
             &format!("random walk of the bias [{unit}/sqrt(s)]"),
         ),
-        scale: r.per_axis(
+        scale: r.per_axis_or(
             "scale",
+            0.0,
             range((std::ops::Bound::Excluded(-0.5), std::ops::Bound::Excluded(0.5))),
             "scale factor error [1]",
         ),
         misalignment_rad: misalignment(r),
-        quantum: r.f64(
+        quantum: r.f64_or(
             &format!("quantum_{suffix}"),
+            0.0,
             non_negative(),
             &format!("step of the digitised output, 0 = none [{unit}]"),
         ),
-        range: r.f64(&format!("range_{suffix}"), positive(), &format!("clips at +- this [{unit}]")),
+        range: r.f64_or(
+            &format!("range_{suffix}"),
+            usual_range,
+            positive(),
+            &format!("clips at +- this [{unit}]"),
+        ),
         latency_s: latency(r),
     }
 }
@@ -130,13 +151,15 @@ fn vector(r: &mut Reader<'_>) -> VectorSensor {
 
 fn scalar(r: &mut Reader<'_>, suffix: &str, unit: &str) -> ScalarSensor {
     ScalarSensor {
-        noise_stddev: r.f64(
+        noise_stddev: r.f64_or(
             &format!("noise_stddev_{suffix}"),
+            0.0,
             non_negative(),
             &format!("white noise, standard deviation of one sample [{unit}]"),
         ),
-        quantum: r.f64(
+        quantum: r.f64_or(
             &format!("quantum_{suffix}"),
+            0.0,
             non_negative(),
             &format!("step of the digitised output, 0 = none [{unit}]"),
         ),

@@ -99,6 +99,15 @@ impl Reader<'_> {
             .unwrap_or_else(|| Vector3::repeat(limits.placeholder()))
     }
 
+    /// One number for all three axes, or three numbers, with a default for all.
+    pub fn per_axis_or(&mut self, key: &str, default: f64, limits: Limits<f64>, doc: &str) -> Vector3<f64> {
+        if self.has(key) {
+            self.per_axis(key, limits, doc)
+        } else {
+            self.vector3_or(key, Vector3::repeat(default), limits, doc)
+        }
+    }
+
     /// A direction: three numbers, not all zero, of any length; returned with length 1.
     pub fn direction(&mut self, key: &str, doc: &str) -> Unit<Vector3<f64>> {
         let limits = crate::limits::any();

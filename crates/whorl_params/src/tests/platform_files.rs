@@ -160,3 +160,36 @@ fn truth_differs_from_the_model_where_it_says_so() {
         assert!(tree.for_node(node).iter().all(|entry| !entry.key.starts_with("truth")), "{node}");
     }
 }
+
+/// What a platform must say about itself; all else has a value that means "none".
+#[test]
+fn a_short_platform_file_is_complete() {
+    let text = "
+/tab/**:
+  ros__parameters:
+    model:
+      mass_kg: 52.0
+      inertia_kg_m2: {xx: 3.4, xy: 0.0, xz: 0.0, yy: 3.7, yz: 0.0, zz: 5.9}
+      gravity_offset_n_m: [0.0, 0.0, -0.9]
+      tilt_limit: {kind: cone, max_rad: 0.2}
+      wheels:
+        w: {spin_axis: [0.0, 0.0, 1.0], spin_inertia_kg_m2: 0.006, max_torque_n_m: 0.25, max_speed_rad_s: 500.0}
+      jets:
+        j: {position_m: [0.3, 0.0, 0.0], force_direction: [0.0, 1.0, 0.0], thrust_n: 0.25}
+      sensors:
+        rate_hz: 200.0
+        gyro: {noise_stddev_rad_s: 1.0e-3, bias_turn_on_stddev_rad_s: 2.0e-3}
+        accelerometer: {noise_stddev_m_s2: 0.03, bias_turn_on_stddev_m_s2: 2.0e-3, lever_arm_m: [0.0, 0.0, 0.0]}
+";
+    let tree = ParameterTree::from_texts(&[("tab.yaml", text)], &[]).unwrap();
+    let model = read_shared(&tree.for_node("/tab/estimator"), |r| platform_model(r, "model")).unwrap().unwrap();
+    assert_eq!(model.wheels[0].coulomb_friction_n_m, 0.0);
+    assert_eq!(model.jets[0].opening_delay_s, 0.0);
+    let gyro = model.sensors.gyro.errors;
+    assert_eq!((gyro.scale, gyro.bias, gyro.quantum), (Vector3::zeros(), Vector3::zeros(), 0.0));
+    assert!(gyro.range > 10.0 && model.sensors.vector.is_none());
+    // Thrust neither falls with use nor runs out.
+    assert_eq!(model.tank.thrust_pressure_exponent, 0.0);
+    assert!(model.tank.initial_pressure_pa * model.tank.volume_m3 > 1e8);
+    assert_eq!((model.bus.discharge_v_s, model.bus.sag_v_n_m), (0.0, 0.0));
+}
