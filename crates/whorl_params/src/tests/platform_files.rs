@@ -182,7 +182,8 @@ fn a_short_platform_file_is_complete() {
         accelerometer: {noise_stddev_m_s2: 0.03, bias_turn_on_stddev_m_s2: 2.0e-3, lever_arm_m: [0.0, 0.0, 0.0]}
 ";
     let tree = ParameterTree::from_texts(&[("tab.yaml", text)], &[]).unwrap();
-    let model = read_shared(&tree.for_node("/tab/estimator"), |r| platform_model(r, "model")).unwrap().unwrap();
+    let model =
+        read_shared(&tree.for_node("/tab/estimator"), |r| platform_model(r, "model")).unwrap().unwrap();
     assert_eq!(model.wheels[0].coulomb_friction_n_m, 0.0);
     assert_eq!(model.jets[0].opening_delay_s, 0.0);
     let gyro = model.sensors.gyro.errors;
