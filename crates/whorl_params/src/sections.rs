@@ -34,6 +34,41 @@ pub(crate) fn sections_of(file: &Arc<str>, text: &str) -> Result<Vec<Section>, P
     ParameterErrors::check(errors).map(|()| sections)
 }
 
+/// As [`sections`], of a file that is for one reader alone, such as the map of a CSV file: the name of the
+/// section and `ros__parameters` may be left out.
+pub(crate) fn sections_for(
+    file: &Arc<str>,
+    text: &str,
+    node: &str,
+    errors: &mut Vec<ParameterError>,
+) -> Vec<Section> {
+    // Whatever is wrong with the file is reported as for any other.
+    let Ok(Some(Node { content: Content::Map(root), .. })) = document::parse(file, text) else {
+        return sections(file, text, errors);
+    };
+    if root.iter().any(names_parameters) {
+        return sections(file, text, errors);
+    }
+    let (line, keys) = match root.as_slice() {
+        [MapEntry { key, key_line, value: Node { content: Content::Map(inner), .. }, .. }] if key == node => {
+            (*key_line, inner)
+        }
+        _ => (1, &root),
+    };
+    let mut entries = Vec::new();
+    flatten(file, "", keys, &mut entries, errors);
+    let sections: Vec<Section> =
+        NodePattern::parse(&[node]).map(|pattern| Section { pattern, line, entries }).into_iter().collect();
+    refuse_duplicates(&sections, errors);
+    sections
+}
+
+/// Whether `ros__parameters` stands here or below.
+fn names_parameters(entry: &MapEntry) -> bool {
+    entry.key == "ros__parameters"
+        || matches!(&entry.value.content, Content::Map(inner) if inner.iter().any(names_parameters))
+}
+
 /// All sections of a file's text; what is wrong with its form is added to `errors`.
 pub(crate) fn sections(file: &Arc<str>, text: &str, errors: &mut Vec<ParameterError>) -> Vec<Section> {
     let at = |line| Origin::File { file: file.clone(), line };

@@ -7,7 +7,7 @@ use crate::command_line::Override;
 use crate::error::{Origin, ParameterError, ParameterErrors};
 use crate::nearest::nearest;
 use crate::node_parameters::{Entry, NodeParameters};
-use crate::sections::{Section, sections};
+use crate::sections::{Section, sections, sections_for};
 
 /// The content of all parameter files and `-p` arguments, in layers.
 #[derive(Debug, Clone, Default)]
@@ -49,6 +49,28 @@ impl ParameterTree {
                 ParameterErrors::check(errors).map(|()| Self::default())
             }
         }
+    }
+
+    /// Reads a file that is for one reader alone, such as the map of a CSV file. Its section may be written as
+    /// everywhere, `<node>: ros__parameters:`, or without `ros__parameters`, or the keys may stand alone.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the form of the file; sections for another name than `node`.
+    pub fn load_for(path: &Path, node: &str) -> Result<NodeParameters, ParameterErrors> {
+        let file: Arc<str> = path.display().to_string().into();
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            ParameterErrors::from(ParameterError::new(
+                Origin::File { file: file.clone(), line: 0 },
+                format!("cannot be read: {error}"),
+            ))
+        })?;
+        let mut errors = Vec::new();
+        let sections = sections_for(&file, &text, node, &mut errors);
+        ParameterErrors::check(errors)?;
+        let tree = Self { files: vec![Layer { file, sections }], overrides: Vec::new() };
+        let name = format!("/{node}");
+        tree.check_sections([name.as_str()])?;
+        Ok(tree.for_node(&name))
     }
 
     /// As [`Self::load`], from (file name, content) pairs.

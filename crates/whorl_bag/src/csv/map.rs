@@ -125,9 +125,7 @@ impl CsvMap {
     /// # Errors
     /// Everything that is wrong in it, with file, line, key and what is allowed.
     pub fn load(path: &Path) -> Result<Self, CsvError> {
-        let tree = ParameterTree::load(&[path.to_owned()], &[])?;
-        tree.check_sections(["/csv"])?;
-        Ok(whorl_params::read(&tree.for_node("/csv"), |r| Self::read(r, None))?.0)
+        Ok(whorl_params::read(&ParameterTree::load_for(path, "csv")?, |r| Self::read(r, None))?.0)
     }
 
     /// As [`Self::load`], checked against the platform that was measured.
@@ -135,9 +133,7 @@ impl CsvMap {
     /// # Errors
     /// As [`Self::load`]; also another number of wheels or jets than the platform's.
     pub fn load_for(path: &Path, parts: &PlatformParts) -> Result<Self, CsvError> {
-        let tree = ParameterTree::load(&[path.to_owned()], &[])?;
-        tree.check_sections(["/csv"])?;
-        Ok(whorl_params::read(&tree.for_node("/csv"), |r| Self::read(r, Some(parts)))?.0)
+        Ok(whorl_params::read(&ParameterTree::load_for(path, "csv")?, |r| Self::read(r, Some(parts)))?.0)
     }
 
     /// Reads the map from a node's parameters. The single definition of its keys.

@@ -126,3 +126,28 @@ fn layered_parameters_read_back_as_a_file() {
     assert!(entries(&driver).len() > 100);
     assert_eq!(entries(&again), entries(&driver));
 }
+
+/// A file for one reader: with the section and `ros__parameters`, without, and the keys alone.
+#[test]
+fn a_file_for_one_reader_needs_no_wrapper() {
+    let folder = tempfile::tempdir().unwrap();
+    let load = |text: &str| {
+        let path = folder.path().join("map.yaml");
+        std::fs::write(&path, text).unwrap();
+        ParameterTree::load_for(&path, "csv").map_err(|e| e.to_string())
+    };
+    for text in [
+        "csv:\n  ros__parameters:\n    time: {unit: ms}\n",
+        "csv:\n  time: {unit: ms}\n",
+        "time: {unit: ms}\n",
+    ] {
+        let found = load(text).unwrap();
+        assert_eq!(found.get("time.unit").unwrap().value, "ms".into(), "{text}");
+    }
+    assert!(load("bag:\n  ros__parameters: {time: 1}\n").unwrap_err().contains("did you mean /csv?"));
+    assert!(
+        load("time: {unit: ms}\ntime.unit: s\n")
+            .unwrap_err()
+            .contains("map.yaml:2: time.unit = s: the key was already given at")
+    );
+}

@@ -35,9 +35,7 @@ pub(super) struct TopicMap {
 impl TopicMap {
     /// Reads a map file and checks it against the bag.
     pub fn load(path: &Path, bag: &BagReader) -> Result<Self, ParameterErrors> {
-        let tree = ParameterTree::load(&[path.to_owned()], &[])?;
-        tree.check_sections(["/bag"])?;
-        Ok(whorl_params::read(&tree.for_node("/bag"), |r| Self::read(r, bag))?.0)
+        Ok(whorl_params::read(&ParameterTree::load_for(path, "bag")?, |r| Self::read(r, bag))?.0)
     }
 
     fn read(r: &mut Reader<'_>, bag: &BagReader) -> Self {
