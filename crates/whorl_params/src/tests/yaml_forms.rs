@@ -144,7 +144,11 @@ fn a_file_for_one_reader_needs_no_wrapper() {
         let found = load(text).unwrap();
         assert_eq!(found.get("time.unit").unwrap().value, "ms".into(), "{text}");
     }
-    assert!(load("bag:\n  ros__parameters: {time: 1}\n").unwrap_err().contains("did you mean /csv?"));
+    assert!(
+        load("bag:\n  ros__parameters: {time: 1}\n")
+            .unwrap_err()
+            .contains("section /bag matches no node; the nodes are /csv")
+    );
     assert!(
         load("time: {unit: ms}\ntime.unit: s\n")
             .unwrap_err()
