@@ -1,0 +1,184 @@
+//! Sensitivities of every whitened sample to the parameters.
+
+mod change;
+mod moved;
+
+pub(crate) use moved::Moved;
+
+use nalgebra::Vector3;
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+
+use crate::DiagnosisError;
+use crate::filter::{Gains, RATE, System, WHEEL, across};
+use crate::inputs::Inputs;
+use crate::mechanics::{Mechanics, Prediction};
+use crate::motion::Motion;
+use crate::parameters::{Point, Reference};
+use crate::run::Run;
+use change::{Change, changes};
+
+/// Columns that pass through the filter side by side.
+pub(crate) const LANES: usize = 8;
+
+/// One row of a group of columns.
+pub(crate) type Lanes = [f64; LANES];
+
+/// A run linearised at a point.
+pub(crate) struct Linearised {
+    pub mechanics: Mechanics,
+    pub inputs: Inputs,
+    pub prediction: Prediction,
+    pub gains: Gains,
+}
+
+/// Reads one group of columns of a run: whitened sensitivities, one row of lanes per measurement.
+pub(crate) fn group_response(
+    run: &Run,
+    motion: &Motion,
+    linearised: &Linearised,
+    moved: &[Moved],
+) -> Vec<Lanes> {
+    pass(run, linearised, &changes(run, motion, linearised, moved))
+}
+
+/// Whitened sensitivities to torques on the body, given over every interval [N m].
+pub(crate) fn torque_response(
+    run: &Run,
+    linearised: &Linearised,
+    torques: &[Vec<Vector3<f64>>],
+) -> Vec<Lanes> {
+    let inverse = linearised.mechanics.inverse_inertia;
+    let wheels = &linearised.mechanics.model().wheels;
+    let changes: Vec<Change> = torques
+        .iter()
+        .map(|torque| {
+            let omega_dot: Vec<Vector3<f64>> = torque.iter().map(|g| inverse * g).collect();
+            let wheel_dot = omega_dot
+                .iter()
+                .map(|acceleration| {
+                    let mut rate = [0.0; MAX_WHEELS];
+                    for (slot, wheel) in rate.iter_mut().zip(wheels) {
+                        *slot = -wheel.spin_axis_b.dot(acceleration);
+                    }
+                    rate
+                })
+                .collect();
+            Change { omega_dot, wheel_dot, ..Change::default() }
+        })
+        .collect();
+    pass(run, linearised, &changes)
+}
+
+/// Passes changes through the filter of a run.
+fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
+    let gains = &linearised.gains;
+    let n = gains.n;
+    let wheels = linearised.mechanics.model().wheels.len();
+    let vectors = run.vectors.len();
+    let mut out = Vec::with_capacity(gains.whitened.len());
+    let mut s = vec![[0.0; LANES]; n];
+    let mut next = vec![[0.0; LANES]; n];
+    for k in 0..run.nodes() {
+        for row in gains.first_row[k]..gains.first_row[k + 1] {
+            let channel = usize::from(gains.channel[row]);
+            let mut v = [0.0; LANES];
+            for (lane, change) in v.iter_mut().zip(changes) {
+                *lane = direct(change, channel, k, vectors, &linearised.prediction);
+            }
+            let h = &gains.h[row * n..(row + 1) * n];
+            for (state, h) in s.iter().zip(h) {
+                if *h != 0.0 {
+                    for (lane, x) in v.iter_mut().zip(state) {
+                        *lane += h * x;
+                    }
+                }
+            }
+            let gain = &gains.gain[row * n..(row + 1) * n];
+            for (state, gain) in s.iter_mut().zip(gain) {
+                for (x, lane) in state.iter_mut().zip(&v) {
+                    *x -= gain * lane;
+                }
+            }
+            let inverse = gains.inverse_stddev[row];
+            v.iter_mut().for_each(|lane| *lane *= inverse);
+            out.push(v);
+        }
+        if k + 1 >= run.nodes() {
+            break;
+        }
+        let f = &gains.transition[k * n * n..(k + 1) * n * n];
+        for (i, slot) in next.iter_mut().enumerate() {
+            let mut sum = [0.0; LANES];
+            for (x, state) in f[i * n..(i + 1) * n].iter().zip(&s) {
+                if *x != 0.0 {
+                    for (a, b) in sum.iter_mut().zip(state) {
+                        *a += x * b;
+                    }
+                }
+            }
+            *slot = sum;
+        }
+        std::mem::swap(&mut s, &mut next);
+        let h = run.length(k);
+        for (lane, change) in changes.iter().enumerate() {
+            if let Some(rate) = change.omega_dot.get(k) {
+                for i in 0..3 {
+                    s[RATE + i][lane] += rate[i] * h;
+                    // Half of the interval's turn.
+                    s[i][lane] += 0.5 * rate[i] * h * h;
+                }
+            }
+            if let Some(rate) = change.wheel_dot.get(k) {
+                for j in 0..wheels {
+                    s[WHEEL + j][lane] += rate[j] * h;
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Change of a reading that does not pass through the motion.
+fn direct(change: &Change, channel: usize, k: usize, vectors: usize, prediction: &Prediction) -> f64 {
+    let component = |list: &[Vector3<f64>], i: usize| list.get(k).map_or(0.0, |v| v[i]);
+    match channel {
+        0..3 => component(&change.gyro, channel),
+        3..6 => component(&change.accel, channel - 3),
+        c if c < 6 + 2 * vectors => {
+            let (sensor, axis) = ((c - 6) / 2, (c - 6) % 2);
+            let (Some(list), Some(seen)) =
+                (change.vectors.get(sensor), prediction.vectors.get(sensor).and_then(|l| l.get(k)))
+            else {
+                return 0.0;
+            };
+            let (e1, e2) = across(seen);
+            list.get(k).map_or(0.0, |v| v.dot(if axis == 0 { &e1 } else { &e2 }))
+        }
+        _ => 0.0,
+    }
+}
+
+impl Linearised {
+    /// Filters a run with the model at a point.
+    pub fn new(
+        run: &Run,
+        motion: &Motion,
+        reference: &Reference,
+        point: &Point,
+        settings: crate::filter::Settings,
+    ) -> Result<Self, DiagnosisError> {
+        let mechanics = Mechanics::new(&reference.model_at(point)?)?;
+        let (inputs, prediction) = predict(&mechanics, run, motion);
+        let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
+        let (gains, _) = system.filter(true, false);
+        Ok(Self { inputs, prediction, gains, mechanics })
+    }
+}
+
+/// Inputs and prediction of a run.
+pub(crate) fn predict(mechanics: &Mechanics, run: &Run, motion: &Motion) -> (Inputs, Prediction) {
+    let inputs = mechanics.inputs(run);
+    let mut prediction = mechanics.accelerations(run, motion, &inputs);
+    mechanics.readings(run, motion, &inputs, &mut prediction);
+    (inputs, prediction)
+}
