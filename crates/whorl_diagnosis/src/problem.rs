@@ -135,19 +135,14 @@ impl Problem {
                 prediction: &prediction,
                 settings: Settings { rate_walk, torque_walk: 0.0, wheel_noise },
             };
-            let system = system(rate_walk.unwrap_or_else(|| {
-                likeliest_walk(self.settings(r).rate_walk, |walk| {
-                    system(walk).filter(false, false).0.log_likelihood
-                })
-            }));
-            let n = system.states();
-            let (_, smoothed) = system.filter(false, true);
+            let linear = system(0.0).linear();
+            let walk = rate_walk.unwrap_or_else(|| {
+                likeliest_walk(self.settings(r).rate_walk, |walk| system(walk).log_likelihood(&linear))
+            });
             let mut better = motion.clone();
-            if let Some(smoothed) = smoothed {
-                for (k, state) in smoothed.state.chunks_exact(n).enumerate() {
-                    let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
-                    better.correct(k, &part(0), &part(3), &state[WHEEL..n]);
-                }
+            for (k, state) in system(walk).smoothed(&linear).state.chunks_exact(linear.n).enumerate() {
+                let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
+                better.correct(k, &part(0), &part(3), &state[WHEEL..]);
             }
             better.fill_middle(run);
             better
@@ -170,13 +165,13 @@ impl Problem {
                 let (_, prediction) = predict(&mechanics, run, motion);
                 let settings = Settings { rate_walk: FREE_RATE_WALK, ..self.settings(r) };
                 let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
-                let (gains, _) = system.filter(true, false);
+                let gains = system.gains(system.linear());
                 let vectors = 6 + 2 * run.vectors.len();
                 let attitude: Vec<f64> = gains
                     .whitened
                     .iter()
-                    .zip(&gains.channel)
-                    .filter(|(_, c)| (3..vectors).contains(&usize::from(**c)))
+                    .zip(&gains.linear.rows)
+                    .filter(|(_, row)| (3..vectors).contains(&usize::from(row.channel)))
                     .map(|(e, _)| e * e)
                     .collect();
                 (!attitude.is_empty()).then(|| attitude.iter().sum::<f64>() / attitude.len() as f64)
@@ -239,8 +234,8 @@ impl Problem {
             .map(|(run, linear)| Whitened {
                 groups: Vec::new(),
                 y: linear.gains.whitened.clone(),
-                channel: linear.gains.channel.clone(),
-                node: linear.gains.node.clone(),
+                channel: linear.gains.channels(),
+                node: linear.gains.nodes(),
                 nodes: run.nodes(),
             })
             .collect();

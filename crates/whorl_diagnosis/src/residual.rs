@@ -74,17 +74,15 @@ pub fn residual_torque(
         prediction: &prediction,
         settings: Settings { torque_walk, ..problem.settings(0) },
     };
+    let linear = system(WALKS_N_M_SQRT_S[0]).linear();
     let mut best = (f64::NEG_INFINITY, WALKS_N_M_SQRT_S[0]);
     for walk in WALKS_N_M_SQRT_S {
-        let (gains, _) = system(walk).filter(false, false);
-        if gains.log_likelihood > best.0 {
-            best = (gains.log_likelihood, walk);
+        let log_likelihood = system(walk).log_likelihood(&linear);
+        if log_likelihood > best.0 {
+            best = (log_likelihood, walk);
         }
     }
-    let chosen = system(best.1);
-    let n = chosen.states();
-    let (_, smoothed) = chosen.filter(false, true);
-    let smoothed = smoothed.unwrap_or_default();
+    let smoothed = system(best.1).smoothed(&linear);
     let wheels = mechanics.model().wheels.len();
     let torque = WHEEL + wheels;
     let mut result = ResidualTorque {
@@ -99,7 +97,7 @@ pub fn residual_torque(
     let density = problem.settings(0).rate_walk * crate::problem::MEMORY_S;
     result.memory_s = (inertia * density / best.1).sqrt();
     let mut motion = motion.clone();
-    for (k, state) in smoothed.state.chunks_exact(n).enumerate() {
+    for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
         let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
         motion.correct(k, &part(0), &part(3), &state[WHEEL..WHEEL + wheels]);
         result.torque_b_n_m.push(part(torque));

@@ -72,25 +72,23 @@ pub(crate) fn torque_response(
 /// Passes changes through the filter of a run.
 fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
     let gains = &linearised.gains;
-    let n = gains.n;
+    let n = gains.linear.n;
     let wheels = linearised.mechanics.model().wheels.len();
     let vectors = run.vectors.len();
     let mut out = Vec::with_capacity(gains.whitened.len());
     let mut s = vec![[0.0; LANES]; n];
     let mut next = vec![[0.0; LANES]; n];
     for k in 0..run.nodes() {
-        for row in gains.first_row[k]..gains.first_row[k + 1] {
-            let channel = usize::from(gains.channel[row]);
+        for row in gains.linear.rows_of(k) {
+            let measurement = &gains.linear.rows[row];
+            let channel = usize::from(measurement.channel);
             let mut v = [0.0; LANES];
             for (lane, change) in v.iter_mut().zip(changes) {
                 *lane = direct(change, channel, k, vectors, &linearised.prediction);
             }
-            let h = &gains.h[row * n..(row + 1) * n];
-            for (state, h) in s.iter().zip(h) {
-                if *h != 0.0 {
-                    for (lane, x) in v.iter_mut().zip(state) {
-                        *lane += h * x;
-                    }
+            for (state, h) in measurement.parts() {
+                for (lane, x) in v.iter_mut().zip(&s[state]) {
+                    *lane += h * x;
                 }
             }
             let gain = &gains.gain[row * n..(row + 1) * n];
@@ -106,7 +104,7 @@ fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
         if k + 1 >= run.nodes() {
             break;
         }
-        let f = &gains.transition[k * n * n..(k + 1) * n * n];
+        let f = gains.linear.transition_over(k);
         for (i, slot) in next.iter_mut().enumerate() {
             let mut sum = [0.0; LANES];
             for (x, state) in f[i * n..(i + 1) * n].iter().zip(&s) {
@@ -170,7 +168,7 @@ impl Linearised {
         let mechanics = Mechanics::new(&reference.model_at(point)?)?;
         let (inputs, prediction) = predict(&mechanics, run, motion);
         let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
-        let (gains, _) = system.filter(true, false);
+        let gains = system.gains(system.linear());
         Ok(Self { inputs, prediction, gains, mechanics })
     }
 }

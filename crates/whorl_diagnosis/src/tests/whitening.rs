@@ -20,7 +20,7 @@ fn the_true_model_leaves_white_noise() {
         problem.smooth(&point, Some(walk)).unwrap();
     }
     let linear = problem.linearise(&point).unwrap();
-    let (whitened, channels) = (&linear[0].gains.whitened, &linear[0].gains.channel);
+    let (whitened, channels) = (&linear[0].gains.whitened, &linear[0].gains.channels());
     for channel in 0..11u8 {
         let values: Vec<f64> =
             whitened.iter().zip(channels).filter(|(_, c)| **c == channel).map(|(w, _)| *w).collect();

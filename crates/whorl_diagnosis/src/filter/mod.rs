@@ -1,0 +1,238 @@
+//! The Kalman filter that whitens a run, and the smoother that improves its trajectory.
+//!
+//! State: small errors of the trajectory, in this order: attitude (3, body axes), rate (3), gyro bias (3),
+//! accelerometer bias (3), wheel speeds, and if asked for an unmodelled torque (3). The filter is linear,
+//! so the innovation depends linearly on every parameter, and its sensitivities pass through the same
+//! gains (Ljung 1999, section 10.3; Klein and Morelli 2006, filter error method).
+
+mod dynamics;
+mod measurement;
+mod noise;
+mod smoother;
+mod square;
+
+use nalgebra::Vector3;
+
+use crate::mechanics::{Mechanics, Prediction};
+use crate::motion::Motion;
+use crate::run::Run;
+
+pub(crate) use measurement::Row;
+
+use square::{Square, congruence, symmetrise};
+
+/// First index of each part of the state.
+pub(crate) const ANGLE: usize = 0;
+pub(crate) const RATE: usize = 3;
+pub(crate) const GYRO_BIAS: usize = 6;
+pub(crate) const ACCEL_BIAS: usize = 9;
+pub(crate) const WHEEL: usize = 12;
+
+/// How the filter is set.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settings {
+    /// Random-walk intensity of the rate, the torque that the model lacks without memory [rad/s/sqrt(s)].
+    pub rate_walk: f64,
+    /// Intensity of a random-walk torque state [N m/sqrt(s)]; 0 = no such state.
+    pub torque_walk: f64,
+    /// Torque noise of the wheels [N m sqrt(s)].
+    pub wheel_noise: f64,
+}
+
+/// A run linearised along its motion: what does not depend on the noise.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Linear {
+    /// Number of states.
+    pub n: usize,
+    /// Rows of node k: `first_row[k]..first_row[k + 1]`.
+    pub first_row: Vec<usize>,
+    pub rows: Vec<Row>,
+    /// intervals x n x n
+    pub transition: Vec<f64>,
+    /// intervals x n
+    defect: Vec<f64>,
+}
+
+impl Linear {
+    /// Rows of node `k`, by index.
+    pub fn rows_of(&self, k: usize) -> std::ops::Range<usize> {
+        match (self.first_row.get(k), self.first_row.get(k + 1)) {
+            (Some(first), Some(end)) => *first..*end,
+            _ => 0..0,
+        }
+    }
+
+    /// Transition over interval `k`, n x n.
+    pub fn transition_over(&self, k: usize) -> &[f64] {
+        let size = self.n * self.n;
+        self.transition.get(k * size..(k + 1) * size).unwrap_or(&[])
+    }
+}
+
+/// The filter's gains along a run: all that columns need to pass through it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Gains {
+    pub linear: Linear,
+    /// 1 / standard deviation of each innovation.
+    pub inverse_stddev: Vec<f64>,
+    /// rows x n
+    pub gain: Vec<f64>,
+    /// Whitened residual.
+    pub whitened: Vec<f64>,
+}
+
+impl Gains {
+    /// Channel of each row.
+    pub fn channels(&self) -> Vec<u8> {
+        self.linear.rows.iter().map(|row| row.channel).collect()
+    }
+
+    /// Node of each row.
+    pub fn nodes(&self) -> Vec<u32> {
+        self.linear.rows.iter().map(|row| row.node).collect()
+    }
+}
+
+/// Two axes across a direction.
+pub(crate) fn across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let helper = if direction.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
+    let e1 = direction.cross(&helper);
+    let e1 = e1 / e1.norm().max(1e-12);
+    (e1, direction.cross(&e1))
+}
+
+/// Linearised system of one run.
+#[derive(Clone, Copy)]
+pub(crate) struct System<'a> {
+    pub run: &'a Run,
+    pub motion: &'a Motion,
+    pub mechanics: &'a Mechanics,
+    pub prediction: &'a Prediction,
+    pub settings: Settings,
+}
+
+/// What is kept of a run of the filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Keep {
+    Likelihood,
+    Gains,
+    /// What the smoother needs.
+    Predictions,
+}
+
+/// A run of the filter.
+#[derive(Default)]
+struct Forward {
+    log_likelihood: f64,
+    whitened: Vec<f64>,
+    inverse_stddev: Vec<f64>,
+    /// rows x n
+    gain: Vec<f64>,
+    /// Predicted states, nodes x n, and their covariance, nodes x n x n.
+    state: Vec<f64>,
+    covariance: Vec<f64>,
+}
+
+impl System<'_> {
+    pub fn wheels(&self) -> usize {
+        self.mechanics.model().wheels.len()
+    }
+
+    pub fn states(&self) -> usize {
+        WHEEL + self.wheels() + if self.settings.torque_walk > 0.0 { 3 } else { 0 }
+    }
+
+    /// Linearises the run; systems that differ by the intensity of their noise share the result.
+    pub fn linear(&self) -> Linear {
+        let (n, nodes) = (self.states(), self.run.nodes());
+        let intervals = nodes.saturating_sub(1);
+        let mut linear = Linear {
+            n,
+            transition: vec![0.0; intervals * n * n],
+            defect: vec![0.0; intervals * n],
+            ..Linear::default()
+        };
+        for k in 0..nodes {
+            linear.first_row.push(linear.rows.len());
+            self.rows(k, &mut linear.rows);
+        }
+        linear.first_row.push(linear.rows.len());
+        let mut a = vec![0.0; n * n];
+        let steps = linear.transition.chunks_exact_mut(n * n).zip(linear.defect.chunks_exact_mut(n));
+        for (k, (f, d)) in steps.enumerate() {
+            self.transition(k, &mut a, f);
+            self.defect(k, d);
+        }
+        linear
+    }
+
+    /// Log likelihood of the measurements.
+    pub fn log_likelihood(&self, linear: &Linear) -> f64 {
+        self.forward(linear, Keep::Likelihood).log_likelihood
+    }
+
+    /// Gains and whitened residuals.
+    pub fn gains(&self, linear: Linear) -> Gains {
+        let Forward { whitened, inverse_stddev, gain, .. } = self.forward(&linear, Keep::Gains);
+        Gains { linear, inverse_stddev, gain, whitened }
+    }
+
+    fn forward(&self, linear: &Linear, keep: Keep) -> Forward {
+        // Few sizes of matrices, each a multiple of what processors handle at once.
+        match linear.n {
+            0..=16 => self.forward_sized::<16>(linear, keep),
+            17..=20 => self.forward_sized::<20>(linear, keep),
+            _ => self.forward_sized::<24>(linear, keep),
+        }
+    }
+
+    fn forward_sized<const S: usize>(&self, linear: &Linear, keep: Keep) -> Forward {
+        let n = linear.n.min(S);
+        let nodes = self.run.nodes();
+        let noise = self.noise();
+        let mut forward = Forward::default();
+        let mut p: Square<S> = self.initial_covariance();
+        let mut x = [0.0; S];
+        for k in 0..nodes {
+            if keep == Keep::Predictions {
+                forward.state.extend_from_slice(&x[..n]);
+                p.iter().take(n).for_each(|row| forward.covariance.extend_from_slice(&row[..n]));
+            }
+            for row in &linear.rows[linear.rows_of(k)] {
+                // P h^T is a sum of few rows of P.
+                let mut ph = [0.0; S];
+                let mut innovation = row.residual;
+                for (i, h) in row.parts() {
+                    ph.iter_mut().zip(&p[i]).for_each(|(slot, c)| *slot += h * c);
+                    innovation -= h * x[i];
+                }
+                let s = row.variance + row.parts().map(|(i, h)| h * ph[i]).sum::<f64>();
+                let gain = ph.map(|c| c / s);
+                for ((state, covariance), g) in x.iter_mut().zip(&mut p).zip(&gain).take(n) {
+                    *state += g * innovation;
+                    covariance.iter_mut().zip(&ph).for_each(|(slot, c)| *slot -= g * c);
+                }
+                forward.log_likelihood -= 0.5 * (innovation * innovation / s + s.ln());
+                if keep != Keep::Likelihood {
+                    let inverse = 1.0 / s.sqrt();
+                    forward.whitened.push(innovation * inverse);
+                    forward.inverse_stddev.push(inverse);
+                    forward.gain.extend_from_slice(&gain[..n]);
+                }
+            }
+            if k + 1 < nodes {
+                let f = linear.transition_over(k);
+                let mut moved = [0.0; S];
+                let defect = linear.defect.iter().skip(k * n);
+                for ((slot, row), d) in moved.iter_mut().zip(f.chunks_exact(n)).zip(defect) {
+                    *slot = d + row.iter().zip(&x).map(|(f, x)| f * x).sum::<f64>();
+                }
+                x = moved;
+                p = congruence(f, n, &p);
+                self.add_noise(&noise, k, &mut p);
+                symmetrise(&mut p);
+            }
+        }
+        forward
+    }
+}

@@ -1,0 +1,160 @@
+//! The noise that drives the error dynamics, and what is known at the start.
+
+use nalgebra::Vector3;
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+
+use super::{ACCEL_BIAS, ANGLE, GYRO_BIAS, RATE, System, WHEEL};
+
+/// Rates and wheel speeds, the states that torques turn.
+const TURNED: usize = 3 + MAX_WHEELS;
+
+/// A direction in these states, or a covariance of them.
+type Direction = [f64; TURNED];
+type Covariance = [Direction; TURNED];
+
+/// Shape of the noise of a platform: what does not change along a run.
+pub(super) struct Noise {
+    /// Covariance for a unit walk of the rate about every axis.
+    rate: Covariance,
+    /// Covariance for a unit torque of each wheel's motor.
+    wheel: Vec<Covariance>,
+}
+
+fn add_square(sum: &mut Covariance, direction: &Direction) {
+    for (row, x) in sum.iter_mut().zip(direction) {
+        for (slot, y) in row.iter_mut().zip(direction) {
+            *slot += x * y;
+        }
+    }
+}
+
+/// State of the filter of a turned state.
+fn state(i: usize) -> usize {
+    if i < 3 { RATE + i } else { WHEEL + i - 3 }
+}
+
+impl System<'_> {
+    pub(super) fn noise(&self) -> Noise {
+        let wheels = &self.mechanics.model().wheels;
+        let mut rate = [[0.0; TURNED]; TURNED];
+        for i in 0..3 {
+            // Free wheels keep their speed in space: what turns the body turns against them.
+            let mut direction = [0.0; TURNED];
+            direction[i] = 1.0;
+            for (slot, wheel) in direction[3..].iter_mut().zip(wheels) {
+                *slot = -wheel.spin_axis_b[i];
+            }
+            add_square(&mut rate, &direction);
+        }
+        let of_wheel = |(j, wheel): (usize, &whorl_dynamics::platform::Wheel)| {
+            // The motor's torque turns wheel and body against each other.
+            let axis = wheel.spin_axis_b.into_inner();
+            let body =
+                if self.run.clamped { Vector3::zeros() } else { -(self.mechanics.inverse_inertia * axis) };
+            let mut direction = [0.0; TURNED];
+            for (slot, x) in direction.iter_mut().zip(body.iter()) {
+                *slot = *x;
+            }
+            for (other, (slot, w)) in direction[3..].iter_mut().zip(wheels).enumerate() {
+                let own = if other == j { 1.0 / wheel.spin_inertia_kg_m2 } else { 0.0 };
+                *slot = own - w.spin_axis_b.dot(&body);
+            }
+            let mut covariance = [[0.0; TURNED]; TURNED];
+            add_square(&mut covariance, &direction);
+            covariance
+        };
+        Noise { rate, wheel: wheels.iter().enumerate().map(of_wheel).collect() }
+    }
+
+    /// Adds the process noise of interval `k`.
+    pub(super) fn add_noise<const S: usize>(&self, noise: &Noise, k: usize, p: &mut [[f64; S]; S]) {
+        let h = self.run.length(k);
+        let model = self.mechanics.model();
+        let s = &self.settings;
+        let sensors = &model.sensors;
+        let mut sum = [[0.0; TURNED]; TURNED];
+        let mut add = |covariance: &Covariance, variance: f64| {
+            for (row, of) in sum.iter_mut().zip(covariance) {
+                for (slot, x) in row.iter_mut().zip(of) {
+                    *slot += variance * x;
+                }
+            }
+        };
+        if !self.run.clamped {
+            let blind = h > 0.5
+                || self.run.gyro.get(k).is_none_or(|g| g.count == 0.0) && h > 0.2
+                || self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q));
+            let rate = if blind { 1.0 } else { s.rate_walk };
+            let relative = |walk: f64, least: f64| walk.max(least).powi(2) * h;
+            add(&noise.rate, rate * rate * h);
+            for i in 0..3 {
+                let mut diagonal = |state: usize, variance: f64| p[state][state] += variance;
+                diagonal(ANGLE + i, 1e-14 * h);
+                diagonal(GYRO_BIAS + i, relative(sensors.gyro.errors.bias_walk[i], 1e-7));
+                diagonal(ACCEL_BIAS + i, relative(sensors.accelerometer.errors.bias_walk[i], 1e-6));
+                if s.torque_walk > 0.0 {
+                    diagonal(WHEEL + self.wheels() + i, s.torque_walk.powi(2) * h);
+                }
+            }
+        }
+        for (j, (wheel, covariance)) in model.wheels.iter().zip(&noise.wheel).enumerate() {
+            let speed = self.motion.wheel_mid.get(k).and_then(|w| w.get(j)).copied().unwrap_or(0.0);
+            let near_zero = speed.abs() < (4.0 * self.run.noise.wheel).max(0.3);
+            let at_limit = speed.abs() > 0.985 * wheel.max_speed_rad_s;
+            let intensity = if !self.run.has_wheel_command {
+                0.5 * wheel.max_torque_n_m
+            } else if near_zero || at_limit {
+                (2.0 * wheel.coulomb_friction_n_m).max(0.02 * wheel.max_torque_n_m)
+            } else {
+                // Just off standstill friction is still not what it is at speed.
+                s.wheel_noise.max(2.0 * wheel.coulomb_friction_n_m * (0.3 / speed).powi(2))
+            };
+            add(covariance, intensity * intensity * h);
+        }
+        let turned = 3 + self.wheels();
+        for (i, row) in sum.iter().enumerate().take(turned) {
+            for (j, x) in row.iter().enumerate().take(turned) {
+                p[state(i)][state(j)] += x;
+            }
+        }
+    }
+
+    /// What is known of the states at the start of a run.
+    pub(super) fn initial_covariance<const S: usize>(&self) -> [[f64; S]; S] {
+        let mut variance = [0.0; S];
+        let sensors = &self.mechanics.model().sensors;
+        let clamped = self.run.clamped;
+        for i in 0..3 {
+            let slanted =
+                |v: &crate::run::VectorRun| v.reference_world.z.abs() < 0.98 * v.reference_world.norm();
+            let heading = i == 2 && !self.run.vectors.iter().any(slanted);
+            let angle = if clamped {
+                1e-9
+            } else if heading {
+                1e-5
+            } else {
+                0.2
+            };
+            variance[ANGLE + i] = angle * angle;
+            variance[RATE + i] = if clamped { 1e-20 } else { 0.25 };
+            let bias = (3.0 * sensors.gyro.errors.bias_turn_on_stddev[i]).max(0.02);
+            variance[GYRO_BIAS + i] = bias * bias;
+            let bias = sensors.accelerometer.errors.bias_turn_on_stddev[i].max(1e-4);
+            variance[ACCEL_BIAS + i] = bias * bias;
+        }
+        let wheel = if self.run.wheel_speed.iter().any(|s| s.1 > 0.0) { 5.0 } else { 50.0 };
+        for j in 0..self.wheels() {
+            variance[WHEEL + j] = wheel * wheel;
+        }
+        if self.settings.torque_walk > 0.0 {
+            for i in 0..3 {
+                variance[WHEEL + self.wheels() + i] = 0.1 * 0.1;
+            }
+        }
+        let mut p = [[0.0; S]; S];
+        for (i, (row, x)) in p.iter_mut().zip(variance).enumerate() {
+            row[i] = x;
+        }
+        p
+    }
+}

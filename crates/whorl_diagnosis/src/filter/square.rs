@@ -1,0 +1,70 @@
+//! Products of the filter's small square matrices.
+//!
+//! They have the same dozen of rows from interval to interval and are mostly zero or unity: a library's general
+//! product, which packs its operands for the cache, takes several times as long.
+
+/// A square matrix with room for `S` states, what is not used being zero; the compiler unrolls its rows.
+pub(super) type Square<const S: usize> = [[f64; S]; S];
+
+/// `a b`, where `a` has `n` rows and is mostly zero.
+fn sparse_product<const S: usize>(a: &[f64], n: usize, b: &Square<S>) -> Square<S> {
+    let mut product = [[0.0; S]; S];
+    for (slot, row) in product.iter_mut().zip(a.chunks_exact(n.max(1))) {
+        for (x, other) in row.iter().zip(b) {
+            if *x != 0.0 {
+                for (s, y) in slot.iter_mut().zip(other) {
+                    *s += x * y;
+                }
+            }
+        }
+    }
+    product
+}
+
+fn transposed<const S: usize>(a: &Square<S>) -> Square<S> {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
+/// `f p f^T` for a symmetric `p`.
+pub(super) fn congruence<const S: usize>(f: &[f64], n: usize, p: &Square<S>) -> Square<S> {
+    // (F P)^T = P F^T.
+    sparse_product(f, n, &transposed(&sparse_product(f, n, p)))
+}
+
+/// Takes the rounding error off a symmetric matrix.
+pub(super) fn symmetrise<const S: usize>(p: &mut Square<S>) {
+    let mirrored = transposed(p);
+    for (row, other) in p.iter_mut().zip(&mirrored) {
+        row.iter_mut().zip(other).for_each(|(x, y)| *x = 0.5 * (*x + y));
+    }
+}
+
+/// c = a b
+pub(super) fn multiply(a: &[f64], b: &[f64], c: &mut [f64], n: usize) {
+    c.fill(0.0);
+    for i in 0..n {
+        for m in 0..n {
+            let x = a[i * n + m];
+            if x != 0.0 {
+                for j in 0..n {
+                    c[i * n + j] += x * b[m * n + j];
+                }
+            }
+        }
+    }
+}
+
+/// c = a^T b
+pub(super) fn transposed_multiply(a: &[f64], b: &[f64], c: &mut [f64], n: usize) {
+    c.fill(0.0);
+    for m in 0..n {
+        for i in 0..n {
+            let x = a[m * n + i];
+            if x != 0.0 {
+                for j in 0..n {
+                    c[i * n + j] += x * b[m * n + j];
+                }
+            }
+        }
+    }
+}
