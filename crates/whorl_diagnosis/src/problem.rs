@@ -299,7 +299,7 @@ impl Problem {
                 .collect()
         });
         for (slot, colours) in whitened.iter_mut().zip(&colours) {
-            slot.colour(colours);
+            slot.colour(colours, self.threads);
         }
         let mut blocks = Vec::new();
         let mut total = Normal::zeros(columns);

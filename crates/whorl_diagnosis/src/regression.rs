@@ -1,6 +1,8 @@
 //! The whitened regression: normal equations by blocks of time, coloured noise, evidence.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 
 use crate::columns::{LANES, Lanes};
 
@@ -9,6 +11,9 @@ pub(crate) const BLOCKS_PER_RUN: usize = 4;
 
 /// Rows that enter the normal equations at once.
 const STRETCH: usize = 256;
+
+/// Columns whose products with all columns before them are taken at once.
+const BAND: usize = 64;
 
 /// Highest order of the model of coloured noise.
 const ORDER: usize = 6;
@@ -69,36 +74,61 @@ impl Whitened {
         crate::threads::map(threads, &pairs, |(from, to)| self.normal_of(*from, *to, columns, every.max(1)))
     }
 
-    /// Normal equations of the rows `from..to`: stretch by stretch, each as one product of matrices.
+    /// Normal equations of the rows `from..to`: stretch by stretch, each as a few products of matrices.
     fn normal_of(&self, from: usize, to: usize, columns: usize, every: usize) -> Normal {
         let padded = self.groups.len() * LANES;
         let mut normal = Normal::zeros(padded);
+        let mut data = vec![0.0; padded * STRETCH];
         let mut start = from;
         while start < to {
             let end = (start + STRETCH).min(to);
-            // One column for each row of the regression.
-            let mut rows = DMatrix::zeros(padded, end - start);
-            for (at, row) in (start..end).enumerate() {
-                let mut slot = rows.column_mut(at);
-                for (g, group) in self.groups.iter().enumerate() {
-                    if let Some(lanes) = group.get(row) {
-                        for (i, x) in lanes.iter().enumerate() {
-                            slot[g * LANES + i] = *x;
-                        }
-                    }
+            let count = end - start;
+            // The columns of a row of the regression lie side by side.
+            for (g, group) in self.groups.iter().enumerate() {
+                let lanes = group.get(start..end).unwrap_or(&[]);
+                for (row, lanes) in data.chunks_exact_mut(padded).zip(lanes) {
+                    row[g * LANES..(g + 1) * LANES].copy_from_slice(lanes);
                 }
             }
-            let y = DVector::from_column_slice(&self.y[start..end]);
-            normal.matrix.gemm(1.0, &rows, &rows.transpose(), 1.0);
+            let data = &data[..padded * count];
+            let rows = DMatrixView::from_slice(data, padded, count);
+            let y = DVectorView::from_slice(&self.y[start..end], count);
+            // Only the lower triangle, a band at a time.
+            for first in (0..padded).step_by(BAND) {
+                let last = (first + BAND).min(padded);
+                let transposed = DMatrixView::from_slice_with_strides(data, count, last, padded, 1);
+                normal.matrix.view_mut((first, 0), (last - first, last)).gemm(
+                    1.0,
+                    &rows.rows(first, last - first),
+                    &transposed,
+                    1.0,
+                );
+            }
             normal.vector.gemv(1.0, &rows, &y, 1.0);
             normal.sum_of_squares += y.norm_squared();
-            normal.rows += (end - start) as f64;
+            normal.rows += count as f64;
             start += STRETCH * every;
         }
+        normal.matrix.fill_upper_triangle_with_lower_triangle();
         normal.matrix = normal.matrix.resize(columns, columns, 0.0);
         normal.vector =
             normal.vector.rows(0, columns.min(padded)).into_owned().resize_vertically(columns, 0.0);
         normal
+    }
+
+    /// These columns alone, side by side in groups of their own.
+    pub fn selected(&self, columns: &[usize]) -> Vec<Vec<Lanes>> {
+        let of_group = |chunk: &[usize]| {
+            let mut group = vec![[0.0; LANES]; self.y.len()];
+            for (lane, column) in chunk.iter().enumerate() {
+                let from = self.groups.get(column / LANES).map_or(&[][..], Vec::as_slice);
+                for (slot, lanes) in group.iter_mut().zip(from) {
+                    slot[lane] = lanes[column % LANES];
+                }
+            }
+            group
+        };
+        columns.chunks(LANES).map(of_group).collect()
     }
 
     /// Residual of a fit.
@@ -132,18 +162,23 @@ impl Whitened {
     }
 
     /// Passes everything through the filter of coloured noise.
-    pub fn colour(&mut self, colours: &[Colour]) {
-        for (rows, colour) in self.rows_by_channel().iter().zip(colours) {
+    pub fn colour(&mut self, colours: &[Colour], threads: usize) {
+        let rows_by_channel = self.rows_by_channel();
+        for (rows, colour) in rows_by_channel.iter().zip(colours) {
             colour.whiten(rows, &mut self.y, |y, x, factor| *y += factor * x, |y, factor| *y *= factor);
-            for group in &mut self.groups {
+        }
+        let groups: Vec<Mutex<&mut Vec<Lanes>>> = self.groups.iter_mut().map(Mutex::new).collect();
+        crate::threads::map(threads, &groups, |group| {
+            let mut group = group.lock().unwrap_or_else(PoisonError::into_inner);
+            for (rows, colour) in rows_by_channel.iter().zip(colours) {
                 colour.whiten(
                     rows,
-                    group,
+                    &mut group,
                     |y, x, factor| y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x),
                     |y, factor| y.iter_mut().for_each(|y| *y *= factor),
                 );
             }
-        }
+        });
     }
 }
 

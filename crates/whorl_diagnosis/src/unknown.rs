@@ -221,19 +221,19 @@ pub(crate) fn describe(search: &Search<'_>) -> Option<Follower> {
     let mut joint = Normal::zeros(base.len() + total);
     for (run_index, slot) in whitened.iter_mut().enumerate() {
         slot.y = vec![0.0; slot.channel.len()];
-        slot.colour(search.data.colours.get(run_index)?);
+        slot.colour(search.data.colours.get(run_index)?, search.problem.threads);
         let old = search.data.whitened.get(run_index)?;
         let mut combined = Whitened {
-            groups: old.groups.clone(),
+            groups: old.selected(base),
             y: old.y.clone(),
             channel: slot.channel.clone(),
             node: slot.node.clone(),
             nodes: slot.nodes,
         };
-        let padded = old.groups.len() * lanes;
+        let padded = combined.groups.len() * lanes;
         combined.groups.append(&mut slot.groups);
         for block in combined.normals(padded + chunks.len() * lanes, search.problem.threads, 1) {
-            let index = |i: usize| if i < base.len() { base[i] } else { padded + i - base.len() };
+            let index = |i: usize| if i < base.len() { i } else { padded + i - base.len() };
             for i in 0..base.len() + total {
                 joint.vector[i] += block.vector[index(i)];
                 for j in 0..base.len() + total {
