@@ -9,6 +9,8 @@ use crate::{Mounting, Recording, Series};
 const FEW: usize = 10;
 /// Readings that come faster than this have a wrong time [Hz].
 const FASTEST_HZ: f64 = 20_000.0;
+/// And those that come slower, which no motion on a bearing could be told by \[Hz\].
+const SLOWEST_HZ: f64 = 0.5;
 /// Time over which turns are compared \[s\].
 const WINDOW_S: f64 = 0.5;
 /// Turns or speeds that differ by more than this factor are no scale error of a sensor.
@@ -41,6 +43,12 @@ impl Recording {
         [&self.gyro_b_rad_s.time_s, &self.wheel_speed_rad_s.time_s].into_iter().find_map(|times| {
             let length_s = times.last()? - times.first()?;
             let rate_hz = times.len() as f64 / length_s.max(1e-9);
+            if times.len() > FEW && rate_hz < SLOWEST_HZ {
+                return Some(format!(
+                    "Readings come every {:.0} s: is the time's unit right? (ms taken for s: 1000 times.)",
+                    1.0 / rate_hz
+                ));
+            }
             (times.len() > FEW && rate_hz > FASTEST_HZ).then(|| {
                 format!(
                     "{} readings within {length_s:.3} s are {:.0} kHz: the time's unit is wrong.",

@@ -32,7 +32,8 @@ pub enum RecordingError {
     #[error(
         "{}: there are no measurements of a platform in it: needed is one of <platform>/imu/data_raw \
          (sensor_msgs/Imu) and <platform>/wheels/state (sensor_msgs/JointState); it has {present}. If other \
-         topics hold them, say which in a topic map: channels.yaml in the bag's folder", path.display()
+         topics hold them, say which in a topic map: --channels FILE, or channels.yaml in the bag's folder (docs/recordings.md shows \
+         one)", path.display()
     )]
     NoMeasurements {
         /// The run.

@@ -49,6 +49,8 @@ pub(super) struct Gathered {
     pub undecodable: usize,
     /// Joints that are the wheels, in their order; empty: all joints of a message.
     pub wheel_joints: Vec<String>,
+    /// The same for commands; empty: as there.
+    pub command_joints: Vec<String>,
     /// Whether efforts are measured and say nothing of commands.
     pub efforts_are_measured: bool,
     pub clocks: Option<Clocks>,
@@ -104,7 +106,9 @@ impl Gathered {
             }
             (Role::WheelState, Message::JointState(m)) => self.wheels(at, m),
             (Role::WheelCommand, Message::JointState(m)) => {
-                let effort = self.picked(&m.name, m.effort);
+                let own =
+                    if self.command_joints.is_empty() { &self.wheel_joints } else { &self.command_joints };
+                let effort = picked(own, &m.name, m.effort);
                 if !effort.is_empty() {
                     let kept = push_list(&mut self.wheel_command, at, effort);
                     self.count(role, kept);
@@ -154,19 +158,13 @@ impl Gathered {
         }
     }
 
-    /// The wheels' part of a message about many joints; empty where one of them is missing.
-    fn picked(&self, names: &[String], values: Vec<f64>) -> Vec<f64> {
-        if self.wheel_joints.is_empty() {
-            return values;
-        }
-        let place = |joint: &String| names.iter().position(|name| name == joint);
-        let value = |joint: &String| place(joint).and_then(|place| values.get(place)).copied();
-        self.wheel_joints.iter().map(value).collect::<Option<_>>().unwrap_or_default()
-    }
-
     fn wheels(&mut self, at: i64, mut m: JointState) {
-        m.velocity = self.picked(&m.name, m.velocity);
-        m.effort = if self.efforts_are_measured { Vec::new() } else { self.picked(&m.name, m.effort) };
+        m.velocity = picked(&self.wheel_joints, &m.name, m.velocity);
+        m.effort = if self.efforts_are_measured {
+            Vec::new()
+        } else {
+            picked(&self.wheel_joints, &m.name, m.effort)
+        };
         if !self.wheel_joints.is_empty() {
             m.name.clone_from(&self.wheel_joints);
         }
@@ -268,4 +266,14 @@ fn grown<T: Default>(list: &mut Vec<T>, index: usize) -> &mut T {
     }
     #[expect(clippy::indexing_slicing, reason = "made so long above")]
     &mut list[index]
+}
+
+/// The wheels' part of a message about many joints; empty where one of them is missing.
+fn picked(joints: &[String], names: &[String], values: Vec<f64>) -> Vec<f64> {
+    if joints.is_empty() {
+        return values;
+    }
+    let place = |joint: &String| names.iter().position(|name| name == joint);
+    let value = |joint: &String| place(joint).and_then(|place| values.get(place)).copied();
+    joints.iter().map(value).collect::<Option<_>>().unwrap_or_default()
 }

@@ -163,6 +163,7 @@ fn started(map: Option<&TopicMap>) -> Gathered {
     let Some(map) = map else { return Gathered::default() };
     Gathered {
         wheel_joints: map.wheel_joints.clone(),
+        command_joints: map.command_joints.clone(),
         efforts_are_measured: !map.effort_is_command,
         references: map.references.iter().map(|r| r.map(Unit::into_inner)).collect(),
         ..Gathered::default()

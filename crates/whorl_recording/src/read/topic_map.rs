@@ -26,6 +26,8 @@ pub(super) struct TopicMap {
     pub references: Vec<Option<Unit<Vector3<f64>>>>,
     /// Joints that are the wheels, in their order; empty: all joints of the message.
     pub wheel_joints: Vec<String>,
+    /// The same for the command; empty: as in the wheels' state.
+    pub command_joints: Vec<String>,
     /// Whether the efforts of the wheels' state are the torques that were commanded.
     pub effort_is_command: bool,
     pub closed_loop: Option<bool>,
@@ -80,6 +82,13 @@ impl TopicMap {
                 "wheel_state.effort_is_command",
                 false,
                 "whether the efforts are the torques that were commanded, and not measured ones",
+            );
+        }
+        if r.has("wheel_torque_command") {
+            map.command_joints = r.string_array_or(
+                "wheel_torque_command.joints",
+                &[],
+                "names of the joints that are the wheels, in their order; left out: as in wheel_state",
             );
         }
         map.platform = r.optional_string("platform", "name of the platform");

@@ -80,6 +80,9 @@ fn a_frozen_sensor_and_a_wrong_time_are_told() {
     let faster = |series: &mut Series<Vector3<f64>>| series.time_s.iter_mut().for_each(|t| *t *= 1e-3);
     let text = said(|r| faster(&mut r.gyro_b_rad_s));
     assert!(text.contains("3000 readings within 0.030 s are 100 kHz"), "{text}");
+    let slower = |series: &mut Series<Vector3<f64>>| series.time_s.iter_mut().for_each(|t| *t *= 1e3);
+    let text = said(|r| slower(&mut r.gyro_b_rad_s));
+    assert!(text.contains("Readings come every 10 s: is the time's unit right?"), "{text}");
 }
 
 #[test]

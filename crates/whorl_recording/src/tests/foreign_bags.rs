@@ -29,6 +29,7 @@ fn bag(folder: &Path) -> PathBuf {
     let imu = writer.add_topic("/xsens/imu", "sensor_msgs/msg/Imu", "").unwrap();
     let mag = writer.add_topic("/xsens/mag", "sensor_msgs/msg/MagneticField", "").unwrap();
     let joints = writer.add_topic("/joint_states", "sensor_msgs/msg/JointState", "").unwrap();
+    let command = writer.add_topic("/rw/command", "sensor_msgs/msg/JointState", "").unwrap();
     let mut cdr = Vec::new();
     for i in 0..100u32 {
         let stamp = Timestamp(1_700_000_000_000_000_000 + i64::from(i) * 10_000_000);
@@ -50,7 +51,19 @@ fn bag(folder: &Path) -> PathBuf {
             velocity: vec![1.0 + x, 55.0, 3.0],
             effort: vec![0.1; 3],
         };
-        for (topic, message) in [(imu, Message::from(motion)), (mag, field.into()), (joints, state.into())] {
+        let effort = vec![0.01, 0.02];
+        let told = JointState {
+            header: header(),
+            name: vec!["rx".into(), "rz".into()],
+            effort,
+            ..JointState::default()
+        };
+        for (topic, message) in [
+            (imu, Message::from(motion)),
+            (mag, field.into()),
+            (joints, state.into()),
+            (command, told.into()),
+        ] {
             message.encode_into(&mut cdr).unwrap();
             if topic == mag {
                 // The covariance that a MagneticField has behind its field.
@@ -82,6 +95,10 @@ fn standard_messages_are_read_by_the_map() {
     assert!(r.wheel_torque_command_n_m.is_empty(), "efforts are measured");
     assert!((r.vectors[0].direction_b.value[0] - Vector3::new(0.0, 0.6, 0.8)).norm() < 1e-12);
     assert_eq!(*r.vectors[0].reference_world, Vector3::y());
+    // Commands with joints of their own names.
+    let commanded = format!("{MAP}    wheel_torque_command: {{topic: /rw/command, joints: [rz, rx]}}\n");
+    std::fs::write(path.join("channels.yaml"), commanded).unwrap();
+    assert_eq!(read_run(&path, None).unwrap()[0].wheel_torque_command_n_m.value[0], [0.02, 0.01]);
     // Two wheels are not Whorl-I's three.
     let known = whorl_1();
     let options = ReadOptions { model: Some(&known.model), ..ReadOptions::default() };
@@ -101,7 +118,7 @@ fn maps_that_do_not_fit_are_refused_with_line_and_hint() {
     };
     assert_eq!(
         error(&MAP.replace("/xsens/imu", "/imu")),
-        "map.yaml:4: imu.topic = /imu: the bag has no such topic; it has: /xsens/imu, /xsens/mag, /joint_states"
+        "map.yaml:4: imu.topic = /imu: the bag has no such topic; it has: /xsens/imu, /xsens/mag, /joint_states, /rw/command"
     );
     assert_eq!(
         error(&MAP.replace("/xsens/imu", "/joint_states")),
