@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let out = imu
         .out
         .as_ref()
-        .or(imu.runs.model.as_ref())
+        .or(imu.runs.context.model.as_ref())
         .context("name the platform's file to write into with --out (or --model), or use --dry-run")?;
     let section = format!("/{}/**", runs.known.platform);
     let entries = entries(&found);

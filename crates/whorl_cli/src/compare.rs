@@ -1,14 +1,12 @@
 //! `whorl compare`: how far a model is from recorded runs.
 
-use std::path::PathBuf;
-
 use serde_json::json;
 use whorl_recording::Recording;
 use whorl_report::ComparedRun;
 use whorl_validation::comparison::INITIAL_STATE_RULE;
 use whorl_validation::{Comparison, FloorSource, compare};
 
-use crate::runs::{RunArguments, write};
+use crate::runs::{OutputArguments, RunArguments};
 use crate::table::print;
 use crate::{progress, runs};
 use whorl_report::three_digits;
@@ -21,12 +19,8 @@ const SCHEMA: u32 = 1;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
-    /// Writes all numbers as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Where the page goes [default: compare.html in the first run's directory].
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Carries out `whorl compare`.
@@ -51,11 +45,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             println!("  note: {remark}");
         }
     }
-    if let Some(path) = &arguments.json {
-        write(path, &serde_json::to_string_pretty(&as_json(&runs.known.platform, &compared)?)?)?;
-    }
-    let page = arguments.runs.page(arguments.html.as_deref(), "compare.html");
-    write(&page, &whorl_report::comparison_html(&compared, &runs.facts))?;
+    arguments.output.write_json(|| as_json(&runs.known.platform, &compared))?;
+    let page = whorl_report::comparison_html(&compared, &runs.facts);
+    let page = arguments.output.write_page(&arguments.runs, "compare.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
 }

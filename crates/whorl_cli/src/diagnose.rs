@@ -1,6 +1,5 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use whorl_diagnosis::residual::residual_torque;
@@ -9,7 +8,7 @@ use whorl_dynamics::effects::find;
 use whorl_dynamics::{Effect, PlatformModel};
 use whorl_report::UnexplainedTorque;
 
-use crate::runs::{RunArguments, Runs, write};
+use crate::runs::{OutputArguments, RunArguments, Runs};
 use crate::table::print;
 use crate::{next, progress};
 use whorl_report::three_digits;
@@ -22,25 +21,35 @@ const LISTED: usize = 12;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
+    #[command(flatten)]
+    search: SearchArguments,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// How effects are looked for.
+#[derive(Debug, clap::Args)]
+pub struct SearchArguments {
     /// An effect that is not to be considered, by its id; may be given several times.
     #[arg(long, value_name = "EFFECT")]
     exclude: Vec<String>,
-    /// Writes everything as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Where the page goes [default: diagnose.html in the first run's directory].
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+}
+
+impl SearchArguments {
+    /// As the search takes them, on all processors.
+    pub fn options(&self) -> Options {
+        Options {
+            exclude: self.exclude.clone(),
+            threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
+            ..Options::default()
+        }
+    }
 }
 
 /// Carries out `whorl diagnose`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.runs.read())?;
-    let options = Options {
-        exclude: arguments.exclude.clone(),
-        threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
-        ..Options::default()
-    };
+    let options = arguments.search.options();
     let begun = Instant::now();
     let mut said = "";
     let mut show = |p: Progress| {
@@ -63,12 +72,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for remark in &diagnosis.remarks {
         println!("note: {remark}");
     }
-    if let Some(path) = &arguments.json {
-        write(path, &serde_json::to_string_pretty(&diagnosis)?)?;
-    }
+    arguments.output.write_json(|| Ok(&diagnosis))?;
     let torque = progress::during("drawing", || unexplained(&runs, &diagnosis));
-    let page = arguments.runs.page(arguments.html.as_deref(), "diagnose.html");
-    write(&page, &whorl_report::diagnosis_html(&diagnosis, &answer, torque.as_ref(), &runs.facts))?;
+    let page = whorl_report::diagnosis_html(&diagnosis, &answer, torque.as_ref(), &runs.facts);
+    let page = arguments.output.write_page(&arguments.runs, "diagnose.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
 }

@@ -8,12 +8,19 @@ use whorl_recording::{
     KnownPlatform, ReadOptions, Recording, platform_parts, read_csv, read_model, read_run_with,
 };
 
-/// Runs, held-out runs and the model.
+/// Runs, and what they are read and judged with.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RunArguments {
     /// Run directories, rosbag2 directories, .mcap files, or CSV files with --channels.
     #[arg(required = true, value_name = "RUN")]
     pub runs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub context: RunContext,
+}
+
+/// What runs are read and judged with.
+#[derive(Debug, Clone, clap::Args)]
+pub struct RunContext {
     /// A run that takes part in no fit; may be given several times.
     #[arg(long, value_name = "RUN")]
     pub held_out: Vec<PathBuf>,
@@ -45,10 +52,10 @@ impl RunArguments {
     /// Reads everything.
     pub fn read(&self) -> anyhow::Result<Runs> {
         let first = self.runs.first().context("no run was given")?;
-        let source = self.model.as_deref().unwrap_or(first);
+        let source = self.context.model.as_deref().unwrap_or(first);
         // Its errors name the file.
-        let known = match read_model(source, self.platform.as_deref()) {
-            Err(_) if self.model.is_none() && is_csv(first) => {
+        let known = match read_model(source, self.context.platform.as_deref()) {
+            Err(_) if self.context.model.is_none() && is_csv(first) => {
                 bail!(
                     "{}: a CSV file holds no parameters: name the platform's file, e.g. --model params/whorl_1.yaml",
                     first.display()
@@ -59,7 +66,7 @@ impl RunArguments {
         let read = |paths: &[PathBuf]| -> anyhow::Result<Vec<Recording>> {
             paths.iter().map(|path| self.recording(path, &known)).collect()
         };
-        let (training, held_out) = (read(&self.runs)?, read(&self.held_out)?);
+        let (training, held_out) = (read(&self.runs)?, read(&self.context.held_out)?);
         let list = |recordings: &[Recording]| {
             recordings
                 .iter()
@@ -84,9 +91,9 @@ impl RunArguments {
         let options = ReadOptions {
             platform: Some(&known.platform),
             model: Some(&known.model),
-            channels: self.channels.as_deref(),
+            channels: self.context.channels.as_deref(),
         };
-        let mut recordings = match (is_csv(path), &self.channels) {
+        let mut recordings = match (is_csv(path), &self.context.channels) {
             (true, None) => bail!(
                 "{}: a CSV file needs a map of its columns, --channels MAP.yaml: docs/recordings.md shows one",
                 path.display()
@@ -111,14 +118,36 @@ impl RunArguments {
             _ => bail!("{} holds several platforms: choose one with --platform", path.display()),
         }
     }
+}
 
-    /// Where the page goes: `--html`, else into the first run's directory, else beside its file.
-    pub fn page(&self, html: Option<&Path>, name: &str) -> PathBuf {
-        let first = self.runs.first().map_or(Path::new(""), PathBuf::as_path);
-        html.map_or_else(
-            || if first.is_dir() { first.join(name) } else { first.with_file_name(name) },
-            Path::to_owned,
-        )
+/// Where answers go besides the terminal.
+#[derive(Debug, Clone, clap::Args)]
+pub struct OutputArguments {
+    /// Writes all numbers as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where the page goes [default: into the first run's directory, under the command's name].
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+impl OutputArguments {
+    /// Writes what `value` makes, if it was asked for.
+    pub fn write_json<T: serde::Serialize>(
+        &self,
+        value: impl FnOnce() -> anyhow::Result<T>,
+    ) -> anyhow::Result<()> {
+        let Some(path) = &self.json else { return Ok(()) };
+        write(path, &serde_json::to_string_pretty(&value()?)?)
+    }
+
+    /// Writes the page: where `--html` says, else into the first run's directory, else beside its file. Says where.
+    pub fn write_page(&self, runs: &RunArguments, name: &str, html: &str) -> anyhow::Result<PathBuf> {
+        let first = runs.runs.first().map_or(Path::new(""), PathBuf::as_path);
+        let beside = || if first.is_dir() { first.join(name) } else { first.with_file_name(name) };
+        let path = self.html.clone().unwrap_or_else(beside);
+        write(&path, html)?;
+        Ok(path)
     }
 }
 

@@ -1,13 +1,11 @@
 //! `whorl where`: in which regime a model fails.
 
-use std::path::PathBuf;
-
 use serde_json::json;
 use whorl_validation::dependence::Frame;
-use whorl_validation::explain_where;
+use whorl_validation::{Whereabouts, explain_where};
 
 use crate::progress;
-use crate::runs::{RunArguments, write};
+use crate::runs::{OutputArguments, RunArguments};
 use crate::table::print;
 
 /// Version of the JSON form.
@@ -20,12 +18,8 @@ const LISTED: usize = 12;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
-    /// Writes all numbers as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Where the page goes [default: where.html in the first run's directory].
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Carries out `whorl where`.
@@ -68,20 +62,21 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let headings = ["quantity", "frame", "#share %", "axis", "symmetry", "growth"].map(str::to_owned);
         print(&headings, &rows);
     }
-    if let Some(path) = &arguments.json {
-        let mut list = Vec::new();
-        for run in &found {
-            let mut value = serde_json::to_value(run)?;
-            if let Some(object) = value.as_object_mut() {
-                object.insert("answer".to_owned(), json!(run.answer()));
-            }
-            list.push(value);
-        }
-        let all = json!({"schema": SCHEMA, "platform": runs.known.platform, "runs": list});
-        write(path, &serde_json::to_string_pretty(&all)?)?;
-    }
-    let page = arguments.runs.page(arguments.html.as_deref(), "where.html");
-    write(&page, &whorl_report::whereabouts_html(&found, &runs.facts))?;
+    arguments.output.write_json(|| as_json(&runs.known.platform, &found))?;
+    let page = whorl_report::whereabouts_html(&found, &runs.facts);
+    let page = arguments.output.write_page(&arguments.runs, "where.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
+}
+
+fn as_json(platform: &str, found: &[Whereabouts]) -> anyhow::Result<serde_json::Value> {
+    let mut list = Vec::new();
+    for run in found {
+        let mut value = serde_json::to_value(run)?;
+        if let Some(object) = value.as_object_mut() {
+            object.insert("answer".to_owned(), json!(run.answer()));
+        }
+        list.push(value);
+    }
+    Ok(json!({"schema": SCHEMA, "platform": platform, "runs": list}))
 }

@@ -16,8 +16,9 @@ use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Verdict, diagnose};
 use whorl_report::{NextPage, PlannedMotion};
 
 use self::design::{Design, Judged};
+use crate::diagnose::SearchArguments;
 use crate::progress;
-use crate::runs::{RunArguments, Runs, write};
+use crate::runs::{OutputArguments, RunArguments, Runs, write};
 use crate::table::print;
 
 /// Version of the JSON form.
@@ -31,15 +32,10 @@ pub struct Arguments {
     /// The experiment to write, e.g. params/experiments/separate.yaml.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// An effect that is not to be considered, by its id; may be given several times.
-    #[arg(long, value_name = "EFFECT")]
-    exclude: Vec<String>,
-    /// Writes all numbers as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Where the page goes [default: next.html in the first run's directory].
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+    #[command(flatten)]
+    search: SearchArguments,
+    #[command(flatten)]
+    output: OutputArguments,
 }
 
 /// Carries out `whorl next`.
@@ -50,11 +46,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         _ => bail!("--out {} is no experiment file; its name must end in .yaml", out.display()),
     };
     let runs = progress::during("reading the runs", || arguments.runs.read())?;
-    let options = Options {
-        exclude: arguments.exclude.clone(),
-        threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
-        ..Options::default()
-    };
+    let options = arguments.search.options();
     let known = &runs.known;
     let folder = out.parent().and_then(Path::parent);
     let common = design::common_file(known, folder).context(
@@ -85,20 +77,25 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("note: {name} is left out: even made smaller it {reason}");
     }
     println!("\nexperiment: {}", out.display());
-    println!("run it:     launch_scripts/run_experiment.sh {} --platforms {}", out.display(), known.platform);
+    let of_folder = folder
+        .filter(|f| *f != Path::new("params") && f.join(format!("{}.yaml", known.platform)).is_file())
+        .map_or_else(String::new, |f| format!(" --params {}", f.display()));
+    println!(
+        "run it:     launch_scripts/run_experiment.sh {} --platforms {}{of_folder}",
+        out.display(),
+        known.platform
+    );
     let given: Vec<String> = arguments.runs.runs.iter().map(|r| r.display().to_string()).collect();
     println!("then:       whorl diagnose {} NEW_RUN", given.join(" "));
-    if let Some(path) = &arguments.json {
-        write(path, &serde_json::to_string_pretty(&as_json(&known.platform, &design, best, &answer))?)?;
-    }
-    let page = arguments.runs.page(arguments.html.as_deref(), "next.html");
+    arguments.output.write_json(|| Ok(as_json(&known.platform, &design, best, &answer)))?;
     let shown = NextPage {
         answer,
         headings: words::HEADINGS.map(str::to_owned).to_vec(),
         rows: words::rows(&design),
         motion: motion(best),
     };
-    write(&page, &whorl_report::next_html(&shown, &runs.facts))?;
+    let page = whorl_report::next_html(&shown, &runs.facts);
+    let page = arguments.output.write_page(&arguments.runs, "next.html", &page)?;
     println!("page:       {}", page.display());
     Ok(())
 }

@@ -1,0 +1,110 @@
+//! `whorl adopt`: a physical effect becomes part of a platform's model.
+
+mod output;
+mod versions;
+mod words;
+mod writing;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use whorl_dynamics::effects::find;
+
+use self::output::{as_json, as_page};
+use self::versions::versions;
+use self::words::{answer, print_parameters, print_versions};
+use self::writing::adopt;
+use crate::progress;
+use crate::provenance::provenance;
+use crate::runs::{OutputArguments, RunArguments, RunContext};
+
+/// Arguments of `whorl adopt`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Runs to fit, then the effects to adopt.
+    #[arg(required = true, value_name = "RUN... EFFECT")]
+    items: Vec<String>,
+    /// The parameter file that is changed.
+    #[arg(long, value_name = "FILE", required_unless_present = "try_")]
+    out: Option<PathBuf>,
+    /// Compares rivals side by side and writes nothing; `+` joins effects to a set: a,b+c.
+    #[arg(long = "try", value_name = "A,B", value_delimiter = ',')]
+    try_: Vec<String>,
+    /// Writes even if the held-out runs are predicted worse, or a mass property moves beyond belief.
+    #[arg(long)]
+    anyway: bool,
+    #[command(flatten)]
+    context: RunContext,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// Carries out `whorl adopt`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let (run_paths, effects): (Vec<&String>, Vec<&String>) =
+        arguments.items.iter().partition(|item| find(item).is_none() || Path::new(item.as_str()).exists());
+    if let Some(missing) = run_paths.iter().find(|p| !Path::new(p.as_str()).exists()) {
+        bail!("{missing} is neither a run nor an effect; `whorl effects` lists the effects");
+    }
+    let sets: Vec<Vec<String>> = if arguments.try_.is_empty() {
+        if effects.is_empty() {
+            bail!(
+                "name the effect to adopt after the runs; `whorl effects` lists them, `whorl diagnose` finds them"
+            );
+        }
+        vec![effects.iter().map(|e| (*e).clone()).collect()]
+    } else {
+        let joined = effects.iter().map(|e| (*e).clone());
+        arguments
+            .try_
+            .iter()
+            .map(|set| joined.clone().chain(set.split('+').map(str::to_owned)).collect())
+            .collect()
+    };
+    if let Some(unknown) = sets.iter().flatten().find(|id| find(id).is_none()) {
+        bail!("there is no effect {unknown}; `whorl effects` lists them");
+    }
+    let run_arguments = RunArguments {
+        runs: run_paths.iter().map(PathBuf::from).collect(),
+        context: RunContext {
+            // The effect is added to what the file says already.
+            model: arguments
+                .context
+                .model
+                .clone()
+                .or_else(|| arguments.out.clone().filter(|out| out.exists())),
+            ..arguments.context.clone()
+        },
+    };
+    let runs = progress::during("reading the runs", || run_arguments.read())?;
+    let (versions, left_out) = versions(&runs, &sets)?;
+    let answer = answer(&versions);
+    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let provenance = provenance(&run_arguments, &command)?;
+    // Before anything is printed: whoever reads may close the pipe after a few lines.
+    let written = if arguments.try_.is_empty() {
+        adopt(arguments.out.as_deref(), arguments.anyway, &runs, &versions, &provenance)
+    } else {
+        Ok("Nothing was written: --try only compares.".to_owned())
+    };
+    for sentence in &answer {
+        println!("{sentence}");
+    }
+    println!();
+    print_versions(&versions);
+    for version in versions.iter().filter(|v| !v.effects.is_empty()) {
+        print_parameters(version);
+    }
+    for reason in &left_out {
+        println!("note: {reason}");
+    }
+    println!("\n{}", written?);
+    arguments.output.write_json(|| as_json(&runs, &versions, &answer, &provenance))?;
+    let mut facts = runs.facts.clone();
+    facts.push(("command".to_owned(), format!("whorl {command}")));
+    facts.push(("provenance".to_owned(), provenance));
+    let page = whorl_report::adoption_html(&as_page(&versions, answer), &facts);
+    let page = arguments.output.write_page(&run_arguments, "adopt.html", &page)?;
+    println!("page: {}", page.display());
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! Versions for the page and as JSON.
+
+use serde_json::json;
+use whorl_report::{AdoptedParameter, AdoptionPage};
+
+use super::versions::{Version, error};
+use crate::runs::Runs;
+
+/// Version of the JSON form.
+const SCHEMA: u32 = 1;
+
+pub fn as_page(versions: &[Version], answer: Vec<String>) -> AdoptionPage {
+    let adopted = versions.last().and_then(|v| v.fit.as_ref());
+    AdoptionPage {
+        answer,
+        versions: versions.iter().map(|v| v.name.clone()).collect(),
+        runs: versions.iter().map(|v| v.runs.clone()).collect(),
+        parameters: adopted.map_or_else(Vec::new, |fit| {
+            fit.estimates
+                .iter()
+                .map(|p| AdoptedParameter {
+                    group: p.group.clone(),
+                    name: p.name.clone(),
+                    unit: p.unit.clone(),
+                    before: p.before,
+                    estimate: p.estimate,
+                    stddev: p.stddev,
+                })
+                .collect()
+        }),
+    }
+}
+
+pub fn as_json(
+    runs: &Runs,
+    versions: &[Version],
+    answer: &[String],
+    provenance: &str,
+) -> anyhow::Result<serde_json::Value> {
+    let mut list = Vec::new();
+    for version in versions {
+        let parameters = version.fit.as_ref().map_or_else(Vec::new, |fit| {
+            let estimates = fit.estimates.iter();
+            estimates
+                .map(|p| {
+                    json!({"of": p.group, "name": p.name, "unit": p.unit, "before": p.before,
+                           "estimate": p.estimate, "stddev": p.stddev, "at_bound": p.at_bound})
+                })
+                .collect()
+        });
+        let mut compared = Vec::new();
+        for run in &version.runs {
+            let mut value = serde_json::to_value(&run.comparison)?;
+            if let Some(object) = value.as_object_mut() {
+                object.insert("held_out".to_owned(), json!(run.held_out));
+            }
+            compared.push(value);
+        }
+        list.push(json!({
+            "name": version.name,
+            "effects": version.effects,
+            "error": error(version, false),
+            "held_out_error": error(version, true),
+            "parameters": parameters,
+            "runs": compared,
+        }));
+    }
+    Ok(json!({
+        "schema": SCHEMA,
+        "platform": runs.known.platform,
+        "answer": answer,
+        "provenance": provenance,
+        "versions": list,
+    }))
+}
