@@ -65,11 +65,20 @@ finish() {
         kill -TERM "$child" 2>/dev/null || true
         wait "$child" 2>/dev/null || true
     fi
-    [ -n "$keep" ] || rm -rf "$work"
+    if [ -z "$keep" ]; then
+        rm -rf "$work"
+        [ "$status" -eq 0 ] || printf 'nothing was kept; with --out DIR runs, parameters and pages are\n' >&2
+    else
+        [ "$status" -eq 0 ] || printf 'kept in %s: %s\n' "$work" "$(cd "$work" && ls | tr '\n' ' ')" >&2
+    fi
     exit "$status"
 }
+interrupt() {
+    printf '\nstopped after %d s\n' "$SECONDS" >&2
+    exit 130
+}
 trap finish EXIT
-trap 'exit 130' INT TERM
+trap interrupt INT TERM
 
 say() { printf '\n== %s  [%d s]\n' "$*" "$SECONDS"; }
 

@@ -78,6 +78,9 @@ pub fn diagnose(
     let mut search = search::Search::start(&mut problem, held.as_mut(), options, progress)?;
     search.run(progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
+    if let (Some(what), Some(first)) = (search.beyond_belief(), training.first()) {
+        return Err(DiagnosisError::OtherPlatform { run: first.name.clone(), what });
+    }
     Ok(search.answer())
 }
 

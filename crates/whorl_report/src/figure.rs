@@ -1,6 +1,6 @@
 //! One figure, drawn by Plotly. The only file that knows it.
 
-use plotly::common::{Line, Mode, Orientation, Title};
+use plotly::common::{Anchor, Font, Line, Mode, Orientation, Title};
 use plotly::configuration::DisplayModeBar;
 use plotly::layout::{Axis, Legend, Margin, Shape, ShapeLayer, ShapeType};
 use plotly::{Configuration, Layout, Plot, Scatter};
@@ -10,6 +10,14 @@ use crate::series::Curve;
 
 /// Points per curve beyond which it is thinned.
 const POINTS: usize = 2400;
+
+/// Height of a figure without its legend.
+const HEIGHT_PX: usize = 280;
+const LEGEND_ROW_PX: usize = 20;
+/// Width that a legend's row surely has, of its line and gap, and of a letter.
+const LEGEND_WIDTH_PX: usize = 800;
+const LEGEND_LINE_PX: usize = 50;
+const LETTER_PX: usize = 7;
 
 /// Line colours and dashes that stay apart in grey and for colour-blind readers (Okabe-Ito).
 const COLOURS: [&str; 8] =
@@ -45,6 +53,14 @@ impl Figure {
     /// Whether there is anything to draw.
     pub fn is_empty(&self) -> bool {
         self.curves.iter().chain(&self.dashed).all(|c| c.time_s.is_empty())
+    }
+
+    /// Rows that the legend takes.
+    fn legend_rows(&self) -> usize {
+        let shown = || self.curves.iter().chain(&self.dashed).filter(|c| !c.time_s.is_empty());
+        // Entries stand in columns as wide as the widest.
+        let widest = shown().map(|c| c.name.chars().count() * LETTER_PX + LEGEND_LINE_PX).max().unwrap_or(1);
+        shown().count().div_ceil((LEGEND_WIDTH_PX / widest).max(1))
     }
 
     /// Smallest and largest value from this time on.
@@ -122,11 +138,19 @@ impl Figure {
         });
         plot.set_layout(
             Layout::new()
-                .height(300)
+                .height(HEIGHT_PX + LEGEND_ROW_PX * self.legend_rows())
                 .margin(Margin::new().top(10).bottom(45).left(70).right(15))
                 .paper_background_color("#ffffff")
                 .plot_background_color("#ffffff")
-                .legend(Legend::new().orientation(Orientation::Horizontal).y(1.12).x(0.))
+                .legend(
+                    Legend::new()
+                        .orientation(Orientation::Horizontal)
+                        .font(Font::new().size(11))
+                        // Upwards from the plot, whose margin it widens: it never lies over curves.
+                        .y_anchor(Anchor::Bottom)
+                        .y(1.02)
+                        .x(0.),
+                )
                 .x_axis(x)
                 .y_axis(y)
                 .shapes(shapes.collect()),
