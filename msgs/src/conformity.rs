@@ -199,6 +199,7 @@ compare! {
     "whorl_msgs/ClockReply" crate::whorl::ClockReply;
     "whorl_msgs/ClockRequest" crate::whorl::ClockRequest;
     "whorl_msgs/ControlStatus" crate::whorl::ControlStatus;
+    "whorl_msgs/Excitation" crate::whorl::Excitation;
     "whorl_msgs/FormationCommand" crate::whorl::FormationCommand;
     "whorl_msgs/FormationState" crate::whorl::FormationState;
     "whorl_msgs/ParameterEstimate" crate::whorl::ParameterEstimate;
@@ -242,9 +243,9 @@ fn constants_have_the_values_of_their_definitions() {
         FLAG_INCONSISTENT);
     check!("whorl_msgs/AttitudeReference" AttitudeReference: MODE_TRACK MODE_HOLD);
     check!("whorl_msgs/ControlStatus" ControlStatus:
-        MODE_IDLE MODE_TRACK MODE_HOLD MODE_SAFE_DAMPING MODE_SAFE_COAST
+        MODE_IDLE MODE_TRACK MODE_HOLD MODE_SAFE_DAMPING MODE_SAFE_COAST MODE_EXCITE
         REASON_NONE REASON_NO_AUTHORITY REASON_REFERENCE_STALE REASON_ESTIMATE_STALE REASON_ESTIMATE_UNHEALTHY
-        REASON_TILT_LIMIT REASON_ABORT REASON_RATE_LIMIT
+        REASON_TILT_LIMIT REASON_ABORT REASON_RATE_LIMIT REASON_EXCITATION_LIMIT REASON_EXCITATION_UNKNOWN
         ALLOCATION_SOLVED ALLOCATION_UNIQUE ALLOCATION_FALLBACK ALLOCATION_OFF);
     check!("whorl_msgs/FormationCommand" FormationCommand:
         COMMAND_STANDBY COMMAND_TRACK COMMAND_HOLD COMMAND_ABORT);

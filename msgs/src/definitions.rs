@@ -29,7 +29,7 @@ definitions! {
     "standard/diagnostic_msgs" "diagnostic_msgs": "KeyValue" "DiagnosticStatus" "DiagnosticArray";
     "msg" "whorl_msgs":
         "ActuatorCommand" "AttitudeEstimate" "AttitudeReference" "ClockReply" "ClockRequest" "ControlStatus"
-        "FormationCommand" "FormationState" "ParameterEstimate" "ThrusterState";
+        "Excitation" "FormationCommand" "FormationState" "ParameterEstimate" "ThrusterState";
 }
 
 /// The definition of `package/Type` or `package/msg/Type`.

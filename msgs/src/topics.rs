@@ -145,6 +145,7 @@ messages! {
     ClockReply(whorl::ClockReply) "whorl_msgs/msg/ClockReply";
     ClockRequest(whorl::ClockRequest) "whorl_msgs/msg/ClockRequest";
     ControlStatus(whorl::ControlStatus) "whorl_msgs/msg/ControlStatus";
+    Excitation(whorl::Excitation) "whorl_msgs/msg/Excitation";
     FormationCommand(whorl::FormationCommand) "whorl_msgs/msg/FormationCommand";
     FormationState(whorl::FormationState) "whorl_msgs/msg/FormationState";
     ParameterEstimate(whorl::ParameterEstimate) "whorl_msgs/msg/ParameterEstimate";
@@ -206,6 +207,8 @@ topics! {
     AttitudeReference "attitude/reference" platform AttitudeReference STREAM 50.0;
     /// From local control.
     ControlStatus "control/status" platform ControlStatus STREAM 50.0;
+    /// Which of its own excitations a platform plays, from the coordinator.
+    Excitation "control/excitation" platform Excitation STREAM 50.0;
     /// From simulated hardware.
     TruthState "truth/state" platform AttitudeEstimate STREAM 100.0;
     /// Phase, errors, links, from the coordinator.

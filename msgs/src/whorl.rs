@@ -141,6 +141,7 @@ impl ControlStatus {
     pub const MODE_HOLD: u8 = 2;
     pub const MODE_SAFE_DAMPING: u8 = 3;
     pub const MODE_SAFE_COAST: u8 = 4;
+    pub const MODE_EXCITE: u8 = 5;
     pub const REASON_NONE: u8 = 0;
     pub const REASON_NO_AUTHORITY: u8 = 1;
     pub const REASON_REFERENCE_STALE: u8 = 2;
@@ -149,10 +150,21 @@ impl ControlStatus {
     pub const REASON_TILT_LIMIT: u8 = 5;
     pub const REASON_ABORT: u8 = 6;
     pub const REASON_RATE_LIMIT: u8 = 7;
+    pub const REASON_EXCITATION_LIMIT: u8 = 8;
+    pub const REASON_EXCITATION_UNKNOWN: u8 = 9;
     pub const ALLOCATION_SOLVED: u8 = 0;
     pub const ALLOCATION_UNIQUE: u8 = 1;
     pub const ALLOCATION_FALLBACK: u8 = 2;
     pub const ALLOCATION_OFF: u8 = 3;
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Excitation {
+    pub header: Header,
+    pub sequence: u64,
+    pub name: String,
+    pub elapsed_s: f64,
+    pub valid_until: Time,
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -33,6 +33,7 @@ typed! {
     ClockReply whorl::ClockReply;
     ClockRequest whorl::ClockRequest;
     ControlStatus whorl::ControlStatus;
+    Excitation whorl::Excitation;
     FormationCommand whorl::FormationCommand;
     FormationState whorl::FormationState;
     DiagnosticArray diagnostic_msgs::DiagnosticArray;

@@ -110,6 +110,7 @@ fn message(topic: Topic, sequence: u64, now: Timestamp) -> Message {
             m.alpha = x;
         }
         Message::FormationCommand(m) => m.sequence = sequence,
+        Message::Excitation(m) => m.sequence = sequence,
         Message::ClockRequest(m) => m.sequence = sequence,
         Message::ClockReply(m) => m.sequence = sequence,
         Message::ParameterEstimate(m) => m.sequence = sequence,

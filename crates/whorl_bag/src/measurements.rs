@@ -60,6 +60,7 @@ pub fn stamp_of(message: &Message) -> Option<Timestamp> {
         Message::AttitudeReference(m) => &m.header,
         Message::ControlStatus(m) => &m.header,
         Message::FormationCommand(m) => &m.header,
+        Message::Excitation(m) => &m.header,
         Message::ClockRequest(m) => &m.header,
         Message::ClockReply(m) => &m.header,
         Message::FormationState(m) => &m.header,

@@ -374,8 +374,9 @@ pub(crate) fn manifest_summary(manifest: &Manifest) -> serde_json::Map<String, s
 
 /// The rate at which a topic is sent periodically; `None` for those that are sent when something happens.
 pub(crate) fn expected_rate_hz(topic: Topic) -> Option<f64> {
-    // Diagnostics come from every node, and /tf from every estimator: no single period.
-    (!matches!(topic, Topic::Diagnostics | Topic::Tf)).then(|| topic.info().rate_hz)
+    // Diagnostics come from every node, and /tf from every estimator: no single period. Excitations are called for
+    // in some steps only.
+    (!matches!(topic, Topic::Diagnostics | Topic::Tf | Topic::Excitation)).then(|| topic.info().rate_hz)
 }
 
 /// The message's own sequence number, for the types that carry one.
@@ -388,6 +389,7 @@ pub fn sequence_of(message: &Message) -> Option<u64> {
         Message::AttitudeReference(m) => Some(m.sequence),
         Message::ControlStatus(m) => Some(m.sequence),
         Message::FormationCommand(m) => Some(m.sequence),
+        Message::Excitation(m) => Some(m.sequence),
         Message::ClockRequest(m) => Some(m.sequence),
         Message::ClockReply(m) => Some(m.sequence),
         Message::FormationState(m) => Some(m.sequence),

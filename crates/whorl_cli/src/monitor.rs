@@ -169,6 +169,7 @@ impl PlatformView {
             let mode = match control.mode {
                 ControlStatus::MODE_IDLE => " idle",
                 ControlStatus::MODE_HOLD => " HOLD",
+                ControlStatus::MODE_EXCITE => " EXCITE",
                 ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST => " SAFE",
                 _ => "",
             };

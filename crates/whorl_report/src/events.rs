@@ -38,7 +38,10 @@ pub fn happenings(run: &RunData) -> Vec<Happening> {
         changes(
             data.control.iter().map(|c| (c.stamp_s, (c.message.mode, c.message.reason))),
             |t, (mode, reason)| {
-                let fault = mode >= ControlStatus::MODE_HOLD;
+                let fault = !matches!(
+                    mode,
+                    ControlStatus::MODE_IDLE | ControlStatus::MODE_TRACK | ControlStatus::MODE_EXCITE
+                );
                 add(t, name, format!("control: {}{}", mode_name(mode), reason_name(reason)), fault);
             },
         );
@@ -115,6 +118,7 @@ fn mode_name(mode: u8) -> &'static str {
         ControlStatus::MODE_HOLD => "holding the last reference",
         ControlStatus::MODE_SAFE_DAMPING => "safe, damping the rate",
         ControlStatus::MODE_SAFE_COAST => "safe, coasting",
+        ControlStatus::MODE_EXCITE => "excited, the reference left alone",
         _ => "unknown mode",
     }
 }
@@ -128,6 +132,8 @@ fn reason_name(reason: u8) -> &'static str {
         ControlStatus::REASON_TILT_LIMIT => " (tilt near its stop)",
         ControlStatus::REASON_ABORT => " (abort)",
         ControlStatus::REASON_RATE_LIMIT => " (rate too high)",
+        ControlStatus::REASON_EXCITATION_LIMIT => " (the excitation came to a limit)",
+        ControlStatus::REASON_EXCITATION_UNKNOWN => " (no excitation of that name)",
         _ => "",
     }
 }

@@ -77,6 +77,7 @@ pub struct CoordinatorCore {
 struct Sequences {
     reference: u64,
     command: u64,
+    excitation: u64,
     state: u64,
     clock: u64,
 }
@@ -183,6 +184,7 @@ impl CoordinatorCore {
                     }
                 }
                 self.publish_references(at, outputs);
+                self.publish_excitations(at, outputs);
             }
             Stage::Finished { run, at: ended } => {
                 run.tick_finished();
@@ -235,6 +237,7 @@ impl CoordinatorCore {
             age_s: link.age_s(at),
             fresh: link.fresh(at, settings),
             following: link.following(at, settings),
+            excited: link.excited(at, settings),
             reference: link.reference(at, settings),
         };
         self.links.iter().map(sight).collect()
@@ -353,7 +356,7 @@ impl NodeCore for CoordinatorCore {
     }
 
     fn publications(&self) -> Vec<Route> {
-        let mut routes = self.routes(&[Topic::AttitudeReference]);
+        let mut routes = self.routes(&[Topic::AttitudeReference, Topic::Excitation]);
         routes.retain(|route| {
             route.platform.is_some_and(|PlatformId(id)| self.parameters.commands(usize::from(id)))
         });

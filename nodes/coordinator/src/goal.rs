@@ -105,6 +105,16 @@ impl Goal {
         }
     }
 
+    /// The platform is at `q_world_body`, wherever it was meant to be: a slew starts anew from there, a scan goes on
+    /// about it, and rest is there.
+    pub fn moved_to(&mut self, q_world_body: &UnitQuaternion<f64>, planning: Planning<'_>) {
+        match &self.motion {
+            Motion::Slew { .. } => self.resume(q_world_body, planning),
+            Motion::Rest | Motion::Scan(_) => self.angles = YawPitchRoll::of(q_world_body),
+            Motion::Pass { .. } => {}
+        }
+    }
+
     /// The same goal for another platform or structure, which is turned by `q_old_new` against this one:
     /// a scan goes on, anything else is approached from `from`, where the new one is now.
     pub fn transferred(

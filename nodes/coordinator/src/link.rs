@@ -126,7 +126,7 @@ impl PlatformLink {
     /// Takes a status; false when it was dropped.
     pub fn take_status(&mut self, now: Timestamp, message: &ControlStatus, settings: &LinkSettings) -> bool {
         let stamp = self.clock.to_local(message.header.stamp);
-        if message.mode > ControlStatus::MODE_SAFE_COAST {
+        if message.mode > ControlStatus::MODE_EXCITE {
             self.dropped.invalid += 1;
             return false;
         }
@@ -222,10 +222,21 @@ impl PlatformLink {
         self.status.map_or(ControlStatus::MODE_IDLE, |s| s.mode)
     }
 
-    /// Whether the platform's controller follows its reference, or the last one it had.
+    /// Whether the platform's controller follows its reference, or the last one it had, or does what else it is told.
     pub fn following(&self, now: Timestamp, settings: &LinkSettings) -> bool {
-        self.status_fresh(now, settings)
-            .is_some_and(|s| matches!(s.mode, ControlStatus::MODE_TRACK | ControlStatus::MODE_HOLD))
+        self.status_fresh(now, settings).is_some_and(|s| {
+            matches!(
+                s.mode,
+                ControlStatus::MODE_TRACK | ControlStatus::MODE_HOLD | ControlStatus::MODE_EXCITE
+            ) && s.reason != ControlStatus::REASON_EXCITATION_UNKNOWN
+        })
+    }
+
+    /// Whether an excitation moves the platform, and not its reference.
+    pub fn excited(&self, now: Timestamp, settings: &LinkSettings) -> bool {
+        self.status_fresh(now, settings).is_some_and(|s| {
+            s.mode == ControlStatus::MODE_EXCITE || s.reason == ControlStatus::REASON_EXCITATION_LIMIT
+        })
     }
 
     /// What keeps the estimate from being used, in words.
@@ -264,6 +275,7 @@ impl PlatformLink {
         let status = self.status.filter(|_| !self.following(now, settings))?;
         let mode = match status.mode {
             ControlStatus::MODE_IDLE => "idle",
+            ControlStatus::MODE_HOLD => "holding",
             ControlStatus::MODE_SAFE_DAMPING => "in safe mode (damping)",
             _ => "in safe mode (coasting)",
         };
@@ -280,6 +292,7 @@ fn reason_in_words(reason: u8) -> &'static str {
         ControlStatus::REASON_TILT_LIMIT => ": tilt limit",
         ControlStatus::REASON_ABORT => ": abort",
         ControlStatus::REASON_RATE_LIMIT => ": rate limit",
+        ControlStatus::REASON_EXCITATION_UNKNOWN => ": its parameters have no excitation of this name",
         _ => "",
     }
 }

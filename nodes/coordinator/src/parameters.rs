@@ -11,7 +11,7 @@ mod step;
 pub use co_observation::CoObservation;
 pub use experiment::{AtEnd, ExperimentSettings, YawZero};
 pub use law::{LawKind, LawSettings};
-pub use step::{Axis, PartialAngles, Scan, Slew, Step, StepKind};
+pub use step::{Axis, Excite, PartialAngles, Scan, Slew, Step, StepKind};
 
 use whorl_control::formation::ReferenceLimits;
 use whorl_params::{Reader, positive, range};

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
-use whorl_msgs::whorl::{AttitudeReference, ClockRequest, FormationCommand, FormationState};
+use whorl_msgs::whorl::{AttitudeReference, ClockRequest, Excitation, FormationCommand, FormationState};
 use whorl_node::Timestamp;
 
 use crate::clock::ClockOffset;
@@ -44,6 +44,18 @@ pub(crate) fn reference(
         omega_dot_wr_r_rad_s2: reference.omega_dot_wr_r_rad_s2.into(),
         mode: if leg.holding { AttitudeReference::MODE_HOLD } else { AttitudeReference::MODE_TRACK },
     }
+}
+
+/// Which of its own excitations a platform plays.
+pub(crate) fn excitation(
+    at: Timestamp,
+    sequence: u64,
+    valid_until: Timestamp,
+    name: &str,
+    elapsed_s: f64,
+) -> Excitation {
+    let valid_until = valid_until.into();
+    Excitation { header: header(at, ""), sequence, name: name.to_owned(), elapsed_s, valid_until }
 }
 
 /// A question for the time, with what is known of the platforms' clocks.

@@ -13,8 +13,8 @@ use whorl_control::reference::Reference;
 use whorl_math::attitude_error;
 use whorl_node::{Outputs, Timestamp};
 
-use crate::goal::{Goal, scan_motion};
-use crate::parameters::{CoObservation, LawKind, Parameters, Scan, Step, YawZero};
+use crate::goal::{Goal, Planning, scan_motion};
+use crate::parameters::{CoObservation, LawKind, Parameters, Scan, Step, StepKind, YawZero};
 use crate::pause::{PauseWatch, PlatformCondition, Verdict};
 
 /// Period of the references \[s\].
@@ -33,6 +33,8 @@ pub(crate) struct Sight {
     pub fresh: bool,
     /// Whether its controller follows its reference.
     pub following: bool,
+    /// Whether an excitation moves it, and not its reference.
+    pub excited: bool,
     /// The reference that another coordinator gives it, if fresh.
     pub reference: Option<Reference>,
 }
@@ -47,6 +49,8 @@ pub(crate) struct Leg {
     /// Its own motion, for a platform that leads.
     goal: Option<Goal>,
     was_usable: bool,
+    /// Its reference goes with it because it is excited, or it was until just now.
+    carried: bool,
     /// The reference at this instant.
     pub shaped: Shaped,
     /// Whether it is told to come to rest.
@@ -123,6 +127,7 @@ impl Run {
                 offset_motion: None,
                 goal,
                 was_usable: true,
+                carried: false,
                 holding: true,
             });
         }
@@ -202,9 +207,11 @@ impl Run {
         now: Timestamp,
         outputs: &mut Outputs,
     ) -> Progress {
-        for (leg, sight) in self.legs.iter_mut().zip(sights) {
+        let step = parameters.steps.get(self.step).map(|step| &step.kind);
+        for (platform, (leg, sight)) in self.legs.iter_mut().zip(sights).enumerate() {
             leg.shaper.advance(REFERENCE_PERIOD_S);
-            leg.rejoin(sight, parameters.link.rejoin_error_rad);
+            let exciting = matches!(step, Some(StepKind::Excite(excite)) if excite.concerns(platform));
+            leg.rejoin(sight, parameters.link.rejoin_error_rad, exciting);
         }
         self.look(parameters, sights);
         let verdict = self.watch.evaluate(
@@ -240,7 +247,8 @@ impl Run {
         self.ask_law();
         for ((leg, sight), demand) in self.legs.iter_mut().zip(sights).zip(&self.demands) {
             leg.holding = *demand == Demand::Hold || sight.motion.is_none() || !sight.following;
-            let demand = if leg.holding { &Demand::Hold } else { demand };
+            // An excited platform is told nothing; its reference goes with it, ready to take over.
+            let demand = if leg.holding || sight.excited { &Demand::Hold } else { demand };
             leg.shaped = leg.shaper.plan(demand, REFERENCE_PERIOD_S);
         }
         if self.step < parameters.steps.len() { Progress::Running } else { Progress::Finished }
@@ -359,9 +367,9 @@ impl Leg {
         }
     }
 
-    /// A platform that does not follow takes its reference with it; one that was lost from sight and
+    /// A platform that does not follow, or is `exciting` itself, takes its reference with it; one that was lost from sight and
     /// comes back far from its reference starts anew from where it is. Else nothing jumps.
-    fn rejoin(&mut self, sight: &Sight, rejoin_error_rad: f64) {
+    fn rejoin(&mut self, sight: &Sight, rejoin_error_rad: f64, exciting: bool) {
         let returned = sight.motion.is_some() && !self.was_usable;
         self.was_usable = sight.motion.is_some();
         let Some((q, omega)) = sight.motion else { return };
@@ -369,7 +377,16 @@ impl Leg {
             let reference = self.shaper.reference().q_world_reference;
             attitude_error(&reference, &q).norm() > rejoin_error_rad
         };
-        if !sight.following || (returned && far()) {
+        // Where it was let go is no longer where it is wanted; a slew that has begun since starts from where it is.
+        if let Some(goal) = &mut self.goal {
+            if sight.excited && exciting {
+                *goal = Goal::new(&q, goal.yaw_zero_rad());
+            } else if self.carried && !sight.excited {
+                goal.moved_to(&q, Planning::Smooth(self.shaper.limits()));
+            }
+        }
+        let was_carried = std::mem::replace(&mut self.carried, sight.excited);
+        if !sight.following || sight.excited || was_carried || (returned && far()) {
             let omega = if omega.norm() > STANDING_RAD_S { omega } else { Vector3::zeros() };
             self.shaper.restart_moving(&q, &omega, REFERENCE_PERIOD_S);
         }

@@ -23,6 +23,7 @@ use whorl_dynamics::Gyrostat;
 use whorl_dynamics::platform::{Jet, Wheel};
 use whorl_node::Timestamp;
 
+use crate::excitation::Drive;
 use crate::parameters::Parameters;
 
 /// Share of its largest speed within which a wheel's torque outwards is tapered to zero.
@@ -217,6 +218,65 @@ impl Actuation {
             achieved_b_n_m: allocation.achieved_torque_b_n_m + self.jet_torque_b_n_m,
             found: found(&allocation),
         }
+    }
+
+    /// Carries out an excitation: control's torque on the body by the wheels, if any \[N m\]; a motor torque on top
+    /// for each wheel \[N m\]; and a jet that fires in the slot that begins now, if one does, for so long \[s\].
+    /// True when that slot began.
+    pub fn excite(
+        &mut self,
+        stamp: Timestamp,
+        torque_b_n_m: Option<&Vector3<f64>>,
+        drive: &Drive,
+        wheel_speed_rad_s: &[f64],
+        failed_by_driver: &[bool],
+    ) -> (Actuated, bool) {
+        self.set_wheel_bounds(wheel_speed_rad_s);
+        self.set_available(failed_by_driver);
+        let begins = self.slot_begins(stamp);
+        if begins {
+            self.close_jets();
+            self.modulator.reset();
+            self.unloading.stop();
+            if let Some((j, on_s)) = drive.pulse
+                && self.demand.jet_available.contains(j)
+                && let (Some(on), Some(jet)) = (self.on_time_s.get_mut(j), self.jets.get(j))
+            {
+                *on = on_s;
+                let effective_s = effective_on_s(jet, on_s);
+                self.jet_torque_b_n_m = jet.torque_b_n_m() * (effective_s / self.slot_length_s);
+                self.gas_used_kg += effective_s * self.gas_rate_kg_s.get(j).copied().unwrap_or(0.0);
+            }
+        }
+        let mut actuated = Actuated { alpha: 1.0, achieved_b_n_m: self.jet_torque_b_n_m, found: Found::Off };
+        self.wheel_torque_n_m.fill(0.0);
+        if let Some(allocation) = torque_b_n_m.and_then(|torque| self.allocate(Mode::Wheels, *torque)) {
+            let motors = self.wheel_torque_n_m.iter_mut().zip(&allocation.wheel_motor_torque_n_m);
+            for ((motor, net), friction) in motors.zip(&self.friction_n_m) {
+                *motor = net + friction;
+            }
+            actuated.alpha = allocation.alpha;
+            actuated.achieved_b_n_m += allocation.achieved_torque_b_n_m;
+            actuated.found = found(&allocation);
+        }
+        for ((motor, more), wheel) in
+            self.wheel_torque_n_m.iter_mut().zip(&drive.wheel_torque_n_m).zip(&self.wheels)
+        {
+            let before = *motor;
+            *motor = (before + more).clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m);
+            // What turns the wheel turns the body back.
+            actuated.achieved_b_n_m -= wheel.spin_axis_b.into_inner() * (*motor - before);
+        }
+        (actuated, begins)
+    }
+
+    /// After an excitation: no pulse of it is left over.
+    pub fn end_excitation(&mut self) {
+        if self.on_time_s.iter().any(|on| *on > 0.0) {
+            self.slot += 1;
+        }
+        self.close_jets();
+        self.slot_start = None;
     }
 
     /// Torque of the model's effects on each wheel \[N m\], which the motors counter from now on.

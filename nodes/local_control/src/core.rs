@@ -16,11 +16,12 @@ use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ClockReply, ClockRequest, ControlStatus};
 use whorl_node::{Configurable, Event, NodeCore, Outputs, Timestamp};
 
-use crate::actuation::{Actuation, ActuationError};
+use crate::actuation::{Actuated, Actuation, ActuationError};
 use crate::authority::{Authority, Heartbeat};
 use crate::balancing::Balancing;
+use crate::excitation::{Drive, Excitations, Played, tilted_as};
 use crate::inputs::{Estimate, Inputs};
-use crate::parameters::Parameters;
+use crate::parameters::{Hold, Parameters};
 use crate::publishing::Report;
 use crate::target::{Goal, Target};
 
@@ -67,6 +68,7 @@ pub struct LocalControlCore {
     pub(crate) safe_envelope: TiltEnvelope,
     pub(crate) target: Target,
     pub(crate) actuation: Actuation,
+    pub(crate) excitations: Excitations,
     /// `None`: the mass actuators are left alone.
     pub(crate) balancing: Option<Balancing>,
     pub(crate) inputs: Inputs,
@@ -111,6 +113,7 @@ impl LocalControlCore {
             safe_envelope: TiltEnvelope::new(adjusted.tilt_limit, limits.safe_tilt_margin_rad)?,
             target: Target::new(parameters.rejoin, limits.deceleration_rad_s2, envelope),
             actuation: Actuation::new(&parameters, &gyrostat)?,
+            excitations: Excitations::new(envelope, limits.max_rate_rad_s),
             balancing: parameters.balancing.map(|b| Balancing::new(b, &gyrostat)).transpose()?,
             inputs: Inputs::new(adjusted.wheels.len(), adjusted.jets.len(), limits.max_message_age_s),
             frame_id: format!("{}/base_link", parameters.name),
@@ -252,21 +255,118 @@ impl LocalControlCore {
     fn leave_tracking(&mut self) {
         self.law.reset();
         self.target.reset();
+        if self.excitations.interrupt() {
+            self.actuation.end_excitation();
+        }
         if let Some(balancing) = &mut self.balancing {
             balancing.interrupt();
         }
     }
 
+    /// What is to be played in this step, if anything, and the number of its pulse.
+    fn played(&mut self, estimate: &Estimate, authority: Authority) -> (Played, Option<u64>) {
+        let asked = self.inputs.excitation(estimate.stamp).filter(|_| authority == Authority::Track);
+        let Some((name, elapsed_s)) = asked else {
+            if self.excitations.stop() {
+                self.actuation.end_excitation();
+            }
+            return (Played::Nothing, None);
+        };
+        let wheels = &self.gyrostat.model().wheels;
+        let speeds = self.inputs.wheel_speed_rad_s();
+        let known = &self.parameters.excitations;
+        let played = self.excitations.play((&name, elapsed_s), known, wheels, speeds, estimate);
+        if matches!(played, (Played::Refused(_), _)) {
+            self.actuation.end_excitation();
+        }
+        played
+    }
+
+    fn excite(
+        &mut self,
+        estimate: &Estimate,
+        torque_b_n_m: Option<&Vector3<f64>>,
+        drive: &Drive,
+        pulse: Option<u64>,
+    ) -> Actuated {
+        let speeds = self.inputs.wheel_speed_rad_s();
+        let failed = self.inputs.jet_failed();
+        let (actuated, slot_began) =
+            self.actuation.excite(estimate.stamp, torque_b_n_m, drive, speeds, failed);
+        if slot_began {
+            self.excitations.fired(pulse);
+        }
+        actuated
+    }
+
+    /// An excitation that leaves the reference, or its yaw, alone.
+    fn let_go(
+        &mut self,
+        now: Timestamp,
+        estimate: &Estimate,
+        drive: &Drive,
+        pulse: Option<u64>,
+        outputs: &mut Outputs,
+    ) {
+        // Afterwards the reference is joined from where the body then is.
+        self.target.reset();
+        if let Some(balancing) = &mut self.balancing {
+            balancing.interrupt();
+        }
+        let tracking = match drive.hold {
+            Hold::Tilt => {
+                let wheel_momentum = self.actuation.wheel_momentum_b_n_m_s(self.inputs.wheel_speed_rad_s());
+                let mut output = self.law.torque(&TrackingInput {
+                    q_world_body: &estimate.q_world_body,
+                    omega_wb_b_rad_s: &estimate.omega_wb_b_rad_s,
+                    reference: &tilted_as(&drive.start, estimate),
+                    wheel_momentum_b_n_m_s: &wheel_momentum,
+                    modelled_torque_b_n_m: &self.modelled_torque(estimate),
+                    dt_s: self.step_length_s(now),
+                });
+                // Yaw gets nothing but the excitation, not even what the model would counter.
+                let up = estimate.q_world_body.inverse() * Vector3::z();
+                output.torque_b_n_m -= up * up.dot(&output.torque_b_n_m);
+                Some(output)
+            }
+            Hold::Attitude | Hold::Nothing => {
+                self.law.reset();
+                None
+            }
+        };
+        let effects = self.wheel_effects_n_m(estimate);
+        self.actuation.set_wheel_effects(&effects);
+        let asked = tracking.as_ref().map(|output| output.torque_b_n_m);
+        let actuated = self.excite(estimate, asked.as_ref(), drive, pulse);
+        let report = Report {
+            mode: ControlStatus::MODE_EXCITE,
+            reason: ControlStatus::REASON_NONE,
+            tracking,
+            asked_b_n_m: asked.unwrap_or_default(),
+            actuated,
+        };
+        self.finish(now, estimate.stamp, report, outputs);
+    }
+
     fn track(&mut self, now: Timestamp, estimate: &Estimate, authority: Authority, outputs: &mut Outputs) {
         self.fault = None;
+        let (played, pulse) = self.played(estimate, authority);
+        if let Played::Drive(drive) = &played
+            && drive.hold != Hold::Attitude
+        {
+            return self.let_go(now, estimate, drive, pulse, outputs);
+        }
         let dt_s = self.step_length_s(now);
+        // An excitation that came to a limit ends as hard as control can: its reference stands at once.
+        let from_rate = if matches!(played, Played::Refused(_)) { 0.0 } else { 1.0 };
         let body = Reference {
             q_world_reference: estimate.q_world_body,
-            omega_wr_r_rad_s: estimate.omega_wb_b_rad_s,
+            omega_wr_r_rad_s: estimate.omega_wb_b_rad_s * from_rate,
             omega_dot_wr_r_rad_s2: Vector3::zeros(),
         };
         let received = self.inputs.reference();
         let goal = match (authority, received) {
+            _ if matches!(played, Played::Refused(_)) => Goal::Hold,
             (Authority::Track, Some((stamp, valid_for_s, reference, _))) => {
                 Goal::Follow(*stamp, *valid_for_s, reference)
             }
@@ -274,9 +374,10 @@ impl LocalControlCore {
         };
         let source_stale = received.is_none_or(|(_, _, _, mode)| *mode == AttitudeReference::MODE_HOLD);
         let aim = self.target.step(estimate.stamp, goal, &body);
-        let (mode, reason) = match authority {
-            Authority::Lost(_) => (ControlStatus::MODE_HOLD, ControlStatus::REASON_NO_AUTHORITY),
-            Authority::Hold => (ControlStatus::MODE_HOLD, ControlStatus::REASON_NONE),
+        let (mode, reason) = match (authority, &played) {
+            (_, Played::Refused(reason)) => (ControlStatus::MODE_HOLD, *reason),
+            (Authority::Lost(_), _) => (ControlStatus::MODE_HOLD, ControlStatus::REASON_NO_AUTHORITY),
+            (Authority::Hold, _) => (ControlStatus::MODE_HOLD, ControlStatus::REASON_NONE),
             _ if aim.stale || source_stale => {
                 (ControlStatus::MODE_HOLD, ControlStatus::REASON_REFERENCE_STALE)
             }
@@ -295,8 +396,13 @@ impl LocalControlCore {
         });
         let effects = self.wheel_effects_n_m(estimate);
         self.actuation.set_wheel_effects(&effects);
-        let actuated =
-            self.actuation.apply(estimate.stamp, &output.torque_b_n_m, wheel_speed, self.inputs.jet_failed());
+        let actuated = match &played {
+            Played::Drive(drive) => self.excite(estimate, Some(&output.torque_b_n_m), drive, pulse),
+            _ => {
+                let failed = self.inputs.jet_failed();
+                self.actuation.apply(estimate.stamp, &output.torque_b_n_m, wheel_speed, failed)
+            }
+        };
         self.law.integrate(dt_s, actuated.alpha > 0.999);
 
         // After authority was lost: once at rest, let go.
@@ -403,6 +509,7 @@ impl NodeCore for LocalControlCore {
             Topic::WheelState,
             Topic::ThrusterState,
             Topic::AttitudeReference,
+            Topic::Excitation,
         ];
         let own = own.map(|topic| Route::platform(self.parameters.platform, topic));
         own.into_iter().chain([Topic::FormationCommand, Topic::FormationClock].map(Route::shared)).collect()
@@ -430,6 +537,7 @@ impl NodeCore for LocalControlCore {
                 Message::JointState(wheels) => self.inputs.wheels_arrived(now, wheels),
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
+                Message::Excitation(excitation) => self.inputs.excitation_arrived(now, excitation),
                 // Where every platform has a coordinator of its own, a command names whom it is for.
                 Message::FormationCommand(command)
                     if !["", self.parameters.name.as_str()].contains(&command.header.frame_id.as_str()) => {}
@@ -474,6 +582,7 @@ impl Configurable for LocalControlCore {
         self.safe_mode.reconfigure(&fresh.safe_mode);
         self.safe_envelope = fresh.safe_envelope;
         self.target.reconfigure(fresh.target);
+        self.excitations.reconfigure(fresh.excitations);
         self.inputs.set_max_age(parameters.limits.max_message_age_s);
         self.parameters = parameters.clone();
         Ok(())

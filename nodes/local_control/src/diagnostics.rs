@@ -16,6 +16,7 @@ pub fn mode_name(mode: u8) -> &'static str {
         ControlStatus::MODE_HOLD => "holding",
         ControlStatus::MODE_SAFE_DAMPING => "safe: damping",
         ControlStatus::MODE_SAFE_COAST => "safe: coasting",
+        ControlStatus::MODE_EXCITE => "excited",
         _ => "unknown",
     }
 }
@@ -31,6 +32,10 @@ pub fn reason_text(reason: u8) -> &'static str {
         ControlStatus::REASON_TILT_LIMIT => "tilt near its stop",
         ControlStatus::REASON_ABORT => "aborted",
         ControlStatus::REASON_RATE_LIMIT => "body rate beyond its limit",
+        ControlStatus::REASON_EXCITATION_LIMIT => {
+            "the excitation came to a limit of tilt, rate or wheel speed"
+        }
+        ControlStatus::REASON_EXCITATION_UNKNOWN => "there is no excitation of this name",
         _ => "unknown reason",
     }
 }

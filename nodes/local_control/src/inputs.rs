@@ -5,7 +5,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::Reference;
 use whorl_msgs::sensor_msgs::{Imu, JointState};
 use whorl_msgs::std_msgs::Header;
-use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ThrusterState};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, Excitation, ThrusterState};
 use whorl_node::Timestamp;
 
 /// Equal consecutive gyro samples that count as a frozen sensor: noise changes every one of a
@@ -81,6 +81,9 @@ pub struct Inputs {
     equal_samples: u32,
     reference: Option<(Timestamp, f64, Reference, u8)>,
     reference_order: Order,
+    /// Stamp, validity after it [s], name, time since its start [s].
+    excitation: Option<(Timestamp, f64, String, f64)>,
+    excitation_order: Order,
     wheel_order: Order,
     wheel_speed_rad_s: Vec<f64>,
     thruster_order: Order,
@@ -101,6 +104,8 @@ impl Inputs {
             equal_samples: 0,
             reference: None,
             reference_order: Order::default(),
+            excitation: None,
+            excitation_order: Order::default(),
             wheel_order: Order::default(),
             wheel_speed_rad_s: vec![0.0; wheels],
             thruster_order: Order::default(),
@@ -195,6 +200,25 @@ impl Inputs {
     /// The latest reference: stamp, validity after it [s], value, mode.
     pub fn reference(&self) -> Option<&(Timestamp, f64, Reference, u8)> {
         self.reference.as_ref()
+    }
+
+    /// Takes what is to be played.
+    pub fn excitation_arrived(&mut self, now: Timestamp, message: &Excitation) {
+        if !message.elapsed_s.is_finite() {
+            self.refused.not_finite += 1;
+            return;
+        }
+        let admitted = self.excitation_order.admit(&message.header, now, self.max_age_s, &mut self.refused);
+        let Some(stamp) = admitted else { return };
+        let valid_for_s = Timestamp::from(message.valid_until).seconds_since(stamp);
+        self.excitation = Some((stamp, valid_for_s, message.name.clone(), message.elapsed_s));
+    }
+
+    /// What is to be played at this instant: its name, and the time since its start [s].
+    pub fn excitation(&self, at: Timestamp) -> Option<(String, f64)> {
+        let (stamp, valid_for_s, name, elapsed_s) = self.excitation.as_ref()?;
+        let since_s = at.seconds_since(*stamp);
+        (since_s < *valid_for_s).then(|| (name.clone(), elapsed_s + since_s))
     }
 
     /// Takes wheel speeds.

@@ -11,6 +11,8 @@
 //! | reference not renewed, or none yet | it decelerates and is held | HOLD, REFERENCE_STALE |
 //! | reference jumps (a link returned) | it is approached within rate and acceleration limits | TRACK, NONE |
 //! | reference too tilted | it is clipped | TRACK, NONE |
+//! | an excitation is called for | it is played, on top of control or in its place | TRACK or EXCITE, NONE |
+//! | it comes to a limit, or is not known | it is over; the reference decelerates and is held | HOLD, EXCITATION_* |
 //! | estimate stale or not usable | rate damping on the gyro, then coasting | SAFE_*, ESTIMATE_* |
 //! | tilt near its stop, rate too high | the same | SAFE_*, TILT_LIMIT, RATE_LIMIT |
 //! | `ABORT` | the same, until another command | SAFE_*, ABORT |
@@ -26,6 +28,7 @@ mod authority;
 mod balancing;
 mod core;
 mod diagnostics;
+mod excitation;
 mod inputs;
 pub mod parameters;
 mod publishing;
@@ -34,4 +37,4 @@ mod target;
 mod tests;
 
 pub use crate::core::{LocalControlCore, LocalControlError};
-pub use parameters::{Limits, Parameters};
+pub use parameters::{Excitation, Hold, Limits, Parameters};

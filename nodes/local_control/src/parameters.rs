@@ -1,5 +1,7 @@
 //! Local control's parameters: the single definition of their names, ranges and meaning.
 
+mod excitations;
+
 use std::time::Duration;
 
 use nalgebra::Vector3;
@@ -12,6 +14,8 @@ use whorl_control::tracking::{GyrostatInertia, IntegralAction, TrackingGains, Tr
 use whorl_dynamics::PlatformModel;
 use whorl_msgs::topics::PlatformId;
 use whorl_params::{Reader, any, non_negative, own_platform, platform_model, positive, range};
+
+pub use excitations::{Excitation, Hold};
 
 /// Validated parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,6 +58,8 @@ pub struct Parameters {
     pub wheel_weight: f64,
     /// Automatic mass balancing; `None`: the mass actuators are left alone.
     pub balancing: Option<BalancingSettings>,
+    /// What the coordinator may call for by name.
+    pub excitations: Vec<Excitation>,
     /// Whether every allocation is compared with the exact oracle; costs as much again.
     pub check_allocation: bool,
 }
@@ -150,6 +156,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         )
     });
     let balancing = r.group("balancing", |r| read_balancing(r, model.as_ref()));
+    let excitations = r.fixed(|r| excitations::read(r, model.as_ref(), actuators, jet_slot_length_s));
     let check_allocation = r.bool_or(
         "check_allocation",
         false,
@@ -217,6 +224,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         wheel_speed_target_rad_s: if targets.is_empty() { vec![0.0; wheels] } else { targets },
         wheel_weight,
         balancing,
+        excitations,
         check_allocation,
         model,
     })

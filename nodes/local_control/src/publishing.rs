@@ -36,7 +36,9 @@ impl LocalControlCore {
     pub(crate) fn finish(&mut self, now: Timestamp, stamp: Timestamp, report: Report, outputs: &mut Outputs) {
         let stamp = self.latest_stamp.map_or(stamp, |latest| latest.max(stamp));
         if (self.mode, self.reason) != (report.mode, report.reason) {
-            let safe = report.mode >= ControlStatus::MODE_SAFE_DAMPING;
+            let safe =
+                matches!(report.mode, ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST)
+                    || report.reason >= ControlStatus::REASON_EXCITATION_LIMIT;
             outputs.log(
                 if safe { LogLevel::Warn } else { LogLevel::Info },
                 format!("{}: {}", self.parameters.name, phrase(report.mode, report.reason)),

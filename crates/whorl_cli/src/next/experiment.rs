@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::family::{Actuators, Envelope, Manoeuvre, Step};
+use super::family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step};
 
 /// How long the platform settles at balance first \[s\].
 const SETTLE_S: f64 = 8.0;
@@ -40,9 +40,15 @@ pub fn yaml(
     for (k, step) in manoeuvre.steps.iter().enumerate() {
         let _ = writeln!(out, "      {}", line(k + 1, step));
     }
+    let excitations = if manoeuvre.excitations.is_empty() {
+        String::new()
+    } else {
+        let lines: Vec<String> = manoeuvre.excitations.iter().map(excitation).collect();
+        format!("    excitations:\n{}", lines.concat())
+    };
     let _ = write!(
         out,
-        "\n/{platform}/local_control:\n  ros__parameters:\n    actuators: {actuators}\n\n\
+        "\n/{platform}/local_control:\n  ros__parameters:\n    actuators: {actuators}\n{excitations}\n\
          # A simulated platform starts where it balances.\n\
          /{platform}/driver:\n  ros__parameters:\n    initial: {{yaw_deg: 0.0, pitch_deg: {pitch:.2}, roll_deg: {roll:.2}}}\n"
     );
@@ -67,8 +73,33 @@ fn line(number: usize, step: &Step) -> String {
         Step::Scan { axis, amplitude_deg, period_s, duration_s } => format!(
             "swing_{number}: {{kind: scan, duration_s: {duration_s:.1}, axis: {axis}, amplitude_deg: {amplitude_deg:.2}, period_s: {period_s:.1}}}"
         ),
+        Step::Excite { excitation, duration_s, .. } => {
+            format!(
+                "{excitation}_{number}: {{kind: excite, duration_s: {duration_s:.1}, excitation: {excitation}}}"
+            )
+        }
         Step::Hold { duration_s } => format!("hold_{number}: {{kind: hold, duration_s: {duration_s:.1}}}"),
     }
+}
+
+fn excitation(excitation: &Excitation) -> String {
+    let Excitation { name, hold, drive } = excitation;
+    let rest = match drive {
+        Drive::Nothing => String::new(),
+        Drive::Wheels { names, signal, torque_n_m, period_s, highest_hz } => format!(
+            ", wheels: [{}], signal: {signal}, torque_n_m: {torque_n_m:.4}, period_s: {period_s:.1}, highest_hz: {highest_hz:.2}",
+            names.join(", ")
+        ),
+        Drive::Jets { names, on_time_s, every_s } => {
+            let on_time_s: Vec<String> = on_time_s.iter().map(|t| format!("{t:.3}")).collect();
+            format!(
+                ", jets: [{}], on_time_s: [{}], every_s: {every_s:.1}",
+                names.join(", "),
+                on_time_s.join(", ")
+            )
+        }
+    };
+    format!("      {name}: {{hold: {hold}{rest}}}\n")
 }
 
 /// Into -180 to 180.

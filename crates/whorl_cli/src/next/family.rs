@@ -11,6 +11,17 @@ const TILT_MOST_DEG: f64 = 2.5;
 /// Fastest yaw rate \[deg/s\].
 const RATE_MOST_DEG_S: f64 = 16.0;
 
+/// Gravity brings a platform back from a few degrees if it is stiffer than this [N m].
+const STABLE_N_M: f64 = 0.5;
+/// A wheel whose axis is nearer to the vertical than 45 deg turns the platform in yaw.
+const YAW_AXIS: f64 = 0.707;
+/// Lengths of a long and a short pulse, and the longest that a jet slot holds \[s\].
+const PULSES_S: [f64; 2] = [0.09, 0.03];
+const LONGEST_PULSE_S: f64 = 0.1;
+/// From pulse to pulse, and for how long the platform coasts \[s\].
+const PULSE_EVERY_S: f64 = 2.0;
+const COAST_S: f64 = 30.0;
+
 /// Which actuators control uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Actuators {
@@ -33,8 +44,32 @@ pub enum Step {
     },
     /// Swings one angle.
     Scan { axis: &'static str, amplitude_deg: f64, period_s: f64, duration_s: f64 },
+    /// Plays an excitation of the manoeuvre, by its name.
+    Excite { excitation: &'static str, rate_deg_s: f64, acceleration_deg_s2: f64, duration_s: f64 },
     /// Waits.
     Hold { duration_s: f64 },
+}
+
+/// What the platform's own control plays, whatever the platform does.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Excitation {
+    /// Its name.
+    pub name: &'static str,
+    /// What control goes on holding: attitude, tilt or nothing.
+    pub hold: &'static str,
+    /// What is driven.
+    pub drive: Drive,
+}
+
+/// What an excitation drives.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Drive {
+    /// Nothing: it coasts.
+    Nothing,
+    /// Wheels, with a signal.
+    Wheels { names: Vec<String>, signal: &'static str, torque_n_m: f64, period_s: f64, highest_hz: f64 },
+    /// One jet after the other, with each of these lengths.
+    Jets { names: Vec<String>, on_time_s: Vec<f64>, every_s: f64 },
 }
 
 /// A manoeuvre of the family.
@@ -48,6 +83,8 @@ pub struct Manoeuvre {
     pub actuators: Actuators,
     /// What is done, after settling at balance.
     pub steps: Vec<Step>,
+    /// What its steps play.
+    pub excitations: Vec<Excitation>,
 }
 
 impl Manoeuvre {
@@ -55,7 +92,8 @@ impl Manoeuvre {
     pub fn demand_deg_s(&self) -> (f64, f64) {
         self.steps.iter().fold((1.0, 0.6), |(rate, acceleration), step| {
             let (r, a) = match step {
-                Step::Slew { rate_deg_s, acceleration_deg_s2, .. } => (*rate_deg_s, *acceleration_deg_s2),
+                Step::Slew { rate_deg_s, acceleration_deg_s2, .. }
+                | Step::Excite { rate_deg_s, acceleration_deg_s2, .. } => (*rate_deg_s, *acceleration_deg_s2),
                 Step::Scan { amplitude_deg, period_s, .. } => {
                     let omega = std::f64::consts::TAU / period_s;
                     (amplitude_deg * omega, amplitude_deg * omega * omega)
@@ -82,6 +120,16 @@ pub struct Envelope {
     torque_n_m: f64,
     inertia_kg_m2: f64,
     stiffness_n_m: f64,
+    /// Whether gravity brings it back when it is let go.
+    stable: bool,
+    /// Names of all wheels, and of those that turn it in yaw.
+    wheel_names: Vec<String>,
+    yaw_wheels: Vec<String>,
+    /// Torque of one wheel in an excitation [N m].
+    wheel_torque_n_m: f64,
+    jet_names: Vec<String>,
+    /// A long and a short pulse \[s\].
+    pulses_s: Vec<f64>,
 }
 
 impl Envelope {
@@ -129,6 +177,24 @@ impl Envelope {
             torque_n_m: 0.5 * about(0).0.min(about(1).0) * scale,
             inertia_kg_m2: inertia[(0, 0)].max(inertia[(1, 1)]),
             stiffness_n_m: mgr.norm(),
+            stable: mgr.z < -STABLE_N_M && rests_inside,
+            wheel_names: model.wheels.iter().map(|w| w.name.clone()).collect(),
+            yaw_wheels: model
+                .wheels
+                .iter()
+                .filter(|w| w.spin_axis_b.z.abs() > YAW_AXIS)
+                .map(|w| w.name.clone())
+                .collect(),
+            wheel_torque_n_m: 0.5
+                * model.wheels.iter().map(|w| w.max_torque_n_m).fold(f64::INFINITY, f64::min)
+                * scale,
+            jet_names: model.jets.iter().map(|j| j.name.clone()).collect(),
+            pulses_s: {
+                let least = 1.5 * model.jets.iter().map(|j| j.min_on_time_s).fold(0.0, f64::max);
+                PULSES_S
+                    .map(|on_s| (on_s * scale).clamp(least.min(LONGEST_PULSE_S), LONGEST_PULSE_S))
+                    .to_vec()
+            },
         }
     }
 
@@ -157,9 +223,14 @@ struct Plan<'a> {
     acceleration_deg_s2: f64,
     yaw_deg: f64,
     steps: Vec<Step>,
+    excitations: Vec<Excitation>,
 }
 
-impl Plan<'_> {
+impl<'a> Plan<'a> {
+    fn new(envelope: &'a Envelope, acceleration_deg_s2: f64) -> Self {
+        Self { envelope, acceleration_deg_s2, yaw_deg: 0.0, steps: Vec::new(), excitations: Vec::new() }
+    }
+
     fn yaw(&mut self, to_deg: f64, rate_deg_s: f64) {
         let duration_s = turn_s(to_deg - self.yaw_deg, rate_deg_s, self.acceleration_deg_s2) + 1.0;
         self.steps.push(self.turn(Some(to_deg), None, rate_deg_s, duration_s));
@@ -207,6 +278,56 @@ impl Plan<'_> {
         self.scan(axis, amplitude, period_s, periods);
     }
 
+    /// Plays an excitation.
+    fn excite(&mut self, name: &'static str, hold: &'static str, drive: Drive, duration_s: f64) {
+        let (rate_deg_s, _) = self.envelope.wheels.unwrap_or((RATE_MOST_DEG_S, 0.0));
+        let acceleration_deg_s2 = self.acceleration_deg_s2;
+        self.steps.push(Step::Excite { excitation: name, rate_deg_s, acceleration_deg_s2, duration_s });
+        if self.excitations.iter().all(|e| e.name != name) {
+            self.excitations.push(Excitation { name, hold, drive });
+        }
+    }
+
+    /// A signal on wheels while the tilt is held and yaw is left alone, and back to balance.
+    fn signal(&mut self, signal: &'static str, highest_hz: f64, duration_s: f64) {
+        let drive = Drive::Wheels {
+            names: self.envelope.wheel_names.clone(),
+            signal,
+            torque_n_m: self.envelope.wheel_torque_n_m,
+            period_s: 30.0,
+            highest_hz,
+        };
+        self.excite(signal, "tilt", drive, duration_s);
+        self.stop();
+    }
+
+    /// Comes to rest at balance, from whatever rate.
+    fn stop(&mut self) {
+        let (pitch, roll) = self.envelope.balance_deg;
+        let (rate, _) = self.envelope.wheels.unwrap_or((1.0, 0.0));
+        let duration_s = 4.0 + 1.5 * rate / self.acceleration_deg_s2;
+        let step = self.turn(None, Some((pitch, roll)), 1.0, duration_s);
+        self.steps.push(step);
+    }
+
+    /// Spins up in yaw with the wheels and lets go.
+    fn spin_up_and_coast(&mut self, name: &'static str, sign: f64) {
+        let Some((rate_deg_s, acceleration_deg_s2)) = self.envelope.wheels else { return };
+        // Half of all yaw wheels' torque is what `acceleration_deg_s2` is of.
+        let torque_n_m = self.envelope.wheel_torque_n_m * sign;
+        let drive = Drive::Wheels {
+            names: self.envelope.yaw_wheels.clone(),
+            signal: "constant",
+            torque_n_m,
+            period_s: 30.0,
+            highest_hz: 1.0,
+        };
+        self.excite(name, "tilt", drive, rate_deg_s / acceleration_deg_s2);
+        let hold = if self.envelope.stable { "nothing" } else { "tilt" };
+        self.excite("coast", hold, Drive::Nothing, COAST_S);
+        self.stop();
+    }
+
     fn hold(&mut self, duration_s: f64) {
         self.steps.push(Step::Hold { duration_s });
     }
@@ -218,10 +339,10 @@ pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
     if let Some((rate, acceleration)) = envelope.wheels {
         let torque = envelope.torque_n_m;
         let mut add = |name, words, write: &dyn Fn(&mut Plan<'_>)| {
-            let mut plan =
-                Plan { envelope, acceleration_deg_s2: acceleration, yaw_deg: 0.0, steps: Vec::new() };
+            let mut plan = Plan::new(envelope, acceleration);
             write(&mut plan);
-            all.push(Manoeuvre { name, words, actuators: Actuators::Wheels, steps: plan.steps });
+            let Plan { steps, excitations, .. } = plan;
+            all.push(Manoeuvre { name, words, actuators: Actuators::Wheels, steps, excitations });
         };
         add("yaw_rates", "turns in yaw at rates over 10:1, both ways, each time to a full stop", &|p| {
             p.yaw(12.0 * rate, rate);
@@ -238,7 +359,7 @@ pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
             p.yaw(0.0, 0.7 * rate);
             p.tilt(0.0, 0.0);
         });
-        add("swings", "swings about yaw, pitch and roll, slow and fast (a multisine in parts)", &|p| {
+        add("swings", "swings about yaw, pitch and roll, slow and fast", &|p| {
             p.swing_yaw(rate, 24.0, 1.0);
             p.swing_yaw(rate, 9.0, 2.0);
             p.swing_tilt("pitch", torque, 7.0, 2.0);
@@ -269,20 +390,36 @@ pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
                 p.tilt(0.0, 0.0);
             }
         });
-        add("steps", "steps to and fro in yaw and tilt at irregular times (a binary sequence)", &|p| {
-            for (k, hold_s) in [1.0, 4.0, 1.0, 1.0, 6.0, 2.0, 1.0, 3.0].into_iter().enumerate() {
-                let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-                p.yaw(sign * 0.9 * rate, rate);
-                p.hold(hold_s);
-                if k % 3 == 2 {
-                    p.tilt(sign * 0.6 * envelope.tilt_deg, 0.4 * envelope.tilt_deg);
-                    p.tilt(0.0, 0.0);
-                }
-            }
+        add("multisine", "plays a multisine on every wheel, with its tilt held and its yaw free", &|p| {
+            p.signal("multisine", 1.0, 60.0);
         });
+        add("prbs", "plays a binary sequence on every wheel, with its tilt held and its yaw free", &|p| {
+            // 127 bits of half a second.
+            p.signal("prbs", 1.0, 64.0);
+        });
+        if !envelope.yaw_wheels.is_empty() {
+            add("coast", "spins up in yaw and coasts, to both sides", &|p| {
+                p.spin_up_and_coast("spin_up", 1.0);
+                p.spin_up_and_coast("spin_back", -1.0);
+            });
+        }
+        if !envelope.jet_names.is_empty() {
+            add(
+                "jet_pulses",
+                "fires one jet after the other, long and short, while the wheels hold it",
+                &|p| {
+                    let names = envelope.jet_names.clone();
+                    let pulses = names.len() * envelope.pulses_s.len();
+                    let drive =
+                        Drive::Jets { names, on_time_s: envelope.pulses_s.clone(), every_s: PULSE_EVERY_S };
+                    p.excite("pulses", "attitude", drive, PULSE_EVERY_S * pulses as f64);
+                    p.hold(2.0);
+                },
+            );
+        }
     }
     if let Some(acceleration) = envelope.jets {
-        let mut plan = Plan { envelope, acceleration_deg_s2: acceleration, yaw_deg: 0.0, steps: Vec::new() };
+        let mut plan = Plan::new(envelope, acceleration);
         plan.swing_yaw(3.0, 16.0, 2.0);
         for axis in ["pitch", "roll"] {
             let amplitude = envelope.swing_deg(0.15, 6.0).min(0.6 * envelope.tilt_deg);
@@ -295,6 +432,7 @@ pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
             words: "swings and steps about every axis with the jets alone, in pulses",
             actuators: Actuators::Jets,
             steps: plan.steps,
+            excitations: Vec::new(),
         });
     }
     all

@@ -23,7 +23,7 @@ fn every_manoeuvre_is_an_experiment_that_the_nodes_accept() {
     let directory = tempfile::tempdir().unwrap();
     for platform in ["whorl_1", "whorl_2"] {
         let (envelope, all) = manoeuvres(platform, 1.0);
-        assert_eq!(all.len(), 7);
+        assert_eq!(all.len(), 10);
         for manoeuvre in &all {
             let text = experiment::yaml(
                 manoeuvre.name,

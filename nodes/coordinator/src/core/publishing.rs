@@ -7,8 +7,9 @@ use whorl_node::{Outputs, Timestamp};
 
 use super::{CoordinatorCore, Stage};
 use crate::link::PlatformLink;
-use crate::parameters::Role;
+use crate::parameters::{Role, StepKind};
 use crate::report;
+use crate::run::REFERENCE_PERIOD_S;
 
 impl CoordinatorCore {
     pub(super) fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {
@@ -49,6 +50,32 @@ impl CoordinatorCore {
             outputs.publish(Route::platform(PlatformId(platform), Topic::AttitudeReference), message);
         }
         self.sequences.reference += 1;
+    }
+
+    /// While a step has a platform play an excitation, and only while the experiment goes on.
+    pub(super) fn publish_excitations(&mut self, at: Timestamp, outputs: &mut Outputs) {
+        let Stage::Running(run) = &self.stage else { return };
+        let Some(step) = run.step(&self.parameters).filter(|_| !run.paused) else { return };
+        let StepKind::Excite(excite) = &step.kind else { return };
+        // Until the next reference comes, which may bring the next excitation.
+        let left_s = step.duration_s - run.step_elapsed_s + REFERENCE_PERIOD_S;
+        let valid_s = self.parameters.reference_validity_s.min(left_s).max(0.0);
+        for (platform, link) in (0u16..).zip(&self.links) {
+            let index = usize::from(platform);
+            if !self.parameters.commands(index) || !excite.concerns(index) {
+                continue;
+            }
+            let stamp = link.clock().to_remote(at);
+            let message = report::excitation(
+                stamp,
+                self.sequences.excitation,
+                stamp + Duration::from_secs_f64(valid_s),
+                &excite.excitation,
+                run.step_elapsed_s,
+            );
+            outputs.publish(Route::platform(PlatformId(platform), Topic::Excitation), message);
+        }
+        self.sequences.excitation += 1;
     }
 
     /// The formation's state has one author; a platform's own coordinator is not it.

@@ -1,5 +1,6 @@
 //! Tests of the coordinator with ideal platforms: they are where their reference says.
 
+mod exciting;
 mod experiments;
 mod faults;
 mod laws;
@@ -15,7 +16,7 @@ use whorl_control::reference::Reference;
 use whorl_math::attitude_error;
 use whorl_msgs::topics::{Message, PlatformId, Route, Service, Topic};
 use whorl_msgs::whorl::{
-    AttitudeEstimate, AttitudeReference, ControlStatus, FormationCommand, FormationState,
+    AttitudeEstimate, AttitudeReference, ControlStatus, Excitation, FormationCommand, FormationState,
 };
 use whorl_node::{Event, NodeCore, Outputs, Response, Timestamp};
 use whorl_params::ParameterTree;
@@ -62,6 +63,9 @@ struct Platform {
     cut: bool,
     /// Reports safe mode and stays where it is.
     safe: bool,
+    /// Until when it plays an excitation, and the yaw rate that it then has [rad/s].
+    excited_until: Timestamp,
+    excited_rad_s: f64,
     silent_control: bool,
     health: u8,
     sequence: u64,
@@ -76,6 +80,7 @@ struct Laboratory {
     references: Vec<Vec<AttitudeReference>>,
     states: Vec<FormationState>,
     commands: Vec<FormationCommand>,
+    excitations: Vec<Excitation>,
     log: Vec<String>,
 }
 
@@ -98,6 +103,8 @@ impl Laboratory {
             authority_until: Timestamp(0),
             cut: false,
             safe: false,
+            excited_until: Timestamp(0),
+            excited_rad_s: 0.1,
             silent_control: false,
             health: AttitudeEstimate::HEALTH_OK,
             sequence: 0,
@@ -110,6 +117,7 @@ impl Laboratory {
             references: vec![Vec::new(); count],
             states: Vec::new(),
             commands: Vec::new(),
+            excitations: Vec::new(),
             log: Vec::new(),
         }
     }
@@ -121,7 +129,12 @@ impl Laboratory {
             let now = self.now;
             let platform = &mut self.platforms[index];
             let obeys = now <= platform.authority_until && !platform.safe;
-            if let (true, Some((stamp, reference))) = (obeys, &platform.reference) {
+            if obeys && now < platform.excited_until {
+                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.01 * platform.excited_rad_s);
+                platform.q_world_body = turn * platform.q_world_body;
+                platform.omega_wb_b_rad_s =
+                    platform.q_world_body.inverse() * Vector3::z() * platform.excited_rad_s;
+            } else if let (true, Some((stamp, reference))) = (obeys, &platform.reference) {
                 let at = reference.extrapolated(now.seconds_since(*stamp).min(0.3));
                 platform.q_world_body = at.q_world_reference;
                 platform.omega_wb_b_rad_s = at.omega_wr_r_rad_s;
@@ -158,6 +171,8 @@ impl Laboratory {
     fn status(&self, index: usize, obeys: bool) -> ControlStatus {
         let mode = if self.platforms[index].safe {
             ControlStatus::MODE_SAFE_DAMPING
+        } else if obeys && self.now < self.platforms[index].excited_until {
+            ControlStatus::MODE_EXCITE
         } else if obeys {
             ControlStatus::MODE_TRACK
         } else {
@@ -196,6 +211,10 @@ impl Laboratory {
                             if gives { command.valid_until.into() } else { Timestamp(0) };
                     }
                     self.commands.push(command.clone());
+                }
+                (Message::Excitation(excitation), Some(PlatformId(index))) => {
+                    self.platforms[usize::from(index)].excited_until = excitation.valid_until.into();
+                    self.excitations.push(excitation.clone());
                 }
                 (Message::FormationState(state), _) => self.states.push(state.clone()),
                 _ => {}

@@ -46,6 +46,8 @@ pub enum StepKind {
         /// Which, of [`LawSettings::laws`].
         index: usize,
     },
+    /// A platform plays one of its own excitations, and takes its reference with it where it does not hold it.
+    Excite(Excite),
     /// Nothing changes.
     Hold,
 }
@@ -61,6 +63,23 @@ pub struct Slew {
     pub rate_max_rad_s: Option<f64>,
     /// Acceleration limit tighter than the platform's \[rad/s^2\].
     pub acceleration_max_rad_s2: Option<f64>,
+}
+
+/// An excitation of the platforms' own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Excite {
+    /// Which platform; `None`: all.
+    pub platform: Option<usize>,
+    /// Its name in the parameters of local control.
+    pub excitation: String,
+}
+
+impl Excite {
+    /// Whether it concerns this platform.
+    #[must_use]
+    pub fn concerns(&self, platform: usize) -> bool {
+        self.platform.is_none_or(|own| own == platform)
+    }
 }
 
 /// A sinusoid with smooth beginning and end.
@@ -123,6 +142,7 @@ impl Step {
             | StepKind::Offset { .. }
             | StepKind::OffsetScan(_)
             | StepKind::CoObserve(_)
+            | StepKind::Excite(_)
             | StepKind::Law { .. } => FormationState::PHASE_MANOEUVRE,
             StepKind::Hold => FormationState::PHASE_HOLD,
         }
@@ -171,7 +191,7 @@ fn read_step(
     let law = settings.and_then(|s| s.laws.get(*in_force));
     let kind = r.choice(
         "kind",
-        &["settle", "slew", "scan", "offset", "offset_scan", "co_observe", "law", "hold"],
+        &["settle", "slew", "scan", "offset", "offset_scan", "co_observe", "law", "excite", "hold"],
         "what happens in the step",
     );
     let duration_s = r.f64("duration_s", positive(), "how long the step lasts [s]");
@@ -200,6 +220,15 @@ fn read_step(
             *in_force = found.unwrap_or(*in_force);
             StepKind::Law { index: *in_force }
         }
+        "excite" => StepKind::Excite(Excite {
+            platform: r
+                .optional_string("platform", "the platform that plays it; left out: all")
+                .and_then(|name| find(r, &name, platforms)),
+            excitation: r.string(
+                "excitation",
+                "which of the platform's own excitations, by its name in local_control's `excitations`",
+            ),
+        }),
         _ => StepKind::Hold,
     };
     Step { name: name.to_owned(), kind, duration_s }

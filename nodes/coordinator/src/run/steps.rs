@@ -94,7 +94,7 @@ impl Run {
                 self.observe(pass, &leader_of);
             }
             StepKind::Law { index } => self.switch_law(*index, parameters),
-            StepKind::Hold => {}
+            StepKind::Excite(_) | StepKind::Hold => {}
         }
     }
 

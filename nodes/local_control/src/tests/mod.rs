@@ -3,6 +3,7 @@
 mod adoption;
 mod balancing;
 mod determinism;
+mod exciting;
 mod gating;
 mod pointing;
 mod responses;
