@@ -114,7 +114,12 @@ impl Search<'_> {
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
             let reference = match column.target {
                 crate::parameters::Target::Effect(effect) if column.origin.is_none() => {
-                    self.problem.reference.values(effect).get(column.index).copied().unwrap_or(0.0)
+                    let reference = &self.problem.reference;
+                    let values = match column.is_shape {
+                        true => reference.values_at(&self.point, effect),
+                        false => reference.values(effect),
+                    };
+                    values.get(column.index).copied().unwrap_or(0.0)
                 }
                 _ => 0.0,
             };
@@ -129,14 +134,14 @@ impl Search<'_> {
                 smallest_detectable: 5.0 * stddev,
             });
         }
-        let drop = with.estimate.drop - without.estimate.drop;
+        let (evidence, drop) = self.advantage(with, without);
         let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - self.data.total.rows)
-            .max(self.best.estimate.drop - self.base.estimate.drop)
+            .max(self.advantage(&self.best, &self.base).1)
             .max(drop)
             .max(1.0);
         Some(Candidate {
             effect: candidate.id.to_owned(),
-            delta_log_evidence: with.log_evidence - without.log_evidence,
+            delta_log_evidence: evidence,
             held_out_gain: self.gain(with, without),
             share_of_excess: (drop / excess).clamp(0.0, 1.0),
             swallowed_by_base: self.swallowed(&member.columns, with),
@@ -286,7 +291,7 @@ impl Search<'_> {
                 set.sort();
                 // A signal of the same shape that needs an implausible size is none.
                 let plausible =
-                    additions_of(self, &set).is_some_and(|e| e > self.best.log_evidence - 3.0 * TIE);
+                    additions_of(self, &set).is_some_and(|advantage| advantage > -3.0 * TIE);
                 if plausible && !alternatives.contains(&set) {
                     alternatives.push(set);
                 }
@@ -306,8 +311,7 @@ impl Search<'_> {
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let mut direct: Vec<Candidate> = self.digital().into_iter().collect();
         direct.extend(crate::vibration::fast_effects(self));
-        let explained = self.best.log_evidence - self.base.log_evidence;
-        let explained_drop = self.best.estimate.drop - self.base.estimate.drop;
+        let (explained, explained_drop) = self.advantage(&self.best, &self.base);
         let follower = (left > WORTH_A_LOOK).then(|| crate::unknown::describe(self)).flatten();
         // A shape without a name must add what an effect must add, and outweigh what names explain.
         let unexplained = follower.as_ref().is_some_and(|f| {
@@ -447,13 +451,13 @@ impl Search<'_> {
     }
 }
 
-/// Log evidence of a set that differs from the best in one effect.
+/// Log evidence over the best of a set that differs from it in one effect.
 fn additions_of(search: &Search<'_>, names: &[String]) -> Option<f64> {
     for member in 0..search.best.members.len() {
         let rest = search.best.without(&search.layout, &search.data.total, member)?;
         for other in search.additions(&rest) {
             if other.names(&search.layout) == names {
-                return Some(other.log_evidence);
+                return Some(search.advantage(&other, &search.best).0);
             }
         }
     }

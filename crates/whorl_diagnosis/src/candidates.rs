@@ -155,6 +155,23 @@ impl Layout {
         layout
     }
 
+    /// Columns of the base model and of these effects, which the point holds.
+    pub fn of_effects(reference: &Reference, point: &Point, available: &Available, ids: &[&str]) -> Self {
+        let mut layout = Self {
+            columns: reference.base_columns(available.wheels, available.jets, available.body),
+            ..Self::default()
+        };
+        if !available.body {
+            layout.columns.retain(|c| c.group == "wheel_inertia");
+        }
+        layout.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
+        layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
+        for effect in ids.iter().filter_map(|id| find(id)) {
+            layout.add(reference, point, available, effect, &Lines::default());
+        }
+        layout
+    }
+
     fn push(&mut self, column: Column) -> usize {
         self.columns.push(column);
         self.columns.len() - 1
@@ -183,7 +200,11 @@ impl Layout {
                 .map(|columns| columns.into_iter().map(|c| self.push(c)).collect())
                 .collect(),
             None => {
-                let mut columns = reference.parameter_columns(effect);
+                let mut columns = if included {
+                    reference.columns_at(point, effect)
+                } else {
+                    reference.parameter_columns(effect)
+                };
                 if included {
                     drop_ineffective(&mut columns, reference, point, effect);
                 }
@@ -294,6 +315,7 @@ fn directed(
         catalogue_stddev: 1.0,
         range,
         quadratic,
+        is_shape: false,
     }
 }
 

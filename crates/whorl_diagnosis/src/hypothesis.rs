@@ -1,6 +1,7 @@
 //! Sets of effects as explanations: evidence, constraints, prediction of other data.
 
 use crate::candidates::Layout;
+use crate::parameters::Column;
 use crate::regression::{Estimate, Normal};
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior.
@@ -15,6 +16,13 @@ pub(crate) struct Member {
     pub size: f64,
     /// Ways in which it could have entered: evidence is shared among them.
     pub options: usize,
+}
+
+impl Member {
+    /// Prior standard deviation of one of its columns, in the column's units.
+    fn prior_stddev(&self, column: &Column) -> f64 {
+        if column.is_shape { 1.0 } else { self.size * column.catalogue_stddev }
+    }
 }
 
 /// A set of effects, fitted jointly with the base model.
@@ -40,8 +48,7 @@ impl Hypothesis {
             for member in &members {
                 for i in &member.columns {
                     let column = &layout.columns[*i];
-                    let spec_size = column.catalogue_stddev;
-                    variance[*i] += (member.size * spec_size).powi(2);
+                    variance[*i] += member.prior_stddev(column).powi(2);
                     if column.base_stddev == 0.0 && !active.contains(i) {
                         active.push(*i);
                     }
@@ -54,11 +61,16 @@ impl Hypothesis {
                 for i in &member.columns {
                     let column = &layout.columns[*i];
                     let value = estimate.of(*i);
-                    if column.base_stddev == 0.0 && column.range.0 > -1e-9 && value < 0.0 {
-                        let against = -value;
-                        if worst.is_none_or(|(_, w)| against > w) {
-                            worst = Some((*i, against));
-                        }
+                    // A shape that is at the end of its range stays there.
+                    let against = if column.base_stddev == 0.0 && column.range.0 > -1e-9 {
+                        -value
+                    } else if column.is_shape && column.range.1 < 1e-9 {
+                        value
+                    } else {
+                        0.0
+                    };
+                    if against > 0.0 && worst.is_none_or(|(_, w)| against > w) {
+                        worst = Some((*i, against));
                     }
                 }
             }
@@ -68,7 +80,7 @@ impl Hypothesis {
                     let column = &layout.columns[*i];
                     let value = estimate.of(*i);
                     let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
-                    !column.quadratic && (value < column.range.0 - slack || value > column.range.1 + slack)
+                    !column.quadratic && !column.is_shape && (value < column.range.0 - slack || value > column.range.1 + slack)
                 });
                 if implausible {
                     return None;
@@ -99,7 +111,7 @@ impl Hypothesis {
         for member in &self.members {
             for i in &member.columns {
                 if let (Some(slot), Some(column)) = (variance.get_mut(*i), layout.columns.get(*i)) {
-                    *slot += (member.size * column.catalogue_stddev).powi(2);
+                    *slot += member.prior_stddev(column).powi(2);
                 }
             }
         }

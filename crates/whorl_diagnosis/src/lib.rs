@@ -19,6 +19,7 @@ mod answer;
 mod candidates;
 mod check;
 mod columns;
+mod converge;
 mod diagnosis;
 mod direct;
 mod error;

@@ -65,6 +65,21 @@ pub(crate) struct Column {
     pub range: (f64, f64),
     /// The signal grows with the square of the step.
     pub quadratic: bool,
+    /// Shapes the signal without making it larger (a frequency, a phase): measured from the present point, with
+    /// the catalogue's prior whatever the size of the effect.
+    pub is_shape: bool,
+}
+
+/// Parameters (by index) that shape an effect: where they are says nothing of its size.
+fn shape_parameters(id: &str) -> &'static [usize] {
+    match id {
+        "harness_spring" => &[1],
+        "tilt_stop_contact" => &[2],
+        "air_current_periodic" | "flexible_mode" => &[3, 4],
+        "vibration_alias" => &[6, 7],
+        "slosh" => &[1, 2, 3],
+        _ => &[],
+    }
 }
 
 /// The given model and prior, as reference of every point.
@@ -152,6 +167,7 @@ impl Reference {
                         catalogue_stddev: 1.0,
                         range: (-0.8 * inertia[(i, i)] / stddev, 10.0 * inertia[(i, i)] / stddev),
                         quadratic: false,
+                        is_shape: false,
                     });
                 }
             }
@@ -205,9 +221,24 @@ impl Reference {
                     catalogue_stddev: if stddev > 0.0 { (spec.prior_stddev / scale).max(1.0) } else { 1.0 },
                     range: ((spec.min - reference) / scale, (spec.max - reference) / scale),
                     quadratic: false,
+                    is_shape: false,
                 }
             })
             .collect()
+    }
+
+    /// Columns of an effect that a point holds: its shape is measured from there.
+    pub fn columns_at(&self, point: &Point, effect: &'static dyn Effect) -> Vec<Column> {
+        let mut columns = self.parameter_columns(effect);
+        let (specs, now) = (effect.parameters(&self.model), self.values_at(point, effect));
+        for column in &mut columns {
+            let shapes = shape_parameters(column.group).contains(&column.index);
+            if let (true, Some(spec), Some(now)) = (shapes, specs.get(column.index), now.get(column.index)) {
+                column.is_shape = true;
+                column.range = ((spec.min - now) / column.scale, (spec.max - now) / column.scale);
+            }
+        }
+        columns
     }
 
     /// Prior standard deviation of a parameter as part of the base model; 0 = it is none.
@@ -238,7 +269,7 @@ impl Reference {
         match column.target {
             Target::Moment(i) => point.moments.get(i).copied().unwrap_or(0.0) / column.scale,
             Target::Effect(effect) => {
-                if column.origin.is_some() {
+                if column.origin.is_some() || column.is_shape {
                     return 0.0;
                 }
                 let now = self.values_at(point, effect);

@@ -39,7 +39,7 @@ impl Reference {
 }
 
 /// The share `share` of the way; effects that `from` does not have come with the values of `to`.
-fn between(from: &Point, to: &Point, share: f64) -> Point {
+pub(crate) fn between(from: &Point, to: &Point, share: f64) -> Point {
     let mix = |a: f64, b: f64| a + share * (b - a);
     let mut point = to.clone();
     for (moment, start) in point.moments.iter_mut().zip(&from.moments) {

@@ -47,6 +47,8 @@ pub(crate) struct Dataset {
     pub temper: f64,
     /// Colour of each channel of each run.
     pub colours: Vec<Vec<Colour>>,
+    /// Log density of innovations of zero, up to a constant: sum of the logarithms of their inverse sizes.
+    pub log_density: f64,
 }
 
 /// The random walk of the rate that the data support best, not below `least`.
@@ -310,7 +312,7 @@ impl Problem {
             }
         }
         let temper = self.slow_power(&whitened, &total, wide);
-        Dataset { temper, blocks, total, whitened, colours }
+        Dataset { temper, blocks, total, whitened, colours, log_density: 0.0 }
     }
 
     /// Power over 8 s windows that is left when everything is fitted, over that of white noise.

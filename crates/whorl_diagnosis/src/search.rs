@@ -1,5 +1,6 @@
 //! Which set of effects explains the data: forward search with swaps, each step on a new linearisation.
 
+use crate::converge::{Converged, Standings};
 use crate::candidates::{Available, Layout, Lines};
 use crate::hypothesis::{Hypothesis, cross_validated_gain};
 use crate::parameters::Point;
@@ -25,6 +26,16 @@ const SOMETHING_LEFT: f64 = 3.0;
 /// So is log evidence of this size for any effect.
 const FAINT: f64 = 3.0;
 
+/// Effects that promise less log evidence than this are not fitted at a point of their own.
+const LEAST_PROMISE: f64 = 4.0;
+
+/// Rivals that promise this share of what the first does are fitted as well: first regressions of effects that
+/// do not act in proportion to their parameters may miss half of what they explain.
+const RIVAL_SHARE: f64 = 0.4;
+
+/// Rivals that are fitted in each round, at most.
+const MOST_RIVALS: usize = 4;
+
 /// Explanations closer than this in log evidence are both kept.
 pub(crate) const TIE: f64 = 3.0;
 
@@ -38,17 +49,19 @@ pub(crate) struct Search<'a> {
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
     /// Colours of the noise, kept from the first full regression.
-    colours: Option<Vec<Vec<Colour>>>,
-    held_colours: Option<Vec<Vec<Colour>>>,
+    pub colours: Option<Vec<Vec<Colour>>>,
+    pub held_colours: Option<Vec<Vec<Colour>>>,
     pub point: Point,
     pub layout: Layout,
     pub data: Dataset,
     pub held_data: Option<Dataset>,
     pub base: Hypothesis,
     pub best: Hypothesis,
+    /// How sets explain the data where each fits best.
+    pub standings: Standings,
 }
 
-const NO_FIT: DiagnosisError =
+pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
 /// Regression of a problem at a point with the columns of a layout.
@@ -59,13 +72,41 @@ pub(crate) fn dataset(
     colours: Option<Vec<Vec<Colour>>>,
 ) -> Result<Dataset, DiagnosisError> {
     let linearised = problem.linearise(point)?;
+    let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
     let whitened = problem.respond(&linearised, point, &layout.columns)?;
     let wide: Vec<f64> = layout
         .columns
         .iter()
         .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
         .collect();
-    Ok(problem.dataset(whitened, layout.columns.len(), &wide, colours))
+    Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
+}
+
+const PERIODIC: &str = "air_current_periodic";
+
+/// Values of a periodic torque whose sine and cosine were fitted about each axis: the one phase with which most
+/// of both remains.
+fn one_phase(layout: &Layout, fit: &Hypothesis) -> Option<Vec<f64>> {
+    let mut parts = [[0.0; 2]; 3];
+    let mut values: Option<Vec<f64>> = None;
+    for &i in &fit.estimate.active {
+        let Some(column) = layout.columns.get(i).filter(|c| c.group == PERIODIC) else { continue };
+        let Some(origin @ [.., phase_rad]) = column.origin.as_deref() else { continue };
+        *parts.get_mut(column.index)?.get_mut(usize::from(*phase_rad > 0.0))? += fit.estimate.of(i) * column.scale;
+        values.get_or_insert_with(|| origin.to_vec());
+    }
+    let (mut across, mut along) = (0.0, 0.0);
+    for [sine, cosine] in parts {
+        across += 2.0 * sine * cosine;
+        along += sine * sine - cosine * cosine;
+    }
+    let phase_rad = 0.5 * f64::atan2(across, along);
+    let mut values = values?;
+    for (slot, [sine, cosine]) in values.iter_mut().zip(parts) {
+        *slot = sine * phase_rad.cos() + cosine * phase_rad.sin();
+    }
+    *values.last_mut()? = phase_rad;
+    Some(values)
 }
 
 /// The point of a fit.
@@ -81,6 +122,9 @@ pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &H
             false => value - distance,
         };
         point = problem.reference.moved(&point, column, units);
+    }
+    if let Some(values) = one_phase(layout, fit) {
+        point.effects.insert(PERIODIC, values);
     }
     problem.reference.towards(from, point)
 }
@@ -120,39 +164,12 @@ impl<'a> Search<'a> {
             held_data,
             best: base.clone(),
             base,
+            standings: Standings::new(),
         })
     }
 
-    /// Linearises anew at the present best and finds its members there.
-    pub(crate) fn relinearise(&mut self) -> Result<(), DiagnosisError> {
-        let members: Vec<&'static str> = self
-            .best
-            .members
-            .iter()
-            .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
-            .collect();
-        let old: Vec<Vec<(usize, bool)>> = self
-            .best
-            .members
-            .iter()
-            .map(|m| {
-                m.columns
-                    .iter()
-                    .filter_map(|i| self.layout.columns.get(*i))
-                    .map(|c| (c.index, c.origin.is_some()))
-                    .collect()
-            })
-            .collect();
-        let sizes: Vec<(f64, usize)> = self.best.members.iter().map(|m| (m.size, m.options)).collect();
-        let mut point = point_of(self.problem, &self.layout, &self.point, &self.best);
-        // Effects that have left the set leave the point.
-        point.effects.retain(|id, _| {
-            members.contains(id)
-                || crate::parameters::BASE_EFFECTS.contains(id)
-                || self.problem.reference.model.effects.contains_key(*id)
-        });
-        self.point = point;
-        smooth_all(self.problem, &mut self.held_out, &self.point, None)?;
+    /// The full regression at the present point, along the present motion.
+    pub(crate) fn regress(&mut self) -> Result<(), DiagnosisError> {
         self.layout = Layout::new(
             &self.problem.reference,
             &self.point,
@@ -170,30 +187,15 @@ impl<'a> Search<'a> {
             None => None,
         };
         self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
-        let mut found = Vec::new();
-        for ((id, old), (size, options)) in members.iter().zip(&old).zip(&sizes) {
-            let Some(candidate) = self.layout.candidates.iter().position(|c| c.id == *id) else { continue };
-            let all: Vec<usize> =
-                self.layout.candidates[candidate].options.iter().flatten().copied().collect();
-            let mut columns: Vec<usize> = all
-                .iter()
-                .copied()
-                .filter(|i| {
-                    let c = &self.layout.columns[*i];
-                    old.iter().any(|(index, _)| *index == c.index) || old.iter().any(|(_, special)| *special)
-                })
-                .collect();
-            columns.sort_unstable();
-            columns.dedup();
-            found.push(crate::hypothesis::Member { candidate, columns, size: *size, options: *options });
-        }
-        self.best =
-            Hypothesis::of(&self.layout, &self.data.total, found).unwrap_or_else(|| self.base.clone());
         Ok(())
     }
 
     /// Log likelihood gained on held-out runs, or by cross-validation over blocks of time.
     pub fn gain(&self, with: &Hypothesis, without: &Hypothesis) -> f64 {
+        let held = |set| self.standing(set).and_then(|s| s.held_misfit);
+        if let (Some(a), Some(b)) = (held(with), held(without)) {
+            return 0.5 * (b - a);
+        }
         match &self.held_data {
             Some(held) => {
                 0.5 * (without.estimate.misfit_change(&held.total) - with.estimate.misfit_change(&held.total))
@@ -274,12 +276,8 @@ impl<'a> Search<'a> {
                     }
                 }
             }
-            // One that held-out data refuse gives way to the next.
-            let Some(next) = additions.into_iter().take(12).find(|h| self.passes(h, &self.best)) else {
-                break;
-            };
-            self.best = next;
-            self.relinearise()?;
+            let Some(next) = self.strongest(&additions)? else { break };
+            self.settle(next)?;
             self.tidy()?;
             if self.best.members.is_empty() {
                 break;
@@ -288,14 +286,40 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    /// Of sets that add to the best one, those that may be the strongest are fitted where each fits best; the
+    /// strongest there that passes every gate.
+    fn strongest(&mut self, additions: &[Hypothesis]) -> Result<Option<Converged>, DiagnosisError> {
+        let first = additions.iter().map(|h| self.advantage(h, &self.best).0).fold(0.0, f64::max);
+        let rivals: Vec<&Hypothesis> = additions
+            .iter()
+            .filter(|h| self.advantage(h, &self.best).0 > (RIVAL_SHARE * first).max(LEAST_PROMISE))
+            .take(MOST_RIVALS)
+            .collect();
+        let mut found: Vec<(&Hypothesis, Converged)> = Vec::new();
+        for rival in rivals {
+            if let Some(converged) = self.converge(rival)? {
+                found.push((rival, converged));
+            }
+        }
+        found.sort_by(|a, b| b.1.standing.log_evidence.total_cmp(&a.1.standing.log_evidence));
+        // One that held-out data refuse gives way to the next.
+        for (set, mut converged) in found {
+            converged.standing.held_misfit = self.held_misfit(&converged)?;
+            self.remember(&converged);
+            if self.passes(set, &self.best) {
+                return Ok(Some(converged));
+            }
+        }
+        Ok(None)
+    }
+
     /// Gates for a larger hypothesis over a smaller one.
     pub fn passes(&self, larger: &Hypothesis, smaller: &Hypothesis) -> bool {
         let added = larger.members.len().saturating_sub(smaller.members.len()).max(1) as f64;
         let least = added * self.data.temper;
         // What a large first effect leaves of its own wrong formula is no second effect.
-        let echo = 0.01 * (smaller.estimate.drop - self.base.estimate.drop).max(0.0);
-        let evidence = larger.log_evidence - smaller.log_evidence;
-        let drop = larger.estimate.drop - smaller.estimate.drop;
+        let echo = 0.01 * self.advantage(smaller, &self.base).1.max(0.0);
+        let (evidence, drop) = self.advantage(larger, smaller);
         if evidence <= LEAST_EVIDENCE * least || drop <= (LEAST_DROP * least).max(echo) {
             return false;
         }
@@ -317,10 +341,19 @@ impl<'a> Search<'a> {
                     break;
                 }
                 let Some(swap) = self.additions(&rest).into_iter().next() else { continue };
-                if swap.log_evidence > self.best.log_evidence + 1.0 {
-                    self.best = swap;
-                    changed = true;
-                    break;
+                if swap.names(&self.layout) == self.best.names(&self.layout)
+                    || self.advantage(&swap, &self.best).0 <= 1.0
+                {
+                    continue;
+                }
+                if let Some(mut converged) = self.converge(&swap)? {
+                    converged.standing.held_misfit = self.held_misfit(&converged)?;
+                    self.remember(&converged);
+                    if self.advantage(&swap, &self.best).0 > 1.0 {
+                        self.best = swap;
+                        changed = true;
+                        break;
+                    }
                 }
             }
             if !changed {
@@ -331,7 +364,8 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Other sets that explain the data as well: each member replaced by another effect.
+    /// Other sets that explain the data as well: each member replaced by another effect, and sets that were
+    /// fitted where they fit best.
     pub fn alternatives(&self) -> Vec<Vec<String>> {
         let mut sets = Vec::new();
         let own = self.best.names(&self.layout);
@@ -339,9 +373,19 @@ impl<'a> Search<'a> {
             let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
             for other in self.additions(&rest) {
                 let names = other.names(&self.layout);
-                if other.log_evidence > self.best.log_evidence - TIE && names != own && !sets.contains(&names)
-                {
+                if self.advantage(&other, &self.best).0 > -TIE && names != own && !sets.contains(&names) {
                     sets.push(names);
+                }
+            }
+        }
+        if let Some(best) = self.standing(&self.best) {
+            for (names, standing) in &self.standings {
+                if names.len() == own.len()
+                    && *names != own
+                    && standing.log_evidence > best.log_evidence - TIE
+                    && !sets.contains(names)
+                {
+                    sets.push(names.clone());
                 }
             }
         }

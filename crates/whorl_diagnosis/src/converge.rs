@@ -1,0 +1,238 @@
+//! Fits sets of effects where they fit best, and remembers how well.
+//!
+//! A first regression is taken where an effect is absent. There, a lag looks like a delay, a resonance has
+//! whatever frequency the grid offered, and a signal extrapolated back to nothing from a point far away has
+//! any size. So sets that compete are each fitted by Gauss-Newton steps with motion and sensitivities made
+//! anew, and compared by their evidence there (Laplace's approximation at its own maximum).
+
+use std::collections::BTreeMap;
+
+use nalgebra::DVector;
+
+use crate::DiagnosisError;
+use crate::candidates::Layout;
+use crate::hypothesis::{Hypothesis, Member};
+use crate::motion::Motion;
+use crate::parameters::Point;
+use crate::physical::between;
+use crate::problem::Dataset;
+use crate::search::{NO_FIT, Search, dataset, point_of};
+
+/// Steps of a fit, those taken back included.
+const MOST_STEPS: usize = 7;
+
+/// A further step that promises less log likelihood is not taken.
+const CONVERGED: f64 = 0.3;
+
+/// How a set explains the data at its own point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Standing {
+    /// Log evidence; comparable between sets.
+    pub log_evidence: f64,
+    /// Whitened misfit, prior's penalty included.
+    pub misfit: f64,
+    /// Whitened misfit of held-out data.
+    pub held_misfit: Option<f64>,
+}
+
+/// Standings by the names of the sets.
+pub(crate) type Standings = BTreeMap<Vec<String>, Standing>;
+
+/// A set fitted at its own point.
+pub(crate) struct Converged {
+    pub names: Vec<String>,
+    pub standing: Standing,
+    pub point: Point,
+    motions: Vec<Motion>,
+    layout: Layout,
+    members: Vec<Member>,
+}
+
+/// A member as the columns of another layout.
+pub(crate) fn carried(member: &Member, from: &Layout, to: &Layout) -> Option<Member> {
+    let id = from.candidates.get(member.candidate)?.id;
+    let candidate = to.candidates.iter().position(|c| c.id == id)?;
+    let old: Vec<_> = member.columns.iter().filter_map(|i| from.columns.get(*i)).collect();
+    let special = old.iter().any(|c| c.origin.is_some());
+    let mut columns: Vec<usize> = to.candidates[candidate]
+        .options
+        .iter()
+        .flatten()
+        .copied()
+        .filter(|i| special || to.columns.get(*i).is_some_and(|c| old.iter().any(|o| o.index == c.index)))
+        .collect();
+    columns.sort_unstable();
+    columns.dedup();
+    // A place on a grid is paid for by the prior of what it became.
+    let options = if special && columns.iter().any(|i| to.columns[*i].is_shape) { 1 } else { member.options };
+    Some(Member { candidate, columns, size: member.size, options })
+}
+
+/// Misfit at a point itself, not where the regression's minimum is.
+fn misfit_at(search: &Search<'_>, layout: &Layout, data: &Dataset, fit: &Hypothesis, point: &Point) -> f64 {
+    let size = layout.columns.len();
+    let mut at = DVector::zeros(size);
+    let variances = fit.variances(layout);
+    let mut penalty = 0.0;
+    for &i in &fit.estimate.active {
+        let x = search.problem.reference.distance(point, &layout.columns[i]);
+        at[i] = x;
+        penalty += x * x / variances[i].max(1e-12);
+    }
+    let total = &data.total;
+    total.sum_of_squares - 2.0 * at.dot(&total.vector) + at.dot(&(&total.matrix * &at)) + penalty
+}
+
+impl Search<'_> {
+    /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
+    pub(crate) fn converge(&mut self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
+        let ids: Vec<&'static str> = start
+            .members
+            .iter()
+            .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
+            .collect();
+        let kept = self.problem.motions.clone();
+        let found = self.descend(start, &ids);
+        let motions = std::mem::replace(&mut self.problem.motions, kept);
+        Ok(found?.map(|mut converged| {
+            if converged.motions.is_empty() {
+                converged.motions = motions;
+            }
+            converged
+        }))
+    }
+
+    fn descend(
+        &mut self,
+        start: &Hypothesis,
+        ids: &[&'static str],
+    ) -> Result<Option<Converged>, DiagnosisError> {
+        let mut point = point_of(self.problem, &self.layout, &self.point, start);
+        // Effects that have left the set leave the point.
+        point.effects.retain(|id, _| {
+            ids.contains(id)
+                || crate::parameters::BASE_EFFECTS.contains(id)
+                || self.problem.reference.model.effects.contains_key(*id)
+        });
+        let mut members = start.members.clone();
+        let mut layout = self.layout.clone();
+        let mut best: Option<Converged> = None;
+        let mut halvings = 0;
+        for _ in 0..MOST_STEPS {
+            self.problem.smooth(&point, None)?;
+            let here = Layout::of_effects(&self.problem.reference, &point, &self.available, ids);
+            members = members.iter().filter_map(|m| carried(m, &layout, &here)).collect();
+            layout = here;
+            let data = dataset(self.problem, &point, &layout, self.colours.clone())?;
+            let Some(fit) = Hypothesis::of(&layout, &data.total, members.clone()) else { break };
+            if fit.members.len() < ids.len() {
+                break;
+            }
+            let misfit = misfit_at(self, &layout, &data, &fit, &point);
+            let last = best.as_ref().map_or(f64::INFINITY, |b| b.standing.misfit);
+            if misfit > last + 2.0 * CONVERGED {
+                halvings += 1;
+                let Some(back) = best.as_ref().filter(|_| halvings <= 3) else { break };
+                point = between(&back.point, &point, 0.5);
+                continue;
+            }
+            let promised = misfit - (data.total.sum_of_squares - fit.estimate.drop);
+            // Occam's factor and the price of choices, beside the likelihood.
+            let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density;
+            let next = point_of(self.problem, &layout, &point, &fit);
+            best = Some(Converged {
+                names: fit.names(&layout),
+                standing: Standing { log_evidence: factor - 0.5 * misfit, misfit, held_misfit: None },
+                point: point.clone(),
+                motions: self.problem.motions.clone(),
+                layout: layout.clone(),
+                members: fit.members.clone(),
+            });
+            if promised < 2.0 * CONVERGED {
+                break;
+            }
+            point = next;
+        }
+        Ok(best)
+    }
+
+    /// Makes a converged set the present best: the full regression at its point.
+    pub(crate) fn settle(&mut self, converged: Converged) -> Result<(), DiagnosisError> {
+        self.point = converged.point;
+        self.problem.motions = converged.motions;
+        if let Some(held) = &mut self.held_out {
+            held.smooth(&self.point, None)?;
+        }
+        self.regress()?;
+        let members: Vec<Member> =
+            converged.members.iter().filter_map(|m| carried(m, &converged.layout, &self.layout)).collect();
+        self.best =
+            Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
+        let held_misfit = self
+            .held_data
+            .as_ref()
+            .map(|held| held.total.sum_of_squares + self.best.estimate.misfit_change(&held.total));
+        if self.best.names(&self.layout) == converged.names {
+            self.note(converged.names, Standing { held_misfit, ..converged.standing });
+        }
+        Ok(())
+    }
+
+    /// Remembers how well a set stands.
+    pub(crate) fn remember(&mut self, converged: &Converged) {
+        self.note(converged.names.clone(), converged.standing);
+    }
+
+    fn note(&mut self, names: Vec<String>, standing: Standing) {
+        let known = self.standings.get(&names).map_or(f64::NEG_INFINITY, |s| s.log_evidence);
+        if standing.log_evidence >= known {
+            self.standings.insert(names, standing);
+        }
+    }
+
+    /// Whitened misfit of held-out data with a converged set.
+    pub(crate) fn held_misfit(&mut self, converged: &Converged) -> Result<Option<f64>, DiagnosisError> {
+        let Some(held) = &mut self.held_out else { return Ok(None) };
+        let kept = held.motions.clone();
+        held.smooth(&converged.point, None)?;
+        let data = dataset(held, &converged.point, &converged.layout, self.held_colours.clone());
+        held.motions = kept;
+        let data = data?;
+        let mut at = DVector::zeros(converged.layout.columns.len());
+        for (slot, column) in at.iter_mut().zip(&converged.layout.columns) {
+            *slot = held.reference.distance(&converged.point, column);
+        }
+        let total = &data.total;
+        Ok(Some(total.sum_of_squares - 2.0 * at.dot(&total.vector) + at.dot(&(&total.matrix * &at))))
+    }
+
+    /// Linearises anew at the present best and finds its members there.
+    pub(crate) fn relinearise(&mut self) -> Result<(), DiagnosisError> {
+        let best = self.best.clone();
+        let converged = match self.converge(&best)? {
+            Some(converged) => converged,
+            // It cannot stand at its own point: back to the base model.
+            None => {
+                let base = self.base.clone();
+                self.converge(&base)?.ok_or(NO_FIT)?
+            }
+        };
+        self.settle(converged)
+    }
+
+    /// Standing of a set, if it was fitted at a point of its own.
+    pub(crate) fn standing(&self, set: &Hypothesis) -> Option<Standing> {
+        self.standings.get(&set.names(&self.layout)).copied()
+    }
+
+    /// Log evidence and drop of the misfit that one set has over another: where each fits best if both were
+    /// fitted there, else in the present regression.
+    pub(crate) fn advantage(&self, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
+        match (self.standing(with), self.standing(without)) {
+            (Some(a), Some(b)) => (a.log_evidence - b.log_evidence, b.misfit - a.misfit),
+            _ => {
+                (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop)
+            }
+        }
+    }
+}
