@@ -298,6 +298,7 @@ impl<'a> Search<'a> {
         let mut found: Vec<(&Hypothesis, Converged)> = Vec::new();
         for rival in rivals {
             if let Some(converged) = self.converge(rival)? {
+                self.remember(&converged);
                 found.push((rival, converged));
             }
         }

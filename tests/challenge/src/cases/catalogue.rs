@@ -114,7 +114,8 @@ pub fn rivals(id: &str) -> &'static [&'static str] {
         "thruster_leak" => &["bearing_turbine", "air_current", "magnetic_torque"],
         "magnetic_torque" => &["air_current", "bearing_turbine"],
         "harness_spring" => &["magnetic_torque", "air_current"],
-        "mass_shift" => &["air_current", "thruster_pressure"],
+        // A leak whose thrust falls with the tank pressure drifts as the mass does.
+        "mass_shift" => &["air_current", "thruster_pressure", "thruster_leak"],
         "thruster_pressure" => &["thruster_strength", "mass_shift"],
         "thruster_strength" => &["thruster_misalignment", "thruster_pressure"],
         "thruster_misalignment" => &["thruster_strength"],
