@@ -290,8 +290,7 @@ impl Search<'_> {
                     names.iter().filter(|n| **n != row.effect).cloned().chain([other.clone()]).collect();
                 set.sort();
                 // A signal of the same shape that needs an implausible size is none.
-                let plausible =
-                    additions_of(self, &set).is_some_and(|advantage| advantage > -3.0 * TIE);
+                let plausible = additions_of(self, &set).is_some_and(|advantage| advantage > -3.0 * TIE);
                 if plausible && !alternatives.contains(&set) {
                     alternatives.push(set);
                 }

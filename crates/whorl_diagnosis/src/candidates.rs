@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use whorl_dynamics::effects::{catalogue, find};
 use whorl_dynamics::{Effect, EffectKind};
 
+use crate::modes::Mode;
 use crate::parameters::{BASE_EFFECTS, Column, Point, Reference, Target};
 use crate::run::Run;
 
@@ -115,7 +116,9 @@ pub(crate) struct Lines {
     pub sensor_hz: Vec<f64>,
     /// Lines over the angle of a wheel: wheel, cycles per turn.
     pub orders: Vec<(usize, f64)>,
-    /// Standard deviations by which the strongest stands out.
+    /// Resonances that the motion drives.
+    pub modes: Vec<Mode>,
+    /// Standard deviations by which the strongest line stands out.
     pub strongest: f64,
 }
 
@@ -387,12 +390,12 @@ fn special_options(
         }
         "slosh" => {
             let fastest = (0.3 / available.bin_s).min(5.0);
-            for hz in grid(0.1, fastest, 7) {
-                for damping in [0.02, 0.15] {
-                    for height in [-0.3, 0.3] {
-                        let origin = with(&[(1, hz), (2, damping), (3, height)]);
-                        options.push(vec![column(&origin, 0)]);
-                    }
+            let coarse = grid(0.1, fastest, 7).into_iter().flat_map(|hz| [(hz, 0.02), (hz, 0.15)]);
+            let seen = lines.modes.iter().map(|m| (m.hz, m.damping_ratio));
+            for (hz, damping) in coarse.chain(seen) {
+                for height in [-0.3, 0.3] {
+                    let origin = with(&[(1, hz), (2, damping), (3, height)]);
+                    options.push(vec![column(&origin, 0)]);
                 }
             }
         }
@@ -400,17 +403,20 @@ fn special_options(
             let fastest = (0.3 / available.bin_s).min(15.0);
             let mut frequencies = grid(0.3, fastest, 6);
             frequencies.extend(lines.torque_hz.iter().copied().filter(|hz| *hz > 0.2));
-            for hz in frequencies {
-                for direction in DIRECTIONS {
-                    let origin = with(&[(3, hz), (4, 0.02)]);
-                    let moves: Vec<(usize, f64)> = direction
-                        .iter()
-                        .enumerate()
-                        .filter(|(_, d)| **d != 0.0)
-                        .map(|(i, d)| (i, d * unit(i)))
-                        .collect();
-                    options.push(vec![directed(effect, reference, "participation", &origin, &moves, true)]);
-                }
+            let coarse = frequencies.into_iter().flat_map(|hz| DIRECTIONS.map(|d| (hz, 0.02, d)));
+            let seen = lines.modes.iter().flat_map(|m| {
+                let own = std::iter::once(m.axis_b.into());
+                own.chain(DIRECTIONS).map(move |d: [f64; 3]| (m.hz, m.damping_ratio, d))
+            });
+            for (hz, damping, direction) in coarse.chain(seen) {
+                let origin = with(&[(3, hz), (4, damping)]);
+                let moves: Vec<(usize, f64)> = direction
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, d)| **d != 0.0)
+                    .map(|(i, d)| (i, d * unit(i)))
+                    .collect();
+                options.push(vec![directed(effect, reference, "participation", &origin, &moves, true)]);
             }
         }
         _ => return None,

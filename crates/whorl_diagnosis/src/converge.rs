@@ -230,9 +230,7 @@ impl Search<'_> {
     pub(crate) fn advantage(&self, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
         match (self.standing(with), self.standing(without)) {
             (Some(a), Some(b)) => (a.log_evidence - b.log_evidence, b.misfit - a.misfit),
-            _ => {
-                (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop)
-            }
+            _ => (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop),
         }
     }
 }

@@ -80,7 +80,9 @@ impl Hypothesis {
                     let column = &layout.columns[*i];
                     let value = estimate.of(*i);
                     let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
-                    !column.quadratic && !column.is_shape && (value < column.range.0 - slack || value > column.range.1 + slack)
+                    !column.quadratic
+                        && !column.is_shape
+                        && (value < column.range.0 - slack || value > column.range.1 + slack)
                 });
                 if implausible {
                     return None;

@@ -30,6 +30,7 @@ mod horizons;
 mod hypothesis;
 mod inputs;
 mod mechanics;
+mod modes;
 mod motion;
 mod noise;
 mod options;

@@ -1,7 +1,7 @@
 //! Which set of effects explains the data: forward search with swaps, each step on a new linearisation.
 
-use crate::converge::{Converged, Standings};
 use crate::candidates::{Available, Layout, Lines};
+use crate::converge::{Converged, Standings};
 use crate::hypothesis::{Hypothesis, cross_validated_gain};
 use crate::parameters::Point;
 use crate::problem::{Dataset, FREE_RATE_WALK, Problem};
@@ -29,8 +29,9 @@ const FAINT: f64 = 3.0;
 /// Effects that promise less log evidence than this are not fitted at a point of their own.
 const LEAST_PROMISE: f64 = 4.0;
 
-/// Rivals that promise this share of what the first does are fitted as well: first regressions of effects that
-/// do not act in proportion to their parameters may miss half of what they explain.
+/// Rivals that promise this share of what the first does are fitted as well (those for which it is known to be
+/// taken in any case): first regressions of effects that do not act in proportion to their parameters may miss
+/// half of what they explain.
 const RIVAL_SHARE: f64 = 0.4;
 
 /// Rivals that are fitted in each round, at most.
@@ -92,7 +93,8 @@ fn one_phase(layout: &Layout, fit: &Hypothesis) -> Option<Vec<f64>> {
     for &i in &fit.estimate.active {
         let Some(column) = layout.columns.get(i).filter(|c| c.group == PERIODIC) else { continue };
         let Some(origin @ [.., phase_rad]) = column.origin.as_deref() else { continue };
-        *parts.get_mut(column.index)?.get_mut(usize::from(*phase_rad > 0.0))? += fit.estimate.of(i) * column.scale;
+        *parts.get_mut(column.index)?.get_mut(usize::from(*phase_rad > 0.0))? +=
+            fit.estimate.of(i) * column.scale;
         values.get_or_insert_with(|| origin.to_vec());
     }
     let (mut across, mut along) = (0.0, 0.0);
@@ -235,6 +237,7 @@ impl<'a> Search<'a> {
         self.lines = crate::spectrum::lines(self, &self.base);
         let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
         if faint
+            || !self.lines.modes.is_empty()
             || self.lines.strongest > 0.8 * crate::spectrum::CERTAIN
             || rest[crate::answer::worst(&rest)].significance() > SOMETHING_LEFT
         {
@@ -289,10 +292,19 @@ impl<'a> Search<'a> {
     /// Of sets that add to the best one, those that may be the strongest are fitted where each fits best; the
     /// strongest there that passes every gate.
     fn strongest(&mut self, additions: &[Hypothesis]) -> Result<Option<Converged>, DiagnosisError> {
-        let first = additions.iter().map(|h| self.advantage(h, &self.best).0).fold(0.0, f64::max);
+        let gain = |h: &Hypothesis| self.advantage(h, &self.best).0;
+        let effect = |h: &Hypothesis| {
+            h.members.last().and_then(|m| self.layout.candidates.get(m.candidate)).map(|c| c.effect.info())
+        };
+        let first = additions.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)));
+        let mistaken_for = first.and_then(effect).map_or(&[][..], |info| info.confusable_with);
+        let least = LEAST_PROMISE.max(RIVAL_SHARE * first.map_or(0.0, gain));
         let rivals: Vec<&Hypothesis> = additions
             .iter()
-            .filter(|h| self.advantage(h, &self.best).0 > (RIVAL_SHARE * first).max(LEAST_PROMISE))
+            .filter(|h| {
+                let known = effect(h).is_some_and(|info| mistaken_for.contains(&info.id));
+                gain(h) > if known { LEAST_PROMISE } else { least }
+            })
             .take(MOST_RIVALS)
             .collect();
         let mut found: Vec<(&Hypothesis, Converged)> = Vec::new();

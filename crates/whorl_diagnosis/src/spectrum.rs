@@ -98,6 +98,7 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
     Lines {
         torque_hz: hz.clone(),
         sensor_hz: hz,
+        modes: crate::modes::modes(search, of),
         strongest: strongest.max(strongest_order),
         // A line over time is blurred over a wheel's angle, and the other way round.
         orders: if strongest_order > CERTAIN.max(strongest) {
@@ -239,7 +240,7 @@ pub(crate) fn gamma_significance(sum: f64, degrees: f64) -> f64 {
 }
 
 /// Fast Fourier transform in place, radix two.
-fn transform(re: &mut [f64], im: &mut [f64]) {
+pub(crate) fn transform(re: &mut [f64], im: &mut [f64]) {
     let n = re.len();
     let mut j = 0;
     for i in 1..n {

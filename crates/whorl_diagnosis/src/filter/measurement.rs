@@ -61,7 +61,9 @@ impl System<'_> {
                 && mean.count > 0.0
             {
                 for i in 0..3 {
-                    let scale = 1.0 + sensors.gyro.errors.scale[i];
+                    // A gyro at the end of its range no longer follows the rate.
+                    let clips = predicted[i].abs() >= sensors.gyro.errors.range * (1.0 - 1e-9);
+                    let scale = if clips { 0.0 } else { 1.0 + sensors.gyro.errors.scale[i] };
                     let parts = [(RATE + i, scale), (GYRO_BIAS + i, 1.0)];
                     let variance = noise.gyro[i].powi(2) / mean.count;
                     push(i, mean.value[i] - predicted[i], variance, &parts);
