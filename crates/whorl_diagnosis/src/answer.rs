@@ -115,7 +115,7 @@ impl Search<'_> {
             let reference = match column.target {
                 crate::parameters::Target::Effect(effect) if column.origin.is_none() => {
                     let reference = &self.problem.reference;
-                    let values = match column.is_shape {
+                    let values = match column.floats {
                         true => reference.values_at(&self.point, effect),
                         false => reference.values(effect),
                     };

@@ -319,6 +319,7 @@ fn directed(
         range,
         quadratic,
         is_shape: false,
+        floats: false,
     }
 }
 

@@ -19,7 +19,7 @@ use crate::problem::Dataset;
 use crate::search::{NO_FIT, Search, dataset, point_of};
 
 /// Steps of a fit, those taken back included.
-const MOST_STEPS: usize = 7;
+const MOST_STEPS: usize = 8;
 
 /// A further step that promises less log likelihood is not taken.
 const CONVERGED: f64 = 0.3;
@@ -117,7 +117,7 @@ impl Search<'_> {
         let mut members = start.members.clone();
         let mut layout = self.layout.clone();
         let mut best: Option<Converged> = None;
-        let mut halvings = 0;
+        let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
         for _ in 0..MOST_STEPS {
             self.problem.smooth(&point, None)?;
             let here = Layout::of_effects(&self.problem.reference, &point, &self.available, ids);
@@ -130,12 +130,16 @@ impl Search<'_> {
             }
             let misfit = misfit_at(self, &layout, &data, &fit, &point);
             let last = best.as_ref().map_or(f64::INFINITY, |b| b.standing.misfit);
+            // A step that went too far is shortened, and so are those after it until one is good.
             if misfit > last + 2.0 * CONVERGED {
-                halvings += 1;
-                let Some(back) = best.as_ref().filter(|_| halvings <= 3) else { break };
-                point = between(&back.point, &point, 0.5);
+                share *= 0.4;
+                let Some((back, target)) = best.as_ref().map(|b| &b.point).zip(target.as_ref()) else {
+                    break;
+                };
+                point = between(back, target, share);
                 continue;
             }
+            share = (1.6 * share).min(1.0);
             let promised = misfit - (data.total.sum_of_squares - fit.estimate.drop);
             // Occam's factor and the price of choices, beside the likelihood.
             let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density;
@@ -151,7 +155,8 @@ impl Search<'_> {
             if promised < 2.0 * CONVERGED {
                 break;
             }
-            point = next;
+            point = between(&point, &next, share);
+            target = Some(next);
         }
         Ok(best)
     }

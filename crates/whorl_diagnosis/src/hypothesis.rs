@@ -64,7 +64,7 @@ impl Hypothesis {
                     // A shape that is at the end of its range stays there.
                     let against = if column.base_stddev == 0.0 && column.range.0 > -1e-9 {
                         -value
-                    } else if column.is_shape && column.range.1 < 1e-9 {
+                    } else if column.floats && column.range.1 < 1e-9 {
                         value
                     } else {
                         0.0

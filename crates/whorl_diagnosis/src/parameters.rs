@@ -65,20 +65,24 @@ pub(crate) struct Column {
     pub range: (f64, f64),
     /// The signal grows with the square of the step.
     pub quadratic: bool,
-    /// Shapes the signal without making it larger (a frequency, a phase): measured from the present point, with
-    /// the catalogue's prior whatever the size of the effect.
+    /// Shapes the signal without making it larger (a frequency, a damping): the catalogue's prior holds whatever
+    /// the size of the effect.
     pub is_shape: bool,
+    /// A shape that may be anywhere: measured from the present point.
+    pub floats: bool,
 }
 
-/// Parameters (by index) that shape an effect: where they are says nothing of its size.
-fn shape_parameters(id: &str) -> &'static [usize] {
+/// Parameters (by index) that shape an effect: where they are says nothing of its size. First those that may be
+/// anywhere in their range, then those that have a usual value.
+fn shape_parameters(id: &str) -> (&'static [usize], &'static [usize]) {
     match id {
-        "harness_spring" => &[1],
-        "tilt_stop_contact" => &[2],
-        "air_current_periodic" | "flexible_mode" => &[3, 4],
-        "vibration_alias" => &[6, 7],
-        "slosh" => &[1, 2, 3],
-        _ => &[],
+        "harness_spring" => (&[1], &[]),
+        "tilt_stop_contact" => (&[2], &[]),
+        "air_current_periodic" => (&[3, 4], &[]),
+        "flexible_mode" => (&[3], &[4]),
+        "vibration_alias" => (&[6, 7], &[]),
+        "slosh" => (&[1], &[2, 3]),
+        _ => (&[], &[]),
     }
 }
 
@@ -168,6 +172,7 @@ impl Reference {
                         range: (-0.8 * inertia[(i, i)] / stddev, 10.0 * inertia[(i, i)] / stddev),
                         quadratic: false,
                         is_shape: false,
+                        floats: false,
                     });
                 }
             }
@@ -222,6 +227,7 @@ impl Reference {
                     range: ((spec.min - reference) / scale, (spec.max - reference) / scale),
                     quadratic: false,
                     is_shape: false,
+                    floats: false,
                 }
             })
             .collect()
@@ -232,9 +238,12 @@ impl Reference {
         let mut columns = self.parameter_columns(effect);
         let (specs, now) = (effect.parameters(&self.model), self.values_at(point, effect));
         for column in &mut columns {
-            let shapes = shape_parameters(column.group).contains(&column.index);
-            if let (true, Some(spec), Some(now)) = (shapes, specs.get(column.index), now.get(column.index)) {
-                column.is_shape = true;
+            let (anywhere, usual) = shape_parameters(column.group);
+            column.floats = anywhere.contains(&column.index);
+            column.is_shape = column.floats || usual.contains(&column.index);
+            if let (true, Some(spec), Some(now)) =
+                (column.floats, specs.get(column.index), now.get(column.index))
+            {
                 column.range = ((spec.min - now) / column.scale, (spec.max - now) / column.scale);
             }
         }
@@ -269,7 +278,7 @@ impl Reference {
         match column.target {
             Target::Moment(i) => point.moments.get(i).copied().unwrap_or(0.0) / column.scale,
             Target::Effect(effect) => {
-                if column.origin.is_some() || column.is_shape {
+                if column.origin.is_some() || column.floats {
                     return 0.0;
                 }
                 let now = self.values_at(point, effect);

@@ -18,6 +18,19 @@ const BAND: usize = 64;
 /// Highest order of the model of coloured noise.
 const ORDER: usize = 6;
 
+/// Stretches of a run from which the colour of its noise is estimated.
+const STRETCHES: usize = 8;
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match (values.get(middle.wrapping_sub(1)), values.get(middle)) {
+        (Some(a), Some(b)) if values.len() % 2 == 0 => 0.5 * (a + b),
+        (_, Some(b)) => *b,
+        _ => 0.0,
+    }
+}
+
 /// Whitened data of one run.
 #[derive(Debug, Default)]
 pub(crate) struct Whitened {
@@ -205,8 +218,18 @@ impl Colour {
             let limit = 5.0 * power.sqrt();
             residual.iter().map(|e| e.max(-limit).min(limit)).collect()
         };
-        let lag =
-            |l: usize| clipped.iter().zip(clipped.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / n as f64;
+        // The median over stretches: what a model lacks for a while is no noise.
+        let stretch = n.div_ceil(STRETCHES).max(50);
+        let lag = |l: usize| {
+            let mut products: Vec<f64> = clipped
+                .chunks(stretch)
+                .filter(|c| 2 * c.len() >= stretch)
+                .map(|c| {
+                    c.iter().zip(c.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / (c.len() - l) as f64
+                })
+                .collect();
+            median(&mut products)
+        };
         let r: Vec<f64> = (0..=ORDER).map(lag).collect();
         let mut best = Self { coefficients: Vec::new(), stddev: r[0].sqrt().max(1e-3) };
         let mut best_score = n as f64 * r[0].max(1e-12).ln();
@@ -218,6 +241,9 @@ impl Colour {
                 numerator -= coefficient * r[order - 1 - i];
             }
             let reflection = if power > 0.0 { numerator / power } else { 0.0 };
+            if reflection.abs() >= 1.0 {
+                break;
+            }
             let mut next = a.clone();
             for i in 0..a.len() {
                 next[i] -= reflection * a[a.len() - 1 - i];

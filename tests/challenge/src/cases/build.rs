@@ -19,6 +19,9 @@ use crate::scenario::{NoiseLevels, Stated, Style, index, measure, plan as make_p
 use crate::truth::run::Span;
 use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 
+/// Separation from which on one effect is clearly another than its rivals.
+const TOLD_APART: f64 = 50.0;
+
 /// Integration step of the truth \[s\].
 const STEP_S: f64 = 1e-3;
 
@@ -342,6 +345,14 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                     .flat_map(|(other, _)| stand.columns(&stand.lens, other))
                     .collect();
                 answer.separation = answer.separation.min(stand.lens.beyond(&alone, &others));
+                // Neither may have an effect that does the same in its place: as for one effect alone.
+                for rival in rivals(id) {
+                    let left = stand.lens.beyond(&alone, &stand.columns(&stand.lens, rival));
+                    if left < TOLD_APART && left < answer.separation {
+                        answer.separation = left;
+                        answer.nearest = Some((*rival).to_owned());
+                    }
+                }
             }
         }
         Cell::Control => {}
