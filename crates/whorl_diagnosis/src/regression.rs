@@ -25,7 +25,7 @@ fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     match (values.get(middle.wrapping_sub(1)), values.get(middle)) {
-        (Some(a), Some(b)) if values.len() % 2 == 0 => 0.5 * (a + b),
+        (Some(a), Some(b)) if values.len().is_multiple_of(2) => 0.5 * (a + b),
         (_, Some(b)) => *b,
         _ => 0.0,
     }
