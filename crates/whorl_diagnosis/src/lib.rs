@@ -28,6 +28,7 @@ mod filter;
 mod fit;
 mod horizons;
 mod hypothesis;
+mod implied;
 mod inputs;
 mod mechanics;
 mod modes;
@@ -77,13 +78,60 @@ pub fn diagnose(
 ) -> Result<Diagnosis, DiagnosisError> {
     let started = prepare(training, held_out, model, prior, options, progress)?;
     let (mut problem, mut held) = started;
-    let mut search = search::Search::start(&mut problem, held.as_mut(), options, progress)?;
+    if let Some(run) = problem.runs.iter().find(|run| run.is_blind()) {
+        let mut diagnosis = Diagnosis::not_enough_information();
+        diagnosis.remarks = problem.runs.iter().flat_map(|r| r.remarks.clone()).collect();
+        diagnosis.remarks.push(format!(
+            "{}: the gyro alone, with wheels whose speed nobody measured, cannot tell a missing effect from the wheels' momentum and the tilt; record the wheel speeds, the accelerometer or a vector sensor",
+            run.name
+        ));
+        return Ok(diagnosis);
+    }
+    let (diagnosis, point) = answer(&mut problem, held.as_mut(), options, progress)?;
+    // A gyro whose bias wanders more than the model says looks like something that is missing, or hides behind
+    // a sensor effect.
+    let walk = if is_faint(&diagnosis) { problem.likeliest_gyro_bias_walk(&point)? } else { None };
+    let Some(walk) = walk else { return Ok(diagnosis) };
+    for problem in std::iter::once(&mut problem).chain(&mut held) {
+        problem.gyro_bias_walk = walk;
+    }
+    let (mut diagnosis, _) = answer(&mut problem, held.as_mut(), options, progress)?;
+    diagnosis.remarks.push(format!(
+        "the gyro's bias wanders by {walk:.0e} rad/s/sqrt(s), more than the model says (bias_walk_rad_s_sqrt_s); this is taken into account"
+    ));
+    Ok(diagnosis)
+}
+
+/// One search; with the point at which it ended.
+fn answer(
+    problem: &mut problem::Problem,
+    held_out: Option<&mut problem::Problem>,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<(Diagnosis, parameters::Point), DiagnosisError> {
+    let mut search = search::Search::start(problem, held_out, options, progress)?;
     search.run(progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
-    if let (Some(what), Some(first)) = (search.beyond_belief(), training.first()) {
+    if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
         return Err(DiagnosisError::OtherPlatform { run: first.name.clone(), what });
     }
-    Ok(search.answer())
+    let diagnosis = search.answer();
+    Ok((diagnosis, search.point))
+}
+
+/// Log evidence of a member that no noise of a plausible gyro could make.
+const BEYOND_NOISE: f64 = 300.0;
+
+/// Whether noise of another kind than the model's could have made a verdict.
+fn is_faint(diagnosis: &Diagnosis) -> bool {
+    match diagnosis.verdict {
+        Verdict::Unknown => true,
+        Verdict::Named | Verdict::Confounded => diagnosis
+            .candidates
+            .iter()
+            .any(|c| diagnosis.effects.contains(&c.effect) && c.delta_log_evidence < BEYOND_NOISE),
+        Verdict::NothingMissing | Verdict::NotEnoughInformation => false,
+    }
 }
 
 /// Checks everything and lays the recordings out.

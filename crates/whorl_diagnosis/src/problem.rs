@@ -25,6 +25,15 @@ pub(crate) const MEMORY_S: f64 = 20.0;
 /// A walk of the rate so strong that any motion is as likely as the model's [rad/s/sqrt(s)].
 pub(crate) const FREE_RATE_WALK: f64 = 0.3;
 
+/// A bias that hardly walks [rad/s/sqrt(s)].
+const STEADY_BIAS_WALK: f64 = 1e-7;
+
+/// Walks of the gyro's bias that are tried [rad/s/sqrt(s)]: from a fibre-optic gyro to a cheap one in a draught.
+const BIAS_WALKS: [f64; 5] = [3e-6, 1e-5, 3e-5, 1e-4, 3e-4];
+
+/// Log likelihood that a walk must bring: less is chance.
+const WORTH_A_WALK: f64 = 4.0;
+
 /// Runs with their trajectories.
 pub(crate) struct Problem {
     pub reference: Reference,
@@ -34,6 +43,8 @@ pub(crate) struct Problem {
     /// Density of the gyro's noise, per run [rad/s sqrt(s)].
     gyro_density: Vec<f64>,
     wheel_density: Vec<f64>,
+    /// Random walk of the gyro's bias that is expected at the least [rad/s/sqrt(s)].
+    pub gyro_bias_walk: f64,
 }
 
 /// The whitened regression of a set of runs at a point.
@@ -88,6 +99,7 @@ impl Problem {
             threads,
             gyro_density: Vec::new(),
             wheel_density: Vec::new(),
+            gyro_bias_walk: STEADY_BIAS_WALK,
             reference,
         };
         for result in made {
@@ -135,7 +147,7 @@ impl Problem {
                 motion,
                 mechanics: &mechanics,
                 prediction: &prediction,
-                settings: Settings { rate_walk, torque_walk: 0.0, wheel_noise },
+                settings: Settings { rate_walk, wheel_noise, ..self.settings(r) },
             };
             let linear = system(0.0).linear();
             let walk = rate_walk.unwrap_or_else(|| {
@@ -144,7 +156,7 @@ impl Problem {
             let mut better = motion.clone();
             for (k, state) in system(walk).smoothed(&linear).state.chunks_exact(linear.n).enumerate() {
                 let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
-                better.correct(k, &part(0), &part(3), &state[WHEEL..]);
+                better.correct(k, &part(0), &part(3), &state[WHEEL..WHEEL + mechanics.model().wheels.len()]);
             }
             better.fill_middle(run);
             better
@@ -183,15 +195,64 @@ impl Problem {
         Ok(powers.get(powers.len() / 2).copied().unwrap_or(1.0))
     }
 
+    /// The random walk of the gyro's bias that the data support best [rad/s/sqrt(s)], with the model at a point;
+    /// `None` if the model's own, or the one in use, is large enough. Where accelerometer or vector sensors watch
+    /// the attitude, no torque enters: the model's accelerations are not trusted.
+    pub fn likeliest_gyro_bias_walk(&self, point: &Point) -> Result<Option<f64>, DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let indices: Vec<usize> = (0..self.runs.len()).filter(|r| !self.runs[*r].clamped).collect();
+        let of_runs = threads::map(self.threads, &indices, |&r| {
+            let (run, motion) = (&self.runs[r], &self.motions[r]);
+            let (_, prediction) = predict(&mechanics, run, motion);
+            let attitude = !run.vectors.is_empty() || run.accel.iter().any(|a| a.count > 0.0);
+            let own = self.settings(r);
+            let rate_walk = if attitude { FREE_RATE_WALK } else { own.rate_walk };
+            let system = |gyro_bias_walk: f64| System {
+                run,
+                motion,
+                mechanics: &mechanics,
+                prediction: &prediction,
+                settings: Settings { rate_walk, gyro_bias_walk, ..own },
+            };
+            let linear = system(own.gyro_bias_walk).linear();
+            let at = |walk: f64| system(walk).log_likelihood(&linear);
+            let likelihoods: Vec<f64> = BIAS_WALKS.iter().map(|walk| at(*walk)).collect();
+            (at(own.gyro_bias_walk), likelihoods)
+        });
+        let mut best = (of_runs.iter().map(|(own, _)| own).sum::<f64>() + WORTH_A_WALK, None);
+        for (i, walk) in BIAS_WALKS.iter().enumerate().filter(|(_, walk)| **walk > self.gyro_bias_walk) {
+            let sum: f64 = of_runs.iter().filter_map(|(_, list)| list.get(i)).sum();
+            if sum > best.0 {
+                best = (sum, Some(*walk));
+            }
+        }
+        Ok(best.1)
+    }
+
     /// Settings of the whitening filter of a run.
     pub fn settings(&self, r: usize) -> Settings {
         let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
         let inertia = self.reference.model.wheels.iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
         Settings {
             rate_walk: density(&self.gyro_density) / MEMORY_S,
-            torque_walk: 0.0,
+            torque_walk: self.runs.get(r).map_or(0.0, |run| self.friction_walk(run)),
+            gyro_bias_walk: self.gyro_bias_walk,
             wheel_noise: inertia * density(&self.wheel_density) / MEMORY_S,
         }
+    }
+
+    /// Without a tachometer nobody knows which way the wheels turn, so their friction may be off by all of its
+    /// size, for as long as a wheel keeps turning: a torque state that walks so far in the filter's memory
+    /// [N m/sqrt(s)].
+    fn friction_walk(&self, run: &Run) -> f64 {
+        if run.has_wheel_speed || run.clamped {
+            return 0.0;
+        }
+        let friction = |w: &whorl_dynamics::platform::Wheel| {
+            w.coulomb_friction_n_m + 0.3 * w.max_speed_rad_s * w.viscous_friction_n_m_s
+        };
+        let wheels = &self.reference.model.wheels;
+        wheels.iter().map(|w| friction(w).powi(2)).sum::<f64>().sqrt() / MEMORY_S.sqrt()
     }
 
     /// Linearises every run at a point.

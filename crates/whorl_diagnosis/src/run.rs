@@ -7,6 +7,7 @@ use whorl_recording::{Mounting, OnInterval, Recording, Series};
 
 use crate::DiagnosisError;
 use crate::check::check;
+use crate::implied::implied_wheel_torques;
 use crate::inputs::{HeldInput, RunningIntegral, SampleTimes};
 use crate::noise::NoiseLevels;
 
@@ -40,7 +41,9 @@ pub(crate) struct Run {
     pub accel: Vec<Mean3>,
     pub vectors: Vec<VectorRun>,
     pub wheel_speed: Vec<(Wheels, f64, f64)>,
+    /// Without, the torques that the speeds imply stand in.
     pub has_wheel_command: bool,
+    pub has_wheel_speed: bool,
     pub wheel_command: Vec<HeldInput>,
     pub body_torque: [HeldInput; 3],
     pub jet_pulses: Vec<Vec<OnInterval>>,
@@ -70,6 +73,13 @@ pub(crate) struct Run {
 impl Run {
     pub fn nodes(&self) -> usize {
         self.times.node_s.len()
+    }
+
+    /// Neither attitude nor momentum can be known: wheels turn, and the gyro is the only sensor.
+    pub fn is_blind(&self) -> bool {
+        let attitude = !self.vectors.is_empty() || self.accel.iter().any(|a| a.count > 0.0);
+        let wheels_turn = self.wheel_command.iter().any(|c| c.mean.iter().any(|u| *u != 0.0));
+        !self.clamped && !attitude && !self.has_wheel_speed && wheels_turn
     }
 
     pub fn time(&self, k: usize) -> f64 {
@@ -147,12 +157,15 @@ impl Run {
             })
             .collect();
         let wheels = model.wheels.len();
+        let has_wheel_command = !recording.wheel_torque_command_n_m.is_empty();
+        let has_wheel_speed = !recording.wheel_speed_rad_s.is_empty();
+        let implied =
+            (!has_wheel_command && has_wheel_speed).then(|| implied_wheel_torques(recording, model));
+        let torques = implied.as_ref().unwrap_or(&recording.wheel_torque_command_n_m);
         let wheel_command = (0..wheels)
             .map(|j| {
                 let limit = model.wheels.get(j).map_or(0.0, |w| w.max_torque_n_m);
-                let signal = RunningIntegral::held(&recording.wheel_torque_command_n_m, limit, |u| {
-                    u.get(j).copied().unwrap_or(0.0)
-                });
+                let signal = RunningIntegral::held(torques, limit, |u| u.get(j).copied().unwrap_or(0.0));
                 HeldInput::new(&signal, &times)
             })
             .collect();
@@ -168,7 +181,8 @@ impl Run {
             accel: mean3(&recording.specific_force_b_m_s2, accel_latency_s),
             vectors,
             wheel_speed: wheel_means(&recording.wheel_speed_rad_s, &times, &bin_of),
-            has_wheel_command: !recording.wheel_torque_command_n_m.is_empty(),
+            has_wheel_command,
+            has_wheel_speed,
             wheel_command,
             body_torque,
             jet_pulses: recording.jet_pulses.clone(),

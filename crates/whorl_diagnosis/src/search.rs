@@ -40,6 +40,9 @@ const MOST_RIVALS: usize = 4;
 /// Explanations closer than this in log evidence are both kept.
 pub(crate) const TIE: f64 = 3.0;
 
+/// Share of the misfit's drop within which two formulas have the same shape: (3 %)^2.
+const SAME_SHAPE: f64 = 1e-3;
+
 /// The search's state: where the model is, and the regression there.
 pub(crate) struct Search<'a> {
     pub problem: &'a mut Problem,
@@ -377,6 +380,13 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    /// Log evidence by which a set must lead: reality follows no formula to better than a few percent, so of a
+    /// large effect a part in a thousand decides nothing.
+    fn tie(&self) -> f64 {
+        let drop = self.best.estimate.drop - self.base.estimate.drop;
+        TIE.max(0.5 * SAME_SHAPE * drop)
+    }
+
     /// Other sets that explain the data as well: each member replaced by another effect, and sets that were
     /// fitted where they fit best.
     pub fn alternatives(&self) -> Vec<Vec<String>> {
@@ -386,7 +396,7 @@ impl<'a> Search<'a> {
             let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
             for other in self.additions(&rest) {
                 let names = other.names(&self.layout);
-                if self.advantage(&other, &self.best).0 > -TIE && names != own && !sets.contains(&names) {
+                if self.advantage(&other, &self.best).0 > -self.tie() && names != own && !sets.contains(&names) {
                     sets.push(names);
                 }
             }
@@ -395,7 +405,7 @@ impl<'a> Search<'a> {
             for (names, standing) in &self.standings {
                 if names.len() == own.len()
                     && *names != own
-                    && standing.log_evidence > best.log_evidence - TIE
+                    && standing.log_evidence > best.log_evidence - self.tie()
                     && !sets.contains(names)
                 {
                     sets.push(names.clone());

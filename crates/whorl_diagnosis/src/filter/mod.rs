@@ -37,6 +37,8 @@ pub(crate) struct Settings {
     pub torque_walk: f64,
     /// Torque noise of the wheels [N m sqrt(s)].
     pub wheel_noise: f64,
+    /// Least random walk of the gyro's bias [rad/s/sqrt(s)].
+    pub gyro_bias_walk: f64,
 }
 
 /// A run linearised along its motion: what does not depend on the noise.

@@ -90,7 +90,7 @@ impl System<'_> {
             for i in 0..3 {
                 let mut diagonal = |state: usize, variance: f64| p[state][state] += variance;
                 diagonal(ANGLE + i, 1e-14 * h);
-                diagonal(GYRO_BIAS + i, relative(sensors.gyro.errors.bias_walk[i], 1e-7));
+                diagonal(GYRO_BIAS + i, relative(sensors.gyro.errors.bias_walk[i], s.gyro_bias_walk));
                 diagonal(ACCEL_BIAS + i, relative(sensors.accelerometer.errors.bias_walk[i], 1e-6));
                 if s.torque_walk > 0.0 {
                     diagonal(WHEEL + self.wheels() + i, s.torque_walk.powi(2) * h);
@@ -103,7 +103,7 @@ impl System<'_> {
             let at_limit = speed.abs() > 0.985 * wheel.max_speed_rad_s;
             let intensity = if !self.run.has_wheel_command {
                 0.5 * wheel.max_torque_n_m
-            } else if near_zero || at_limit {
+            } else if self.run.has_wheel_speed && (near_zero || at_limit) {
                 (2.0 * wheel.coulomb_friction_n_m).max(0.02 * wheel.max_torque_n_m)
             } else {
                 // Just off standstill friction is still not what it is at speed.
@@ -142,8 +142,9 @@ impl System<'_> {
             let bias = sensors.accelerometer.errors.bias_turn_on_stddev[i].max(1e-4);
             variance[ACCEL_BIAS + i] = bias * bias;
         }
-        let wheel = if self.run.wheel_speed.iter().any(|s| s.1 > 0.0) { 5.0 } else { 50.0 };
-        for j in 0..self.wheels() {
+        for (j, limits) in self.mechanics.model().wheels.iter().enumerate() {
+            // Where no tachometer says more, anything up to the limit.
+            let wheel = if self.run.has_wheel_speed { 5.0 } else { 0.3 * limits.max_speed_rad_s };
             variance[WHEEL + j] = wheel * wheel;
         }
         if self.settings.torque_walk > 0.0 {
