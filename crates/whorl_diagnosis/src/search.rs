@@ -396,7 +396,10 @@ impl<'a> Search<'a> {
             let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
             for other in self.additions(&rest) {
                 let names = other.names(&self.layout);
-                if self.advantage(&other, &self.best).0 > -self.tie() && names != own && !sets.contains(&names) {
+                if self.advantage(&other, &self.best).0 > -self.tie()
+                    && names != own
+                    && !sets.contains(&names)
+                {
                     sets.push(names);
                 }
             }
