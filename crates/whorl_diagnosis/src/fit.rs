@@ -9,9 +9,11 @@ use crate::parameters::{BASE_EFFECTS, MASS_PROPERTIES, Target};
 use crate::search::{Search, point_of};
 use crate::{DiagnosisError, Fit, FittedParameter};
 
-/// Standard deviations of its prior beyond which no moment of inertia is: what a wrong prior of the usual kind (5 %
-/// where 2 % was stated) makes is four of them.
-const BEYOND_BELIEF: f64 = 12.0;
+/// Standard deviations of its prior beyond which no moment of inertia is,
+const BEYOND_BELIEF: f64 = 5.0;
+/// and the least that one counts for, as a share of the moment: what CAD is good for. Priors that an earlier fit has
+/// left are tighter than what changes from day to day.
+const LEAST_STDDEV: f64 = 0.05;
 
 impl Search<'_> {
     /// Makes these effects, and only these, the best hypothesis, and converges on them.
@@ -86,9 +88,9 @@ impl Search<'_> {
         let reference = &self.problem.reference;
         let inertia = reference.model.mass_properties.inertia_b_kg_m2();
         (0..3).zip(["xx", "yy", "zz"]).zip(point.moments).find_map(|((axis, name), moved)| {
-            let stddev = reference.prior.inertia_b_kg_m2[(axis, axis)];
             let given = inertia[(axis, axis)];
-            (stddev > 0.0 && moved.abs() > BEYOND_BELIEF * stddev).then(|| {
+            let stddev = reference.prior.inertia_b_kg_m2[(axis, axis)].max(LEAST_STDDEV * given);
+            (moved.abs() > BEYOND_BELIEF * stddev).then(|| {
                 format!(
                     "it asks for a moment of inertia {name} of {:.2} kg m^2, and the model says {given:.2} +- {stddev:.2}",
                     given + moved

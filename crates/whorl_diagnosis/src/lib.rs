@@ -112,10 +112,15 @@ fn answer(
     let mut search = search::Search::start(problem, held_out, options, progress)?;
     search.run(progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
+    let mut diagnosis = search.answer();
     if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
-        return Err(DiagnosisError::OtherPlatform { run: first.name.clone(), what });
+        let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
+        // What nothing explains may bend the model as much.
+        if diagnosis.verdict != Verdict::Unknown {
+            return Err(other);
+        }
+        diagnosis.remarks.push(other.to_string());
     }
-    let diagnosis = search.answer();
     Ok((diagnosis, search.point))
 }
 

@@ -1,7 +1,7 @@
 //! Recordings that cannot be explained give a sentence, never a verdict.
 
 use nalgebra::Vector3;
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::{MassProperties, ModelPrior, PlatformModel};
 use whorl_recording::{Recording, Series};
 
 use super::generator::record;
@@ -31,6 +31,12 @@ fn each_says_what_is_wrong() {
     let mut other = model.clone();
     other.wheels.pop();
     assert!(matches!(error_of(good.clone(), &other), DiagnosisError::OtherPlatform { .. }));
+    let inertia = model.mass_properties.inertia_b_kg_m2() + nalgebra::Matrix3::from_diagonal_element(5.0);
+    let offset = *model.mass_properties.gravity_offset_b_n_m();
+    let mut other = model.clone();
+    other.mass_properties = MassProperties::new(inertia, offset, model.mass_properties.mass_kg()).unwrap();
+    let text = error_of(record(&model, 5, 60.0, None), &other).to_string();
+    assert!(text.contains("moment of inertia") && text.contains("data of another platform"), "{text}");
     let unknown = Options { exclude: vec!["no_such_effect".to_owned()], ..Options::default() };
     let result = diagnose(&[good], &[], &model, &ModelPrior::typical(&model), &unknown, &mut |_| {});
     assert!(matches!(result.unwrap_err(), DiagnosisError::UnknownEffect { .. }));
