@@ -383,7 +383,7 @@ impl<'a> Search<'a> {
     /// Log evidence by which a set must lead: reality follows no formula to better than a few percent, so of a
     /// large effect a part in a thousand decides nothing.
     fn tie(&self) -> f64 {
-        let drop = self.best.estimate.drop - self.base.estimate.drop;
+        let (_, drop) = self.advantage(&self.best, &self.base);
         TIE.max(0.5 * SAME_SHAPE * drop)
     }
 
