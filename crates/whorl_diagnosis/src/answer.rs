@@ -112,17 +112,7 @@ impl Search<'_> {
         for &i in &member.columns {
             let column = self.layout.columns.get(i)?;
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
-            let reference = match column.target {
-                crate::parameters::Target::Effect(effect) if column.origin.is_none() => {
-                    let reference = &self.problem.reference;
-                    let values = match column.floats {
-                        true => reference.values_at(&self.point, effect),
-                        false => reference.values(effect),
-                    };
-                    values.get(column.index).copied().unwrap_or(0.0)
-                }
-                _ => 0.0,
-            };
+            let reference = self.problem.reference.counted_from(&self.point, column);
             let value = with.estimate.value[at];
             let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt() * column.scale;
             parameters.push(ParameterEstimate {
@@ -263,6 +253,9 @@ impl Search<'_> {
             if let Some(rest) = self.best.without(&self.layout, &self.data.total, member)
                 && let Some(mut row) = self.row(&self.best, &rest, member)
             {
+                if let Some(parameters) = self.averaged(&self.best, member) {
+                    row.parameters = parameters;
+                }
                 // The member last, so that correlation is with it.
                 let mut rotated = self.best.clone();
                 let own = rotated.members.remove(member);

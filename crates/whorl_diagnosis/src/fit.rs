@@ -15,6 +15,9 @@ const BEYOND_BELIEF: f64 = 5.0;
 /// left are tighter than what changes from day to day.
 const LEAST_STDDEV: f64 = 0.05;
 
+/// Error over noise up to which a fit has explained the data.
+const EXPLAINED: f64 = 1.2;
+
 impl Search<'_> {
     /// Makes these effects, and only these, the best hypothesis, and converges on them.
     pub(crate) fn adopt(&mut self, effects: &[&'static dyn Effect]) -> Result<(), DiagnosisError> {
@@ -48,23 +51,32 @@ impl Search<'_> {
         let point = point_of(self.problem, &self.layout, &self.point, best);
         let model = self.folded(&point)?;
         let covariance = best.estimate.covariance();
+        let error = self.error_summary();
+        let left = error.after.max(1.0);
+        // While something else is missing, the constants bend to follow it, and how well they seem to be known
+        // says nothing: they keep the given uncertainty, so that the next fit can bring them back.
+        let is_explained = left < EXPLAINED;
         let mut prior = reference.prior.clone();
         let mut estimates = Vec::new();
         for (at, &i) in best.estimate.active.iter().enumerate() {
             let Some(column) = self.layout.columns.get(i) else { continue };
-            let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt() * column.scale;
+            let stddev = covariance[(at, at)].max(0.0).sqrt() * self.data.temper.sqrt().max(left) * column.scale;
             let value = best.estimate.value[at];
             let (before, after) = match column.target {
                 Target::Moment(axis) => {
                     let at =
                         |m: &whorl_dynamics::PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
-                    prior.inertia_b_kg_m2[(axis, axis)] = stddev;
+                    if is_explained {
+                        prior.inertia_b_kg_m2[(axis, axis)] = stddev;
+                    }
                     (at(&reference.model), at(&model))
                 }
                 Target::Effect(effect) => {
                     let read = |values: Vec<f64>| values.get(column.index).copied().unwrap_or(0.0);
                     let before = read(reference.values(effect));
-                    self.tighten(&mut prior, column.group, column.index, &column.name, stddev);
+                    if is_explained || !BASE_EFFECTS.contains(&column.group) {
+                        self.tighten(&mut prior, column.group, column.index, &column.name, stddev);
+                    }
                     (before, read(reference.values_at(&point, effect)))
                 }
             };
@@ -78,7 +90,7 @@ impl Search<'_> {
                 at_bound: value <= column.range.0 || value >= column.range.1,
             });
         }
-        Ok(Fit { model, prior, estimates, error: self.error_summary() })
+        Ok(Fit { model, prior, estimates, error })
     }
 
     /// The moment of inertia that the best explanation has moved beyond belief, if one is: data of another platform

@@ -40,8 +40,18 @@ impl Hypothesis {
         Self::of(layout, normal, Vec::new())
     }
 
-    /// Fits a set of members; columns against their sign constraint leave the fit.
-    pub fn of(layout: &Layout, normal: &Normal, mut members: Vec<Member>) -> Option<Self> {
+    /// Fits a set of members; columns against their sign constraint leave the fit. `None` when a parameter
+    /// would have a value that no such platform can have.
+    pub fn of(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
+        Self::fitted(layout, normal, members, true)
+    }
+
+    /// As [`Self::of`], with no limit on any value.
+    pub fn free(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
+        Self::fitted(layout, normal, members, false)
+    }
+
+    fn fitted(layout: &Layout, normal: &Normal, mut members: Vec<Member>, limited: bool) -> Option<Self> {
         for _ in 0..8 {
             let mut active = layout.base.clone();
             let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
@@ -57,7 +67,7 @@ impl Hypothesis {
             let estimate = Estimate::new(normal, &active, |i| variance[i].max(1e-12))?;
             // Only columns that are no part of the base obey their range here.
             let mut worst: Option<(usize, f64)> = None;
-            for member in &members {
+            for member in members.iter().filter(|_| limited) {
                 for i in &member.columns {
                     let column = &layout.columns[*i];
                     let value = estimate.of(*i);
@@ -76,7 +86,7 @@ impl Hypothesis {
             }
             let Some((out, _)) = worst else {
                 // A size that no such platform can have explains nothing.
-                let implausible = members.iter().flat_map(|m| &m.columns).any(|i| {
+                let implausible = limited && members.iter().flat_map(|m| &m.columns).any(|i| {
                     let column = &layout.columns[*i];
                     let value = estimate.of(*i);
                     let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));

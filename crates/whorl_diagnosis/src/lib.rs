@@ -40,6 +40,7 @@ mod physical;
 mod problem;
 mod prospect;
 mod regression;
+mod report;
 pub mod residual;
 mod run;
 mod search;

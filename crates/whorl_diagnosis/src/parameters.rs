@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Matrix3;
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{Effect, MassProperties, ModelPrior, ParameterSpec, PlatformModel};
+use whorl_math::wrap_angle_rad;
 
 use crate::DiagnosisError;
 
@@ -84,6 +85,11 @@ fn shape_parameters(id: &str) -> (&'static [usize], &'static [usize]) {
         "slosh" => (&[1], &[2, 3]),
         _ => (&[], &[]),
     }
+}
+
+/// A whole turn more of this parameter is the same.
+fn is_angle(id: &str, index: usize) -> bool {
+    matches!((id, index), ("air_current_periodic", 4) | ("harness_spring", 1))
 }
 
 /// The given model and prior, as reference of every point.
@@ -244,7 +250,11 @@ impl Reference {
             if let (true, Some(spec), Some(now)) =
                 (column.floats, specs.get(column.index), now.get(column.index))
             {
-                column.range = ((spec.min - now) / column.scale, (spec.max - now) / column.scale);
+                column.range = if is_angle(column.group, column.index) {
+                    (f64::NEG_INFINITY, f64::INFINITY)
+                } else {
+                    ((spec.min - now) / column.scale, (spec.max - now) / column.scale)
+                };
             }
         }
         columns
@@ -271,6 +281,16 @@ impl Reference {
             "thruster_misalignment" => at(&self.prior.jet_direction_rad, index / 2),
             _ => 0.0,
         }
+    }
+
+    /// Value of a column's parameter from which its units are counted, at a point.
+    pub fn counted_from(&self, point: &Point, column: &Column) -> f64 {
+        let Target::Effect(effect) = column.target else { return 0.0 };
+        if column.origin.is_some() {
+            return 0.0;
+        }
+        let values = if column.floats { self.values_at(point, effect) } else { self.values(effect) };
+        values.get(column.index).copied().unwrap_or(0.0)
     }
 
     /// How far a point is from the reference along a column, in its units.
@@ -310,7 +330,14 @@ impl Reference {
                     .iter()
                     .zip(&column.step)
                     .zip(&specs)
-                    .map(|((value, step), spec)| (value + units * step).max(spec.min).min(spec.max))
+                    .enumerate()
+                    .map(|(i, ((value, step), spec))| {
+                        let moved = value + units * step;
+                        if is_angle(effect.info().id, i) {
+                            return wrap_angle_rad(moved);
+                        }
+                        moved.max(spec.min).min(spec.max)
+                    })
                     .collect();
                 moved.effects.insert(effect.info().id, values);
             }

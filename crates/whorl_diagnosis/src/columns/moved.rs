@@ -59,6 +59,9 @@ impl Moved {
         } else if column.name == "range_rad_s" || column.name == "angle_rad" {
             // What lies beyond a limit is small: so must be the step.
             units *= 0.02;
+        } else if column.is_shape {
+            // A tenth of a usual frequency would be many turns by the end of a run.
+            units *= 0.002;
         }
         if column.range.1 < units + reference.distance(point, column) {
             units = -units;

@@ -1,6 +1,6 @@
 //! Steps within an interval, by which hidden states are carried on.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 use whorl_dynamics::Environment;
 use whorl_dynamics::effects::MAX_HIDDEN_STATES;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
@@ -32,6 +32,8 @@ pub(crate) struct Steps {
     step_s: f64,
     /// The acceleration that was seen drives hidden states, not a model's own.
     seen: Vector3<f64>,
+    /// The interval is the run's first.
+    begins: bool,
     instants: Vec<Instant>,
 }
 
@@ -49,6 +51,7 @@ impl Steps {
         };
         let length = run.length(k);
         self.seen = (w1 - w0) / length;
+        self.begins = k == 0;
         let steps = ((length / LONGEST_S).ceil() as usize).clamp(1, MOST);
         self.step_s = length / steps as f64;
         self.instants.clear();
@@ -93,7 +96,8 @@ impl Steps {
         self.at(2 * step + 1, interval)
     }
 
-    /// Carries hidden states over a step by a Runge-Kutta step and returns those in its middle.
+    /// Carries hidden states over a step by a Runge-Kutta step and returns those in its middle. A run begins
+    /// with them at rest in its first attitude, as a liquid is that has had time to settle.
     pub fn advance(
         &self,
         step: usize,
@@ -104,6 +108,14 @@ impl Steps {
         let n = hidden.len().min(MAX_HIDDEN_STATES);
         let [start, middle, end] = [0, 1, 2]
             .map(|i| Environment { omega_dot_wb_b_rad_s2: self.seen, ..self.at(2 * step + i, interval) });
+        if self.begins && step == 0 {
+            let still = Environment {
+                omega_wb_b_rad_s: Vector3::zeros(),
+                omega_dot_wb_b_rad_s2: Vector3::zeros(),
+                ..start
+            };
+            come_to_rest(&mut hidden[..n], |x, rate| derivative(&still, x, rate));
+        }
         let rate = |environment: &Environment<'_>, x: &[f64]| {
             let mut rate = [0.0; MAX_HIDDEN_STATES];
             derivative(environment, &x[..n], &mut rate[..n]);
@@ -126,5 +138,38 @@ impl Steps {
             *x += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
         half
+    }
+}
+
+/// Sets hidden states to where they do not change; their equations are linear: rate = rate(0) + J x.
+fn come_to_rest(hidden: &mut [f64], derivative: impl Fn(&[f64], &mut [f64])) {
+    let n = hidden.len();
+    let rate = |x: &DVector<f64>| {
+        let mut rate = DVector::zeros(n);
+        derivative(x.as_slice(), rate.as_mut_slice());
+        rate
+    };
+    let start = rate(&DVector::zeros(n));
+    let mut slope = DMatrix::zeros(n, n);
+    for i in 0..n {
+        let mut x = DVector::zeros(n);
+        x[i] = 1.0;
+        slope.set_column(i, &(rate(&x) - &start));
+    }
+    if let Some(rest) = slope.lu().solve(&-start).filter(|x| x.iter().all(|v| v.is_finite())) {
+        hidden.copy_from_slice(rest.as_slice());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pendulum_in_a_slanted_field_hangs_where_the_spring_holds_it() {
+        // s'' = -0.3 s' - 4 s + 2: at rest at one half.
+        let mut hidden = [0.0, 0.0];
+        come_to_rest(&mut hidden, |x, rate| (rate[0], rate[1]) = (x[1], -0.3 * x[1] - 4.0 * x[0] + 2.0));
+        assert!((hidden[0] - 0.5).abs() < 1e-12 && hidden[1].abs() < 1e-12, "{hidden:?}");
     }
 }

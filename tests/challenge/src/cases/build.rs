@@ -17,6 +17,7 @@ use super::plan::{Cell, Spec};
 use crate::detectability::{Lens, Seen};
 use crate::scenario::{NoiseLevels, Stated, Style, index, measure, plan as make_plan, rng};
 use crate::truth::run::Span;
+use crate::truth::body::across;
 use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 
 /// Separation from which on one effect is clearly another than its rivals.
@@ -326,7 +327,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                     if let Some((values, reached)) = stand.sized(&drawn, lambda) {
                         names.push(id);
                         answer.lambda = reached;
-                        note(&mut answer, id, values);
+                        note(&mut answer, stand, laboratory, id, values);
                     }
                 }
                 if names.len() == 2 {
@@ -375,7 +376,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                 hidden = stand.hidden(&[(id, values.clone())]);
                 answer.lambda = reached;
                 answer.separation = answer.separation.min(reached);
-                note(&mut answer, id, values);
+                note(&mut answer, stand, laboratory, id, values);
             }
         }
     }
@@ -411,9 +412,40 @@ pub fn separation_after_follow_up(stand: &Stand, answer: &Answer) -> Option<f64>
     rivals(id).iter().map(|rival| lens.beyond(&seen, &stand.columns(lens, rival))).min_by(f64::total_cmp)
 }
 
-fn note(answer: &mut Answer, id: &str, values: Values) {
-    let comparable: Values =
+fn note(answer: &mut Answer, stand: &Stand, laboratory: &Laboratory, id: &str, values: Values) {
+    let drawn = Body::as_drawn(&laboratory.model);
+    let mut comparable: Values =
         values.iter().filter(|(name, _)| is_comparable(id, name)).map(|(n, v)| (n.clone(), *v)).collect();
+    // What the tool is asked for is the difference from the drawing: how the platform was built is part of it.
+    let mut of_part = |name: &str, part: Values| {
+        for (suffix, built) in part {
+            let name = format!("{name}{suffix}");
+            if is_comparable(id, &name) {
+                *comparable.entry(name).or_insert(0.0) += built;
+            }
+        }
+    };
+    let tilt = |from: &Vector3<f64>, to: &Vector3<f64>| -> Values {
+        let turn = from.cross(to);
+        let [a, b] = across(from);
+        Values::from([("_a_rad".to_owned(), turn.dot(&a)), ("_b_rad".to_owned(), turn.dot(&b))])
+    };
+    let wheels = stand.stage.wheels.iter().zip(&stand.body.wheels).zip(&drawn.wheels);
+    let jets = stand.stage.jets.iter().zip(&stand.body.jets).zip(&drawn.jets);
+    match id {
+        "wheel_inertia" => wheels.for_each(|((name, is), was)| {
+            let ratio = is.spin_inertia_kg_m2 / was.spin_inertia_kg_m2;
+            let hidden = values.get(name).copied().unwrap_or(0.0);
+            of_part(name, Values::from([(String::new(), (ratio - 1.0) * (1.0 + hidden))]));
+        }),
+        "wheel_misalignment" => {
+            wheels.for_each(|((name, is), was)| of_part(name, tilt(&was.axis_b, &is.axis_b)));
+        }
+        "thruster_misalignment" => {
+            jets.for_each(|((name, is), was)| of_part(name, tilt(&was.direction_b, &is.direction_b)));
+        }
+        _ => {}
+    }
     answer.effects.push(id.to_owned());
     answer.comparable.insert(id.to_owned(), comparable);
     answer.values.insert(id.to_owned(), values);

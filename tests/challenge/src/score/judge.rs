@@ -50,8 +50,21 @@ pub struct Outcome {
     /// Intervals that should cover, and those that did.
     pub intervals: u32,
     pub covered: u32,
+    /// Each of them.
+    #[serde(default)]
+    pub estimates: Vec<Interval>,
     pub seconds: f64,
     pub minutes_of_data: f64,
+}
+
+/// A parameter as it is and as it was estimated.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Interval {
+    pub effect: String,
+    pub parameter: String,
+    pub truth: f64,
+    pub estimate: f64,
+    pub stddev: f64,
 }
 
 fn word(verdict: Verdict) -> &'static str {
@@ -107,6 +120,7 @@ pub fn not_built(spec: &Spec, reason: &str) -> Outcome {
         held_out_ratio_before: None,
         intervals: 0,
         covered: 0,
+        estimates: Vec::new(),
         seconds: 0.0,
         minutes_of_data: 0.0,
     }
@@ -227,6 +241,13 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
                 };
                 outcome.intervals += 1;
                 outcome.covered += u32::from((estimate.estimate - truth).abs() <= 1.96 * estimate.stddev);
+                outcome.estimates.push(Interval {
+                    effect: id.clone(),
+                    parameter: estimate.name.clone(),
+                    truth,
+                    estimate: estimate.estimate,
+                    stddev: estimate.stddev,
+                });
             }
         }
     }
