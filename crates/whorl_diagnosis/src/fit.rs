@@ -60,7 +60,8 @@ impl Search<'_> {
         let mut estimates = Vec::new();
         for (at, &i) in best.estimate.active.iter().enumerate() {
             let Some(column) = self.layout.columns.get(i) else { continue };
-            let stddev = covariance[(at, at)].max(0.0).sqrt() * self.data.temper.sqrt().max(left) * column.scale;
+            let stddev =
+                covariance[(at, at)].max(0.0).sqrt() * self.data.temper.sqrt().max(left) * column.scale;
             let value = best.estimate.value[at];
             let (before, after) = match column.target {
                 Target::Moment(axis) => {

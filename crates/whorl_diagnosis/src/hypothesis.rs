@@ -86,14 +86,15 @@ impl Hypothesis {
             }
             let Some((out, _)) = worst else {
                 // A size that no such platform can have explains nothing.
-                let implausible = limited && members.iter().flat_map(|m| &m.columns).any(|i| {
-                    let column = &layout.columns[*i];
-                    let value = estimate.of(*i);
-                    let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
-                    !column.quadratic
-                        && !column.is_shape
-                        && (value < column.range.0 - slack || value > column.range.1 + slack)
-                });
+                let implausible = limited
+                    && members.iter().flat_map(|m| &m.columns).any(|i| {
+                        let column = &layout.columns[*i];
+                        let value = estimate.of(*i);
+                        let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
+                        !column.quadratic
+                            && !column.is_shape
+                            && (value < column.range.0 - slack || value > column.range.1 + slack)
+                    });
                 if implausible {
                     return None;
                 }

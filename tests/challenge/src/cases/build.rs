@@ -16,8 +16,8 @@ use super::foreign;
 use super::plan::{Cell, Spec};
 use crate::detectability::{Lens, Seen};
 use crate::scenario::{NoiseLevels, Stated, Style, index, measure, plan as make_plan, rng};
-use crate::truth::run::Span;
 use crate::truth::body::across;
+use crate::truth::run::Span;
 use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 
 /// Separation from which on one effect is clearly another than its rivals.
