@@ -33,6 +33,12 @@ fn state(i: usize) -> usize {
     if i < 3 { RATE + i } else { WHEEL + i - 3 }
 }
 
+/// A body that turns slower than this may stand still, as far as a gyro's noise lets one see [rad/s].
+const STANDS_RAD_S: f64 = 3e-3;
+
+/// Time over which dry friction at standstill changes its pull \[s\].
+const STICKS_S: f64 = 0.1;
+
 impl System<'_> {
     pub(super) fn noise(&self) -> Noise {
         let wheels = &self.mechanics.model().wheels;
@@ -66,6 +72,24 @@ impl System<'_> {
         Noise { rate, wheel: wheels.iter().enumerate().map(of_wheel).collect() }
     }
 
+    /// Random-walk intensity of the rate while dry friction holds the body: what it pulls then balances all
+    /// else, up to its size either way, and no formula of the measured rate gives it [rad/s/sqrt(s)].
+    fn stiction_walk(&self, k: usize) -> f64 {
+        let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < STANDS_RAD_S) else {
+            return 0.0;
+        };
+        let friction = self
+            .mechanics
+            .gyrostat
+            .effects()
+            .iter()
+            .find(|active| active.effect().info().id == "bearing_coulomb_friction");
+        let torque_n_m = friction.and_then(|active| active.values().first().copied()).unwrap_or(0.0);
+        // The formula comes into its own as the body gets going.
+        let share = 1.0 - rate / STANDS_RAD_S;
+        share * torque_n_m * self.mechanics.inverse_inertia.trace() / 3.0 * (2.0 * STICKS_S).sqrt()
+    }
+
     /// Adds the process noise of interval `k`.
     pub(super) fn add_noise<const S: usize>(&self, noise: &Noise, k: usize, p: &mut [[f64; S]; S]) {
         let h = self.run.length(k);
@@ -84,7 +108,7 @@ impl System<'_> {
             let blind = h > 0.5
                 || self.run.gyro.get(k).is_none_or(|g| g.count == 0.0) && h > 0.2
                 || self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q));
-            let rate = if blind { 1.0 } else { s.rate_walk };
+            let rate = if blind { 1.0 } else { s.rate_walk.hypot(self.stiction_walk(k)) };
             let relative = |walk: f64, least: f64| walk.max(least).powi(2) * h;
             add(&noise.rate, rate * rate * h);
             for i in 0..3 {
