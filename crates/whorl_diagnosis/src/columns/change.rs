@@ -12,7 +12,7 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 use super::Linearised;
 use super::moved::{Moved, OneEffect, Way};
 use crate::inputs::Inputs;
-use crate::mechanics::{Mechanics, Steps};
+use crate::mechanics::{Mechanics, StepEnvironments, Steps};
 use crate::motion::Motion;
 use crate::run::{Run, Wheels};
 
@@ -88,7 +88,8 @@ impl<'a> Walker<'a> {
         base: &Linearised,
         k: usize,
         interval: &Environment<'_>,
-        steps: &Steps,
+        motion_steps: &Steps,
+        steps: &StepEnvironments<'_>,
     ) -> (Vector3<f64>, Wheels) {
         let before = (base.prediction.omega_dot[k], &base.prediction.wheel_dot[k]);
         if let Way::Torque(one) = self.way {
@@ -104,7 +105,7 @@ impl<'a> Walker<'a> {
         let hidden_states = self.mechanics.gyrostat.effects().hidden_states().min(MAX_HIDDEN_STATES);
         let (omega_dot, mut wheel_dot) = if hidden_states > 0 && steps.count() > 0 {
             let hidden = &mut self.hidden[..hidden_states];
-            self.mechanics.rates_with_hidden(run, k, &own, steps, hidden)
+            self.mechanics.rates_with_hidden(run, k, &motion_steps.environments(&own), hidden)
         } else {
             self.mechanics.rates(run, k, &own, &[])
         };
@@ -159,7 +160,7 @@ impl OneEffect {
     fn difference(
         &self,
         interval: &Environment<'_>,
-        steps: &Steps,
+        steps: &StepEnvironments<'_>,
         hidden: &mut [f64; MAX_HIDDEN_STATES],
         hidden_before: &mut [f64; MAX_HIDDEN_STATES],
     ) -> (Vector3<f64>, Wheels) {
@@ -178,7 +179,7 @@ impl OneEffect {
         values: &[f64],
         factor: f64,
         interval: &Environment<'_>,
-        steps: &Steps,
+        steps: &StepEnvironments<'_>,
         hidden: &mut [f64; MAX_HIDDEN_STATES],
     ) -> (Vector3<f64>, Wheels) {
         let wheels = interval.model.wheels.len();
@@ -192,14 +193,15 @@ impl OneEffect {
             return at(interval, &[]);
         }
         let mut sum = (Vector3::zeros(), [0.0; MAX_WHEELS]);
-        for step in 0..steps.count() {
-            let middle = steps.advance(step, interval, &mut hidden[..states], |environment, x, rate| {
-                self.effect.hidden_derivative(values, environment, x, rate);
-            });
-            let (torque, wheel_torque) = at(&steps.middle_of(step, interval), &middle[..states]);
-            sum.0 += torque;
-            sum.1.iter_mut().zip(wheel_torque).for_each(|(a, b)| *a += b);
-        }
+        steps.carry(
+            &mut hidden[..states],
+            |environment, x, rate| self.effect.hidden_derivative(values, environment, x, rate),
+            |environment, x| {
+                let (torque, wheel_torque) = at(environment, x);
+                sum.0 += torque;
+                sum.1.iter_mut().zip(wheel_torque).for_each(|(a, b)| *a += b);
+            },
+        );
         let share = 1.0 / steps.count() as f64;
         (sum.0 * share, sum.1.map(|u| u * share))
     }
@@ -222,9 +224,10 @@ fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &[Moved], chan
     for k in 0..nodes {
         let motors = base.mechanics.motors(run, k);
         let interval = base.mechanics.interval_environment(run, motion, &base.inputs, &motors, k);
-        if with_steps {
-            steps.fill(run, motion, k);
-        }
+        let shared = match &interval {
+            Some(interval) if with_steps && steps.fill(run, motion, k) => steps.environments(interval),
+            _ => StepEnvironments::default(),
+        };
         for walker in &mut walkers {
             let inputs = walker.inputs.as_ref().unwrap_or(&base.inputs);
             if matches!(walker.way, Way::Jets) && !inputs.is_active(k) {
@@ -232,7 +235,7 @@ fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &[Moved], chan
             }
             let change = &mut changes[walker.lane];
             if let Some(interval) = &interval {
-                let (omega_dot, wheel_dot) = walker.rates(run, base, k, interval, &steps);
+                let (omega_dot, wheel_dot) = walker.rates(run, base, k, interval, &steps, &shared);
                 change.omega_dot[k] = omega_dot * walker.per_unit;
                 change.wheel_dot[k] = wheel_dot.map(|x| x * walker.per_unit);
             }

@@ -69,6 +69,14 @@ pub(crate) fn torque_response(
     pass(run, linearised, &changes)
 }
 
+/// `a + x b` lane by lane.
+#[inline]
+fn add_scaled(a: &mut Lanes, x: f64, b: &Lanes) {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a += x * b;
+    }
+}
+
 /// Passes changes through the filter of a run.
 fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
     let gains = &linearised.gains;
@@ -87,15 +95,11 @@ fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
                 *lane = direct(change, channel, k, vectors, &linearised.prediction);
             }
             for (state, h) in measurement.parts() {
-                for (lane, x) in v.iter_mut().zip(&s[state]) {
-                    *lane += h * x;
-                }
+                add_scaled(&mut v, h, &s[state]);
             }
             let gain = &gains.gain[row * n..(row + 1) * n];
             for (state, gain) in s.iter_mut().zip(gain) {
-                for (x, lane) in state.iter_mut().zip(&v) {
-                    *x -= gain * lane;
-                }
+                add_scaled(state, -gain, &v);
             }
             let inverse = gains.inverse_stddev[row];
             v.iter_mut().for_each(|lane| *lane *= inverse);
@@ -105,14 +109,10 @@ fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
             break;
         }
         let f = gains.linear.transition_over(k);
-        for (i, slot) in next.iter_mut().enumerate() {
+        for ((slot, row), pattern) in next.iter_mut().zip(f.chunks_exact(n)).zip(&gains.linear.pattern) {
             let mut sum = [0.0; LANES];
-            for (x, state) in f[i * n..(i + 1) * n].iter().zip(&s) {
-                if *x != 0.0 {
-                    for (a, b) in sum.iter_mut().zip(state) {
-                        *a += x * b;
-                    }
-                }
+            for &m in pattern {
+                add_scaled(&mut sum, row[m], &s[m]);
             }
             *slot = sum;
         }

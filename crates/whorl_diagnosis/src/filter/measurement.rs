@@ -41,6 +41,7 @@ impl Row {
     }
 
     /// States on which it depends, and how much.
+    #[inline]
     pub fn parts(&self) -> impl Iterator<Item = (usize, f64)> {
         let count = usize::from(self.count);
         self.state.iter().zip(&self.factor).take(count).map(|(state, factor)| (usize::from(*state), *factor))

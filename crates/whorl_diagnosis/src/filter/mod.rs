@@ -51,6 +51,8 @@ pub(crate) struct Linear {
     pub rows: Vec<Row>,
     /// intervals x n x n
     pub transition: Vec<f64>,
+    /// Of each row of the transitions, the columns that are not zero all along.
+    pub pattern: Vec<Vec<usize>>,
     /// intervals x n
     defect: Vec<f64>,
 }
@@ -165,6 +167,9 @@ impl System<'_> {
             self.transition(k, &mut a, f);
             self.defect(k, d);
         }
+        let is_used = |i: usize| linear.transition.iter().skip(i).step_by(n * n).any(|x| *x != 0.0);
+        linear.pattern =
+            (0..n).map(|row| (0..n).filter(|column| is_used(row * n + column)).collect()).collect();
         linear
     }
 
@@ -230,7 +235,7 @@ impl System<'_> {
                     *slot = d + row.iter().zip(&x).map(|(f, x)| f * x).sum::<f64>();
                 }
                 x = moved;
-                p = congruence(f, n, &p);
+                p = congruence(f, &linear.pattern, &p);
                 self.add_noise(&noise, k, &mut p);
                 symmetrise(&mut p);
             }

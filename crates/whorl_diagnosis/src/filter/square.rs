@@ -6,16 +6,14 @@
 /// A square matrix with room for `S` states, what is not used being zero; the compiler unrolls its rows.
 pub(super) type Square<const S: usize> = [[f64; S]; S];
 
-/// `a b`, where `a` has `n` rows and is mostly zero.
-fn sparse_product<const S: usize>(a: &[f64], n: usize, b: &Square<S>) -> Square<S> {
+/// `a b`, where `pattern` holds the columns of each row of `a` that are not zero.
+fn sparse_product<const S: usize>(a: &[f64], pattern: &[Vec<usize>], b: &Square<S>) -> Square<S> {
     let mut product = [[0.0; S]; S];
-    for (slot, row) in product.iter_mut().zip(a.chunks_exact(n.max(1))) {
-        for (x, other) in row.iter().zip(b) {
-            if *x != 0.0 {
-                for (s, y) in slot.iter_mut().zip(other) {
-                    *s += x * y;
-                }
-            }
+    let rows = a.chunks_exact(pattern.len().max(1));
+    for ((slot, row), columns) in product.iter_mut().zip(rows).zip(pattern) {
+        for &m in columns {
+            let x = row[m];
+            slot.iter_mut().zip(&b[m]).for_each(|(s, y)| *s += x * y);
         }
     }
     product
@@ -26,9 +24,9 @@ fn transposed<const S: usize>(a: &Square<S>) -> Square<S> {
 }
 
 /// `f p f^T` for a symmetric `p`.
-pub(super) fn congruence<const S: usize>(f: &[f64], n: usize, p: &Square<S>) -> Square<S> {
+pub(super) fn congruence<const S: usize>(f: &[f64], pattern: &[Vec<usize>], p: &Square<S>) -> Square<S> {
     // (F P)^T = P F^T.
-    sparse_product(f, n, &transposed(&sparse_product(f, n, p)))
+    sparse_product(f, pattern, &transposed(&sparse_product(f, pattern, p)))
 }
 
 /// Takes the rounding error off a symmetric matrix.

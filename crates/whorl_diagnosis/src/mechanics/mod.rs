@@ -14,7 +14,7 @@ use crate::inputs::Inputs;
 use crate::motion::Motion;
 use crate::run::{Run, Wheels};
 
-pub(crate) use steps::Steps;
+pub(crate) use steps::{StepEnvironments, Steps};
 
 /// A platform model ready for use along trajectories.
 #[derive(Debug, Clone)]
@@ -149,23 +149,22 @@ impl Mechanics {
         &self,
         run: &Run,
         k: usize,
-        environment: &Environment<'_>,
-        steps: &Steps,
+        steps: &StepEnvironments<'_>,
         hidden: &mut [f64],
     ) -> (Vector3<f64>, Wheels) {
         let effects = self.gyrostat.effects();
         let (mut sum, mut wheel_sum) = (Vector3::zeros(), [0.0; MAX_WHEELS]);
-        for step in 0..steps.count() {
-            let middle = steps.advance(step, environment, hidden, |environment, x, rate| {
-                effects.hidden_derivative(environment, x, rate);
-            });
-            let middle = middle.get(..hidden.len()).unwrap_or(&[]);
-            let (omega_dot, wheel_dot) = self.rates(run, k, &steps.middle_of(step, environment), middle);
-            sum += omega_dot;
-            for (s, w) in wheel_sum.iter_mut().zip(&wheel_dot) {
-                *s += w;
-            }
-        }
+        steps.carry(
+            hidden,
+            |environment, x, rate| effects.hidden_derivative(environment, x, rate),
+            |environment, x| {
+                let (omega_dot, wheel_dot) = self.rates(run, k, environment, x);
+                sum += omega_dot;
+                for (s, w) in wheel_sum.iter_mut().zip(&wheel_dot) {
+                    *s += w;
+                }
+            },
+        );
         let share = 1.0 / steps.count() as f64;
         (sum * share, wheel_sum.map(|x| x * share))
     }
@@ -197,7 +196,12 @@ impl Mechanics {
             let (omega_dot, wheel_dot) = if hidden_states == 0 {
                 self.rates(run, k, &environment, &[])
             } else if steps.fill(run, motion, k) {
-                self.rates_with_hidden(run, k, &environment, &steps, &mut hidden[..hidden_states])
+                self.rates_with_hidden(
+                    run,
+                    k,
+                    &steps.environments(&environment),
+                    &mut hidden[..hidden_states],
+                )
             } else {
                 continue;
             };

@@ -73,49 +73,80 @@ impl Steps {
         true
     }
 
-    /// Steps in the interval.
-    pub fn count(&self) -> usize {
-        self.instants.len() / 2
-    }
-
-    /// What effects see at a half step; all that the motion does not say is as in `interval`.
-    fn at<'a>(&'a self, half_step: usize, interval: &Environment<'a>) -> Environment<'a> {
-        let Some(instant) = self.instants.get(half_step) else { return *interval };
-        Environment {
+    /// What effects see in this interval; all that the motion does not say is as in `interval`.
+    pub fn environments<'a>(&'a self, interval: &Environment<'a>) -> StepEnvironments<'a> {
+        let at = |instant: &'a Instant| Environment {
             time_s: instant.time_s,
             q_world_body: instant.q_world_body,
             vertical_b: instant.vertical_b,
             omega_wb_b_rad_s: instant.omega,
             wheel_speed_rad_s: instant.speed.get(..interval.wheel_speed_rad_s.len()).unwrap_or(&[]),
             ..*interval
+        };
+        StepEnvironments {
+            step_s: self.step_s,
+            begins: self.begins,
+            middle: self.instants.iter().skip(1).step_by(2).map(at).collect(),
+            moving: self
+                .instants
+                .iter()
+                .map(|instant| Environment { omega_dot_wb_b_rad_s2: self.seen, ..at(instant) })
+                .collect(),
         }
     }
+}
 
-    /// What effects see in the middle of a step.
-    pub fn middle_of<'a>(&'a self, step: usize, interval: &Environment<'a>) -> Environment<'a> {
-        self.at(2 * step + 1, interval)
+/// What effects see in the steps of an interval.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct StepEnvironments<'a> {
+    step_s: f64,
+    /// The interval is the run's first.
+    begins: bool,
+    /// In the middle of each step, for torques.
+    middle: Vec<Environment<'a>>,
+    /// At every half step, the acceleration included, for hidden states.
+    moving: Vec<Environment<'a>>,
+}
+
+impl StepEnvironments<'_> {
+    /// Steps in the interval.
+    pub fn count(&self) -> usize {
+        self.middle.len()
     }
 
-    /// Carries hidden states over a step by a Runge-Kutta step and returns those in its middle. A run begins
-    /// with them at rest in its first attitude, as a liquid is that has had time to settle.
-    pub fn advance(
+    /// Carries hidden states over every step by Runge-Kutta steps; `visit` sees them in the middle of each. A
+    /// run begins with them at rest in its first attitude, as a liquid is that has had time to settle.
+    pub fn carry(
         &self,
-        step: usize,
-        interval: &Environment<'_>,
         hidden: &mut [f64],
         derivative: impl Fn(&Environment<'_>, &[f64], &mut [f64]),
-    ) -> [f64; MAX_HIDDEN_STATES] {
+        mut visit: impl FnMut(&Environment<'_>, &[f64]),
+    ) {
         let n = hidden.len().min(MAX_HIDDEN_STATES);
-        let [start, middle, end] = [0, 1, 2]
-            .map(|i| Environment { omega_dot_wb_b_rad_s2: self.seen, ..self.at(2 * step + i, interval) });
-        if self.begins && step == 0 {
+        if let Some(start) = self.moving.first().filter(|_| self.begins) {
             let still = Environment {
                 omega_wb_b_rad_s: Vector3::zeros(),
                 omega_dot_wb_b_rad_s2: Vector3::zeros(),
-                ..start
+                ..*start
             };
             come_to_rest(&mut hidden[..n], |x, rate| derivative(&still, x, rate));
         }
+        for (step, middle) in self.middle.iter().enumerate() {
+            if let Some([start, half, end]) = self.moving.get(2 * step..2 * step + 3) {
+                let states = self.advance([start, half, end], hidden, &derivative);
+                visit(middle, &states[..n]);
+            }
+        }
+    }
+
+    /// Carries hidden states over a step and returns those in its middle.
+    fn advance(
+        &self,
+        [start, middle, end]: [&Environment<'_>; 3],
+        hidden: &mut [f64],
+        derivative: &impl Fn(&Environment<'_>, &[f64], &mut [f64]),
+    ) -> [f64; MAX_HIDDEN_STATES] {
+        let n = hidden.len().min(MAX_HIDDEN_STATES);
         let rate = |environment: &Environment<'_>, x: &[f64]| {
             let mut rate = [0.0; MAX_HIDDEN_STATES];
             derivative(environment, &x[..n], &mut rate[..n]);
@@ -129,11 +160,11 @@ impl Steps {
             y
         };
         let h = self.step_s;
-        let k1 = rate(&start, hidden);
-        let k2 = rate(&middle, &moved(hidden, &k1, 0.5 * h));
+        let k1 = rate(start, hidden);
+        let k2 = rate(middle, &moved(hidden, &k1, 0.5 * h));
         let half = moved(hidden, &k2, 0.5 * h);
-        let k3 = rate(&middle, &half);
-        let k4 = rate(&end, &moved(hidden, &k3, h));
+        let k3 = rate(middle, &half);
+        let k4 = rate(end, &moved(hidden, &k3, h));
         for (i, x) in hidden.iter_mut().take(n).enumerate() {
             *x += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
