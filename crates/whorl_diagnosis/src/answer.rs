@@ -21,6 +21,10 @@ const OVERWHELMING_REST: f64 = 40.0;
 /// Slow power over that of noise that is left even when every effect of the catalogue may help.
 const INEXPLICABLE: f64 = 2.5;
 
+/// An effect that explains this share of the excess is not refuted by what its formula, never quite that of the
+/// real platform, leaves.
+const NEARLY_ALL: f64 = 0.97;
+
 /// Log evidence of one candidate below which nothing is taken to be missing.
 const FAINT: f64 = 5.0;
 
@@ -314,7 +318,7 @@ impl Search<'_> {
                 || (f.alone_evidence > explained + 10.0 && f.added_drop > 0.1 * explained_drop);
             real && outweighs
         }) || (left > OVERWHELMING_REST && share < LEAST_SHARE)
-            || self.data.temper > INEXPLICABLE;
+            || (self.data.temper > INEXPLICABLE && share < NEARLY_ALL);
         for row in &direct {
             remarks.push(format!(
                 "{}: the samples themselves show it: {}",
