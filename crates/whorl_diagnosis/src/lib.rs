@@ -30,6 +30,7 @@ mod horizons;
 mod hypothesis;
 mod implied;
 mod inputs;
+mod jitter;
 mod mechanics;
 mod modes;
 mod motion;

@@ -9,6 +9,7 @@ use crate::DiagnosisError;
 use crate::check::check;
 use crate::implied::implied_wheel_torques;
 use crate::inputs::{HeldInput, RunningIntegral, SampleTimes};
+use crate::jitter::{self, command_jitter, stamp_jitter_s};
 use crate::noise::NoiseLevels;
 
 /// Speeds or torques of the wheels; entries beyond the platform's own stay zero.
@@ -45,6 +46,12 @@ pub(crate) struct Run {
     pub has_wheel_command: bool,
     pub has_wheel_speed: bool,
     pub wheel_command: Vec<HeldInput>,
+    /// Noise that jittering stamps make of changing commands [N m sqrt(s)].
+    pub wheel_jitter: Wheels,
+    /// Jitter of the stamps \[s\].
+    pub stamp_jitter_s: f64,
+    /// Edges of pulses in each interval, by jet.
+    pub edges: Vec<Vec<usize>>,
     pub body_torque: [HeldInput; 3],
     pub jet_pulses: Vec<Vec<OnInterval>>,
     /// At nodes.
@@ -173,6 +180,14 @@ impl Run {
             let signal = RunningIntegral::held(&recording.body_torque_b_n_m, f64::INFINITY, |g| g[i]);
             HeldInput::new(&signal, &times)
         });
+        let stamp_jitter_s = stamp_jitter_s(&base_times);
+        let mut edges: Vec<Vec<usize>> = vec![Vec::new(); times.node_s.len()];
+        for (edge_s, jet) in jitter::edges(&recording.jet_pulses) {
+            let after = times.node_s.partition_point(|t| *t <= edge_s);
+            if let Some(list) = after.checked_sub(1).and_then(|k| edges.get_mut(k)) {
+                list.push(jet);
+            }
+        }
         let (ballast_moment, ballast_direction) = ballast(&recording.ballast_moment_b_n_m, &times.node_s);
         let mut run = Self {
             name: recording.name.clone(),
@@ -184,6 +199,9 @@ impl Run {
             has_wheel_command,
             has_wheel_speed,
             wheel_command,
+            wheel_jitter: command_jitter(&recording.wheel_torque_command_n_m, stamp_jitter_s),
+            stamp_jitter_s,
+            edges,
             body_torque,
             jet_pulses: recording.jet_pulses.clone(),
             pressure_pa: Vec::new(),

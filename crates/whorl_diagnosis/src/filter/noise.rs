@@ -18,6 +18,8 @@ pub(super) struct Noise {
     rate: Covariance,
     /// Covariance for a unit torque of each wheel's motor.
     wheel: Vec<Covariance>,
+    /// Squared acceleration that each jet gives [rad^2/s^4].
+    edge: Vec<f64>,
 }
 
 fn add_square(sum: &mut Covariance, direction: &Direction) {
@@ -69,7 +71,15 @@ impl System<'_> {
             add_square(&mut covariance, &direction);
             covariance
         };
-        Noise { rate, wheel: wheels.iter().enumerate().map(of_wheel).collect() }
+        let of_jet = |jet: &whorl_dynamics::platform::Jet| {
+            let torque = jet.position_b_m.cross(&(jet.force_direction_b.into_inner() * jet.thrust_n));
+            (self.mechanics.inverse_inertia * torque).norm_squared()
+        };
+        Noise {
+            rate,
+            wheel: wheels.iter().enumerate().map(of_wheel).collect(),
+            edge: self.mechanics.model().jets.iter().map(of_jet).collect(),
+        }
     }
 
     /// Random-walk intensity of the rate while dry friction holds the body: what it pulls then balances all
@@ -110,7 +120,10 @@ impl System<'_> {
                 || self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q));
             let rate = if blind { 1.0 } else { s.rate_walk.hypot(self.stiction_walk(k)) };
             let relative = |walk: f64, least: f64| walk.max(least).powi(2) * h;
-            add(&noise.rate, rate * rate * h);
+            // A valve's edge is as uncertain as the stamp that tells of it.
+            let edges: f64 =
+                self.run.edges.get(k).into_iter().flatten().filter_map(|j| noise.edge.get(*j)).sum();
+            add(&noise.rate, rate * rate * h + edges * self.run.stamp_jitter_s.powi(2));
             for i in 0..3 {
                 let mut diagonal = |state: usize, variance: f64| p[state][state] += variance;
                 diagonal(ANGLE + i, 1e-14 * h);
@@ -133,7 +146,8 @@ impl System<'_> {
                 // Just off standstill friction is still not what it is at speed.
                 s.wheel_noise.max(2.0 * wheel.coulomb_friction_n_m * (0.3 / speed).powi(2))
             };
-            add(covariance, intensity * intensity * h);
+            let jitter = self.run.wheel_jitter[j];
+            add(covariance, (intensity * intensity + jitter * jitter) * h);
         }
         let turned = 3 + self.wheels();
         for (i, row) in sum.iter().enumerate().take(turned) {
