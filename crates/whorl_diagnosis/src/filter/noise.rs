@@ -146,8 +146,8 @@ impl System<'_> {
                 // Just off standstill friction is still not what it is at speed.
                 s.wheel_noise.max(2.0 * wheel.coulomb_friction_n_m * (0.3 / speed).powi(2))
             };
-            let jitter = self.run.wheel_jitter[j];
-            add(covariance, (intensity * intensity + jitter * jitter) * h);
+            let intensity = intensity.max(self.run.wheel_jitter[j]);
+            add(covariance, intensity * intensity * h);
         }
         let turned = 3 + self.wheels();
         for (i, row) in sum.iter().enumerate().take(turned) {
