@@ -48,7 +48,7 @@ pub(crate) struct Run {
     pub wheel_command: Vec<HeldInput>,
     /// Noise that jittering stamps make of changing commands [N m sqrt(s)].
     pub wheel_jitter: Wheels,
-    /// Jitter of the stamps \[s\].
+    /// Jitter of the commands' stamps \[s\].
     pub stamp_jitter_s: f64,
     /// Edges of pulses in each interval, by jet.
     pub edges: Vec<Vec<usize>>,
@@ -180,7 +180,7 @@ impl Run {
             let signal = RunningIntegral::held(&recording.body_torque_b_n_m, f64::INFINITY, |g| g[i]);
             HeldInput::new(&signal, &times)
         });
-        let stamp_jitter_s = stamp_jitter_s(&base_times);
+        let stamp_jitter_s = stamp_jitter_s(&recording.wheel_torque_command_n_m.time_s);
         let mut edges: Vec<Vec<usize>> = vec![Vec::new(); times.node_s.len()];
         for (edge_s, jet) in jitter::edges(&recording.jet_pulses) {
             let after = times.node_s.partition_point(|t| *t <= edge_s);
