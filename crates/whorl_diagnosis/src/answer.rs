@@ -112,13 +112,19 @@ impl Search<'_> {
         let member = with.members.get(member)?;
         let candidate = self.layout.candidates.get(member.candidate)?;
         let covariance = with.estimate.covariance();
-        let mut parameters = Vec::new();
+        let mut parameters: Vec<ParameterEstimate> = Vec::new();
         for &i in &member.columns {
             let column = self.layout.columns.get(i)?;
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
             let reference = self.problem.reference.counted_from(&self.point, column);
             let value = with.estimate.value[at];
             let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt() * column.scale;
+            // Sine and cosine of one amplitude.
+            if let Some(sine) = parameters.iter_mut().find(|p| p.name == column.name) {
+                sine.estimate = sine.estimate.hypot(reference + value * column.scale);
+                sine.stddev = sine.stddev.max(stddev);
+                continue;
+            }
             parameters.push(ParameterEstimate {
                 name: column.name.clone(),
                 unit: column.unit.to_owned(),
@@ -129,10 +135,13 @@ impl Search<'_> {
             });
         }
         let (evidence, drop) = self.advantage(with, without);
-        let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - self.data.total.rows)
+        let rows = self.data.total.rows;
+        // Where nothing is named, what is within chance is no excess.
+        let chance = if self.best.members.is_empty() { 3.0 * (2.0 * rows).sqrt() } else { 1.0 };
+        let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - rows)
+            .max(chance)
             .max(self.advantage(&self.best, &self.base).1)
-            .max(drop)
-            .max(1.0);
+            .max(drop);
         Some(Candidate {
             effect: candidate.id.to_owned(),
             delta_log_evidence: evidence,
