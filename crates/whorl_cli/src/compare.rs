@@ -45,6 +45,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             println!("  note: {remark}");
         }
     }
+    for gaps in runs.gaps() {
+        println!("\nnote: {gaps}");
+    }
     arguments.output.write_json(|| as_json(&runs.known.platform, &compared))?;
     let page = whorl_report::comparison_html(&compared, &runs.facts);
     let page = arguments.output.write_page(&arguments.runs, "compare.html", &page)?;

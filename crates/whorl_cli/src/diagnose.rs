@@ -69,6 +69,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     println!();
     print_candidates(&diagnosis);
+    diagnosis.remarks.extend(runs.gaps());
     for remark in &diagnosis.remarks {
         println!("note: {remark}");
     }

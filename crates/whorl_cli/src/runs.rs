@@ -151,6 +151,13 @@ impl OutputArguments {
     }
 }
 
+impl Runs {
+    /// Which of the runs have gaps, in sentences.
+    pub fn gaps(&self) -> impl Iterator<Item = String> {
+        self.training.iter().chain(&self.held_out).filter_map(Recording::gaps)
+    }
+}
+
 /// A CSV file, plain or compressed.
 fn is_csv(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();

@@ -41,6 +41,16 @@ pub enum RecordingError {
         /// The topics that there are.
         present: String,
     },
+    /// The map names a joint that messages do not have.
+    #[error("{}: no joint is called {joint}, as the topic map says; there are: {present}", path.display())]
+    NoSuchJoint {
+        /// The run.
+        path: PathBuf,
+        /// What the map says.
+        joint: String,
+        /// The joints that there are.
+        present: String,
+    },
     /// The platform that was asked for is not in the run.
     #[error("{}: there is no platform {platform} in it; there is: {present}", path.display())]
     NoSuchPlatform {

@@ -7,6 +7,8 @@ use crate::{Mounting, Recording, RecordingError, Series};
 
 /// Shorter runs hold too little [s].
 const SHORT_S: f64 = 10.0;
+/// Usual intervals between readings beyond which one is a gap.
+const GAP_STEPS: f64 = 8.0;
 /// Standard gravity [m/s^2].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -126,6 +128,30 @@ impl Recording {
             }
         }
         found
+    }
+}
+
+impl Recording {
+    /// What is missing between the readings of the gyro (of the wheels, without one), in a sentence; `None` when no
+    /// more than a few readings in a row are.
+    #[must_use]
+    pub fn gaps(&self) -> Option<String> {
+        let gyro = &self.gyro_b_rad_s.time_s;
+        let times = if gyro.len() > 1 { gyro } else { &self.wheel_speed_rad_s.time_s };
+        let mut steps_s: Vec<f64> = times.windows(2).filter_map(|w| Some(w.get(1)? - w.first()?)).collect();
+        steps_s.sort_by(f64::total_cmp);
+        let usual_s = *steps_s.get(steps_s.len() / 2)?;
+        let longest_s = *steps_s.last()?;
+        let count = steps_s.iter().rev().take_while(|step| **step > GAP_STEPS * usual_s).count();
+        (count > 0).then(|| {
+            format!(
+                "{}: {count} {} in its readings, the longest of {longest_s:.2} s: what was commanded meanwhile may be \
+                 missing as well, and looks like a torque that the model lacks; if anything is left unexplained, \
+                 record again with less load on the computers",
+                self.name,
+                if count == 1 { "gap" } else { "gaps" }
+            )
+        })
     }
 }
 

@@ -51,6 +51,9 @@ pub(super) struct Gathered {
     pub wheel_joints: Vec<String>,
     /// The same for commands; empty: as there.
     pub command_joints: Vec<String>,
+    /// A wheel that the map names and no message of state, or of commands, has had yet, and what the latest had:
+    /// several senders may share a topic.
+    pub missing_joints: [Option<(String, String)>; 2],
     /// Whether efforts are measured and say nothing of commands.
     pub efforts_are_measured: bool,
     pub clocks: Option<Clocks>,
@@ -108,6 +111,9 @@ impl Gathered {
             (Role::WheelCommand, Message::JointState(m)) => {
                 let own =
                     if self.command_joints.is_empty() { &self.wheel_joints } else { &self.command_joints };
+                if self.wheel_command.is_empty() {
+                    self.missing_joints[1] = missing(own, &m.name);
+                }
                 let effort = picked(own, &m.name, m.effort);
                 if !effort.is_empty() {
                     let kept = push_list(&mut self.wheel_command, at, effort);
@@ -159,6 +165,9 @@ impl Gathered {
     }
 
     fn wheels(&mut self, at: i64, mut m: JointState) {
+        if self.wheel_speed.is_empty() {
+            self.missing_joints[0] = missing(&self.wheel_joints, &m.name);
+        }
         m.velocity = picked(&self.wheel_joints, &m.name, m.velocity);
         m.effort = if self.efforts_are_measured {
             Vec::new()
@@ -266,6 +275,12 @@ fn grown<T: Default>(list: &mut Vec<T>, index: usize) -> &mut T {
     }
     #[expect(clippy::indexing_slicing, reason = "made so long above")]
     &mut list[index]
+}
+
+/// The first of these joints that a message does not have, with those that it has.
+fn missing(joints: &[String], names: &[String]) -> Option<(String, String)> {
+    let joint = joints.iter().find(|joint| !names.contains(joint))?;
+    Some((joint.clone(), names.join(", ")))
 }
 
 /// The wheels' part of a message about many joints; empty where one of them is missing.

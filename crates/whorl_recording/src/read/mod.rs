@@ -117,6 +117,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             };
             let gathered = gathered.remove(platform.as_str()).unwrap_or_default();
             let motion_messages = gathered.motion_messages;
+            if let Some((joint, present)) = gathered.missing_joints.iter().flatten().next().cloned() {
+                return Err(RecordingError::NoSuchJoint { path: path.to_owned(), joint, present });
+            }
             let mut recording =
                 assemble::recording(path, &run, platform, gathered, start, known.as_ref(), remarks);
             if let Some(map) = &map {

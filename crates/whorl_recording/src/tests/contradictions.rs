@@ -74,6 +74,19 @@ fn a_gyro_in_the_wrong_unit_is_told_by_the_vector_sensor() {
 }
 
 #[test]
+fn gaps_are_told() {
+    assert_eq!(swinging().gaps(), None);
+    let mut recording = swinging();
+    for times in [500..520, 2000..2031] {
+        let gyro = &mut recording.gyro_b_rad_s;
+        gyro.time_s.drain(times.clone());
+        gyro.value.drain(times);
+    }
+    let text = recording.gaps().unwrap();
+    assert!(text.contains("2 gaps in its readings, the longest of 0.32 s"), "{text}");
+}
+
+#[test]
 fn a_frozen_sensor_and_a_wrong_time_are_told() {
     let text = said(|r| r.gyro_b_rad_s.value.iter_mut().for_each(|v| v.z = 0.01));
     assert!(text.contains("all 3000 samples (z)"), "{text}");

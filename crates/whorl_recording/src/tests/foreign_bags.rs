@@ -124,6 +124,10 @@ fn maps_that_do_not_fit_are_refused_with_line_and_hint() {
         error(&MAP.replace("/xsens/imu", "/joint_states")),
         "map.yaml:4: imu.topic = /joint_states: its messages are sensor_msgs/msg/JointState; allowed: sensor_msgs/msg/Imu"
     );
+    assert_eq!(
+        error(&MAP.replace("[wz, wx]", "[wz, wy]")),
+        "bag: no joint is called wy, as the topic map says; there are: wx, arm, wz"
+    );
     let text = error(&MAP.replace("joints:", "joint:"));
     assert!(text.contains("did you mean wheel_state.joints?"), "{text}");
     let text = error("bag:\n  ros__parameters:\n    platform: table\n");
