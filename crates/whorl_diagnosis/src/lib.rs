@@ -24,6 +24,7 @@ mod diagnosis;
 mod direct;
 mod error;
 mod excess;
+mod feedback;
 mod filter;
 mod fit;
 mod horizons;

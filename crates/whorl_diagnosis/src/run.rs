@@ -7,6 +7,7 @@ use whorl_recording::{Mounting, OnInterval, Recording, Series};
 
 use crate::DiagnosisError;
 use crate::check::check;
+use crate::feedback::answers_gyro;
 use crate::implied::implied_wheel_torques;
 use crate::inputs::{HeldInput, RunningIntegral, SampleTimes};
 use crate::jitter::{self, command_jitter, stamp_jitter_s};
@@ -42,6 +43,8 @@ pub(crate) struct Run {
     pub accel: Vec<Mean3>,
     pub vectors: Vec<VectorRun>,
     pub wheel_speed: Vec<(Wheels, f64, f64)>,
+    /// A controller turns the gyro's readings into torque.
+    pub answers_gyro: bool,
     /// Without, the torques that the speeds imply stand in.
     pub has_wheel_command: bool,
     pub has_wheel_speed: bool,
@@ -196,6 +199,7 @@ impl Run {
             accel: mean3(&recording.specific_force_b_m_s2, accel_latency_s),
             vectors,
             wheel_speed: wheel_means(&recording.wheel_speed_rad_s, &times, &bin_of),
+            answers_gyro: recording.closed_loop || answers_gyro(recording, model),
             has_wheel_command,
             has_wheel_speed,
             wheel_command,

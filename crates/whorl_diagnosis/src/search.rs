@@ -387,6 +387,12 @@ impl<'a> Search<'a> {
         TIE.max(0.5 * SAME_SHAPE * drop)
     }
 
+    /// Whether a rival of this advantage in log evidence and in the drop of the misfit explains the data as well.
+    /// One that fits no worse and loses only by the price of its further parameters is not refuted by the data.
+    fn is_tie(&self, (evidence, drop): (f64, f64)) -> bool {
+        evidence > -self.tie() || (drop > -1.0 && evidence > -2.0 * LEAST_EVIDENCE)
+    }
+
     /// Other sets that explain the data as well: each member replaced by another effect, and sets that were
     /// fitted where they fit best.
     pub fn alternatives(&self) -> Vec<Vec<String>> {
@@ -396,10 +402,7 @@ impl<'a> Search<'a> {
             let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
             for other in self.additions(&rest) {
                 let names = other.names(&self.layout);
-                if self.advantage(&other, &self.best).0 > -self.tie()
-                    && names != own
-                    && !sets.contains(&names)
-                {
+                if self.is_tie(self.advantage(&other, &self.best)) && names != own && !sets.contains(&names) {
                     sets.push(names);
                 }
             }
@@ -408,7 +411,7 @@ impl<'a> Search<'a> {
             for (names, standing) in &self.standings {
                 if names.len() == own.len()
                     && *names != own
-                    && standing.log_evidence > best.log_evidence - self.tie()
+                    && self.is_tie((standing.log_evidence - best.log_evidence, best.misfit - standing.misfit))
                     && !sets.contains(names)
                 {
                     sets.push(names.clone());

@@ -247,7 +247,15 @@ impl Mechanics {
         environment.time_s -= later_s;
         environment.q_world_body = q_then;
         environment.vertical_b = vertical_b(&q_then);
-        environment.omega_wb_b_rad_s = omega - omega_dot * later_s;
+        // A controller answers the noise of a reading at once, so that the acceleration near a sample would
+        // correlate with what it is compared with: there, what was felt before the node's first sample.
+        let several = run.times.samples_s.get(k).is_some_and(|samples| samples.len() > 1);
+        let before = match run.answers_gyro {
+            true => prediction.omega_dot.get(k.saturating_sub(if several { 2 } else { 1 })).copied(),
+            false => None,
+        };
+        let before = before.unwrap_or(omega_dot);
+        environment.omega_wb_b_rad_s = omega - before * later_s;
         environment.omega_dot_wb_b_rad_s2 = omega_dot;
         environment.wheel_speed_rad_s = speed.get(..wheels).unwrap_or(&[]);
         environment.wheel_motor_torque_n_m = motors.get(..wheels).unwrap_or(&[]);
