@@ -16,6 +16,7 @@ use crate::motion::Motion;
 use crate::parameters::Point;
 use crate::physical::between;
 use crate::problem::Dataset;
+use crate::regression::Estimate;
 use crate::search::{NO_FIT, Search, dataset, point_of};
 
 /// Steps of a fit, those taken back included.
@@ -68,19 +69,42 @@ pub(crate) fn carried(member: &Member, from: &Layout, to: &Layout) -> Option<Mem
     Some(Member { candidate, columns, size: member.size, options })
 }
 
-/// Misfit at a point itself, not where the regression's minimum is.
-fn misfit_at(search: &Search<'_>, layout: &Layout, data: &Dataset, fit: &Hypothesis, point: &Point) -> f64 {
-    let size = layout.columns.len();
-    let mut at = DVector::zeros(size);
+/// Misfit at a point itself, not where the regression's minimum is, and that point. Where an effect's shape is
+/// fitted, all else follows it to where it fits best (variable projection, Golub and Pereyra 1973): a static
+/// deflection that goes with a frequency must not be charged to a gravity offset that has not moved yet.
+fn at_itself(
+    search: &Search<'_>,
+    layout: &Layout,
+    data: &Dataset,
+    fit: &Hypothesis,
+    point: &Point,
+) -> Option<(f64, Point)> {
+    let reference = &search.problem.reference;
     let variances = fit.variances(layout);
+    let variance = |i: usize| variances[i].max(1e-12);
+    let (shapes, others): (Vec<usize>, Vec<usize>) =
+        fit.estimate.active.iter().partition(|i| layout.columns[**i].is_shape);
+    let held = if shapes.is_empty() { &others } else { &shapes };
+    let mut at = DVector::zeros(layout.columns.len());
     let mut penalty = 0.0;
-    for &i in &fit.estimate.active {
-        let x = search.problem.reference.distance(point, &layout.columns[i]);
-        at[i] = x;
-        penalty += x * x / variances[i].max(1e-12);
+    for &i in held {
+        at[i] = reference.distance(point, &layout.columns[i]);
+        penalty += at[i] * at[i] / variance(i);
     }
-    let total = &data.total;
-    total.sum_of_squares - 2.0 * at.dot(&total.vector) + at.dot(&(&total.matrix * &at)) + penalty
+    let mut left = data.total.clone();
+    let carried = &left.matrix * &at;
+    left.sum_of_squares += at.dot(&carried) - 2.0 * at.dot(&left.vector);
+    left.vector -= carried;
+    if shapes.is_empty() {
+        return Some((left.sum_of_squares + penalty, point.clone()));
+    }
+    let followed = Estimate::new(&left, &others, variance)?;
+    let mut there = point.clone();
+    for &i in &others {
+        let column = &layout.columns[i];
+        there = reference.moved(&there, column, followed.of(i) - reference.distance(point, column));
+    }
+    Some((left.sum_of_squares - followed.drop + penalty, reference.towards(point, there)))
 }
 
 impl Search<'_> {
@@ -128,7 +152,7 @@ impl Search<'_> {
             if fit.members.len() < ids.len() {
                 break;
             }
-            let misfit = misfit_at(self, &layout, &data, &fit, &point);
+            let Some((misfit, here)) = at_itself(self, &layout, &data, &fit, &point) else { break };
             let last = best.as_ref().map_or(f64::INFINITY, |b| b.standing.misfit);
             // A step that went too far is shortened, and so are those after it until one is good.
             if misfit > last + 2.0 * CONVERGED {
@@ -147,7 +171,7 @@ impl Search<'_> {
             best = Some(Converged {
                 names: fit.names(&layout),
                 standing: Standing { log_evidence: factor - 0.5 * misfit, misfit, held_misfit: None },
-                point: point.clone(),
+                point: here.clone(),
                 motions: self.problem.motions.clone(),
                 layout: layout.clone(),
                 members: fit.members.clone(),
@@ -155,7 +179,7 @@ impl Search<'_> {
             if promised < 2.0 * CONVERGED {
                 break;
             }
-            point = between(&point, &next, share);
+            point = between(&here, &next, share);
             target = Some(next);
         }
         Ok(best)
