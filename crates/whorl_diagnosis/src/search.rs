@@ -40,8 +40,8 @@ const MOST_RIVALS: usize = 4;
 /// Explanations closer than this in log evidence are both kept.
 pub(crate) const TIE: f64 = 3.0;
 
-/// Share of the misfit's drop within which two formulas have the same shape: (3 %)^2.
-const SAME_SHAPE: f64 = 1e-3;
+/// Share of the misfit's drop within which two formulas have the same shape: (1 %)^2.
+const SAME_SHAPE: f64 = 1e-4;
 
 /// The search's state: where the model is, and the regression there.
 pub(crate) struct Search<'a> {
@@ -380,8 +380,8 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Log evidence by which a set must lead: reality follows no formula to better than a few percent, so of a
-    /// large effect a part in a thousand decides nothing.
+    /// Log evidence by which a set must lead: reality follows no formula to better than a percent, so of a
+    /// large effect a part in ten thousand decides nothing.
     fn tie(&self) -> f64 {
         let (_, drop) = self.advantage(&self.best, &self.base);
         TIE.max(0.5 * SAME_SHAPE * drop)
