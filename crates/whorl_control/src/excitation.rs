@@ -40,7 +40,7 @@ pub enum SignalError {
     TooFewHarmonics {
         /// Wheels.
         wheels: usize,
-        /// Least highest frequency [Hz].
+        /// Least highest frequency \[Hz\].
         least_hz: f64,
     },
 }
