@@ -1,7 +1,7 @@
 //! Products of the filter's small square matrices.
 //!
-//! They have the same dozen of rows from interval to interval and are mostly zero or unity: a library's general
-//! product, which packs its operands for the cache, takes several times as long.
+//! They have the same dozen of rows from interval to interval and are mostly zero or unity, which a library's
+//! general product makes no use of.
 
 /// A square matrix with room for `S` states, what is not used being zero; the compiler unrolls its rows.
 pub(super) type Square<const S: usize> = [[f64; S]; S];
