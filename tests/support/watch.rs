@@ -67,19 +67,22 @@ impl Watch {
         prefer(None);
         let log = Arc::new(Mutex::new(Log::default()));
         let end = Arc::new(AtomicBool::new(false));
-        let participant = Participant::new(&network).unwrap();
         let count = u16::try_from(platforms.len()).unwrap();
-        let mut readers = Vec::new();
-        for &topic in Topic::ALL {
-            let info = topic.info();
-            for platform in 0..if info.per_platform { count } else { 1 } {
-                let route = route(platform, topic);
-                let name = route.name(platforms).unwrap();
-                // Deep: an observer that is kept waiting by the machine must not lose what it judges by.
-                let qos = EndpointQos { depth: 1000, ..EndpointQos::from(info.qos) };
-                readers.push((route, participant.reader(&name, info.message_type.name(), qos).unwrap()));
+        let all = |participant: &Participant| {
+            let mut readers = Vec::new();
+            for &topic in Topic::ALL {
+                let info = topic.info();
+                for platform in 0..if info.per_platform { count } else { 1 } {
+                    let route = route(platform, topic);
+                    let name = route.name(platforms).unwrap();
+                    // Deep: an observer that is kept waiting by the machine must not lose what it judges by.
+                    let qos = EndpointQos { depth: 1000, ..EndpointQos::from(info.qos) };
+                    readers.push((route, participant.reader(&name, info.message_type.name(), qos)?));
+                }
             }
-        }
+            Ok(readers)
+        };
+        let (participant, readers) = Participant::with(&network, all).unwrap();
         let (kept, stop) = (log.clone(), end.clone());
         let thread = std::thread::spawn(move || {
             while !stop.load(Ordering::Relaxed) {

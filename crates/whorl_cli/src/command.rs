@@ -23,8 +23,8 @@ pub fn abort(reason: String) -> anyhow::Result<()> {
 }
 
 fn call(service: Service, request: &impl Serialize) -> anyhow::Result<()> {
-    let participant = Participant::new(&Network::from_environment()?)?;
-    let client = ServiceClient::new(&participant, service.name(), service.type_name())?;
+    let client = |participant: &_| ServiceClient::new(participant, service.name(), service.type_name());
+    let (participant, client) = Participant::with(&Network::from_environment()?, client)?;
     let response: ExperimentResponse = client.call(&participant, request, TIMEOUT)?;
     if !response.success {
         bail!("{}", response.message);

@@ -97,20 +97,22 @@ struct Listener {
 
 impl Listener {
     fn new(network: &Network, platforms: &[String]) -> anyhow::Result<Self> {
-        let participant = Participant::new(network)?;
         let ids = (0..u16::try_from(platforms.len()).unwrap_or(u16::MAX)).map(PlatformId);
         let of_platforms = ids.flat_map(|id| {
             [Topic::AttitudeEstimate, Topic::ControlStatus].map(|topic| Route::platform(id, topic))
         });
-        let mut readers = Vec::new();
-        for route in std::iter::once(Route::shared(Topic::FormationState)).chain(of_platforms) {
-            let info = route.topic.info();
-            if let Some(name) = route.name(platforms) {
-                let reader =
-                    participant.reader(&name, info.message_type.name(), EndpointQos::from(info.qos))?;
-                readers.push((route, reader));
-            }
-        }
+        let routes: Vec<(Route, String)> = std::iter::once(Route::shared(Topic::FormationState))
+            .chain(of_platforms)
+            .filter_map(|route| Some((route, route.name(platforms)?)))
+            .collect();
+        let (participant, readers) = Participant::with(network, |participant| {
+            let reader = |(route, name): &(Route, String)| {
+                let info = route.topic.info();
+                let qos = EndpointQos::from(info.qos);
+                Ok((*route, participant.reader(name, info.message_type.name(), qos)?))
+            };
+            routes.iter().map(reader).collect()
+        })?;
         Ok(Self { readers, participant })
     }
 }

@@ -18,8 +18,6 @@ const OVERLAP: Duration = Duration::from_secs(1);
 
 /// How long the end of a node waits for acknowledgements.
 const LAST_WORDS: Duration = Duration::from_millis(100);
-/// How long DDS may take to end its threads.
-const LONGEST_FAREWELL: Duration = Duration::from_secs(2);
 /// How long the end of a node waits for best-effort messages to arrive.
 const BEST_EFFORT_ARRIVES: Duration = Duration::from_millis(10);
 
@@ -56,8 +54,8 @@ impl Connection {
         registry: &Registry,
         generation: usize,
     ) -> Result<Self, RosError> {
-        let participant = Participant::new(network)?;
-        let mut current = Endpoints::new(&participant, &plan, generation)?;
+        let (participant, mut current) =
+            Participant::with(network, |participant| Endpoints::new(participant, &plan, generation))?;
         current.register(registry)?;
         current.announce(&participant, &plan.node, true)?;
         Ok(Self {
@@ -220,16 +218,6 @@ impl Connection {
         }
         self.current.announce(&self.participant, &self.plan.node, false)?;
         std::thread::sleep(BEST_EFFORT_ARRIVES);
-        // DDS waits for threads of its own to end, and on a busy machine one of them may not. All has been said:
-        // the process need not wait for it.
-        let (ended, end) = std::sync::mpsc::channel();
-        let farewell = std::thread::Builder::new().name("farewell".to_owned()).spawn(move || {
-            drop(self);
-            let _ = ended.send(());
-        });
-        if farewell.is_ok() {
-            let _ = end.recv_timeout(LONGEST_FAREWELL);
-        }
         Ok(())
     }
 }

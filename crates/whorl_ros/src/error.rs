@@ -22,6 +22,12 @@ pub enum RosError {
         /// What DDS said.
         reason: String,
     },
+    /// DDS does not come back.
+    #[error("DDS got stuck {doing}")]
+    Stuck {
+        /// What was being done.
+        doing: String,
+    },
     /// Bytes to send that are not little-endian CDR.
     #[error("{topic}: the bytes do not begin with the header of little-endian CDR (00 01 00 00)")]
     NotLittleEndianCdr {

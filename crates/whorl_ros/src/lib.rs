@@ -42,6 +42,7 @@ mod services;
 mod shell;
 mod statistics;
 mod wake;
+mod worker;
 
 pub use clock::{monotonic, wall_clock};
 pub use error::RosError;

@@ -1,10 +1,13 @@
 //! The process on the DDS network: creates readers and writers, and tells who else is there.
 
 use std::net::IpAddr;
+use std::time::Duration;
 
 use ros2_client::dds::rustdds::{
     DomainParticipant, DomainParticipantBuilder, DomainParticipantStatusEvent, Publisher, QosPolicies,
-    QosPolicyBuilder, StatusEvented, Subscriber, TopicKind,
+    QosPolicyBuilder, StatusEvented, Subscriber, Topic, TopicKind,
+    bytes::Bytes,
+    dds::CreateResult,
     no_key::{DataWriter, SimpleDataReader},
     policy::{Durability, History, Reliability},
 };
@@ -14,7 +17,8 @@ use crate::environment::Network;
 use crate::error::RosError;
 use crate::names;
 use crate::nudge::Nudge;
-use crate::raw::{EndpointId, RawReader, RawWriter};
+use crate::raw::{EndpointId, RawCdr, RawReader, RawWriter};
+use crate::worker::{Kept, LONGEST_CREATION, Worker};
 
 /// How an endpoint is created, beyond what the table of topics says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,33 +118,64 @@ pub enum PeerEvent {
     WriterLost(EndpointId),
 }
 
-/// A DDS domain participant with one publisher and one subscriber.
+/// So often another participant is made, for one that DDS got stuck in. It happens to one in some hundred, on a
+/// machine that is very busy.
+const ATTEMPTS: usize = 5;
+/// How long DDS may take to join the network: RustDDS itself gives its threads 10 s to begin.
+const LONGEST_JOINING: Duration = Duration::from_secs(12);
+/// How long DDS may take to say goodbye and end its threads.
+const LONGEST_FAREWELL: Duration = Duration::from_secs(2);
+
+/// A DDS domain participant with one publisher and one subscriber. Neither creating endpoints nor dropping them, or
+/// the participant, blocks for longer than some seconds.
 pub struct Participant {
+    entities: Kept<Entities>,
+    network: Network,
+    worker: Worker,
+}
+
+#[derive(Clone)]
+struct Entities {
     participant: DomainParticipant,
     publisher: Publisher,
     subscriber: Subscriber,
-    network: Network,
 }
 
 impl Participant {
+    /// Joins the network and creates endpoints: once more when DDS gets stuck at it ([`RosError::Stuck`]).
+    ///
+    /// # Errors
+    /// As [`Self::new`] and `create`.
+    pub fn with<T>(
+        network: &Network,
+        mut create: impl FnMut(&Self) -> Result<T, RosError>,
+    ) -> Result<(Self, T), RosError> {
+        let mut attempt = || {
+            let participant = Self::new(network)?;
+            let endpoints = create(&participant)?;
+            Ok((participant, endpoints))
+        };
+        for _ in 1..ATTEMPTS {
+            match attempt() {
+                Err(error @ RosError::Stuck { .. }) => tracing::warn!("{error}: joining the network anew"),
+                other => return other,
+            }
+        }
+        attempt()
+    }
+
     /// Joins the network.
     ///
     /// # Errors
-    /// When sockets cannot be opened.
+    /// When sockets cannot be opened; [`RosError::Stuck`] when DDS does not come back.
     pub fn new(network: &Network) -> Result<Self, RosError> {
-        let mut builder = DomainParticipantBuilder::new(network.domain_id)
-            // The default of 8 MiB per socket is for point clouds. The kernel clamps to its own
-            // limit anyway and RustDDS warns about that.
-            .socket_receive_buffer_size(SOCKET_BUFFER_BYTES)
-            .socket_send_buffer_size(SOCKET_BUFFER_BYTES);
-        if let Some(interfaces) = &network.interfaces {
-            builder = builder.with_only_networks(interfaces.iter().copied());
-        }
-        let error = |e| RosError::dds(format!("joining domain {}", network.domain_id), e);
-        let participant = builder.build().map_err(error)?;
-        let publisher = participant.create_publisher(&QosPolicies::default()).map_err(error)?;
-        let subscriber = participant.create_subscriber(&QosPolicies::default()).map_err(error)?;
-        Ok(Self { participant, publisher, subscriber, network: network.clone() })
+        let worker = Worker::start().map_err(RosError::io("starting a thread"))?;
+        let joining = format!("joining domain {}", network.domain_id);
+        let own = network.clone();
+        let entities = worker
+            .run(LONGEST_JOINING, move || Entities::new(&own))
+            .ok_or(RosError::Stuck { doing: joining })??;
+        Ok(Self { entities: worker.keep(entities), network: network.clone(), worker })
     }
 
     /// Reads a ROS topic, e.g. `/whorl_1/imu/data_raw` of `sensor_msgs/msg/Imu`.
@@ -162,41 +197,52 @@ impl Participant {
     /// Reads a topic by its DDS names.
     ///
     /// # Errors
-    /// When DDS refuses.
+    /// When DDS refuses; [`RosError::Stuck`] when it does not come back.
     pub fn dds_reader(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawReader, RosError> {
-        let policies = qos.policies();
-        let error = |e| RosError::dds(format!("creating a reader of {topic}"), e);
-        let dds_topic = self
-            .participant
-            .create_topic(topic.to_owned(), dds_type.to_owned(), &policies, TopicKind::NoKey)
-            .map_err(error)?;
-        let reader: SimpleDataReader<Vec<u8>, _> =
-            self.subscriber.create_simple_datareader_no_key(&dds_topic, Some(policies)).map_err(error)?;
-        Ok(RawReader::new(reader, topic.to_owned()))
+        let reader =
+            self.create(format!("creating a reader of {topic}"), topic, dds_type, qos, Entities::reader)?;
+        Ok(RawReader::new(self.worker.keep(reader), topic.to_owned()))
     }
 
     /// Writes a topic by its DDS names.
     ///
     /// # Errors
-    /// When DDS refuses.
+    /// When DDS refuses; [`RosError::Stuck`] when it does not come back.
     pub fn dds_writer(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawWriter, RosError> {
-        let policies = qos.policies();
-        let error = |e| RosError::dds(format!("creating a writer of {topic}"), e);
-        let dds_topic = self
-            .participant
-            .create_topic(topic.to_owned(), dds_type.to_owned(), &policies, TopicKind::NoKey)
-            .map_err(error)?;
-        let writer: DataWriter<_, _> =
-            self.publisher.create_datawriter_no_key(&dds_topic, Some(policies)).map_err(error)?;
-        Ok(RawWriter::new(writer, topic.to_owned()))
+        let writer =
+            self.create(format!("creating a writer of {topic}"), topic, dds_type, qos, Entities::writer)?;
+        Ok(RawWriter::new(self.worker.keep(writer), topic.to_owned()))
+    }
+
+    fn create<T: Send + 'static>(
+        &self,
+        doing: String,
+        topic: &str,
+        dds_type: &str,
+        qos: EndpointQos,
+        create: fn(&Entities, &Topic, QosPolicies) -> CreateResult<T>,
+    ) -> Result<T, RosError> {
+        let entities = self.entities.clone();
+        let (topic, dds_type) = (topic.to_owned(), dds_type.to_owned());
+        let work = move || {
+            let policies = qos.policies();
+            let topic = entities.participant.create_topic(topic, dds_type, &policies, TopicKind::NoKey)?;
+            create(&entities, &topic, policies)
+        };
+        match self.worker.run(LONGEST_CREATION, work) {
+            Some(result) => result.map_err(|e| RosError::dds(doing, e)),
+            None => Err(RosError::Stuck { doing }),
+        }
     }
 
     /// Every writer known on the network, sorted by topic.
     #[must_use]
     pub fn discovered_writers(&self) -> Vec<DiscoveredEndpoint> {
-        let mut list: Vec<_> = self
-            .participant
-            .discovered_writers()
+        if self.worker.is_stuck() {
+            return Vec::new();
+        }
+        let writers = self.entities.participant.discovered_writers();
+        let mut list: Vec<_> = writers
             .into_iter()
             .map(|w| DiscoveredEndpoint {
                 dds_topic: w.publication_topic_data.topic_name.clone(),
@@ -212,9 +258,11 @@ impl Participant {
     /// Every reader known on the network, sorted by topic.
     #[must_use]
     pub fn discovered_readers(&self) -> Vec<DiscoveredEndpoint> {
-        let mut list: Vec<_> = self
-            .participant
-            .discovered_readers()
+        if self.worker.is_stuck() {
+            return Vec::new();
+        }
+        let readers = self.entities.participant.discovered_readers();
+        let mut list: Vec<_> = readers
             .into_iter()
             .map(|r| DiscoveredEndpoint {
                 dds_topic: r.subscription_topic_data.topic_name().clone(),
@@ -233,7 +281,10 @@ impl Participant {
     /// Addresses at which the others receive messages, as they announce them.
     #[must_use]
     pub fn addresses_of_peers(&self) -> Vec<IpAddr> {
-        let readers = self.participant.discovered_readers();
+        if self.worker.is_stuck() {
+            return Vec::new();
+        }
+        let readers = self.entities.participant.discovered_readers();
         let mut list: Vec<IpAddr> = readers
             .iter()
             .filter(|r| {
@@ -251,7 +302,7 @@ impl Participant {
     pub fn peer_event(&self) -> Option<PeerEvent> {
         use DomainParticipantStatusEvent as Event;
         use ros2_client::dds::rustdds::LostReason;
-        let listener = self.participant.status_listener();
+        let listener = self.entities.participant.status_listener();
         loop {
             let event = match listener.try_recv_status()? {
                 Event::ParticipantDiscovered { dpd } => {
@@ -284,26 +335,64 @@ impl Participant {
     /// written then goes nowhere, without an error.
     #[must_use]
     pub fn is_alive(&self) -> bool {
-        self.participant.assert_liveliness().is_ok()
+        self.entities.participant.assert_liveliness().is_ok()
     }
 
     /// Who we are on the network.
     #[must_use]
     pub fn id(&self) -> EndpointId {
         use ros2_client::dds::rustdds::RTPSEntity;
-        self.participant.guid().into()
+        self.entities.participant.guid().into()
     }
 
     /// Our number among the participants of this machine, which fixes our UDP ports.
     #[must_use]
     pub fn participant_number(&self) -> u16 {
-        self.participant.participant_id()
+        self.entities.participant.participant_id()
     }
 
     /// The network that we joined.
     #[must_use]
     pub fn network(&self) -> &Network {
         &self.network
+    }
+}
+
+impl Drop for Participant {
+    fn drop(&mut self) {
+        // The endpoints, which should be gone by now, are dropped on the same thread and before.
+        self.entities.leave();
+        self.worker.wait(LONGEST_FAREWELL);
+    }
+}
+
+impl Entities {
+    fn new(network: &Network) -> Result<Self, RosError> {
+        let error = |e| RosError::dds(format!("joining domain {}", network.domain_id), e);
+        let mut builder = DomainParticipantBuilder::new(network.domain_id)
+            // The default of 8 MiB per socket is for point clouds. The kernel clamps to its own
+            // limit anyway and RustDDS warns about that.
+            .socket_receive_buffer_size(SOCKET_BUFFER_BYTES)
+            .socket_send_buffer_size(SOCKET_BUFFER_BYTES);
+        if let Some(interfaces) = &network.interfaces {
+            builder = builder.with_only_networks(interfaces.iter().copied());
+        }
+        let participant = builder.build().map_err(error)?;
+        let publisher = participant.create_publisher(&QosPolicies::default()).map_err(error)?;
+        let subscriber = participant.create_subscriber(&QosPolicies::default()).map_err(error)?;
+        Ok(Self { participant, publisher, subscriber })
+    }
+
+    fn reader(
+        &self,
+        topic: &Topic,
+        policies: QosPolicies,
+    ) -> CreateResult<SimpleDataReader<Vec<u8>, RawCdr>> {
+        self.subscriber.create_simple_datareader_no_key(topic, Some(policies))
+    }
+
+    fn writer(&self, topic: &Topic, policies: QosPolicies) -> CreateResult<DataWriter<Bytes, RawCdr>> {
+        self.publisher.create_datawriter_no_key(topic, Some(policies))
     }
 }
 

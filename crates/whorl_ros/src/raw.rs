@@ -13,6 +13,7 @@ use whorl_msgs::cdr::LITTLE_ENDIAN_HEADER;
 use whorl_node::Timestamp;
 
 use crate::error::RosError;
+use crate::worker::Kept;
 
 /// Identifies a writer or reader on the network: 12 bytes of the participant, 4 of the endpoint.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -116,12 +117,12 @@ impl SerializerAdapter<Bytes> for RawCdr {
 
 /// Reads raw CDR from one topic. Register it with a [`mio::Poll`], then take until `None`.
 pub struct RawReader {
-    reader: SimpleDataReader<Vec<u8>, RawCdr>,
+    reader: Kept<SimpleDataReader<Vec<u8>, RawCdr>>,
     topic: String,
 }
 
 impl RawReader {
-    pub(crate) fn new(reader: SimpleDataReader<Vec<u8>, RawCdr>, topic: String) -> Self {
+    pub(crate) fn new(reader: Kept<SimpleDataReader<Vec<u8>, RawCdr>>, topic: String) -> Self {
         Self { reader, topic }
     }
 
@@ -178,12 +179,12 @@ impl Source for RawReader {
 
 /// Writes raw CDR to one topic.
 pub struct RawWriter {
-    writer: DataWriter<Bytes, RawCdr>,
+    writer: Kept<DataWriter<Bytes, RawCdr>>,
     topic: String,
 }
 
 impl RawWriter {
-    pub(crate) fn new(writer: DataWriter<Bytes, RawCdr>, topic: String) -> Self {
+    pub(crate) fn new(writer: Kept<DataWriter<Bytes, RawCdr>>, topic: String) -> Self {
         Self { writer, topic }
     }
 

@@ -26,6 +26,8 @@ const HOUSEKEEPING_WHILE_RENEWING: Duration = Duration::from_millis(10);
 /// How often the shell looks for silent subscriptions, which needs a copy of the discovery data.
 const SILENCE_CHECK: Duration = Duration::from_secs(5);
 const DIAGNOSTICS: Duration = Duration::from_secs(1);
+/// Why a connection is rebuilt after the process was stopped and continued.
+const INTERRUPTED: &str = "the background threads of DDS had been interrupted";
 
 /// A core with everything around it.
 pub(crate) struct Runner<C: Configurable> {
@@ -82,7 +84,7 @@ impl<C: Configurable> Runner<C> {
             for event in &events {
                 match event.token() {
                     SIGNALS if self.signals.received() => self.shell.stop = true,
-                    CONTINUED if self.continued.received() => self.rebuild_connection()?,
+                    CONTINUED if self.continued.received() => self.rebuild_connection(INTERRUPTED)?,
                     token => self.readable(token),
                 }
             }
@@ -99,7 +101,7 @@ impl<C: Configurable> Runner<C> {
             if now >= diagnostics {
                 diagnostics = now + DIAGNOSTICS;
                 if !self.connection.is_alive() {
-                    self.rebuild_connection()?;
+                    self.rebuild_connection(INTERRUPTED)?;
                 }
                 self.shell.report(&self.connection);
             }
@@ -134,16 +136,18 @@ impl<C: Configurable> Runner<C> {
         }
     }
 
-    fn rebuild_connection(&mut self) -> Result<(), RosError> {
+    fn rebuild_connection(&mut self, reason: &str) -> Result<(), RosError> {
         self.connection = self.connection.rebuilt(self.poll.registry())?;
         self.shell.statistics.reconnections += 1;
-        let text = "the background threads of DDS had been interrupted: joined the network anew".to_owned();
-        self.shell.say(&self.connection, LogLevel::Warn, text);
+        self.shell.say(&self.connection, LogLevel::Warn, format!("{reason}: joined the network anew"));
         Ok(())
     }
 
     fn look_after_connection(&mut self, now: Duration, silence: Option<Duration>) -> Result<(), RosError> {
-        let notice = self.connection.look_after(now, silence, self.poll.registry())?;
+        let notice = match self.connection.look_after(now, silence, self.poll.registry()) {
+            Err(error @ RosError::Stuck { .. }) => return self.rebuild_connection(&error.to_string()),
+            other => other?,
+        };
         self.shell.statistics.writers_gone(now, self.connection.take_lost_writers());
         self.shell.statistics.missing_participants = self.connection.recovery().missing();
         self.shell.statistics.renewals = self.connection.recovery().renewals();

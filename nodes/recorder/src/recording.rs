@@ -12,7 +12,7 @@ use whorl_node::Timestamp;
 use whorl_params::{Value, formation, node_names, read_shared};
 use whorl_recorder::{Parameters, RecordedTopic, RecorderCore, Status};
 use whorl_ros::recovery::{Action, Recovery, RecoveryTimes};
-use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, monotonic, wall_clock};
+use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, RosError, monotonic, wall_clock};
 
 /// Time between two looks at the readers. Samples carry the time of their arrival, so looking seldom costs
 /// no accuracy and little processor time.
@@ -34,10 +34,9 @@ pub struct Recording {
 impl Recording {
     /// Creates the run directory and starts the thread.
     pub fn start(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<Self> {
-        let participant = Participant::new(context.network())?;
         let mut topics = RecordedTopic::all_of(&parameters.platforms);
         topics.extend(parameters.extra_topics.iter().cloned());
-        let readers = readers(&participant, &topics)?;
+        let (participant, readers) = Participant::with(context.network(), |p| readers(p, &topics))?;
         let run = create_run(context, parameters)?;
         let run_directory = run.path().to_owned();
         recover_earlier_runs(&run_directory)?;
@@ -88,10 +87,10 @@ impl Recording {
     }
 }
 
-fn readers(participant: &Participant, topics: &[RecordedTopic]) -> anyhow::Result<Vec<RawReader>> {
+fn readers(participant: &Participant, topics: &[RecordedTopic]) -> Result<Vec<RawReader>, RosError> {
     let reader = |topic: &RecordedTopic| {
         let qos = EndpointQos { depth: DEPTH, ..EndpointQos::from(topic.qos) };
-        Ok(participant.reader(&topic.name, &topic.type_name, qos)?)
+        participant.reader(&topic.name, &topic.type_name, qos)
     };
     topics.iter().map(reader).collect()
 }
@@ -211,6 +210,17 @@ impl Worker {
         }
     }
 
+    fn renew(&mut self, topics: &[RecordedTopic]) -> Result<(), RosError> {
+        match readers(&self.participant, topics) {
+            Err(RosError::Stuck { .. }) => {
+                let network = self.participant.network().clone();
+                (self.participant, self.readers) = Participant::with(&network, |p| readers(p, topics))?;
+            }
+            other => self.readers = other?,
+        }
+        Ok(())
+    }
+
     /// After a cut of the network RustDDS needs new readers; see [`whorl_ros::recovery`]. What arrives until
     /// they have found their writers again is lost, and counted.
     fn look_after_peers(&mut self, now: Duration) {
@@ -219,9 +229,8 @@ impl Worker {
         }
         if let Some(Action::Renew(_)) = self.recovery.act(now, None) {
             let topics: Vec<RecordedTopic> = self.core.topics().cloned().collect();
-            match readers(&self.participant, &topics) {
-                Ok(readers) => self.readers = readers,
-                Err(error) => tracing::warn!("cannot renew the readers: {error:#}"),
+            if let Err(error) = self.renew(&topics) {
+                tracing::warn!("cannot renew the readers: {error:#}");
             }
         }
     }

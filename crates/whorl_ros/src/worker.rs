@@ -1,0 +1,142 @@
+//! A thread for each participant that does what may never return.
+//!
+//! RustDDS 0.15 can lock up while endpoints are created as other participants are discovered: its discovery thread
+//! sends to its event loop with the table of endpoints locked for reading, the creation waits to write that table,
+//! and the event loop waits behind it to read. Whoever calls then waits for ever, and so does whoever drops an
+//! endpoint of the same participant. Here the caller waits for a limited time, and goes on without it.
+
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::time::Duration;
+
+/// How long the creation of an endpoint may take. It takes 1 ms, and half a second on a machine that is far too busy.
+pub(crate) const LONGEST_CREATION: Duration = Duration::from_secs(4);
+
+type Job = Box<dyn FnOnce() + Send>;
+
+/// The thread. It ends when the last handle is dropped and all work is done.
+#[derive(Clone)]
+pub(crate) struct Worker {
+    jobs: Sender<Job>,
+    stuck: Arc<AtomicBool>,
+}
+
+impl Worker {
+    pub(crate) fn start() -> std::io::Result<Self> {
+        let (jobs, todo) = channel::<Job>();
+        std::thread::Builder::new()
+            .name("dds endpoints".to_owned())
+            .spawn(move || todo.iter().for_each(|job| job()))?;
+        Ok(Self { jobs, stuck: Arc::default() })
+    }
+
+    /// Whether some work did not return in time.
+    pub(crate) fn is_stuck(&self) -> bool {
+        self.stuck.load(Ordering::Relaxed)
+    }
+
+    /// The result of work, or `None` when this or earlier work has not returned in time.
+    pub(crate) fn run<T: Send + 'static>(
+        &self,
+        limit: Duration,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Option<T> {
+        if self.is_stuck() {
+            return None;
+        }
+        let (done, result) = channel();
+        let job: Job = Box::new(move || {
+            // Nobody waits any longer: what was made is dropped here.
+            let _ = done.send(work());
+        });
+        self.jobs.send(job).ok()?;
+        let result = result.recv_timeout(limit).ok();
+        self.stuck.fetch_or(result.is_none(), Ordering::Relaxed);
+        result
+    }
+
+    /// Something that is dropped on this thread, after all work that was given before.
+    pub(crate) fn keep<T: Send + 'static>(&self, value: T) -> Kept<T> {
+        Kept { value: Some(value), worker: self.clone() }
+    }
+
+    /// Waits for what was dropped, at most `limit`.
+    pub(crate) fn wait(&self, limit: Duration) {
+        let _ = self.run(limit, || ());
+    }
+}
+
+/// A value of which the drop may take for ever: a [`Worker`] does it.
+pub(crate) struct Kept<T: Send + 'static> {
+    /// `None` only while it is dropped.
+    value: Option<T>,
+    worker: Worker,
+}
+
+impl<T: Send + 'static> Deref for Kept<T> {
+    type Target = T;
+
+    #[expect(
+        clippy::expect_used,
+        reason = "only `drop` takes the value, and nobody can look at it afterwards"
+    )]
+    fn deref(&self) -> &T {
+        self.value.as_ref().expect("the value is there until it is dropped")
+    }
+}
+
+impl<T: Send + 'static> DerefMut for Kept<T> {
+    #[expect(
+        clippy::expect_used,
+        reason = "only `drop` takes the value, and nobody can look at it afterwards"
+    )]
+    fn deref_mut(&mut self) -> &mut T {
+        self.value.as_mut().expect("the value is there until it is dropped")
+    }
+}
+
+impl<T: Send + 'static> Kept<T> {
+    /// Drops the value now.
+    pub(crate) fn leave(&mut self) {
+        if let Some(value) = self.value.take() {
+            // It cannot fail: the thread takes jobs as long as there is a handle.
+            let _ = self.worker.jobs.send(Box::new(move || drop(value)));
+        }
+    }
+}
+
+impl<T: Send + 'static> Drop for Kept<T> {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_never_returns_does_not_hold_up_its_caller() {
+        let worker = Worker::start().unwrap();
+        assert_eq!(worker.run(LONGEST_CREATION, || 7), Some(7));
+        let (release, wait) = channel::<()>();
+        let stuck = worker.run(Duration::from_millis(20), move || wait.recv());
+        assert!(stuck.is_none() && worker.is_stuck());
+        // Neither later work nor a drop waits for it.
+        assert_eq!(worker.run(LONGEST_CREATION, || 8), None);
+        let (dropped, on) = channel();
+        struct Tell(Sender<std::thread::ThreadId>);
+        impl Drop for Tell {
+            fn drop(&mut self) {
+                self.0.send(std::thread::current().id()).unwrap();
+            }
+        }
+        drop(worker.keep(Tell(dropped)));
+        assert!(on.try_recv().is_err());
+        release.send(()).unwrap();
+        let thread = on.recv_timeout(Duration::from_secs(10)).unwrap();
+        assert_ne!(thread, std::thread::current().id());
+    }
+}
