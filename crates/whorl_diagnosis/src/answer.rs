@@ -116,23 +116,15 @@ impl Search<'_> {
         for &i in &member.columns {
             let column = self.layout.columns.get(i)?;
             let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
-            let reference = self.problem.reference.counted_from(&self.point, column);
-            let value = with.estimate.value[at];
-            let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt() * column.scale;
+            let stddev = (covariance[(at, at)].max(0.0) * self.data.temper).sqrt();
+            let own = self.estimate_of(column, with.estimate.value[at], stddev);
             // Sine and cosine of one amplitude.
             if let Some(sine) = parameters.iter_mut().find(|p| p.name == column.name) {
-                sine.estimate = sine.estimate.hypot(reference + value * column.scale);
-                sine.stddev = sine.stddev.max(stddev);
+                sine.estimate = sine.estimate.hypot(own.estimate);
+                sine.stddev = sine.stddev.max(own.stddev);
                 continue;
             }
-            parameters.push(ParameterEstimate {
-                name: column.name.clone(),
-                unit: column.unit.to_owned(),
-                estimate: reference + value * column.scale,
-                stddev,
-                at_bound: value <= column.range.0 + 1e-9 || value >= column.range.1 - 1e-9,
-                smallest_detectable: 5.0 * stddev,
-            });
+            parameters.push(own);
         }
         let (evidence, drop) = self.advantage(with, without);
         let rows = self.data.total.rows;

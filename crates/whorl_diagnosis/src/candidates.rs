@@ -1,9 +1,10 @@
 //! The effects that compete, and the columns by which each can enter.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
 
-use whorl_dynamics::effects::{catalogue, find};
-use whorl_dynamics::{Effect, EffectKind};
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Part, catalogue, find};
 
 use crate::modes::Mode;
 use crate::parameters::{BASE_EFFECTS, Column, Point, Reference, Target};
@@ -250,12 +251,12 @@ fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>
     }
     let mut options = vec![indices.to_vec()];
     if indices.len() > 1 {
-        let per = match id {
-            "thruster_misalignment" | "wheel_misalignment" | "wheel_friction" => 2,
-            _ => 1,
-        };
-        if per > 1 {
-            options.extend(indices.chunks(per).map(<[usize]>::to_vec));
+        let mut of_part: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
+        for i in indices {
+            of_part.entry(part_of(columns, *i)).or_default().push(*i);
+        }
+        if of_part.len() > 1 {
+            options.extend(of_part.into_values().filter(|own| own.len() > 1));
         }
         options.extend(indices.iter().map(|i| vec![*i]));
         if id == "thruster_strength" {
@@ -277,6 +278,20 @@ fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>
     }
     options.retain(|o| !o.is_empty());
     options
+}
+
+fn part_of(columns: &[Column], column: usize) -> Part {
+    columns.get(column).map_or(Part::Platform, |c| c.part)
+}
+
+/// The options that hold every parameter of each wheel and jet that they touch, or of the whole platform.
+pub(crate) fn whole_parts(options: &[Vec<usize>], columns: &[Column]) -> Vec<Vec<usize>> {
+    let all: BTreeSet<usize> = options.iter().flatten().copied().collect();
+    let is_whole = |option: &Vec<usize>| {
+        let touched: BTreeSet<Part> = option.iter().map(|i| part_of(columns, *i)).collect();
+        all.iter().all(|i| option.contains(i) || !touched.contains(&part_of(columns, *i)))
+    };
+    options.iter().filter(|o| is_whole(o)).cloned().collect()
 }
 
 /// A column that starts from `origin` and moves by `step` per unit.
@@ -304,11 +319,12 @@ fn directed(
         range = (0.0, range.1.max(0.0).powi(2));
     }
     let (index, scale) = moves.first().copied().unwrap_or((0, 1.0));
-    let unit = specs.get(index).map_or("1", |s| s.unit);
+    let (unit, part) = specs.get(index).map_or(("1", Part::Platform), |s| (s.unit, s.part));
     Column {
         group: effect.info().id,
         name: name.to_owned(),
         unit,
+        part,
         target: Target::Effect(effect),
         origin: Some(origin.to_vec()),
         step,
@@ -422,7 +438,6 @@ fn special_options(
         }
         _ => return None,
     }
-    let _ = EffectKind::HiddenState;
     Some(options)
 }
 
@@ -442,4 +457,51 @@ fn grid(from: f64, to: f64, count: usize) -> Vec<f64> {
 /// The effect with this id, for callers that hold one.
 pub(crate) fn effect(id: &str) -> Option<&'static dyn Effect> {
     find(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_dynamics::{ModelPrior, PlatformModel};
+
+    use super::*;
+
+    fn whole_names(id: &str) -> Vec<Vec<String>> {
+        let model = PlatformModel::whorl_1_reference();
+        let reference = Reference::new(&model, &ModelPrior::typical(&model));
+        let columns = reference.parameter_columns(find(id).unwrap());
+        let indices: Vec<usize> = (0..columns.len()).collect();
+        whole_parts(&options_of(id, &indices, &columns), &columns)
+            .iter()
+            .map(|option| option.iter().map(|i| columns[*i].name.clone()).collect())
+            .collect()
+    }
+
+    #[test]
+    fn an_effect_enters_by_whole_wheels_and_jets() {
+        let model = PlatformModel::whorl_1_reference();
+        let (wheels, jets) = (model.wheels.len(), model.jets.len());
+        // All together, then wheel by wheel, never one of the two drags alone.
+        let friction = whole_names("wheel_friction");
+        assert_eq!(friction.len(), 1 + wheels);
+        for (option, wheel) in friction[1..].iter().zip(&model.wheels) {
+            assert_eq!(
+                *option,
+                [format!("{}_viscous_n_m_s", wheel.name), format!("{}_coulomb_n_m", wheel.name)]
+            );
+        }
+        // One parameter a wheel: each is whole.
+        assert_eq!(whole_names("wheel_windage").len(), 1 + wheels);
+        // All jets alike, each alone, each for itself.
+        let strength = whole_names("thruster_strength");
+        assert_eq!(strength[0], ["all"]);
+        assert_eq!(strength.iter().filter(|o| o.len() == 1).count(), 2 + jets);
+        assert_eq!(strength.last().unwrap().len(), jets);
+        // Two angles across a jet go together.
+        assert!(whole_names("thruster_misalignment").iter().all(|o| o.len() % 2 == 0));
+        // Of the platform: only as a whole.
+        for id in ["air_current", "thruster_delay", "gyro_misalignment", "bearing_viscous_friction"] {
+            let parameters = find(id).unwrap().parameters(&model).len();
+            assert_eq!(whole_names(id).iter().map(Vec::len).collect::<Vec<_>>(), [parameters], "{id}");
+        }
+    }
 }

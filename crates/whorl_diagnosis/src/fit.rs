@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
+use whorl_dynamics::effects::Part;
 
 use crate::hypothesis::Hypothesis;
-use crate::parameters::{BASE_EFFECTS, MASS_PROPERTIES, Target};
+use crate::parameters::{BASE_EFFECTS, Column, MASS_PROPERTIES, Target};
 use crate::search::{Search, point_of};
 use crate::{DiagnosisError, Fit, FittedParameter};
 
@@ -76,7 +77,7 @@ impl Search<'_> {
                     let read = |values: Vec<f64>| values.get(column.index).copied().unwrap_or(0.0);
                     let before = read(reference.values(effect));
                     if is_explained || !BASE_EFFECTS.contains(&column.group) {
-                        self.tighten(&mut prior, column.group, column.index, &column.name, stddev);
+                        self.tighten(&mut prior, column, stddev);
                     }
                     (before, read(reference.values_at(&point, effect)))
                 }
@@ -88,7 +89,7 @@ impl Search<'_> {
                 before,
                 estimate: after,
                 stddev,
-                at_bound: value <= column.range.0 || value >= column.range.1,
+                at_bound: column.is_at_bound(value),
             });
         }
         Ok(Fit { model, prior, estimates, error })
@@ -145,42 +146,36 @@ impl Search<'_> {
         Ok(model)
     }
 
-    fn tighten(
-        &self,
-        prior: &mut whorl_dynamics::ModelPrior,
-        id: &str,
-        index: usize,
-        name: &str,
-        stddev: f64,
-    ) {
+    fn tighten(&self, prior: &mut whorl_dynamics::ModelPrior, column: &Column, stddev: f64) {
+        let (id, index) = (column.group, column.index);
         let set = |list: &mut Vec<f64>, i: usize| {
             if let Some(slot) = list.get_mut(i) {
                 *slot = stddev;
             }
         };
         if !self.problem.reference.model.effects.contains_key(id) {
-            match id {
-                "gravity_offset" => {
+            match (id, column.part) {
+                ("gravity_offset", _) => {
                     if let Some(slot) = prior.gravity_offset_b_n_m.get_mut(index) {
                         *slot = stddev;
                     }
                     return;
                 }
-                "inertia_products" => {
+                ("inertia_products", _) => {
                     let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
                     prior.inertia_b_kg_m2[(row, column)] = stddev;
                     prior.inertia_b_kg_m2[(column, row)] = stddev;
                     return;
                 }
-                "wheel_inertia" => return set(&mut prior.wheel_spin_inertia, index),
-                "wheel_misalignment" => return set(&mut prior.wheel_axis_rad, index / 2),
-                "thruster_strength" if index > 0 => return set(&mut prior.jet_thrust, index - 1),
-                "thruster_misalignment" => return set(&mut prior.jet_direction_rad, index / 2),
+                ("wheel_inertia", Part::Wheel(j)) => return set(&mut prior.wheel_spin_inertia, j),
+                ("wheel_misalignment", Part::Wheel(j)) => return set(&mut prior.wheel_axis_rad, j),
+                ("thruster_strength", Part::Jet(j)) => return set(&mut prior.jet_thrust, j),
+                ("thruster_misalignment", Part::Jet(j)) => return set(&mut prior.jet_direction_rad, j),
                 _ => {}
             }
         }
         if id != MASS_PROPERTIES && !BASE_EFFECTS.contains(&id) {
-            prior.effects.entry(id.to_owned()).or_default().insert(name.to_owned(), stddev);
+            prior.effects.entry(id.to_owned()).or_default().insert(column.name.clone(), stddev);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Matrix3;
-use whorl_dynamics::effects::find;
+use whorl_dynamics::effects::{Part, find};
 use whorl_dynamics::{Effect, MassProperties, ModelPrior, ParameterSpec, PlatformModel};
 use whorl_math::wrap_angle_rad;
 
@@ -49,6 +49,8 @@ pub(crate) struct Column {
     pub group: &'static str,
     pub name: String,
     pub unit: &'static str,
+    /// What it is a parameter of.
+    pub part: Part,
     pub target: Target,
     /// Values from which an effect that is absent starts; `None`: from the present point.
     pub origin: Option<Vec<f64>>,
@@ -71,6 +73,13 @@ pub(crate) struct Column {
     pub is_shape: bool,
     /// A shape that may be anywhere: measured from the present point.
     pub floats: bool,
+}
+
+impl Column {
+    /// Whether so many units are as far as it may go.
+    pub fn is_at_bound(&self, units: f64) -> bool {
+        units <= self.range.0 + 1e-9 || units >= self.range.1 - 1e-9
+    }
 }
 
 /// Parameters (by index) that shape an effect: where they are says nothing of its size. First those that may be
@@ -168,6 +177,7 @@ impl Reference {
                         group: MASS_PROPERTIES,
                         name: name.to_owned(),
                         unit: "kg m^2",
+                        part: Part::Platform,
                         target: Target::Moment(i),
                         origin: None,
                         step: Vec::new(),
@@ -223,6 +233,7 @@ impl Reference {
                     group: id,
                     name: spec.name.clone(),
                     unit: spec.unit,
+                    part: spec.part,
                     target: Target::Effect(effect),
                     origin: None,
                     step,
@@ -269,16 +280,16 @@ impl Reference {
             return spec.prior_stddev;
         }
         let at = |list: &[f64], i: usize| list.get(i).copied().unwrap_or(0.0);
-        match id {
-            "gravity_offset" => self.prior.gravity_offset_b_n_m.get(index).copied().unwrap_or(0.0),
-            "inertia_products" => {
+        match (id, spec.part) {
+            ("gravity_offset", _) => self.prior.gravity_offset_b_n_m.get(index).copied().unwrap_or(0.0),
+            ("inertia_products", _) => {
                 let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
                 self.prior.inertia_b_kg_m2[(row, column)]
             }
-            "wheel_inertia" => at(&self.prior.wheel_spin_inertia, index),
-            "wheel_misalignment" => at(&self.prior.wheel_axis_rad, index / 2),
-            "thruster_strength" => index.checked_sub(1).map_or(0.0, |jet| at(&self.prior.jet_thrust, jet)),
-            "thruster_misalignment" => at(&self.prior.jet_direction_rad, index / 2),
+            ("wheel_inertia", Part::Wheel(j)) => at(&self.prior.wheel_spin_inertia, j),
+            ("wheel_misalignment", Part::Wheel(j)) => at(&self.prior.wheel_axis_rad, j),
+            ("thruster_strength", Part::Jet(j)) => at(&self.prior.jet_thrust, j),
+            ("thruster_misalignment", Part::Jet(j)) => at(&self.prior.jet_direction_rad, j),
             _ => 0.0,
         }
     }

@@ -8,8 +8,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::candidates::whole_parts;
 use crate::diagnosis::ParameterEstimate;
 use crate::hypothesis::Hypothesis;
+use crate::parameters::Column;
 use crate::search::Search;
 
 /// Choices with a log evidence farther below the best have no weight.
@@ -23,6 +25,19 @@ const LEAST_PROBABILITY: f64 = 0.05;
 const WIDE: f64 = 3.0;
 
 impl Search<'_> {
+    /// A column's parameter, from its estimate and standard deviation in units of the column.
+    pub(crate) fn estimate_of(&self, column: &Column, units: f64, stddev_units: f64) -> ParameterEstimate {
+        let stddev = stddev_units * column.scale;
+        ParameterEstimate {
+            name: column.name.clone(),
+            unit: column.unit.to_owned(),
+            estimate: self.problem.reference.counted_from(&self.point, column) + units * column.scale,
+            stddev,
+            at_bound: column.is_at_bound(units),
+            smallest_detectable: 5.0 * stddev,
+        }
+    }
+
     /// Parameters of a member of a set, averaged over the ways in which it can enter.
     pub(crate) fn averaged(&self, set: &Hypothesis, at: usize) -> Option<Vec<ParameterEstimate>> {
         let member = set.members.get(at)?;
@@ -36,7 +51,7 @@ impl Search<'_> {
         let options: Vec<Vec<usize>> = if is_shaped {
             vec![member.columns.clone()]
         } else {
-            whole_parts(candidate.id, &candidate.options)
+            whole_parts(&candidate.options, &self.layout.columns)
         };
         // Noise that is slower or larger than taken for, and what even the best set leaves, widen all intervals.
         let left = self.error_summary().after.max(1.0);
@@ -97,16 +112,7 @@ impl Search<'_> {
             if probability < LEAST_PROBABILITY {
                 continue;
             }
-            let reference = self.problem.reference.counted_from(&self.point, column);
-            let stddev = (square - mean * mean).max(0.0).sqrt() * column.scale;
-            parameters.push(ParameterEstimate {
-                name: column.name.clone(),
-                unit: column.unit.to_owned(),
-                estimate: reference + mean * column.scale,
-                stddev,
-                at_bound: mean <= column.range.0 + 1e-9 || mean >= column.range.1 - 1e-9,
-                smallest_detectable: 5.0 * stddev,
-            });
+            parameters.push(self.estimate_of(column, mean, (square - mean * mean).max(0.0).sqrt()));
         }
         (!parameters.is_empty()).then_some(parameters)
     }
@@ -143,17 +149,6 @@ fn normal_hazard(x: f64) -> f64 {
     }
     let own = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
     density / (0.5 - own * sum).max(1e-300)
-}
-
-/// The options that hold every parameter of some parts: of wheels or jets where each is a part, else of the
-/// whole effect.
-fn whole_parts(id: &str, options: &[Vec<usize>]) -> Vec<Vec<usize>> {
-    let least = match id {
-        "thruster_misalignment" | "wheel_misalignment" | "wheel_friction" => 2,
-        "thruster_leak" | "thruster_strength" | "wheel_inertia" | "wheel_windage" | "wheel_imbalance" => 1,
-        _ => options.iter().map(Vec::len).max().unwrap_or(1),
-    };
-    options.iter().filter(|o| o.len() >= least).cloned().collect()
 }
 
 #[cfg(test)]

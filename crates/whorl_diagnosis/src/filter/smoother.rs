@@ -1,6 +1,7 @@
 //! The smoother that runs back along the filter (modified Bryson-Frazier).
 
-use super::square::{multiply, transposed_multiply};
+use nalgebra::{DMatrix, DMatrixView, DVectorView};
+
 use super::{Keep, Linear, System, WHEEL};
 
 /// Smoothed errors of the trajectory.
@@ -25,9 +26,7 @@ impl System<'_> {
             smoothed.torque_variance = vec![0.0; nodes * 3];
         }
         let (mut lambda, mut back) = (vec![0.0; n], vec![0.0; n]);
-        let mut big = vec![0.0; n * n];
-        let mut work = vec![0.0; n * n];
-        let mut work2 = vec![0.0; n * n];
+        let mut big = DMatrix::<f64>::zeros(n, n);
         for k in (0..nodes).rev() {
             if k + 1 < nodes {
                 let f = linear.transition_over(k);
@@ -37,9 +36,10 @@ impl System<'_> {
                 }
                 std::mem::swap(&mut lambda, &mut back);
                 if with_torque {
-                    // F^T L F
-                    multiply(&big, f, &mut work, n);
-                    transposed_multiply(f, &work, &mut big, n);
+                    // F^T L F; what is stored by rows is seen as its transpose.
+                    let transposed = DMatrixView::from_slice(f, n, n);
+                    let moved = &big * transposed.transpose();
+                    big.gemm(1.0, &transposed, &moved, 0.0);
                 }
             }
             for r in linear.rows_of(k).rev() {
@@ -50,19 +50,16 @@ impl System<'_> {
                 let pull = forward.whitened[r] * inverse + along;
                 if with_torque {
                     // (I - K H)^T L (I - K H) + H^T H / S
-                    let lk: Vec<f64> = big
-                        .chunks_exact(n)
-                        .map(|row| row.iter().zip(gain).map(|(l, g)| l * g).sum())
-                        .collect();
-                    let klk: f64 = gain.iter().zip(&lk).map(|(g, l)| g * l).sum();
-                    let weight = klk + inverse * inverse;
+                    let gain = DVectorView::from_slice(gain, n);
+                    let lk = &big * gain;
+                    let weight = gain.dot(&lk) + inverse * inverse;
                     for (i, x) in row.parts() {
                         for (j, y) in row.parts() {
-                            big[i * n + j] += weight * x * y;
+                            big[(i, j)] += weight * x * y;
                         }
                         for (j, l) in lk.iter().enumerate() {
-                            big[i * n + j] -= x * l;
-                            big[j * n + i] -= l * x;
+                            big[(i, j)] -= x * l;
+                            big[(j, i)] -= l * x;
                         }
                     }
                 }
@@ -77,11 +74,12 @@ impl System<'_> {
                 *slot = x - row.iter().zip(&lambda).map(|(c, l)| c * l).sum::<f64>();
             }
             if with_torque {
-                multiply(p, &big, &mut work, n);
-                multiply(&work, p, &mut work2, n);
+                // P - P L P
+                let p = DMatrixView::from_slice(p, n, n);
                 for i in 0..3 {
-                    let at = (torque + i) * (n + 1);
-                    smoothed.torque_variance[k * 3 + i] = (p[at] - work2[at]).max(0.0);
+                    let along = p.column(torque + i);
+                    let learnt = along.dot(&(&big * along));
+                    smoothed.torque_variance[k * 3 + i] = (p[(torque + i, torque + i)] - learnt).max(0.0);
                 }
             }
         }

@@ -36,33 +36,3 @@ pub(super) fn symmetrise<const S: usize>(p: &mut Square<S>) {
         row.iter_mut().zip(other).for_each(|(x, y)| *x = 0.5 * (*x + y));
     }
 }
-
-/// c = a b
-pub(super) fn multiply(a: &[f64], b: &[f64], c: &mut [f64], n: usize) {
-    c.fill(0.0);
-    for i in 0..n {
-        for m in 0..n {
-            let x = a[i * n + m];
-            if x != 0.0 {
-                for j in 0..n {
-                    c[i * n + j] += x * b[m * n + j];
-                }
-            }
-        }
-    }
-}
-
-/// c = a^T b
-pub(super) fn transposed_multiply(a: &[f64], b: &[f64], c: &mut [f64], n: usize) {
-    c.fill(0.0);
-    for m in 0..n {
-        for i in 0..n {
-            let x = a[m * n + i];
-            if x != 0.0 {
-                for j in 0..n {
-                    c[i * n + j] += x * b[m * n + j];
-                }
-            }
-        }
-    }
-}

@@ -1,5 +1,16 @@
 //! Parameters of effects: names, units, ranges, priors.
 
+/// The part of the platform that a parameter belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// No single one: the platform, or all its wheels or jets together.
+    Platform,
+    /// This wheel of the model.
+    Wheel(usize),
+    /// This jet of the model.
+    Jet(usize),
+}
+
 /// One parameter of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterSpec {
@@ -7,6 +18,8 @@ pub struct ParameterSpec {
     pub name: String,
     /// Unit, "1" for none.
     pub unit: &'static str,
+    /// What it is a parameter of.
+    pub part: Part,
     /// Smallest plausible value; also the sign constraint.
     pub min: f64,
     /// Largest plausible value.
@@ -32,7 +45,29 @@ impl ParameterSpec {
         prior_stddev: f64,
         doc: &'static str,
     ) -> Self {
-        Self { name: name.into(), unit, min, max, neutral: 0.0, prior_stddev, known: false, doc }
+        Self {
+            name: name.into(),
+            unit,
+            part: Part::Platform,
+            min,
+            max,
+            neutral: 0.0,
+            prior_stddev,
+            known: false,
+            doc,
+        }
+    }
+
+    /// The same for wheel `wheel` of the model alone.
+    #[must_use]
+    pub fn of_wheel(self, wheel: usize) -> Self {
+        Self { part: Part::Wheel(wheel), ..self }
+    }
+
+    /// The same for jet `jet` of the model alone.
+    #[must_use]
+    pub fn of_jet(self, jet: usize) -> Self {
+        Self { part: Part::Jet(jet), ..self }
     }
 
     /// The same with another neutral value.

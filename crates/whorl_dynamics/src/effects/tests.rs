@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::{Effect, EffectError, EffectKind, EffectSet, ParameterSpec, TrueImu, catalogue, describe, find};
+use super::{
+    Effect, EffectError, EffectKind, EffectSet, ParameterSpec, Part, TrueImu, catalogue, describe, find,
+};
 use crate::sensing::{ImuSample, VectorSample, WheelSample};
 use crate::{Environment, InitialState, Plant, PlatformModel};
 
@@ -148,6 +150,22 @@ fn the_catalogue_is_complete_and_well_formed() {
             effect.hidden_states(&model) > 0,
             info.kind == EffectKind::HiddenState || info.id == "wheel_imbalance"
         );
+    }
+}
+
+#[test]
+fn parameters_say_which_wheel_or_jet_is_theirs() {
+    let model = PlatformModel::whorl_1_reference();
+    for effect in catalogue() {
+        for spec in effect.parameters(&model) {
+            // A name is the part's own, alone or with the quantity behind it.
+            let is_of = |part: &str| {
+                spec.name == part || spec.name.strip_prefix(part).is_some_and(|rest| rest.starts_with('_'))
+            };
+            let named = (model.wheels.iter().position(|w| is_of(&w.name)).map(Part::Wheel))
+                .or_else(|| model.jets.iter().position(|j| is_of(&j.name)).map(Part::Jet));
+            assert_eq!(spec.part, named.unwrap_or(Part::Platform), "{}.{}", effect.info().id, spec.name);
+        }
     }
 }
 

@@ -37,14 +37,15 @@ impl Effect for ThrusterLeak {
         model
             .jets
             .iter()
-            .map(|jet| {
+            .enumerate()
+            .map(|(j, jet)| {
                 ParameterSpec::new(
                     format!("{}_n", jet.name),
                     "N",
                     (0.0, jet.thrust_n),
                     0.01 * jet.thrust_n,
                     "Thrust of the leak at the reference pressure.",
-                )
+                ).of_jet(j)
             })
             .collect()
     }

@@ -29,7 +29,8 @@ impl Effect for ThrusterMisalignment {
         model
             .jets
             .iter()
-            .flat_map(|jet| {
+            .enumerate()
+            .flat_map(|(j, jet)| {
                 ["a", "b"].map(|angle| {
                     ParameterSpec::new(
                         format!("{}_{angle}_rad", jet.name),
@@ -37,7 +38,7 @@ impl Effect for ThrusterMisalignment {
                         (-0.5, 0.5),
                         0.03,
                         "Tilt of the force about e1 (a: across the force and body z, or x for a jet along z) or e2 = f x e1 (b).",
-                    )
+                    ).of_jet(j)
                 })
             })
             .collect()

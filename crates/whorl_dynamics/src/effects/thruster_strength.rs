@@ -27,8 +27,8 @@ impl Effect for ThrusterStrength {
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         let mut specs =
             vec![ParameterSpec::new("all", "1", (-0.9, 1.0), 0.05, "Relative error of every jet.")];
-        specs.extend(model.jets.iter().map(|jet| {
-            ParameterSpec::new(jet.name.as_str(), "1", (-1.0, 1.0), 0.05, "Relative error of this jet.")
+        specs.extend(model.jets.iter().enumerate().map(|(j, jet)| {
+            ParameterSpec::new(jet.name.as_str(), "1", (-1.0, 1.0), 0.05, "Relative error of this jet.").of_jet(j)
         }));
         specs
     }

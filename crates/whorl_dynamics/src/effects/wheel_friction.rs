@@ -28,7 +28,8 @@ impl Effect for WheelFriction {
         model
             .wheels
             .iter()
-            .flat_map(|wheel| {
+            .enumerate()
+            .flat_map(|(j, wheel)| {
                 let largest = wheel.max_torque_n_m;
                 [
                     ParameterSpec::new(
@@ -37,14 +38,14 @@ impl Effect for WheelFriction {
                         (0.0, largest / wheel.max_speed_rad_s),
                         0.05 * largest / wheel.max_speed_rad_s,
                         "Viscous drag added to the model's.",
-                    ),
+                    ).of_wheel(j),
                     ParameterSpec::new(
                         format!("{}_coulomb_n_m", wheel.name),
                         "N m",
                         (0.0, largest),
                         0.02 * largest,
                         "Coulomb drag added to the model's.",
-                    ),
+                    ).of_wheel(j),
                 ]
             })
             .collect()

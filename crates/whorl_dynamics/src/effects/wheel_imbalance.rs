@@ -31,14 +31,15 @@ impl Effect for WheelImbalance {
         model
             .wheels
             .iter()
-            .map(|wheel| {
+            .enumerate()
+            .map(|(j, wheel)| {
                 ParameterSpec::new(
                     format!("{}_kg_m2", wheel.name),
                     "kg m^2",
                     (0.0, 1e-3),
                     1e-6,
                     "Imbalance about axes across the spin axis, static imbalance times its arm included.",
-                )
+                ).of_wheel(j)
             })
             .collect()
     }

@@ -28,8 +28,9 @@ impl Effect for WheelInertia {
         model
             .wheels
             .iter()
-            .map(|wheel| {
-                ParameterSpec::new(wheel.name.as_str(), "1", (-0.5, 0.5), 0.02, "Relative error of this wheel.")
+            .enumerate()
+            .map(|(j, wheel)| {
+                ParameterSpec::new(wheel.name.as_str(), "1", (-0.5, 0.5), 0.02, "Relative error of this wheel.").of_wheel(j)
             })
             .collect()
     }

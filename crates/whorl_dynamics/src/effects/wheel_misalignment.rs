@@ -29,7 +29,8 @@ impl Effect for WheelMisalignment {
         model
             .wheels
             .iter()
-            .flat_map(|wheel| {
+            .enumerate()
+            .flat_map(|(j, wheel)| {
                 ["a", "b"].map(|angle| {
                     ParameterSpec::new(
                         format!("{}_{angle}_rad", wheel.name),
@@ -37,7 +38,7 @@ impl Effect for WheelMisalignment {
                         (-0.3, 0.3),
                         0.01,
                         "Tilt of the spin axis about e1 (a: across the axis and body z, or x for an axis along z) or e2 = a x e1 (b).",
-                    )
+                    ).of_wheel(j)
                 })
             })
             .collect()

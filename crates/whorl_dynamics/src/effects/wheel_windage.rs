@@ -28,7 +28,8 @@ impl Effect for WheelWindage {
         model
             .wheels
             .iter()
-            .map(|wheel| {
+            .enumerate()
+            .map(|(j, wheel)| {
                 let largest = wheel.max_torque_n_m / wheel.max_speed_rad_s.powi(2);
                 ParameterSpec::new(
                     format!("{}_n_m_s2", wheel.name),
@@ -36,7 +37,7 @@ impl Effect for WheelWindage {
                     (0.0, largest),
                     0.05 * largest,
                     "Drag per squared speed.",
-                )
+                ).of_wheel(j)
             })
             .collect()
     }
