@@ -42,18 +42,17 @@ pub(crate) fn sections_for(
     node: &str,
     errors: &mut Vec<ParameterError>,
 ) -> Vec<Section> {
-    // Whatever is wrong with the file is reported as for any other.
-    let Ok(Some(Node { content: Content::Map(root), .. })) = document::parse(file, text) else {
-        return sections(file, text, errors);
+    let parsed = document::parse(file, text);
+    let root = match &parsed {
+        Ok(Some(Node { content: Content::Map(root), .. })) if !root.iter().any(names_parameters) => root,
+        // Written as any other, and whatever is wrong with it is reported as for any other.
+        _ => return sections_in(file, parsed, errors),
     };
-    if root.iter().any(names_parameters) {
-        return sections(file, text, errors);
-    }
     let (line, keys) = match root.as_slice() {
         [MapEntry { key, key_line, value: Node { content: Content::Map(inner), .. }, .. }] if key == node => {
             (*key_line, inner)
         }
-        _ => (1, &root),
+        _ => (1, root),
     };
     let mut entries = Vec::new();
     flatten(file, "", keys, &mut entries, errors);
@@ -71,8 +70,16 @@ fn names_parameters(entry: &MapEntry) -> bool {
 
 /// All sections of a file's text; what is wrong with its form is added to `errors`.
 pub(crate) fn sections(file: &Arc<str>, text: &str, errors: &mut Vec<ParameterError>) -> Vec<Section> {
+    sections_in(file, document::parse(file, text), errors)
+}
+
+fn sections_in(
+    file: &Arc<str>,
+    parsed: Result<Option<Node>, Vec<ParameterError>>,
+    errors: &mut Vec<ParameterError>,
+) -> Vec<Section> {
     let at = |line| Origin::File { file: file.clone(), line };
-    let root = match document::parse(file, text) {
+    let root = match parsed {
         Ok(Some(root)) => root,
         Ok(None) => {
             errors.push(ParameterError::new(
