@@ -23,6 +23,8 @@ pub(crate) struct NoiseLevels {
     pub gyro_ratio: f64,
     /// Measured over modelled.
     pub accel_ratio: f64,
+    /// Measured over modelled; 1 where it could not be measured.
+    pub wheel_ratio: f64,
 }
 
 impl NoiseLevels {
@@ -58,12 +60,10 @@ impl NoiseLevels {
         let spreads: Vec<f64> = (0..wheels)
             .filter_map(|j| spread(&recording.wheel_speed_rad_s, |v| v.get(j).copied().unwrap_or(0.0)))
             .collect();
-        let wheel = spreads.iter().copied().fold(0.0, f64::max);
-        let wheel = floor(
-            (wheel > 0.0).then_some(wheel),
-            sensors.wheel_speed.noise_stddev_rad_s,
-            sensors.wheel_speed.quantum_rad_s,
-        );
+        let measured = Some(spreads.iter().copied().fold(0.0, f64::max)).filter(|s| *s > 0.0);
+        let (modelled, quantum) = (sensors.wheel_speed.noise_stddev_rad_s, sensors.wheel_speed.quantum_rad_s);
+        let wheel = floor(measured, modelled, quantum);
+        let modelled_wheel = modelled.hypot(quantum / 12f64.sqrt());
         let ratio = |measured: &Vector3<f64>, modelled: &Vector3<f64>| measured.norm() / modelled.norm();
         Self {
             gyro_ratio: ratio(&gyro, &sensors.gyro.errors.noise_stddev),
@@ -72,6 +72,7 @@ impl NoiseLevels {
             accel,
             vector_rad: vector_rad.max(0.1 * modelled_vector),
             wheel: wheel.max(1e-4),
+            wheel_ratio: measured.map_or(1.0, |stddev| stddev / modelled_wheel),
         }
     }
 }

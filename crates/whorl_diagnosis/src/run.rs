@@ -325,8 +325,12 @@ impl Run {
         }
         self.remarks = missing.into_iter().map(|text| format!("{}: {text}", self.name)).collect();
         let noise = self.noise;
-        for (name, ratio) in [("gyro", noise.gyro_ratio), ("accelerometer", noise.accel_ratio)] {
-            if !self.clamped && ratio.is_finite() && !(0.77..=1.3).contains(&ratio) {
+        for (name, ratio, is_in) in [
+            ("gyro", noise.gyro_ratio, !self.clamped),
+            ("accelerometer", noise.accel_ratio, !self.clamped),
+            ("wheel speed", noise.wheel_ratio, true),
+        ] {
+            if is_in && ratio.is_finite() && !(0.77..=1.3).contains(&ratio) {
                 self.remarks.push(format!(
                     "{}: the {name}'s noise is {ratio:.2} times what the model says; the measured level is used",
                     self.name

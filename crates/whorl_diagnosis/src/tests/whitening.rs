@@ -8,6 +8,29 @@ use crate::problem::Problem;
 use crate::regression::Colour;
 
 #[test]
+fn noise_that_is_not_as_stated_is_measured_and_told() {
+    let truth = PlatformModel::whorl_1_reference();
+    let recording = record(&truth, 2, 12.0, None);
+    let remarks = |factor: f64| {
+        let mut model = truth.clone();
+        model.sensors.wheel_speed.noise_stddev_rad_s *= factor;
+        let reference = Reference::new(&model, &ModelPrior::typical(&model));
+        let problem = Problem::new(std::slice::from_ref(&recording), reference, 12.0, 1).unwrap();
+        let of_noise = |text: &&String| text.contains("noise is");
+        (
+            problem.runs[0].noise.wheel,
+            problem.runs[0].remarks.iter().filter(of_noise).cloned().collect::<Vec<_>>(),
+        )
+    };
+    let (measured, said) = remarks(1.0);
+    assert!((measured / truth.sensors.wheel_speed.noise_stddev_rad_s - 1.0).abs() < 0.1, "{measured}");
+    assert!(said.is_empty(), "{said:?}");
+    let (same, said) = remarks(4.0);
+    assert_eq!(same, measured);
+    assert!(said.len() == 1 && said[0].contains("the wheel speed's noise is 0.2"), "{said:?}");
+}
+
+#[test]
 fn the_true_model_leaves_white_noise() {
     let mut truth = PlatformModel::whorl_1_reference();
     // The stop stays out of reach: near it the filter knows that it does not know.

@@ -13,6 +13,10 @@ use crate::reader::Reader;
 const USUAL_GYRO_RANGE_RAD_S: f64 = 35.0;
 const USUAL_ACCELEROMETER_RANGE_M_S2: f64 = 157.0;
 
+/// Noise of a wheel's speed. Counting the 4096 edges a turn of a 1024-line encoder for 10 ms resolves 0.15 rad/s,
+/// and the error of a count is a third of that. None at all would make every fit believe each reading.
+const USUAL_TACHOMETER_RAD_S: f64 = 0.05;
+
 /// 20 degC.
 pub(super) const ROOM_K: f64 = 293.15;
 
@@ -31,12 +35,12 @@ pub(super) fn read(r: &mut Reader<'_>) -> SensorSuite {
         });
         let vector = r.has("vector").then(|| r.group("vector", vector));
         let wheel_speed = r.group("wheel_speed", |r| {
-            let ScalarSensor { noise_stddev, quantum } = scalar(r, "rad_s", "rad/s");
+            let ScalarSensor { noise_stddev, quantum } = scalar(r, "rad_s", "rad/s", USUAL_TACHOMETER_RAD_S);
             WheelSpeedSensor { noise_stddev_rad_s: noise_stddev, quantum_rad_s: quantum }
         });
-        let bus_voltage = r.group("bus_voltage", |r| scalar(r, "v", "V"));
-        let tank_pressure = r.group("tank_pressure", |r| scalar(r, "pa", "Pa"));
-        let temperature = r.group("temperature", |r| scalar(r, "k", "K"));
+        let bus_voltage = r.group("bus_voltage", |r| scalar(r, "v", "V", 0.0));
+        let tank_pressure = r.group("tank_pressure", |r| scalar(r, "pa", "Pa", 0.0));
+        let temperature = r.group("temperature", |r| scalar(r, "k", "K", 0.0));
         SensorSuite {
             rate_hz,
             gyro,
@@ -149,11 +153,11 @@ fn vector(r: &mut Reader<'_>) -> VectorSensor {
     }
 }
 
-fn scalar(r: &mut Reader<'_>, suffix: &str, unit: &str) -> ScalarSensor {
+fn scalar(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_noise: f64) -> ScalarSensor {
     ScalarSensor {
         noise_stddev: r.f64_or(
             &format!("noise_stddev_{suffix}"),
-            0.0,
+            usual_noise,
             non_negative(),
             &format!("white noise, standard deviation of one sample [{unit}]"),
         ),

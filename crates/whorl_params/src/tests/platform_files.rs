@@ -189,6 +189,11 @@ fn a_short_platform_file_is_complete() {
     let gyro = model.sensors.gyro.errors;
     assert_eq!((gyro.scale, gyro.bias, gyro.quantum), (Vector3::zeros(), Vector3::zeros(), 0.0));
     assert!(gyro.range > 10.0 && model.sensors.vector.is_none());
+    // No wheel's speed is known exactly: edges of 1/4096 turn, counted for 10 ms, with an error between that of one
+    // uniform rounding and of two.
+    let step_rad_s = std::f64::consts::TAU / 4096.0 / 0.01;
+    let noise = model.sensors.wheel_speed.noise_stddev_rad_s;
+    assert!((step_rad_s / 12_f64.sqrt()..step_rad_s / 6_f64.sqrt()).contains(&noise), "{noise}");
     // Thrust neither falls with use nor runs out.
     assert_eq!(model.tank.thrust_pressure_exponent, 0.0);
     assert!(model.tank.initial_pressure_pa * model.tank.volume_m3 > 1e8);
