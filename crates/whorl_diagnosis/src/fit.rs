@@ -19,6 +19,11 @@ const LEAST_STDDEV: f64 = 0.05;
 /// Error over noise up to which a fit has explained the data.
 const EXPLAINED: f64 = 1.2;
 
+/// Whether a column is a constant of the platform and not of an effect that was added.
+fn is_of_platform(column: &Column) -> bool {
+    column.group == MASS_PROPERTIES || BASE_EFFECTS.contains(&column.group)
+}
+
 impl Search<'_> {
     /// Makes these effects, and only these, the best hypothesis, and converges on them.
     pub(crate) fn adopt(&mut self, effects: &[&'static dyn Effect]) -> Result<(), DiagnosisError> {
@@ -61,14 +66,22 @@ impl Search<'_> {
         let mut estimates = Vec::new();
         for (at, &i) in best.estimate.active.iter().enumerate() {
             let Some(column) = self.layout.columns.get(i) else { continue };
-            let stddev =
+            let given = reference.given_stddev(column);
+            let keeps = !is_explained && is_of_platform(column);
+            let found =
                 covariance[(at, at)].max(0.0).sqrt() * self.data.temper.sqrt().max(left) * column.scale;
+            // Data do not take away what was known before them.
+            let stddev = match (given > 0.0, keeps) {
+                (true, true) => given,
+                (true, false) => found.min(given),
+                (false, _) => found,
+            };
             let value = best.estimate.value[at];
             let (before, after) = match column.target {
                 Target::Moment(axis) => {
                     let at =
                         |m: &whorl_dynamics::PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
-                    if is_explained {
+                    if !keeps {
                         prior.inertia_b_kg_m2[(axis, axis)] = stddev;
                     }
                     (at(&reference.model), at(&model))
@@ -76,7 +89,7 @@ impl Search<'_> {
                 Target::Effect(effect) => {
                     let read = |values: Vec<f64>| values.get(column.index).copied().unwrap_or(0.0);
                     let before = read(reference.values(effect));
-                    if is_explained || !BASE_EFFECTS.contains(&column.group) {
+                    if !keeps {
                         self.tighten(&mut prior, column, stddev);
                     }
                     (before, read(reference.values_at(&point, effect)))
@@ -174,7 +187,7 @@ impl Search<'_> {
                 _ => {}
             }
         }
-        if id != MASS_PROPERTIES && !BASE_EFFECTS.contains(&id) {
+        if !is_of_platform(column) {
             prior.effects.entry(id.to_owned()).or_default().insert(column.name.clone(), stddev);
         }
     }

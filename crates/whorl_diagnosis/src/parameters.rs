@@ -294,6 +294,17 @@ impl Reference {
         }
     }
 
+    /// Prior standard deviation of a column's parameter as it was given, in its own unit; 0 = none was.
+    pub fn given_stddev(&self, column: &Column) -> f64 {
+        match column.target {
+            Target::Moment(axis) => self.prior.inertia_b_kg_m2[(axis, axis)],
+            Target::Effect(effect) => effect
+                .parameters(&self.model)
+                .get(column.index)
+                .map_or(0.0, |spec| self.base_stddev(column.group, column.index, spec)),
+        }
+    }
+
     /// Value of a column's parameter from which its units are counted, at a point.
     pub fn counted_from(&self, point: &Point, column: &Column) -> f64 {
         let Target::Effect(effect) = column.target else { return 0.0 };

@@ -1,0 +1,48 @@
+//! What a fit says of a constant and what it hands on to the next fit are one number.
+
+use whorl_dynamics::PlatformModel;
+
+use super::generator::{map, record, wrong_model};
+use crate::{Fit, Options, fit};
+
+/// Standard deviations of the moments of inertia and of the gravity offset: given, handed on, said.
+fn stddevs(given: &whorl_dynamics::ModelPrior, fit: &Fit) -> Vec<(String, f64, f64, f64)> {
+    let said = |group: &str, name: &str| {
+        let found = fit.estimates.iter().find(|p| p.group == group && p.name == name);
+        found.map_or(f64::NAN, |p| p.stddev)
+    };
+    let moments = ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].into_iter().enumerate().map(|(i, name)| {
+        let of = |prior: &whorl_dynamics::ModelPrior| prior.inertia_b_kg_m2[(i, i)];
+        (name.to_owned(), of(given), of(&fit.prior), said("mass_properties", name))
+    });
+    let offsets = ["mgr_x_n_m", "mgr_y_n_m", "mgr_z_n_m"].into_iter().enumerate().map(|(i, name)| {
+        let of = |prior: &whorl_dynamics::ModelPrior| prior.gravity_offset_b_n_m[i];
+        (name.to_owned(), of(given), of(&fit.prior), said("gravity_offset", name))
+    });
+    moments.chain(offsets).collect()
+}
+
+#[test]
+fn a_constant_has_one_uncertainty() {
+    let mut truth = PlatformModel::whorl_1_reference();
+    truth.effects = map(&[("bearing_viscous_friction", &[("c_n_m_s", 0.3)])]);
+    let run = record(&truth, 31, 40.0, None);
+    let (model, prior) = wrong_model(&truth, 31);
+    let fitted = |effects: &[&str]| {
+        fit(std::slice::from_ref(&run), &[], &model, &prior, effects, &Options::default()).unwrap()
+    };
+    // While a strong friction is missing, the constants bend: what is known of them is what was known.
+    let missing = fitted(&[]);
+    assert!(missing.error.after > 1.2, "{}", missing.error.after);
+    for (name, given, handed_on, said) in stddevs(&prior, &missing) {
+        assert_eq!((handed_on, said), (given, given), "{name}");
+    }
+    // With it the data add to what was known, and cannot take away from it.
+    let complete = fitted(&["bearing_viscous_friction"]);
+    assert!(complete.error.after < 1.2, "{}", complete.error.after);
+    for (name, given, handed_on, said) in stddevs(&prior, &complete) {
+        assert!(said == handed_on && said <= given, "{name}: {given} {handed_on} {said}");
+    }
+    let yaw = stddevs(&prior, &complete)[2].clone();
+    assert!(yaw.3 < 0.5 * yaw.1, "{yaw:?}");
+}
