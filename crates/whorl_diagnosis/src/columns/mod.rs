@@ -2,6 +2,8 @@
 
 mod change;
 mod moved;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use moved::Moved;
 

@@ -84,7 +84,7 @@ impl System<'_> {
 
     /// Random-walk intensity of the rate while dry friction holds the body: what it pulls then balances all
     /// else, up to its size either way, and no formula of the measured rate gives it [rad/s/sqrt(s)].
-    fn stiction_walk(&self, k: usize) -> f64 {
+    pub(crate) fn stiction_walk(&self, k: usize) -> f64 {
         let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < STANDS_RAD_S) else {
             return 0.0;
         };

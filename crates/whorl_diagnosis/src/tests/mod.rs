@@ -1,7 +1,9 @@
 //! Whole diagnoses of simulated runs.
 
 mod bad_input;
-mod generator;
+pub(crate) mod generator;
 mod naming;
+mod noise_walks;
 mod prospects;
+mod uncertainty;
 mod whitening;
