@@ -42,7 +42,7 @@ fn build(jets: &[(Vector3<f64>, Vector3<f64>)], gas: f64, wheels: (Matrix3xX<f64
         wheel_axis_b: wheels.0,
         wheel_torque_limit_n_m: wheels.1,
     })
-    .expect("a valid layout")
+    .expect("as many columns as limits and rates, all of them finite and none negative")
 }
 
 /// Twelve canted jets in four pods, centre of rotation off their centre, +-5 % thrust spread.
