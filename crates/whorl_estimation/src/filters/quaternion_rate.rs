@@ -98,6 +98,22 @@ impl QuaternionRateFilter {
         across.fixed_view_mut::<4, 4>(0, 0).copy_from(&(Matrix4::identity() - along * along.transpose()));
         self.covariance = across * self.covariance * across;
     }
+
+    /// Corrects the estimate by a measurement of three components of which `dof` are independent.
+    fn correct(
+        &mut self,
+        h: &SMatrix<f64, 3, 7>,
+        variance: f64,
+        innovation: &Vector3<f64>,
+        dof: u8,
+    ) -> Update {
+        let noise = Matrix3::identity() * variance;
+        let Some((correction, nis)) = update(&mut self.covariance, h, &noise, innovation) else {
+            return Update::default();
+        };
+        self.apply(&correction);
+        Update { nis, dof }
+    }
 }
 
 impl Kernel for QuaternionRateFilter {
@@ -129,13 +145,8 @@ impl Kernel for QuaternionRateFilter {
 
         let mut h = SMatrix::<f64, 3, 7>::zeros();
         h.fixed_view_mut::<3, 3>(0, 4).copy_from(&Matrix3::identity());
-        let noise = Matrix3::identity() * (self.gyro_noise_density / dt_s);
         let innovation = step.gyro_rad_s - self.gyro_bias_rad_s - self.omega_rad_s;
-        let Some((correction, nis)) = update(&mut self.covariance, &h, &noise, &innovation) else {
-            return Update::default();
-        };
-        self.apply(&correction);
-        Update { nis, dof: 3 }
+        self.correct(&h, self.gyro_noise_density / dt_s, &innovation, 3)
     }
 
     fn correct_direction(
@@ -148,12 +159,7 @@ impl Kernel for QuaternionRateFilter {
         let sensitivity = direction_sensitivity(self.q_world_body.quaternion(), reference_w);
         h.fixed_view_mut::<3, 4>(0, 0).copy_from(&sensitivity);
         let innovation = direction_b.into_inner() - self.q_world_body.inverse() * reference_w.into_inner();
-        let noise = Matrix3::identity() * variance;
-        let Some((correction, nis)) = update(&mut self.covariance, &h, &noise, &innovation) else {
-            return Update::default();
-        };
-        self.apply(&correction);
-        Update { nis, dof: 2 }
+        self.correct(&h, variance, &innovation, 2)
     }
 
     fn solution(&self) -> Solution {
