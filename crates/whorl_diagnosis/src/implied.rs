@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Recording, Series};
 
-use crate::run::median_step_s;
+use crate::bins::median_step_s;
 
 /// Half of the stretch over which a speed's slope is taken \[s\]: shorter than the platform's motion, long
 /// enough for a tachometer's noise.

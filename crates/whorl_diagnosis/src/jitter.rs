@@ -3,7 +3,8 @@
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{OnInterval, Series};
 
-use crate::run::{Wheels, median_step_s};
+use crate::bins::median_step_s;
+use crate::run::Wheels;
 
 /// Stamps that scatter by more than this share of their step are no even samples with jitter.
 const MOST: f64 = 0.2;

@@ -16,6 +16,7 @@
 //! rate is taken.
 
 mod answer;
+mod bins;
 mod candidates;
 mod check;
 mod columns;
@@ -47,6 +48,7 @@ pub mod residual;
 mod run;
 mod search;
 mod spectrum;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod threads;

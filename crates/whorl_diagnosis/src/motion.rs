@@ -139,7 +139,7 @@ fn filled_rates(run: &Run) -> Vec<Vector3<f64>> {
 
 fn initial_attitude(run: &Run) -> UnitQuaternion<f64> {
     let early = run.nodes().min(run.node_at(run.time(0) + 0.5) + 1);
-    let mean = |means: &[crate::run::Mean3], until: usize| {
+    let mean = |means: &[crate::bins::Mean3], until: usize| {
         let sum: Vector3<f64> = means.iter().take(until).map(|m| m.value * m.count.min(1.0)).sum();
         unit(sum).ok()
     };

@@ -3,13 +3,14 @@
 use nalgebra::Vector3;
 use whorl_recording::Recording;
 
+use crate::bins::sample_step_s;
 use crate::columns::{LANES, Linearised, Moved, group_response, predict};
 use crate::filter::{Settings, System, WHEEL};
 use crate::mechanics::Mechanics;
 use crate::motion::Motion;
 use crate::parameters::{Column, Point, Reference};
 use crate::regression::{Colour, Normal, Whitened};
-use crate::run::{Run, sample_step_s};
+use crate::run::Run;
 use crate::{DiagnosisError, threads};
 
 /// Nodes of all runs together, at most: more data go into wider bins.

@@ -9,11 +9,12 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use whorl_math::unit_or;
 
+use crate::bins::median_step_s;
 use crate::columns::predict;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::mechanics::Mechanics;
 use crate::motion::Motion;
-use crate::run::{Run, median_step_s};
+use crate::run::Run;
 use crate::search::{LEAST_DROP, Search, point_of};
 use crate::spectrum::{CERTAIN, Spectrum, gamma_significance};
 
