@@ -5,5 +5,6 @@ pub(crate) mod generator;
 mod naming;
 mod noise_walks;
 mod prospects;
+mod residual;
 mod uncertainty;
 mod whitening;
