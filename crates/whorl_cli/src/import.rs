@@ -96,7 +96,7 @@ fn finish(
     for remark in &recording.remarks {
         println!("note: {remark}");
     }
-    for cost in recording.missing_channels() {
+    for cost in recording.missing_channels(&known.model) {
         println!("missing: {cost}");
     }
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();

@@ -106,6 +106,9 @@ fn sections_in(
     sections
 }
 
+const NO_PARAMETERS: &str = "expected `ros__parameters:` with a map below this node name; allowed: \
+     `<node name>: ros__parameters:`, where `/**` stands for every node";
+
 /// Sections below a (possibly empty) list of enclosing names.
 fn namespace<'a>(
     file: &Arc<str>,
@@ -127,13 +130,15 @@ fn namespace<'a>(
             }
             continue;
         }
+        // One error for a section, not one for each of its keys.
+        if names.is_empty() && !names_parameters(entry) {
+            errors.push(ParameterError::new(origin, NO_PARAMETERS).with_key(entry.key.clone()));
+            continue;
+        }
         names.push(&entry.key);
         match &entry.value.content {
             Content::Map(inner) => namespace(file, names, inner, sections, errors),
-            _ => errors.push(
-                ParameterError::new(origin, "expected `ros__parameters:` with a map below this node name")
-                    .with_key(entry.key.clone()),
-            ),
+            _ => errors.push(ParameterError::new(origin, NO_PARAMETERS).with_key(entry.key.clone())),
         }
         names.pop();
     }

@@ -45,8 +45,9 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
         }
         (Some(platform), _) => platform.to_owned(),
         (None, [only]) => only.clone(),
-        // A section for every platform (`/**`) may hold one; then the file names it.
-        (None, []) => source.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        // A section for every platform (`/**`) may hold one; then the run or the file names it.
+        (None, []) => only_platform(source)
+            .unwrap_or_else(|| source.file_stem().unwrap_or_default().to_string_lossy().into_owned()),
         (None, _) => {
             let present = present.join(" and ");
             return Err(RecordingError::SeveralModels { path: source.to_owned(), present });
@@ -60,6 +61,12 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
     // Without a model there were errors, which have been returned.
     let (model, known) = read.ok_or_else(|| no_model("it is incomplete".into()))?;
     Ok(KnownPlatform { platform, model, prior: known.prior, prior_entries: known.entries, files })
+}
+
+/// The platform of a run directory that has only one.
+fn only_platform(source: &Path) -> Option<String> {
+    let platforms = RunDirectory::open(source).ok()?.platforms().ok()?;
+    <[String; 1]>::try_from(platforms).ok().map(|[only]| only)
 }
 
 fn parameter_files(source: &Path) -> Result<Vec<PathBuf>, RecordingError> {

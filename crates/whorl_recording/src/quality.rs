@@ -35,23 +35,23 @@ impl Recording {
         Ok(())
     }
 
-    /// One sentence for each channel that was not recorded: what cannot be said without it.
+    /// One sentence for each channel that was not recorded, of what the platform has: what cannot be said without it.
     #[must_use]
-    pub fn missing_channels(&self) -> Vec<String> {
+    pub fn missing_channels(&self, model: &PlatformModel) -> Vec<String> {
         let mut costs = Vec::new();
         let mut missing = |is_missing: bool, sentence: &str| {
             if is_missing {
                 costs.push(sentence.to_owned());
             }
         };
-        let wheels = !self.wheel_speed_rad_s.is_empty();
+        let (wheels, jets) = (!model.wheels.is_empty(), !model.jets.is_empty());
         missing(
-            !wheels,
+            wheels && self.wheel_speed_rad_s.is_empty(),
             "No wheel speed: the wheels' momentum has to be taken from their commands, and wheel_friction, \
              wheel_inertia, wheel_windage and wheel_imbalance cannot be told.",
         );
         missing(
-            self.wheel_torque_command_n_m.is_empty(),
+            wheels && self.wheel_torque_command_n_m.is_empty(),
             "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier, and \
              wheel_friction cannot be told from what the motors were asked to do.",
         );
@@ -72,17 +72,20 @@ impl Recording {
                  air_current, harness_spring) are hard to tell apart, and vector_sensor_misalignment cannot be seen.",
             );
             missing(
-                self.jet_pulses.is_empty() && self.body_torque_b_n_m.is_empty(),
+                jets && self.jet_pulses.is_empty() && self.body_torque_b_n_m.is_empty(),
                 "No jet commands: if a jet fired, its torque looks like a disturbance, and no thruster effect can \
                  be named.",
             );
             missing(
-                self.tank_pressure_pa.is_empty(),
+                jets && self.tank_pressure_pa.is_empty(),
                 "No tank pressure: thruster_pressure, thruster_leak and mass_shift have to be told by the gas that \
                  the commands used.",
             );
         }
-        missing(self.bus_voltage_v.is_empty(), "No bus voltage: supply_voltage cannot be told.");
+        missing(
+            (wheels || jets) && self.bus_voltage_v.is_empty(),
+            "No bus voltage: supply_voltage cannot be told.",
+        );
         missing(self.temperature_k.is_empty(), "No temperature: gyro_temperature cannot be told.");
         costs
     }

@@ -228,7 +228,11 @@ fn the_form_of_a_file_is_checked() {
             "- a\n- b\n",
             "p.yaml:1: expected a map of node names; allowed: sections `<node name>: ros__parameters:`",
         ),
-        ("/a:\n  gain: 1.0\n", "p.yaml:2: gain: expected `ros__parameters:` with a map below this node name"),
+        (
+            "/a:\n  gain: 1.0\n",
+            "p.yaml:1: /a: expected `ros__parameters:` with a map below this node name; allowed: `<node name>: \
+             ros__parameters:`, where `/**` stands for every node",
+        ),
         (
             "ros__parameters:\n  gain: 1.0\n",
             "p.yaml:1: ros__parameters stands outside a node's section; allowed: `<node name>: ros__parameters:`",

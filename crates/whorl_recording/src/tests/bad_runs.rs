@@ -100,6 +100,26 @@ fn models_that_are_not_there_are_missed_with_a_hint() {
     assert!(text.contains("x.yaml: cannot be read"), "{text}");
 }
 
+/// A file with a section for every platform names none: it is called after the file, also in the run that was
+/// written with it.
+#[test]
+fn a_model_for_every_platform_is_found_again_in_its_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(super::parameters().join("whorl_1.yaml")).unwrap();
+    let model = folder.path().join("table.yaml");
+    std::fs::write(&model, text.replace("/whorl_1/**:", "/**:")).unwrap();
+    let known = read_model(&model, None).unwrap();
+    assert_eq!(known.platform, "table");
+    let recording = Recording {
+        platform: "table".into(),
+        gyro_b_rad_s: Series { time_s: vec![0.0, 1.0], value: vec![Vector3::zeros(); 2] },
+        ..Recording::default()
+    };
+    let run = write_run(&recording, &known, &RunOrigin::default(), &folder.path().join("run")).unwrap();
+    assert_eq!(read_model(&run, None).unwrap().platform, "table");
+    assert_eq!(read_run(&run, None).unwrap()[0].platform, "table");
+}
+
 #[test]
 fn a_run_is_not_written_over_another() {
     let folder = tempfile::tempdir().unwrap();

@@ -184,7 +184,7 @@ fn nan_everywhere_is_an_error_and_in_one_channel_a_remark() {
         imported.recording.remarks,
         ["The map names columns for gyro, and no line has numbers in all of them: the channel is missing."]
     );
-    let costs = imported.recording.missing_channels();
+    let costs = imported.recording.missing_channels(&whorl_1().model);
     assert!(costs.iter().any(|cost| cost.starts_with("No gyro: ")), "{costs:?}");
     assert!(!costs.iter().any(|cost| cost.starts_with("No wheel speed")), "{costs:?}");
 }
@@ -214,8 +214,12 @@ fn a_bench_test_needs_no_gyro() {
     let lines: String = (0..2000).map(|i| format!("{},{i},0,0,0.1,0,0\n", i * 10_000)).collect();
     let recording = Files::new().import(map, &format!("t,a,b,c,u,v,w\n{lines}")).unwrap().recording;
     assert_eq!((recording.mounting, recording.duration_s()), (Mounting::Clamped, 19.99));
-    let costs = recording.missing_channels();
+    let costs = recording.missing_channels(&whorl_1().model);
     assert_eq!(costs.len(), 2, "bus voltage and temperature: {costs:?}");
+    // A platform without wheels misses none of their channels.
+    let bare = whorl_dynamics::PlatformModel { wheels: Vec::new(), jets: Vec::new(), ..whorl_1().model };
+    let costs = recording.missing_channels(&bare);
+    assert!(costs.iter().all(|cost| cost.starts_with("No temperature")), "{costs:?}");
 }
 
 #[test]
