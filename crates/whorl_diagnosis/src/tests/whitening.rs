@@ -28,6 +28,10 @@ fn noise_that_is_not_as_stated_is_measured_and_told() {
     let (same, said) = remarks(4.0);
     assert_eq!(same, measured);
     assert!(said.len() == 1 && said[0].contains("the wheel speed's noise is 0.2"), "{said:?}");
+    let (same, said) = remarks(0.25);
+    assert_eq!(same, measured);
+    let told = ["is 3.", "is 4."].iter().any(|times| said.iter().any(|text| text.contains(times)));
+    assert!(said.len() == 1 && told, "{said:?}");
 }
 
 #[test]
