@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_recording::{Recording, Series};
+use whorl_recording::{Recording, Series, VectorChannel};
 
 /// Standard deviations of one sample.
 #[derive(Debug, Clone, Copy)]
@@ -15,8 +15,6 @@ pub(crate) struct NoiseLevels {
     pub gyro: Vector3<f64>,
     /// [m/s^2]
     pub accel: Vector3<f64>,
-    /// \[rad\]
-    pub vector_rad: f64,
     /// [rad/s]
     pub wheel: f64,
     /// Measured over modelled.
@@ -44,18 +42,6 @@ impl NoiseLevels {
             &sensors.accelerometer.errors.noise_stddev,
             sensors.accelerometer.errors.quantum,
         );
-        let modelled_vector = sensors.vector.map_or(5e-3, |v| v.noise_stddev_rad);
-        // Three components share the noise of two directions.
-        let vector_rad = recording
-            .vectors
-            .first()
-            .map(|channel| {
-                let squares: Vec<f64> =
-                    (0..3).filter_map(|i| spread(&channel.direction_b, |v| v[i])).collect();
-                (squares.iter().map(|s| s * s).sum::<f64>() / 2.0).sqrt()
-            })
-            .filter(|s| *s > 0.0)
-            .unwrap_or(modelled_vector);
         let wheels = model.wheels.len();
         let spreads: Vec<f64> = (0..wheels)
             .filter_map(|j| spread(&recording.wheel_speed_rad_s, |v| v.get(j).copied().unwrap_or(0.0)))
@@ -70,11 +56,19 @@ impl NoiseLevels {
             accel_ratio: ratio(&accel, &sensors.accelerometer.errors.noise_stddev),
             gyro,
             accel,
-            vector_rad: vector_rad.max(0.1 * modelled_vector),
             wheel: wheel.max(1e-4),
             wheel_ratio: measured.map_or(1.0, |stddev| stddev / modelled_wheel),
         }
     }
+}
+
+/// Noise of one direction of a vector sensor, in each of the two directions across it \[rad\].
+pub(crate) fn direction_noise_rad(channel: &VectorChannel, model: &PlatformModel) -> f64 {
+    let modelled = model.sensors.vector.map_or(5e-3, |v| v.noise_stddev_rad);
+    // Three components share the noise of two directions.
+    let squares = (0..3).filter_map(|i| spread(&channel.direction_b, |v| v[i])).map(|s| s * s);
+    let measured = (squares.sum::<f64>() / 2.0).sqrt();
+    if measured > 0.0 { measured.max(0.1 * modelled) } else { modelled }
 }
 
 /// Standard deviation of one sample from second differences; `None` with too few samples.
@@ -133,4 +127,35 @@ fn step_of(values: &[Vector3<f64>]) -> f64 {
         (multiple - multiple.round()).abs() < 0.02
     };
     if sorted.iter().filter(|x| fits(x)).count() * 1000 >= sorted.len() * 998 { step } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Unit;
+    use rand_distr::{Distribution, Normal};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    /// The noise of a direction is that of two independent angles, and of this sensor alone, whatever the model says
+    /// of vector sensors in general.
+    #[test]
+    fn each_vector_sensor_has_its_own_noise() {
+        let model = PlatformModel::whorl_1_reference();
+        let mut random = Pcg64::new(7, 11);
+        for stddev_rad in [1e-3, 4e-3] {
+            let normal = Normal::new(0.0, stddev_rad).unwrap();
+            let mut direction_b = Series::default();
+            for i in 0..4000 {
+                let (a, b) = (normal.sample(&mut random), normal.sample(&mut random));
+                let turn = Unit::new_normalize(Vector3::new(0.3, a, b + 0.2 * (f64::from(i) * 0.01).sin()));
+                direction_b.time_s.push(f64::from(i) * 0.1);
+                direction_b.value.push(Vector3::new(turn.x, turn.y, turn.z));
+            }
+            // The angles are those of a vector of length 0.3.
+            let channel = VectorChannel { reference_world: Vector3::x_axis(), direction_b };
+            let ratio = direction_noise_rad(&channel, &model) / (stddev_rad / 0.3);
+            assert!((0.8..1.1).contains(&ratio), "{ratio}");
+        }
+    }
 }

@@ -23,6 +23,8 @@ pub(crate) type Wheels = [f64; MAX_WHEELS];
 pub(crate) struct VectorRun {
     pub reference_world: Vector3<f64>,
     pub mean: Vec<Mean3>,
+    /// In each of the two directions across a sample \[rad\].
+    pub noise_rad: f64,
 }
 
 /// A recording on nodes.
@@ -127,6 +129,7 @@ impl Run {
             .map(|channel| VectorRun {
                 reference_world: channel.reference_world.into_inner(),
                 mean: bins.means(&channel.direction_b, model.sensors.vector.map_or(0.0, |v| v.latency_s)),
+                noise_rad: crate::noise::direction_noise_rad(channel, model),
             })
             .collect();
         let wheels = model.wheels.len();
@@ -203,7 +206,11 @@ impl Run {
         let mut missing: Vec<&str> = Vec::new();
         if !self.clamped {
             if recording.specific_force_b_m_s2.is_empty() {
-                missing.push("no accelerometer: tilt is known only through the gyro, so gravity torques, gyro bias and sensor effects are harder to tell apart");
+                missing.push(if recording.vectors.len() < 2 {
+                    "no accelerometer: tilt is known only through the gyro, so gravity torques, gyro bias and sensor effects are harder to tell apart"
+                } else {
+                    "no accelerometer: tilt is known by the vector sensors"
+                });
             }
             if recording.vectors.is_empty() {
                 missing.push("no vector sensor: heading drifts with the gyro's bias, so torques fixed in the room and gyro errors about the vertical are weakly seen");
@@ -214,6 +221,10 @@ impl Run {
             {
                 missing.push("no jet commands: jets are taken as shut, and no thruster effect can be tested");
             }
+        }
+        let has_actuators = !model.wheels.is_empty() || !model.jets.is_empty();
+        if !has_actuators && recording.body_torque_b_n_m.is_empty() {
+            missing.push("no body torque, and the model has no wheels or jets: whatever drove the platform looks like a missing torque");
         }
         if !model.wheels.is_empty() {
             if recording.wheel_speed_rad_s.is_empty() {
@@ -229,7 +240,7 @@ impl Run {
         if recording.temperature_k.is_empty() {
             missing.push("no temperature: gyro_temperature cannot be tested");
         }
-        if recording.bus_voltage_v.is_empty() {
+        if has_actuators && recording.bus_voltage_v.is_empty() {
             missing.push("no bus voltage: it is predicted from the model's discharge, so supply_voltage is weakly tested");
         }
         self.remarks = missing.into_iter().map(|text| format!("{}: {text}", self.name)).collect();

@@ -113,7 +113,7 @@ impl System<'_> {
                         (RATE + 1, h.y * late),
                         (RATE + 2, h.z * late),
                     ];
-                    let variance = noise.vector_rad.powi(2) / mean.count;
+                    let variance = vector.noise_rad.powi(2) / mean.count;
                     push(6 + 2 * v + axis, difference.dot(&e), variance, &parts);
                 }
             }
