@@ -1,35 +1,17 @@
 //! From the search's result to the answer.
 
+use crate::adequacy::REAL_REST;
 use crate::candidates::Layout;
 use crate::diagnosis::{Candidate, ErrorSummary, ParameterEstimate};
 use crate::excess::{Power, WINDOWS_S, powers};
 use crate::hypothesis::Hypothesis;
 use crate::problem::{Dataset, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Estimate};
-use crate::search::{LEAST_DROP, LEAST_EVIDENCE, Search, TIE};
+use crate::search::{LEAST_DROP, Search, TIE};
 use crate::{Diagnosis, NextManoeuvre, SCHEMA, Verdict};
-
-/// An unexplained rest of this many standard deviations is real.
-const REAL_REST: f64 = 8.0;
-
-/// From here on a rest is compared with torques of simple shape.
-const WORTH_A_LOOK: f64 = 3.5;
-
-/// A rest beyond this is real whether or not it has a simple shape.
-const OVERWHELMING_REST: f64 = 40.0;
-
-/// Slow power over that of noise that is left even when every effect of the catalogue may help.
-const INEXPLICABLE: f64 = 2.5;
-
-/// An effect that explains this share of the excess is not refuted by what its formula, never quite that of the
-/// real platform, leaves.
-const NEARLY_ALL: f64 = 0.97;
 
 /// Log evidence of one candidate below which nothing is taken to be missing.
 const FAINT: f64 = 5.0;
-
-/// A named set must explain at least this share of what the base model leaves.
-const LEAST_SHARE: f64 = 0.6;
 
 /// Slow power of all runs with a hypothesis.
 pub(crate) fn rest(
@@ -308,18 +290,7 @@ impl Search<'_> {
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let mut direct: Vec<Candidate> = self.digital().into_iter().collect();
         direct.extend(crate::vibration::fast_effects(self));
-        let (explained, explained_drop) = self.advantage(&self.best, &self.base);
-        let follower = (left > WORTH_A_LOOK).then(|| crate::unknown::describe(self)).flatten();
-        // A shape without a name must add what an effect must add, and outweigh what names explain.
-        let unexplained = follower.as_ref().is_some_and(|f| {
-            let real = f.added_evidence > 1.6 * LEAST_EVIDENCE * self.data.temper
-                && f.added_drop > 1.4 * LEAST_DROP * self.data.temper;
-            let outweighs = self.best.members.is_empty()
-                || f.added_drop > 0.5 * explained_drop
-                || (f.alone_evidence > explained + 10.0 && f.added_drop > 0.1 * explained_drop);
-            real && outweighs
-        }) || (left > OVERWHELMING_REST && share < LEAST_SHARE)
-            || (self.data.temper > INEXPLICABLE && share < NEARLY_ALL);
+        let adequacy = self.adequacy(&names, left, share);
         for row in &direct {
             remarks.push(format!(
                 "{}: the samples themselves show it: {}",
@@ -341,7 +312,7 @@ impl Search<'_> {
             Verdict::Unknown
         } else if !direct.is_empty() {
             if alternatives.is_empty() { Verdict::Named } else { Verdict::Confounded }
-        } else if unexplained || rhythm.is_some() {
+        } else if adequacy.unexplained || rhythm.is_some() {
             Verdict::Unknown
         } else if !self.best.members.is_empty() {
             if alternatives.is_empty() { Verdict::Named } else { Verdict::Confounded }
@@ -355,13 +326,14 @@ impl Search<'_> {
         } else {
             Verdict::NotEnoughInformation
         };
-        if !self.best.members.is_empty() && left > REAL_REST && !unexplained {
+        if !self.best.members.is_empty() && left > REAL_REST && !adequacy.unexplained {
             remarks.push(format!(
                 "a rest of {:.0} % of the excess is still above the noise",
                 100.0 * (1.0 - share)
             ));
         }
-        let follower = follower.filter(|_| unexplained || rhythm.is_none()).map(|f| f.unknown);
+        let follower =
+            adequacy.follower.filter(|_| adequacy.unexplained || rhythm.is_none()).map(|f| f.unknown);
         let unknown = contradiction.or(follower).or(rhythm).filter(|_| verdict == Verdict::Unknown);
         let mut effects = if verdict == Verdict::Unknown { Vec::new() } else { names };
         let mut kind = self.kind();

@@ -60,10 +60,11 @@ pub struct Candidate {
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// What drives a torque that no effect of the catalogue explains.
+/// What drives a torque, or an error of a sensor, that no effect of the catalogue explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unknown {
-    /// Recorded variable that it follows best: `time`, `yaw_rate`, `wheel_x_speed`, ...
+    /// Recorded variable that it follows best: `time`, `yaw_rate`, `wheel_x_speed`, ...; `gyro_rate` for an error
+    /// of the gyro's readings.
     pub variable: String,
     /// `body` or `world`: the frame in which the torque's axis stands still.
     pub frame: String,

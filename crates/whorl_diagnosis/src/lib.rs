@@ -15,6 +15,7 @@
 //! the generalised least-squares form of the integrated (momentum) residual: no derivative of a noisy
 //! rate is taken.
 
+mod adequacy;
 mod answer;
 mod bins;
 mod candidates;
@@ -47,6 +48,7 @@ mod report;
 pub mod residual;
 mod run;
 mod search;
+mod shapes;
 mod spectrum;
 mod surroundings;
 #[cfg(test)]
@@ -54,6 +56,7 @@ mod tests;
 mod threads;
 mod unknown;
 mod vibration;
+mod wander;
 mod words;
 
 pub use diagnosis::{

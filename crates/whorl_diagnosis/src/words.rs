@@ -54,7 +54,7 @@ impl Diagnosis {
                     let parity =
                         if u.parity == "none" { String::new() } else { format!(", {} in it", u.parity) };
                     text.push(format!(
-                        "The unexplained torque follows {} best{parity}{line}: about {} of the {} frame; this explains {:.0} % of the excess.",
+                        "What is unexplained follows {} best{parity}{line}: about {} of the {} frame; this explains {:.0} % of the excess.",
                         u.variable, u.axis, u.frame, 100.0 * u.share
                     ));
                 }

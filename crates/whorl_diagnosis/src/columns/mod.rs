@@ -43,31 +43,62 @@ pub(crate) fn group_response(
     pass(run, linearised, &changes(run, motion, linearised, moved))
 }
 
-/// Whitened sensitivities to torques on the body, given over every interval [N m].
-pub(crate) fn torque_response(
-    run: &Run,
-    linearised: &Linearised,
-    torques: &[Vec<Vector3<f64>>],
-) -> Vec<Lanes> {
-    let inverse = linearised.mechanics.inverse_inertia;
-    let wheels = &linearised.mechanics.model().wheels;
-    let changes: Vec<Change> = torques
-        .iter()
-        .map(|torque| {
-            let omega_dot: Vec<Vector3<f64>> = torque.iter().map(|g| inverse * g).collect();
-            let wheel_dot = omega_dot
-                .iter()
-                .map(|acceleration| {
-                    let mut rate = [0.0; MAX_WHEELS];
-                    for (slot, wheel) in rate.iter_mut().zip(wheels) {
-                        *slot = -wheel.spin_axis_b.dot(acceleration);
-                    }
+/// What nobody has a formula for: what it adds at every node.
+pub(crate) enum Stray {
+    /// Torque on the body over every interval [N m].
+    Torque(Vec<Vector3<f64>>),
+    /// Torque on a wheel about its axis, its reaction on the body, over every interval [N m].
+    Wheel(usize, Vec<f64>),
+    /// Reading of the gyro [rad/s].
+    Gyro(Vec<Vector3<f64>>),
+    /// Turn of what the vector sensors see, body axes \[rad\].
+    Direction(Vec<Vector3<f64>>),
+}
+
+impl Stray {
+    fn change(&self, run: &Run, linearised: &Linearised) -> Change {
+        let inverse = linearised.mechanics.inverse_inertia;
+        let wheels = &linearised.mechanics.model().wheels;
+        // A wheel without torque about its axis keeps its momentum.
+        let kept = |omega_dot: &Vector3<f64>| {
+            let mut rate = [0.0; MAX_WHEELS];
+            for (slot, wheel) in rate.iter_mut().zip(wheels) {
+                *slot = -wheel.spin_axis_b.dot(omega_dot);
+            }
+            rate
+        };
+        match self {
+            Self::Torque(torque) => {
+                let omega_dot: Vec<Vector3<f64>> = torque.iter().map(|g| inverse * g).collect();
+                Change { wheel_dot: omega_dot.iter().map(kept).collect(), omega_dot, ..Change::default() }
+            }
+            Self::Wheel(j, torque) => {
+                let Some(wheel) = wheels.get(*j) else { return Change::default() };
+                let reaction = inverse * wheel.spin_axis_b.into_inner();
+                let omega_dot: Vec<Vector3<f64>> = torque.iter().map(|u| -reaction * *u).collect();
+                let of_wheel = |(omega_dot, u): (&Vector3<f64>, &f64)| {
+                    let mut rate = kept(omega_dot);
+                    rate[*j] += u / wheel.spin_inertia_kg_m2;
                     rate
-                })
-                .collect();
-            Change { omega_dot, wheel_dot, ..Change::default() }
-        })
-        .collect();
+                };
+                let wheel_dot = omega_dot.iter().zip(torque).map(of_wheel).collect();
+                Change { omega_dot, wheel_dot, ..Change::default() }
+            }
+            Self::Gyro(reading) => Change { gyro: reading.clone(), ..Change::default() },
+            Self::Direction(turn) => {
+                let seen = |sensor: usize| linearised.prediction.vectors.get(sensor);
+                let of_sensor = |sensor: usize| {
+                    turn.iter().zip(seen(sensor).into_iter().flatten()).map(|(t, v)| t.cross(v)).collect()
+                };
+                Change { vectors: (0..run.vectors.len()).map(of_sensor).collect(), ..Change::default() }
+            }
+        }
+    }
+}
+
+/// Whitened sensitivities to what has no formula.
+pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray]) -> Vec<Lanes> {
+    let changes: Vec<Change> = strays.iter().map(|stray| stray.change(run, linearised)).collect();
     pass(run, linearised, &changes)
 }
 

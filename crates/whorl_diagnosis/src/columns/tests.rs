@@ -1,11 +1,12 @@
 //! The shortcut for columns that add one torque, against the whole equations of motion.
 
+use nalgebra::Vector3;
 use whorl_dynamics::effects::catalogue;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::change::{Change, changes};
 use super::moved::{Moved, Way};
-use super::{LANES, Linearised};
+use super::{LANES, Linearised, Stray};
 use crate::parameters::{Point, Reference};
 use crate::problem::Problem;
 use crate::tests::generator::record;
@@ -21,8 +22,7 @@ fn differ(a: impl Iterator<Item = f64>, b: impl Iterator<Item = f64>) -> f64 {
 }
 
 fn largest_difference(short: &Change, whole: &Change) -> f64 {
-    let vectors =
-        |list: &[nalgebra::Vector3<f64>]| list.iter().flat_map(|v| [v.x, v.y, v.z]).collect::<Vec<_>>();
+    let vectors = |list: &[Vector3<f64>]| list.iter().flat_map(|v| [v.x, v.y, v.z]).collect::<Vec<_>>();
     let wheels = |change: &Change| change.wheel_dot.iter().flatten().copied().collect::<Vec<_>>();
     assert_eq!(short.omega_dot.len(), whole.omega_dot.len());
     [
@@ -100,4 +100,28 @@ fn one_torque_is_worth_the_whole_mechanics() {
     }
     let changed = check(&problem, &point);
     assert!(changed.contains(&"slosh") && changed.contains(&"bearing_viscous_friction"), "{changed:?}");
+}
+
+#[test]
+fn what_acts_inside_changes_no_momentum() {
+    let model = PlatformModel::whorl_1_reference();
+    let recording = record(&model, 1, 12.0, None);
+    let reference = Reference::new(&model, &ModelPrior::typical(&model));
+    let problem = Problem::new(std::slice::from_ref(&recording), reference, 12.0, 1).unwrap();
+    let linear = problem.linearise(&problem.reference.point()).unwrap();
+    let (run, linear) = (&problem.runs[0], &linear[0]);
+    // Body and wheels turn as one with the inertia of the whole; a wheel's own speed adds to it.
+    let momentum = |change: &Change| {
+        let wheels = model.wheels.iter().zip(change.wheel_dot[0]);
+        let of_wheels: Vector3<f64> =
+            wheels.map(|(w, rate)| w.spin_axis_b.into_inner() * (w.spin_inertia_kg_m2 * rate)).sum();
+        model.mass_properties.inertia_b_kg_m2() * change.omega_dot[0] + of_wheels
+    };
+    for wheel in 0..model.wheels.len() {
+        let inside = Stray::Wheel(wheel, vec![0.01]).change(run, linear);
+        assert!(inside.omega_dot[0].norm() > 1e-4 && momentum(&inside).norm() < 1e-9, "{inside:?}");
+    }
+    let torque = Vector3::new(0.003, -0.001, 0.002);
+    let outside = Stray::Torque(vec![torque]).change(run, linear);
+    assert!((momentum(&outside) - torque).norm() < 1e-9, "{outside:?}");
 }

@@ -1,8 +1,9 @@
 //! Names of hidden effects, from recordings of a plant whose constants the model has wrong.
 
+use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 
-use super::generator::{map, record, wrong_model};
+use super::generator::{Extra, map, record, wrong_model};
 use crate::{Diagnosis, Options, Verdict, diagnose};
 
 type Effects<'a> = &'a [(&'a str, &'a [(&'a str, f64)])];
@@ -48,4 +49,39 @@ fn a_sensor_is_told_from_a_torque() {
     let diagnosis = diagnosis_of(&[("gyro_misalignment", &[("xz_rad", 0.03)])], 21, 50.0);
     assert_eq!(diagnosis.effects, ["gyro_misalignment"]);
     assert_eq!(diagnosis.kind.as_deref(), Some("sensor"));
+}
+
+fn diagnosis_with(extra: Extra<'_>, seed: u64) -> Diagnosis {
+    let truth = PlatformModel::whorl_1_reference();
+    let runs: Vec<_> = (0..2).map(|i| record(&truth, seed * 10 + i, 50.0, Some(extra))).collect();
+    let (model, prior) = wrong_model(&truth, seed);
+    diagnose(&runs, &[], &model, &prior, &Options::default(), &mut |_| {}).unwrap()
+}
+
+#[test]
+fn a_torque_that_comes_and_goes_follows_time_and_has_no_name() {
+    // On and off at odd times, as a valve that sticks now and then.
+    let on = [(4.0, 9.0), (16.0, 19.0), (27.0, 35.0), (41.0, 44.0)];
+    let diagnosis = diagnosis_with(
+        &|t, _, _| {
+            let open = on.iter().any(|(from, to)| (*from..*to).contains(&t));
+            Vector3::new(0.0, 0.0, if open { 8e-3 } else { 0.0 })
+        },
+        5,
+    );
+    assert_eq!(diagnosis.verdict, Verdict::Unknown, "{:?}", diagnosis.effects);
+    let unknown = diagnosis.unknown.unwrap();
+    assert_eq!((unknown.variable.as_str(), unknown.axis.as_str()), ("time", "z"), "{unknown:?}");
+}
+
+#[test]
+fn a_rhythm_that_turns_with_the_body_is_no_vibration_of_the_sensors() {
+    let diagnosis = diagnosis_with(
+        &|t, _, _| Vector3::new(0.0, 4e-3 * (std::f64::consts::TAU * 0.43 * t + 0.4).sin(), 0.0),
+        6,
+    );
+    assert_eq!(diagnosis.verdict, Verdict::Unknown, "{:?}", diagnosis.effects);
+    let unknown = diagnosis.unknown.unwrap();
+    assert_eq!((unknown.variable.as_str(), unknown.frame.as_str()), ("time", "body"), "{unknown:?}");
+    assert!(unknown.frequency_hz.is_some_and(|f| (f - 0.43).abs() < 0.01), "{unknown:?}");
 }
