@@ -64,7 +64,8 @@ fn nothing_is_named_where_nothing_is_missing_also_with_a_controller_running() {
 #[test]
 fn what_no_library_has_is_unknown() {
     let laboratory = Laboratory::whorl_1().unwrap();
-    for outcome in answers(&laboratory, &["outside/gear/1000/0"]) {
+    let keys = ["outside/gear/1000/0", "outside/bursting_leak/1000/0", "outside/dead_gyro/1000/0"];
+    for outcome in answers(&laboratory, &keys) {
         assert_eq!(outcome.unknown_right, Some(true), "{}: {:?}", outcome.key, outcome.answer);
         assert_eq!(outcome.variable_right, Some(true), "{:?}", outcome.unknown_variable);
     }

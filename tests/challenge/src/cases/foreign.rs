@@ -8,7 +8,7 @@ use crate::scenario::{between, index, normal, sign};
 use crate::truth::{Foreign, Plan};
 
 /// Their names.
-pub const FOREIGN: [&str; 10] = [
+pub const FOREIGN: [&str; 18] = [
     "vane",
     "oval_bearing",
     "warm_cg",
@@ -19,6 +19,14 @@ pub const FOREIGN: [&str; 10] = [
     "stick_slip",
     "swapped_axes",
     "voltage_torque",
+    "switched_fan",
+    "creeping_cable",
+    "sliding_battery",
+    "warming_grease",
+    "draughty_door",
+    "one_way_friction",
+    "dead_gyro",
+    "iron",
 ];
 
 /// What an answer may say.
@@ -65,9 +73,56 @@ pub fn expected(name: &str) -> Expected {
             &["bearing_viscous_friction", "bearing_coulomb_friction", "air_drag_quadratic"],
         ),
         "swapped_axes" => (&["rate", "gyro", "omega"], &["gyro_misalignment"], &[]),
+        "switched_fan" => (
+            &["time", "frequency", "periodic"],
+            &[],
+            &["air_current", "bearing_turbine", "thruster_leak", "magnetic_torque"],
+        ),
+        "creeping_cable" => {
+            (&["time"], &[], &["bearing_turbine", "air_current", "thruster_leak", "harness_spring"])
+        }
+        "sliding_battery" => (&["time"], &[], &["mass_shift", "anisoelastic_sag", "air_current"]),
+        "warming_grease" => {
+            (&["wheel_x", "time"], &[], &["wheel_friction", "wheel_windage", "wheel_inertia"])
+        }
+        "draughty_door" => (
+            &["yaw", "azimuth", "heading"],
+            &[],
+            &["air_current", "magnetic_torque", "harness_spring", "bearing_turbine"],
+        ),
+        "one_way_friction" => (
+            &["yaw_rate", "rate"],
+            &[],
+            &[
+                "bearing_viscous_friction",
+                "bearing_coulomb_friction",
+                "air_drag_quadratic",
+                "bearing_turbine",
+                "air_current",
+            ],
+        ),
+        "dead_gyro" => (&["rate", "gyro"], &[], &["gyro_scale", "gyro_misalignment"]),
+        "iron" => (
+            &["yaw", "azimuth", "heading"],
+            &[],
+            &["vector_sensor_misalignment", "gyro_scale", "gyro_misalignment"],
+        ),
         _ => (&["voltage"], &[], &["air_current", "bearing_turbine", "magnetic_torque", "thruster_leak"]),
     };
     Expected { variables, names, imitators }
+}
+
+/// From-to times, with the ranges of how long it lasts and how long it pauses \[s\].
+fn now_and_then(rng: &mut Pcg64, plans: &[Plan], lasts: (f64, f64), pauses: (f64, f64)) -> Vec<(f64, f64)> {
+    let longest = plans.iter().map(|p| p.duration_s).fold(0.0, f64::max);
+    let mut times = Vec::new();
+    let mut time_s = between(rng, 2.0, 10.0);
+    while time_s < longest {
+        let length = between(rng, lasts.0, lasts.1);
+        times.push((time_s, time_s + length));
+        time_s += length + between(rng, pauses.0, pauses.1);
+    }
+    times
 }
 
 /// Draws one: at size 1, and how large it may be.
@@ -90,16 +145,27 @@ pub fn draw(name: &str, stage: &Stage, plans: &[Plan], rng: &mut Pcg64) -> Forei
         "bursting_leak" => {
             foreign.burst_leak_n = 0.01;
             foreign.burst_jet = index(rng, stage.jets.len());
-            let longest = plans.iter().map(|p| p.duration_s).fold(0.0, f64::max);
-            let mut time_s = between(rng, 2.0, 10.0);
-            while time_s < longest {
-                let length = between(rng, 3.0, 9.0);
-                foreign.burst_s.push((time_s, time_s + length));
-                time_s += length + between(rng, 4.0, 12.0);
-            }
+            foreign.burst_s = now_and_then(rng, plans, (3.0, 9.0), (4.0, 12.0));
         }
         "stick_slip" => foreign.stick_slip_n_m = 3e-3,
         "swapped_axes" => foreign.gyro_xy_swapped = true,
+        "switched_fan" => {
+            foreign.fan_b_n_m = Vector3::new(normal(rng), normal(rng), normal(rng)) * 1e-3;
+            foreign.fan_s = now_and_then(rng, plans, (5.0, 16.0), (5.0, 18.0));
+        }
+        "creeping_cable" => foreign.creep_n_m = 1e-3 * sign(rng),
+        "sliding_battery" => {
+            foreign.battery_n_m = Vector3::new(normal(rng), normal(rng), 0.0) * 2e-3;
+            foreign.battery_s = between(rng, 30.0, 60.0);
+        }
+        "warming_grease" => foreign.grease_n_m_s = 1e-4,
+        "draughty_door" => {
+            foreign.door_world_n_m = Vector3::new(normal(rng), normal(rng), normal(rng)) * 1e-3;
+            foreign.door_rad = stage.mean_yaw_rad + between(rng, -0.8, 0.8);
+        }
+        "one_way_friction" => foreign.ratchet_n_m_s = 0.02,
+        "dead_gyro" => foreign.dead_rad_s = 1e-3,
+        "iron" => foreign.iron_rad = 0.02 * sign(rng),
         _ => foreign.voltage_torque_n_m_v = 2e-3 * sign(rng),
     }
     foreign
@@ -119,6 +185,14 @@ pub fn scaled(foreign: &Foreign, size: f64) -> Foreign {
         burst_leak_n: foreign.burst_leak_n * size,
         stick_slip_n_m: foreign.stick_slip_n_m * size,
         voltage_torque_n_m_v: foreign.voltage_torque_n_m_v * size,
+        fan_b_n_m: foreign.fan_b_n_m * size,
+        creep_n_m: foreign.creep_n_m * size,
+        battery_n_m: foreign.battery_n_m * size,
+        grease_n_m_s: foreign.grease_n_m_s * size,
+        door_world_n_m: foreign.door_world_n_m * size,
+        ratchet_n_m_s: foreign.ratchet_n_m_s * size,
+        dead_rad_s: foreign.dead_rad_s * size,
+        iron_rad: foreign.iron_rad * size,
         ..foreign.clone()
     }
 }

@@ -4,6 +4,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::foreign::Foreign;
+
 /// All hidden effects; zero everywhere is a platform that has none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hidden {
@@ -72,39 +74,6 @@ pub struct Hidden {
     pub flexible_damping: f64,
     // What no library has.
     pub foreign: Foreign,
-}
-
-/// Effects outside the library.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Foreign {
-    /// Torque about body z, cubic in the yaw rate, driving [N m s^3].
-    pub cubic_yaw_n_m_s3: f64,
-    /// Torque about body x, cubic in the yaw rate (a vane) [N m s^3].
-    pub vane_n_m_s3: f64,
-    /// Torque about the vertical, sin(3 yaw): an oval bearing [N m].
-    pub oval_n_m: f64,
-    /// m g r_cg moves with temperature [N m/K].
-    pub warm_cg_n_m_k: Vector3<f64>,
-    /// m g r_cg moves with time [N m/s].
-    pub drift_cg_n_m_s: Vector3<f64>,
-    /// Pump on board: periodic torque in body axes [N m], at `pump_hz`.
-    pub pump_b_n_m: Vector3<f64>,
-    pub pump_hz: f64,
-    /// Torque about body z as a wheel's teeth mesh: reaction ripple of wheel z, this many a turn [N m].
-    pub gear_n_m: f64,
-    pub gear_teeth: f64,
-    /// A jet that leaks only now and then: thrust, jet, and from-to times.
-    pub burst_leak_n: f64,
-    pub burst_jet: usize,
-    pub burst_s: Vec<(f64, f64)>,
-    /// Stick-slip: friction of the bearing that falls with speed [N m].
-    pub stick_slip_n_m: f64,
-    /// Gyro outputs x and y exchanged.
-    pub gyro_xy_swapped: bool,
-    /// Gyro output z has the wrong sign.
-    pub gyro_z_reversed: bool,
-    /// Torque about body z that follows the bus voltage's drop [N m/V].
-    pub voltage_torque_n_m_v: f64,
 }
 
 impl Hidden {

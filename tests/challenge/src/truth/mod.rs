@@ -1,12 +1,14 @@
 //! The challenge's own simulator: nothing of it comes from the library that is judged.
 
 pub mod body;
+pub mod foreign;
 pub mod hidden;
 pub mod motion;
 pub mod run;
 pub mod valves;
 
 pub use body::{Body, Constant, G_M_S2};
-pub use hidden::{Foreign, Hidden};
+pub use foreign::Foreign;
+pub use hidden::Hidden;
 pub use motion::{Mechanics, Motion, WHEELS};
 pub use run::{Plan, SLOT_S, Trace, simulate};

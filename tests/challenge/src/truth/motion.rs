@@ -272,6 +272,9 @@ impl Mechanics {
                     * rate
                     * rate.abs()
                     * (rate.abs().max(1.0) / 100.0).powf(-0.1);
+            if w == 0 {
+                u -= foreign.grease(rate, inputs.time_s);
+            }
             if w == 2 && foreign.gear_n_m != 0.0 {
                 u += foreign.gear_n_m * (foreign.gear_teeth * state[9 + w]).sin();
             }
@@ -368,18 +371,7 @@ impl Mechanics {
             let damping = hidden.contact_n_m_s * (depth / 5e-4).min(1.0);
             torque -= away * (hidden.contact_n_m_rad * depth + damping * omega.dot(&away)).max(0.0);
         }
-        // Outside every library.
-        torque.z += foreign.cubic_yaw_n_m_s3 * omega.z.powi(3);
-        torque.x += foreign.vane_n_m_s3 * omega.z.powi(3);
-        torque += k * (foreign.oval_n_m * (3.0 * yaw).sin());
-        if foreign.pump_hz > 0.0 {
-            torque += foreign.pump_b_n_m * (std::f64::consts::TAU * foreign.pump_hz * time_s).sin();
-        }
-        if foreign.stick_slip_n_m != 0.0 {
-            let size = foreign.stick_slip_n_m * (0.3 + 0.7 * (-rate / 0.02).exp());
-            torque -= omega * (size / rate.hypot(6e-4));
-        }
-        torque
+        torque + foreign.torque(bn, omega, time_s)
     }
 
     /// One classical Runge-Kutta step.

@@ -234,7 +234,9 @@ fn record_slow(
     inputs: &Inputs<'_>,
     gas_kg: f64,
 ) {
-    let seen = now.world_to_body * mechanics.body.lamp_world;
+    let yaw = now.world_to_body[(0, 1)].atan2(now.world_to_body[(0, 0)]);
+    let iron = Vector3::z() * (mechanics.hidden.foreign.iron_rad * (2.0 * yaw).sin());
+    let seen = now.world_to_body * (UnitQuaternion::from_scaled_axis(iron) * mechanics.body.lamp_world);
     let turn = UnitQuaternion::from_scaled_axis(mechanics.hidden.vector_turn_rad);
     trace.vector_time_s.push(time_s);
     trace.direction_b.push(turn.inverse_transform_vector(&seen));
@@ -267,6 +269,10 @@ fn record_imu(
     gyro = gyro.map(|x| x.clamp(-hidden.gyro_range_rad_s, hidden.gyro_range_rad_s));
     if hidden.foreign.gyro_xy_swapped {
         gyro = Vector3::new(gyro.y, gyro.x, gyro.z);
+    }
+    let dead = hidden.foreign.dead_rad_s;
+    if dead > 0.0 {
+        gyro = gyro.map(|x| if x.abs() < dead { 0.0 } else { x });
     }
     if hidden.foreign.gyro_z_reversed {
         gyro.z = -gyro.z;
