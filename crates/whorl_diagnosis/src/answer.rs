@@ -7,7 +7,7 @@ use crate::excess::{Power, WINDOWS_S, powers};
 use crate::hypothesis::Hypothesis;
 use crate::problem::{Dataset, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Estimate};
-use crate::search::{LEAST_DROP, Search, TIE};
+use crate::search::{LEAST_DROP, Search};
 use crate::{Diagnosis, NextManoeuvre, SCHEMA, Verdict};
 
 /// Log evidence of one candidate below which nothing is taken to be missing.
@@ -149,45 +149,21 @@ impl Search<'_> {
         if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Effects whose signal cannot be told from that of a member.
-    fn indistinguishable(&self, member: &Hypothesis, others: &[Hypothesis]) -> Vec<String> {
-        let Some(own) = member.members.last() else { return Vec::new() };
-        let normal = &self.data.total;
-        let base = &self.layout.base;
-        let project = |columns: &[usize], fit: &Hypothesis| {
-            // Signal, and the signal with the base's part taken out, as weights over all columns.
-            let mut weights = nalgebra::DVector::zeros(self.layout.columns.len());
-            for &i in columns {
-                weights[i] += fit.estimate.of(i);
-            }
-            let mut signal = crate::regression::Normal::zeros(self.layout.columns.len());
-            signal.vector = &normal.matrix * &weights;
-            signal.matrix.copy_from(&normal.matrix);
-            let free: Vec<usize> = base.iter().copied().filter(|i| !columns.contains(i)).collect();
-            if let Some(e) = Estimate::new(&signal, &free, |i| self.layout.base_variance(i)) {
-                for (a, i) in e.active.iter().enumerate() {
-                    weights[*i] -= e.value[a];
-                }
-            }
-            weights
-        };
-        let a = project(&own.columns, member);
-        let na = &normal.matrix * &a;
-        let mut found = Vec::new();
-        for other in others {
-            let Some(last) = other.members.last() else { continue };
-            if last.candidate == own.candidate {
-                continue;
-            }
-            let b = project(&last.columns, other);
-            let cosine = na.dot(&b) / (na.dot(&a) * b.dot(&(&normal.matrix * &b))).sqrt().max(1e-300);
-            if cosine.abs() > 0.98
-                && let Some(c) = self.layout.candidates.get(last.candidate)
-            {
-                found.push(c.id.to_owned());
-            }
-        }
-        found
+    /// The last effect of each hypothesis.
+    fn last_effects<'h>(&self, sets: impl IntoIterator<Item = &'h Hypothesis>) -> Vec<String> {
+        sets.into_iter()
+            .filter_map(|h| self.layout.candidates.get(h.members.last()?.candidate))
+            .map(|c| c.id.to_owned())
+            .collect()
+    }
+
+    /// Effects that these data cannot tell from the last one of `one`, where neither is strong enough to be named.
+    fn as_good_as(&self, one: &Hypothesis, all: &[Hypothesis]) -> Vec<String> {
+        let tie = self.tie(self.advantage(one, &self.best).1);
+        let own = one.names(&self.layout);
+        self.last_effects(
+            all.iter().filter(|h| h.names(&self.layout) != own && self.advantage(h, one).0.abs() < tie),
+        )
     }
 
     /// Runs that disagree with the others.
@@ -235,7 +211,7 @@ impl Search<'_> {
     /// The answer.
     pub(crate) fn answer(&mut self) -> Diagnosis {
         let mut candidates: Vec<Candidate> = Vec::new();
-        let mut with_members: Vec<Hypothesis> = Vec::new();
+        let mut rivals: Vec<Hypothesis> = Vec::new();
         for member in 0..self.best.members.len() {
             if let Some(rest) = self.best.without(&self.layout, &self.data.total, member)
                 && let Some(mut row) = self.row(&self.best, &rest, member)
@@ -243,12 +219,9 @@ impl Search<'_> {
                 if let Some(parameters) = self.averaged(&self.best, member) {
                     row.parameters = parameters;
                 }
-                // The member last, so that correlation is with it.
-                let mut rotated = self.best.clone();
-                let own = rotated.members.remove(member);
-                rotated.members.push(own);
-                row.indistinguishable_from = self.indistinguishable(&rotated, &self.additions(&rest));
-                with_members.push(rotated);
+                let of_member = self.rivals_of(member);
+                row.indistinguishable_from = self.last_effects(&of_member);
+                rivals.extend(of_member);
                 candidates.push(row);
             }
         }
@@ -257,25 +230,13 @@ impl Search<'_> {
             let last = addition.members.len().saturating_sub(1);
             if let Some(mut row) = self.row(addition, &self.best, last) {
                 if self.best.members.is_empty() && row.detectability > LEAST_DROP {
-                    row.indistinguishable_from = self.indistinguishable(addition, &additions);
+                    row.indistinguishable_from = self.as_good_as(addition, &additions);
                 }
                 candidates.push(row);
             }
         }
         let names = self.best.names(&self.layout);
-        let mut alternatives = self.alternatives();
-        for row in candidates.iter().take(self.best.members.len()) {
-            for other in &row.indistinguishable_from {
-                let mut set: Vec<String> =
-                    names.iter().filter(|n| **n != row.effect).cloned().chain([other.clone()]).collect();
-                set.sort();
-                // A signal of the same shape that needs an implausible size is none.
-                let plausible = additions_of(self, &set).is_some_and(|advantage| advantage > -3.0 * TIE);
-                if plausible && !alternatives.contains(&set) {
-                    alternatives.push(set);
-                }
-            }
-        }
+        let mut alternatives = self.alternatives(&rivals);
         let error = self.error_summary();
         let before = rest(self.problem, &self.data, &self.layout, &self.base);
         let after = rest(self.problem, &self.data, &self.layout, &self.best);
@@ -418,17 +379,4 @@ impl Search<'_> {
         let odds = candidates.first().map_or(0.0, |c| c.detectability * 0.5);
         Some(NextManoeuvre { manoeuvre: text, expected_log_odds: odds })
     }
-}
-
-/// Log evidence over the best of a set that differs from it in one effect.
-fn additions_of(search: &Search<'_>, names: &[String]) -> Option<f64> {
-    for member in 0..search.best.members.len() {
-        let rest = search.best.without(&search.layout, &search.data.total, member)?;
-        for other in search.additions(&rest) {
-            if other.names(&search.layout) == names {
-                return Some(search.advantage(&other, &search.best).0);
-            }
-        }
-    }
-    None
 }

@@ -17,10 +17,13 @@ use crate::parameters::Point;
 use crate::physical::between;
 use crate::problem::Dataset;
 use crate::regression::Estimate;
-use crate::search::{NO_FIT, Search, dataset, point_of};
+use crate::search::{LEAST_DROP, NO_FIT, Search, dataset, point_of};
 
 /// Steps of a fit, those taken back included.
 const MOST_STEPS: usize = 8;
+
+/// Times that the first step of a fit is shortened.
+const MOST_SHORTER: usize = 3;
 
 /// A further step that promises less log likelihood is not taken.
 const CONVERGED: f64 = 0.3;
@@ -64,6 +67,14 @@ pub(crate) fn carried(member: &Member, from: &Layout, to: &Layout) -> Option<Mem
         .collect();
     columns.sort_unstable();
     columns.dedup();
+    // Columns that had to leave a fit elsewhere, against their sign, may have theirs here.
+    let options = &to.candidates[candidate].options;
+    if !columns.is_empty() && !options.contains(&columns) {
+        let holds = |option: &&Vec<usize>| columns.iter().all(|i| option.contains(i));
+        if let Some(whole) = options.iter().filter(holds).min_by_key(|option| option.len()) {
+            columns.clone_from(whole);
+        }
+    }
     // A place on a grid is paid for by the prior of what it became.
     let options = if special && columns.iter().any(|i| to.columns[*i].is_shape) { 1 } else { member.options };
     Some(Member { candidate, columns, size: member.size, options })
@@ -142,7 +153,13 @@ impl Search<'_> {
         let mut layout = self.layout.clone();
         let mut best: Option<Converged> = None;
         let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
-        for _ in 0..MOST_STEPS {
+        // A set that holds the present best one starts from there, with a misfit that is known.
+        let (anchor, first) = (self.point.clone(), point.clone());
+        let holds_best =
+            self.best.members.iter().all(|b| start.members.iter().any(|m| m.candidate == b.candidate));
+        let mut allowed =
+            self.standing(&self.best).filter(|_| holds_best).map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
+        for step in 0..MOST_STEPS {
             self.problem.smooth(&point, None)?;
             let here = Layout::of_effects(&self.problem.reference, &point, &self.available, ids);
             members = members.iter().filter_map(|m| carried(m, &layout, &here)).collect();
@@ -153,6 +170,16 @@ impl Search<'_> {
                 break;
             }
             let Some((misfit, here)) = at_itself(self, &layout, &data, &fit, &point) else { break };
+            // What the best set has found must not be lost on the way to a larger one: a contact's blows, say, are
+            // far from linear in all else.
+            if best.is_none() && misfit > allowed {
+                share *= 0.4;
+                point = between(&anchor, &first, share);
+                if step + 1 == MOST_SHORTER {
+                    (share, point, allowed) = (1.0, first.clone(), f64::INFINITY);
+                }
+                continue;
+            }
             let last = best.as_ref().map_or(f64::INFINITY, |b| b.standing.misfit);
             // A step that went too far is shortened, and so are those after it until one is good.
             if misfit > last + 2.0 * CONVERGED {

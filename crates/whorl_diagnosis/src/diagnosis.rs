@@ -53,7 +53,7 @@ pub struct Candidate {
     pub swallowed_by_base: f64,
     /// Drop of the whitened misfit that it brings, in units of noise variance.
     pub detectability: f64,
-    /// Effects whose signal these data cannot tell from this one (correlation above 0.98).
+    /// Effects that explain these data as well in its place.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub indistinguishable_from: Vec<String>,
     /// Its parameters.
@@ -151,6 +151,9 @@ pub struct Diagnosis {
     pub remarks: Vec<String>,
 }
 
+/// Rivals of an explanation that nothing speaks against.
+const RIVALS: usize = 3;
+
 impl Diagnosis {
     /// Nothing can be said.
     #[must_use]
@@ -168,5 +171,27 @@ impl Diagnosis {
             next: None,
             remarks: Vec::new(),
         }
+    }
+    /// The sets of effects that a further run should tell apart: those that are left, or where nothing is in doubt the
+    /// named one and its nearest rivals, another effect in place of the one that is missed least.
+    #[must_use]
+    pub fn explanations(&self) -> Vec<Vec<String>> {
+        let mut sets = vec![self.effects.clone()];
+        sets.extend(self.confounded_with.iter().cloned());
+        if sets.len() == 1 {
+            let own = |id: &str| self.effects.iter().any(|e| e == id);
+            let weakest = self
+                .candidates
+                .iter()
+                .filter(|c| own(&c.effect))
+                .min_by(|a, b| a.delta_log_evidence.total_cmp(&b.delta_log_evidence))
+                .map(|c| c.effect.clone());
+            let kept: Vec<String> =
+                self.effects.iter().filter(|e| Some(*e) != weakest.as_ref()).cloned().collect();
+            let others = self.candidates.iter().filter(|c| !own(&c.effect)).take(RIVALS);
+            sets.extend(others.map(|c| kept.iter().cloned().chain([c.effect.clone()]).collect::<Vec<_>>()));
+        }
+        sets.dedup();
+        sets
     }
 }

@@ -14,14 +14,15 @@ use crate::hypothesis::Hypothesis;
 use crate::parameters::BASE_EFFECTS;
 use crate::problem::Dataset;
 use crate::regression::{BLOCKS_PER_RUN, Estimate, Normal};
-use crate::search::{LEAST_DROP, Search};
+use crate::search::{LEAST_DROP, Search, formula_error};
 use crate::{DiagnosisError, Options, prepare};
 
 /// What data say, or would say.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Prospect {
-    /// Log odds between the leading explanation and the next: as they are with the data at hand; with further data
-    /// as the true one is expected to lead, the mean over which of them is true. `None` with fewer than two.
+    /// Log odds between the leading explanation and the next, beyond what errors of their formulas may do: as they are
+    /// with the data at hand; with further data as the true one is expected to lead, the mean over which of them is
+    /// true. A diagnosis takes two for equal below 3. `None` with fewer than two.
     pub log_odds: Option<f64>,
     /// Effects that would show at their ordinary size (one standard deviation of the catalogue's prior).
     pub shown: Vec<String>,
@@ -87,10 +88,11 @@ pub fn prospects(
     let rivals: Vec<Hypothesis> = explanations.iter().filter_map(|set| explanation(&search, set)).collect();
     let nothing = Normal::zeros(search.layout.columns.len());
     let mut now = prospect(&search, total, &nothing, &rivals);
-    let mut evidence: Vec<f64> = rivals.iter().map(|h| h.log_evidence).collect();
-    evidence.sort_by(|a, b| b.total_cmp(a));
+    let mut evidence: Vec<(f64, f64)> =
+        rivals.iter().map(|h| (h.log_evidence, h.estimate.drop - search.base.estimate.drop)).collect();
+    evidence.sort_by(|a, b| b.0.total_cmp(&a.0));
     now.log_odds = match evidence.as_slice() {
-        [first, second, ..] => Some((first - second) / search.data.temper),
+        [(first, drop), (second, _), ..] => Some(certain(first - second, *drop) / search.data.temper),
         _ => None,
     };
     let with = search
@@ -123,6 +125,11 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
     Ok(())
 }
 
+/// Log odds that are left when formulas err as much as they may.
+fn certain(log_odds: f64, drop: f64) -> f64 {
+    (log_odds.abs() - formula_error(drop)).max(0.0).copysign(log_odds)
+}
+
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
 fn explanation(search: &Search<'_>, set: &[String]) -> Option<Hypothesis> {
     let mut found = search.base.clone();
@@ -140,16 +147,15 @@ fn prospect(search: &Search<'_>, data: &Normal, added: &Normal, rivals: &[Hypoth
         let mut expected = data.clone();
         expected.matrix += &added.matrix;
         expected.vector += &added.matrix * hypothesis.estimate.spread(search.layout.columns.len());
-        let evidence = |h: &Hypothesis| {
-            h.refitted(&search.layout, &expected)
-                .or_else(|| Hypothesis::base(&search.layout, &expected))
-                .map(|h| h.log_evidence)
-        };
-        let own = evidence(hypothesis);
+        let base = Hypothesis::base(&search.layout, &expected);
+        let fitted = |h: &Hypothesis| h.refitted(&search.layout, &expected).or_else(|| base.clone());
+        let evidence = |h: &Hypothesis| fitted(h).map(|h| h.log_evidence);
+        let own = fitted(hypothesis);
         let others = rivals.iter().enumerate().filter(|(k, _)| *k != truth).filter_map(|(_, h)| evidence(h));
         let best = others.fold(f64::NEG_INFINITY, f64::max);
-        if let Some(own) = own.filter(|_| best.is_finite()) {
-            odds.push((own - best) / search.data.temper);
+        if let (Some(own), Some(base)) = (own.filter(|_| best.is_finite()), &base) {
+            let drop = own.estimate.drop - base.estimate.drop;
+            odds.push(certain(own.log_evidence - best, drop) / search.data.temper);
         }
     }
     let log_odds = (!odds.is_empty()).then(|| odds.iter().sum::<f64>() / odds.len() as f64);
@@ -176,4 +182,18 @@ fn information(search: &Search<'_>, normal: &Normal, column: usize) -> Option<f6
         Estimate::new(normal, &active, |c| if c == column { 1e6 } else { search.layout.base_variance(c) })?;
     let variance = fit.covariance()[(active.len() - 1, active.len() - 1)];
     (variance > 0.0).then(|| 1.0 / variance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::certain;
+
+    #[test]
+    fn log_odds_that_a_formula_may_err_by_are_worth_nothing() {
+        // One per cent of a signal of misfit 1e6 has a misfit of 100, so log odds of 50.
+        assert!((certain(80.0, 1e6) - 30.0).abs() < 1e-9);
+        assert!((certain(-80.0, 1e6) + 30.0).abs() < 1e-9);
+        assert_eq!(certain(40.0, 1e6), 0.0);
+        assert_eq!(certain(40.0, 0.0), 40.0);
+    }
 }

@@ -37,11 +37,15 @@ const RIVAL_SHARE: f64 = 0.4;
 /// Rivals that are fitted in each round, at most.
 const MOST_RIVALS: usize = 4;
 
-/// Explanations closer than this in log evidence are both kept.
-pub(crate) const TIE: f64 = 3.0;
+/// Explanations closer than this in log evidence are both kept. Noise alone lets the wrong one of two lead by so
+/// much in fewer than one case of a hundred, however far apart they are: their difference is normal with a
+/// variance of twice its mean.
+const TIE: f64 = 3.0;
 
-/// Share of the misfit's drop within which two formulas have the same shape: (1 %)^2.
-const SAME_SHAPE: f64 = 1e-4;
+/// Relative error of a formula along the difference between two given effects: laws of friction, flow and fields
+/// with constant coefficients follow real parts to some per cent, and about a third of such an error, in a space of
+/// many motions, points from one effect to the other.
+const FORMULA_ERROR: f64 = 0.01;
 
 /// The search's state: where the model is, and the regression there.
 pub(crate) struct Search<'a> {
@@ -84,6 +88,13 @@ pub(crate) fn dataset(
         .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
         .collect();
     Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
+}
+
+/// Log evidence that an explanation of this drop of the misfit may gain or lose by the error of its formula. An
+/// error of the signal of relative size e has a misfit of e^2 of the drop, and a wrong formula gains at most what
+/// it has by following all of it.
+pub(crate) fn formula_error(drop: f64) -> f64 {
+    0.5 * FORMULA_ERROR.powi(2) * drop.max(0.0)
 }
 
 const PERIODIC: &str = "air_current_periodic";
@@ -365,7 +376,8 @@ impl<'a> Search<'a> {
                 if let Some(mut converged) = self.converge(&swap)? {
                     converged.standing.held_misfit = self.held_misfit(&converged)?;
                     self.remember(&converged);
-                    if self.advantage(&swap, &self.best).0 > 1.0 {
+                    // What held-out data refuse would only leave again, and nothing be left.
+                    if self.advantage(&swap, &self.best).0 > 1.0 && self.passes(&swap, &rest) {
                         self.best = swap;
                         changed = true;
                         break;
@@ -380,38 +392,50 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Log evidence by which a set must lead: reality follows no formula to better than a percent, so of a
-    /// large effect a part in ten thousand decides nothing.
-    fn tie(&self) -> f64 {
-        let (_, drop) = self.advantage(&self.best, &self.base);
-        TIE.max(0.5 * SAME_SHAPE * drop)
+    /// Log evidence by which an explanation must lead its rivals, given the drop of the misfit that an effect brings:
+    /// what noise may do, and what the errors of formulas may.
+    pub fn tie(&self, drop: f64) -> f64 {
+        TIE * self.data.temper + formula_error(drop)
     }
 
-    /// Whether a rival of this advantage in log evidence and in the drop of the misfit explains the data as well.
-    /// One that fits no worse and loses only by the price of its further parameters is not refuted by the data.
-    fn is_tie(&self, (evidence, drop): (f64, f64)) -> bool {
-        evidence > -self.tie() || (drop > -1.0 && evidence > -2.0 * LEAST_EVIDENCE)
+    /// Whether a rival of this advantage in log evidence and in the drop of the misfit explains the data as well as
+    /// an effect that brings `effect_drop`. One that fits no worse and loses only by the price of its further
+    /// parameters is not refuted by the data.
+    fn is_tie(&self, (evidence, drop): (f64, f64), effect_drop: f64) -> bool {
+        let tie = self.tie(effect_drop);
+        evidence > -tie || (drop > -1.0 && evidence > -2.0 * LEAST_EVIDENCE)
     }
 
-    /// Other sets that explain the data as well: each member replaced by another effect, and sets that were
-    /// fitted where they fit best.
-    pub fn alternatives(&self) -> Vec<Vec<String>> {
-        let mut sets = Vec::new();
+    /// Effects that explain the data as well in place of a member of the best set.
+    pub fn rivals_of(&self, member: usize) -> Vec<Hypothesis> {
+        let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { return Vec::new() };
+        let (_, drop) = self.advantage(&self.best, &rest);
         let own = self.best.names(&self.layout);
-        for member in 0..self.best.members.len() {
-            let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
-            for other in self.additions(&rest) {
-                let names = other.names(&self.layout);
-                if self.is_tie(self.advantage(&other, &self.best)) && names != own && !sets.contains(&names) {
-                    sets.push(names);
-                }
+        let mut rivals = self.additions(&rest);
+        rivals.retain(|other| {
+            self.is_tie(self.advantage(other, &self.best), drop) && other.names(&self.layout) != own
+        });
+        rivals
+    }
+
+    /// Other sets that explain the data as well: those with `rivals` in place of one member, and sets that were
+    /// fitted where they fit best.
+    pub fn alternatives(&self, rivals: &[Hypothesis]) -> Vec<Vec<String>> {
+        let mut sets: Vec<Vec<String>> = Vec::new();
+        for rival in rivals {
+            let names = rival.names(&self.layout);
+            if !sets.contains(&names) {
+                sets.push(names);
             }
         }
+        let own = self.best.names(&self.layout);
+        let (_, drop) = self.advantage(&self.best, &self.base);
         if let Some(best) = self.standing(&self.best) {
             for (names, standing) in &self.standings {
+                let advantage = (standing.log_evidence - best.log_evidence, best.misfit - standing.misfit);
                 if names.len() == own.len()
                     && *names != own
-                    && self.is_tie((standing.log_evidence - best.log_evidence, best.misfit - standing.misfit))
+                    && self.is_tie(advantage, drop)
                     && !sets.contains(names)
                 {
                     sets.push(names.clone());

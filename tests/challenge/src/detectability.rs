@@ -20,6 +20,8 @@ use crate::truth::{Body, Constant, Hidden, Mechanics, Motion, Plan, Trace, simul
 const SEGMENT_SLOTS: usize = 1500;
 /// A parameter of another effect is plausible to so many of its usual steps, one standard deviation.
 const PLAUSIBLE_STEPS: f64 = 10.0;
+/// How often the values of an effect in another's place are found anew from where they led.
+const REFITS: usize = 2;
 /// Integration step \[s\].
 const STEP_S: f64 = 0.01;
 
@@ -50,6 +52,28 @@ pub struct Seen {
     square: f64,
     against: DVector<f64>,
     parts: Vec<DVector<f32>>,
+}
+
+impl Seen {
+    /// This plus a multiple of another.
+    fn plus(&self, other: &Self, factor: f64) -> Self {
+        let parts: Vec<DVector<f32>> =
+            self.parts.iter().zip(&other.parts).map(|(a, b)| a + b * (factor as f32)).collect();
+        Self {
+            square: parts.iter().map(|p| dot(p, p)).sum(),
+            against: &self.against + &other.against * factor,
+            parts,
+        }
+    }
+
+    /// A multiple of this.
+    #[must_use]
+    pub fn times(mut self, factor: f64) -> Self {
+        self.square *= factor * factor;
+        self.against *= factor;
+        self.parts.iter_mut().for_each(|p| *p *= factor as f32);
+        self
+    }
 }
 
 /// All that is measured, in units of its noise.
@@ -213,19 +237,50 @@ impl Lens {
     /// What is left of it when these others may take its place.
     #[must_use]
     pub fn beyond(&self, seen: &Seen, others: &[Seen]) -> f64 {
-        let others: Vec<&Seen> = others.iter().filter(|o| self.lambda(o) > 1e-9).collect();
-        let n = others.len();
-        if n == 0 {
-            return self.lambda(seen);
+        self.without(seen, others, &vec![0.0; others.len()]).0
+    }
+
+    /// What is left of it when another effect takes its place with the values that fit best, as multiples of the steps
+    /// to which its `columns` belong. `at` makes the effect. Two effects that are one torque move the platform alike
+    /// however far it goes; to first order they would not.
+    #[must_use]
+    pub fn beyond_fitted(&self, seen: &Seen, columns: &[Seen], at: impl Fn(&[f64]) -> Hidden) -> f64 {
+        let mut multiples = vec![0.0; columns.len()];
+        let (mut left, mut steps) = self.without(seen, columns, &multiples);
+        for _ in 0..REFITS {
+            multiples.iter_mut().zip(&steps).for_each(|(m, s)| *m += s);
+            let rest = seen.plus(&self.see(&at(&multiples)), -1.0);
+            let (now, next) = self.without(&rest, columns, &multiples);
+            left = left.min(now);
+            steps = next;
         }
-        let scale: Vec<f64> = others.iter().map(|o| self.lambda(o).sqrt()).collect();
-        let gram = DMatrix::from_fn(n, n, |i, j| {
-            let prior = if i == j { (PLAUSIBLE_STEPS * scale[i]).powi(-2) + 1e-9 } else { 0.0 };
-            self.product(others[i], others[j]) / (scale[i] * scale[j]) + prior
+        left
+    }
+
+    /// What is left of a signal, and the multiples of the columns that take the rest, beside those already taken.
+    fn without(&self, seen: &Seen, columns: &[Seen], taken: &[f64]) -> (f64, Vec<f64>) {
+        let scale: Vec<f64> = columns.iter().map(|o| self.lambda(o).sqrt()).collect();
+        let used: Vec<usize> = (0..columns.len()).filter(|i| scale[*i] > 3e-5).collect();
+        let mut steps = vec![0.0; columns.len()];
+        let n = used.len();
+        let prior = |i: usize| (PLAUSIBLE_STEPS * scale[i]).powi(-2);
+        let gram = DMatrix::from_fn(n, n, |a, b| {
+            let (i, j) = (used[a], used[b]);
+            let prior = if i == j { prior(i) + 1e-9 } else { 0.0 };
+            self.product(&columns[i], &columns[j]) / (scale[i] * scale[j]) + prior
         });
-        let side = DVector::from_fn(n, |i, _| self.product(others[i], seen) / scale[i]);
-        let taken = Cholesky::new(gram).map_or(0.0, |c| side.dot(&c.solve(&side)));
-        (self.lambda(seen) - taken).max(0.0)
+        let side = DVector::from_fn(n, |a, _| {
+            let i = used[a];
+            self.product(&columns[i], seen) / scale[i] - prior(i) * taken[i] * scale[i]
+        });
+        let penalty: f64 = taken.iter().map(|m| (m / PLAUSIBLE_STEPS).powi(2)).sum();
+        let mut left = self.lambda(seen) + penalty;
+        if let Some(factor) = Cholesky::new(gram).filter(|_| n > 0) {
+            let solution = factor.solve(&side);
+            left -= side.dot(&solution);
+            used.iter().zip(solution.iter()).for_each(|(i, x)| steps[*i] = x / scale[*i]);
+        }
+        (left.max(0.0), steps)
     }
 }
 

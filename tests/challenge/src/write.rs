@@ -11,7 +11,7 @@ use whorl_recording::{Mounting, Recording};
 use crate::cases::Built;
 
 /// Writes a case into a folder of its own below `folder`: `MAP.yaml` (`MAP_clamped.yaml`), `whorl_1.yaml`,
-/// `train_*.csv`, `held_out.csv`, `follow_up.csv`, `answer.json`.
+/// `train_*.csv`, `held_out.csv`, `follow_up*.csv`, `answer.json`.
 ///
 /// # Errors
 /// When a file cannot be written.
@@ -27,8 +27,8 @@ pub fn case(folder: &Path, built: &Built) -> Result<()> {
     for recording in &built.held_out {
         put("held_out.csv", csv(recording))?;
     }
-    for recording in &built.follow_up {
-        put("follow_up.csv", csv(recording))?;
+    for follow_up in &built.follow_ups {
+        put(&format!("{}.csv", follow_up.recording.name), csv(&follow_up.recording))?;
     }
     if let Some(first) = built.training.first() {
         put("MAP.yaml", map(first))?;

@@ -4,7 +4,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 use nalgebra::Vector3;
-use whorl_challenge::scenario::{Style, plan};
+use whorl_challenge::detectability::Lens;
+use whorl_challenge::scenario::{NoiseLevels, Style, plan};
 use whorl_challenge::truth::run::Span;
 use whorl_challenge::truth::{Body, Hidden, Mechanics, Plan, SLOT_S, Trace, simulate};
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
@@ -116,4 +117,33 @@ fn energy_and_momentum_are_kept_without_losses() {
     // Gravity has no moment about the vertical.
     assert!((last[5] - first[5]).abs() < 1e-9, "vertical momentum moved");
     assert!((last[3] - first[3]).abs() > 1e-3, "the horizontal momentum precesses");
+}
+
+#[test]
+fn one_torque_under_two_names_has_no_separation() {
+    let model = model();
+    let prior = whorl_dynamics::ModelPrior::typical(&model);
+    let body = Body::as_drawn(&model);
+    let none = Hidden::none(3, body.jets.len());
+    let plans = [plan(Style::YawTurns, "names", &body, &none, "names")];
+    let lens = Lens::new(&body, &plans, &NoiseLevels::of(&model), &prior);
+    // A turbine about the vertical is a draught about it: g = t k. Large enough to turn the platform by degrees.
+    let draught =
+        |t: &[f64]| Hidden { air_current_world_n_m: Vector3::new(t[0], t[1], t[2]) * 2e-3, ..none.clone() };
+    let slope = |axis: usize| {
+        let mut t = [0.0; 3];
+        t[axis] = 0.05;
+        lens.see(&draught(&t)).times(20.0)
+    };
+    let slopes = [slope(0), slope(1), slope(2)];
+    let turbine = lens.see(&Hidden { turbine_vertical_n_m: 2e-3, ..none.clone() });
+    let shows = lens.lambda(&turbine);
+    assert!(shows > 500.0, "{shows}");
+    // Nothing is left but what one plausible step costs.
+    let left = lens.beyond_fitted(&turbine, &slopes, draught);
+    assert!(left < 0.2, "{left} of {shows}");
+    // Friction is no draught.
+    let friction = lens.see(&Hidden { viscous_n_m_s: 0.01, ..none.clone() });
+    let (left, shows) = (lens.beyond_fitted(&friction, &slopes, draught), lens.lambda(&friction));
+    assert!(left > 0.3 * shows, "{left} of {shows}");
 }

@@ -17,8 +17,6 @@ use crate::progress;
 /// How often a manoeuvre that goes too far is made smaller, and by how much each time.
 const ATTEMPTS: usize = 4;
 const SMALLER: f64 = 0.75;
-/// Rivals of an explanation that nothing speaks against.
-const RIVALS: usize = 3;
 /// Log odds beyond which more are worth nothing: a shorter run is.
 const PLENTY: f64 = 50.0;
 
@@ -55,28 +53,6 @@ impl Design {
     }
 }
 
-/// The explanations that a further run should tell apart.
-pub fn explanations(diagnosis: &Diagnosis) -> Vec<Vec<String>> {
-    let mut sets = vec![diagnosis.effects.clone()];
-    sets.extend(diagnosis.confounded_with.iter().cloned());
-    if sets.len() == 1 {
-        // Nothing is in doubt: its nearest rivals, another effect in place of the one that is missed least.
-        let own = |id: &str| diagnosis.effects.iter().any(|e| e == id);
-        let weakest = diagnosis
-            .candidates
-            .iter()
-            .filter(|c| own(&c.effect))
-            .min_by(|a, b| a.delta_log_evidence.total_cmp(&b.delta_log_evidence))
-            .map(|c| c.effect.clone());
-        let kept: Vec<String> =
-            diagnosis.effects.iter().filter(|e| Some(*e) != weakest.as_ref()).cloned().collect();
-        let others = diagnosis.candidates.iter().filter(|c| !own(&c.effect)).take(RIVALS);
-        sets.extend(others.map(|c| kept.iter().cloned().chain([c.effect.clone()]).collect::<Vec<_>>()));
-    }
-    sets.dedup();
-    sets
-}
-
 /// Judges every manoeuvre of the family.
 pub fn design(
     known: &KnownPlatform,
@@ -90,7 +66,7 @@ pub fn design(
             "all runs are of a clamped platform, and manoeuvres are designed for a free one: for a bench test let every wheel coast down from full speed to both sides, then brake it through zero"
         );
     }
-    let explanations = explanations(diagnosis);
+    let explanations = diagnosis.explanations();
     let truth = simulated_truth(known, training, &diagnosis.effects, options);
     let stage = Stage::new(known, common, &truth)?;
     let (tried, left_out) = progress::during("rehearsing manoeuvres in simulation", || {

@@ -85,3 +85,16 @@ fn a_rhythm_that_turns_with_the_body_is_no_vibration_of_the_sensors() {
     assert_eq!((unknown.variable.as_str(), unknown.frame.as_str()), ("time", "body"), "{unknown:?}");
     assert!(unknown.frequency_hz.is_some_and(|f| (f - 0.43).abs() < 0.01), "{unknown:?}");
 }
+
+#[test]
+fn one_torque_under_two_names_is_left_open() {
+    // A draught about the vertical is a turbine about it, g = t k: no data can tell.
+    let diagnosis = diagnosis_of(&[("bearing_turbine", &[("vertical_n_m", 0.004)])], 17, 50.0);
+    assert_eq!(diagnosis.verdict, Verdict::Confounded, "{:?}", diagnosis.candidates.first());
+    let mut sets = vec![diagnosis.effects.clone()];
+    sets.extend(diagnosis.confounded_with.clone());
+    for name in ["bearing_turbine", "air_current"] {
+        assert!(sets.contains(&vec![name.to_owned()]), "{sets:?}");
+    }
+    assert_eq!(diagnosis.explanations(), sets);
+}

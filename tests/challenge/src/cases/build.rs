@@ -23,6 +23,9 @@ use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 /// Separation from which on one effect is clearly another than its rivals.
 const TOLD_APART: f64 = 50.0;
 
+/// Share of a parameter's step from which its slope is taken.
+const SMALL_STEP: f64 = 0.05;
+
 /// Integration step of the truth \[s\].
 const STEP_S: f64 = 1e-3;
 
@@ -80,11 +83,20 @@ pub struct Built {
     pub spec: Spec,
     pub training: Vec<Recording>,
     pub held_out: Vec<Recording>,
-    /// More training data, for confounded cases.
-    pub follow_up: Vec<Recording>,
+    /// Further runs that could be flown, for confounded cases.
+    pub follow_ups: Vec<FollowUp>,
     pub model: PlatformModel,
     pub prior: ModelPrior,
     pub answer: Answer,
+}
+
+/// A manoeuvre that may be proposed.
+pub struct FollowUp {
+    pub style: Style,
+    /// In simulation, beforehand: without the effect, which nobody knows yet.
+    pub rehearsal: Recording,
+    /// What is measured if it is flown.
+    pub recording: Recording,
 }
 
 /// Runs and platform shared by the cases of a group.
@@ -92,7 +104,8 @@ pub struct Stand {
     body: Body,
     plans: Vec<Plan>,
     held_out: Plan,
-    follow_up: Option<Plan>,
+    /// The first is the one that separates, for who knows.
+    follow_ups: Vec<(Style, Plan)>,
     stage: Stage,
     levels: NoiseLevels,
     lens: Lens,
@@ -125,20 +138,36 @@ impl Stand {
     pub fn new(laboratory: &Laboratory, key: &str, spec: &Spec) -> Self {
         let body = Body::built(&laboratory.model, &laboratory.prior, &mut rng(&format!("{key}/body")));
         let none = Hidden::none(body.wheels.len(), body.jets.len());
-        let (styles, held, follow) = match spec.cell {
-            Cell::Confounded if spec.effects[0] == "spin" => {
-                (vec![Style::NarrowSpin; 3], Style::NarrowSpin, Some(Style::CoastDown))
-            }
-            Cell::Confounded => (vec![Style::FixedHeading; 3], Style::FixedHeading, Some(Style::SlowTurn)),
-            Cell::ClosedLoop => (vec![Style::ClosedLoop; 3], Style::ClosedLoop, None),
-            Cell::Bench => (vec![Style::Bench; 2], Style::Bench, None),
-            _ => (vec![Style::Multisine, Style::YawTurns, Style::Mixed], Style::Mixed, None),
+        let (styles, held) = match spec.cell {
+            Cell::Confounded => match spec.effects[0].as_str() {
+                "spin" => (vec![Style::NarrowSpin; 3], Style::NarrowSpin),
+                "jets" => (vec![Style::OnePulse; 3], Style::OnePulse),
+                "wheels" => (vec![Style::SteadyWheels; 2], Style::SteadyWheels),
+                _ => (vec![Style::FixedHeading; 3], Style::FixedHeading),
+            },
+            Cell::ClosedLoop => (vec![Style::ClosedLoop; 3], Style::ClosedLoop),
+            Cell::Bench => (vec![Style::Bench; 2], Style::Bench),
+            _ => (vec![Style::Multisine, Style::YawTurns, Style::Mixed], Style::Mixed),
+        };
+        let further: &[Style] = match styles[0] {
+            Style::NarrowSpin => &[Style::CoastDown, Style::SlowTurn, Style::SingleJets, Style::WheelSweep],
+            Style::FixedHeading => &[Style::SlowTurn, Style::CoastDown, Style::SingleJets, Style::WheelSweep],
+            Style::OnePulse => &[Style::SingleJets, Style::SlowTurn, Style::CoastDown, Style::WheelSweep],
+            Style::SteadyWheels => &[Style::Bench],
+            _ => &[],
         };
         let make = |style: Style, name: &str| make_plan(style, name, &body, &none, &format!("{key}/{name}"));
         let plans: Vec<Plan> =
             styles.iter().enumerate().map(|(i, s)| make(*s, &format!("run_{}", i + 1))).collect();
         let held_out = make(held, "held_out");
-        let follow_up = follow.map(|style| make(style, "follow_up"));
+        let follow_ups: Vec<(Style, Plan)> = further
+            .iter()
+            .enumerate()
+            .map(|(i, style)| {
+                let name = if i == 0 { "follow_up".to_owned() } else { format!("follow_up_{}", i + 1) };
+                (*style, make(*style, &name))
+            })
+            .collect();
         let mechanics = Mechanics::new(body.clone(), none.clone());
         let (mut tilt, mut rate) = (0.0_f64, 0.0_f64);
         let mut yaw_sum = 0.0;
@@ -170,12 +199,12 @@ impl Stand {
         // Controls need no lens; one segment of nothing is enough.
         let seen: &[Plan] = if spec.cell == Cell::Control { &[] } else { &plans };
         let lens = Lens::new(&body, seen, &levels, &laboratory.prior);
-        let follow_lens = follow_up.as_ref().map(|follow| {
+        let follow_lens = follow_ups.first().map(|(_, follow)| {
             let mut all = plans.clone();
             all.push(follow.clone());
             Lens::new(&body, &all, &levels, &laboratory.prior)
         });
-        Self { body, plans, held_out, follow_up, stage, levels, lens, follow_lens, styles }
+        Self { body, plans, held_out, follow_ups, stage, levels, lens, follow_lens, styles }
     }
 
     fn hidden(&self, effects: &[(&str, Values)]) -> Hidden {
@@ -226,12 +255,39 @@ impl Stand {
         Some((drawn.at(size, &self.stage), reached))
     }
 
+    /// What is left of an effect of these values when a rival stands in its place.
+    fn beyond_rival(&self, lens: &Lens, seen: &Seen, own: &Values, rival: &str, slopes: &[Seen]) -> f64 {
+        let parameters = parameters(rival, &self.stage);
+        lens.beyond_fitted(seen, slopes, |multiples| {
+            let mut values = resonance(rival, own);
+            values.extend(parameters.iter().zip(multiples).map(|((n, step), m)| (n.clone(), step * m)));
+            self.hidden(&[(rival, values)])
+        })
+    }
+
+    /// What a rival changes for each step of each parameter: from a small step, since it is fitted further on.
+    fn slopes(&self, lens: &Lens, rival: &str, own: &Values) -> Vec<Seen> {
+        parameters(rival, &self.stage)
+            .into_iter()
+            .map(|(name, step)| {
+                let mut values = resonance(rival, own);
+                values.insert(name, step * SMALL_STEP);
+                lens.see(&self.hidden(&[(rival, values)])).times(1.0 / SMALL_STEP)
+            })
+            .collect()
+    }
+
     /// A size at which the data with the follow-up run tell the effect from every rival.
     fn told_apart(&self, lens: &Lens, drawn: &Drawn, lambda: f64) -> Option<(Values, f64)> {
-        let rivals: Vec<Vec<Seen>> = rivals(drawn.id).iter().map(|rival| self.columns(lens, rival)).collect();
+        let own = drawn.at(1.0, &self.stage);
+        let rivals: Vec<(&str, Vec<Seen>)> =
+            rivals(drawn.id).iter().map(|rival| (*rival, self.slopes(lens, rival, &own))).collect();
         let see = |size: f64| {
             let seen = lens.see(&self.hidden(&[(drawn.id, drawn.at(size, &self.stage))]));
-            rivals.iter().map(|rival| lens.beyond(&seen, rival)).fold(f64::INFINITY, f64::min)
+            rivals
+                .iter()
+                .map(|(rival, slopes)| self.beyond_rival(lens, &seen, &own, rival, slopes))
+                .fold(f64::INFINITY, f64::min)
         };
         let (size, _) = self.size_for(lambda, 60.0, see)?;
         let values = drawn.at(size, &self.stage);
@@ -246,6 +302,18 @@ impl Stand {
             .map(|(name, step)| lens.see(&self.hidden(&[(id, Values::from([(name, step)]))])))
             .collect()
     }
+}
+
+/// A resonance that stands in for another has its frequency and damping, and hangs where masses hang.
+fn resonance(rival: &str, own: &Values) -> Values {
+    let mut values = Values::new();
+    if matches!(rival, "slosh" | "flexible_mode") {
+        for name in ["frequency_hz", "damping_ratio"] {
+            values.extend(own.get(name).map(|value| (name.to_owned(), *value)));
+        }
+        values.insert("height_m".to_owned(), 0.2);
+    }
+    values
 }
 
 /// Simulates and measures one run.
@@ -348,7 +416,9 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                 answer.separation = answer.separation.min(stand.lens.beyond(&alone, &others));
                 // Neither may have an effect that does the same in its place: as for one effect alone.
                 for rival in rivals(id) {
-                    let left = stand.lens.beyond(&alone, &stand.columns(&stand.lens, rival));
+                    let own = &answer.values[*id];
+                    let slopes = stand.slopes(&stand.lens, rival, own);
+                    let left = stand.beyond_rival(&stand.lens, &alone, own, rival, &slopes);
                     if left < TOLD_APART && left < answer.separation {
                         answer.separation = left;
                         answer.nearest = Some((*rival).to_owned());
@@ -367,7 +437,8 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                 .context("no plausible size has this detectability")?;
                 let seen = stand.lens.see(&stand.hidden(&[(id, values.clone())]));
                 for rival in rivals(id) {
-                    let left = stand.lens.beyond(&seen, &stand.columns(&stand.lens, rival));
+                    let slopes = stand.slopes(&stand.lens, rival, &values);
+                    let left = stand.beyond_rival(&stand.lens, &seen, &values, rival, &slopes);
                     if left < answer.separation {
                         answer.separation = left;
                         answer.nearest = Some((*rival).to_owned());
@@ -386,17 +457,25 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
     let training =
         stand.plans.iter().enumerate().map(|(i, p)| run(style(i), p)).collect::<Result<Vec<_>>>()?;
     let held_out = vec![run(style(0).held_out(), &stand.held_out)?];
-    let follow_up = match &stand.follow_up {
-        Some(plan) => vec![run(Style::Mixed, plan)?],
-        None => Vec::new(),
-    };
+    let nothing = stand.hidden(&[]);
+    let mut follow_ups = Vec::new();
+    for (style, plan) in &stand.follow_ups {
+        let rehearsal = record(stand, *style, plan, &nothing, laboratory, &format!("{key}/rehearsal"));
+        // With the effect it may go too far, which is no manoeuvre then.
+        if let (Ok(rehearsal), Ok(recording)) = (rehearsal, run(*style, plan)) {
+            follow_ups.push(FollowUp { style: *style, rehearsal, recording });
+        }
+    }
+    if follow_ups.is_empty() && !stand.follow_ups.is_empty() {
+        bail!("no follow-up run is possible");
+    }
     let mut model = laboratory.model.clone();
     Stated::draw(&mut rng(&format!("{key}/stated"))).apply(&mut model);
     Ok(Built {
         spec: spec.clone(),
         training,
         held_out,
-        follow_up,
+        follow_ups,
         prior: laboratory.prior.clone(),
         model,
         answer,
@@ -409,7 +488,10 @@ pub fn separation_after_follow_up(stand: &Stand, answer: &Answer) -> Option<f64>
     let lens = stand.follow_lens.as_ref()?;
     let (id, values) = answer.values.iter().next()?;
     let seen = lens.see(&stand.hidden(&[(id, values.clone())]));
-    rivals(id).iter().map(|rival| lens.beyond(&seen, &stand.columns(lens, rival))).min_by(f64::total_cmp)
+    rivals(id)
+        .iter()
+        .map(|rival| stand.beyond_rival(lens, &seen, values, rival, &stand.slopes(lens, rival, values)))
+        .min_by(f64::total_cmp)
 }
 
 fn note(answer: &mut Answer, stand: &Stand, laboratory: &Laboratory, id: &str, values: Values) {

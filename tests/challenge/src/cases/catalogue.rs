@@ -117,7 +117,7 @@ pub fn rivals(id: &str) -> &'static [&'static str] {
         // A leak whose thrust falls with the tank pressure drifts as the mass does.
         "mass_shift" => &["air_current", "thruster_pressure", "thruster_leak"],
         "thruster_pressure" => &["thruster_strength", "mass_shift"],
-        "thruster_strength" => &["thruster_misalignment", "thruster_pressure"],
+        "thruster_strength" => &["thruster_misalignment", "thruster_pressure", "thruster_delay"],
         "thruster_misalignment" => &["thruster_strength"],
         "thruster_delay" => &["thruster_rise", "thruster_strength"],
         "thruster_rise" => &["thruster_delay", "thruster_strength"],
@@ -130,6 +130,8 @@ pub fn rivals(id: &str) -> &'static [&'static str] {
         "accel_scale" => &["accel_bias", "vector_sensor_misalignment"],
         "vector_sensor_misalignment" => &["accel_bias"],
         "gyro_g_sensitivity" => &["gyro_temperature"],
+        "slosh" => &["flexible_mode"],
+        "flexible_mode" => &["slosh"],
         _ => &[],
     }
 }

@@ -75,7 +75,7 @@ pub fn all_specs(seeds: u32, quick: bool) -> Vec<Spec> {
         seed,
     };
     for seed in 0..seeds {
-        let levels: &[u32] = if quick { &[100] } else { &[10, 30, 100, 1000] };
+        let levels: &[u32] = if quick { &[100] } else { &[10, 30, 70, 100, 1000] };
         for effect in SINGLES {
             for lambda in levels {
                 specs.push(spec(Cell::Single, &[effect], *lambda, seed));
@@ -95,6 +95,11 @@ pub fn all_specs(seeds: u32, quick: bool) -> Vec<Spec> {
             ("heading", "air_current"),
             ("heading", "bearing_turbine"),
             ("heading", "magnetic_torque"),
+            ("heading", "thruster_leak"),
+            ("jets", "thruster_strength"),
+            ("jets", "thruster_delay"),
+            ("wheels", "wheel_friction"),
+            ("wheels", "wheel_windage"),
         ] {
             specs.push(spec(Cell::Confounded, &[style, truth], 200, seed));
         }

@@ -23,6 +23,10 @@ pub enum Style {
     NarrowSpin,
     /// Heading held within a few degrees: nothing that separates room-fixed from body-fixed.
     FixedHeading,
+    /// Every pulse of every jet as long as the others: nothing that tells a strength from late valves.
+    OnePulse,
+    /// Clamped: each wheel held at about one speed, nothing that separates kinds of drag.
+    SteadyWheels,
     /// Spun up to both sides and braked in steps to a full stop.
     CoastDown,
     /// Slow full turns at two tilts.
@@ -124,7 +128,7 @@ fn draw(style: Style, body: &Body, key: &str, scale: f64) -> Plan {
     let mut rng = rng(key);
     let r = &mut rng;
     let duration_s = match style {
-        Style::Bench => 60.0,
+        Style::Bench | Style::SteadyWheels => 60.0,
         _ => 90.0,
     };
     let slots = (duration_s / SLOT_S).round() as usize;
@@ -203,6 +207,26 @@ fn draw(style: Style, body: &Body, key: &str, scale: f64) -> Plan {
             plan.start.wheel_speed_rad_s = [4.0, -4.0, 60.0];
             for wheel in 0..2 {
                 multisine(&mut plan, r, wheel, (still, end), 0.012 * scale, (0.3, 2.5));
+            }
+        }
+        Style::OnePulse => {
+            plan.start.wheel_speed_rad_s = [5.0, -5.0, 60.0];
+            let length_s = (0.08 * scale * 1000.0).round() / 1000.0;
+            let jets = plan.pulses.len();
+            for (i, jet) in (0..jets).cycle().take(((end - 10.0) / 0.8) as usize).enumerate() {
+                let on_s = still + 0.8 * i as f64;
+                plan.pulses[jet].push(OnInterval { on_s, off_s: on_s + length_s });
+            }
+        }
+        Style::SteadyWheels => {
+            plan.clamped = true;
+            for wheel in 0..WHEELS {
+                let speed = between(r, 120.0, 200.0) * sign(r);
+                plan.start.wheel_speed_rad_s[wheel] = speed;
+                let of = &body.wheels[wheel];
+                let hold = of.viscous_n_m_s * speed + of.coulomb_n_m * speed.signum();
+                push(&mut plan, wheel, 0.0, end, |_| hold);
+                multisine(&mut plan, r, wheel, (5.0, end), 0.01, (0.3, 2.0));
             }
         }
         Style::CoastDown => {
@@ -327,7 +351,7 @@ pub fn plan(style: Style, name: &str, body: &Body, hidden: &Hidden, key: &str) -
         } else {
             simulate(&mechanics, &mut plan, &start, span, None).largest_tilt_rad
         };
-        if tilt < 0.9 * body.tilt_max_rad || scale < 0.05 || style == Style::Bench {
+        if tilt < 0.9 * body.tilt_max_rad || scale < 0.05 || plan.clamped {
             return plan;
         }
         scale *= 0.85;

@@ -3,9 +3,10 @@
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use whorl_diagnosis::{Diagnosis, Options, Verdict, diagnose};
+use whorl_diagnosis::{Diagnosis, Options, Prospect, Verdict, diagnose, prospects};
 use whorl_recording::Recording;
 
+use crate::cases::build::FollowUp;
 use crate::cases::foreign::expected;
 use crate::cases::{Built, Cell, Spec};
 
@@ -39,7 +40,10 @@ pub struct Outcome {
     pub truth_in_set: bool,
     /// A name is stated that is not the truth's, nor one that data cannot tell from it.
     pub wrong_name: bool,
-    /// After the follow-up data: named exactly.
+    /// Which further run the tool asked for.
+    #[serde(default)]
+    pub proposed: Option<String>,
+    /// With that run: named exactly.
     pub resolved: Option<bool>,
     /// `unknown` where it should be; and the variable.
     pub unknown_right: Option<bool>,
@@ -113,6 +117,7 @@ pub fn not_built(spec: &Spec, reason: &str) -> Outcome {
         exact: false,
         truth_in_set: false,
         wrong_name: false,
+        proposed: None,
         resolved: None,
         unknown_right: None,
         variable_right: None,
@@ -132,6 +137,33 @@ fn ask(built: &Built, training: &[Recording], threads: usize) -> Result<(Diagnos
     diagnose(training, &built.held_out, &built.model, &built.prior, &options, &mut |_| {})
         .map(|d| (d, begun.elapsed().as_secs_f64()))
         .map_err(|e| e.to_string())
+}
+
+/// Prints a whole diagnosis where that is wished.
+fn explain(diagnosis: &Diagnosis) {
+    if std::env::var_os("WHORL_CHALLENGE_EXPLAIN").is_some() {
+        eprintln!("{}", serde_json::to_string_pretty(diagnosis).unwrap_or_default());
+    }
+}
+
+/// The manoeuvre that the tool would fly next: the one from which it expects most.
+fn proposed<'b>(built: &'b Built, diagnosis: &Diagnosis, threads: usize) -> Result<&'b FollowUp, String> {
+    let rehearsals: Vec<Recording> = built.follow_ups.iter().map(|f| f.rehearsal.clone()).collect();
+    let options = Options { threads, ..Options::default() };
+    let sets = diagnosis.explanations();
+    let found = prospects(&built.training, &rehearsals, &built.model, &built.prior, &sets, &options)
+        .map_err(|e| e.to_string())?;
+    let worth = |p: &Prospect| (p.log_odds.unwrap_or(0.0), p.shown.len());
+    built
+        .follow_ups
+        .iter()
+        .zip(&found.with)
+        .max_by(|(_, a), (_, b)| {
+            let (a, b) = (worth(a), worth(b));
+            a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+        })
+        .map(|(follow_up, _)| follow_up)
+        .ok_or_else(|| "no manoeuvre to propose".to_owned())
 }
 
 /// Asks the diagnosis, and scores.
@@ -157,20 +189,30 @@ pub fn judge(built: &Built, threads: usize) -> Outcome {
         }
     };
     outcome.seconds = seconds;
-    if std::env::var_os("WHORL_CHALLENGE_EXPLAIN").is_some() {
-        eprintln!("{}", serde_json::to_string_pretty(&diagnosis).unwrap_or_default());
-    }
+    explain(&diagnosis);
     score(&mut outcome, built, &diagnosis);
     if built.spec.cell == Cell::Confounded {
-        let mut all = built.training.clone();
-        all.extend(built.follow_up.iter().cloned());
-        outcome.resolved = Some(match ask(built, &all, threads) {
-            Ok((after, _)) => after.verdict == Verdict::Named && same(&after.effects, &answer.effects),
+        match proposed(built, &diagnosis, threads) {
+            Ok(follow_up) => {
+                outcome.proposed = Some(format!("{:?}", follow_up.style));
+                let mut all = built.training.clone();
+                all.push(follow_up.recording.clone());
+                outcome.resolved = Some(match ask(built, &all, threads) {
+                    Ok((after, _)) => {
+                        explain(&after);
+                        after.verdict == Verdict::Named && same(&after.effects, &answer.effects)
+                    }
+                    Err(error) => {
+                        outcome.error = Some(error);
+                        false
+                    }
+                });
+            }
             Err(error) => {
                 outcome.error = Some(error);
-                false
+                outcome.resolved = Some(false);
             }
-        });
+        }
     }
     outcome
 }

@@ -69,8 +69,8 @@ pub fn table(outcomes: &[Outcome]) -> Vec<Row> {
         matches!(o.spec.cell, Cell::Single | Cell::ClosedLoop | Cell::Bench) && !o.truth.is_empty()
     };
     // The effect shows, and so does its difference from the most similar one.
-    let clear = |o: &Outcome| o.lambda >= 85.0 && o.separation >= 50.0;
-    let high = pick(&|o| one(o) && clear(o));
+    let told_apart = |o: &Outcome| o.lambda >= 50.0 && o.separation >= 50.0;
+    let high = pick(&|o| one(o) && o.lambda >= 85.0 && told_apart(o));
     row(
         "one effect, detectability >= 100: right effect first",
         &high,
@@ -80,15 +80,23 @@ pub fn table(outcomes: &[Outcome]) -> Vec<Row> {
     );
     row("  exact set", &high, &|o| o.exact, at_least(0.95), ">= 95 %");
     row("  truth in the set", &high, &|o| o.truth_in_set, at_least(0.98), ">= 98 %");
-    let similar = pick(&|o| one(o) && o.lambda >= 85.0 && !clear(o));
+    let similar = pick(&|o| one(o) && o.lambda >= 50.0 && !told_apart(o));
     row(
-        "detectability >= 100, hardly to be told from another: truth first or in the set",
+        "detectability >= 50, hardly to be told from another: truth first or in the set",
         &similar,
         &|o| o.first_right || o.truth_in_set,
         at_least(0.90),
         ">= 90 %",
     );
-    let middle = pick(&|o| one(o) && (20.0..85.0).contains(&o.lambda));
+    let well = pick(&|o| one(o) && o.lambda < 85.0 && told_apart(o));
+    row(
+        "one effect, detectability 70: right effect first",
+        &well,
+        &|o| o.first_right,
+        at_least(0.90),
+        ">= 90 %",
+    );
+    let middle = pick(&|o| one(o) && (20.0..50.0).contains(&o.lambda));
     row(
         "one effect, detectability 30: right first, a set with it, or abstained",
         &middle,
@@ -133,7 +141,7 @@ pub fn table(outcomes: &[Outcome]) -> Vec<Row> {
     let confounded = pick(&|o| o.spec.cell == Cell::Confounded);
     row("confounded: truth in the set", &confounded, &|o| o.truth_in_set, at_least(0.98), ">= 98 %");
     row(
-        "  resolved by the follow-up manoeuvre",
+        "  resolved by the proposed manoeuvre",
         &confounded,
         &|o| o.resolved == Some(true),
         at_least(0.90),
