@@ -307,6 +307,8 @@ impl<'a> Search<'a> {
     /// strongest there that passes every gate.
     fn strongest(&mut self, additions: &[Hypothesis]) -> Result<Option<Converged>, DiagnosisError> {
         let gain = |h: &Hypothesis| self.advantage(h, &self.best).0;
+        // On a grid, the price of all its places comes before what the right one between them brings.
+        let drops_enough = |h: &Hypothesis| self.advantage(h, &self.best).1 > LEAST_DROP * self.data.temper;
         let effect = |h: &Hypothesis| {
             h.members.last().and_then(|m| self.layout.candidates.get(m.candidate)).map(|c| c.effect.info())
         };
@@ -318,6 +320,7 @@ impl<'a> Search<'a> {
             .filter(|h| {
                 let known = effect(h).is_some_and(|info| mistaken_for.contains(&info.id));
                 gain(h) > if known { LEAST_PROMISE } else { least }
+                    || (least <= LEAST_PROMISE && drops_enough(h))
             })
             .take(MOST_RIVALS)
             .collect();

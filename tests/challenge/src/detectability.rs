@@ -48,6 +48,7 @@ pub struct Lens {
 }
 
 /// An effect as the data show it.
+#[derive(Clone)]
 pub struct Seen {
     square: f64,
     against: DVector<f64>,

@@ -23,6 +23,9 @@ use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 /// Separation from which on one effect is clearly another than its rivals.
 const TOLD_APART: f64 = 50.0;
 
+/// Integration step of rehearsals, of which only the motion counts \[s\].
+const REHEARSAL_STEP_S: f64 = 5e-3;
+
 /// Share of a parameter's step from which its slope is taken.
 const SMALL_STEP: f64 = 0.05;
 
@@ -282,12 +285,12 @@ impl Stand {
         let own = drawn.at(1.0, &self.stage);
         let rivals: Vec<(&str, Vec<Seen>)> =
             rivals(drawn.id).iter().map(|rival| (*rival, self.slopes(lens, rival, &own))).collect();
+        // Friction and steady torques: what they change is in proportion to them, near enough for a size.
+        let small = drawn.at(SMALL_STEP, &self.stage);
+        let one = lens.see(&self.hidden(&[(drawn.id, small)])).times(1.0 / SMALL_STEP);
         let see = |size: f64| {
-            let seen = lens.see(&self.hidden(&[(drawn.id, drawn.at(size, &self.stage))]));
-            rivals
-                .iter()
-                .map(|(rival, slopes)| self.beyond_rival(lens, &seen, &own, rival, slopes))
-                .fold(f64::INFINITY, f64::min)
+            let seen = one.clone().times(size);
+            rivals.iter().map(|(_, slopes)| lens.beyond(&seen, slopes)).fold(f64::INFINITY, f64::min)
         };
         let (size, _) = self.size_for(lambda, 60.0, see)?;
         let values = drawn.at(size, &self.stage);
@@ -324,6 +327,7 @@ fn record(
     hidden: &Hidden,
     laboratory: &Laboratory,
     key: &str,
+    step_s: f64,
 ) -> Result<Recording> {
     let mut plan = if style == Style::ClosedLoop {
         // The controller feels the effect.
@@ -333,8 +337,7 @@ fn record(
     };
     let mechanics = Mechanics::new(stand.body.clone(), hidden.clone());
     let start = plan.start.clone();
-    let span =
-        Span { from_slot: 0, to_slot: plan.wheel_command_n_m.len(), step_s: STEP_S, mark_every: usize::MAX };
+    let span = Span { from_slot: 0, to_slot: plan.wheel_command_n_m.len(), step_s, mark_every: usize::MAX };
     let trace = simulate(&mechanics, &mut plan, &start, span, None);
     if trace.largest_tilt_rad > 0.985 * stand.body.tilt_max_rad {
         bail!("the platform would touch its stop");
@@ -453,14 +456,15 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
     }
 
     let style = |i: usize| stand.styles.get(i).copied().unwrap_or(Style::Mixed);
-    let run = |style: Style, plan: &Plan| record(stand, style, plan, &hidden, laboratory, &key);
+    let run = |style: Style, plan: &Plan| record(stand, style, plan, &hidden, laboratory, &key, STEP_S);
     let training =
         stand.plans.iter().enumerate().map(|(i, p)| run(style(i), p)).collect::<Result<Vec<_>>>()?;
     let held_out = vec![run(style(0).held_out(), &stand.held_out)?];
     let nothing = stand.hidden(&[]);
     let mut follow_ups = Vec::new();
     for (style, plan) in &stand.follow_ups {
-        let rehearsal = record(stand, *style, plan, &nothing, laboratory, &format!("{key}/rehearsal"));
+        let before = format!("{key}/rehearsal");
+        let rehearsal = record(stand, *style, plan, &nothing, laboratory, &before, REHEARSAL_STEP_S);
         // With the effect it may go too far, which is no manoeuvre then.
         if let (Ok(rehearsal), Ok(recording)) = (rehearsal, run(*style, plan)) {
             follow_ups.push(FollowUp { style: *style, rehearsal, recording });
