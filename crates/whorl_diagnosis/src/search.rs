@@ -402,11 +402,11 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a rival of this advantage in log evidence and in the drop of the misfit explains the data as well as
-    /// an effect that brings `effect_drop`. One that fits no worse and loses only by the price of its further
+    /// an effect that brings `effect_drop`. One that fits as well and loses only by the price of its further
     /// parameters is not refuted by the data.
     fn is_tie(&self, (evidence, drop): (f64, f64), effect_drop: f64) -> bool {
         let tie = self.tie(effect_drop);
-        evidence > -tie || (drop > -1.0 && evidence > -2.0 * LEAST_EVIDENCE)
+        evidence > -tie || (drop > -2.0 * tie && evidence > -2.0 * LEAST_EVIDENCE)
     }
 
     /// Effects that explain the data as well in place of a member of the best set.
