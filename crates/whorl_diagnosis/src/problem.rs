@@ -115,6 +115,16 @@ impl Problem {
         Ok(problem)
     }
 
+    /// Settles for all further fits where the bearing's stop is near, and the model knows that it does not know. An
+    /// interval more or less changes the density of the data by more than two like effects differ.
+    pub fn settle_stops(&mut self) -> Result<(), DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model)?;
+        for (run, motion) in self.runs.iter_mut().zip(&self.motions) {
+            run.near_stop = motion.q_mid.iter().map(|q| mechanics.near_stop(q)).collect();
+        }
+        Ok(())
+    }
+
     fn check_attitude(&self) -> Result<(), DiagnosisError> {
         for (run, motion) in self.runs.iter().zip(&self.motions) {
             if !motion.is_finite() {

@@ -14,13 +14,13 @@ use crate::hypothesis::Hypothesis;
 use crate::parameters::BASE_EFFECTS;
 use crate::problem::Dataset;
 use crate::regression::{BLOCKS_PER_RUN, Estimate, Normal};
-use crate::search::{LEAST_DROP, Search, formula_error};
+use crate::search::{LEAST_DROP, Search, systematic};
 use crate::{DiagnosisError, Options, prepare};
 
 /// What data say, or would say.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Prospect {
-    /// Log odds between the leading explanation and the next, beyond what errors of their formulas may do: as they are
+    /// Log odds between the leading explanation and the next, beyond what errors of constants and formulas may do: as they are
     /// with the data at hand; with further data as the true one is expected to lead, the mean over which of them is
     /// true. A diagnosis takes two for equal below 3. `None` with fewer than two.
     pub log_odds: Option<f64>,
@@ -125,9 +125,9 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
     Ok(())
 }
 
-/// Log odds that are left when formulas err as much as they may.
+/// Log odds that are left when constants and formulas err as much as they may.
 fn certain(log_odds: f64, drop: f64) -> f64 {
-    (log_odds.abs() - formula_error(drop)).max(0.0).copysign(log_odds)
+    (log_odds.abs() - systematic(drop)).max(0.0).copysign(log_odds)
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
@@ -189,11 +189,13 @@ mod tests {
     use super::certain;
 
     #[test]
-    fn log_odds_that_a_formula_may_err_by_are_worth_nothing() {
-        // One per cent of a signal of misfit 1e6 has a misfit of 100, so log odds of 50.
-        assert!((certain(80.0, 1e6) - 30.0).abs() < 1e-9);
-        assert!((certain(-80.0, 1e6) + 30.0).abs() < 1e-9);
+    fn log_odds_that_errors_may_make_are_worth_nothing() {
+        // One per cent of a signal of misfit 1e6 has a misfit of 100, so log odds of 50; constants make 6 at most.
+        assert!((certain(80.0, 1e6) - 24.0).abs() < 1e-9);
+        assert!((certain(-80.0, 1e6) + 24.0).abs() < 1e-9);
         assert_eq!(certain(40.0, 1e6), 0.0);
+        // A faint effect: two per cent of 100.
+        assert!((certain(40.0, 100.0) - 38.0).abs() < 0.01);
         assert_eq!(certain(40.0, 0.0), 40.0);
     }
 }

@@ -47,6 +47,8 @@ pub(crate) struct Run {
     pub wheel_jitter: Wheels,
     /// Jitter of the commands' stamps \[s\].
     pub stamp_jitter_s: f64,
+    /// Intervals in which the bearing's stop is near; empty until the base model is fitted.
+    pub near_stop: Vec<bool>,
     /// Edges of pulses in each interval, by jet.
     pub edges: Vec<Vec<usize>>,
     pub body_torque: [HeldInput; 3],
@@ -172,6 +174,7 @@ impl Run {
             wheel_command,
             wheel_jitter: command_jitter(&recording.wheel_torque_command_n_m, stamp_jitter_s),
             stamp_jitter_s,
+            near_stop: Vec::new(),
             edges,
             body_torque,
             jet_pulses: recording.jet_pulses.clone(),

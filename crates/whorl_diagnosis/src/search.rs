@@ -34,6 +34,9 @@ const LEAST_PROMISE: f64 = 4.0;
 /// half of what they explain.
 const RIVAL_SHARE: f64 = 0.4;
 
+/// Effects that explain this share of what a member does, in the regression at its point, are fitted in its place.
+const NEAR_SHARE: f64 = 0.7;
+
 /// Rivals that are fitted in each round, at most.
 const MOST_RIVALS: usize = 4;
 
@@ -41,6 +44,10 @@ const MOST_RIVALS: usize = 4;
 /// much in fewer than one case of a hundred, however far apart they are: their difference is normal with a
 /// variance of twice its mean.
 const TIE: f64 = 3.0;
+
+/// What constants that are wrong by some per cent (inertia, thrust) may add to or take from the log evidence by which
+/// one of two like effects leads: this share of the drop that they explain, and no more than twice what noise may do.
+const CONSTANTS_ERROR: f64 = 0.02;
 
 /// Relative error of a formula along the difference between two given effects: laws of friction, flow and fields
 /// with constant coefficients follow real parts to some per cent, and about a third of such an error, in a space of
@@ -90,11 +97,11 @@ pub(crate) fn dataset(
     Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
 }
 
-/// Log evidence that an explanation of this drop of the misfit may gain or lose by the error of its formula. An
-/// error of the signal of relative size e has a misfit of e^2 of the drop, and a wrong formula gains at most what
-/// it has by following all of it.
-pub(crate) fn formula_error(drop: f64) -> f64 {
-    0.5 * FORMULA_ERROR.powi(2) * drop.max(0.0)
+/// Log evidence that an explanation of this drop of the misfit may gain or lose because constants and formulas are
+/// not those of the real platform. An error of the signal of relative size e has a misfit of e^2 of the drop, and a
+/// wrong formula gains at most what it has by following all of it.
+pub(crate) fn systematic(drop: f64) -> f64 {
+    (CONSTANTS_ERROR * drop.max(0.0)).min(2.0 * TIE) + 0.5 * FORMULA_ERROR.powi(2) * drop.max(0.0)
 }
 
 const PERIODIC: &str = "air_current_periodic";
@@ -370,21 +377,9 @@ impl<'a> Search<'a> {
                     changed = true;
                     break;
                 }
-                let Some(swap) = self.additions(&rest).into_iter().next() else { continue };
-                if swap.names(&self.layout) == self.best.names(&self.layout)
-                    || self.advantage(&swap, &self.best).0 <= 1.0
-                {
-                    continue;
-                }
-                if let Some(mut converged) = self.converge(&swap)? {
-                    converged.standing.held_misfit = self.held_misfit(&converged)?;
-                    self.remember(&converged);
-                    // What held-out data refuse would only leave again, and nothing be left.
-                    if self.advantage(&swap, &self.best).0 > 1.0 && self.passes(&swap, &rest) {
-                        self.best = swap;
-                        changed = true;
-                        break;
-                    }
+                if self.swapped(&rest)? {
+                    changed = true;
+                    break;
                 }
             }
             if !changed {
@@ -395,10 +390,40 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    /// Puts the best effect in a member's place, given the set without it. In the regression at the member's own point
+    /// an effect that turned the platform far is off by much of what it explains, so all that come near are fitted
+    /// where they fit best.
+    fn swapped(&mut self, rest: &Hypothesis) -> Result<bool, DiagnosisError> {
+        let near = rest.estimate.drop + NEAR_SHARE * (self.best.estimate.drop - rest.estimate.drop);
+        let own = self.best.names(&self.layout);
+        let swaps = self.additions(rest);
+        let swaps = swaps.into_iter().enumerate().filter(|(i, s)| *i == 0 || s.estimate.drop > near);
+        for (_, swap) in swaps.take(MOST_RIVALS) {
+            if swap.names(&self.layout) == own {
+                continue;
+            }
+            if self.standing(&swap).is_none()
+                && let Some(mut converged) = self.converge(&swap)?
+            {
+                converged.standing.held_misfit = self.held_misfit(&converged)?;
+                self.remember(&converged);
+            }
+            // What held-out data refuse would only leave again, and nothing be left.
+            if self.standing(&swap).is_some()
+                && self.advantage(&swap, &self.best).0 > 1.0
+                && self.passes(&swap, rest)
+            {
+                self.best = swap;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Log evidence by which an explanation must lead its rivals, given the drop of the misfit that an effect brings:
-    /// what noise may do, and what the errors of formulas may.
+    /// what noise may do, and what errors of constants and formulas may.
     pub fn tie(&self, drop: f64) -> f64 {
-        TIE * self.data.temper + formula_error(drop)
+        TIE * self.data.temper + systematic(drop)
     }
 
     /// Whether a rival of this advantage in log evidence and in the drop of the misfit explains the data as well as
@@ -475,6 +500,10 @@ fn base_point_with(
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         point = point_of(problem, &layout, &point, &base);
         smooth_all(problem, held_out, &point, walk)?;
+    }
+    problem.settle_stops()?;
+    if let Some(held) = held_out {
+        held.settle_stops()?;
     }
     Ok(point)
 }

@@ -117,7 +117,10 @@ impl System<'_> {
         if !self.run.clamped {
             let blind = h > 0.5
                 || self.run.gyro.get(k).is_none_or(|g| g.count == 0.0) && h > 0.2
-                || self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q));
+                || match self.run.near_stop.get(k) {
+                    Some(known) => *known,
+                    None => self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q)),
+                };
             let rate = if blind { 1.0 } else { s.rate_walk.hypot(self.stiction_walk(k)) };
             let relative = |walk: f64, least: f64| walk.max(least).powi(2) * h;
             // A valve's edge is as uncertain as the stamp that tells of it.
