@@ -65,9 +65,11 @@ impl Search<'_> {
             None
         };
         let unexplained = follower.as_ref().is_some_and(|f| {
-            // What has no name explains the data better than all names together.
+            // What has no name explains the data better than all names together, in the regression in which it was
+            // tried and where each set fits best: of a large effect these may differ much.
+            let by_names = explained.max(self.best.log_evidence - self.base.log_evidence);
             let replaces =
-                f.alone_evidence > explained + OUTDONE * self.data.temper + OWN_FORMULA * explained_drop;
+                f.alone_evidence > by_names + OUTDONE * self.data.temper + OWN_FORMULA * explained_drop;
             // A shape without a name must add what an effect must add, and outweigh what names explain.
             let real = f.added_evidence > 1.6 * LEAST_EVIDENCE * self.data.temper
                 && f.added_drop > 1.4 * LEAST_DROP * self.data.temper;
