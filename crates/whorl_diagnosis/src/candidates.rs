@@ -234,6 +234,7 @@ fn drop_ineffective(columns: &mut Vec<Column>, reference: &Reference, point: &Po
         ("air_current_periodic", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
         ("flexible_mode", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
         ("gyro_saturation", i) => i == 0,
+        ("thruster_rise", i) if i > 0 => values.first().is_some_and(|v| *v != 0.0),
         ("vibration_alias", i) if i < 6 => values.get(i).is_some_and(|v| *v != 0.0),
         _ => true,
     });
@@ -248,6 +249,10 @@ fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>
             options.extend(indices.iter().skip(n + 1).map(|b| vec![*a, *b]));
         }
         return options;
+    }
+    if id == "thruster_rise" {
+        // The shape of a tail is nothing by itself.
+        return vec![indices.to_vec()];
     }
     let mut options = vec![indices.to_vec()];
     if indices.len() > 1 {

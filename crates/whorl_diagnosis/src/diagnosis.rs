@@ -155,6 +155,21 @@ pub struct Diagnosis {
 const RIVALS: usize = 3;
 
 impl Diagnosis {
+    /// The same without a verdict, for this reason.
+    pub(crate) fn withheld(mut self, reason: String) -> Self {
+        self.remarks.insert(0, reason);
+        self.verdict = Verdict::NotEnoughInformation;
+        self.effects.clear();
+        self.confounded_with.clear();
+        self.kind = None;
+        self.unknown = None;
+        self.next = Some(NextManoeuvre {
+            manoeuvre: "the same again, with the missing channel recorded".to_owned(),
+            expected_log_odds: 0.0,
+        });
+        self
+    }
+
     /// Nothing can be said.
     #[must_use]
     pub fn not_enough_information() -> Self {

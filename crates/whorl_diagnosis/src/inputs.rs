@@ -4,7 +4,7 @@
 //! mean of their running integral over the samples of a node corrects the node's mean rate, so that a
 //! valve edge counts at its own time whatever the grid.
 
-use whorl_dynamics::effects::remaining_after_step;
+use whorl_dynamics::effects::ThrustLag;
 use whorl_dynamics::{Environment, Gyrostat};
 use whorl_recording::{OnInterval, Series};
 
@@ -57,17 +57,25 @@ impl RunningIntegral {
     }
 }
 
-/// One jet's share of nominal thrust over time: open intervals passed through the lag of the thrust.
+/// One jet's share of nominal thrust over time: the valve's state passed through the lag of the thrust.
 struct JetFlow {
-    /// Open intervals, disjoint, in order of time.
-    open: Vec<(f64, f64)>,
-    /// Open time up to the start of each.
-    before_s: Vec<f64>,
-    rise_s: f64,
+    lag: ThrustLag,
+    /// Edges of the valve in order of time.
+    edges: Vec<Edge>,
+}
+
+/// The valve opens or shuts.
+struct Edge {
+    time_s: f64,
+    opens: bool,
+    /// Share of nominal thrust then.
+    flow: f64,
+    /// Integral of the share up to then [s].
+    impulse_s: f64,
 }
 
 impl JetFlow {
-    fn new(mut open: Vec<(f64, f64)>, rise_s: f64) -> Self {
+    fn new(mut open: Vec<(f64, f64)>, lag: ThrustLag) -> Self {
         open.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut disjoint: Vec<(f64, f64)> = Vec::with_capacity(open.len());
         for (from_s, to_s) in open {
@@ -76,41 +84,30 @@ impl JetFlow {
                 _ => disjoint.push((from_s, to_s)),
             }
         }
-        let mut sum = 0.0;
-        let before_s = disjoint
-            .iter()
-            .map(|(from_s, to_s)| {
-                let before = sum;
-                sum += to_s - from_s;
-                before
-            })
-            .collect();
-        Self { open: disjoint, before_s, rise_s }
+        let mut flow = Self { lag, edges: Vec::with_capacity(2 * disjoint.len()) };
+        for (from_s, to_s) in disjoint {
+            for (time_s, opens) in [(from_s, true), (to_s, false)] {
+                let (share, impulse_s) = flow.edges.last().map_or((0.0, 0.0), |last| {
+                    let elapsed_s = time_s - last.time_s;
+                    (lag.fraction(last.flow, last.opens, elapsed_s), last.impulse_after(lag, elapsed_s))
+                });
+                flow.edges.push(Edge { time_s, opens, flow: share, impulse_s });
+            }
+        }
+        flow
     }
 
     /// Integral of the flow's share up to `time_s` \[s\].
     fn at(&self, time_s: f64) -> f64 {
-        let after = self.open.partition_point(|(from_s, _)| *from_s <= time_s);
-        let Some(last) = after.checked_sub(1) else { return 0.0 };
-        let so_far = |index: usize| match (self.open.get(index), self.before_s.get(index)) {
-            (Some((from_s, to_s)), Some(before)) => before + (time_s.min(*to_s) - from_s),
-            _ => 0.0,
-        };
-        let mut integral = so_far(last);
-        if self.rise_s > 0.0 {
-            // s(x) = x - tau (1 - exp(-x / tau)) for each edge; edges long past have settled.
-            let missing = |x: f64| self.rise_s * (1.0 - remaining_after_step(x, self.rise_s));
-            for (from_s, to_s) in self.open.iter().take(after).rev() {
-                if time_s - to_s > 30.0 * self.rise_s {
-                    break;
-                }
-                integral -= missing(time_s - from_s);
-                if time_s > *to_s {
-                    integral += missing(time_s - to_s);
-                }
-            }
-        }
-        integral
+        let after = self.edges.partition_point(|edge| edge.time_s <= time_s);
+        let last = after.checked_sub(1).and_then(|last| self.edges.get(last));
+        last.map_or(0.0, |edge| edge.impulse_after(self.lag, time_s - edge.time_s))
+    }
+}
+
+impl Edge {
+    fn impulse_after(&self, lag: ThrustLag, elapsed_s: f64) -> f64 {
+        self.impulse_s + lag.impulse_s(self.flow, self.opens, elapsed_s)
     }
 }
 
@@ -185,7 +182,7 @@ impl Inputs {
                     open.push((from_s, to_s));
                 }
             }
-            let flow = JetFlow::new(open, gyrostat.jet_rise_time_s());
+            let flow = JetFlow::new(open, gyrostat.thrust_lag());
             inputs.fill_jet(j, times, |t| flow.at(t));
         }
         inputs
@@ -271,14 +268,28 @@ mod tests {
 
     #[test]
     fn the_lag_of_the_thrust_keeps_the_impulse_and_delays_it() {
-        let sharp = JetFlow::new(vec![(1.0, 1.3), (2.0, 2.1)], 0.0);
-        let lagged = JetFlow::new(vec![(1.0, 1.3), (2.0, 2.1)], 0.05);
+        let lag = |rise_s: f64, tail_s: f64| ThrustLag { rise_s, tail_s, ..ThrustLag::default() };
+        let sharp = JetFlow::new(vec![(1.0, 1.3), (2.0, 2.1)], lag(0.0, 0.0));
+        let lagged = JetFlow::new(vec![(1.0, 1.3), (2.0, 2.1)], lag(0.05, 0.05));
         assert!((sharp.at(1.2) - 0.2).abs() < 1e-12);
         assert!((sharp.at(5.0) - 0.4).abs() < 1e-12);
         assert!((lagged.at(5.0) - 0.4).abs() < 1e-9);
         // During a long pulse the lag costs tau of impulse.
-        let late = JetFlow::new(vec![(0.0, 10.0)], 0.05);
+        let late = JetFlow::new(vec![(0.0, 10.0)], lag(0.05, 0.02));
         assert!((late.at(8.0) - 7.95).abs() < 1e-9);
+        // A longer tail gives more than the rise has cost, and the next pulse starts from what is left of it:
+        // the differential equation by small steps.
+        let uneven = JetFlow::new(vec![(0.01, 0.05), (0.08, 0.1)], lag(0.02, 0.06));
+        let step_s = 1e-6;
+        let (mut flow, mut impulse_s) = (0.0, 0.0);
+        for k in 0..300_000 {
+            let time_s = (f64::from(k) + 0.5) * step_s;
+            let open = (0.01..0.05).contains(&time_s) || (0.08..0.1).contains(&time_s);
+            let rate = if open { (1.0 - flow) / 0.02 } else { -flow / 0.06 };
+            impulse_s += (flow + 0.5 * rate * step_s) * step_s;
+            flow += rate * step_s;
+        }
+        assert!((uneven.at(0.3) - impulse_s).abs() < 1e-6, "{} {impulse_s}", uneven.at(0.3));
     }
 
     #[test]

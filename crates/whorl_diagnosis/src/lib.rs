@@ -55,6 +55,7 @@ mod surroundings;
 mod tests;
 mod threads;
 mod unknown;
+mod unrecorded;
 mod vibration;
 mod wander;
 mod words;
@@ -121,6 +122,9 @@ fn answer(
     search.run(progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer();
+    if let Some(remark) = unrecorded::pulses(&search)? {
+        return Ok((diagnosis.withheld(remark), search.point));
+    }
     if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
         // What nothing explains may bend the model as much.

@@ -92,6 +92,7 @@ fn shape_parameters(id: &str) -> (&'static [usize], &'static [usize]) {
         "flexible_mode" => (&[3], &[4]),
         "vibration_alias" => (&[6, 7], &[]),
         "slosh" => (&[1], &[2, 3]),
+        "thruster_rise" => (&[], &[1, 2]),
         _ => (&[], &[]),
     }
 }

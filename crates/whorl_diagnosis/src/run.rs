@@ -53,6 +53,8 @@ pub(crate) struct Run {
     pub edges: Vec<Vec<usize>>,
     pub body_torque: [HeldInput; 3],
     pub jet_pulses: Vec<Vec<OnInterval>>,
+    /// The platform has jets, and nothing says whether they fired.
+    pub jets_unrecorded: bool,
     /// At nodes.
     pub pressure_pa: Vec<f64>,
     pub gas_used_kg: Vec<f64>,
@@ -178,6 +180,10 @@ impl Run {
             edges,
             body_torque,
             jet_pulses: recording.jet_pulses.clone(),
+            jets_unrecorded: !clamped
+                && !model.jets.is_empty()
+                && recording.jet_pulses.is_empty()
+                && recording.body_torque_b_n_m.is_empty(),
             pressure_pa: Vec::new(),
             gas_used_kg: Vec::new(),
             voltage_v: Vec::new(),
@@ -218,11 +224,10 @@ impl Run {
             if recording.vectors.is_empty() {
                 missing.push("no vector sensor: heading drifts with the gyro's bias, so torques fixed in the room and gyro errors about the vertical are weakly seen");
             }
-            if recording.jet_pulses.is_empty()
-                && !model.jets.is_empty()
-                && recording.body_torque_b_n_m.is_empty()
-            {
-                missing.push("no jet commands: jets are taken as shut, and no thruster effect can be tested");
+            if self.jets_unrecorded {
+                missing.push(
+                    "no jet commands: it is assumed that no jet fired, and no thruster effect can be tested",
+                );
             }
         }
         let has_actuators = !model.wheels.is_empty() || !model.jets.is_empty();

@@ -20,6 +20,7 @@ use whorl_allocation::{
 };
 use whorl_control::momentum::{MomentumUnloading, UnloadingError};
 use whorl_dynamics::Gyrostat;
+use whorl_dynamics::effects::ThrustLag;
 use whorl_dynamics::platform::{Jet, Wheel};
 use whorl_node::Timestamp;
 
@@ -79,6 +80,7 @@ pub struct Actuation {
     mode: Mode,
     wheels: Vec<Wheel>,
     jets: Vec<Jet>,
+    lag: ThrustLag,
     gas_rate_kg_s: Vec<f64>,
     allocator: Allocator,
     modulator: PulseModulator,
@@ -124,6 +126,7 @@ impl Actuation {
     /// [`ActuationError`] when a jet or wheel, the slot, or a setting is not usable.
     pub fn new(parameters: &Parameters, gyrostat: &Gyrostat) -> Result<Self, ActuationError> {
         let (wheels, jets) = (gyrostat.model().wheels.clone(), gyrostat.model().jets.clone());
+        let lag = gyrostat.thrust_lag();
         let gas_rate_kg_s: Vec<f64> = jets.iter().map(|jet| gyrostat.gas_rate_kg_s(jet.thrust_n)).collect();
         let columns = |vectors: Vec<Vector3<f64>>| Matrix3xX::from_columns(&vectors);
         let effectors = Effectors::new(EffectorLayout {
@@ -134,7 +137,7 @@ impl Actuation {
             wheel_torque_limit_n_m: wheels.iter().map(|w| w.max_torque_n_m).collect(),
         })?;
         let slot_length_s = parameters.jet_slot_length_s;
-        let min_on_time_s = jets.iter().map(|jet| effective_on_s(jet, jet.min_on_time_s)).collect();
+        let min_on_time_s = jets.iter().map(|jet| effective_on_s(jet, lag, jet.min_on_time_s)).collect();
         let modulator = PulseModulator::new(&effectors, min_on_time_s, slot_length_s)?;
         Ok(Self {
             mode: parameters.actuators,
@@ -150,6 +153,7 @@ impl Actuation {
             on_time_s: vec![0.0; jets.len()],
             wheels,
             jets,
+            lag,
             gas_rate_kg_s,
             slot: 0,
             slot_start: None,
@@ -243,7 +247,7 @@ impl Actuation {
                 && let (Some(on), Some(jet)) = (self.on_time_s.get_mut(j), self.jets.get(j))
             {
                 *on = on_s;
-                let effective_s = effective_on_s(jet, on_s);
+                let effective_s = effective_on_s(jet, self.lag, on_s);
                 self.jet_torque_b_n_m = jet.torque_b_n_m() * (effective_s / self.slot_length_s);
                 self.gas_used_kg += effective_s * self.gas_rate_kg_s.get(j).copied().unwrap_or(0.0);
             }
@@ -369,7 +373,7 @@ impl Actuation {
         for (((on, planned), jet), rate) in
             self.on_time_s.iter_mut().zip(&pulses.on_time_s).zip(&self.jets).zip(&self.gas_rate_kg_s)
         {
-            *on = commanded_on_s(jet, *planned, self.slot_length_s);
+            *on = commanded_on_s(jet, self.lag, *planned, self.slot_length_s);
             self.gas_used_kg += planned * rate;
         }
     }
@@ -496,16 +500,17 @@ fn found(allocation: &Allocation) -> Found {
     }
 }
 
-/// How long a jet really blows for a commanded on-time [s].
-fn effective_on_s(jet: &Jet, commanded_s: f64) -> f64 {
-    (commanded_s - jet.opening_delay_s + jet.closing_delay_s).max(0.0)
+/// Full thrust for how long has the impulse of a jet that is commanded on for this time [s].
+fn effective_on_s(jet: &Jet, lag: ThrustLag, commanded_s: f64) -> f64 {
+    lag.pulse_impulse_s(commanded_s - jet.opening_delay_s + jet.closing_delay_s)
 }
 
-/// The command for which a jet blows that long [s]: zero, or from its minimum to the slot.
-fn commanded_on_s(jet: &Jet, effective_s: f64, slot_length_s: f64) -> f64 {
+/// The command with which a jet has the impulse of full thrust for that long [s]: zero, or from its minimum
+/// to the slot.
+fn commanded_on_s(jet: &Jet, lag: ThrustLag, effective_s: f64, slot_length_s: f64) -> f64 {
     if effective_s <= 0.0 {
         return 0.0;
     }
-    let commanded = effective_s + jet.opening_delay_s - jet.closing_delay_s;
+    let commanded = lag.open_for_impulse_s(effective_s) + jet.opening_delay_s - jet.closing_delay_s;
     commanded.max(jet.min_on_time_s).min(slot_length_s)
 }

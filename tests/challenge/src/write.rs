@@ -120,7 +120,7 @@ fn csv(recording: &Recording) -> String {
     let mut text = format!("t,{}\n", names.join(","));
     for (time_ns, row) in &rows {
         // Writing to a String cannot fail.
-        let _ = write!(text, "{:.6}", *time_ns as f64 * 1e-9);
+        let _ = write!(text, "{:.9}", *time_ns as f64 * 1e-9);
         for cell in row {
             match cell {
                 Some(value) => {

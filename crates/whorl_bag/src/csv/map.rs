@@ -58,6 +58,8 @@ pub struct CsvMap {
     pub closed_loop: bool,
     /// Whether the platform was clamped (wheel bench test).
     pub clamped: bool,
+    /// Whether the jets were off: no valve opened, although no column says so.
+    pub jets_off: bool,
     /// Character between the cells.
     pub delimiter: u8,
 }
@@ -183,6 +185,14 @@ impl CsvMap {
             &["on_bearing", "clamped"],
             "clamped: the body was held, only the wheels moved",
         );
+        let jets_off = r.bool_or(
+            "jets_off",
+            false,
+            "whether the jets were off: no valve opened during the run, although no column says so",
+        );
+        if jets_off && jets.is_some() {
+            r.reject("jets_off", "the map names the jets' columns as well; allowed: one of the two");
+        }
         let delimiter =
             r.choice_or("delimiter", ",", &[",", ";", "\t", " ", "|"], "character between the cells");
         let first_parts = r.parameters().iter().map(|entry| entry.key.split('.').next().unwrap_or_default());
@@ -212,13 +222,14 @@ impl CsvMap {
             true_rate,
             closed_loop,
             clamped: mounting == "clamped",
+            jets_off,
             delimiter: delimiter.bytes().next().unwrap_or(b','),
         }
     }
 }
 
 /// Every group or key of a map.
-const CHANNELS: [&str; 18] = [
+const CHANNELS: [&str; 19] = [
     "time",
     "gyro",
     "accelerometer",
@@ -236,6 +247,7 @@ const CHANNELS: [&str; 18] = [
     "true_rate",
     "closed_loop",
     "mounting",
+    "jets_off",
     "delimiter",
 ];
 

@@ -90,7 +90,7 @@ impl Moved {
 impl Way {
     fn of(base: &Gyrostat, moved: &Gyrostat, effect: &'static dyn Effect) -> Self {
         let (a, b) = (base.model(), moved.model());
-        let lag = base.jet_rise_time_s() != moved.jet_rise_time_s();
+        let lag = base.thrust_lag() != moved.thrust_lag();
         let jets = a.jets != b.jets || a.tank != b.tank || lag;
         let platform = a.wheels != b.wheels || a.mass_properties != b.mass_properties;
         let values = |gyrostat: &Gyrostat| {
@@ -126,7 +126,7 @@ fn valves_differ(base: &Gyrostat, moved: &Gyrostat) -> bool {
         g.model().jets.iter().map(|j| (j.opening_delay_s, j.closing_delay_s)).collect::<Vec<_>>()
     };
     valve_delay_s(base) != valve_delay_s(moved)
-        || base.jet_rise_time_s() != moved.jet_rise_time_s()
+        || base.thrust_lag() != moved.thrust_lag()
         || delays(base) != delays(moved)
 }
 

@@ -44,6 +44,20 @@ fn a_friction_is_named_with_its_size() {
     assert_eq!(back.effects, diagnosis.effects);
 }
 
+/// The jets fired, and the recording does not say so.
+#[test]
+fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
+    let truth = PlatformModel::whorl_1_reference();
+    let mut run = record(&truth, 5, 50.0, None);
+    assert!(run.jet_pulses.iter().flatten().count() > 10);
+    run.jet_pulses.clear();
+    let (model, prior) = wrong_model(&truth, 5);
+    let diagnosis = diagnose(&[run], &[], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
+    assert_eq!(diagnosis.verdict, Verdict::NotEnoughInformation, "{:?}", diagnosis.effects);
+    assert!(diagnosis.effects.is_empty() && diagnosis.unknown.is_none());
+    assert!(diagnosis.remarks[0].contains("record the valves' pulses"), "{:?}", diagnosis.remarks);
+}
+
 #[test]
 fn a_sensor_is_told_from_a_torque() {
     let diagnosis = diagnosis_of(&[("gyro_misalignment", &[("xz_rad", 0.03)])], 21, 50.0);

@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{EffectError, ParameterSpec};
+use super::{EffectError, ParameterSpec, ThrustLag};
 use crate::{Environment, PlatformModel};
 
 /// Where an effect enters.
@@ -113,9 +113,9 @@ pub trait Effect: Sync + fmt::Debug {
         (0.0, 0.0)
     }
 
-    /// Time constant of the first-order build-up and tail-off of thrust \[s\]; 0 = immediate.
-    fn jet_rise_time_s(&self, _values: &[f64]) -> f64 {
-        0.0
+    /// Lag of thrust behind the valve.
+    fn thrust_lag(&self, _values: &[f64]) -> ThrustLag {
+        ThrustLag::default()
     }
 
     /// Number of hidden states; they start at zero.

@@ -16,7 +16,7 @@ pub use effect::{Effect, EffectInfo, EffectKind, TrueImu};
 pub use error::EffectError;
 pub use parameter::{ParameterSpec, Part};
 pub use set::{ActiveEffect, EffectSet, MAX_HIDDEN_STATES, describe, describe_catalogue};
-pub use thruster_rise::remaining_after_step;
+pub use thruster_rise::ThrustLag;
 pub(crate) use tilt_stop_contact::contact_torque_b_n_m;
 
 macro_rules! register {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
 use super::error::nearest;
-use super::{Effect, EffectError, TrueImu, catalogue, find};
+use super::{Effect, EffectError, ThrustLag, TrueImu, catalogue, find};
 use crate::{Environment, PlatformModel};
 
 /// Hidden states the integrator holds.
@@ -170,10 +170,16 @@ impl EffectSet {
         )
     }
 
-    /// The longest [`Effect::jet_rise_time_s`].
+    /// The longest [`Effect::thrust_lag`].
     #[must_use]
-    pub fn jet_rise_time_s(&self) -> f64 {
-        self.active.iter().map(|a| a.effect.jet_rise_time_s(&a.values)).fold(0.0, f64::max)
+    pub fn thrust_lag(&self) -> ThrustLag {
+        self.active.iter().map(|a| a.effect.thrust_lag(&a.values)).fold(ThrustLag::default(), |a, b| {
+            ThrustLag {
+                rise_s: a.rise_s.max(b.rise_s),
+                tail_s: a.tail_s.max(b.tail_s),
+                tail_exponent: a.tail_exponent.max(b.tail_exponent),
+            }
+        })
     }
 
     /// [`Effect::hidden_derivative`] of every effect.

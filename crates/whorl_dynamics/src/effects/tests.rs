@@ -223,7 +223,8 @@ fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
     numbers.extend(wheel_torque);
     numbers.push(effect.gas_rate_kg_s(values, &environment));
     numbers.extend(<[f64; 2]>::from(effect.valve_delay_s(values, &environment)));
-    numbers.push(effect.jet_rise_time_s(values));
+    let lag = effect.thrust_lag(values);
+    numbers.extend([lag.rise_s, lag.tail_s, lag.tail_exponent]);
     let mut derivative = vec![0.0; hidden.len()];
     effect.hidden_derivative(values, &environment, hidden, &mut derivative);
     effect.hidden_noise(values, &mut derivative);

@@ -39,7 +39,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::{GRAVITY_M_S2, vertical_b};
 
-use crate::effects::{EffectError, EffectSet, TrueImu};
+use crate::effects::{EffectError, EffectSet, ThrustLag, TrueImu};
 use crate::platform::Wheel;
 use crate::sensing::specific_force_b_m_s2;
 use crate::{Environment, PlatformModel};
@@ -80,7 +80,7 @@ pub enum GyrostatError {
 pub struct Gyrostat {
     model: PlatformModel,
     effects: EffectSet,
-    jet_rise_time_s: f64,
+    thrust_lag: ThrustLag,
     reaction_inertia_b_kg_m2: Matrix3<f64>,
 }
 
@@ -101,7 +101,7 @@ impl Gyrostat {
         let adjusted = effects.adjusted(model)?;
         check_divisors(&adjusted)?;
         let gyrostat = Self {
-            jet_rise_time_s: effects.jet_rise_time_s(),
+            thrust_lag: effects.thrust_lag(),
             reaction_inertia_b_kg_m2: effects.reaction_inertia_b_kg_m2(&adjusted),
             model: adjusted,
             effects,
@@ -126,10 +126,10 @@ impl Gyrostat {
         &self.effects
     }
 
-    /// Time constant of the build-up of thrust \[s\], 0 = immediate.
+    /// Lag of the jets' thrust behind their valves.
     #[must_use]
-    pub fn jet_rise_time_s(&self) -> f64 {
-        self.jet_rise_time_s
+    pub fn thrust_lag(&self) -> ThrustLag {
+        self.thrust_lag
     }
 
     /// Total angular momentum about the centre of rotation, body axes [N m s] (eq. 4.9). Wheels

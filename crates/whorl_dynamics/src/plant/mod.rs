@@ -176,7 +176,7 @@ impl Plant {
             start_ns: now_ns,
             now_ns,
             drive: Drive::new(&gyrostat),
-            valves: Valves::new(&gyrostat.model().jets, gyrostat.jet_rise_time_s(), now_ns),
+            valves: Valves::new(&gyrostat.model().jets, gyrostat.thrust_lag(), now_ns),
             history: History::new(ns_from_s(latest_s)),
             gyro: TriaxialSensor::new(sensors.gyro.errors, Normal::new(seed, Stream::Gyro), now_ns),
             accelerometer: TriaxialSensor::new(

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::effects::remaining_after_step;
+use crate::effects::ThrustLag;
 use crate::gyrostat::{JetDrive, MAX_JETS};
 use crate::platform::Jet;
 
@@ -42,25 +42,34 @@ struct Valve {
     /// Open time up to the last update \[ns\].
     open_ns: i64,
     is_open: bool,
+    /// Share of full thrust at the last update.
+    flow: f64,
 }
 
 /// All valves of a platform.
 #[derive(Debug, Clone)]
 pub(super) struct Valves {
     valves: Vec<Valve>,
-    rise_time_s: f64,
+    lag: ThrustLag,
     /// What the open valves give once the lag of the thrust is over.
     target: JetDrive,
-    /// What the jets gave at `since_ns`.
-    start: JetDrive,
+    /// What the open jets still lacked of that at `since_ns`.
+    lacking: JetDrive,
     since_ns: i64,
     next_edge_ns: i64,
 }
 
 const NOTHING: JetDrive = JetDrive { torque_b_n_m: Vector3::new(0.0, 0.0, 0.0), thrust_n: 0.0 };
 
+impl JetDrive {
+    fn add(&mut self, valve: &Valve, share: f64) {
+        self.torque_b_n_m += valve.torque_b_n_m * share;
+        self.thrust_n += valve.thrust_n * share;
+    }
+}
+
 impl Valves {
-    pub fn new(jets: &[Jet], rise_time_s: f64, now_ns: i64) -> Self {
+    pub fn new(jets: &[Jet], lag: ThrustLag, now_ns: i64) -> Self {
         let valve = |jet: &Jet| Valve {
             torque_b_n_m: jet.torque_b_n_m(),
             thrust_n: jet.thrust_n,
@@ -69,12 +78,13 @@ impl Valves {
             driven_ns: 0,
             open_ns: 0,
             is_open: false,
+            flow: 0.0,
         };
         Self {
             valves: jets.iter().map(valve).collect(),
-            rise_time_s,
+            lag,
             target: NOTHING,
-            start: NOTHING,
+            lacking: NOTHING,
             since_ns: now_ns,
             next_edge_ns: i64::MAX,
         }
@@ -131,11 +141,12 @@ impl Valves {
 
     /// Opens and closes what is due at `now_ns`.
     pub fn settle(&mut self, now_ns: i64) {
-        self.start = self.drive(now_ns, 0.0);
         let elapsed_ns = now_ns - self.since_ns;
         self.since_ns = now_ns;
         self.target = NOTHING;
+        self.lacking = NOTHING;
         for valve in &mut self.valves {
+            valve.flow = self.lag.fraction(valve.flow, valve.is_open, elapsed_ns as f64 * 1e-9);
             valve.open_ns += if valve.is_open { elapsed_ns } else { 0 };
             let driven_ns = &mut valve.driven_ns;
             valve.pulses.retain(|pulse| {
@@ -150,8 +161,8 @@ impl Valves {
                 JetFailure::None => valve.pulses.iter().any(|p| p.opens_ns <= now_ns && now_ns < p.closes_ns),
             };
             if valve.is_open {
-                self.target.torque_b_n_m += valve.torque_b_n_m;
-                self.target.thrust_n += valve.thrust_n;
+                self.target.add(valve, 1.0);
+                self.lacking.add(valve, 1.0 - valve.flow);
             }
         }
         let edges =
@@ -161,16 +172,20 @@ impl Valves {
 
     /// The jets `elapsed_s` after `now_ns`, with no edge since the last [`Self::settle`].
     pub fn drive(&self, now_ns: i64, elapsed_s: f64) -> JetDrive {
-        if self.rise_time_s <= 0.0 {
+        if self.lag.is_none() {
             return self.target;
         }
         let since_s = (now_ns - self.since_ns) as f64 * 1e-9 + elapsed_s;
-        let missing = remaining_after_step(since_s, self.rise_time_s);
-        JetDrive {
-            torque_b_n_m: self.target.torque_b_n_m
-                + (self.start.torque_b_n_m - self.target.torque_b_n_m) * missing,
-            thrust_n: self.target.thrust_n + (self.start.thrust_n - self.target.thrust_n) * missing,
+        // What one jet lacks after a start from nothing.
+        let missing = 1.0 - self.lag.fraction(0.0, true, since_s);
+        let mut drive = JetDrive {
+            torque_b_n_m: self.target.torque_b_n_m - self.lacking.torque_b_n_m * missing,
+            thrust_n: self.target.thrust_n - self.lacking.thrust_n * missing,
+        };
+        for valve in self.valves.iter().filter(|valve| !valve.is_open && valve.flow > 0.0) {
+            drive.add(valve, self.lag.fraction(valve.flow, false, since_s));
         }
+        drive
     }
 
     /// 1 for each open valve.

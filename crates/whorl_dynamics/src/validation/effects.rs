@@ -204,16 +204,34 @@ fn jets_obey_strength_direction_delay_rise_and_leak() {
     let delay = impulse("thruster_delay", &[("t_on_s", 0.02), ("t_off_s", 0.005)]);
     assert!((delay.x - torque * (0.098 - 0.015)).abs() < 1e-10);
     let rise = impulse("thruster_rise", &[("tau_s", 0.03)]);
-    assert!((rise.x - torque * 0.098).abs() < 1e-9, "a lag does not change the impulse: {rise}");
+    assert!((rise.x - torque * 0.098).abs() < 1e-9, "one lag does not change the impulse: {rise}");
     let tilted = impulse("thruster_misalignment", &[("jet_1_a_rad", 0.1)]);
     // The force turns by 0.1 rad; what is left along z is its cosine.
     assert!((tilted.x - torque * 0.098 * f64::cos(0.1)).abs() < 1e-5, "{tilted}");
     // Half way: t - tau (1 - exp(-t/tau)) after opening.
-    let mut p = plant(&simple("thruster_rise", &[("tau_s", 0.03)]), &InitialState::default());
+    let two = [("tau_s", 0.03), ("tail_ratio", 1.5)];
+    let mut p = plant(&simple("thruster_rise", &two), &InitialState::default());
     p.command_jet_pulse(0, 0, 0.5).unwrap();
     p.advance_to(ns(0.056)).unwrap();
     let expected = torque * (0.05 - 0.03 * (1.0 - f64::exp(-0.05 / 0.03)));
     assert!((world_momentum(&p).x - expected).abs() < 1e-10);
+    // Each edge starts from what the last has left: fractions and impulses over open and shut stretches, the
+    // first-order law written out for each.
+    let (rise_s, tail_s) = (0.03, 0.045);
+    let mut p = plant(&simple("thruster_rise", &two), &InitialState::default());
+    // Driven 0 .. 52 ms, 132 .. 154 ms: open 6 .. 56 ms, 138 .. 158 ms.
+    p.command_jet_pulse(0, 0, 0.052).unwrap();
+    p.command_jet_pulse(0, ns(0.132), 0.022).unwrap();
+    p.advance_to(ns(0.208)).unwrap();
+    let decay = |elapsed_s: f64, tau_s: f64| (-elapsed_s / tau_s).exp();
+    let mut expected = 0.05 - rise_s * (1.0 - decay(0.05, rise_s));
+    let at_first_close = 1.0 - decay(0.05, rise_s);
+    expected += at_first_close * tail_s * (1.0 - decay(0.082, tail_s));
+    let at_second_open = at_first_close * decay(0.082, tail_s);
+    expected += 0.02 - (1.0 - at_second_open) * rise_s * (1.0 - decay(0.02, rise_s));
+    let at_second_close = 1.0 - (1.0 - at_second_open) * decay(0.02, rise_s);
+    expected += at_second_close * tail_s * (1.0 - decay(0.05, tail_s));
+    assert!((world_momentum(&p).x / torque - expected).abs() < 1e-9, "{}", world_momentum(&p).x / torque);
     // A leak pushes for ever and uses gas.
     let mut p = plant(&simple("thruster_leak", &[("jet_1_n", 0.01)]), &InitialState::default());
     let gas_0 = p.truth().gas_kg;

@@ -206,7 +206,11 @@ impl Gathered {
         count(map.true_attitude.is_some(), "true_attitude", self.attitude.len());
         count(map.true_rate.is_some(), "true_rate", self.rate.len());
         // A channel without a single number was not recorded.
-        let jet_pulses = if self.jets.is_empty() { Vec::new() } else { jet_pulses };
+        let jet_pulses = match (map.jets_off, self.jets.is_empty()) {
+            (true, _) => vec![Vec::new(); known.model.jets.len()],
+            (false, true) => Vec::new(),
+            (false, false) => jet_pulses,
+        };
         let truth = (!self.attitude.is_empty() || !self.rate.is_empty()).then(|| TrueMotion {
             q_world_body: series(self.attitude, start),
             omega_wb_b_rad_s: series(self.rate, start),

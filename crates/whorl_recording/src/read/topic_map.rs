@@ -32,6 +32,8 @@ pub(super) struct TopicMap {
     pub effort_is_command: bool,
     pub closed_loop: Option<bool>,
     pub clamped: bool,
+    /// No valve opened, although no topic says so.
+    pub jets_off: bool,
 }
 
 impl TopicMap {
@@ -100,6 +102,11 @@ impl TopicMap {
             &["on_bearing", "clamped"],
             "clamped: the body was held, only the wheels moved",
         ) == "clamped";
+        map.jets_off = r.bool_or(
+            "jets_off",
+            false,
+            "whether the jets were off: no valve opened during the run, although no topic says so",
+        );
         map
     }
 }

@@ -5,7 +5,8 @@ use whorl_recording::OnInterval;
 /// Gas dynamics of one jet over a run: when its valve is open, and the plenum behind its nozzle.
 #[derive(Debug, Clone, Default)]
 struct Valve {
-    /// (time, open?, fraction of full thrust then), by time.
+    /// (time, open?, then: opening, fraction of full thrust; shutting, place on the curve of the blow-down),
+    /// by time.
     edges: Vec<(f64, bool, f64)>,
 }
 
@@ -18,11 +19,30 @@ pub struct Valves {
     blowing: Vec<(f64, Vec<usize>)>,
 }
 
-/// Isentropic blow-down of a plenum through a choked nozzle: mass ~ (1 + (gamma - 1)/2 t/t0)^(-2/(gamma - 1)),
-/// pressure by the power gamma of it; here to the power -5 of 1 + x/5, which is nitrogen's -7 softened by
-/// heat from the wall. Its impulse is 1.25 t0.
-const BLOW_DOWN_POWER: f64 = 5.0;
-const BLOW_DOWN_IMPULSE: f64 = 1.25;
+/// Blow-down of a plenum through a choked nozzle from full pressure, after `s` of its time constants. It starts
+/// isentropic, nitrogen's (1 + (gamma - 1)/2 t/t0)^(-2 gamma/(gamma - 1)); then heat from the wall holds it up, here
+/// by a slower exponential beside it. Its impulse is one time constant of full thrust.
+fn blown_down(s: f64) -> f64 {
+    0.7 * (1.0 + 0.2 * s / ISENTROPIC_S).powi(-7) + 0.3 * (-s / WARMED_S).exp()
+}
+
+/// Where on that curve a plenum with this share of full thrust is: it falls on from there.
+fn place_on_curve(share: f64) -> f64 {
+    let (mut early, mut late) = (0.0, TAIL);
+    for _ in 0..50 {
+        let middle = 0.5 * (early + late);
+        if blown_down(middle) > share {
+            early = middle;
+        } else {
+            late = middle;
+        }
+    }
+    early
+}
+
+const WARMED_S: f64 = 1.5;
+/// 0.7 t0 / 1.2 + 0.3 * 1.5 = 1.
+const ISENTROPIC_S: f64 = 0.55 * 1.2 / 0.7;
 /// After so many time constants nothing is left worth a step.
 const TAIL: f64 = 40.0;
 
@@ -53,7 +73,7 @@ impl Valves {
                 let at_open = valve.fraction(open, fill_s);
                 valve.edges.push((open, true, at_open));
                 let at_close = valve.fraction(close, fill_s);
-                valve.edges.push((close, false, at_close));
+                valve.edges.push((close, false, place_on_curve(at_close)));
                 times.push((open, jet, true));
                 times.push((close + TAIL * fill_s, jet, false));
                 times.push((close, usize::MAX, false));
@@ -101,14 +121,7 @@ impl Valve {
             (true, false) => 1.0,
             (false, false) => 0.0,
             (true, true) => 1.0 - (1.0 - start) * (-elapsed / fill_s).exp(),
-            (false, true) => {
-                if start < 1e-9 {
-                    return 0.0;
-                }
-                let x = start.powf(-1.0 / BLOW_DOWN_POWER)
-                    + elapsed * BLOW_DOWN_IMPULSE / (fill_s * BLOW_DOWN_POWER);
-                x.powf(-BLOW_DOWN_POWER)
-            }
+            (false, true) => blown_down(start + elapsed / fill_s),
         }
     }
 }
