@@ -48,6 +48,9 @@ struct SourceArguments {
     closed_loop: bool,
 }
 
+/// So many ignored columns are listed.
+const MOST_NAMES: usize = 20;
+
 /// Carries out `whorl import`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     match &arguments.source {
@@ -64,6 +67,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             );
             for (channel, samples) in &imported.channels {
                 println!("  {channel:<22} {samples:>9}");
+            }
+            if !imported.ignored.is_empty() {
+                let shown: Vec<&str> = imported.ignored.iter().take(MOST_NAMES).map(String::as_str).collect();
+                let more = imported.ignored.len() - shown.len();
+                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                println!("ignored, because the map does not name them: {}{more}", shown.join(", "));
             }
             finish(arguments, &known, imported.recording, &[&arguments.file, &arguments.channels])
         }

@@ -114,6 +114,12 @@ impl CsvRows {
         })
     }
 
+    /// Names of the columns that the map does not name.
+    #[must_use]
+    pub fn unread_columns(&self) -> Vec<String> {
+        self.table.unread()
+    }
+
     /// The next line; `None` at the end.
     ///
     /// # Errors

@@ -1,5 +1,7 @@
 //! Reading numbers from named columns.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -14,6 +16,8 @@ pub(crate) struct Table {
     reader: ::csv::Reader<Box<dyn Read + Send>>,
     record: ::csv::StringRecord,
     header: ::csv::StringRecord,
+    /// Indices of the columns that somebody asked for.
+    asked: RefCell<BTreeSet<usize>>,
     /// Line of `record`; the header is line 1.
     line: u64,
 }
@@ -41,7 +45,14 @@ impl Table {
             let rest = header.iter().skip(1);
             header = std::iter::once(first).chain(rest).collect();
         }
-        Ok(Self { path: path.to_owned(), reader, record: ::csv::StringRecord::new(), header, line: 1 })
+        Ok(Self {
+            path: path.to_owned(),
+            reader,
+            record: ::csv::StringRecord::new(),
+            header,
+            asked: RefCell::default(),
+            line: 1,
+        })
     }
 
     /// Finds a column by name; `-name` is the column with its sign reversed, unless there is one that is
@@ -49,6 +60,7 @@ impl Table {
     pub fn column(&self, name: &str) -> Result<Column, CsvError> {
         let find = |name: &str| self.header.iter().position(|n| n == name);
         if let Some(index) = find(name) {
+            self.asked.borrow_mut().insert(index);
             return Ok(Column { index, negative: false });
         }
         let index = name.strip_prefix('-').and_then(find).ok_or_else(|| CsvError::MissingColumn {
@@ -56,7 +68,16 @@ impl Table {
             column: name.to_owned(),
             present: self.header.iter().collect::<Vec<_>>().join(", "),
         })?;
+        self.asked.borrow_mut().insert(index);
         Ok(Column { index, negative: true })
+    }
+
+    /// Names of the columns that nobody asked for.
+    pub fn unread(&self) -> Vec<String> {
+        let asked = self.asked.borrow();
+        let unread =
+            self.header.iter().enumerate().filter(|(index, name)| !name.is_empty() && !asked.contains(index));
+        unread.map(|(_, name)| name.to_owned()).collect()
     }
 
     pub fn columns<const N: usize>(&self, names: &[String; N]) -> Result<[Column; N], CsvError> {

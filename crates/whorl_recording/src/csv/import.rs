@@ -22,6 +22,8 @@ pub struct ImportedCsv {
     pub rows: u64,
     /// Channels of the map and how many samples each has.
     pub channels: Vec<(&'static str, usize)>,
+    /// Columns of the file that the map does not name.
+    pub ignored: Vec<String>,
 }
 
 /// Names of the platform's wheels and jets, for [`CsvMap::load_for`].
@@ -59,7 +61,7 @@ pub fn read_csv(csv: &Path, map: &CsvMap, known: &KnownPlatform) -> Result<Impor
     if motion.iter().all(|samples| *samples == 0) {
         return Err(RecordingError::NothingInCsv { path: csv.to_owned(), rows: gathered.rows });
     }
-    gathered.finish(csv, map, known)
+    Ok(ImportedCsv { ignored: rows.unread_columns(), ..gathered.finish(csv, map, known)? })
 }
 
 /// Values with the time of their row \[ns\].
@@ -236,6 +238,6 @@ impl Gathered {
         };
         let suspicions = recording.suspicions(Some(&known.model));
         recording.remarks.extend(suspicions);
-        Ok(ImportedCsv { recording, rows: self.rows, channels })
+        Ok(ImportedCsv { recording, rows: self.rows, channels, ignored: Vec::new() })
     }
 }

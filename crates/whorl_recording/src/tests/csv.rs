@@ -190,6 +190,14 @@ fn nan_everywhere_is_an_error_and_in_one_channel_a_remark() {
 }
 
 #[test]
+fn columns_that_the_map_does_not_name_are_told() {
+    let map = "    time: {column: t}\n    gyro: {columns: [x, -y, z]}\n";
+    let lines: String = (0..25).map(|i| format!("{i},1,2,{i},4,5\n")).collect();
+    let imported = Files::new().import(map, &format!("t,x,y,z,ballast,note\n{lines}")).unwrap();
+    assert_eq!(imported.ignored, ["ballast", "note"]);
+}
+
+#[test]
 fn what_looks_wrong_is_said() {
     let files = Files::new();
     let map = "    time: {column: t}\n    gyro: {columns: [x, y, z]}\n    accelerometer: {columns: [a, b, c]}\n    wheel_speed: {columns: [n, n2, n3]}\n";
