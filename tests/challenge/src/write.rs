@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use whorl_recording::{Mounting, Recording};
+use nalgebra::Vector3;
+use whorl_recording::{Mounting, Recording, Series};
 
 use crate::cases::Built;
 
@@ -21,17 +22,28 @@ pub fn case(folder: &Path, built: &Built) -> Result<()> {
     let put = |name: &str, text: String| {
         std::fs::write(folder.join(name), text).with_context(|| format!("{}", folder.join(name).display()))
     };
+    let follow_ups = built.follow_ups.iter().map(|follow_up| &follow_up.recording);
+    let all = || built.training.iter().chain(&built.held_out).chain(follow_ups.clone());
+    // One map for all: a run in which the masses stayed at rest says so.
+    let has_ballast = all().any(|recording| !recording.ballast_moment_b_n_m.is_empty());
+    let alike = |recording: &Recording| {
+        let mut recording = recording.clone();
+        if has_ballast && recording.ballast_moment_b_n_m.is_empty() {
+            recording.ballast_moment_b_n_m = Series { time_s: vec![0.0], value: vec![Vector3::zeros()] };
+        }
+        recording
+    };
     for (i, recording) in built.training.iter().enumerate() {
-        put(&format!("train_{}.csv", i + 1), csv(recording))?;
+        put(&format!("train_{}.csv", i + 1), csv(&alike(recording)))?;
     }
     for recording in &built.held_out {
-        put("held_out.csv", csv(recording))?;
+        put("held_out.csv", csv(&alike(recording)))?;
     }
-    for follow_up in &built.follow_ups {
-        put(&format!("{}.csv", follow_up.recording.name), csv(&follow_up.recording))?;
+    for recording in follow_ups.clone() {
+        put(&format!("{}.csv", recording.name), csv(&alike(recording)))?;
     }
     if let Some(first) = built.training.first() {
-        put("MAP.yaml", map(first))?;
+        put("MAP.yaml", map(&alike(first)))?;
     }
     put("whorl_1.yaml", platform(built)?)?;
     put("answer.json", serde_json::to_string_pretty(&built.answer)?)

@@ -23,6 +23,9 @@ use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 /// Separation from which on one effect is clearly another than its rivals.
 const TOLD_APART: f64 = 50.0;
 
+/// Detectability that first data have at least, where a follow-up shall decide.
+const SHOWS: f64 = 100.0;
+
 /// Integration step of rehearsals, of which only the motion counts \[s\].
 const REHEARSAL_STEP_S: f64 = 5e-3;
 
@@ -280,11 +283,12 @@ impl Stand {
             .collect()
     }
 
-    /// A size at which the data with the follow-up run tell the effect from every rival.
+    /// A size at which the data with the follow-up run tell the effect from every rival, and the first data show that
+    /// something is there: of what they do not show, nobody would propose a manoeuvre.
     fn told_apart(&self, lens: &Lens, drawn: &Drawn, lambda: f64) -> Option<(Values, f64)> {
         let own = drawn.at(1.0, &self.stage);
         let rivals: Vec<(&str, Vec<Seen>)> =
-            rivals(drawn.id).iter().map(|rival| (*rival, self.slopes(lens, rival, &own))).collect();
+            rivals(drawn.id).into_iter().map(|rival| (rival, self.slopes(lens, rival, &own))).collect();
         // Friction and steady torques: what they change is in proportion to them, near enough for a size.
         let small = drawn.at(SMALL_STEP, &self.stage);
         let one = lens.see(&self.hidden(&[(drawn.id, small)])).times(1.0 / SMALL_STEP);
@@ -295,7 +299,7 @@ impl Stand {
         let (size, _) = self.size_for(lambda, 60.0, see)?;
         let values = drawn.at(size, &self.stage);
         let reached = self.lens.detectability(&self.hidden(&[(drawn.id, values.clone())]));
-        Some((values, reached))
+        if reached < SHOWS { self.sized(drawn, SHOWS) } else { Some((values, reached)) }
     }
 
     /// What an effect could show, one parameter at a time.
@@ -424,7 +428,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                     let left = stand.beyond_rival(&stand.lens, &alone, own, rival, &slopes);
                     if left < TOLD_APART && left < answer.separation {
                         answer.separation = left;
-                        answer.nearest = Some((*rival).to_owned());
+                        answer.nearest = Some(rival.to_owned());
                     }
                 }
             }
@@ -444,7 +448,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                     let left = stand.beyond_rival(&stand.lens, &seen, &values, rival, &slopes);
                     if left < answer.separation {
                         answer.separation = left;
-                        answer.nearest = Some((*rival).to_owned());
+                        answer.nearest = Some(rival.to_owned());
                     }
                 }
                 hidden = stand.hidden(&[(id, values.clone())]);
@@ -493,7 +497,7 @@ pub fn separation_after_follow_up(stand: &Stand, answer: &Answer) -> Option<f64>
     let (id, values) = answer.values.iter().next()?;
     let seen = lens.see(&stand.hidden(&[(id, values.clone())]));
     rivals(id)
-        .iter()
+        .into_iter()
         .map(|rival| stand.beyond_rival(lens, &seen, values, rival, &stand.slopes(lens, rival, values)))
         .min_by(f64::total_cmp)
 }

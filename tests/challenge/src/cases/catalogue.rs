@@ -102,38 +102,43 @@ pub const SINGLES: [&str; 37] = [
     "flexible_mode",
 ];
 
+/// Effects that may be taken for one another, whichever of the two is there.
+const ALIKE: [(&str, &str); 28] = [
+    ("bearing_viscous_friction", "bearing_coulomb_friction"),
+    ("bearing_viscous_friction", "air_drag_quadratic"),
+    ("bearing_coulomb_friction", "air_drag_quadratic"),
+    ("air_current", "bearing_turbine"),
+    ("air_current", "magnetic_torque"),
+    ("air_current", "harness_spring"),
+    ("air_current", "thruster_leak"),
+    ("air_current", "mass_shift"),
+    ("bearing_turbine", "thruster_leak"),
+    ("bearing_turbine", "magnetic_torque"),
+    ("magnetic_torque", "thruster_leak"),
+    ("magnetic_torque", "harness_spring"),
+    // A leak whose thrust falls with the tank pressure drifts as the mass does.
+    ("mass_shift", "thruster_leak"),
+    ("mass_shift", "thruster_pressure"),
+    ("thruster_strength", "thruster_pressure"),
+    ("thruster_strength", "thruster_misalignment"),
+    ("thruster_strength", "thruster_delay"),
+    ("thruster_strength", "thruster_rise"),
+    ("thruster_delay", "thruster_rise"),
+    ("wheel_friction", "wheel_windage"),
+    ("wheel_inertia", "wheel_misalignment"),
+    ("wheel_inertia", "gyro_scale"),
+    ("wheel_misalignment", "gyro_misalignment"),
+    ("gyro_g_sensitivity", "gyro_temperature"),
+    ("accel_bias", "vector_sensor_misalignment"),
+    ("accel_bias", "accel_scale"),
+    ("accel_scale", "vector_sensor_misalignment"),
+    ("slosh", "flexible_mode"),
+];
+
 /// Effects that may be taken for this one: the oracle checks whether the data can tell.
 #[must_use]
-pub fn rivals(id: &str) -> &'static [&'static str] {
-    match id {
-        "bearing_viscous_friction" => &["bearing_coulomb_friction", "air_drag_quadratic"],
-        "bearing_coulomb_friction" => &["bearing_viscous_friction", "air_drag_quadratic"],
-        "air_drag_quadratic" => &["bearing_viscous_friction", "bearing_coulomb_friction"],
-        "air_current" => &["magnetic_torque", "bearing_turbine"],
-        "bearing_turbine" => &["air_current", "thruster_leak", "magnetic_torque"],
-        "thruster_leak" => &["bearing_turbine", "air_current", "magnetic_torque"],
-        "magnetic_torque" => &["air_current", "bearing_turbine"],
-        "harness_spring" => &["magnetic_torque", "air_current"],
-        // A leak whose thrust falls with the tank pressure drifts as the mass does.
-        "mass_shift" => &["air_current", "thruster_pressure", "thruster_leak"],
-        "thruster_pressure" => &["thruster_strength", "mass_shift"],
-        "thruster_strength" => &["thruster_misalignment", "thruster_pressure", "thruster_delay"],
-        "thruster_misalignment" => &["thruster_strength"],
-        "thruster_delay" => &["thruster_rise", "thruster_strength"],
-        "thruster_rise" => &["thruster_delay", "thruster_strength"],
-        "wheel_friction" => &["wheel_windage"],
-        "wheel_windage" => &["wheel_friction"],
-        "wheel_inertia" => &["wheel_misalignment", "gyro_scale"],
-        "wheel_misalignment" => &["wheel_inertia", "gyro_misalignment"],
-        "gyro_misalignment" => &["wheel_misalignment"],
-        "accel_bias" => &["vector_sensor_misalignment", "accel_scale"],
-        "accel_scale" => &["accel_bias", "vector_sensor_misalignment"],
-        "vector_sensor_misalignment" => &["accel_bias"],
-        "gyro_g_sensitivity" => &["gyro_temperature"],
-        "slosh" => &["flexible_mode"],
-        "flexible_mode" => &["slosh"],
-        _ => &[],
-    }
+pub fn rivals(id: &str) -> Vec<&'static str> {
+    ALIKE.iter().filter_map(|(a, b)| if *a == id { Some(*b) } else { (*b == id).then_some(*a) }).collect()
 }
 
 /// Parameters that scale with the effect, with a step that is small but shows (for sensitivities).
