@@ -17,8 +17,9 @@ pub(crate) const LEAST_DROP: f64 = 30.0;
 /// Held-out data veto an effect by a loss of log likelihood of this share of its log evidence.
 const AGAINST: f64 = 0.1;
 
-/// Log evidence and held-out gain that an effect must bring together.
-const LEAST_TOGETHER: f64 = 14.0;
+/// Log evidence and held-out gain that an effect must bring together: odds of 20,000 to 1, so that the some forty that
+/// compete and the noise that is not quite as measured leave it beyond doubt.
+const LEAST_TOGETHER: f64 = 10.0;
 
 /// A rest of this many standard deviations is worth the columns of hidden states.
 const SOMETHING_LEFT: f64 = 3.0;
