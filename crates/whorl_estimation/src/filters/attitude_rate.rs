@@ -51,22 +51,6 @@ impl AttitudeRateFilter {
         self.omega_rad_s += correction.fixed_rows::<3>(3);
     }
 
-    /// Corrects the estimate by a measurement of three components of which `dof` are independent.
-    fn correct(
-        &mut self,
-        h: &SMatrix<f64, 3, 6>,
-        variance: f64,
-        innovation: &Vector3<f64>,
-        dof: u8,
-    ) -> Update {
-        let noise = Matrix3::identity() * variance;
-        let Some((correction, nis)) = update(&mut self.covariance, h, &noise, innovation) else {
-            return Update::default();
-        };
-        self.apply(&correction);
-        Update { nis, dof }
-    }
-
     /// Moves the mean by a step and gives the error's transition, to second order in the attitude.
     fn predict(&mut self, step: &FilterStep) -> Matrix6<f64> {
         let dt_s = step.dt_s;
@@ -110,7 +94,10 @@ impl Kernel for AttitudeRateFilter {
         let mut h = SMatrix::<f64, 3, 6>::zeros();
         h.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
         let innovation = step.gyro_rad_s - self.gyro_bias_rad_s - self.omega_rad_s;
-        self.correct(&h, self.gyro_noise_density / step.dt_s, &innovation, 3)
+        let (correction, update) =
+            update(&mut self.covariance, &h, self.gyro_noise_density / step.dt_s, &innovation, 3);
+        self.apply(&correction);
+        update
     }
 
     fn correct_direction(
@@ -123,7 +110,9 @@ impl Kernel for AttitudeRateFilter {
         let mut h = SMatrix::<f64, 3, 6>::zeros();
         h.fixed_view_mut::<3, 3>(0, 0).copy_from(&skew(&predicted));
         let innovation = direction_b.into_inner() - predicted;
-        self.correct(&h, variance, &innovation, 2)
+        let (correction, update) = update(&mut self.covariance, &h, variance, &innovation, 2);
+        self.apply(&correction);
+        update
     }
 
     fn solution(&self) -> Solution {

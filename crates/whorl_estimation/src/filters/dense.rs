@@ -1,6 +1,8 @@
 //! The Kalman filter's two steps with dense matrices of any size, for the filters that are compared.
 
-use nalgebra::{Const, SMatrix, SVector};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::Update;
 
 /// `P <- F P F^T + Q` (eq. 4.45, discrete).
 pub(super) fn propagate<const N: usize>(
@@ -12,22 +14,24 @@ pub(super) fn propagate<const N: usize>(
     *p = (*p + p.transpose()) * 0.5;
 }
 
-/// Measurement update (eqs. 4.50-4.53) with Joseph's form: the correction and the normalised innovation squared. `None`,
-/// and nothing changed, if the innovation's covariance is not positive definite.
-pub(super) fn update<const N: usize, const M: usize>(
+/// Measurement update (eqs. 4.50-4.53) with Joseph's form, by three components of equal and independent noise of which
+/// `dof` are independent of one another: the correction, and how well the innovation agreed. No correction, and
+/// nothing changed, if the innovation's covariance is not positive definite.
+pub(super) fn update<const N: usize>(
     p: &mut SMatrix<f64, N, N>,
-    h: &SMatrix<f64, M, N>,
-    noise: &SMatrix<f64, M, M>,
-    innovation: &SVector<f64, M>,
-) -> Option<(SVector<f64, N>, f64)>
-where
-    Const<M>: nalgebra::DimMin<Const<M>, Output = Const<M>>,
-{
+    h: &SMatrix<f64, 3, N>,
+    variance: f64,
+    innovation: &Vector3<f64>,
+    dof: u8,
+) -> (SVector<f64, N>, Update) {
     let on = *p * h.transpose();
-    let s = (h * on + noise).cholesky()?;
+    let Some(s) = (h * on + Matrix3::identity() * variance).cholesky() else {
+        return (SVector::zeros(), Update::default());
+    };
     let gain = s.solve(&on.transpose()).transpose();
     let keep = SMatrix::<f64, N, N>::identity() - gain * h;
-    *p = keep * *p * keep.transpose() + gain * noise * gain.transpose();
+    *p = keep * *p * keep.transpose() + gain * gain.transpose() * variance;
     *p = (*p + p.transpose()) * 0.5;
-    Some((gain * innovation, innovation.dot(&s.solve(innovation))))
+    let nis = innovation.dot(&s.solve(innovation));
+    (gain * innovation, Update { nis, dof })
 }

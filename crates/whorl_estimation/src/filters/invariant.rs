@@ -67,12 +67,9 @@ impl Kernel for InvariantFilter {
         let measured_w = rotation * direction_b.into_inner();
         let h = sensitivity(&measured_w, reference_w);
         let innovation = measured_w - reference_w.into_inner();
-        let noise = Matrix3::identity() * variance;
-        let Some((correction, nis)) = update(&mut self.covariance, &h, &noise, &innovation) else {
-            return Update::default();
-        };
+        let (correction, update) = update(&mut self.covariance, &h, variance, &innovation, 2);
         self.apply(&correction, &rotation);
-        Update { nis, dof: 2 }
+        update
     }
 
     fn solution(&self) -> Solution {

@@ -98,22 +98,6 @@ impl QuaternionRateFilter {
         across.fixed_view_mut::<4, 4>(0, 0).copy_from(&(Matrix4::identity() - along * along.transpose()));
         self.covariance = across * self.covariance * across;
     }
-
-    /// Corrects the estimate by a measurement of three components of which `dof` are independent.
-    fn correct(
-        &mut self,
-        h: &SMatrix<f64, 3, 7>,
-        variance: f64,
-        innovation: &Vector3<f64>,
-        dof: u8,
-    ) -> Update {
-        let noise = Matrix3::identity() * variance;
-        let Some((correction, nis)) = update(&mut self.covariance, h, &noise, innovation) else {
-            return Update::default();
-        };
-        self.apply(&correction);
-        Update { nis, dof }
-    }
 }
 
 impl Kernel for QuaternionRateFilter {
@@ -146,7 +130,10 @@ impl Kernel for QuaternionRateFilter {
         let mut h = SMatrix::<f64, 3, 7>::zeros();
         h.fixed_view_mut::<3, 3>(0, 4).copy_from(&Matrix3::identity());
         let innovation = step.gyro_rad_s - self.gyro_bias_rad_s - self.omega_rad_s;
-        self.correct(&h, self.gyro_noise_density / dt_s, &innovation, 3)
+        let (correction, update) =
+            update(&mut self.covariance, &h, self.gyro_noise_density / dt_s, &innovation, 3);
+        self.apply(&correction);
+        update
     }
 
     fn correct_direction(
@@ -159,7 +146,9 @@ impl Kernel for QuaternionRateFilter {
         let sensitivity = direction_sensitivity(self.q_world_body.quaternion(), reference_w);
         h.fixed_view_mut::<3, 4>(0, 0).copy_from(&sensitivity);
         let innovation = direction_b.into_inner() - self.q_world_body.inverse() * reference_w.into_inner();
-        self.correct(&h, variance, &innovation, 2)
+        let (correction, update) = update(&mut self.covariance, &h, variance, &innovation, 2);
+        self.apply(&correction);
+        update
     }
 
     fn solution(&self) -> Solution {
