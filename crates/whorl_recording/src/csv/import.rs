@@ -61,7 +61,7 @@ pub fn read_csv(csv: &Path, map: &CsvMap, known: &KnownPlatform) -> Result<Impor
     if motion.iter().all(|samples| *samples == 0) {
         return Err(RecordingError::NothingInCsv { path: csv.to_owned(), rows: gathered.rows });
     }
-    Ok(ImportedCsv { ignored: rows.unread_columns(), ..gathered.finish(csv, map, known)? })
+    gathered.finish(csv, map, known, rows.unread_columns())
 }
 
 /// Values with the time of their row \[ns\].
@@ -139,7 +139,13 @@ impl Gathered {
         push(&mut self.rate, at, row.true_rate_b_rad_s);
     }
 
-    fn finish(self, csv: &Path, map: &CsvMap, known: &KnownPlatform) -> Result<ImportedCsv, RecordingError> {
+    fn finish(
+        self,
+        csv: &Path,
+        map: &CsvMap,
+        known: &KnownPlatform,
+        ignored: Vec<String>,
+    ) -> Result<ImportedCsv, RecordingError> {
         let start = self.start_ns();
         let seconds_at = |at: i64| seconds(at - start);
         fn series<T>(samples: Samples<T>, start: i64) -> Series<T> {
@@ -238,6 +244,6 @@ impl Gathered {
         };
         let suspicions = recording.suspicions(Some(&known.model));
         recording.remarks.extend(suspicions);
-        Ok(ImportedCsv { recording, rows: self.rows, channels, ignored: Vec::new() })
+        Ok(ImportedCsv { recording, rows: self.rows, channels, ignored })
     }
 }
