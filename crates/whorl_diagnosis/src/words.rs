@@ -5,6 +5,9 @@ use whorl_dynamics::effects::find;
 use crate::diagnosis::Candidate;
 use crate::{Diagnosis, Verdict};
 
+/// So many sets that explain the data as well are read out; all of them are in `confounded_with`.
+const MOST_SETS: usize = 5;
+
 fn title(id: &str) -> String {
     find(id).map_or_else(|| id.to_owned(), |e| format!("{} ({id})", e.info().title))
 }
@@ -44,8 +47,11 @@ impl Diagnosis {
                     "The model lacks {}, or an effect that these data cannot tell from it.",
                     list(&self.effects)
                 ));
-                let others: Vec<String> = self.confounded_with.iter().map(|set| list(set)).collect();
-                text.push(format!("As well supported: {}.", others.join("; ")));
+                let shown: Vec<String> =
+                    self.confounded_with.iter().take(MOST_SETS).map(|set| list(set)).collect();
+                let more = self.confounded_with.len() - shown.len();
+                let more = if more > 0 { format!("; and {more} more sets") } else { String::new() };
+                text.push(format!("As well supported: {}{more}.", shown.join("; ")));
             }
             Verdict::Unknown => {
                 text.push("Something is missing that no effect of the catalogue explains.".to_owned());
