@@ -38,6 +38,8 @@ pub(crate) fn answers_gyro(recording: &Recording, model: &PlatformModel) -> bool
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
     use whorl_dynamics::PlatformModel;
     use whorl_recording::{Recording, Series};
 
@@ -45,11 +47,8 @@ mod tests {
 
     /// Noise on the gyro, and a torque that answers a share of it.
     fn recording(share: f64) -> Recording {
-        let mut seed = 3u64;
-        let mut noise = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-        };
+        let mut random = Pcg64::new(3, 0);
+        let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
         let time_s: Vec<f64> = (0..4000).map(|i| 0.01 * f64::from(i)).collect();
         let rates: Vec<Vector3<f64>> =
             time_s.iter().map(|_| Vector3::new(noise(), noise(), noise())).collect();

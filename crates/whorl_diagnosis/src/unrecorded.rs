@@ -189,6 +189,9 @@ impl Unexplained {
 
 #[cfg(test)]
 mod tests {
+    use rand_distr::{Distribution, StandardNormal, StandardUniform};
+    use rand_pcg::Pcg64;
+
     use super::*;
 
     const NODE_S: f64 = 0.04;
@@ -196,12 +199,8 @@ mod tests {
 
     /// Noise of one sample 1 mrad/s, eight samples a node, and this rate on top.
     fn scales(duration_s: f64, rate_rad_s: impl Fn(f64) -> f64) -> [Curvature; 3] {
-        let mut seed = 5u64;
-        let mut uniform = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
-        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let mut random = Pcg64::new(5, 0);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
         let nodes = (duration_s / NODE_S) as usize;
         let (mut sum, mut count) = (vec![Vector3::zeros()], vec![0.0]);
         let mut total = (Vector3::zeros(), 0.0);
@@ -230,11 +229,8 @@ mod tests {
 
     /// Rate from pulses of 3 s^-1 on average, each of this length, that push by +-1 mrad/s.
     fn pulsed(length_s: f64) -> impl Fn(f64) -> f64 {
-        let mut seed = 11u64;
-        let mut uniform = move || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut random = Pcg64::new(11, 0);
+        let mut uniform = move || -> f64 { StandardUniform.sample(&mut random) };
         let mut pulses = Vec::new();
         let mut time_s = 0.0;
         while time_s < 90.0 {
