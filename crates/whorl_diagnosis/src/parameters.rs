@@ -140,6 +140,17 @@ impl Reference {
         point.effects.get(effect.info().id).cloned().unwrap_or_else(|| self.values(effect))
     }
 
+    /// Inertia at a point, whether a body can have it or not [kg m^2].
+    pub fn inertia_b_kg_m2(&self, point: &Point) -> Matrix3<f64> {
+        let mut inertia = self.model.mass_properties.inertia_b_kg_m2()
+            + Matrix3::from_diagonal(&nalgebra::Vector3::from(point.moments));
+        if let Some([xy, xz, yz, ..]) = find("inertia_products").map(|e| self.values_at(point, e)).as_deref()
+        {
+            inertia += Matrix3::new(0.0, *xy, *xz, *xy, 0.0, *yz, *xz, *yz, 0.0);
+        }
+        inertia
+    }
+
     /// The platform at a point.
     pub fn model_at(&self, point: &Point) -> Result<PlatformModel, DiagnosisError> {
         let mut model = self.model.clone();

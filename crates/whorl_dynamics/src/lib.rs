@@ -18,6 +18,6 @@ mod validation;
 pub use effects::{Effect, EffectError, EffectInfo, EffectKind, EffectSet, ParameterSpec, TrueImu};
 pub use environment::Environment;
 pub use gyrostat::{Gyrostat, GyrostatError, State};
-pub use mass_properties::MassProperties;
+pub use mass_properties::{INERTIA_TOLERANCE, MassProperties};
 pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, Truth};
 pub use platform::{ModelPrior, PlatformModel};
