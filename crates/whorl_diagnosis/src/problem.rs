@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_recording::Recording;
 
 use crate::bins::sample_step_s;
-use crate::columns::{LANES, Linearised, Moved, group_response, predict};
+use crate::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
 use crate::filter::{Settings, System, WHEEL};
 use crate::mechanics::Mechanics;
 use crate::motion::Motion;
@@ -287,7 +287,7 @@ impl Problem {
         columns: &[Column],
     ) -> Result<Vec<Whitened>, DiagnosisError> {
         let work: Vec<(usize, usize)> = (0..self.runs.len())
-            .flat_map(|r| (0..columns.len().div_ceil(LANES)).map(move |g| (r, g)))
+            .flat_map(|r| (0..columns.len().div_ceil(GROUPS * LANES)).map(move |g| (r, g)))
             .collect();
         // At one point the platform is the same in every run.
         let Some(base) = linearised.first().map(|linear| &linear.mechanics) else { return Ok(Vec::new()) };
@@ -295,7 +295,8 @@ impl Problem {
             threads::map(self.threads, columns, |column| Moved::new(base, &self.reference, point, column));
         let moved = moved.into_iter().collect::<Result<Vec<_>, _>>()?;
         let responses = threads::map(self.threads, &work, |&(r, g)| {
-            let group = &moved[g * LANES..((g + 1) * LANES).min(moved.len())];
+            let together = GROUPS * LANES;
+            let group = &moved[g * together..((g + 1) * together).min(moved.len())];
             match (self.runs.get(r), self.motions.get(r), linearised.get(r)) {
                 (Some(run), Some(motion), Some(linear)) => group_response(run, motion, linear, group),
                 _ => Vec::new(),
@@ -315,7 +316,7 @@ impl Problem {
             .collect();
         for ((r, _), response) in work.iter().zip(responses) {
             if let Some(slot) = whitened.get_mut(*r) {
-                slot.groups.push(response);
+                slot.groups.extend(response);
             }
         }
         // Residuals relative to the reference, so that priors are about zero.

@@ -40,7 +40,7 @@ pub(crate) fn describe(search: &Search<'_>, only_sensors: bool) -> Option<Follow
     let variances = search.best.variances(&search.layout);
     let base_size = search.layout.base.len();
     let lanes = crate::columns::LANES;
-    let chunks: Vec<&[Column]> = columns.chunks(lanes).collect();
+    let chunks: Vec<&[Column]> = columns.chunks(crate::columns::GROUPS * lanes).collect();
     let work: Vec<(usize, usize)> =
         (0..search.problem.runs.len()).flat_map(|r| (0..chunks.len()).map(move |c| (r, c))).collect();
     let responses = threads::map(search.problem.threads, &work, |&(r, c)| {
@@ -65,7 +65,7 @@ pub(crate) fn describe(search: &Search<'_>, only_sensors: bool) -> Option<Follow
         })
         .collect();
     for ((r, _), response) in work.iter().zip(responses) {
-        whitened.get_mut(*r)?.groups.push(response);
+        whitened.get_mut(*r)?.groups.extend(response);
     }
     let total = columns.len();
     // Cross products with the base's columns, run by run.
@@ -83,7 +83,7 @@ pub(crate) fn describe(search: &Search<'_>, only_sensors: bool) -> Option<Follow
         };
         let padded = combined.groups.len() * lanes;
         combined.groups.append(&mut slot.groups);
-        for block in combined.normals(padded + chunks.len() * lanes, search.problem.threads, 1) {
+        for block in combined.normals(padded + total.next_multiple_of(lanes), search.problem.threads, 1) {
             let index = |i: usize| if i < base.len() { i } else { padded + i - base.len() };
             for i in 0..base.len() + total {
                 joint.vector[i] += block.vector[index(i)];

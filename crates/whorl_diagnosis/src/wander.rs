@@ -87,7 +87,7 @@ pub(crate) fn wander(search: &Search<'_>) -> Option<Wander> {
                 stray_response(run, linear, &torques)
             });
             let mut slot = Whitened {
-                groups,
+                groups: groups.into_iter().flatten().collect(),
                 y: vec![0.0; old.y.len()],
                 channel: old.channel.clone(),
                 node: old.node.clone(),

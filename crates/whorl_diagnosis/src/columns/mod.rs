@@ -19,8 +19,12 @@ use crate::parameters::{Point, Reference};
 use crate::run::Run;
 use change::{Change, changes};
 
-/// Columns that pass through the filter side by side.
+/// Columns that lie side by side.
 pub(crate) const LANES: usize = 8;
+
+/// Groups of columns that pass through the filter together: reading the filter's gains and transitions takes as
+/// long as using them.
+pub(crate) const GROUPS: usize = 2;
 
 /// One row of a group of columns.
 pub(crate) type Lanes = [f64; LANES];
@@ -33,13 +37,14 @@ pub(crate) struct Linearised {
     pub gains: Gains,
 }
 
-/// Reads one group of columns of a run: whitened sensitivities, one row of lanes per measurement.
+/// Reads columns of a run, a few groups at the most: of each group whitened sensitivities, one row of lanes per
+/// measurement.
 pub(crate) fn group_response(
     run: &Run,
     motion: &Motion,
     linearised: &Linearised,
     moved: &[Moved],
-) -> Vec<Lanes> {
+) -> Vec<Vec<Lanes>> {
     pass(run, linearised, &changes(run, motion, linearised, moved))
 }
 
@@ -97,33 +102,42 @@ impl Stray {
 }
 
 /// Whitened sensitivities to what has no formula.
-pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray]) -> Vec<Lanes> {
+pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray]) -> Vec<Vec<Lanes>> {
     let changes: Vec<Change> = strays.iter().map(|stray| stray.change(run, linearised)).collect();
     pass(run, linearised, &changes)
 }
 
 /// `a + x b` lane by lane.
 #[inline]
-fn add_scaled(a: &mut Lanes, x: f64, b: &Lanes) {
+fn add_scaled<const L: usize>(a: &mut [f64; L], x: f64, b: &[f64; L]) {
     for (a, b) in a.iter_mut().zip(b) {
         *a += x * b;
     }
 }
 
 /// Passes changes through the filter of a run.
-fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
+fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Vec<Lanes>> {
+    if changes.len() > LANES {
+        wide_pass::<{ GROUPS * LANES }>(run, linearised, changes)
+    } else {
+        wide_pass::<LANES>(run, linearised, changes)
+    }
+}
+
+/// Passes up to `L` changes, a whole number of groups, through the filter of a run.
+fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Vec<Lanes>> {
     let gains = &linearised.gains;
     let n = gains.linear.n;
     let wheels = linearised.mechanics.model().wheels.len();
     let vectors = run.vectors.len();
-    let mut out = Vec::with_capacity(gains.whitened.len());
-    let mut s = vec![[0.0; LANES]; n];
-    let mut next = vec![[0.0; LANES]; n];
+    let mut out: Vec<Vec<Lanes>> = (0..L / LANES).map(|_| Vec::with_capacity(gains.whitened.len())).collect();
+    let mut s = vec![[0.0; L]; n];
+    let mut next = vec![[0.0; L]; n];
     for k in 0..run.nodes() {
         for row in gains.linear.rows_of(k) {
             let measurement = &gains.linear.rows[row];
             let channel = usize::from(measurement.channel);
-            let mut v = [0.0; LANES];
+            let mut v = [0.0; L];
             for (lane, change) in v.iter_mut().zip(changes) {
                 *lane = direct(change, channel, k, vectors, &linearised.prediction);
             }
@@ -136,16 +150,17 @@ fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Lanes> {
             }
             let inverse = gains.inverse_stddev[row];
             v.iter_mut().for_each(|lane| *lane *= inverse);
-            out.push(v);
+            for (group, lanes) in out.iter_mut().zip(v.as_chunks().0) {
+                group.push(*lanes);
+            }
         }
         if k + 1 >= run.nodes() {
             break;
         }
-        let f = gains.linear.transition_over(k);
-        for ((slot, row), pattern) in next.iter_mut().zip(f.chunks_exact(n)).zip(&gains.linear.pattern) {
-            let mut sum = [0.0; LANES];
-            for &m in pattern {
-                add_scaled(&mut sum, row[m], &s[m]);
+        for (slot, (columns, row)) in next.iter_mut().zip(gains.linear.transition_over(k)) {
+            let mut sum = [0.0; L];
+            for (m, x) in columns.iter().zip(row) {
+                add_scaled(&mut sum, *x, &s[*m]);
             }
             *slot = sum;
         }

@@ -49,10 +49,10 @@ pub(crate) struct Linear {
     /// Rows of node k: `first_row[k]..first_row[k + 1]`.
     pub first_row: Vec<usize>,
     pub rows: Vec<Row>,
-    /// intervals x n x n
-    pub transition: Vec<f64>,
+    /// Of each interval's transition what is in the pattern, row by row.
+    transition: Vec<f64>,
     /// Of each row of the transitions, the columns that are not zero all along.
-    pub pattern: Vec<Vec<usize>>,
+    pattern: Vec<Vec<usize>>,
     /// intervals x n
     defect: Vec<f64>,
 }
@@ -66,10 +66,26 @@ impl Linear {
         }
     }
 
-    /// Transition over interval `k`, n x n.
-    pub fn transition_over(&self, k: usize) -> &[f64] {
-        let size = self.n * self.n;
-        self.transition.get(k * size..(k + 1) * size).unwrap_or(&[])
+    /// Rows of the transition over interval `k`: columns that are not zero, and what stands there.
+    #[inline]
+    pub fn transition_over(&self, k: usize) -> impl Iterator<Item = (&[usize], &[f64])> {
+        let size: usize = self.pattern.iter().map(Vec::len).sum();
+        let mut rest = self.transition.get(k * size..(k + 1) * size).unwrap_or(&[]);
+        self.pattern.iter().map(move |columns| {
+            let (row, after) = rest.split_at_checked(columns.len()).unwrap_or_default();
+            rest = after;
+            (columns.as_slice(), row)
+        })
+    }
+
+    /// The transition over interval `k` in full, n x n.
+    fn dense_transition(&self, k: usize, f: &mut [f64]) {
+        f.fill(0.0);
+        for (slots, (columns, row)) in f.chunks_exact_mut(self.n.max(1)).zip(self.transition_over(k)) {
+            for (column, x) in columns.iter().zip(row) {
+                slots[*column] = *x;
+            }
+        }
     }
 }
 
@@ -150,26 +166,28 @@ impl System<'_> {
     pub fn linear(&self) -> Linear {
         let (n, nodes) = (self.states(), self.run.nodes());
         let intervals = nodes.saturating_sub(1);
-        let mut linear = Linear {
-            n,
-            transition: vec![0.0; intervals * n * n],
-            defect: vec![0.0; intervals * n],
-            ..Linear::default()
-        };
+        let mut linear = Linear { n, defect: vec![0.0; intervals * n], ..Linear::default() };
         for k in 0..nodes {
             linear.first_row.push(linear.rows.len());
             self.rows(k, &mut linear.rows);
         }
         linear.first_row.push(linear.rows.len());
         let mut a = vec![0.0; n * n];
-        let steps = linear.transition.chunks_exact_mut(n * n).zip(linear.defect.chunks_exact_mut(n));
+        let mut dense = vec![0.0; intervals * n * n];
+        let mut is_used = vec![false; n * n];
+        let steps = dense.chunks_exact_mut(n * n).zip(linear.defect.chunks_exact_mut(n));
         for (k, (f, d)) in steps.enumerate() {
             self.transition(k, &mut a, f);
             self.defect(k, d);
+            is_used.iter_mut().zip(f).for_each(|(used, x)| *used |= *x != 0.0);
         }
-        let is_used = |i: usize| linear.transition.iter().skip(i).step_by(n * n).any(|x| *x != 0.0);
         linear.pattern =
-            (0..n).map(|row| (0..n).filter(|column| is_used(row * n + column)).collect()).collect();
+            (0..n).map(|row| (0..n).filter(|column| is_used[row * n + column]).collect()).collect();
+        let used: Vec<usize> = (0..n * n).filter(|i| is_used[*i]).collect();
+        linear.transition.reserve_exact(intervals * used.len());
+        for f in dense.chunks_exact(n * n) {
+            linear.transition.extend(used.iter().map(|i| f[*i]));
+        }
         linear
     }
 
@@ -228,14 +246,14 @@ impl System<'_> {
                 }
             }
             if k + 1 < nodes {
-                let f = linear.transition_over(k);
                 let mut moved = [0.0; S];
                 let defect = linear.defect.iter().skip(k * n);
-                for ((slot, row), d) in moved.iter_mut().zip(f.chunks_exact(n)).zip(defect) {
-                    *slot = d + row.iter().zip(&x).map(|(f, x)| f * x).sum::<f64>();
+                for ((slot, (columns, row)), d) in moved.iter_mut().zip(linear.transition_over(k)).zip(defect)
+                {
+                    *slot = d + columns.iter().zip(row).map(|(m, f)| f * x[*m]).sum::<f64>();
                 }
                 x = moved;
-                p = congruence(f, &linear.pattern, &p);
+                p = congruence(|| linear.transition_over(k), &p);
                 self.add_noise(&noise, k, &mut p);
                 symmetrise(&mut p);
             }

@@ -27,17 +27,18 @@ impl System<'_> {
         }
         let (mut lambda, mut back) = (vec![0.0; n], vec![0.0; n]);
         let mut big = DMatrix::<f64>::zeros(n, n);
+        let mut dense = vec![0.0; n * n];
         for k in (0..nodes).rev() {
             if k + 1 < nodes {
-                let f = linear.transition_over(k);
                 back.fill(0.0);
-                for (row, l) in f.chunks_exact(n).zip(&lambda) {
-                    back.iter_mut().zip(row).for_each(|(slot, x)| *slot += x * l);
+                for ((columns, row), l) in linear.transition_over(k).zip(&lambda) {
+                    columns.iter().zip(row).for_each(|(m, x)| back[*m] += x * l);
                 }
                 std::mem::swap(&mut lambda, &mut back);
                 if with_torque {
                     // F^T L F; what is stored by rows is seen as its transpose.
-                    let transposed = DMatrixView::from_slice(f, n, n);
+                    linear.dense_transition(k, &mut dense);
+                    let transposed = DMatrixView::from_slice(&dense, n, n);
                     let moved = &big * transposed.transpose();
                     big.gemm(1.0, &transposed, &moved, 0.0);
                 }

@@ -6,14 +6,15 @@
 /// A square matrix with room for `S` states, what is not used being zero; the compiler unrolls its rows.
 pub(super) type Square<const S: usize> = [[f64; S]; S];
 
-/// `a b`, where `pattern` holds the columns of each row of `a` that are not zero.
-fn sparse_product<const S: usize>(a: &[f64], pattern: &[Vec<usize>], b: &Square<S>) -> Square<S> {
+/// `a b`, of `a` the columns of each row that are not zero, and what stands there.
+fn sparse_product<'a, const S: usize>(
+    a: impl Iterator<Item = (&'a [usize], &'a [f64])>,
+    b: &Square<S>,
+) -> Square<S> {
     let mut product = [[0.0; S]; S];
-    let rows = a.chunks_exact(pattern.len().max(1));
-    for ((slot, row), columns) in product.iter_mut().zip(rows).zip(pattern) {
-        for &m in columns {
-            let x = row[m];
-            slot.iter_mut().zip(&b[m]).for_each(|(s, y)| *s += x * y);
+    for (slot, (columns, row)) in product.iter_mut().zip(a) {
+        for (m, x) in columns.iter().zip(row) {
+            slot.iter_mut().zip(&b[*m]).for_each(|(s, y)| *s += x * y);
         }
     }
     product
@@ -23,10 +24,13 @@ fn transposed<const S: usize>(a: &Square<S>) -> Square<S> {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
-/// `f p f^T` for a symmetric `p`.
-pub(super) fn congruence<const S: usize>(f: &[f64], pattern: &[Vec<usize>], p: &Square<S>) -> Square<S> {
+/// `f p f^T` for a symmetric `p`, `f` by its rows.
+pub(super) fn congruence<'a, const S: usize, R: Iterator<Item = (&'a [usize], &'a [f64])>>(
+    f: impl Fn() -> R,
+    p: &Square<S>,
+) -> Square<S> {
     // (F P)^T = P F^T.
-    sparse_product(f, pattern, &transposed(&sparse_product(f, pattern, p)))
+    sparse_product(f(), &transposed(&sparse_product(f(), p)))
 }
 
 /// Takes the rounding error off a symmetric matrix.
