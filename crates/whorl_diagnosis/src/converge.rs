@@ -15,7 +15,7 @@ use crate::hypothesis::{Hypothesis, Member};
 use crate::motion::Motion;
 use crate::parameters::Point;
 use crate::physical::between;
-use crate::problem::Dataset;
+use crate::problem::{Dataset, Problem};
 use crate::regression::Estimate;
 use crate::search::{LEAST_DROP, NO_FIT, Search, dataset, point_of};
 
@@ -50,6 +50,15 @@ pub(crate) struct Converged {
     motions: Vec<Motion>,
     layout: Layout,
     members: Vec<Member>,
+}
+
+impl Converged {
+    /// The random walk of the gyro's bias that data support beside this set: [`Problem::likeliest_gyro_bias_walk`].
+    pub fn likeliest_gyro_bias_walk(&self, problem: &Problem) -> Result<Option<f64>, DiagnosisError> {
+        let mut along = problem.clone();
+        along.motions.clone_from(&self.motions);
+        along.likeliest_gyro_bias_walk(&self.point)
+    }
 }
 
 /// A member as the columns of another layout.
@@ -120,25 +129,27 @@ fn at_itself(
 
 impl Search<'_> {
     /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
-    pub(crate) fn converge(&mut self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
+    pub(crate) fn converge(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
         let ids: Vec<&'static str> = start
             .members
             .iter()
             .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
             .collect();
-        let kept = self.problem.motions.clone();
-        let found = self.descend(start, &ids);
-        let motions = std::mem::replace(&mut self.problem.motions, kept);
-        Ok(found?.map(|mut converged| {
-            if converged.motions.is_empty() {
-                converged.motions = motions;
-            }
-            converged
-        }))
+        // Along a motion of its own.
+        self.descend(&mut self.problem.clone(), start, &ids)
+    }
+
+    /// Fits several sets where each fits best, side by side.
+    pub(crate) fn converge_all(
+        &self,
+        starts: &[&Hypothesis],
+    ) -> Result<Vec<Option<Converged>>, DiagnosisError> {
+        crate::threads::map(self.problem.threads, starts, |start| self.converge(start)).into_iter().collect()
     }
 
     fn descend(
-        &mut self,
+        &self,
+        problem: &mut Problem,
         start: &Hypothesis,
         ids: &[&'static str],
     ) -> Result<Option<Converged>, DiagnosisError> {
@@ -160,11 +171,11 @@ impl Search<'_> {
         let mut allowed =
             self.standing(&self.best).filter(|_| holds_best).map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
         for step in 0..MOST_STEPS {
-            self.problem.smooth(&point, None)?;
+            problem.smooth(&point, None)?;
             let here = Layout::of_effects(&self.problem.reference, &point, &self.available, ids);
             members = members.iter().filter_map(|m| carried(m, &layout, &here)).collect();
             layout = here;
-            let data = dataset(self.problem, &point, &layout, self.colours.clone())?;
+            let data = dataset(problem, &point, &layout, self.colours.clone())?;
             let Some(fit) = Hypothesis::of(&layout, &data.total, members.clone()) else { break };
             if fit.members.len() < ids.len() {
                 break;
@@ -199,7 +210,7 @@ impl Search<'_> {
                 names: fit.names(&layout),
                 standing: Standing { log_evidence: factor - 0.5 * misfit, misfit, held_misfit: None },
                 point: here.clone(),
-                motions: self.problem.motions.clone(),
+                motions: problem.motions.clone(),
                 layout: layout.clone(),
                 members: fit.members.clone(),
             });
@@ -247,13 +258,10 @@ impl Search<'_> {
     }
 
     /// Whitened misfit of held-out data with a converged set.
-    pub(crate) fn held_misfit(&mut self, converged: &Converged) -> Result<Option<f64>, DiagnosisError> {
-        let Some(held) = &mut self.held_out else { return Ok(None) };
-        let kept = held.motions.clone();
+    pub(crate) fn held_misfit(&self, converged: &Converged) -> Result<Option<f64>, DiagnosisError> {
+        let Some(mut held) = self.held_out.as_deref().cloned() else { return Ok(None) };
         held.smooth(&converged.point, None)?;
-        let data = dataset(held, &converged.point, &converged.layout, self.held_colours.clone());
-        held.motions = kept;
-        let data = data?;
+        let data = dataset(&held, &converged.point, &converged.layout, self.held_colours.clone())?;
         let mut at = DVector::zeros(converged.layout.columns.len());
         for (slot, column) in at.iter_mut().zip(&converged.layout.columns) {
             *slot = held.reference.distance(&converged.point, column);

@@ -2,18 +2,30 @@
 
 use crate::Unknown;
 use crate::diagnosis::{Candidate, ParameterEstimate};
+use crate::parameters::Point;
+use crate::problem::Problem;
 use crate::search::{Search, point_of};
 use crate::spectrum::{CERTAIN, lines};
 
 /// Power of the attitude sensors' residual against the gyro that no noise has.
 const CONTRADICTION: f64 = 2.5;
 
+/// Power of what the other sensors say against the gyro, if no motion at all fits both.
+fn contradicting_power(problem: &Problem, point: &Point) -> Option<f64> {
+    let power = problem.kinematic_power(point).unwrap_or(1.0);
+    (power > CONTRADICTION).then_some(power)
+}
+
+/// Whether the gyro contradicts the other sensors.
+pub(crate) fn contradicts(problem: &Problem, point: &Point) -> bool {
+    contradicting_power(problem, point).is_some()
+}
+
 impl Search<'_> {
     /// The gyro against the other sensors, if no motion at all fits both.
     pub(crate) fn contradiction(&self) -> Option<Unknown> {
         let point = point_of(self.problem, &self.layout, &self.point, &self.best);
-        let power = self.problem.kinematic_power(&point).unwrap_or(1.0);
-        (power > CONTRADICTION).then(|| Unknown {
+        contradicting_power(self.problem, &point).map(|power| Unknown {
             variable: "gyro_rate".to_owned(),
             frame: "body".to_owned(),
             axis: "x".to_owned(),

@@ -96,34 +96,79 @@ pub fn diagnose(
         ));
         return Ok(diagnosis);
     }
-    let (diagnosis, point) = answer(&mut problem, held.as_mut(), options, progress)?;
     // A gyro whose bias wanders more than the model says looks like something that is missing, or hides behind
     // a sensor effect.
+    let mut searched = answer(&mut problem, held.as_mut(), options, true, progress)?;
+    if let Searched::Wanders(walk) = searched {
+        expect_walk(walk, &mut problem, held.as_mut());
+        searched = answer(&mut problem, held.as_mut(), options, false, progress)?;
+    }
+    if !problem.has_steady_bias() {
+        let walk = problem.gyro_bias_walk;
+        // What was found on the way must hold in the end.
+        if let Searched::Answered(diagnosis, point) = searched
+            && !is_strong(&diagnosis)
+            && problem.with_steady_bias().likeliest_gyro_bias_walk(&point)? == Some(walk)
+        {
+            return Ok(wandering(*diagnosis, walk));
+        }
+        expect_walk(problem::STEADY_BIAS_WALK, &mut problem, held.as_mut());
+        searched = answer(&mut problem, held.as_mut(), options, false, progress)?;
+    }
+    let Searched::Answered(diagnosis, point) = searched else { return Err(search::NO_FIT) };
     let walk = if is_faint(&diagnosis) { problem.likeliest_gyro_bias_walk(&point)? } else { None };
-    let Some(walk) = walk else { return Ok(diagnosis) };
-    for problem in std::iter::once(&mut problem).chain(&mut held) {
+    let Some(walk) = walk else { return Ok(*diagnosis) };
+    let contradicts = diagnosis.verdict == Verdict::Unknown && direct::contradicts(&problem, &point);
+    expect_walk(walk, &mut problem, held.as_mut());
+    // What contradicts the gyro however its bias wanders would do so after another search.
+    if contradicts && direct::contradicts(&problem, &point) {
+        return Ok(*diagnosis);
+    }
+    match answer(&mut problem, held.as_mut(), options, false, progress)? {
+        Searched::Answered(diagnosis, _) => Ok(wandering(*diagnosis, walk)),
+        Searched::Wanders(_) => Ok(*diagnosis),
+    }
+}
+
+/// Lets the gyro's bias walk by this much [rad/s/sqrt(s)].
+fn expect_walk(walk: f64, problem: &mut problem::Problem, held_out: Option<&mut problem::Problem>) {
+    for problem in std::iter::once(problem).chain(held_out) {
         problem.gyro_bias_walk = walk;
     }
-    let (mut diagnosis, _) = answer(&mut problem, held.as_mut(), options, progress)?;
+}
+
+fn wandering(mut diagnosis: Diagnosis, walk: f64) -> Diagnosis {
     diagnosis.remarks.push(format!(
         "the gyro's bias wanders by {walk:.0e} rad/s/sqrt(s), more than the model says (bias_walk_rad_s_sqrt_s); this is taken into account"
     ));
-    Ok(diagnosis)
+    diagnosis
 }
 
-/// One search; with the point at which it ended.
+/// What became of a search.
+enum Searched {
+    /// The answer, and the point at which the search ended.
+    Answered(Box<Diagnosis>, parameters::Point),
+    /// The first effect was faint, and beside it the gyro's bias wanders by so much [rad/s/sqrt(s)]: this must be taken
+    /// into account from the start.
+    Wanders(f64),
+}
+
+/// One search, which ends early if it `watches` the gyro's bias.
 fn answer(
     problem: &mut problem::Problem,
     held_out: Option<&mut problem::Problem>,
     options: &Options,
+    watches: bool,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(Diagnosis, parameters::Point), DiagnosisError> {
+) -> Result<Searched, DiagnosisError> {
     let mut search = search::Search::start(problem, held_out, options, progress)?;
-    search.run(progress)?;
+    if let Some(walk) = search.run(watches, progress)? {
+        return Ok(Searched::Wanders(walk));
+    }
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer();
     if let Some(remark) = unrecorded::pulses(&search)? {
-        return Ok((diagnosis.withheld(remark), search.point));
+        return Ok(Searched::Answered(Box::new(diagnosis.withheld(remark)), search.point));
     }
     if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
@@ -133,11 +178,16 @@ fn answer(
         }
         diagnosis.remarks.push(other.to_string());
     }
-    Ok((diagnosis, search.point))
+    Ok(Searched::Answered(Box::new(diagnosis), search.point))
 }
 
 /// Log evidence of a member that no noise of a plausible gyro could make.
-const BEYOND_NOISE: f64 = 300.0;
+pub(crate) const BEYOND_NOISE: f64 = 300.0;
+
+/// Whether each named effect is beyond what noise could make.
+fn is_strong(diagnosis: &Diagnosis) -> bool {
+    matches!(diagnosis.verdict, Verdict::Named | Verdict::Confounded) && !is_faint(diagnosis)
+}
 
 /// Whether noise of another kind than the model's could have made a verdict.
 fn is_faint(diagnosis: &Diagnosis) -> bool {

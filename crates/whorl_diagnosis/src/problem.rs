@@ -1,11 +1,13 @@
 //! Recordings made ready: trajectories smoothed, whitened, linearised.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use whorl_recording::Recording;
 
 use crate::bins::sample_step_s;
 use crate::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
-use crate::filter::{Settings, System, WHEEL};
+use crate::filter::{Forward, Settings, System, WHEEL};
 use crate::mechanics::Mechanics;
 use crate::motion::Motion;
 use crate::parameters::{Column, Point, Reference};
@@ -27,7 +29,7 @@ pub(crate) const MEMORY_S: f64 = 20.0;
 pub(crate) const FREE_RATE_WALK: f64 = 0.3;
 
 /// A bias that hardly walks [rad/s/sqrt(s)].
-const STEADY_BIAS_WALK: f64 = 1e-7;
+pub(crate) const STEADY_BIAS_WALK: f64 = 1e-7;
 
 /// Walks of the gyro's bias that are tried [rad/s/sqrt(s)]: from a fibre-optic gyro to a cheap one in a draught.
 const BIAS_WALKS: [f64; 5] = [3e-6, 1e-5, 3e-5, 1e-4, 3e-4];
@@ -35,10 +37,11 @@ const BIAS_WALKS: [f64; 5] = [3e-6, 1e-5, 3e-5, 1e-4, 3e-4];
 /// Log likelihood that a walk must bring: less is chance.
 const WORTH_A_WALK: f64 = 4.0;
 
-/// Runs with their trajectories.
+/// Runs with their trajectories; copies share the runs.
+#[derive(Debug, Clone)]
 pub(crate) struct Problem {
     pub reference: Reference,
-    pub runs: Vec<Run>,
+    pub runs: Arc<Vec<Run>>,
     pub motions: Vec<Motion>,
     pub threads: usize,
     /// Density of the gyro's noise, per run [rad/s sqrt(s)].
@@ -63,18 +66,18 @@ pub(crate) struct Dataset {
     pub log_density: f64,
 }
 
-/// The random walk of the rate that the data support best, not below `least`.
-fn likeliest_walk(least: f64, log_likelihood: impl Fn(f64) -> f64) -> f64 {
-    let mut best = (log_likelihood(least), least);
+/// The run of the filter with the random walk of the rate that the data support best, not below `least`.
+fn likeliest_walk(least: f64, filtered: impl Fn(f64) -> Forward) -> Forward {
+    let mut best = filtered(least);
     for factor in [5.0, 25.0, 125.0] {
-        let here = log_likelihood(least * factor);
+        let here = filtered(least * factor);
         // A few more would be chance.
-        if here < best.0 + 3.0 {
+        if here.log_likelihood < best.log_likelihood + 3.0 {
             break;
         }
-        best = (here, least * factor);
+        best = here;
     }
-    best.1
+    best
 }
 
 impl Problem {
@@ -95,7 +98,7 @@ impl Problem {
             Ok::<_, DiagnosisError>((run, step_s))
         });
         let mut problem = Self {
-            runs: Vec::new(),
+            runs: Arc::default(),
             motions: Vec::new(),
             threads,
             gyro_density: Vec::new(),
@@ -103,12 +106,14 @@ impl Problem {
             gyro_bias_walk: STEADY_BIAS_WALK,
             reference,
         };
+        let mut runs = Vec::new();
         for result in made {
             let (run, step_s) = result?;
             problem.gyro_density.push(run.noise.gyro.mean() * step_s.sqrt());
             problem.wheel_density.push(run.noise.wheel * step_s.sqrt());
-            problem.runs.push(run);
+            runs.push(run);
         }
+        problem.runs = Arc::new(runs);
         let mechanics = Mechanics::new(&problem.reference.model)?;
         problem.motions = threads::map(threads, &problem.runs, |run| Motion::rough(run, mechanics.model()));
         problem.check_attitude()?;
@@ -119,7 +124,7 @@ impl Problem {
     /// interval more or less changes the density of the data by more than two like effects differ.
     pub fn settle_stops(&mut self) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model)?;
-        for (run, motion) in self.runs.iter_mut().zip(&self.motions) {
+        for (run, motion) in Arc::make_mut(&mut self.runs).iter_mut().zip(&self.motions) {
             run.near_stop = motion.q_mid.iter().map(|q| mechanics.near_stop(q)).collect();
         }
         Ok(())
@@ -161,11 +166,14 @@ impl Problem {
                 settings: Settings { rate_walk, wheel_noise, ..self.settings(r) },
             };
             let linear = system(0.0).linear();
-            let walk = rate_walk.unwrap_or_else(|| {
-                likeliest_walk(self.settings(r).rate_walk, |walk| system(walk).log_likelihood(&linear))
-            });
+            let filtered = |walk: f64| system(walk).filtered(&linear);
+            let forward = match rate_walk {
+                Some(walk) => filtered(walk),
+                None => likeliest_walk(self.settings(r).rate_walk, filtered),
+            };
             let mut better = motion.clone();
-            for (k, state) in system(walk).smoothed(&linear).state.chunks_exact(linear.n).enumerate() {
+            let smoothed = system(0.0).smoothed_from(&linear, &forward);
+            for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
                 let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
                 better.correct(k, &part(0), &part(3), &state[WHEEL..WHEEL + mechanics.model().wheels.len()]);
             }
@@ -238,6 +246,16 @@ impl Problem {
             }
         }
         Ok(best.1)
+    }
+
+    /// Whether the gyro's bias is expected to walk no more than the model says.
+    pub fn has_steady_bias(&self) -> bool {
+        self.gyro_bias_walk <= STEADY_BIAS_WALK
+    }
+
+    /// As if the gyro's bias walked no more than the model says.
+    pub fn with_steady_bias(&self) -> Self {
+        Self { gyro_bias_walk: STEADY_BIAS_WALK, ..self.clone() }
     }
 
     /// Settings of the whitening filter of a run.
@@ -327,7 +345,7 @@ impl Problem {
                     && let Some(group) = slot.groups.get(i / LANES)
                 {
                     for (y, lanes) in slot.y.iter_mut().zip(group) {
-                        *y += distance * lanes[i % LANES];
+                        *y += distance * f64::from(lanes[i % LANES]);
                     }
                 }
             }

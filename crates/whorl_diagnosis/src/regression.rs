@@ -100,7 +100,8 @@ impl Whitened {
             for (g, group) in self.groups.iter().enumerate() {
                 let lanes = group.get(start..end).unwrap_or(&[]);
                 for (row, lanes) in data.chunks_exact_mut(padded).zip(lanes) {
-                    row[g * LANES..(g + 1) * LANES].copy_from_slice(lanes);
+                    let slots = &mut row[g * LANES..(g + 1) * LANES];
+                    slots.iter_mut().zip(lanes).for_each(|(slot, x)| *slot = f64::from(*x));
                 }
             }
             let data = &data[..padded * count];
@@ -156,7 +157,7 @@ impl Whitened {
                 continue;
             }
             for (slot, lanes) in e.iter_mut().zip(group) {
-                *slot -= lanes.iter().zip(&factors).map(|(x, f)| x * f).sum::<f64>();
+                *slot -= lanes.iter().zip(&factors).map(|(x, f)| f64::from(*x) * f).sum::<f64>();
             }
         }
         e
@@ -187,8 +188,8 @@ impl Whitened {
                 colour.whiten(
                     rows,
                     &mut group,
-                    |y, x, factor| y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x),
-                    |y, factor| y.iter_mut().for_each(|y| *y *= factor),
+                    |y, x, factor| y.iter_mut().zip(x).for_each(|(y, x)| *y += factor as f32 * x),
+                    |y, factor| y.iter_mut().for_each(|y| *y *= factor as f32),
                 );
             }
         });

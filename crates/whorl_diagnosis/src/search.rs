@@ -252,10 +252,18 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Grows the set while an effect passes every gate, swapping and removing members on the way.
-    pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
+    /// Grows the set while an effect passes every gate, swapping and removing members on the way. If it `watches`
+    /// the gyro's bias, it ends with the walk of that bias as soon as a faint effect is found beside one.
+    pub fn run(
+        &mut self,
+        watches: bool,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Option<f64>, DiagnosisError> {
+        let mut additions = self.additions(&self.base);
+        if watches && self.expects_wandering(additions.first())? {
+            additions = self.additions(&self.base);
+        }
         let rest = crate::answer::rest(self.problem, &self.data, &self.layout, &self.base);
-        let additions = self.additions(&self.base);
         self.lines = crate::spectrum::lines(self, &self.base);
         let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
         if faint
@@ -302,13 +310,41 @@ impl<'a> Search<'a> {
                 }
             }
             let Some(next) = self.strongest(&additions)? else { break };
+            if watches && round == 0 && self.problem.has_steady_bias() {
+                let base = self.standing(&self.base).map_or(f64::NEG_INFINITY, |base| base.log_evidence);
+                let is_faint = next.standing.log_evidence - base < crate::BEYOND_NOISE;
+                if let Some(walk) = if is_faint { next.likeliest_gyro_bias_walk(self.problem)? } else { None }
+                {
+                    return Ok(Some(walk));
+                }
+            }
             self.settle(next)?;
             self.tidy()?;
             if self.best.members.is_empty() {
                 break;
             }
         }
-        Ok(())
+        Ok(None)
+    }
+
+    /// Takes into account that the gyro's bias wanders, if it does beside the first explanation and that one will be
+    /// faint: what was found without would have to be searched for again.
+    fn expects_wandering(&mut self, first: Option<&Hypothesis>) -> Result<bool, DiagnosisError> {
+        let Some(first) = first else { return Ok(false) };
+        let gain = first.log_evidence - self.base.log_evidence;
+        if !(LEAST_TOGETHER * self.data.temper..crate::BEYOND_NOISE).contains(&gain) {
+            return Ok(false);
+        }
+        let beside = point_of(self.problem, &self.layout, &self.point, first);
+        let Some(walk) = self.problem.likeliest_gyro_bias_walk(&beside)? else { return Ok(false) };
+        crate::expect_walk(walk, self.problem, self.held_out.as_deref_mut());
+        smooth_all(self.problem, &mut self.held_out, &self.point, None)?;
+        (self.colours, self.held_colours) = (None, None);
+        self.regress()?;
+        self.colours = Some(self.data.colours.clone());
+        self.held_colours = self.held_data.as_ref().map(|held| held.colours.clone());
+        self.best = self.base.clone();
+        Ok(true)
     }
 
     /// Of sets that add to the best one, those that may be the strongest are fitted where each fits best; the
@@ -332,12 +368,11 @@ impl<'a> Search<'a> {
             })
             .take(MOST_RIVALS)
             .collect();
-        let mut found: Vec<(&Hypothesis, Converged)> = Vec::new();
-        for rival in rivals {
-            if let Some(converged) = self.converge(rival)? {
-                self.remember(&converged);
-                found.push((rival, converged));
-            }
+        let converged = self.converge_all(&rivals)?;
+        let mut found: Vec<(&Hypothesis, Converged)> =
+            rivals.into_iter().zip(converged).filter_map(|(set, at)| Some((set, at?))).collect();
+        for (_, converged) in &found {
+            self.remember(converged);
         }
         found.sort_by(|a, b| b.1.standing.log_evidence.total_cmp(&a.1.standing.log_evidence));
         // One that held-out data refuse gives way to the next.
@@ -399,23 +434,29 @@ impl<'a> Search<'a> {
         let own = self.best.names(&self.layout);
         let swaps = self.additions(rest);
         let swaps = swaps.into_iter().enumerate().filter(|(i, s)| *i == 0 || s.estimate.drop > near);
-        for (_, swap) in swaps.take(MOST_RIVALS) {
-            if swap.names(&self.layout) == own {
-                continue;
-            }
-            if self.standing(&swap).is_none()
-                && let Some(mut converged) = self.converge(&swap)?
-            {
-                converged.standing.held_misfit = self.held_misfit(&converged)?;
-                self.remember(&converged);
-            }
-            // What held-out data refuse would only leave again, and nothing be left.
-            if self.standing(&swap).is_some()
-                && self.advantage(&swap, &self.best).0 > 1.0
-                && self.passes(&swap, rest)
-            {
-                self.best = swap;
-                return Ok(true);
+        let swaps: Vec<Hypothesis> = swaps
+            .map(|(_, swap)| swap)
+            .take(MOST_RIVALS)
+            .filter(|swap| swap.names(&self.layout) != own)
+            .collect();
+        for some in swaps.chunks(self.problem.threads.max(1)) {
+            let new: Vec<&Hypothesis> = some.iter().filter(|swap| self.standing(swap).is_none()).collect();
+            let mut fitted = self.converge_all(&new)?.into_iter();
+            for swap in some {
+                if self.standing(swap).is_none()
+                    && let Some(mut converged) = fitted.next().flatten()
+                {
+                    converged.standing.held_misfit = self.held_misfit(&converged)?;
+                    self.remember(&converged);
+                }
+                // What held-out data refuse would only leave again, and nothing be left.
+                if self.standing(swap).is_some()
+                    && self.advantage(swap, &self.best).0 > 1.0
+                    && self.passes(swap, rest)
+                {
+                    self.best = swap.clone();
+                    return Ok(true);
+                }
             }
         }
         Ok(false)

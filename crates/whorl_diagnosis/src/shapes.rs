@@ -105,7 +105,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     }
     let of_run = |values: fn(&Run) -> &Vec<f64>| -> (f64, f64) {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for run in &search.problem.runs {
+        for run in search.problem.runs.iter() {
             for x in values(run) {
                 low = low.min(*x);
                 high = high.max(*x);

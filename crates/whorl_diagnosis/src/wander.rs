@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::columns::{LANES, Stray, stray_response};
+use crate::columns::{GROUPS, LANES, Stray, stray_response};
 use crate::regression::{Estimate, Normal, Whitened};
 use crate::run::Run;
 use crate::search::Search;
@@ -64,7 +64,7 @@ pub(crate) fn wander(search: &Search<'_>) -> Option<Wander> {
             let (step_s, count) = (knots(run).0, *counts.get(r)?);
             let hats: Vec<(usize, usize)> =
                 (0..3).flat_map(|axis| (0..count).map(move |k| (axis, k))).collect();
-            let chunks: Vec<&[(usize, usize)]> = hats.chunks(LANES).collect();
+            let chunks: Vec<&[(usize, usize)]> = hats.chunks(GROUPS * LANES).collect();
             let groups = threads::map(search.problem.threads, &chunks, |chunk| {
                 let torques: Vec<Stray> = chunk
                     .iter()
@@ -104,7 +104,9 @@ pub(crate) fn wander(search: &Search<'_>) -> Option<Wander> {
                 Some(hat) => first + (hat / count.max(1)) * of_axis + hat % count.max(1),
                 None => i,
             };
-            for block in combined.normals(padded + chunks.len() * LANES, search.problem.threads, 1) {
+            for block in
+                combined.normals(padded + hats.len().next_multiple_of(LANES), search.problem.threads, 1)
+            {
                 for i in 0..base.len() + hats.len() {
                     joint.vector[target(i)] += block.vector[place(i)];
                     for j in 0..base.len() + hats.len() {

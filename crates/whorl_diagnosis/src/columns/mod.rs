@@ -26,8 +26,9 @@ pub(crate) const LANES: usize = 8;
 /// long as using them.
 pub(crate) const GROUPS: usize = 2;
 
-/// One row of a group of columns.
-pub(crate) type Lanes = [f64; LANES];
+/// One row of a group of columns. There are hundreds of columns of 10^5 rows; what is computed with them is summed
+/// in double precision.
+pub(crate) type Lanes = [f32; LANES];
 
 /// A run linearised at a point.
 pub(crate) struct Linearised {
@@ -108,7 +109,7 @@ pub(crate) fn stray_response(run: &Run, linearised: &Linearised, strays: &[Stray
 }
 
 /// `a + x b` lane by lane.
-#[inline]
+#[inline(always)]
 fn add_scaled<const L: usize>(a: &mut [f64; L], x: f64, b: &[f64; L]) {
     for (a, b) in a.iter_mut().zip(b) {
         *a += x * b;
@@ -117,14 +118,32 @@ fn add_scaled<const L: usize>(a: &mut [f64; L], x: f64, b: &[f64; L]) {
 
 /// Passes changes through the filter of a run.
 fn pass(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Vec<Lanes>> {
+    // Compiled for each kind of processor that pulp knows.
+    let processor = pulp::Arch::new();
     if changes.len() > LANES {
-        wide_pass::<{ GROUPS * LANES }>(run, linearised, changes)
+        processor.dispatch(Pass::<{ GROUPS * LANES }> { run, linearised, changes })
     } else {
-        wide_pass::<LANES>(run, linearised, changes)
+        processor.dispatch(Pass::<LANES> { run, linearised, changes })
     }
 }
 
-/// Passes up to `L` changes, a whole number of groups, through the filter of a run.
+/// Up to `L` changes, a whole number of groups, on their way through the filter of a run.
+struct Pass<'a, const L: usize> {
+    run: &'a Run,
+    linearised: &'a Linearised,
+    changes: &'a [Change],
+}
+
+impl<const L: usize> pulp::NullaryFnOnce for Pass<'_, L> {
+    type Output = Vec<Vec<Lanes>>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        wide_pass::<L>(self.run, self.linearised, self.changes)
+    }
+}
+
+#[inline(always)]
 fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Vec<Lanes>> {
     let gains = &linearised.gains;
     let n = gains.linear.n;
@@ -138,9 +157,7 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
             let measurement = &gains.linear.rows[row];
             let channel = usize::from(measurement.channel);
             let mut v = [0.0; L];
-            for (lane, change) in v.iter_mut().zip(changes) {
-                *lane = direct(change, channel, k, vectors, &linearised.prediction);
-            }
+            direct(&mut v, changes, channel, k, vectors, &linearised.prediction);
             for (state, h) in measurement.parts() {
                 add_scaled(&mut v, h, &s[state]);
             }
@@ -151,7 +168,7 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
             let inverse = gains.inverse_stddev[row];
             v.iter_mut().for_each(|lane| *lane *= inverse);
             for (group, lanes) in out.iter_mut().zip(v.as_chunks().0) {
-                group.push(*lanes);
+                group.push(lanes.map(|x| x as f32));
             }
         }
         if k + 1 >= run.nodes() {
@@ -184,23 +201,41 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
     out
 }
 
-/// Change of a reading that does not pass through the motion.
-fn direct(change: &Change, channel: usize, k: usize, vectors: usize, prediction: &Prediction) -> f64 {
+/// Changes of a reading that do not pass through the motion.
+#[inline(always)]
+fn direct(
+    lanes: &mut [f64],
+    changes: &[Change],
+    channel: usize,
+    k: usize,
+    vectors: usize,
+    prediction: &Prediction,
+) {
     let component = |list: &[Vector3<f64>], i: usize| list.get(k).map_or(0.0, |v| v[i]);
     match channel {
-        0..3 => component(&change.gyro, channel),
-        3..6 => component(&change.accel, channel - 3),
+        0..3 => {
+            for (lane, change) in lanes.iter_mut().zip(changes) {
+                *lane = component(&change.gyro, channel);
+            }
+        }
+        3..6 => {
+            for (lane, change) in lanes.iter_mut().zip(changes) {
+                *lane = component(&change.accel, channel - 3);
+            }
+        }
         c if c < 6 + 2 * vectors => {
             let (sensor, axis) = ((c - 6) / 2, (c - 6) % 2);
-            let (Some(list), Some(seen)) =
-                (change.vectors.get(sensor), prediction.vectors.get(sensor).and_then(|l| l.get(k)))
-            else {
-                return 0.0;
-            };
+            let Some(seen) = prediction.vectors.get(sensor).and_then(|l| l.get(k)) else { return };
+            if changes.iter().all(|change| change.vectors.is_empty()) {
+                return;
+            }
             let (e1, e2) = across(seen);
-            list.get(k).map_or(0.0, |v| v.dot(if axis == 0 { &e1 } else { &e2 }))
+            let e = if axis == 0 { e1 } else { e2 };
+            for (lane, change) in lanes.iter_mut().zip(changes) {
+                *lane = change.vectors.get(sensor).and_then(|l| l.get(k)).map_or(0.0, |v| v.dot(&e));
+            }
         }
-        _ => 0.0,
+        _ => {}
     }
 }
 

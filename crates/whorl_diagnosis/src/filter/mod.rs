@@ -142,8 +142,8 @@ enum Keep {
 
 /// A run of the filter.
 #[derive(Default)]
-struct Forward {
-    log_likelihood: f64,
+pub(crate) struct Forward {
+    pub log_likelihood: f64,
     whitened: Vec<f64>,
     inverse_stddev: Vec<f64>,
     /// rows x n
@@ -151,6 +151,22 @@ struct Forward {
     /// Predicted states, nodes x n, and their covariance, nodes x n x n.
     state: Vec<f64>,
     covariance: Vec<f64>,
+}
+
+/// A run of the filter with room for `S` states, compiled for each kind of processor that pulp knows.
+struct WithRoom<'a, const S: usize> {
+    system: &'a System<'a>,
+    linear: &'a Linear,
+    keep: Keep,
+}
+
+impl<const S: usize> pulp::NullaryFnOnce for WithRoom<'_, S> {
+    type Output = Forward;
+
+    #[inline(always)]
+    fn call(self) -> Forward {
+        self.system.forward_sized::<S>(self.linear, self.keep)
+    }
 }
 
 impl System<'_> {
@@ -196,6 +212,11 @@ impl System<'_> {
         self.forward(linear, Keep::Likelihood).log_likelihood
     }
 
+    /// A run of the filter from which the smoother can go back.
+    pub fn filtered(&self, linear: &Linear) -> Forward {
+        self.forward(linear, Keep::Predictions)
+    }
+
     /// Gains and whitened residuals.
     pub fn gains(&self, linear: Linear) -> Gains {
         let Forward { whitened, inverse_stddev, gain, .. } = self.forward(&linear, Keep::Gains);
@@ -204,13 +225,15 @@ impl System<'_> {
 
     fn forward(&self, linear: &Linear, keep: Keep) -> Forward {
         // Few sizes of matrices, each a multiple of what processors handle at once.
+        let processor = pulp::Arch::new();
         match linear.n {
-            0..=16 => self.forward_sized::<16>(linear, keep),
-            17..=20 => self.forward_sized::<20>(linear, keep),
-            _ => self.forward_sized::<24>(linear, keep),
+            0..=16 => processor.dispatch(WithRoom::<16> { system: self, linear, keep }),
+            17..=20 => processor.dispatch(WithRoom::<20> { system: self, linear, keep }),
+            _ => processor.dispatch(WithRoom::<24> { system: self, linear, keep }),
         }
     }
 
+    #[inline(always)]
     fn forward_sized<const S: usize>(&self, linear: &Linear, keep: Keep) -> Forward {
         let n = linear.n.min(S);
         let nodes = self.run.nodes();

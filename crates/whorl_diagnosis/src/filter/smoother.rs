@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DMatrixView, DVectorView};
 
-use super::{Keep, Linear, System, WHEEL};
+use super::{Forward, Linear, System, WHEEL};
 
 /// Smoothed errors of the trajectory.
 #[derive(Debug, Clone, Default)]
@@ -16,7 +16,11 @@ pub(crate) struct Smoothed {
 impl System<'_> {
     /// Runs the filter and back.
     pub fn smoothed(&self, linear: &Linear) -> Smoothed {
-        let forward = self.forward(linear, Keep::Predictions);
+        self.smoothed_from(linear, &self.filtered(linear))
+    }
+
+    /// Runs back along a run of the filter.
+    pub fn smoothed_from(&self, linear: &Linear, forward: &Forward) -> Smoothed {
         let n = linear.n;
         let nodes = self.run.nodes();
         let with_torque = self.settings.torque_walk > 0.0;

@@ -7,6 +7,7 @@
 pub(super) type Square<const S: usize> = [[f64; S]; S];
 
 /// `a b`, of `a` the columns of each row that are not zero, and what stands there.
+#[inline(always)]
 fn sparse_product<'a, const S: usize>(
     a: impl Iterator<Item = (&'a [usize], &'a [f64])>,
     b: &Square<S>,
@@ -20,11 +21,13 @@ fn sparse_product<'a, const S: usize>(
     product
 }
 
+#[inline(always)]
 fn transposed<const S: usize>(a: &Square<S>) -> Square<S> {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
 /// `f p f^T` for a symmetric `p`, `f` by its rows.
+#[inline(always)]
 pub(super) fn congruence<'a, const S: usize, R: Iterator<Item = (&'a [usize], &'a [f64])>>(
     f: impl Fn() -> R,
     p: &Square<S>,
@@ -34,6 +37,7 @@ pub(super) fn congruence<'a, const S: usize, R: Iterator<Item = (&'a [usize], &'
 }
 
 /// Takes the rounding error off a symmetric matrix.
+#[inline(always)]
 pub(super) fn symmetrise<const S: usize>(p: &mut Square<S>) {
     let mirrored = transposed(p);
     for (row, other) in p.iter_mut().zip(&mirrored) {

@@ -122,7 +122,21 @@ impl StepEnvironments<'_> {
         derivative: impl Fn(&Environment<'_>, &[f64], &mut [f64]),
         mut visit: impl FnMut(&Environment<'_>, &[f64]),
     ) {
-        let n = hidden.len().min(MAX_HIDDEN_STATES);
+        // Most effects have two: room for more costs more than the two.
+        match hidden.len() {
+            0..=2 => self.carry_within::<2>(hidden, derivative, &mut visit),
+            _ => self.carry_within::<MAX_HIDDEN_STATES>(hidden, derivative, &mut visit),
+        }
+    }
+
+    /// As [`Self::carry`], with room for `S` hidden states.
+    fn carry_within<const S: usize>(
+        &self,
+        hidden: &mut [f64],
+        derivative: impl Fn(&Environment<'_>, &[f64], &mut [f64]),
+        visit: &mut impl FnMut(&Environment<'_>, &[f64]),
+    ) {
+        let n = hidden.len().min(S);
         if let Some(start) = self.moving.first().filter(|_| self.begins) {
             let still = Environment {
                 omega_wb_b_rad_s: Vector3::zeros(),
@@ -133,27 +147,27 @@ impl StepEnvironments<'_> {
         }
         for (step, middle) in self.middle.iter().enumerate() {
             if let Some([start, half, end]) = self.moving.get(2 * step..2 * step + 3) {
-                let states = self.advance([start, half, end], hidden, &derivative);
+                let states = self.advance::<S>([start, half, end], hidden, &derivative);
                 visit(middle, &states[..n]);
             }
         }
     }
 
     /// Carries hidden states over a step and returns those in its middle.
-    fn advance(
+    fn advance<const S: usize>(
         &self,
         [start, middle, end]: [&Environment<'_>; 3],
         hidden: &mut [f64],
         derivative: &impl Fn(&Environment<'_>, &[f64], &mut [f64]),
-    ) -> [f64; MAX_HIDDEN_STATES] {
-        let n = hidden.len().min(MAX_HIDDEN_STATES);
+    ) -> [f64; S] {
+        let n = hidden.len().min(S);
         let rate = |environment: &Environment<'_>, x: &[f64]| {
-            let mut rate = [0.0; MAX_HIDDEN_STATES];
+            let mut rate = [0.0; S];
             derivative(environment, &x[..n], &mut rate[..n]);
             rate
         };
         let moved = |x: &[f64], rate: &[f64], dt: f64| {
-            let mut y = [0.0; MAX_HIDDEN_STATES];
+            let mut y = [0.0; S];
             for ((slot, a), r) in y.iter_mut().zip(x).zip(rate) {
                 *slot = a + r * dt;
             }
