@@ -28,6 +28,10 @@ const MOST_SHORTER: usize = 3;
 /// A further step that promises less log likelihood is not taken.
 const CONVERGED: f64 = 0.3;
 
+/// A fit may gain so many times what its next step promises, and this much log evidence more: no step leads further,
+/// for what bends a formula within a step is small against the step by then.
+const SURPRISE: (f64, f64) = (4.0, 3.0);
+
 /// How a set explains the data at its own point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Standing {
@@ -130,21 +134,30 @@ fn at_itself(
 impl Search<'_> {
     /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
     pub(crate) fn converge(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
+        self.converge_towards(start, f64::NEG_INFINITY)
+    }
+
+    /// As [`Self::converge`]; given up where it is, once it cannot come to a log evidence of `least`.
+    fn converge_towards(&self, start: &Hypothesis, least: f64) -> Result<Option<Converged>, DiagnosisError> {
         let ids: Vec<&'static str> = start
             .members
             .iter()
             .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
             .collect();
         // Along a motion of its own.
-        self.descend(&mut self.problem.clone(), start, &ids)
+        self.descend(&mut self.problem.clone(), start, &ids, least)
     }
 
-    /// Fits several sets where each fits best, side by side.
+    /// Fits several sets where each fits best, side by side; given up where they cannot come to a log evidence of
+    /// `least`.
     pub(crate) fn converge_all(
         &self,
         starts: &[&Hypothesis],
+        least: f64,
     ) -> Result<Vec<Option<Converged>>, DiagnosisError> {
-        crate::threads::map(self.problem.threads, starts, |start| self.converge(start)).into_iter().collect()
+        crate::threads::map(self.problem.threads, starts, |start| self.converge_towards(start, least))
+            .into_iter()
+            .collect()
     }
 
     fn descend(
@@ -152,6 +165,7 @@ impl Search<'_> {
         problem: &mut Problem,
         start: &Hypothesis,
         ids: &[&'static str],
+        least: f64,
     ) -> Result<Option<Converged>, DiagnosisError> {
         let mut point = point_of(self.problem, &self.layout, &self.point, start);
         // Effects that have left the set leave the point.
@@ -170,6 +184,8 @@ impl Search<'_> {
             self.best.members.iter().all(|b| start.members.iter().any(|m| m.candidate == b.candidate));
         let mut allowed =
             self.standing(&self.best).filter(|_| holds_best).map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
+        // What the last good step promised.
+        let mut promise = 0.0;
         for step in 0..MOST_STEPS {
             problem.smooth(&point, None)?;
             let here = Layout::of_effects(&self.problem.reference, &point, &self.available, ids);
@@ -195,6 +211,10 @@ impl Search<'_> {
             // A step that went too far is shortened, and so are those after it until one is good.
             if misfit > last + 2.0 * CONVERGED {
                 share *= 0.4;
+                // A share s of a step to the minimum of a parabola brings 1 - (1 - s)^2 of what the whole does.
+                if share * (2.0 - share) * promise < 2.0 * CONVERGED {
+                    break;
+                }
                 let Some((back, target)) = best.as_ref().map(|b| &b.point).zip(target.as_ref()) else {
                     break;
                 };
@@ -206,15 +226,17 @@ impl Search<'_> {
             // Occam's factor and the price of choices, beside the likelihood.
             let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density;
             let next = point_of(self.problem, &layout, &point, &fit);
+            let log_evidence = factor - 0.5 * misfit;
+            promise = promised;
             best = Some(Converged {
                 names: fit.names(&layout),
-                standing: Standing { log_evidence: factor - 0.5 * misfit, misfit, held_misfit: None },
+                standing: Standing { log_evidence, misfit, held_misfit: None },
                 point: here.clone(),
                 motions: problem.motions.clone(),
                 layout: layout.clone(),
                 members: fit.members.clone(),
             });
-            if promised < 2.0 * CONVERGED {
+            if promised < 2.0 * CONVERGED || log_evidence + SURPRISE.0 * 0.5 * promised + SURPRISE.1 < least {
                 break;
             }
             point = between(&here, &next, share);

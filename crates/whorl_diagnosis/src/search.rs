@@ -368,7 +368,9 @@ impl<'a> Search<'a> {
             })
             .take(MOST_RIVALS)
             .collect();
-        let converged = self.converge_all(&rivals)?;
+        let needed = LEAST_EVIDENCE * self.data.temper;
+        let least = self.standing(&self.best).map_or(f64::NEG_INFINITY, |best| best.log_evidence + needed);
+        let converged = self.converge_all(&rivals, least)?;
         let mut found: Vec<(&Hypothesis, Converged)> =
             rivals.into_iter().zip(converged).filter_map(|(set, at)| Some((set, at?))).collect();
         for (_, converged) in &found {
@@ -441,7 +443,7 @@ impl<'a> Search<'a> {
             .collect();
         for some in swaps.chunks(self.problem.threads.max(1)) {
             let new: Vec<&Hypothesis> = some.iter().filter(|swap| self.standing(swap).is_none()).collect();
-            let mut fitted = self.converge_all(&new)?.into_iter();
+            let mut fitted = self.converge_all(&new, f64::NEG_INFINITY)?.into_iter();
             for swap in some {
                 if self.standing(swap).is_none()
                     && let Some(mut converged) = fitted.next().flatten()
