@@ -77,6 +77,14 @@ pub(crate) struct Search<'a> {
     pub standings: Standings,
 }
 
+/// A set that has taken the place of the best one.
+enum Swapped {
+    /// It was fitted where it fits best just now.
+    Fitted(Box<Converged>),
+    /// It was fitted from another point.
+    Known,
+}
+
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
@@ -407,7 +415,7 @@ impl<'a> Search<'a> {
     /// Swaps and removes members as long as that is better.
     fn tidy(&mut self) -> Result<(), DiagnosisError> {
         for _ in 0..3 {
-            let mut changed = false;
+            let (mut changed, mut fitted) = (false, None);
             for member in 0..self.best.members.len() {
                 let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { continue };
                 if !self.passes(&self.best, &rest) {
@@ -415,15 +423,24 @@ impl<'a> Search<'a> {
                     changed = true;
                     break;
                 }
-                if self.swapped(&rest)? {
-                    changed = true;
-                    break;
+                match self.swapped(&rest)? {
+                    Some(Swapped::Fitted(converged)) => {
+                        changed = true;
+                        fitted = Some(*converged);
+                        break;
+                    }
+                    Some(Swapped::Known) => {
+                        changed = true;
+                        break;
+                    }
+                    None => {}
                 }
             }
-            if !changed {
-                return Ok(());
+            match fitted {
+                Some(converged) => self.settle(converged)?,
+                None if changed => self.relinearise()?,
+                None => return Ok(()),
             }
-            self.relinearise()?;
         }
         Ok(())
     }
@@ -431,7 +448,7 @@ impl<'a> Search<'a> {
     /// Puts the best effect in a member's place, given the set without it. In the regression at the member's own point
     /// an effect that turned the platform far is off by much of what it explains, so all that come near are fitted
     /// where they fit best.
-    fn swapped(&mut self, rest: &Hypothesis) -> Result<bool, DiagnosisError> {
+    fn swapped(&mut self, rest: &Hypothesis) -> Result<Option<Swapped>, DiagnosisError> {
         let near = rest.estimate.drop + NEAR_SHARE * (self.best.estimate.drop - rest.estimate.drop);
         let own = self.best.names(&self.layout);
         let swaps = self.additions(rest);
@@ -445,11 +462,13 @@ impl<'a> Search<'a> {
             let new: Vec<&Hypothesis> = some.iter().filter(|swap| self.standing(swap).is_none()).collect();
             let mut fitted = self.converge_all(&new, f64::NEG_INFINITY)?.into_iter();
             for swap in some {
+                let mut new = None;
                 if self.standing(swap).is_none()
                     && let Some(mut converged) = fitted.next().flatten()
                 {
                     converged.standing.held_misfit = self.held_misfit(&converged)?;
                     self.remember(&converged);
+                    new = Some(converged);
                 }
                 // What held-out data refuse would only leave again, and nothing be left.
                 if self.standing(swap).is_some()
@@ -457,11 +476,15 @@ impl<'a> Search<'a> {
                     && self.passes(swap, rest)
                 {
                     self.best = swap.clone();
-                    return Ok(true);
+                    let is_new = |converged: &Converged| converged.names == swap.names(&self.layout);
+                    return Ok(Some(match new.filter(is_new) {
+                        Some(converged) => Swapped::Fitted(Box::new(converged)),
+                        None => Swapped::Known,
+                    }));
                 }
             }
         }
-        Ok(false)
+        Ok(None)
     }
 
     /// Log evidence by which an explanation must lead its rivals, given the drop of the misfit that an effect brings:
