@@ -116,10 +116,12 @@ pub fn compare_all(
     runs: &runs::Runs,
     model: &whorl_dynamics::PlatformModel,
 ) -> anyhow::Result<Vec<ComparedRun>> {
-    let compared = all(runs).map(|(recording, held_out)| {
-        let comparison =
-            progress::during(&format!("comparing {}", recording.name), || compare(recording, model))?;
-        Ok(ComparedRun { comparison, held_out })
-    });
-    compared.collect()
+    let count = all(runs).count();
+    progress::watched("comparing the runs", |say| {
+        let compared = all(runs).enumerate().map(|(k, (recording, held_out))| {
+            say(k as f64 / count as f64, &format!("comparing {}", recording.name));
+            Ok(ComparedRun { comparison: compare(recording, model)?, held_out })
+        });
+        compared.collect()
+    })
 }

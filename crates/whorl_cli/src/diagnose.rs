@@ -1,9 +1,7 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
-use std::time::{Duration, Instant};
-
 use whorl_diagnosis::residual::residual_torque;
-use whorl_diagnosis::{Diagnosis, Options, Progress, diagnose};
+use whorl_diagnosis::{Diagnosis, DiagnosisError, Options, Progress, diagnose};
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{Effect, PlatformModel};
 use whorl_report::UnexplainedTorque;
@@ -46,20 +44,19 @@ impl SearchArguments {
     }
 }
 
+/// The diagnosis of runs, with progress.
+pub fn asked(runs: &Runs, options: &Options) -> Result<Diagnosis, DiagnosisError> {
+    progress::watched("diagnosing", |say| {
+        let mut show = |p: Progress| say(p.share, p.doing);
+        diagnose(&runs.training, &runs.held_out, &runs.known.model, &runs.known.prior, options, &mut show)
+    })
+}
+
 /// Carries out `whorl diagnose`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.runs.read())?;
     let options = arguments.search.options();
-    let begun = Instant::now();
-    let mut said = "";
-    let mut show = |p: Progress| {
-        if begun.elapsed() > Duration::from_secs(1) && p.doing != said {
-            said = p.doing;
-            eprintln!("{:3.0} %  {} ...", 100.0 * p.share, p.doing);
-        }
-    };
-    let mut diagnosis =
-        diagnose(&runs.training, &runs.held_out, &runs.known.model, &runs.known.prior, &options, &mut show)?;
+    let mut diagnosis = asked(&runs, &options)?;
     if let Some(next) = next::proposal(&runs, &diagnosis, &options) {
         diagnosis.next = Some(next);
     }

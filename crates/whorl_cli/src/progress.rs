@@ -1,19 +1,95 @@
-//! Says what is being done when it takes over a second.
+//! Shows what is being done, how far it is and how long it may still take, when it takes over a second and a
+//! person is watching: on a terminal, never into a pipe or file.
 
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::io::{IsTerminal as _, Write as _};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
 
-/// Does `work`; after a second, prints `what` to the standard error.
+/// What takes less is not announced.
+const WORTH_SAYING: Duration = Duration::from_secs(1);
+
+/// Time between two drawings.
+const TICK: Duration = Duration::from_millis(200);
+
+/// Characters of the bar.
+const WIDTH: usize = 24;
+
+/// Does `work`, which cannot say how far it is.
 pub fn during<T>(what: &str, work: impl FnOnce() -> T) -> T {
-    let (done, waiting) = channel::<()>();
+    watched(what, |_| work())
+}
+
+/// Does `work`, which says now and then how far it is (0 to 1) and what it is doing; first it does `what`.
+pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T) -> T {
+    if !std::io::stderr().is_terminal() {
+        return work(&mut |_, _| {});
+    }
+    let (said, heard): (Sender<(f64, String)>, _) = channel();
+    let what = what.to_owned();
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            if waiting.recv_timeout(Duration::from_secs(1)) == Err(RecvTimeoutError::Timeout) {
-                eprintln!("{what} ...");
+            let begun = Instant::now();
+            let (mut state, mut is_drawn) = ((0.0, what), false);
+            loop {
+                match heard.recv_timeout(TICK) {
+                    Ok(news) => state = news,
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => break,
+                }
+                if begun.elapsed() > WORTH_SAYING {
+                    draw(&line(state.0, &state.1, begun.elapsed()));
+                    is_drawn = true;
+                }
+            }
+            if is_drawn {
+                draw("");
             }
         });
-        let result = work();
-        drop(done);
+        let mut say = |share: f64, doing: &str| {
+            // Nobody listens any more only if the other thread has failed; the work goes on.
+            let _ = said.send((share, doing.to_owned()));
+        };
+        let result = work(&mut say);
+        drop(said);
         result
     })
+}
+
+/// Replaces the line on the terminal.
+fn draw(line: &str) {
+    let mut terminal = std::io::stderr().lock();
+    // A terminal that is gone is no reason to stop.
+    let _ = write!(terminal, "\r\x1b[K{line}").and_then(|()| terminal.flush());
+}
+
+/// Bar, share, what is being done, and how long it may still take.
+fn line(share: f64, doing: &str, elapsed: Duration) -> String {
+    let elapsed_s = elapsed.as_secs_f64();
+    if share <= 0.0 {
+        return format!("{doing} ... {elapsed_s:.0} s");
+    }
+    let share = share.min(1.0);
+    let full = (share * WIDTH as f64).round() as usize;
+    let left_s = elapsed_s * (1.0 - share) / share;
+    format!(
+        "[{}{}] {:3.0} %  {doing}, about {:.0} s left",
+        "#".repeat(full),
+        ".".repeat(WIDTH - full),
+        100.0 * share,
+        left_s.ceil()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_says_how_far_and_how_long() {
+        let half = line(0.5, "comparing explanations", Duration::from_secs(4));
+        assert_eq!(half, "[############............]  50 %  comparing explanations, about 4 s left");
+        assert_eq!(line(0.0, "reading", Duration::from_secs(2)), "reading ... 2 s");
+        // Rounding never overfills the bar.
+        assert!(line(1.2, "x", Duration::from_secs(2)).starts_with("[########################] 100 %"));
+    }
 }

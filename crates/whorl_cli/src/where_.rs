@@ -25,12 +25,14 @@ pub struct Arguments {
 /// Carries out `whorl where`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.runs.read())?;
-    let mut found = Vec::new();
-    for recording in runs.training.iter().chain(&runs.held_out) {
-        found.push(progress::during(&format!("looking into {}", recording.name), || {
+    let recordings: Vec<_> = runs.training.iter().chain(&runs.held_out).collect();
+    let found = progress::watched("looking into the runs", |say| {
+        let looked = recordings.iter().enumerate().map(|(k, recording)| {
+            say(k as f64 / recordings.len() as f64, &format!("looking into {}", recording.name));
             explain_where(recording, &runs.known.model)
-        })?);
-    }
+        });
+        looked.collect::<Result<Vec<_>, _>>()
+    })?;
     for run in &found {
         for (k, sentence) in run.answer().iter().enumerate() {
             println!("{}{sentence}", if k > 0 { "  " } else { "" });

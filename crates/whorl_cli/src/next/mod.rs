@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde_json::json;
-use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Verdict, diagnose};
+use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Verdict};
 use whorl_report::{NextPage, PlannedMotion};
 
 use self::design::{Design, Judged};
-use crate::diagnose::SearchArguments;
+use crate::diagnose::{SearchArguments, asked};
 use crate::progress;
 use crate::runs::{OutputArguments, RunArguments, Runs, write};
 use crate::table::print;
@@ -52,9 +52,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let common = design::common_file(known, folder).context(
         "there is no common.yaml beside the model; write the experiment into a parameter folder, e.g. --out params/experiments/separate.yaml",
     )?;
-    let diagnosis = progress::during("diagnosing", || {
-        diagnose(&runs.training, &runs.held_out, &known.model, &known.prior, &options, &mut |_| {})
-    })?;
+    let diagnosis = asked(&runs, &options)?;
     let design = design::design(known, &common, &runs.training, &diagnosis, &options)?;
     let best = design.best().context("no manoeuvre was found")?;
     let answer = words::answer(&design, best, diagnosis.verdict, &known.platform);
