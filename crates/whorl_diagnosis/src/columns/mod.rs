@@ -152,12 +152,19 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
     let mut out: Vec<Vec<Lanes>> = (0..L / LANES).map(|_| Vec::with_capacity(gains.whitened.len())).collect();
     let mut s = vec![[0.0; L]; n];
     let mut next = vec![[0.0; L]; n];
+    let mut tile = Tile::<L>::new(wheels);
     for k in 0..run.nodes() {
+        if k % TILE == 0 {
+            tile.load(k, changes);
+        }
+        let now = tile.node(k);
         for row in gains.linear.rows_of(k) {
             let measurement = &gains.linear.rows[row];
             let channel = usize::from(measurement.channel);
-            let mut v = [0.0; L];
-            direct(&mut v, changes, channel, k, vectors, &linearised.prediction);
+            let mut v = match now.get(READING + channel) {
+                Some(reading) if channel < 6 => *reading,
+                _ => direct(changes, channel, k, vectors, &linearised.prediction),
+            };
             for (state, h) in measurement.parts() {
                 add_scaled(&mut v, h, &s[state]);
             }
@@ -183,60 +190,97 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
         }
         std::mem::swap(&mut s, &mut next);
         let h = run.length(k);
-        for (lane, change) in changes.iter().enumerate() {
-            if let Some(rate) = change.omega_dot.get(k) {
-                for i in 0..3 {
-                    s[RATE + i][lane] += rate[i] * h;
-                    // Half of the interval's turn.
-                    s[i][lane] += 0.5 * rate[i] * h * h;
-                }
+        for (i, rate) in now.iter().take(READING).enumerate() {
+            for (slot, x) in s[RATE + i].iter_mut().zip(rate) {
+                *slot += x * h;
             }
-            if let Some(rate) = change.wheel_dot.get(k) {
-                for j in 0..wheels {
-                    s[WHEEL + j][lane] += rate[j] * h;
-                }
+            // Half of the interval's turn.
+            for (slot, x) in s[i].iter_mut().zip(rate) {
+                *slot += 0.5 * x * h * h;
+            }
+        }
+        for (state, rate) in s[WHEEL..].iter_mut().zip(now.iter().skip(WHEELS)) {
+            for (slot, x) in state.iter_mut().zip(rate) {
+                *slot += x * h;
             }
         }
     }
     out
 }
 
-/// Changes of a reading that do not pass through the motion.
+/// Nodes whose changes are laid out at once.
+const TILE: usize = 32;
+
+/// What of a node's changes comes where: accelerations of the body first, then readings of gyro and accelerometer, then
+/// accelerations of the wheels.
+const READING: usize = 3;
+const WHEELS: usize = 9;
+
+/// Changes of some nodes, those of all columns side by side: one by one they could not be read as fast as they are used.
+struct Tile<const L: usize> {
+    first: usize,
+    width: usize,
+    values: Vec<[f64; L]>,
+}
+
+impl<const L: usize> Tile<L> {
+    fn new(wheels: usize) -> Self {
+        let width = WHEELS + wheels;
+        Self { first: 0, width, values: vec![[0.0; L]; TILE * width] }
+    }
+
+    #[inline(always)]
+    fn load(&mut self, first: usize, changes: &[Change]) {
+        self.first = first;
+        self.values.fill([0.0; L]);
+        for (lane, change) in changes.iter().enumerate().take(L) {
+            let vectors = [(0, &change.omega_dot), (READING, &change.gyro), (READING + 3, &change.accel)];
+            for (part, list) in vectors {
+                let nodes = self.values.chunks_exact_mut(self.width);
+                for (slots, x) in nodes.zip(list.iter().skip(first)) {
+                    for (slot, x) in slots[part..].iter_mut().zip(x.iter()) {
+                        slot[lane] = *x;
+                    }
+                }
+            }
+            let nodes = self.values.chunks_exact_mut(self.width);
+            for (slots, rates) in nodes.zip(change.wheel_dot.iter().skip(first)) {
+                for (slot, x) in slots[WHEELS..].iter_mut().zip(rates) {
+                    slot[lane] = *x;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn node(&self, k: usize) -> &[[f64; L]] {
+        let from = (k - self.first) * self.width;
+        self.values.get(from..from + self.width).unwrap_or(&[])
+    }
+}
+
+/// Changes of what a vector sensor sees that do not pass through the motion.
 #[inline(always)]
-fn direct(
-    lanes: &mut [f64],
+fn direct<const L: usize>(
     changes: &[Change],
     channel: usize,
     k: usize,
     vectors: usize,
     prediction: &Prediction,
-) {
-    let component = |list: &[Vector3<f64>], i: usize| list.get(k).map_or(0.0, |v| v[i]);
-    match channel {
-        0..3 => {
-            for (lane, change) in lanes.iter_mut().zip(changes) {
-                *lane = component(&change.gyro, channel);
-            }
-        }
-        3..6 => {
-            for (lane, change) in lanes.iter_mut().zip(changes) {
-                *lane = component(&change.accel, channel - 3);
-            }
-        }
-        c if c < 6 + 2 * vectors => {
-            let (sensor, axis) = ((c - 6) / 2, (c - 6) % 2);
-            let Some(seen) = prediction.vectors.get(sensor).and_then(|l| l.get(k)) else { return };
-            if changes.iter().all(|change| change.vectors.is_empty()) {
-                return;
-            }
-            let (e1, e2) = across(seen);
-            let e = if axis == 0 { e1 } else { e2 };
-            for (lane, change) in lanes.iter_mut().zip(changes) {
-                *lane = change.vectors.get(sensor).and_then(|l| l.get(k)).map_or(0.0, |v| v.dot(&e));
-            }
-        }
-        _ => {}
+) -> [f64; L] {
+    let mut lanes = [0.0; L];
+    if !(6..6 + 2 * vectors).contains(&channel) || changes.iter().all(|change| change.vectors.is_empty()) {
+        return lanes;
     }
+    let (sensor, axis) = ((channel - 6) / 2, (channel - 6) % 2);
+    if let Some(seen) = prediction.vectors.get(sensor).and_then(|l| l.get(k)) {
+        let (e1, e2) = across(seen);
+        let e = if axis == 0 { e1 } else { e2 };
+        for (lane, change) in lanes.iter_mut().zip(changes) {
+            *lane = change.vectors.get(sensor).and_then(|l| l.get(k)).map_or(0.0, |v| v.dot(&e));
+        }
+    }
+    lanes
 }
 
 impl Linearised {
