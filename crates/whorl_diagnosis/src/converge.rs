@@ -269,6 +269,7 @@ impl Search<'_> {
 
     /// Remembers how well a set stands.
     pub(crate) fn remember(&mut self, converged: &Converged) {
+        self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
         self.note(converged.names.clone(), converged.standing);
     }
 

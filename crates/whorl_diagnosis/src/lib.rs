@@ -34,6 +34,7 @@ mod hypothesis;
 mod implied;
 mod inputs;
 mod jitter;
+mod latency;
 mod mechanics;
 mod modes;
 mod motion;
@@ -85,8 +86,7 @@ pub fn diagnose(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
-    let started = prepare(training, held_out, model, prior, options, progress)?;
-    let (mut problem, mut held) = started;
+    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, None, progress)?;
     if let Some(run) = problem.runs.iter().find(|run| run.is_blind()) {
         let mut diagnosis = Diagnosis::not_enough_information();
         diagnosis.remarks = problem.runs.iter().flat_map(|r| r.remarks.clone()).collect();
@@ -96,37 +96,55 @@ pub fn diagnose(
         ));
         return Ok(diagnosis);
     }
-    // A gyro whose bias wanders more than the model says looks like something that is missing, or hides behind
-    // a sensor effect.
-    let mut searched = answer(&mut problem, held.as_mut(), options, true, progress)?;
+    let first = search_allowing_for_bias(&mut problem, held.as_mut(), options, progress)?;
+    let Some(late_s) = first.late.worth_a_new_layout(problem.reference.late_s) else {
+        return Ok(first.diagnosis);
+    };
+    drop((problem, held));
+    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
+    let second = search_allowing_for_bias(&mut problem, held.as_mut(), options, progress)?;
+    let is_late = second.late.explains_more_than_others(&first.late);
+    Ok(if is_late { second.diagnosis } else { first.diagnosis })
+}
+
+/// A search, and another one if a gyro whose bias wanders more than the model says looks like something that is missing,
+/// or hides behind a sensor effect.
+fn search_allowing_for_bias(
+    problem: &mut problem::Problem,
+    mut held: Option<&mut problem::Problem>,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Answer, DiagnosisError> {
+    let mut searched = answer(problem, held.as_deref_mut(), options, true, progress)?;
     if let Searched::Wanders(walk) = searched {
-        expect_walk(walk, &mut problem, held.as_mut());
-        searched = answer(&mut problem, held.as_mut(), options, false, progress)?;
+        expect_walk(walk, problem, held.as_deref_mut());
+        searched = answer(problem, held.as_deref_mut(), options, false, progress)?;
     }
     if !problem.has_steady_bias() {
         let walk = problem.gyro_bias_walk;
         // What was found on the way must hold in the end.
-        if let Searched::Answered(diagnosis, point) = searched
-            && !is_strong(&diagnosis)
-            && problem.with_steady_bias().likeliest_gyro_bias_walk(&point)? == Some(walk)
+        if let Searched::Answered(answer) = searched
+            && !is_strong(&answer.diagnosis)
+            && problem.with_steady_bias().likeliest_gyro_bias_walk(&answer.point)? == Some(walk)
         {
-            return Ok(wandering(*diagnosis, walk));
+            return Ok(answer.wandering(walk));
         }
-        expect_walk(problem::STEADY_BIAS_WALK, &mut problem, held.as_mut());
-        searched = answer(&mut problem, held.as_mut(), options, false, progress)?;
+        expect_walk(problem::STEADY_BIAS_WALK, problem, held.as_deref_mut());
+        searched = answer(problem, held.as_deref_mut(), options, false, progress)?;
     }
-    let Searched::Answered(diagnosis, point) = searched else { return Err(search::NO_FIT) };
-    let walk = if is_faint(&diagnosis) { problem.likeliest_gyro_bias_walk(&point)? } else { None };
-    let Some(walk) = walk else { return Ok(*diagnosis) };
-    let contradicts = diagnosis.verdict == Verdict::Unknown && direct::contradicts(&problem, &point);
-    expect_walk(walk, &mut problem, held.as_mut());
+    let Searched::Answered(first) = searched else { return Err(search::NO_FIT) };
+    let (diagnosis, point) = (&first.diagnosis, &first.point);
+    let walk = if is_faint(diagnosis) { problem.likeliest_gyro_bias_walk(point)? } else { None };
+    let Some(walk) = walk else { return Ok(*first) };
+    let contradicts = diagnosis.verdict == Verdict::Unknown && direct::contradicts(problem, point);
+    expect_walk(walk, problem, held.as_deref_mut());
     // What contradicts the gyro however its bias wanders would do so after another search.
-    if contradicts && direct::contradicts(&problem, &point) {
-        return Ok(*diagnosis);
+    if contradicts && direct::contradicts(problem, point) {
+        return Ok(*first);
     }
-    match answer(&mut problem, held.as_mut(), options, false, progress)? {
-        Searched::Answered(diagnosis, _) => Ok(wandering(*diagnosis, walk)),
-        Searched::Wanders(_) => Ok(*diagnosis),
+    match answer(problem, held, options, false, progress)? {
+        Searched::Answered(answer) => Ok(answer.wandering(walk)),
+        Searched::Wanders(_) => Ok(*first),
     }
 }
 
@@ -137,17 +155,26 @@ fn expect_walk(walk: f64, problem: &mut problem::Problem, held_out: Option<&mut 
     }
 }
 
-fn wandering(mut diagnosis: Diagnosis, walk: f64) -> Diagnosis {
-    diagnosis.remarks.push(format!(
-        "the gyro's bias wanders by {walk:.0e} rad/s/sqrt(s), more than the model says (bias_walk_rad_s_sqrt_s); this is taken into account"
-    ));
-    diagnosis
+/// What a search found.
+struct Answer {
+    diagnosis: Diagnosis,
+    /// Where the search ended.
+    point: parameters::Point,
+    late: latency::Late,
+}
+
+impl Answer {
+    fn wandering(mut self, walk: f64) -> Self {
+        self.diagnosis.remarks.push(format!(
+            "the gyro's bias wanders by {walk:.0e} rad/s/sqrt(s), more than the model says (bias_walk_rad_s_sqrt_s); this is taken into account"
+        ));
+        self
+    }
 }
 
 /// What became of a search.
 enum Searched {
-    /// The answer, and the point at which the search ended.
-    Answered(Box<Diagnosis>, parameters::Point),
+    Answered(Box<Answer>),
     /// The first effect was faint, and beside it the gyro's bias wanders by so much [rad/s/sqrt(s)]: this must be taken
     /// into account from the start.
     Wanders(f64),
@@ -168,7 +195,9 @@ fn answer(
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer();
     if let Some(remark) = unrecorded::pulses(&search)? {
-        return Ok(Searched::Answered(Box::new(diagnosis.withheld(remark)), search.point));
+        diagnosis = diagnosis.withheld(remark);
+        let late = latency::Late::of(&search);
+        return Ok(Searched::Answered(Box::new(Answer { diagnosis, point: search.point, late })));
     }
     if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
@@ -178,7 +207,8 @@ fn answer(
         }
         diagnosis.remarks.push(other.to_string());
     }
-    Ok(Searched::Answered(Box::new(diagnosis), search.point))
+    let late = latency::Late::of(&search);
+    Ok(Searched::Answered(Box::new(Answer { diagnosis, point: search.point, late })))
 }
 
 /// Log evidence of a member that no noise of a plausible gyro could make.
@@ -201,13 +231,15 @@ fn is_faint(diagnosis: &Diagnosis) -> bool {
     }
 }
 
-/// Checks everything and lays the recordings out.
+/// Checks everything and lays the recordings out, stamps of inertial units late by `late_s` if that is not what the
+/// model says.
 fn prepare(
     training: &[Recording],
     held_out: &[Recording],
     model: &PlatformModel,
     prior: &ModelPrior,
     options: &Options,
+    late_s: Option<f64>,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(problem::Problem, Option<problem::Problem>), DiagnosisError> {
     progress(Progress { share: 0.0, doing: "reading the recordings" });
@@ -219,7 +251,8 @@ fn prepare(
             return Err(DiagnosisError::UnknownEffect { id: id.clone() });
         }
     }
-    let reference = parameters::Reference::new(model, prior);
+    let mut reference = parameters::Reference::new(model, prior);
+    reference.late_s = late_s.unwrap_or(reference.late_s);
     // All runs, held-out ones as well, in bins of one width: so many that there are not too many nodes.
     let recordings = training.iter().chain(held_out);
     let total_s: f64 = recordings.map(Recording::duration_s).sum();
@@ -283,9 +316,17 @@ pub fn fit(
             .ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
         chosen.push(effect);
     }
-    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, &mut |_| {})?;
-    let mut search = search::Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
-    prospect::make_columns_for(&mut search, effects)?;
-    search.adopt(&chosen)?;
-    search.fit()
+    let mut late_s = None;
+    loop {
+        let (mut problem, mut held) =
+            prepare(training, held_out, model, prior, options, late_s, &mut |_| {})?;
+        let mut search = search::Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
+        prospect::make_columns_for(&mut search, effects)?;
+        search.adopt(&chosen)?;
+        let later_s = latency::Late::of(&search).worth_a_new_layout(search.problem.reference.late_s);
+        if late_s.is_some() || later_s.is_none() {
+            return search.fit();
+        }
+        late_s = later_s;
+    }
 }

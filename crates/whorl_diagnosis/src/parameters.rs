@@ -107,11 +107,21 @@ fn is_angle(id: &str, index: usize) -> bool {
 pub(crate) struct Reference {
     pub model: PlatformModel,
     pub prior: ModelPrior,
+    /// Recordings are laid out with stamps of the inertial unit late by so much more than the model's sensors say:
+    /// near it, readings need not be extrapolated \[s\].
+    pub late_s: f64,
 }
 
 impl Reference {
     pub fn new(model: &PlatformModel, prior: &ModelPrior) -> Self {
-        Self { model: model.clone(), prior: prior.clone() }
+        let mut reference = Self { model: model.clone(), prior: prior.clone(), late_s: 0.0 };
+        reference.late_s = reference.late_at_s(&reference.point()).unwrap_or(0.0);
+        reference
+    }
+
+    /// How much later than the model's sensors say the inertial unit is at a point \[s\].
+    pub fn late_at_s(&self, point: &Point) -> Option<f64> {
+        self.values_at(point, find("imu_latency")?).first().copied()
     }
 
     /// The given values of an effect: the model's own, else neutral.

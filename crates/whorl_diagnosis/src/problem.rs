@@ -94,7 +94,7 @@ impl Problem {
             let samples = (total_s / MOST_NODES / step_s).ceil().max(1.0);
             let widest = (WIDEST_BIN_S / step_s).floor().max(1.0);
             let bin_s = step_s * samples.min(widest);
-            let run = Run::new(recording, &reference.model, bin_s)?;
+            let run = Run::new(recording, &reference.model, bin_s, reference.late_s)?;
             Ok::<_, DiagnosisError>((run, step_s))
         });
         let mut problem = Self {

@@ -56,7 +56,7 @@ pub fn prospects(
     for id in explanations.iter().flatten() {
         find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: id.clone() })?;
     }
-    let (mut problem, mut held) = prepare(training, further, model, prior, options, &mut |_| {})?;
+    let (mut problem, mut held) = prepare(training, further, model, prior, options, None, &mut |_| {})?;
     let mut search = Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
     // Actuators and sensors that only the further recordings have make more effects testable.
     let own = search.available;

@@ -109,12 +109,18 @@ impl Run {
         self.times.node_s.partition_point(|t| *t <= time_s).saturating_sub(1)
     }
 
-    /// Checks a recording and lays it out with bins of `bin_s`.
-    pub fn new(recording: &Recording, model: &PlatformModel, bin_s: f64) -> Result<Self, DiagnosisError> {
+    /// Checks a recording and lays it out with bins of `bin_s`. Stamps of the inertial unit are taken to be late by
+    /// `late_s` more than the model's sensors say.
+    pub fn new(
+        recording: &Recording,
+        model: &PlatformModel,
+        bin_s: f64,
+        late_s: f64,
+    ) -> Result<Self, DiagnosisError> {
         check(recording, model)?;
         let clamped = recording.mounting == Mounting::Clamped;
-        let latency_s = model.sensors.gyro.errors.latency_s;
-        let accel_latency_s = model.sensors.accelerometer.errors.latency_s;
+        let latency_s = model.sensors.gyro.errors.latency_s + late_s;
+        let accel_latency_s = model.sensors.accelerometer.errors.latency_s + late_s;
         let base_times: Vec<f64> = if clamped {
             recording.wheel_speed_rad_s.time_s.clone()
         } else {

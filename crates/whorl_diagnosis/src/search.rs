@@ -3,6 +3,7 @@
 use crate::candidates::{Available, Layout, Lines};
 use crate::converge::{Converged, Standings};
 use crate::hypothesis::{Hypothesis, cross_validated_gain};
+use crate::latency::Lateness;
 use crate::parameters::Point;
 use crate::problem::{Dataset, FREE_RATE_WALK, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Colour};
@@ -44,7 +45,7 @@ const MOST_RIVALS: usize = 4;
 /// Explanations closer than this in log evidence are both kept. Noise alone lets the wrong one of two lead by so
 /// much in fewer than one case of a hundred, however far apart they are: their difference is normal with a
 /// variance of twice its mean.
-const TIE: f64 = 3.0;
+pub(crate) const TIE: f64 = 3.0;
 
 /// What constants that are wrong by some per cent (inertia, thrust) may add to or take from the log evidence by which
 /// one of two like effects leads: this share of the drop that they explain, and no more than twice what noise may do.
@@ -75,6 +76,8 @@ pub(crate) struct Search<'a> {
     pub best: Hypothesis,
     /// How sets explain the data where each fits best.
     pub standings: Standings,
+    /// The best set with an inertial latency.
+    pub late: Option<Lateness>,
 }
 
 /// A set that has taken the place of the best one.
@@ -197,6 +200,7 @@ impl<'a> Search<'a> {
             best: base.clone(),
             base,
             standings: Standings::new(),
+            late: None,
         })
     }
 

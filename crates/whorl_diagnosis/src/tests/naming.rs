@@ -65,6 +65,20 @@ fn a_sensor_is_told_from_a_torque() {
     assert_eq!(diagnosis.kind.as_deref(), Some("sensor"));
 }
 
+/// A sample and a half late: the edges of pulses lie between what is compared.
+#[test]
+fn a_long_latency_is_named_with_its_size_and_explains_the_data() {
+    let diagnosis = diagnosis_of(&[("imu_latency", &[("t_s", 0.015)])], 22, 50.0);
+    assert_eq!(
+        (diagnosis.verdict, &diagnosis.effects[..]),
+        (Verdict::Named, &["imu_latency".to_owned()][..])
+    );
+    let late = &diagnosis.candidates[0].parameters[0];
+    assert!((late.estimate - 0.015).abs() < 3.0 * late.stddev && late.stddev < 1e-3, "{late:?}");
+    let error = &diagnosis.error;
+    assert!(error.after < 1.03, "{error:?}");
+}
+
 fn diagnosis_with(extra: Extra<'_>, seed: u64) -> Diagnosis {
     let truth = PlatformModel::whorl_1_reference();
     let runs: Vec<_> = (0..2).map(|i| record(&truth, seed * 10 + i, 50.0, Some(extra))).collect();
