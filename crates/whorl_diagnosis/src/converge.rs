@@ -28,8 +28,8 @@ const MOST_SHORTER: usize = 3;
 /// A further step that promises less log likelihood is not taken.
 const CONVERGED: f64 = 0.3;
 
-/// A fit may gain so many times what its next step promises, and this much log evidence more: no step leads further,
-/// for what bends a formula within a step is small against the step by then.
+/// What a fit may still gain: so many times what its next step promises, and this much log evidence. Steps promise
+/// what straight formulas would bring, and formulas bend.
 const SURPRISE: (f64, f64) = (4.0, 3.0);
 
 /// How a set explains the data at its own point.
@@ -134,18 +134,25 @@ fn at_itself(
 impl Search<'_> {
     /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
     pub(crate) fn converge(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
-        self.converge_towards(start, f64::NEG_INFINITY)
+        self.converge_towards(start, f64::NEG_INFINITY, self.problem.threads)
     }
 
     /// As [`Self::converge`]; given up where it is, once it cannot come to a log evidence of `least`.
-    fn converge_towards(&self, start: &Hypothesis, least: f64) -> Result<Option<Converged>, DiagnosisError> {
+    fn converge_towards(
+        &self,
+        start: &Hypothesis,
+        least: f64,
+        threads: usize,
+    ) -> Result<Option<Converged>, DiagnosisError> {
         let ids: Vec<&'static str> = start
             .members
             .iter()
             .filter_map(|m| self.layout.candidates.get(m.candidate).map(|c| c.id))
             .collect();
         // Along a motion of its own.
-        self.descend(&mut self.problem.clone(), start, &ids, least)
+        let mut problem = self.problem.clone();
+        problem.threads = threads;
+        self.descend(&mut problem, start, &ids, least)
     }
 
     /// Fits several sets where each fits best, side by side; given up where they cannot come to a log evidence of
@@ -155,7 +162,8 @@ impl Search<'_> {
         starts: &[&Hypothesis],
         least: f64,
     ) -> Result<Vec<Option<Converged>>, DiagnosisError> {
-        crate::threads::map(self.problem.threads, starts, |start| self.converge_towards(start, least))
+        let each = if starts.len() > 1 { 1 } else { self.problem.threads };
+        crate::threads::map(self.problem.threads, starts, |start| self.converge_towards(start, least, each))
             .into_iter()
             .collect()
     }
