@@ -11,6 +11,9 @@
 //! less than `T_jet t_on (slot - t_on) / (2 J)`, a few thousandths of a degree, and neither the valves'
 //! delays nor the wheels' torque limit matter, as they would when countering each edge.
 
+mod jets;
+mod wheels;
+
 use nalgebra::{Matrix3xX, Vector3};
 use thiserror::Error;
 use whorl_allocation::pulses::{PulseError, PulseModulator};
@@ -24,15 +27,10 @@ use whorl_dynamics::effects::ThrustLag;
 use whorl_dynamics::platform::{Jet, Wheel};
 use whorl_node::Timestamp;
 
+use jets::effective_on_s;
+
 use crate::excitation::Drive;
 use crate::parameters::Parameters;
-
-/// Share of its largest speed within which a wheel's torque outwards is tapered to zero.
-const SPEED_TAPER_SHARE: f64 = 0.02;
-/// Speed below which Coulomb friction is compensated in proportion \[rad/s\]: its sign is noise there.
-const COULOMB_SPEED_RAD_S: f64 = 1.0;
-/// Shortfall of alpha that counts as none.
-const ATTAINED: f64 = 1.0 - 1e-6;
 
 /// Why the actuators cannot be used as the parameters say.
 #[derive(Debug, Error)]
@@ -274,22 +272,6 @@ impl Actuation {
         (actuated, begins)
     }
 
-    /// After an excitation: no pulse of it is left over.
-    pub fn end_excitation(&mut self) {
-        if self.on_time_s.iter().any(|on| *on > 0.0) {
-            self.slot += 1;
-        }
-        self.close_jets();
-        self.slot_start = None;
-    }
-
-    /// Torque of the model's effects on each wheel \[N m\], which the motors counter from now on.
-    pub fn set_wheel_effects(&mut self, torque_n_m: &[f64]) {
-        for (slot, torque) in self.wheel_effects_n_m.iter_mut().zip(torque_n_m) {
-            *slot = *torque;
-        }
-    }
-
     /// Everything off.
     pub fn off(&mut self) -> Actuated {
         if self.on_time_s.iter().any(|on| *on > 0.0) {
@@ -302,80 +284,6 @@ impl Actuation {
         self.modulator.reset();
         self.unloading.stop();
         Actuated { alpha: 1.0, achieved_b_n_m: Vector3::zeros(), found: Found::Off }
-    }
-
-    fn close_jets(&mut self) {
-        self.on_time_s.fill(0.0);
-        self.jet_torque_b_n_m = Vector3::zeros();
-        self.saturated_jets = JetMask::NONE;
-        self.jet_alpha = 1.0;
-        self.jet_found = Found::Off;
-    }
-
-    fn slot_begins(&mut self, stamp: Timestamp) -> bool {
-        let begins = match self.slot_start {
-            None => Some(stamp),
-            Some(start) => {
-                let elapsed_s = stamp.seconds_since(start);
-                if elapsed_s < self.slot_length_s - self.half_step_s {
-                    None
-                } else if elapsed_s < 1.5 * self.slot_length_s {
-                    // On the grid, so that late samples do not stretch the slots.
-                    Some(Timestamp(start.0 + (self.slot_length_s * 1e9).round() as i64))
-                } else {
-                    Some(stamp)
-                }
-            }
-        };
-        if begins.is_some() {
-            self.slot_start = begins;
-            self.slot += 1;
-        }
-        begins.is_some()
-    }
-
-    fn plan_jets(&mut self, torque_b_n_m: &Vector3<f64>, wheel_speed_rad_s: &[f64]) {
-        if self.mode == Mode::Both {
-            let Some(wheels_alone) = self.allocate(Mode::Wheels, *torque_b_n_m) else { return };
-            let unload = self.unloading.update(
-                &self.wheels,
-                wheel_speed_rad_s,
-                &self.wheel_target_rad_s,
-                &mut self.unload_n_m,
-            );
-            if !unload && wheels_alone.alpha >= ATTAINED {
-                self.modulator.reset();
-                self.close_jets();
-                return;
-            }
-            for ((wish, need), unload) in self
-                .demand
-                .wheel_motor_torque_desired_n_m
-                .iter_mut()
-                .zip(&wheels_alone.wheel_motor_torque_n_m)
-                .zip(&self.unload_n_m)
-            {
-                *wish = need + unload;
-            }
-        }
-        let torque = self.modulator.compensated_torque_b_n_m(*torque_b_n_m);
-        let planned = self.allocate(self.mode, torque).and_then(|allocation| {
-            Some((self.modulator.modulate(&allocation.jet_on_fraction).ok()?, allocation))
-        });
-        let Some((pulses, allocation)) = planned else {
-            self.close_jets();
-            return;
-        };
-        self.jet_torque_b_n_m = pulses.impulse_b_n_m_s / self.slot_length_s;
-        self.jet_alpha = allocation.alpha;
-        self.jet_found = found(&allocation);
-        self.saturated_jets = allocation.saturated_jets;
-        for (((on, planned), jet), rate) in
-            self.on_time_s.iter_mut().zip(&pulses.on_time_s).zip(&self.jets).zip(&self.gas_rate_kg_s)
-        {
-            *on = commanded_on_s(jet, self.lag, *planned, self.slot_length_s);
-            self.gas_used_kg += planned * rate;
-        }
     }
 
     /// `None` only for a torque that is not finite, which the caller's gates keep out.
@@ -396,84 +304,6 @@ impl Actuation {
             self.checks.disagreed += u64::from(!agrees);
         }
         allocation
-    }
-
-    /// Bounds of the net torque on each wheel: motor limit less friction, tapered at top speed.
-    fn set_wheel_bounds(&mut self, wheel_speed_rad_s: &[f64]) {
-        for (j, wheel) in self.wheels.iter().enumerate() {
-            let speed = wheel_speed_rad_s.get(j).copied().unwrap_or(0.0);
-            let coulomb = wheel.coulomb_friction_n_m * (speed / COULOMB_SPEED_RAD_S).clamp(-1.0, 1.0);
-            let effects = self.wheel_effects_n_m.get(j).copied().unwrap_or(0.0);
-            let friction = wheel.viscous_friction_n_m_s * speed + coulomb - effects;
-            let limit = wheel.max_torque_n_m;
-            let taper = |distance_rad_s: f64| {
-                limit * (distance_rad_s / (SPEED_TAPER_SHARE * wheel.max_speed_rad_s)).clamp(0.0, 1.0)
-            };
-            // Friction beyond the motor's strength cannot be compensated.
-            let friction = friction.clamp(-limit, limit);
-            let most = (limit - friction).min(taper(wheel.max_speed_rad_s - speed));
-            let least = (-limit - friction).max(-taper(wheel.max_speed_rad_s + speed));
-            let slot = |values: &mut Vec<f64>, value: f64| {
-                if let Some(slot) = values.get_mut(j) {
-                    *slot = value;
-                }
-            };
-            slot(&mut self.friction_n_m, friction);
-            slot(&mut self.demand.wheel_motor_torque_max_n_m, most);
-            slot(&mut self.demand.wheel_motor_torque_min_n_m, least.min(most));
-        }
-    }
-
-    fn set_available(&mut self, failed_by_driver: &[bool]) {
-        let mut available = JetMask::ALL;
-        for (j, by_parameter) in self.failed_by_parameter.iter().enumerate() {
-            if *by_parameter || failed_by_driver.get(j).copied().unwrap_or(false) {
-                available = available.without(j);
-            }
-        }
-        self.demand.jet_available = available;
-    }
-
-    /// Motor torque of each wheel \[N m\].
-    pub fn wheel_torque_n_m(&self) -> &[f64] {
-        &self.wheel_torque_n_m
-    }
-
-    /// Commanded on-time of each jet in this slot \[s\].
-    pub fn on_time_s(&self) -> &[f64] {
-        &self.on_time_s
-    }
-
-    /// This slot's number.
-    pub fn slot(&self) -> u64 {
-        self.slot
-    }
-
-    /// Length of a slot \[s\].
-    pub fn slot_length_s(&self) -> f64 {
-        self.slot_length_s
-    }
-
-    /// Whether each jet is at its upper limit.
-    pub fn saturated_jets(&self) -> Vec<bool> {
-        (0..self.jets.len()).map(|j| self.saturated_jets.contains(j)).collect()
-    }
-
-    /// Whether each jet is held at zero.
-    pub fn failed_jets(&self) -> Vec<bool> {
-        (0..self.jets.len()).map(|j| !self.demand.jet_available.contains(j)).collect()
-    }
-
-    /// Momentum of the wheels relative to the body, body axes \[N m s\].
-    pub fn wheel_momentum_b_n_m_s(&self, wheel_speed_rad_s: &[f64]) -> Vector3<f64> {
-        self.wheels.iter().zip(wheel_speed_rad_s).fold(Vector3::zeros(), |sum, (wheel, speed)| {
-            sum + wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed)
-        })
-    }
-
-    /// Gas used by the model \[kg\].
-    pub fn gas_used_kg(&self) -> f64 {
-        self.gas_used_kg
     }
 
     /// Allocations that needed the fallback.
@@ -498,19 +328,4 @@ fn found(allocation: &Allocation) -> Found {
         Status::ClosedForm => Found::Unique,
         Status::Fallback(_) => Found::Fallback,
     }
-}
-
-/// Full thrust for how long has the impulse of a jet that is commanded on for this time [s].
-fn effective_on_s(jet: &Jet, lag: ThrustLag, commanded_s: f64) -> f64 {
-    lag.pulse_impulse_s(commanded_s - jet.opening_delay_s + jet.closing_delay_s)
-}
-
-/// The command with which a jet has the impulse of full thrust for that long [s]: zero, or from its minimum
-/// to the slot.
-fn commanded_on_s(jet: &Jet, lag: ThrustLag, effective_s: f64, slot_length_s: f64) -> f64 {
-    if effective_s <= 0.0 {
-        return 0.0;
-    }
-    let commanded = lag.open_for_impulse_s(effective_s) + jet.opening_delay_s - jet.closing_delay_s;
-    commanded.max(jet.min_on_time_s).min(slot_length_s)
 }
