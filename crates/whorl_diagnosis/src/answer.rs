@@ -210,6 +210,7 @@ impl Search<'_> {
 
     /// The answer.
     pub(crate) fn answer(&mut self) -> Diagnosis {
+        self.rest = self.rest_of_best();
         let mut candidates: Vec<Candidate> = Vec::new();
         let mut rivals: Vec<Hypothesis> = Vec::new();
         for member in 0..self.best.members.len() {

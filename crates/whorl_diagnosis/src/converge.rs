@@ -17,7 +17,8 @@ use crate::parameters::Point;
 use crate::physical::between;
 use crate::problem::{Dataset, Problem};
 use crate::regression::Estimate;
-use crate::search::{LEAST_DROP, NO_FIT, Search, dataset, point_of};
+use crate::run::Run;
+use crate::search::{LEAST_DROP, NO_FIT, PERIODIC, Search, dataset, point_of};
 
 /// Steps of a fit, those taken back included.
 const MOST_STEPS: usize = 8;
@@ -39,6 +40,8 @@ pub(crate) struct Standing {
     pub log_evidence: f64,
     /// Whitened misfit, prior's penalty included.
     pub misfit: f64,
+    /// By how much a further step would lower the misfit: of a fit that ended before its minimum.
+    pub promise: f64,
     /// Whitened misfit of held-out data.
     pub held_misfit: Option<f64>,
 }
@@ -205,6 +208,10 @@ impl Search<'_> {
                 break;
             }
             let Some((misfit, here)) = at_itself(self, &layout, &data, &fit, &point) else { break };
+            // What has not come round once in any run is a drift, and periodic by name only.
+            if !self.comes_round(&here) {
+                return Ok(None);
+            }
             // What the best set has found must not be lost on the way to a larger one: a contact's blows, say, are
             // far from linear in all else.
             if best.is_none() && misfit > allowed {
@@ -238,7 +245,7 @@ impl Search<'_> {
             promise = promised;
             best = Some(Converged {
                 names: fit.names(&layout),
-                standing: Standing { log_evidence, misfit, held_misfit: None },
+                standing: Standing { log_evidence, misfit, promise: promised.max(0.0), held_misfit: None },
                 point: here.clone(),
                 motions: problem.motions.clone(),
                 layout: layout.clone(),
@@ -251,6 +258,15 @@ impl Search<'_> {
             target = Some(next);
         }
         Ok(best)
+    }
+
+    /// Whether a periodic torque has at least one period in the longest run.
+    fn comes_round(&self, point: &Point) -> bool {
+        let Some([_, _, _, frequency_hz, _]) = point.effects.get(PERIODIC).map(Vec::as_slice) else {
+            return true;
+        };
+        let duration_s = |run: &Run| run.time(run.nodes().saturating_sub(1)) - run.time(0);
+        self.problem.runs.iter().any(|run| duration_s(run) * frequency_hz >= 1.0)
     }
 
     /// Makes a converged set the present best: the full regression at its point.
@@ -318,6 +334,17 @@ impl Search<'_> {
     /// Standing of a set, if it was fitted at a point of its own.
     pub(crate) fn standing(&self, set: &Hypothesis) -> Option<Standing> {
         self.standings.get(&set.names(&self.layout)).copied()
+    }
+
+    /// What a rival may at most have over the best set, as [`Self::advantage`]: one whose fit has not come to its minimum
+    /// is given what it promised, and is not refuted by where it happened to stop.
+    pub(crate) fn advantage_of_rival(&self, rival: &Hypothesis) -> (f64, f64) {
+        let (evidence, drop) = self.advantage(rival, &self.best);
+        let promise = match (self.standing(rival), self.standing(&self.best)) {
+            (Some(standing), Some(_)) => standing.promise,
+            _ => 0.0,
+        };
+        (evidence + 0.5 * promise, drop + promise)
     }
 
     /// Log evidence and drop of the misfit that one set has over another: where each fits best if both were

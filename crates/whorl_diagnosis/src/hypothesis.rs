@@ -7,6 +7,10 @@ use crate::regression::{Estimate, Normal};
 /// Prior sizes of an effect that are tried, in units of its catalogue prior.
 const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 
+/// Effects that are springs first, with a damping of their own, and which of their parameters is the stiffness.
+const SPRINGS: [&str; 2] = ["harness_spring", "tilt_stop_contact"];
+const STIFFNESS: usize = 0;
+
 /// One effect of a hypothesis and how it enters.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Member {
@@ -108,6 +112,11 @@ impl Hypothesis {
                 return Some(Self { members, estimate, log_evidence });
             };
             for member in &mut members {
+                // Without its stiffness a spring's damping is friction by another name.
+                let column = layout.columns.get(out).filter(|_| member.columns.contains(&out));
+                if column.is_some_and(|c| SPRINGS.contains(&c.group) && c.index == STIFFNESS) {
+                    member.columns.clear();
+                }
                 member.columns.retain(|i| *i != out);
             }
             members.retain(|m| !m.columns.is_empty());

@@ -5,7 +5,8 @@
 //! explanation, the recordings are laid out anew with stamps set back by it, and searched again.
 
 use crate::converge::Standing;
-use crate::search::{LEAST_EVIDENCE, Search, TIE};
+use crate::search::{LEAST_EVIDENCE, Search};
+use crate::ties::TIE;
 
 /// Latency far from that with which recordings were laid out \[s\].
 const FAR_S: f64 = 2e-3;

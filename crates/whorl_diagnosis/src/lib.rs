@@ -55,6 +55,7 @@ mod surroundings;
 #[cfg(test)]
 mod tests;
 mod threads;
+mod ties;
 mod unknown;
 mod unrecorded;
 mod vibration;

@@ -12,9 +12,10 @@ use whorl_recording::Recording;
 use crate::candidates::Available;
 use crate::hypothesis::Hypothesis;
 use crate::parameters::BASE_EFFECTS;
-use crate::problem::Dataset;
+use crate::problem::{Dataset, FREE_RATE_WALK};
 use crate::regression::{BLOCKS_PER_RUN, Estimate, Normal};
-use crate::search::{LEAST_DROP, Search, systematic};
+use crate::search::{LEAST_DROP, Search, dataset};
+use crate::ties::{beyond, systematic};
 use crate::{DiagnosisError, Options, prepare};
 
 /// What data say, or would say.
@@ -24,6 +25,9 @@ pub struct Prospect {
     /// with the data at hand; with further data as the true one is expected to lead, the mean over which of them is
     /// true. A diagnosis takes two for equal below 3. `None` with fewer than two.
     pub log_odds: Option<f64>,
+    /// Probability that a diagnosis would tell the true explanation from all others: the mean over which of them is
+    /// true of the probability with which its lead goes beyond the tie. `None` with fewer than two.
+    pub told_apart: Option<f64>,
     /// Effects that would show at their ordinary size (one standard deviation of the catalogue's prior).
     pub shown: Vec<String>,
     /// Effects that were looked at and would not.
@@ -84,15 +88,17 @@ pub fn prospects(
     }
     let ids: Vec<&str> = explanations.iter().flatten().map(String::as_str).collect();
     make_columns_for(&mut search, &ids)?;
+    go_to_leading(&mut search, explanations)?;
     let total = &search.data.total;
     let rivals: Vec<Hypothesis> = explanations.iter().filter_map(|set| explanation(&search, set)).collect();
     let nothing = Normal::zeros(search.layout.columns.len());
-    let mut now = prospect(&search, total, &nothing, &rivals);
+    let weights = weights(&search, &rivals);
+    let mut now = prospect(&search, total, &nothing, &rivals, &weights);
     let mut evidence: Vec<(f64, f64)> =
         rivals.iter().map(|h| (h.log_evidence, h.estimate.drop - search.base.estimate.drop)).collect();
     evidence.sort_by(|a, b| b.0.total_cmp(&a.0));
     now.log_odds = match evidence.as_slice() {
-        [(first, drop), (second, _), ..] => Some(certain(first - second, *drop) / search.data.temper),
+        [(first, drop), (second, _), ..] => Some(certain(&search, first - second, *drop)),
         _ => None,
     };
     let with = search
@@ -104,7 +110,7 @@ pub fn prospects(
             for block in blocks {
                 added.add(block, 1.0);
             }
-            prospect(&search, total, &added, &rivals)
+            prospect(&search, total, &added, &rivals, &weights)
         })
         .collect();
     Ok(Prospects { now, with })
@@ -125,9 +131,50 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
     Ok(())
 }
 
+/// Goes to where the leading explanation fits the data at hand best: what a large effect does, and what the others
+/// leave of it, is far from linear in its size.
+fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Result<(), DiagnosisError> {
+    // The motion of further recordings is that of their readings, whatever effect they hold or not.
+    if let Some(held) = &mut search.held_out {
+        held.smooth(&search.point, Some(FREE_RATE_WALK))?;
+    }
+    let further = search.held_out.take();
+    let leading = explanations.first().and_then(|set| explanation(search, set));
+    if let Some(leading) = leading.filter(|l| !l.members.is_empty())
+        && let Some(converged) = search.converge(&leading)?
+    {
+        search.settle(converged)?;
+    }
+    search.rest = search.rest_of_best();
+    search.held_out = further;
+    if let Some(held) = &search.held_out {
+        let data = dataset(held, &search.point, &search.layout, search.held_colours.clone())?;
+        search.held_data = Some(data);
+    }
+    Ok(())
+}
+
 /// Log odds that are left when constants and formulas err as much as they may.
-fn certain(log_odds: f64, drop: f64) -> f64 {
-    (log_odds.abs() - systematic(drop)).max(0.0).copysign(log_odds)
+fn certain(search: &Search<'_>, log_odds: f64, drop: f64) -> f64 {
+    let left = (log_odds.abs() - systematic(drop, search.rest)).max(0.0);
+    left.copysign(log_odds) / search.data.temper
+}
+
+/// Share of the normal distribution below `x` (Abramowitz and Stegun 1964, 26.2.17; error below 1e-7).
+fn normal_below(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
+    let powers = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let tail = powers.iter().rev().fold(0.0, |sum, p| (sum + p) * t) * (-0.5 * x * x).exp()
+        / std::f64::consts::TAU.sqrt();
+    if x < 0.0 { tail } else { 1.0 - tail }
+}
+
+/// Probability that an explanation that is expected to lead a rival so far will be told from it. What noise does to a
+/// lead in log evidence has a variance of twice its mean, which is half the lead in the misfit; and an expectation
+/// that is linear in the effect's size, for a motion that the effect itself will change, is right to half of its size.
+fn probability_of_telling(lead: (f64, f64), margin: f64) -> f64 {
+    let drop = lead.1.max(0.0);
+    normal_below(beyond(lead, margin) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
@@ -140,25 +187,64 @@ fn explanation(search: &Search<'_>, set: &[String]) -> Option<Hypothesis> {
     Some(found)
 }
 
-fn prospect(search: &Search<'_>, data: &Normal, added: &Normal, rivals: &[Hypothesis]) -> Prospect {
-    let mut odds = Vec::new();
-    for (truth, hypothesis) in rivals.iter().enumerate() {
+/// Ways to enter that are tried anew where the data are others.
+const MOST_WAYS: usize = 32;
+
+/// An explanation fitted to other data. An effect that can enter in several ways (a cable at any heading, damped or not)
+/// enters in the one that these data like best.
+fn chosen_anew(search: &Search<'_>, hypothesis: &Hypothesis, data: &Normal) -> Option<Hypothesis> {
+    let same = hypothesis.refitted(&search.layout, data);
+    let ways = |candidate: usize| search.layout.candidates.get(candidate).map_or(0, |c| c.options.len());
+    if !hypothesis.members.iter().all(|m| (1..=MOST_WAYS).contains(&ways(m.candidate))) {
+        return same;
+    }
+    let anew = hypothesis.members.iter().try_fold(Hypothesis::base(&search.layout, data)?, |set, m| {
+        set.with(&search.layout, data, m.candidate)
+    });
+    [same, anew].into_iter().flatten().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+}
+
+/// How likely each explanation is to be the true one: as likely as the leading one within the tie, less beyond it.
+fn weights(search: &Search<'_>, rivals: &[Hypothesis]) -> Vec<f64> {
+    let Some(best) = rivals.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) else {
+        return Vec::new();
+    };
+    let tie = search.tie(best.estimate.drop - search.base.estimate.drop);
+    rivals.iter().map(|h| (tie - (best.log_evidence - h.log_evidence)).min(0.0).exp()).collect()
+}
+
+fn prospect(
+    search: &Search<'_>,
+    data: &Normal,
+    added: &Normal,
+    rivals: &[Hypothesis],
+    weights: &[f64],
+) -> Prospect {
+    let (mut odds, mut told, mut sum) = (0.0, 0.0, 0.0);
+    for (truth, (hypothesis, weight)) in rivals.iter().zip(weights).enumerate() {
         // What the added data are expected to hold if this one is true.
         let mut expected = data.clone();
         expected.matrix += &added.matrix;
         expected.vector += &added.matrix * hypothesis.estimate.spread(search.layout.columns.len());
         let base = Hypothesis::base(&search.layout, &expected);
-        let fitted = |h: &Hypothesis| h.refitted(&search.layout, &expected).or_else(|| base.clone());
-        let evidence = |h: &Hypothesis| fitted(h).map(|h| h.log_evidence);
-        let own = fitted(hypothesis);
-        let others = rivals.iter().enumerate().filter(|(k, _)| *k != truth).filter_map(|(_, h)| evidence(h));
-        let best = others.fold(f64::NEG_INFINITY, f64::max);
-        if let (Some(own), Some(base)) = (own.filter(|_| best.is_finite()), &base) {
-            let drop = own.estimate.drop - base.estimate.drop;
-            odds.push(certain(own.log_evidence - best, drop) / search.data.temper);
-        }
+        let fitted = |h: &Hypothesis| chosen_anew(search, h, &expected).or_else(|| base.clone());
+        let (Some(own), Some(base)) = (fitted(hypothesis), &base) else { continue };
+        let drop = own.estimate.drop - base.estimate.drop;
+        let leads: Vec<(f64, f64)> = rivals
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| *k != truth)
+            .filter_map(|(_, h)| fitted(h))
+            .map(|h| (own.log_evidence - h.log_evidence, own.estimate.drop - h.estimate.drop))
+            .collect();
+        let Some(least) = leads.iter().map(|l| l.0).min_by(f64::total_cmp) else { continue };
+        let margin = search.tie(drop);
+        odds += weight * certain(search, least, drop);
+        told += weight * leads.iter().map(|l| probability_of_telling(*l, margin)).fold(1.0, f64::min);
+        sum += weight;
     }
-    let log_odds = (!odds.is_empty()).then(|| odds.iter().sum::<f64>() / odds.len() as f64);
+    let mean = |of: f64| (sum > 0.0).then(|| of / sum);
+    let (log_odds, told_apart) = (mean(odds), mean(told));
     let mut both = data.clone();
     both.matrix += &added.matrix;
     let (mut shown, mut not_shown) = (Vec::new(), Vec::new());
@@ -171,7 +257,7 @@ fn prospect(search: &Search<'_>, data: &Normal, added: &Normal, rivals: &[Hypoth
         let list = if largest > LEAST_DROP { &mut shown } else { &mut not_shown };
         list.push(candidate.id.to_owned());
     }
-    Prospect { log_odds, shown, not_shown }
+    Prospect { log_odds, told_apart, shown, not_shown }
 }
 
 /// Detectability of a column at its unit, the base refitted.
@@ -186,16 +272,26 @@ fn information(search: &Search<'_>, normal: &Normal, column: usize) -> Option<f6
 
 #[cfg(test)]
 mod tests {
-    use super::certain;
+    use super::{normal_below, probability_of_telling};
 
     #[test]
-    fn log_odds_that_errors_may_make_are_worth_nothing() {
-        // One per cent of a signal of misfit 1e6 has a misfit of 100, so log odds of 50; constants make 6 at most.
-        assert!((certain(80.0, 1e6) - 24.0).abs() < 1e-9);
-        assert!((certain(-80.0, 1e6) + 24.0).abs() < 1e-9);
-        assert_eq!(certain(40.0, 1e6), 0.0);
-        // A faint effect: two per cent of 100.
-        assert!((certain(40.0, 100.0) - 38.0).abs() < 0.01);
-        assert_eq!(certain(40.0, 0.0), 40.0);
+    fn the_normal_distribution_is_that_of_the_tables() {
+        for (x, below) in
+            [(-3.0, 0.001_350), (-1.0, 0.158_655), (0.0, 0.5), (0.5, 0.691_462), (1.96, 0.975_002)]
+        {
+            assert!((normal_below(x) - below).abs() < 1e-6, "{x}");
+        }
+    }
+
+    #[test]
+    fn what_reaches_the_tie_is_told_in_half_of_the_cases() {
+        assert!((probability_of_telling((9.0, 18.0), 9.0) - 0.5).abs() < 1e-6);
+        assert!(probability_of_telling((0.0, 0.0), 9.0) < 1e-6);
+        // A lead of any size that is within what formulas may do is worth nothing.
+        assert!(probability_of_telling((80.0, 160.0), 110.0) < 0.3);
+        let far = [20.0, 40.0, 400.0].map(|lead| probability_of_telling((lead, 2.0 * lead), 9.0));
+        assert!(far[0] > 0.7 && far[0] < far[1] && far[1] < far[2] && far[2] > 0.95, "{far:?}");
+        // A rival that loses by its price alone is not refuted.
+        assert!(probability_of_telling((10.0, 0.0), 9.0) < 0.05);
     }
 }

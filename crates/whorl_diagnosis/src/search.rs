@@ -22,6 +22,14 @@ const AGAINST: f64 = 0.1;
 /// compete and the noise that is not quite as measured leave it beyond doubt.
 const LEAST_TOGETHER: f64 = 10.0;
 
+/// A gain on held-out data that is this many standard deviations short of what was promised refutes a member: noise
+/// does that in fewer than one case of a hundred.
+const REFUTED: f64 = 2.5;
+
+/// Share of its promise by which the gain of a real effect may differ as its formula, of an amplitude that is right to
+/// an eighth, is not quite that of the catalogue.
+const FORMULA_OF_MEMBER: f64 = 0.25;
+
 /// A rest of this many standard deviations is worth the columns of hidden states.
 const SOMETHING_LEFT: f64 = 3.0;
 
@@ -41,20 +49,6 @@ const NEAR_SHARE: f64 = 0.7;
 
 /// Rivals that are fitted in each round, at most.
 const MOST_RIVALS: usize = 4;
-
-/// Explanations closer than this in log evidence are both kept. Noise alone lets the wrong one of two lead by so
-/// much in fewer than one case of a hundred, however far apart they are: their difference is normal with a
-/// variance of twice its mean.
-pub(crate) const TIE: f64 = 3.0;
-
-/// What constants that are wrong by some per cent (inertia, thrust) may add to or take from the log evidence by which
-/// one of two like effects leads: this share of the drop that they explain, and no more than twice what noise may do.
-const CONSTANTS_ERROR: f64 = 0.02;
-
-/// Relative error of a formula along the difference between two given effects: laws of friction, flow and fields
-/// with constant coefficients follow real parts to some per cent, and about a third of such an error, in a space of
-/// many motions, points from one effect to the other.
-const FORMULA_ERROR: f64 = 0.01;
 
 /// The search's state: where the model is, and the regression there.
 pub(crate) struct Search<'a> {
@@ -78,6 +72,8 @@ pub(crate) struct Search<'a> {
     pub standings: Standings,
     /// The best set with an inertial latency.
     pub late: Option<Lateness>,
+    /// Misfit that the best set may leave beyond noise; not limited until it is known.
+    pub rest: f64,
 }
 
 /// A set that has taken the place of the best one.
@@ -109,14 +105,7 @@ pub(crate) fn dataset(
     Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
 }
 
-/// Log evidence that an explanation of this drop of the misfit may gain or lose because constants and formulas are
-/// not those of the real platform. An error of the signal of relative size e has a misfit of e^2 of the drop, and a
-/// wrong formula gains at most what it has by following all of it.
-pub(crate) fn systematic(drop: f64) -> f64 {
-    (CONSTANTS_ERROR * drop.max(0.0)).min(2.0 * TIE) + 0.5 * FORMULA_ERROR.powi(2) * drop.max(0.0)
-}
-
-const PERIODIC: &str = "air_current_periodic";
+pub(crate) const PERIODIC: &str = "air_current_periodic";
 
 /// Values of a periodic torque whose sine and cosine were fitted about each axis: the one phase with which most
 /// of both remains.
@@ -201,6 +190,7 @@ impl<'a> Search<'a> {
             base,
             standings: Standings::new(),
             late: None,
+            rest: f64::INFINITY,
         })
     }
 
@@ -413,7 +403,33 @@ impl<'a> Search<'a> {
         // Held-out data may hold little of the effect, so what they say against it counts only if it is much;
         // a faint effect needs them on its side.
         let gain = self.gain(larger, smaller);
-        gain > -AGAINST * evidence && evidence + gain.min(evidence) > LEAST_TOGETHER * least
+        gain > -AGAINST * evidence
+            && evidence + gain.min(evidence) > LEAST_TOGETHER * least
+            && (smaller.members.is_empty() || !self.falls_short(larger, smaller, gain))
+    }
+
+    /// Whether held-out data gain less by a larger hypothesis than it promises them, beyond what noise, the
+    /// uncertainty of its parameters and errors of its formula explain. A second effect that only follows what the
+    /// formula of the first one leaves in the training data is seen by this: it does the same in no other run.
+    pub fn falls_short(&self, larger: &Hypothesis, smaller: &Hypothesis, gain: f64) -> bool {
+        let Some(held) = &self.held_data else { return false };
+        let normal = &held.total.matrix;
+        let columns = self.layout.columns.len();
+        let step = larger.estimate.spread(columns) - smaller.estimate.spread(columns);
+        let promised = 0.5 * step.dot(&(normal * &step));
+        // Of which this much is owed to errors of the estimate.
+        let covariance = larger.estimate.covariance();
+        let active = &larger.estimate.active;
+        let mut errors = 0.0;
+        for (a, i) in active.iter().enumerate() {
+            for (b, j) in active.iter().enumerate() {
+                errors += normal[(*i, *j)] * covariance[(b, a)];
+            }
+        }
+        // A log likelihood ratio has a variance of twice its mean.
+        let noise = 2.0 * promised * self.data.temper;
+        let short = promised - errors.min(promised) - gain;
+        short > REFUTED * (noise + (FORMULA_OF_MEMBER * promised).powi(2)).sqrt()
     }
 
     /// Swaps and removes members as long as that is better.
@@ -491,20 +507,6 @@ impl<'a> Search<'a> {
         Ok(None)
     }
 
-    /// Log evidence by which an explanation must lead its rivals, given the drop of the misfit that an effect brings:
-    /// what noise may do, and what errors of constants and formulas may.
-    pub fn tie(&self, drop: f64) -> f64 {
-        TIE * self.data.temper + systematic(drop)
-    }
-
-    /// Whether a rival of this advantage in log evidence and in the drop of the misfit explains the data as well as
-    /// an effect that brings `effect_drop`. One that fits as well and loses only by the price of its further
-    /// parameters is not refuted by the data.
-    fn is_tie(&self, (evidence, drop): (f64, f64), effect_drop: f64) -> bool {
-        let tie = self.tie(effect_drop);
-        evidence > -tie || (drop > -2.0 * tie && evidence > -2.0 * LEAST_EVIDENCE)
-    }
-
     /// Effects that explain the data as well in place of a member of the best set.
     pub fn rivals_of(&self, member: usize) -> Vec<Hypothesis> {
         let Some(rest) = self.best.without(&self.layout, &self.data.total, member) else { return Vec::new() };
@@ -512,7 +514,7 @@ impl<'a> Search<'a> {
         let own = self.best.names(&self.layout);
         let mut rivals = self.additions(&rest);
         rivals.retain(|other| {
-            self.is_tie(self.advantage(other, &self.best), drop) && other.names(&self.layout) != own
+            self.is_tie(self.advantage_of_rival(other), drop) && other.names(&self.layout) != own
         });
         rivals
     }
@@ -531,7 +533,11 @@ impl<'a> Search<'a> {
         let (_, drop) = self.advantage(&self.best, &self.base);
         if let Some(best) = self.standing(&self.best) {
             for (names, standing) in &self.standings {
-                let advantage = (standing.log_evidence - best.log_evidence, best.misfit - standing.misfit);
+                // A fit that ended before its minimum is given what it promised.
+                let advantage = (
+                    standing.log_evidence + 0.5 * standing.promise - best.log_evidence,
+                    best.misfit - standing.misfit + standing.promise,
+                );
                 if names.len() == own.len()
                     && *names != own
                     && self.is_tie(advantage, drop)

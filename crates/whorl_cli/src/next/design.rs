@@ -17,8 +17,8 @@ use crate::progress;
 /// How often a manoeuvre that goes too far is made smaller, and by how much each time.
 const ATTEMPTS: usize = 4;
 const SMALLER: f64 = 0.75;
-/// Log odds beyond which more are worth nothing: a shorter run is.
-const PLENTY: f64 = 50.0;
+/// Steps in the probability of telling explanations apart that are worth more than a shorter run.
+const STEPS: f64 = 20.0;
 
 /// A manoeuvre with what it would bring.
 #[derive(Debug, Clone)]
@@ -95,7 +95,7 @@ pub fn design(
     let separates =
         matches!(diagnosis.verdict, Verdict::Confounded | Verdict::Named) && found.now.log_odds.is_some();
     let worth = |j: &Judged| {
-        let odds = j.prospect.log_odds.unwrap_or(0.0).min(PLENTY);
+        let odds = (STEPS * j.prospect.told_apart.unwrap_or(0.0)).round();
         let shown = j.prospect.shown.len() as f64;
         let short = -j.demand.duration_s;
         if separates { [odds, short, shown] } else { [shown, odds, short] }

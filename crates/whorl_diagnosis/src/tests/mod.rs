@@ -6,5 +6,6 @@ mod naming;
 mod noise_walks;
 mod prospects;
 mod residual;
+mod ties;
 mod uncertainty;
 mod whitening;

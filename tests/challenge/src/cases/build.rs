@@ -91,6 +91,8 @@ pub struct Built {
     pub held_out: Vec<Recording>,
     /// Further runs that could be flown, for confounded cases.
     pub follow_ups: Vec<FollowUp>,
+    stand: Arc<Stand>,
+    laboratory: Laboratory,
     pub model: PlatformModel,
     pub prior: ModelPrior,
     pub answer: Answer,
@@ -99,10 +101,21 @@ pub struct Built {
 /// A manoeuvre that may be proposed.
 pub struct FollowUp {
     pub style: Style,
-    /// In simulation, beforehand: without the effect, which nobody knows yet.
-    pub rehearsal: Recording,
+    plan: Plan,
     /// What is measured if it is flown.
     pub recording: Recording,
+}
+
+impl Built {
+    /// A manoeuvre in simulation, beforehand: with effects as the tool takes them to be, for the truth is not known
+    /// yet. `None` where it would go too far.
+    #[must_use]
+    pub fn rehearsed(&self, follow_up: &FollowUp, effects: &[(&str, Values)]) -> Option<Recording> {
+        let (stand, key) = (&self.stand, format!("{}/rehearsal", self.spec.key()));
+        let hidden = stand.hidden(effects);
+        record(stand, follow_up.style, &follow_up.plan, &hidden, &self.laboratory, &key, REHEARSAL_STEP_S)
+            .ok()
+    }
 }
 
 /// Runs and platform shared by the cases of a group.
@@ -464,14 +477,11 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
     let training =
         stand.plans.iter().enumerate().map(|(i, p)| run(style(i), p)).collect::<Result<Vec<_>>>()?;
     let held_out = vec![run(style(0).held_out(), &stand.held_out)?];
-    let nothing = stand.hidden(&[]);
     let mut follow_ups = Vec::new();
     for (style, plan) in &stand.follow_ups {
-        let before = format!("{key}/rehearsal");
-        let rehearsal = record(stand, *style, plan, &nothing, laboratory, &before, REHEARSAL_STEP_S);
         // With the effect it may go too far, which is no manoeuvre then.
-        if let (Ok(rehearsal), Ok(recording)) = (rehearsal, run(*style, plan)) {
-            follow_ups.push(FollowUp { style: *style, rehearsal, recording });
+        if let Ok(recording) = run(*style, plan) {
+            follow_ups.push(FollowUp { style: *style, plan: plan.clone(), recording });
         }
     }
     if follow_ups.is_empty() && !stand.follow_ups.is_empty() {
@@ -484,6 +494,8 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
         training,
         held_out,
         follow_ups,
+        stand: Arc::clone(stand),
+        laboratory: laboratory.clone(),
         prior: laboratory.prior.clone(),
         model,
         answer,

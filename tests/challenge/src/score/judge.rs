@@ -1,5 +1,6 @@
 //! Runs the diagnosis on a case and compares what it says with the sealed answer.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -148,19 +149,29 @@ fn explain(diagnosis: &Diagnosis) {
 
 /// The manoeuvre that the tool would fly next: the one from which it expects most.
 fn proposed<'b>(built: &'b Built, diagnosis: &Diagnosis, threads: usize) -> Result<&'b FollowUp, String> {
-    let rehearsals: Vec<Recording> = built.follow_ups.iter().map(|f| f.rehearsal.clone()).collect();
+    // Rehearsed with the leading explanation as it was estimated, as `whorl next` does.
+    let leading: Vec<(&str, BTreeMap<String, f64>)> = diagnosis
+        .candidates
+        .iter()
+        .filter(|c| diagnosis.effects.contains(&c.effect))
+        .map(|c| {
+            let values = c.parameters.iter().map(|p| (p.name.clone(), p.estimate)).collect();
+            (c.effect.as_str(), values)
+        })
+        .collect();
+    let (follow_ups, rehearsals): (Vec<&FollowUp>, Vec<Recording>) =
+        built.follow_ups.iter().filter_map(|f| Some((f, built.rehearsed(f, &leading)?))).unzip();
     let options = Options { threads, ..Options::default() };
     let sets = diagnosis.explanations();
     let found = prospects(&built.training, &rehearsals, &built.model, &built.prior, &sets, &options)
         .map_err(|e| e.to_string())?;
-    let worth = |p: &Prospect| (p.log_odds.unwrap_or(0.0), p.shown.len());
-    built
-        .follow_ups
-        .iter()
+    let worth = |p: &Prospect| (p.told_apart.unwrap_or(0.0), p.log_odds.unwrap_or(0.0), p.shown.len());
+    follow_ups
+        .into_iter()
         .zip(&found.with)
         .max_by(|(_, a), (_, b)| {
             let (a, b) = (worth(a), worth(b));
-            a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
         })
         .map(|(follow_up, _)| follow_up)
         .ok_or_else(|| "no manoeuvre to propose".to_owned())
