@@ -54,8 +54,11 @@ impl Search<'_> {
     /// Judges the best set by the significance of the rest that it leaves and its share of the slow excess.
     pub(crate) fn adequacy(&self, names: &[String], left: f64, share: f64) -> Adequacy {
         let (explained, explained_drop) = self.advantage(&self.best, &self.base);
-        // A line may be that of a torque of another kind, although no slow rest is left: pumps turn with the body.
-        let rhythmic = names.iter().any(|n| matches!(n.as_str(), "vibration_alias" | "air_current_periodic"));
+        // A line may be that of a torque of another kind, although no slow rest is left: pumps turn with the body, and
+        // a boom that is hardly damped rings like one.
+        let rings = names.iter().any(|n| n == "flexible_mode");
+        let rhythmic =
+            rings || names.iter().any(|n| matches!(n.as_str(), "vibration_alias" | "air_current_periodic"));
         let follower = if left > WORTH_A_LOOK || rhythmic {
             describe(self, false)
         } else if self.best.members.is_empty() {
@@ -67,7 +70,10 @@ impl Search<'_> {
         let unexplained = follower.as_ref().is_some_and(|f| {
             // What has no name explains the data better than all names together, in the regression in which it was
             // tried and where each set fits best: of a large effect these may differ much.
-            let by_names = explained.max(self.best.log_evidence - self.base.log_evidence);
+            // A resonance's frequency and damping enter the regression as if they could go anywhere: there it may ring
+            // for ever, and only where it was fitted it is a resonance.
+            let in_regression = self.best.log_evidence - self.base.log_evidence;
+            let by_names = if rings { explained } else { explained.max(in_regression) };
             let replaces =
                 f.alone_evidence > by_names + OUTDONE * self.data.temper + OWN_FORMULA * explained_drop;
             // A shape without a name must add what an effect must add, and outweigh what names explain.

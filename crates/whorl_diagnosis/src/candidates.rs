@@ -115,6 +115,8 @@ fn largest(
 pub(crate) struct Lines {
     pub torque_hz: Vec<f64>,
     pub sensor_hz: Vec<f64>,
+    /// All that were noticed, the faint ones as well.
+    pub faint_hz: Vec<f64>,
     /// Lines over the angle of a wheel: wheel, cycles per turn.
     pub orders: Vec<(usize, f64)>,
     /// Resonances that the motion drives.
@@ -159,8 +161,14 @@ impl Layout {
         layout
     }
 
-    /// Columns of the base model and of these effects, which the point holds.
-    pub fn of_effects(reference: &Reference, point: &Point, available: &Available, ids: &[&str]) -> Self {
+    /// Columns of the base model and of these effects alone.
+    pub fn of_effects(
+        reference: &Reference,
+        point: &Point,
+        available: &Available,
+        ids: &[&str],
+        lines: &Lines,
+    ) -> Self {
         let mut layout = Self {
             columns: reference.base_columns(available.wheels, available.jets, available.body),
             ..Self::default()
@@ -171,7 +179,7 @@ impl Layout {
         layout.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
         layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
         for effect in ids.iter().filter_map(|id| find(id)) {
-            layout.add(reference, point, available, effect, &Lines::default());
+            layout.add(reference, point, available, effect, lines);
         }
         layout
     }
@@ -389,7 +397,11 @@ fn special_options(
             }
         }
         "gyro_saturation" => {
-            for share in [1.0, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.945, 0.92, 0.88, 0.83] {
+            // Readings that are cut off never lasted at the range itself: noise pulls their mean below it.
+            for share in [
+                1.03, 1.02, 1.013, 1.008, 1.004, 1.0, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.945, 0.92,
+                0.88, 0.83,
+            ] {
                 let origin = with(&[(0, share * available.largest_rate_rad_s)]);
                 // What is cut off at this range: all of it or nothing.
                 options.push(vec![directed(effect, reference, name(0), &origin, &[(0, 0.0)], true)]);

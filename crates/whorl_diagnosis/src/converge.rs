@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use crate::DiagnosisError;
-use crate::candidates::Layout;
+use crate::candidates::{Layout, Lines};
 use crate::hypothesis::{Hypothesis, Member};
 use crate::motion::Motion;
 use crate::parameters::Point;
@@ -92,7 +92,9 @@ pub(crate) fn carried(member: &Member, from: &Layout, to: &Layout) -> Option<Mem
         }
     }
     // A place on a grid is paid for by the prior of what it became.
-    let options = if special && columns.iter().any(|i| to.columns[*i].is_shape) { 1 } else { member.options };
+    let was_place = special && old.iter().all(|c| c.step.iter().all(|s| *s == 0.0));
+    let is_paid = was_place || (special && columns.iter().any(|i| to.columns[*i].is_shape));
+    let options = if is_paid { 1 } else { member.options };
     Some(Member { candidate, columns, size: member.size, options })
 }
 
@@ -187,6 +189,9 @@ impl Search<'_> {
         });
         let mut members = start.members.clone();
         let mut layout = self.layout.clone();
+        let entered_on_grid = members.last().is_some_and(|m| {
+            m.columns.iter().any(|i| layout.columns.get(*i).is_some_and(|c| c.origin.is_some()))
+        });
         let mut best: Option<Converged> = None;
         let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
         // A set that holds the present best one starts from there, with a misfit that is known.
@@ -199,13 +204,19 @@ impl Search<'_> {
         let mut promise = 0.0;
         for step in 0..MOST_STEPS {
             problem.smooth(&point, None)?;
-            let here = Layout::of_effects(&self.problem.reference, &point, &self.available, ids);
+            let here =
+                Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
             members = members.iter().filter_map(|m| carried(m, &layout, &here)).collect();
             layout = here;
             let data = dataset(problem, &point, &layout, self.colours.clone())?;
-            let Some(fit) = Hypothesis::of(&layout, &data.total, members.clone()) else { break };
+            let Some(mut fit) = Hypothesis::of(&layout, &data.total, members.clone()) else { break };
             if fit.members.len() < ids.len() {
                 break;
+            }
+            // A place on a grid has become a value: how far it is from neutral, no column has said before.
+            if step == 0 && entered_on_grid {
+                fit = fit.resized(&layout, &data.total);
+                members.clone_from(&fit.members);
             }
             let Some((misfit, here)) = at_itself(self, &layout, &data, &fit, &point) else { break };
             // What has not come round once in any run is a drift, and periodic by name only.

@@ -11,6 +11,12 @@ const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 const SPRINGS: [&str; 2] = ["harness_spring", "tilt_stop_contact"];
 const STIFFNESS: usize = 0;
 
+/// Sizes that are tried first, with every option.
+const COARSE_SIZES: [f64; 2] = [0.01, 0.3];
+
+/// The same where the column goes with the value's square: a hundredth of a prior shows nothing of it.
+const COARSE_ROOTS: [f64; 2] = [0.3, 3.0];
+
 /// One effect of a hypothesis and how it enters.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Member {
@@ -25,7 +31,14 @@ pub(crate) struct Member {
 impl Member {
     /// Prior standard deviation of one of its columns, in the column's units.
     fn prior_stddev(&self, column: &Column) -> f64 {
-        if column.is_shape { 1.0 } else { self.size * column.catalogue_stddev }
+        if column.is_shape {
+            1.0
+        } else if column.quadratic {
+            // The square of a value of this size.
+            (self.size * column.catalogue_stddev).powi(2)
+        } else {
+            self.size * column.catalogue_stddev
+        }
     }
 }
 
@@ -156,7 +169,8 @@ impl Hypothesis {
         // Sizes first at a coarse step for every option, then finely for the best.
         let mut best: Option<Self> = None;
         for columns in options {
-            for size in [0.01, 0.3] {
+            let of_squares = columns.iter().all(|i| layout.columns.get(*i).is_some_and(|c| c.quadratic));
+            for size in if of_squares { COARSE_ROOTS } else { COARSE_SIZES } {
                 best = better(best, try_one(columns, size));
             }
         }
@@ -165,6 +179,24 @@ impl Hypothesis {
         for size in SIZES {
             best = better(best, try_one(&columns, size));
             best = better(best, try_one(&full, size));
+        }
+        best
+    }
+
+    /// The same members, the last of them at the prior size that the data support best.
+    pub fn resized(self, layout: &Layout, normal: &Normal) -> Self {
+        let mut best = self;
+        for size in SIZES {
+            let mut members = best.members.clone();
+            if let Some(last) = members.last_mut() {
+                last.size = size;
+            }
+            if let Some(other) = Self::of(layout, normal, members)
+                && other.members.len() == best.members.len()
+                && other.log_evidence > best.log_evidence
+            {
+                best = other;
+            }
         }
         best
     }
@@ -219,4 +251,46 @@ pub(crate) fn cross_validated_gain(
         }
     }
     gain
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_dynamics::{ModelPrior, PlatformModel};
+
+    use super::*;
+    use crate::candidates::{Available, Lines};
+    use crate::modes::Mode;
+    use crate::parameters::Reference;
+
+    /// A boom whose participation is six times what the catalogue expects: its square, in which the regression is
+    /// linear, is forty times.
+    #[test]
+    fn a_resonance_far_larger_than_expected_is_found() {
+        let model = PlatformModel::whorl_1_reference();
+        let reference = Reference::new(&model, &ModelPrior::typical(&model));
+        let axis_b = nalgebra::Vector3::new(0.6, 0.0, 0.8);
+        let lines = Lines {
+            modes: vec![Mode { hz: 2.5, damping_ratio: 0.01, axis_b, significance: 6.0 }],
+            ..Lines::default()
+        };
+        let available = Available { body: true, bin_s: 0.04, ..Available::default() };
+        let layout =
+            Layout::of_effects(&reference, &reference.point(), &available, &["flexible_mode"], &lines);
+        let own = layout.candidates[0]
+            .options
+            .iter()
+            .flatten()
+            .copied()
+            .find(|i| layout.columns[*i].origin.as_ref().is_some_and(|o| (o[3] - 2.5).abs() < 1e-9))
+            .unwrap();
+        // The data know the square to +-6.
+        let mut normal = Normal::zeros(layout.columns.len());
+        normal.matrix[(own, own)] = 1.0 / 36.0;
+        normal.vector[own] = 40.0 / 36.0;
+        let base = Hypothesis::base(&layout, &normal).unwrap();
+        let found = base.with(&layout, &normal, 0).unwrap();
+        assert_eq!(found.members[0].columns, [own]);
+        assert!((found.estimate.of(own) - 40.0).abs() < 6.0, "{}", found.estimate.of(own));
+        assert!(found.log_evidence - base.log_evidence > 10.0);
+    }
 }

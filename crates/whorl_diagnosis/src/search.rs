@@ -2,7 +2,7 @@
 
 use crate::candidates::{Available, Layout, Lines};
 use crate::converge::{Converged, Standings};
-use crate::hypothesis::{Hypothesis, cross_validated_gain};
+use crate::hypothesis::{Hypothesis, Member, cross_validated_gain};
 use crate::latency::Lateness;
 use crate::parameters::Point;
 use crate::problem::{Dataset, FREE_RATE_WALK, Problem};
@@ -20,7 +20,7 @@ const AGAINST: f64 = 0.1;
 
 /// Log evidence and held-out gain that an effect must bring together: odds of 20,000 to 1, so that the some forty that
 /// compete and the noise that is not quite as measured leave it beyond doubt.
-const LEAST_TOGETHER: f64 = 10.0;
+pub(crate) const LEAST_TOGETHER: f64 = 10.0;
 
 /// A gain on held-out data that is this many standard deviations short of what was promised refutes a member: noise
 /// does that in fewer than one case of a hundred.
@@ -272,6 +272,7 @@ impl<'a> Search<'a> {
             || !self.lines.modes.is_empty()
             || self.lines.strongest > 0.8 * crate::spectrum::CERTAIN
             || rest[crate::answer::worst(&rest)].significance() > SOMETHING_LEFT
+            || self.has_faint_line()?
         {
             progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
             self.with_hidden = true;
@@ -347,6 +348,36 @@ impl<'a> Search<'a> {
         self.held_colours = self.held_data.as_ref().map(|held| held.colours.clone());
         self.best = self.base.clone();
         Ok(true)
+    }
+
+    /// Whether a line that hardly stands out of the spectrum is worth a look as a torque of the room, after all
+    /// frequencies at which it might have been are paid for. Each is weighed by a regression of the base model and
+    /// both phases of that torque: a peak's height does not say that it has one phase in every run.
+    fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
+        let hz = std::mem::take(&mut self.lines.faint_hz);
+        if hz.is_empty() || !self.layout.candidates.iter().any(|c| c.id == PERIODIC) {
+            return Ok(false);
+        }
+        let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
+        let layout =
+            Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[PERIODIC], &lines);
+        let data = dataset(self.problem, &self.point, &layout, self.colours.clone())?;
+        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let places = self.problem.runs.iter().map(|r| r.nodes()).max().unwrap_or(1) as f64;
+        let mut worth: Vec<(f64, f64)> = Vec::new();
+        for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
+            let member = Member { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
+            let Some(fit) = Hypothesis::of(&layout, &data.total, vec![member]) else { continue };
+            let evidence = fit.resized(&layout, &data.total).log_evidence - base.log_evidence - places.ln();
+            if evidence > 0.0 {
+                worth.push((evidence, hz));
+            }
+        }
+        worth.sort_by(|a, b| b.0.total_cmp(&a.0));
+        if !worth.is_empty() {
+            self.lines.torque_hz = worth.iter().map(|w| w.1).take(2).collect();
+        }
+        Ok(!worth.is_empty())
     }
 
     /// Of sets that add to the best one, those that may be the strongest are fitted where each fits best; the

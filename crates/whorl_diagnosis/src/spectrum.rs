@@ -9,6 +9,12 @@ use crate::search::Search;
 /// Lines looked at, strongest first.
 const MOST_LINES: usize = 2;
 
+/// Lines that a regression of their own weighs before they are looked at, at most.
+const MOST_FAINT: usize = 6;
+
+/// Standard deviations from which on a peak is a line at all.
+const NOTICED: f64 = 3.5;
+
 /// Standard deviations above which no line of some 10^4 frequencies is chance.
 pub(crate) const CERTAIN: f64 = 5.5;
 
@@ -29,6 +35,8 @@ pub(crate) struct Peak {
     pub frequency: f64,
     /// Standard deviations above what is around it.
     pub significance: f64,
+    /// Power around it, over that of the noise; at least 1.
+    pub level: f64,
 }
 
 /// Finds lines in the whitened residual of the gyro, about axes of the room and of the body: torques that
@@ -85,19 +93,20 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
     peaks.sort_by(|a, b| b.significance.total_cmp(&a.significance));
     let mut chosen: Vec<Peak> = Vec::new();
     for peak in peaks {
-        if chosen.len() < MOST_LINES
+        if chosen.len() < MOST_FAINT
             && chosen.iter().all(|c| (c.frequency - peak.frequency).abs() > 0.03 * peak.frequency)
         {
             chosen.push(peak);
         }
     }
     let orders = wheel_orders(search, &residuals);
-    let hz: Vec<f64> = chosen.iter().map(|p| p.frequency).collect();
+    let hz: Vec<f64> = chosen.iter().map(|p| p.frequency).take(MOST_LINES).collect();
     let strongest = chosen.first().map_or(0.0, |p| p.significance);
     let strongest_order = orders.first().map_or(0.0, |o| o.2);
     Lines {
         torque_hz: hz.clone(),
         sensor_hz: hz,
+        faint_hz: chosen.iter().map(|p| p.frequency).collect(),
         modes: crate::modes::modes(search, of),
         strongest: strongest.max(strongest_order),
         // A line over time is blurred over a wheel's angle, and the other way round.
@@ -217,7 +226,7 @@ impl Spectrum {
             // Noise alone: a sum of exponential variates of mean 1. Louder surroundings count as noise.
             let level = (median / (degrees - 1.0 / 3.0)).max(1.0);
             let significance = gamma_significance(here / level, degrees);
-            if significance < 4.0 {
+            if significance < NOTICED {
                 continue;
             }
             // Between two bins the line is where their amplitudes balance.
@@ -225,8 +234,11 @@ impl Spectrum {
             let shift =
                 if right > left { right / (right + here.sqrt()) } else { -left / (left + here.sqrt()) };
             // Padded to twice the length or more, the peak is wider than a bin.
-            peaks
-                .push(Peak { frequency: (m as f64 + 0.5 * shift) / (self.size as f64 * step), significance });
+            peaks.push(Peak {
+                frequency: (m as f64 + 0.5 * shift) / (self.size as f64 * step),
+                significance,
+                level,
+            });
         }
         peaks
     }

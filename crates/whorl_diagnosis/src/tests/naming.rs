@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 
-use super::generator::{Extra, map, record, wrong_model};
+use super::generator::{Extra, map, normal, random, record, wrong_model};
 use crate::{Diagnosis, Options, Verdict, diagnose};
 
 type Effects<'a> = &'a [(&'a str, &'a [(&'a str, f64)])];
@@ -125,4 +125,31 @@ fn one_torque_under_two_names_is_left_open() {
         assert!(sets.contains(&vec![name.to_owned()]), "{sets:?}");
     }
     assert_eq!(diagnosis.explanations(), sets);
+}
+
+/// Converters clip before filters and electronics add their noise, so nothing piles up at the limit.
+#[test]
+fn a_range_below_the_noise_is_found() {
+    let truth = PlatformModel::whorl_1_reference();
+    let limit = 0.075;
+    let runs: Vec<_> = (0..2)
+        .map(|i| {
+            let mut run = record(&truth, 310 + i, 50.0, None);
+            let mut rng = random(77 + i);
+            let noise = truth.sensors.gyro.errors.noise_stddev;
+            for w in &mut run.gyro_b_rad_s.value {
+                for axis in 0..3 {
+                    if w[axis].abs() > limit {
+                        w[axis] = limit.copysign(w[axis]) + noise[axis] * normal(&mut rng);
+                    }
+                }
+            }
+            run
+        })
+        .collect();
+    let (model, prior) = wrong_model(&truth, 31);
+    let diagnosis = diagnose(&runs, &[], &model, &prior, &Options::default(), &mut |_| {}).unwrap();
+    assert_eq!(diagnosis.effects, ["gyro_saturation"], "{:?}", diagnosis.candidates.first());
+    let range = diagnosis.candidates[0].parameters.iter().find(|p| p.name == "range_rad_s").unwrap();
+    assert!((range.estimate - limit).abs() < 0.02 * limit, "{range:?}");
 }
