@@ -18,7 +18,8 @@ use crate::physical::between;
 use crate::problem::{Dataset, Problem};
 use crate::regression::Estimate;
 use crate::run::Run;
-use crate::search::{LEAST_DROP, NO_FIT, PERIODIC, Search, dataset, point_of};
+use crate::search::{LEAST_DROP, Search};
+use crate::step::{NO_FIT, PERIODIC, dataset, point_of};
 
 /// Steps of a fit, those taken back included.
 const MOST_STEPS: usize = 8;

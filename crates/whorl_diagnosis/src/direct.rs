@@ -4,8 +4,9 @@ use crate::Unknown;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::parameters::Point;
 use crate::problem::Problem;
-use crate::search::{Search, point_of};
+use crate::search::Search;
 use crate::spectrum::{CERTAIN, lines};
+use crate::step::point_of;
 
 /// Power of the attitude sensors' residual against the gyro that no noise has.
 const CONTRADICTION: f64 = 2.5;

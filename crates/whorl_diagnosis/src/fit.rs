@@ -7,7 +7,8 @@ use whorl_dynamics::effects::Part;
 
 use crate::hypothesis::Hypothesis;
 use crate::parameters::{BASE_EFFECTS, Column, MASS_PROPERTIES, Target};
-use crate::search::{Search, point_of};
+use crate::search::Search;
+use crate::step::point_of;
 use crate::{DiagnosisError, Fit, FittedParameter};
 
 /// Standard deviations of its prior beyond which no moment of inertia is,

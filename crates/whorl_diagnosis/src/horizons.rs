@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use crate::columns::predict;
 use crate::diagnosis::ChannelError;
 use crate::mechanics::Mechanics;
-use crate::search::{Search, point_of};
+use crate::search::Search;
+use crate::step::point_of;
 
 const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
 

@@ -51,6 +51,7 @@ mod run;
 mod search;
 mod shapes;
 mod spectrum;
+mod step;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -133,7 +134,7 @@ fn search_allowing_for_bias(
         expect_walk(problem::STEADY_BIAS_WALK, problem, held.as_deref_mut());
         searched = answer(problem, held.as_deref_mut(), options, false, progress)?;
     }
-    let Searched::Answered(first) = searched else { return Err(search::NO_FIT) };
+    let Searched::Answered(first) = searched else { return Err(step::NO_FIT) };
     let (diagnosis, point) = (&first.diagnosis, &first.point);
     let walk = if is_faint(diagnosis) { problem.likeliest_gyro_bias_walk(point)? } else { None };
     let Some(walk) = walk else { return Ok(*first) };

@@ -14,7 +14,8 @@ use crate::hypothesis::Hypothesis;
 use crate::parameters::BASE_EFFECTS;
 use crate::problem::{Dataset, FREE_RATE_WALK};
 use crate::regression::{BLOCKS_PER_RUN, Estimate, Normal};
-use crate::search::{LEAST_DROP, Search, dataset};
+use crate::search::{LEAST_DROP, Search};
+use crate::step::dataset;
 use crate::ties::{beyond, systematic};
 use crate::{DiagnosisError, Options, prepare};
 

@@ -10,7 +10,7 @@ use crate::filter::{Settings, System, WHEEL};
 use crate::mechanics::Mechanics;
 use crate::parameters::Reference;
 use crate::problem::Problem;
-use crate::search::base_point;
+use crate::step::base_point;
 
 /// Torque on the body that the model does not explain, smoothed from a whole recording as a random walk,
 /// with the motion along which it acted. All vectors have the same length.

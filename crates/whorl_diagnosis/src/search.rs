@@ -5,8 +5,9 @@ use crate::converge::{Converged, Standings};
 use crate::hypothesis::{Hypothesis, Member, cross_validated_gain};
 use crate::latency::Lateness;
 use crate::parameters::Point;
-use crate::problem::{Dataset, FREE_RATE_WALK, Problem};
+use crate::problem::{Dataset, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Colour};
+use crate::step::{NO_FIT, PERIODIC, base_point_with, dataset, point_of, smooth_all};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Log evidence that an effect must add. The number of effects that compete is paid for here too.
@@ -82,75 +83,6 @@ enum Swapped {
     Fitted(Box<Converged>),
     /// It was fitted from another point.
     Known,
-}
-
-pub(crate) const NO_FIT: DiagnosisError =
-    DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
-
-/// Regression of a problem at a point with the columns of a layout.
-pub(crate) fn dataset(
-    problem: &Problem,
-    point: &Point,
-    layout: &Layout,
-    colours: Option<Vec<Vec<Colour>>>,
-) -> Result<Dataset, DiagnosisError> {
-    let linearised = problem.linearise(point)?;
-    let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
-    let whitened = problem.respond(&linearised, point, &layout.columns)?;
-    let wide: Vec<f64> = layout
-        .columns
-        .iter()
-        .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
-        .collect();
-    Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
-}
-
-pub(crate) const PERIODIC: &str = "air_current_periodic";
-
-/// Values of a periodic torque whose sine and cosine were fitted about each axis: the one phase with which most
-/// of both remains.
-fn one_phase(layout: &Layout, fit: &Hypothesis) -> Option<Vec<f64>> {
-    let mut parts = [[0.0; 2]; 3];
-    let mut values: Option<Vec<f64>> = None;
-    for &i in &fit.estimate.active {
-        let Some(column) = layout.columns.get(i).filter(|c| c.group == PERIODIC) else { continue };
-        let Some(origin @ [.., phase_rad]) = column.origin.as_deref() else { continue };
-        *parts.get_mut(column.index)?.get_mut(usize::from(*phase_rad > 0.0))? +=
-            fit.estimate.of(i) * column.scale;
-        values.get_or_insert_with(|| origin.to_vec());
-    }
-    let (mut across, mut along) = (0.0, 0.0);
-    for [sine, cosine] in parts {
-        across += 2.0 * sine * cosine;
-        along += sine * sine - cosine * cosine;
-    }
-    let phase_rad = 0.5 * f64::atan2(across, along);
-    let mut values = values?;
-    for (slot, [sine, cosine]) in values.iter_mut().zip(parts) {
-        *slot = sine * phase_rad.cos() + cosine * phase_rad.sin();
-    }
-    *values.last_mut()? = phase_rad;
-    Some(values)
-}
-
-/// The point of a fit.
-pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &Hypothesis) -> Point {
-    let mut point = from.clone();
-    // Effects that start from an origin of their own come first, then all else moves from there.
-    for &i in &fit.estimate.active {
-        let Some(column) = layout.columns.get(i) else { continue };
-        let value = fit.estimate.of(i);
-        let distance = problem.reference.distance(from, column);
-        let units = match column.quadratic {
-            true => value.max(0.0).sqrt(),
-            false => value - distance,
-        };
-        point = problem.reference.moved(&point, column, units);
-    }
-    if let Some(values) = one_phase(layout, fit) {
-        point.effects.insert(PERIODIC, values);
-    }
-    problem.reference.towards(from, point)
 }
 
 impl<'a> Search<'a> {
@@ -587,54 +519,4 @@ impl<'a> Search<'a> {
         let candidate = self.layout.candidates.get(member.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
-}
-
-/// Smooths the motion and fits the base model.
-pub(crate) fn base_point(problem: &mut Problem) -> Result<Point, DiagnosisError> {
-    base_point_with(problem, &mut None)
-}
-
-fn base_point_with(
-    problem: &mut Problem,
-    held_out: &mut Option<&mut Problem>,
-) -> Result<Point, DiagnosisError> {
-    let available = Available::of(&problem.runs);
-    let mut point = problem.reference.point();
-    smooth_all(problem, held_out, &point, Some(FREE_RATE_WALK))?;
-    smooth_all(problem, held_out, &point, Some(5e-3))?;
-    for walk in [Some(2e-3), None] {
-        let layout = base_layout(problem, &available);
-        let data = dataset(problem, &point, &layout, None)?;
-        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
-        point = point_of(problem, &layout, &point, &base);
-        smooth_all(problem, held_out, &point, walk)?;
-    }
-    problem.settle_stops()?;
-    if let Some(held) = held_out {
-        held.settle_stops()?;
-    }
-    Ok(point)
-}
-
-fn base_layout(problem: &Problem, available: &Available) -> Layout {
-    let columns = problem.reference.base_columns(available.wheels, available.jets, available.body);
-    let columns: Vec<_> = columns
-        .into_iter()
-        .filter(|c| c.base_stddev > 0.0 && (available.body || c.group == "wheel_inertia"))
-        .collect();
-    let base = (0..columns.len()).collect();
-    Layout { columns, base, candidates: Vec::new() }
-}
-
-fn smooth_all(
-    problem: &mut Problem,
-    held_out: &mut Option<&mut Problem>,
-    point: &Point,
-    rate_walk: Option<f64>,
-) -> Result<(), DiagnosisError> {
-    problem.smooth(point, rate_walk)?;
-    if let Some(held) = held_out {
-        held.smooth(point, rate_walk)?;
-    }
-    Ok(())
 }

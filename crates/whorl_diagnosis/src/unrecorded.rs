@@ -60,7 +60,7 @@ pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisErr
     if runs.is_empty() {
         return Ok(None);
     }
-    let point = crate::search::point_of(search.problem, &search.layout, &search.point, &search.best);
+    let point = crate::step::point_of(search.problem, &search.layout, &search.point, &search.best);
     let mechanics = Mechanics::new(&search.problem.reference.model_at(&point)?)?;
     let mut scales = [Curvature::default(); 3];
     let mut names: Vec<&str> = Vec::new();
