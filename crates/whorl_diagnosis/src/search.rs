@@ -213,36 +213,8 @@ impl<'a> Search<'a> {
         for round in 0..self.options.largest_set {
             progress(Progress { share: 0.6 + 0.1 * round as f64, doing: "comparing explanations" });
             let mut additions = self.additions(&self.best);
-            // A pair can beat the best single effect that neither of the two is.
             if round == 0 {
-                let singles: Vec<usize> =
-                    additions.iter().take(8).filter_map(|h| h.members.last().map(|m| m.candidate)).collect();
-                let pairs: Vec<(usize, usize)> = singles
-                    .iter()
-                    .enumerate()
-                    .flat_map(|(i, a)| singles.iter().skip(i + 1).map(move |b| (*a, *b)))
-                    .collect();
-                let best_single = additions.first().map_or(0.0, |h| h.log_evidence);
-                if best_single > self.base.log_evidence + 4.0 * LEAST_EVIDENCE {
-                    let mut found: Vec<Hypothesis> =
-                        crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
-                            self.base.with(&self.layout, &self.data.total, *a)?.with(
-                                &self.layout,
-                                &self.data.total,
-                                *b,
-                            )
-                        })
-                        .into_iter()
-                        .flatten()
-                        .filter(|h| h.members.len() == 2)
-                        .collect();
-                    found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
-                    if let Some(pair) = found.first()
-                        && pair.log_evidence > best_single + 2.0 * LEAST_EVIDENCE
-                    {
-                        additions.insert(0, pair.clone());
-                    }
-                }
+                additions.splice(0..0, self.strong_pair(&additions));
             }
             let Some(next) = self.strongest(&additions)? else { break };
             if watches && round == 0 && self.problem.has_steady_bias() {
@@ -260,6 +232,30 @@ impl<'a> Search<'a> {
             }
         }
         Ok(None)
+    }
+
+    /// Of the best single effects two together, if they explain far more than any of them: a pair can beat the best single
+    /// effect that neither of the two is.
+    fn strong_pair(&self, additions: &[Hypothesis]) -> Option<Hypothesis> {
+        let best_single = additions.first()?.log_evidence;
+        if best_single <= self.base.log_evidence + 4.0 * LEAST_EVIDENCE {
+            return None;
+        }
+        let singles: Vec<usize> =
+            additions.iter().take(8).filter_map(|h| h.members.last().map(|m| m.candidate)).collect();
+        let pairs: Vec<(usize, usize)> = singles
+            .iter()
+            .enumerate()
+            .flat_map(|(i, a)| singles.iter().skip(i + 1).map(move |b| (*a, *b)))
+            .collect();
+        let total = &self.data.total;
+        crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
+            self.base.with(&self.layout, total, *a)?.with(&self.layout, total, *b)
+        })
+        .into_iter()
+        .flatten()
+        .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + 2.0 * LEAST_EVIDENCE)
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }
 
     /// Takes into account that the gyro's bias wanders, if it does beside the first explanation and that one will be
