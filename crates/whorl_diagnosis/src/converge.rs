@@ -190,8 +190,9 @@ impl Search<'_> {
         });
         let mut members = start.members.clone();
         let mut layout = self.layout.clone();
-        let entered_on_grid = members.last().is_some_and(|m| {
-            m.columns.iter().any(|i| layout.columns.get(*i).is_some_and(|c| c.origin.is_some()))
+        let entered_as_place = members.last().is_some_and(|m| {
+            let of_last = m.columns.iter().filter_map(|i| layout.columns.get(*i));
+            of_last.clone().any(|c| c.origin.is_some()) && of_last.flat_map(|c| &c.step).all(|s| *s == 0.0)
         });
         let mut best: Option<Converged> = None;
         let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
@@ -215,7 +216,7 @@ impl Search<'_> {
                 break;
             }
             // A place on a grid has become a value: how far it is from neutral, no column has said before.
-            if step == 0 && entered_on_grid {
+            if step == 0 && entered_as_place {
                 fit = fit.resized(&layout, &data.total);
                 members.clone_from(&fit.members);
             }

@@ -194,6 +194,8 @@ impl<'a> Search<'a> {
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Option<f64>, DiagnosisError> {
         let mut additions = self.additions(&self.base);
+        // A second effect that the data show beside the first one is not to be taken for a bias that wanders.
+        let watches = watches && !self.shows_a_second(additions.first());
         if watches && self.expects_wandering(additions.first())? {
             additions = self.additions(&self.base);
         }
@@ -256,6 +258,16 @@ impl<'a> Search<'a> {
         .flatten()
         .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + 2.0 * LEAST_EVIDENCE)
         .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+    }
+
+    /// Whether another effect explains what the first one leaves.
+    fn shows_a_second(&self, first: Option<&Hypothesis>) -> bool {
+        first.is_some_and(|first| {
+            let second = self.additions(first).into_iter().next();
+            second.is_some_and(|both| {
+                both.log_evidence - first.log_evidence > LEAST_TOGETHER * self.data.temper
+            })
+        })
     }
 
     /// Takes into account that the gyro's bias wanders, if it does beside the first explanation and that one will be

@@ -74,7 +74,7 @@ fn platform_models_are_checked_beyond_ranges() {
 #[test]
 fn impossible_inertia_is_reported_at_its_first_key() {
     let table = [
-        ("zz: 12.1", "zz: 14.0", "model.inertia_kg_m2: no rigid body has these principal moments "),
+        ("zz: 12.1", "zz: 15.0", "model.inertia_kg_m2: no rigid body has these principal moments "),
         (
             "xy: -0.9",
             "xy: -9.0",
