@@ -7,8 +7,9 @@ use crate::regression::{Estimate, Normal};
 /// Prior sizes of an effect that are tried, in units of its catalogue prior.
 const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 
-/// Effects that are springs first, with a damping of their own, and which of their parameters is the stiffness.
-const SPRINGS: [&str; 2] = ["harness_spring", "tilt_stop_contact"];
+/// The cable is a spring first, with a damping of its own that acts everywhere, and which of its parameters is the
+/// stiffness. A contact's damping acts beyond its angle only, as no friction does.
+const SPRINGS: [&str; 1] = ["harness_spring"];
 const STIFFNESS: usize = 0;
 
 /// Sizes that are tried first, with every option.
