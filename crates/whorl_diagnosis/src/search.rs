@@ -372,11 +372,12 @@ impl<'a> Search<'a> {
             return false;
         }
         // Held-out data may hold little of the effect, so what they say against it counts only if it is much;
-        // a faint effect needs them on its side.
+        // a faint effect needs them on its side. What they confirm by itself may have promised more.
         let gain = self.gain(larger, smaller);
+        let is_confirmed = smaller.members.is_empty() || gain > LEAST_TOGETHER * least;
         gain > -AGAINST * evidence
             && evidence + gain.min(evidence) > LEAST_TOGETHER * least
-            && (smaller.members.is_empty() || !self.falls_short(larger, smaller, gain))
+            && (is_confirmed || !self.falls_short(larger, smaller, gain))
     }
 
     /// Whether held-out data gain less by a larger hypothesis than it promises them, beyond what noise, the
