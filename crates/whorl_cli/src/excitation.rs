@@ -79,7 +79,7 @@ fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<()> {
 
 /// How near the experiment comes to what the wheels can do, and how long the jets fire.
 fn limits(known: &KnownPlatform, recording: &Recording) {
-    let wheels = &known.model.wheels;
+    let wheels = known.model.wheels();
     // Of each sample the wheel that is nearest to its limit, as a share of it.
     let shares = |samples: &[Vec<f64>], limit: &dyn Fn(&Wheel) -> f64| -> Vec<f64> {
         samples

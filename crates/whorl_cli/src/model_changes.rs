@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use nalgebra::Vector3;
+use whorl_dynamics::actuators::{Field, Group, Slot};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_params::{Value, set_in_file};
 use whorl_report::three_digits;
@@ -83,7 +84,7 @@ fn short(value: f64) -> String {
     three_digits(value)
 }
 
-/// Everything in which `after` differs from `before`: mass properties, wheels, jets, effects, and how well they
+/// Everything in which `after` differs from `before`: mass properties, actuators, effects, and how well they
 /// are known. `provenance` says where the numbers are from.
 pub fn changes(
     (before, after): (&PlatformModel, &PlatformModel),
@@ -92,7 +93,7 @@ pub fn changes(
 ) -> Vec<Change> {
     let mut c = Changes { provenance, all: Vec::new() };
     mass_properties(&mut c, before, after, prior_before, prior);
-    wheels_and_jets(&mut c, before, after, prior_before, prior);
+    actuators(&mut c, before, after, prior_before, prior);
     effects(&mut c, before, after, prior);
     c.all
 }
@@ -129,48 +130,61 @@ fn mass_properties(
     }
 }
 
-fn wheels_and_jets(
+/// What fits estimate of each actuator, of every kind.
+fn actuators(
     c: &mut Changes<'_>,
     before: &PlatformModel,
     after: &PlatformModel,
     prior_before: &ModelPrior,
     prior: &ModelPrior,
 ) {
-    let of = |values: &[f64], j: usize| values.get(j).copied().unwrap_or(0.0);
-    for (j, (old, new)) in before.wheels.iter().zip(&after.wheels).enumerate() {
-        let group = format!("wheels.{}", old.name);
-        let count = c.all.len();
-        let stddev = of(&prior.wheel_spin_inertia, j) * new.spin_inertia_kg_m2;
-        let (a, b) = (old.spin_inertia_kg_m2, new.spin_inertia_kg_m2);
-        c.number(format!("model.{group}.spin_inertia_kg_m2"), a, b, "kg m^2", stddev);
-        c.prior(format!("{group}.spin_inertia_kg_m2"), of(&prior_before.wheel_spin_inertia, j) * a, stddev);
-        let axes = (&old.spin_axis_b, &new.spin_axis_b);
-        let angle = of(&prior.wheel_axis_rad, j);
-        c.vector(
-            format!("model.{group}.spin_axis"),
-            axes.0,
-            axes.1,
-            format!("+- {} rad, adopted", short(angle)),
-        );
-        c.prior(format!("{group}.spin_axis"), of(&prior_before.wheel_axis_rad, j), angle);
-        if c.all.len() > count {
-            c.source(&format!("{group}.source"));
+    // The entries lend their values to be changed, so they are asked of copies.
+    let (mut old, mut new) = (before.actuators.clone(), after.actuators.clone());
+    let kinds = old.kinds_mut().into_iter().zip(new.kinds_mut());
+    let priors = prior_before.actuators.kinds().into_iter().zip(prior.actuators.kinds());
+    for ((old, new), (known_before, known)) in kinds.zip(priors) {
+        let Some(Group::Members { name, .. }) = old.groups().first() else { continue };
+        let members: Vec<String> = old.names().into_iter().map(str::to_owned).collect();
+        for (j, member) in members.iter().enumerate().take(new.names().len()) {
+            let group = format!("{name}.{member}");
+            let count = c.all.len();
+            let (was, is) = (old.fields(0, j), new.fields(0, j));
+            for key in known.keys() {
+                let find = |fields: &[Field<'_>]| fields.iter().position(|field| field.key == *key);
+                let (Some(was), Some(is)) =
+                    (find(&was).and_then(|f| was.get(f)), find(&is).and_then(|f| is.get(f)))
+                else {
+                    continue;
+                };
+                let stddevs =
+                    (known_before.stddev(key, j).unwrap_or(0.0), known.stddev(key, j).unwrap_or(0.0));
+                entry(c, &group, was, is, stddevs);
+            }
+            if c.all.len() > count {
+                c.source(&format!("{group}.source"));
+            }
         }
     }
-    for (j, (old, new)) in before.jets.iter().zip(&after.jets).enumerate() {
-        let group = format!("jets.{}", old.name);
-        let count = c.all.len();
-        let stddev = of(&prior.jet_thrust, j) * new.thrust_n;
-        c.number(format!("model.{group}.thrust_n"), old.thrust_n, new.thrust_n, "N", stddev);
-        c.prior(format!("{group}.thrust_n"), of(&prior_before.jet_thrust, j) * old.thrust_n, stddev);
-        let directions = (&old.force_direction_b, &new.force_direction_b);
-        let angle = of(&prior.jet_direction_rad, j);
-        let comment = format!("+- {} rad, adopted", short(angle));
-        c.vector(format!("model.{group}.force_direction"), directions.0, directions.1, comment);
-        c.prior(format!("{group}.force_direction"), of(&prior_before.jet_direction_rad, j), angle);
-        if c.all.len() > count {
-            c.source(&format!("{group}.source"));
+}
+
+/// One entry of one actuator; of a number the standard deviations are shares of its value.
+fn entry(c: &mut Changes<'_>, group: &str, was: &Field<'_>, is: &Field<'_>, (before, after): (f64, f64)) {
+    let key = format!("{group}.{}", is.key);
+    let comment = || format!("+- {} rad, adopted", short(after));
+    match (&was.slot, &is.slot) {
+        (Slot::Number(a), Slot::Number(b)) => {
+            c.number(format!("model.{key}"), **a, **b, is.unit, after * **b);
+            c.prior(key, before * **a, after * **b);
         }
+        (Slot::Direction(a), Slot::Direction(b)) => {
+            c.vector(format!("model.{key}"), a, b, comment());
+            c.prior(key, before, after);
+        }
+        (Slot::Vector(a), Slot::Vector(b)) => {
+            c.vector(format!("model.{key}"), a, b, comment());
+            c.prior(key, before, after);
+        }
+        _ => {}
     }
 }
 
@@ -259,21 +273,21 @@ mod tests {
         model.mass_properties =
             MassProperties::new(inertia, offset, model.mass_properties.mass_kg()).unwrap();
         prior.inertia_b_kg_m2[(2, 2)] = 0.02;
-        model.wheels[1].spin_inertia_kg_m2 = 0.020_15;
-        prior.wheel_spin_inertia[1] = 0.002;
-        model.jets[4].thrust_n = 0.391;
+        model.wheels_mut()[1].spin_inertia_kg_m2 = 0.020_15;
+        prior.actuators.wheels.spin_inertia[1] = 0.002;
+        model.jets_mut()[4].thrust_n = 0.391;
         let changes = changes((&known.model, &model), (&known.prior, &prior), "run a, sha256 1234");
         write(&file, &known.platform, &changes).unwrap();
         let again = whorl_recording::read_model(&file, None).unwrap();
         assert!((again.model.effects["bearing_coulomb_friction"]["torque_n_m"] - 0.020_012).abs() < 1e-9);
         assert!((again.model.mass_properties.inertia_b_kg_m2()[(2, 2)] - 12.2846).abs() < 1e-9);
         assert!((again.model.mass_properties.gravity_offset_b_n_m() - offset).norm() < 1e-6);
-        assert!((again.model.wheels[1].spin_inertia_kg_m2 - 0.020_15).abs() < 1e-9);
-        assert_eq!(again.model.wheels[0], known.model.wheels[0]);
-        assert!((again.model.jets[4].thrust_n - 0.391).abs() < 1e-9);
+        assert!((again.model.wheels()[1].spin_inertia_kg_m2 - 0.020_15).abs() < 1e-9);
+        assert_eq!(again.model.wheels()[0], known.model.wheels()[0]);
+        assert!((again.model.jets()[4].thrust_n - 0.391).abs() < 1e-9);
         assert!((again.prior.effects["bearing_coulomb_friction"]["torque_n_m"] - 3e-4).abs() < 1e-12);
         assert!((again.prior.inertia_b_kg_m2[(2, 2)] - 0.02).abs() < 1e-12);
-        assert!((again.prior.wheel_spin_inertia[1] - 0.002).abs() < 1e-6);
+        assert!((again.prior.actuators.wheels.spin_inertia[1] - 0.002).abs() < 1e-6);
         let entry = again.prior_entries.iter().find(|e| e.key.starts_with("effects.")).unwrap();
         assert_eq!(entry.source.as_deref(), Some("adopted: run a, sha256 1234"));
         let (old, new) = (

@@ -496,11 +496,11 @@ mod tests {
     #[test]
     fn an_effect_enters_by_whole_wheels_and_jets() {
         let model = PlatformModel::whorl_1_reference();
-        let (wheels, jets) = (model.wheels.len(), model.jets.len());
+        let (wheels, jets) = (model.wheels().len(), model.jets().len());
         // All together, then wheel by wheel, never one of the two drags alone.
         let friction = whole_names("wheel_friction");
         assert_eq!(friction.len(), 1 + wheels);
-        for (option, wheel) in friction[1..].iter().zip(&model.wheels) {
+        for (option, wheel) in friction[1..].iter().zip(model.wheels()) {
             assert_eq!(
                 *option,
                 [format!("{}_viscous_n_m_s", wheel.name), format!("{}_coulomb_n_m", wheel.name)]

@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Mounting, Recording, Series};
 
 use crate::DiagnosisError;
@@ -49,7 +48,7 @@ pub(crate) fn check(recording: &Recording, model: &PlatformModel) -> Result<(), 
             needed_s: SHORTEST_S,
         });
     }
-    let (wheels, jets) = (model.wheels.len(), model.jets.len());
+    let (wheels, jets) = (model.wheels().len(), model.jets().len());
     let wrong_count =
         |series: &Series<Vec<f64>>| series.value.iter().map(Vec::len).find(|given| *given != wheels);
     for series in [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m] {
@@ -62,9 +61,7 @@ pub(crate) fn check(recording: &Recording, model: &PlatformModel) -> Result<(), 
         let what = format!("it holds {} jets and the model has {jets}", recording.jet_pulses.len());
         return Err(DiagnosisError::OtherPlatform { run: run(), what });
     }
-    if wheels > MAX_WHEELS {
-        return Err(whorl_dynamics::GyrostatError::TooManyWheels { count: wheels }.into());
-    }
+    model.actuators.check().map_err(whorl_dynamics::GyrostatError::from)?;
     if clamped {
         return Ok(());
     }

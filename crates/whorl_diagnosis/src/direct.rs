@@ -43,7 +43,7 @@ impl Search<'_> {
         if lines.strongest < least {
             return None;
         }
-        let wheels = &self.problem.reference.model.wheels;
+        let wheels = self.problem.reference.model.wheels();
         let (variable, frequency_hz) = match lines.orders.first() {
             Some((wheel, _)) => {
                 (format!("{}_angle", wheels.get(*wheel).map_or("wheel", |w| w.name.as_str())), None)

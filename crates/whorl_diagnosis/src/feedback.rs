@@ -15,7 +15,7 @@ pub(crate) fn answers_gyro(recording: &Recording, model: &PlatformModel) -> bool
     let (gyro, commands) = (&recording.gyro_b_rad_s, &recording.wheel_torque_command_n_m);
     // The reading that a command may have known.
     let latest = |time_s: f64| gyro.time_s.partition_point(|t| *t <= time_s + 1e-6).checked_sub(1);
-    model.wheels.iter().enumerate().any(|(j, wheel)| {
+    model.wheels().iter().enumerate().any(|(j, wheel)| {
         let (mut product, mut of_command, mut of_gyro, mut count) = (0.0, 0.0, 0.0, 0);
         for (times, values) in commands.time_s.windows(2).zip(commands.value.windows(2)) {
             let ([t0, t1], [u0, u1]) = (times, values) else { continue };

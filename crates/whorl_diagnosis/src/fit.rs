@@ -181,10 +181,14 @@ impl Search<'_> {
                     prior.inertia_b_kg_m2[(column, row)] = stddev;
                     return;
                 }
-                ("wheel_inertia", Part::Wheel(j)) => return set(&mut prior.wheel_spin_inertia, j),
-                ("wheel_misalignment", Part::Wheel(j)) => return set(&mut prior.wheel_axis_rad, j),
-                ("thruster_strength", Part::Jet(j)) => return set(&mut prior.jet_thrust, j),
-                ("thruster_misalignment", Part::Jet(j)) => return set(&mut prior.jet_direction_rad, j),
+                ("wheel_inertia", Part::Wheel(j)) => return set(&mut prior.actuators.wheels.spin_inertia, j),
+                ("wheel_misalignment", Part::Wheel(j)) => {
+                    return set(&mut prior.actuators.wheels.axis_rad, j);
+                }
+                ("thruster_strength", Part::Jet(j)) => return set(&mut prior.actuators.jets.thrust, j),
+                ("thruster_misalignment", Part::Jet(j)) => {
+                    return set(&mut prior.actuators.jets.direction_rad, j);
+                }
                 _ => {}
             }
         }

@@ -19,7 +19,7 @@ pub(crate) fn implied_wheel_torques(recording: &Recording, model: &PlatformModel
     let half_s = HALF_S.max(2.5 * median_step_s(&speeds.time_s));
     let body = slopes(&recording.gyro_b_rad_s, &speeds.time_s, half_s, 3, |w, i| w[i]);
     let wheels =
-        slopes(speeds, &speeds.time_s, half_s, model.wheels.len(), |s, j| s.get(j).copied().unwrap_or(0.0));
+        slopes(speeds, &speeds.time_s, half_s, model.wheels().len(), |s, j| s.get(j).copied().unwrap_or(0.0));
     let value = speeds
         .value
         .iter()
@@ -27,7 +27,7 @@ pub(crate) fn implied_wheel_torques(recording: &Recording, model: &PlatformModel
         .map(|(speed, (body, slope))| {
             let acceleration = Vector3::from_fn(|i, _| body.get(i).copied().unwrap_or(0.0));
             model
-                .wheels
+                .wheels()
                 .iter()
                 .zip(speed.iter().zip(slope))
                 .map(|(wheel, (speed, slope))| {
@@ -87,8 +87,8 @@ mod tests {
     #[test]
     fn torque_is_inertia_times_acceleration_in_space_and_friction() {
         let mut model = PlatformModel::whorl_1_reference();
-        model.wheels.truncate(1);
-        let wheel = &mut model.wheels[0];
+        model.wheels_mut().truncate(1);
+        let wheel = &mut model.wheels_mut()[0];
         (wheel.spin_inertia_kg_m2, wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) =
             (0.02, 1e-4, 1e-3);
         let axis = wheel.spin_axis_b.into_inner();

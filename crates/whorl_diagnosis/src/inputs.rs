@@ -157,7 +157,7 @@ impl Inputs {
         times: &SampleTimes,
         environment_at: &dyn Fn(f64) -> Environment<'e>,
     ) -> Self {
-        let jets = gyrostat.model().jets.len();
+        let jets = gyrostat.model().jets().len();
         let nodes = times.node_s.len();
         let mut inputs = Self {
             jets,
@@ -165,7 +165,7 @@ impl Inputs {
             jet_mean_integral_s: vec![0.0; jets * nodes],
             jet_active: vec![false; nodes],
         };
-        for (j, (jet, pulses)) in gyrostat.model().jets.iter().zip(pulses).enumerate() {
+        for (j, (jet, pulses)) in gyrostat.model().jets().iter().zip(pulses).enumerate() {
             if pulses.is_empty() {
                 continue;
             }

@@ -167,7 +167,7 @@ fn rough_wheels(run: &Run, model: &PlatformModel) -> Vec<Wheels> {
     let known: Vec<usize> =
         run.wheel_speed.iter().enumerate().filter(|(_, s)| s.1 > 0.0).map(|(k, _)| k).collect();
     if known.is_empty() {
-        for (j, wheel) in model.wheels.iter().enumerate() {
+        for (j, wheel) in model.wheels().iter().enumerate() {
             let mut speed = 0.0;
             for k in 0..nodes {
                 if let Some(slot) = speeds.get_mut(k).and_then(|s| s.get_mut(j)) {

@@ -42,7 +42,7 @@ impl NoiseLevels {
             &sensors.accelerometer.errors.noise_stddev,
             sensors.accelerometer.errors.quantum,
         );
-        let wheels = model.wheels.len();
+        let wheels = model.wheels().len();
         let spreads: Vec<f64> = (0..wheels)
             .filter_map(|j| spread(&recording.wheel_speed_rad_s, |v| v.get(j).copied().unwrap_or(0.0)))
             .collect();

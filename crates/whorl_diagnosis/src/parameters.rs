@@ -308,10 +308,10 @@ impl Reference {
                 let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
                 self.prior.inertia_b_kg_m2[(row, column)]
             }
-            ("wheel_inertia", Part::Wheel(j)) => at(&self.prior.wheel_spin_inertia, j),
-            ("wheel_misalignment", Part::Wheel(j)) => at(&self.prior.wheel_axis_rad, j),
-            ("thruster_strength", Part::Jet(j)) => at(&self.prior.jet_thrust, j),
-            ("thruster_misalignment", Part::Jet(j)) => at(&self.prior.jet_direction_rad, j),
+            ("wheel_inertia", Part::Wheel(j)) => at(&self.prior.actuators.wheels.spin_inertia, j),
+            ("wheel_misalignment", Part::Wheel(j)) => at(&self.prior.actuators.wheels.axis_rad, j),
+            ("thruster_strength", Part::Jet(j)) => at(&self.prior.actuators.jets.thrust, j),
+            ("thruster_misalignment", Part::Jet(j)) => at(&self.prior.actuators.jets.direction_rad, j),
             _ => 0.0,
         }
     }

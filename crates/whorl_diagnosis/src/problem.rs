@@ -157,7 +157,7 @@ impl Problem {
             };
             let (_, prediction) = predict(&mechanics, run, motion);
             let wheel_noise =
-                mechanics.model().wheels.iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
+                mechanics.model().wheels().iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
             let system = |rate_walk: f64| System {
                 run,
                 motion,
@@ -175,7 +175,12 @@ impl Problem {
             let smoothed = system(0.0).smoothed_from(&linear, &forward);
             for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
                 let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
-                better.correct(k, &part(0), &part(3), &state[WHEEL..WHEEL + mechanics.model().wheels.len()]);
+                better.correct(
+                    k,
+                    &part(0),
+                    &part(3),
+                    &state[WHEEL..WHEEL + mechanics.model().wheels().len()],
+                );
             }
             better.fill_middle(run);
             better
@@ -261,7 +266,7 @@ impl Problem {
     /// Settings of the whitening filter of a run.
     pub fn settings(&self, r: usize) -> Settings {
         let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
-        let inertia = self.reference.model.wheels.iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
+        let inertia = self.reference.model.wheels().iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
         Settings {
             rate_walk: density(&self.gyro_density) / MEMORY_S,
             torque_walk: self.runs.get(r).map_or(0.0, |run| self.friction_walk(run)),
@@ -280,7 +285,7 @@ impl Problem {
         let friction = |w: &whorl_dynamics::platform::Wheel| {
             w.coulomb_friction_n_m + 0.3 * w.max_speed_rad_s * w.viscous_friction_n_m_s
         };
-        let wheels = &self.reference.model.wheels;
+        let wheels = self.reference.model.wheels();
         wheels.iter().map(|w| friction(w).powi(2)).sum::<f64>().sqrt() / MEMORY_S.sqrt()
     }
 

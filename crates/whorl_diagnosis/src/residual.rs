@@ -83,7 +83,7 @@ pub fn residual_torque(
         }
     }
     let smoothed = system(best.1).smoothed(&linear);
-    let wheels = mechanics.model().wheels.len();
+    let wheels = mechanics.model().wheels().len();
     let torque = WHEEL + wheels;
     let mut result = ResidualTorque {
         time_s: run.times.node_s.clone(),

@@ -142,7 +142,7 @@ impl Run {
                 noise_rad: crate::noise::direction_noise_rad(channel, model),
             })
             .collect();
-        let wheels = model.wheels.len();
+        let wheels = model.wheels().len();
         let has_wheel_command = !recording.wheel_torque_command_n_m.is_empty();
         let has_wheel_speed = !recording.wheel_speed_rad_s.is_empty();
         let implied =
@@ -150,7 +150,7 @@ impl Run {
         let torques = implied.as_ref().unwrap_or(&recording.wheel_torque_command_n_m);
         let wheel_command = (0..wheels)
             .map(|j| {
-                let limit = model.wheels.get(j).map_or(0.0, |w| w.max_torque_n_m);
+                let limit = model.wheels().get(j).map_or(0.0, |w| w.max_torque_n_m);
                 let signal = RunningIntegral::held(torques, limit, |u| u.get(j).copied().unwrap_or(0.0));
                 HeldInput::new(&signal, &bins.times)
             })
@@ -187,7 +187,7 @@ impl Run {
             body_torque,
             jet_pulses: recording.jet_pulses.clone(),
             jets_unrecorded: !clamped
-                && !model.jets.is_empty()
+                && !model.jets().is_empty()
                 && recording.jet_pulses.is_empty()
                 && recording.body_torque_b_n_m.is_empty(),
             pressure_pa: Vec::new(),
@@ -236,11 +236,11 @@ impl Run {
                 );
             }
         }
-        let has_actuators = !model.wheels.is_empty() || !model.jets.is_empty();
+        let has_actuators = !model.wheels().is_empty() || !model.jets().is_empty();
         if !has_actuators && recording.body_torque_b_n_m.is_empty() {
             missing.push("no body torque, and the model has no wheels or jets: whatever drove the platform looks like a missing torque");
         }
-        if !model.wheels.is_empty() {
+        if !model.wheels().is_empty() {
             if recording.wheel_speed_rad_s.is_empty() {
                 missing.push("no wheel speeds: they are predicted from the commands, so wheel friction and inertia are weakly seen");
             }

@@ -99,7 +99,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     for (i, name) in ["tilt_x", "tilt_y"].into_iter().enumerate() {
         add(name, 0.03, 0.0, Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| vertical_b(q)[i])));
     }
-    for (j, wheel) in search.problem.reference.model.wheels.iter().enumerate() {
+    for (j, wheel) in search.problem.reference.model.wheels().iter().enumerate() {
         let name = format!("{}_speed", wheel.name);
         add(&name, 30.0, 0.0, Box::new(move |_, m, k| m.wheel.get(k).map_or(0.0, |w| w[j])));
     }
@@ -141,7 +141,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     });
     groups.push(friction.collect());
     // Drag of a wheel by any law, which may change with time.
-    for (j, wheel) in search.problem.reference.model.wheels.iter().enumerate() {
+    for (j, wheel) in search.problem.reference.model.wheels().iter().enumerate() {
         let speed = move |m: &Motion, k: usize| m.wheel.get(k).map_or(0.0, |w| w[j]) / 30.0;
         let late = |run: &Run, k: usize| (run.time(k) - run.time(0)) / 60.0;
         let shape = |value: Value| Shape {
@@ -178,7 +178,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     }
     for (wheel, order) in &search.lines.orders {
         let (wheel, order) = (*wheel, *order);
-        let name = search.problem.reference.model.wheels.get(wheel).map_or("wheel", |w| w.name.as_str());
+        let name = search.problem.reference.model.wheels().get(wheel).map_or("wheel", |w| w.name.as_str());
         let phase = move |m: &Motion, k: usize| order * m.wheel_angle.get(k).map_or(0.0, |a| a[wheel]);
         let sine: Value = Box::new(move |_, m, k| phase(m, k).sin());
         let cosine: Value = Box::new(move |_, m, k| phase(m, k).cos());

@@ -45,7 +45,7 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
     let estimate = of.estimate.spread(search.layout.columns.len());
     // Of each run: the residual at every node about axes of the body, and of each wheel's speed.
     let mut residuals: Vec<Residual> = Vec::new();
-    let wheels = search.problem.reference.model.wheels.len();
+    let wheels = search.problem.reference.model.wheels().len();
     for (r, (run, whitened)) in search.problem.runs.iter().zip(&search.data.whitened).enumerate() {
         if run.clamped || run.nodes() < 64 {
             continue;
@@ -123,7 +123,7 @@ fn wheel_orders(search: &Search<'_>, residuals: &[Residual]) -> Vec<(usize, f64,
     // Steps of the angle, small against a cycle of the highest order.
     let step_turns = 0.16 / HIGHEST_ORDER;
     let mut found = Vec::new();
-    for wheel in 0..search.problem.reference.model.wheels.len() {
+    for wheel in 0..search.problem.reference.model.wheels().len() {
         let turns = |r: usize| -> Vec<f64> {
             let motion = &search.problem.motions[r];
             motion.wheel_angle.iter().map(|a| a[wheel] / std::f64::consts::TAU).collect()

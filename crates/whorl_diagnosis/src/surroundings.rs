@@ -18,7 +18,7 @@ impl Run {
         let nodes = self.nodes();
         // Gas used by the commanded pulses at nominal thrust.
         let mut edges: Vec<(f64, f64)> = Vec::new();
-        for (jet, pulses) in model.jets.iter().zip(&self.jet_pulses) {
+        for (jet, pulses) in model.jets().iter().zip(&self.jet_pulses) {
             let rate = gyrostat.gas_rate_kg_s(jet.thrust_n);
             for pulse in pulses {
                 edges.push((pulse.on_s + jet.opening_delay_s, rate));
@@ -58,7 +58,7 @@ impl Run {
         replace(&mut self.temperature_k, &recording.temperature_k, &self.times.node_s, 5.0);
         if self.has_pressure {
             // What is gone from the full tank, not from the start of this run.
-            let full_pa = model.tank.initial_pressure_pa.max(1.0);
+            let full_pa = model.tank().initial_pressure_pa.max(1.0);
             let full_kg = gyrostat.initial_gas_kg();
             for (used, pressure) in self.gas_used_kg.iter_mut().zip(&self.pressure_pa) {
                 *used = full_kg * (1.0 - pressure / full_pa);
@@ -72,7 +72,7 @@ impl Run {
         let at = |values: &[f64], fallback: f64| values.get(k).copied().unwrap_or(fallback);
         Environment {
             time_s: self.time(k),
-            tank_pressure_pa: at(&self.pressure_pa, model.tank.initial_pressure_pa),
+            tank_pressure_pa: at(&self.pressure_pa, model.tank().initial_pressure_pa),
             gas_used_kg: at(&self.gas_used_kg, 0.0),
             bus_voltage_v: at(&self.voltage_v, model.bus.initial_v),
             temperature_k: at(&self.temperature_k, model.sensors.ambient_temperature_k),

@@ -145,7 +145,7 @@ impl Unexplained {
         let walk = |(wheel, jitter): (&whorl_dynamics::platform::Wheel, &f64)| {
             (mechanics.inverse_inertia * wheel.spin_axis_b.into_inner() * *jitter).norm_squared()
         };
-        let jitter: f64 = mechanics.model().wheels.iter().zip(&run.wheel_jitter).map(walk).sum();
+        let jitter: f64 = mechanics.model().wheels().iter().zip(&run.wheel_jitter).map(walk).sum();
         Self {
             per_node: total.1 / nodes.max(1) as f64,
             sum,

@@ -62,7 +62,7 @@ impl<'a> Environment<'a> {
             wheel_speed_rad_s: &[],
             wheel_motor_torque_n_m: &[],
             valve_fraction: &[],
-            tank_pressure_pa: model.tank.initial_pressure_pa,
+            tank_pressure_pa: model.tank().initial_pressure_pa,
             gas_used_kg: 0.0,
             bus_voltage_v: model.bus.initial_v,
             temperature_k: model.sensors.ambient_temperature_k,
@@ -79,7 +79,7 @@ impl<'a> Environment<'a> {
     /// Tank pressure over the pressure at which jets give their nominal thrust.
     #[must_use]
     pub fn pressure_ratio(&self) -> f64 {
-        self.tank_pressure_pa / self.model.tank.reference_pressure_pa
+        self.tank_pressure_pa / self.model.tank().reference_pressure_pa
     }
 
     /// Speed of a wheel relative to the body [rad/s].

@@ -3,8 +3,10 @@
 //! [`PlatformModel`] says what a platform is made of. [`Gyrostat`] is that platform with its
 //! physical effects applied: the one set of equations that estimator, controller and diagnosis
 //! use as their model. [`Plant`] integrates it between actuator events and samples its sensors.
+//! [`actuators`] has one folder for each kind of actuator.
 //! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate.
 
+pub mod actuators;
 pub mod effects;
 mod environment;
 pub mod gyrostat;
@@ -15,6 +17,7 @@ pub mod sensing;
 #[cfg(test)]
 mod validation;
 
+pub use actuators::{ActuatorError, Actuators};
 pub use effects::{Effect, EffectError, EffectInfo, EffectKind, EffectSet, ParameterSpec, TrueImu};
 pub use environment::Environment;
 pub use gyrostat::{Gyrostat, GyrostatError, State};

@@ -27,7 +27,7 @@ pub fn estimated_series(
     let ns = |t: f64| (t * 1e9).round() as i64;
     let mut series = StateSeries {
         samples: Vec::new(),
-        wheel_momentum_b_kg_m2: StateSeries::momentum_axes(&model.wheels),
+        wheel_momentum_b_kg_m2: StateSeries::momentum_axes(model.wheels()),
     };
     let points: Vec<_> = prepared.chains.iter().flat_map(|c| &c.points).collect();
     let (gyro, force) = (&run.gyro_b_rad_s, &run.specific_force_b_m_s2);
@@ -59,7 +59,7 @@ pub fn estimated_series(
         }
         let estimate = filter.estimate(ns(*time_s));
         let jets: Vector3<f64> =
-            model.jets.iter().zip(&point.jet_share).map(|(jet, share)| jet.torque_b_n_m() * *share).sum();
+            model.jets().iter().zip(&point.jet_share).map(|(jet, share)| jet.torque_b_n_m() * *share).sum();
         series.samples.push(StateSample {
             time_s: *time_s,
             q_world_body: estimate.q_world_body,

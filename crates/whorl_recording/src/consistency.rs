@@ -87,7 +87,7 @@ impl Recording {
     fn wheel_units(&self, model: &PlatformModel) -> Option<String> {
         let (speed, command) = (&self.wheel_speed_rad_s, &self.wheel_torque_command_n_m);
         let (first, last) = (*command.time_s.first()?, *speed.time_s.last()?);
-        model.wheels.iter().enumerate().find_map(|(j, wheel)| {
+        model.wheels().iter().enumerate().find_map(|(j, wheel)| {
             let mut sums = Sums::default();
             let mut from = speed.time_s.partition_point(|t| *t < first);
             let mut next = 0;

@@ -21,7 +21,7 @@ impl Recording {
         let wheels = [&self.wheel_speed_rad_s, &self.wheel_torque_command_n_m];
         let wheels = wheels.iter().find_map(|series| series.value.first()).map(Vec::len);
         let jets = Some(self.jet_pulses.len()).filter(|jets| *jets > 0);
-        let parts = [("wheels", wheels, model.wheels.len()), ("jets", jets, model.jets.len())];
+        let parts = [("wheels", wheels, model.wheels().len()), ("jets", jets, model.jets().len())];
         for (what, counted, expected) in parts {
             if let Some(counted) = counted.filter(|counted| *counted != expected) {
                 return Err(RecordingError::OtherPlatform {
@@ -44,7 +44,7 @@ impl Recording {
                 costs.push(sentence.to_owned());
             }
         };
-        let (wheels, jets) = (!model.wheels.is_empty(), !model.jets.is_empty());
+        let (wheels, jets) = (!model.wheels().is_empty(), !model.jets().is_empty());
         missing(
             wheels && self.wheel_speed_rad_s.is_empty(),
             "No wheel speed: the wheels' momentum has to be taken from their commands, and wheel_friction, \
@@ -111,7 +111,7 @@ impl Recording {
                     "The gyro reads up to {largest:.3} rad/s and its range is {range:.3} rad/s: is the unit deg/s?"
                 ));
             }
-            for (j, wheel) in model.wheels.iter().enumerate() {
+            for (j, wheel) in model.wheels().iter().enumerate() {
                 let speeds = self.wheel_speed_rad_s.value.iter().filter_map(|speeds| speeds.get(j));
                 let largest = self::largest(speeds);
                 if largest > 1.5 * wheel.max_speed_rad_s {

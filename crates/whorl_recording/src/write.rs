@@ -68,7 +68,7 @@ pub fn write_run(
     for file in &known.files {
         writer.add_parameter_file(file)?;
     }
-    let wheels: Vec<String> = known.model.wheels.iter().map(|wheel| wheel.name.clone()).collect();
+    let wheels: Vec<String> = known.model.wheels().iter().map(|wheel| wheel.name.clone()).collect();
     let mut messages = messages(recording, &wheels);
     messages.sort_by_key(|(at, ..)| *at);
     let mut encoded = Vec::new();

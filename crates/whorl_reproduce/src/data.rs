@@ -29,8 +29,8 @@ impl Noise {
 /// Whorl-I of Table 4.1 as a rigid body: no wheels, MotionPak-class sensors.
 pub fn rigid_whorl_1(vector: bool) -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
-    model.wheels.clear();
-    model.jets.clear();
+    model.wheels_mut().clear();
+    model.jets_mut().clear();
     // The studies of section 4.6.4 know no stops.
     model.tilt_limit = whorl_dynamics::platform::TiltLimit::Cone { max_rad: 0.5 };
     let force = &mut model.sensors.accelerometer.errors;

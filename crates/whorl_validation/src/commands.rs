@@ -49,7 +49,7 @@ impl Commands {
     #[must_use]
     pub fn of(recording: &Recording, gyrostat: &Gyrostat) -> Self {
         let model = gyrostat.model();
-        let wheels = model.wheels.len();
+        let wheels = model.wheels().len();
         let from_speed =
             recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty();
         let wheel_torque_n_m = if from_speed {
@@ -71,7 +71,7 @@ impl Commands {
         }
         let mut flow = Vec::new();
         for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
-            let data = model.jets.get(jet);
+            let data = model.jets().get(jet);
             let (opening_s, closing_s) = data.map_or((0.0, 0.0), |j| (j.opening_delay_s, j.closing_delay_s));
             flow.push(pulses.iter().map(|p| (p.on_s + opening_s, p.off_s + closing_s)).collect());
             for pulse in pulses {
@@ -144,7 +144,7 @@ impl Commands {
     #[must_use]
     pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
         let mut columns: Vec<(String, Vec<f64>)> =
-            model.wheels.iter().map(|w| (format!("{} torque", w.name), Vec::new())).collect();
+            model.wheels().iter().map(|w| (format!("{} torque", w.name), Vec::new())).collect();
         let axes = ["x", "y", "z"];
         columns.extend(axes.iter().map(|axis| (format!("jet torque {axis}"), Vec::new())));
         columns.extend(axes.iter().map(|axis| (format!("outside torque {axis}"), Vec::new())));
@@ -153,7 +153,7 @@ impl Commands {
             let drive = self.mean_between(before, *t);
             before = *t;
             let jets: Vector3<f64> =
-                model.jets.iter().zip(&drive.valve_fraction).map(|(jet, f)| jet.torque_b_n_m() * *f).sum();
+                model.jets().iter().zip(&drive.valve_fraction).map(|(jet, f)| jet.torque_b_n_m() * *f).sum();
             let values = (0..self.wheels)
                 .map(|j| drive.wheel_torque_n_m.get(j).copied().unwrap_or(0.0))
                 .chain(jets.iter().copied())
@@ -188,7 +188,7 @@ fn torque_from_speed(speed: &Series<Vec<f64>>, model: &PlatformModel) -> Series<
             let coulomb = wheel.coulomb_friction_n_m * y.clamp(-1.0, 1.0);
             wheel.spin_inertia_kg_m2 * slope + wheel.viscous_friction_n_m_s * y + coulomb
         };
-        model.wheels.iter().enumerate().map(of_wheel).collect()
+        model.wheels().iter().enumerate().map(of_wheel).collect()
     };
     speed.time_s.iter().map(|t| (*t, torque_at(*t))).collect()
 }

@@ -66,7 +66,7 @@ fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
     if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
         let mean = first.iter().sum::<f64>() / first.len() as f64;
         if mean > 0.0 {
-            quiet.tank.initial_pressure_pa = mean;
+            quiet.tank_mut().initial_pressure_pa = mean;
         }
     }
     if let Some((start, slope)) = trend(&recording.bus_voltage_v.time_s, &recording.bus_voltage_v.value) {
@@ -226,7 +226,7 @@ fn advance(plant: &mut Plant, time_ns: i64, lost: &mut bool) {
     if plant.advance_to(time_ns).is_err() {
         *lost = true;
         // Somewhere finite, so that the plant can go on until the next start.
-        let wheels = plant.gyrostat().model().wheels.len();
+        let wheels = plant.gyrostat().model().wheels().len();
         let _ = plant.set_motion(&UnitQuaternion::identity(), &Vector3::zeros(), &vec![0.0; wheels]);
     }
 }

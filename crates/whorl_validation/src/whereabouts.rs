@@ -43,7 +43,7 @@ pub struct Whereabouts {
 pub fn explain_where(recording: &Recording, model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
     let residual = residual_torque(recording, model)?;
     let torque = &residual.torque;
-    let wheels: Vec<String> = model.wheels.iter().map(|w| w.name.clone()).collect();
+    let wheels: Vec<String> = model.wheels().iter().map(|w| w.name.clone()).collect();
     let variables =
         conditions(recording, &torque.time_s, &torque.q_world_body, &residual.omega_wb_b_rad_s, &wheels);
     let found = dependences(torque, &variables).map_err(|error| ValidationError::Implausible {

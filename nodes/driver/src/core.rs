@@ -28,9 +28,9 @@ impl DriverCore {
     /// A driver of this hardware; [`Self::from_parameters`] makes the hardware too.
     #[must_use]
     pub fn new(parameters: Parameters, hardware: Box<dyn Hardware>) -> Self {
-        let limits = parameters.model.wheels.iter().map(|w| w.max_torque_n_m).collect();
+        let limits = parameters.model.wheels().iter().map(|w| w.max_torque_n_m).collect();
         Self {
-            gate: Gate::new(limits, parameters.model.jets.len()),
+            gate: Gate::new(limits, parameters.model.jets().len()),
             frame_id: format!("{}/base_link", parameters.name),
             parameters,
             hardware,
@@ -211,12 +211,12 @@ mod tests {
             thrusters(&outputs)
         };
         tick(&mut driver, 0);
-        let mut jet_on_time_s = vec![0.0; model.jets.len()];
+        let mut jet_on_time_s = vec![0.0; model.jets().len()];
         jet_on_time_s[2] = 0.2;
         let command = ActuatorCommand {
             header: Header { stamp: at(0).into(), frame_id: String::new() },
             valid_until: at(53).into(),
-            wheel_torque_n_m: vec![0.0; model.wheels.len()],
+            wheel_torque_n_m: vec![0.0; model.wheels().len()],
             jet_slot_length_s: 0.2,
             jet_on_time_s,
             ..ActuatorCommand::default()
@@ -235,13 +235,13 @@ mod tests {
     fn a_new_slot_replaces_what_is_left_of_the_one_before() {
         let (mut driver, model) = driver();
         let mut slot = |sequence: u64, now_ms: i64, on_time_s: [f64; 3]| {
-            let mut jet_on_time_s = vec![0.0; model.jets.len()];
+            let mut jet_on_time_s = vec![0.0; model.jets().len()];
             jet_on_time_s[..3].copy_from_slice(&on_time_s);
             let command = ActuatorCommand {
                 header: Header { stamp: at(now_ms).into(), frame_id: String::new() },
                 sequence,
                 valid_until: at(now_ms + 60).into(),
-                wheel_torque_n_m: vec![0.0; model.wheels.len()],
+                wheel_torque_n_m: vec![0.0; model.wheels().len()],
                 jet_slot: sequence,
                 jet_slot_length_s: 0.1,
                 jet_on_time_s,

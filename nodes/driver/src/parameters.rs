@@ -87,7 +87,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         ]
     });
     let (model, truth) = (model?, truth?);
-    let jets: Vec<String> = truth.jets.iter().map(|j| j.name.clone()).collect();
+    let jets: Vec<String> = truth.jets().iter().map(|j| j.name.clone()).collect();
     let faults = faults::read(r, &jets);
     if kind == "replay" && source.is_empty() {
         r.reject(
@@ -95,7 +95,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "backend replay needs a recording; allowed: path of a run directory, bag or CSV file",
         );
     }
-    let wheels = truth.wheels.len();
+    let wheels = truth.wheels().len();
     if ![0, wheels].contains(&start.wheel_speed_rad_s.len()) {
         r.reject("initial.wheel_speed_rad_s", format!("allowed: {wheels} numbers, one per wheel, or none"));
     }

@@ -76,7 +76,7 @@ impl SimulatedHardware {
         // The plant proper is made at the first call, which says when time starts; one is made here
         // too, so that a platform that cannot be simulated is refused at once.
         Plant::new(&model, &initial_state(&start, Timestamp(0)), seed)?;
-        let wheel_names = model.wheels.iter().map(|w| w.name.clone()).collect();
+        let wheel_names = model.wheels().iter().map(|w| w.name.clone()).collect();
         Ok(Self { model, start, seed, faults, running: None, wheel_names })
     }
 
@@ -91,8 +91,8 @@ impl SimulatedHardware {
                 due: Due { vector: now, bus: now, temperature: now },
                 sequence: 0,
                 truth_sequence: 0,
-                driven_s: vec![0.0; self.model.jets.len()],
-                valve_closes: vec![now; self.model.jets.len()],
+                driven_s: vec![0.0; self.model.jets().len()],
+                valve_closes: vec![now; self.model.jets().len()],
                 last_good_rate: None,
             });
         }
@@ -132,8 +132,8 @@ impl Hardware for SimulatedHardware {
     }
 
     fn apply(&mut self, now: Timestamp, action: &Action) {
-        let wheels = self.model.wheels.len();
-        let min_on_time_s: Vec<f64> = self.model.jets.iter().map(|j| j.min_on_time_s).collect();
+        let wheels = self.model.wheels().len();
+        let min_on_time_s: Vec<f64> = self.model.jets().iter().map(|j| j.min_on_time_s).collect();
         let Some(running) = self.running(now) else { return };
         // The gate has checked sizes and numbers; pulses too short for a valve are not made.
         match action {

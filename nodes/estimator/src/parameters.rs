@@ -92,11 +92,11 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     if let Some(Err(error)) = body.as_ref().map(BodyModel::check) {
         r.reject(error.name, error.to_string());
     }
-    let wheels = model.iter().flat_map(|m| &m.wheels);
+    let wheels = model.iter().flat_map(|m| m.wheels());
     let wheels = wheels
         .map(|w| SpinningWheel { spin_axis_b: w.spin_axis_b, inertia_kg_m2: w.spin_inertia_kg_m2 })
         .collect();
-    let jets = model.iter().flat_map(|m| &m.jets);
+    let jets = model.iter().flat_map(|m| m.jets());
     let jet_torque_b_n_m = jets.map(whorl_dynamics::platform::Jet::torque_b_n_m).collect();
     let (index, name) = own?;
     let platform = PlatformId(index);

@@ -164,22 +164,23 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     );
 
     let model = model?;
-    let failed_jets = model.jets.iter().map(|jet| failed_names.contains(&jet.name)).collect();
-    if let Some(unknown) = failed_names.iter().find(|name| model.jets.iter().all(|jet| jet.name != **name)) {
-        let names: Vec<&str> = model.jets.iter().map(|jet| jet.name.as_str()).collect();
+    let failed_jets = model.jets().iter().map(|jet| failed_names.contains(&jet.name)).collect();
+    if let Some(unknown) = failed_names.iter().find(|name| model.jets().iter().all(|jet| jet.name != **name))
+    {
+        let names: Vec<&str> = model.jets().iter().map(|jet| jet.name.as_str()).collect();
         r.reject("failed_jets", format!("there is no jet {unknown}; allowed: {}", names.join(", ")));
     }
-    let wheels = model.wheels.len();
+    let wheels = model.wheels().len();
     if ![0, wheels].contains(&targets.len()) {
         r.reject(
             "unloading.wheel_speed_target_rad_s",
             format!("allowed: {wheels} numbers, one per wheel, or none"),
         );
     }
-    if actuators != Mode::Wheels && model.jets.is_empty() {
+    if actuators != Mode::Wheels && model.jets().is_empty() {
         r.reject("actuators", "the model has no jets; allowed: wheels");
     }
-    if actuators != Mode::Jets && model.wheels.is_empty() {
+    if actuators != Mode::Jets && model.wheels().is_empty() {
         r.reject("actuators", "the model has no wheels; allowed: jets");
     }
     for margin in ["reference_tilt_margin_rad", "safe_tilt_margin_rad"] {
@@ -194,7 +195,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     }
     for (group, gains) in [("tracking", gains), ("tracking_jets", jet_gains)] {
         let total = *model.mass_properties.inertia_b_kg_m2();
-        if let Err(error) = TrackingLaw::new(GyrostatInertia::new(total, &model.wheels), gains) {
+        if let Err(error) = TrackingLaw::new(GyrostatInertia::new(total, model.wheels()), gains) {
             r.reject(group, error.to_string());
         }
     }

@@ -12,7 +12,7 @@ use whorl_dynamics::{InitialState, Plant, PlatformModel};
 
 fn model() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
-    for wheel in &mut model.wheels {
+    for wheel in model.wheels_mut() {
         wheel.spin_inertia_kg_m2 = 0.02;
         // Dry friction is smooth here and a step there: they differ where a wheel turns round.
         wheel.coulomb_friction_n_m = 0.0;

@@ -152,7 +152,7 @@ impl Envelope {
         let inertia = model.mass_properties.inertia_b_kg_m2();
         let about = |axis: usize| {
             let sum = |of: &dyn Fn(&whorl_dynamics::platform::Wheel) -> f64| {
-                model.wheels.iter().map(|w| w.spin_axis_b[axis].abs() * of(w)).sum::<f64>()
+                model.wheels().iter().map(|w| w.spin_axis_b[axis].abs() * of(w)).sum::<f64>()
             };
             (sum(&|w| w.max_torque_n_m), sum(&|w| w.spin_inertia_kg_m2 * w.max_speed_rad_s))
         };
@@ -163,7 +163,7 @@ impl Envelope {
         });
         // Both ways about the vertical; half of it is left for disturbances.
         let (mut plus, mut minus) = (0.0, 0.0);
-        for jet in &model.jets {
+        for jet in model.jets() {
             let torque = jet.position_b_m.cross(&jet.force_direction_b).z * jet.thrust_n;
             if torque > 0.0 { plus += torque } else { minus -= torque }
         }
@@ -178,19 +178,19 @@ impl Envelope {
             inertia_kg_m2: inertia[(0, 0)].max(inertia[(1, 1)]),
             stiffness_n_m: mgr.norm(),
             stable: mgr.z < -STABLE_N_M && rests_inside,
-            wheel_names: model.wheels.iter().map(|w| w.name.clone()).collect(),
+            wheel_names: model.wheels().iter().map(|w| w.name.clone()).collect(),
             yaw_wheels: model
-                .wheels
+                .wheels()
                 .iter()
                 .filter(|w| w.spin_axis_b.z.abs() > YAW_AXIS)
                 .map(|w| w.name.clone())
                 .collect(),
             wheel_torque_n_m: 0.5
-                * model.wheels.iter().map(|w| w.max_torque_n_m).fold(f64::INFINITY, f64::min)
+                * model.wheels().iter().map(|w| w.max_torque_n_m).fold(f64::INFINITY, f64::min)
                 * scale,
-            jet_names: model.jets.iter().map(|j| j.name.clone()).collect(),
+            jet_names: model.jets().iter().map(|j| j.name.clone()).collect(),
             pulses_s: {
-                let least = 1.5 * model.jets.iter().map(|j| j.min_on_time_s).fold(0.0, f64::max);
+                let least = 1.5 * model.jets().iter().map(|j| j.min_on_time_s).fold(0.0, f64::max);
                 PULSES_S
                     .map(|on_s| (on_s * scale).clamp(least.min(LONGEST_PULSE_S), LONGEST_PULSE_S))
                     .to_vec()

@@ -57,20 +57,20 @@ impl Demand {
         let rates = recording.truth.iter().flat_map(|t| &t.omega_wb_b_rad_s.value);
         let shares =
             recording.wheel_speed_rad_s.value.iter().flat_map(|speeds| {
-                speeds.iter().zip(&model.wheels).map(|(s, w)| s.abs() / w.max_speed_rad_s)
+                speeds.iter().zip(model.wheels()).map(|(s, w)| s.abs() / w.max_speed_rad_s)
             });
         let commands = &recording.wheel_torque_command_n_m.value;
         let at_limit = commands
             .iter()
-            .filter(|u| u.iter().zip(&model.wheels).any(|(u, w)| u.abs() > 0.98 * w.max_torque_n_m))
+            .filter(|u| u.iter().zip(model.wheels()).any(|(u, w)| u.abs() > 0.98 * w.max_torque_n_m))
             .count();
         let open_n_s: f64 = recording
             .jet_pulses
             .iter()
-            .zip(&model.jets)
+            .zip(model.jets())
             .map(|(pulses, jet)| pulses.iter().map(|p| p.off_s - p.on_s).sum::<f64>() * jet.thrust_n)
             .sum();
-        let tank = &model.tank;
+        let tank = model.tank();
         let full_kg =
             tank.initial_pressure_pa * tank.volume_m3 / (tank.gas_constant_j_kg_k * tank.temperature_k);
         Self {

@@ -123,7 +123,7 @@ impl<'a> Walker<'a> {
         mut torque: Vector3<f64>,
         wheel_torque: &Wheels,
     ) -> (Vector3<f64>, Wheels) {
-        let wheels = &self.mechanics.model().wheels;
+        let wheels = self.mechanics.model().wheels();
         let mut omega_dot = Vector3::zeros();
         if !run.clamped {
             for (wheel, u) in wheels.iter().zip(wheel_torque) {
@@ -182,7 +182,7 @@ impl OneEffect {
         steps: &StepEnvironments<'_>,
         hidden: &mut [f64; MAX_HIDDEN_STATES],
     ) -> (Vector3<f64>, Wheels) {
-        let wheels = interval.model.wheels.len();
+        let wheels = interval.model.wheels().len();
         let at = |environment: &Environment<'_>, hidden: &[f64]| {
             let mut wheel_torque = [0.0; MAX_WHEELS];
             self.effect.add_wheel_torque_n_m(values, environment, &mut wheel_torque[..wheels]);

@@ -64,7 +64,7 @@ pub(crate) enum Stray {
 impl Stray {
     fn change(&self, run: &Run, linearised: &Linearised) -> Change {
         let inverse = linearised.mechanics.inverse_inertia;
-        let wheels = &linearised.mechanics.model().wheels;
+        let wheels = linearised.mechanics.model().wheels();
         // A wheel without torque about its axis keeps its momentum.
         let kept = |omega_dot: &Vector3<f64>| {
             let mut rate = [0.0; MAX_WHEELS];
@@ -147,7 +147,7 @@ impl<const L: usize> pulp::NullaryFnOnce for Pass<'_, L> {
 fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Change]) -> Vec<Vec<Lanes>> {
     let gains = &linearised.gains;
     let n = gains.linear.n;
-    let wheels = linearised.mechanics.model().wheels.len();
+    let wheels = linearised.mechanics.model().wheels().len();
     let vectors = run.vectors.len();
     let mut out: Vec<Vec<Lanes>> = (0..L / LANES).map(|_| Vec::with_capacity(gains.whitened.len())).collect();
     let mut s = vec![[0.0; L]; n];

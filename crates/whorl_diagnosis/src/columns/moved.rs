@@ -91,8 +91,8 @@ impl Way {
     fn of(base: &Gyrostat, moved: &Gyrostat, effect: &'static dyn Effect) -> Self {
         let (a, b) = (base.model(), moved.model());
         let lag = base.thrust_lag() != moved.thrust_lag();
-        let jets = a.jets != b.jets || a.tank != b.tank || lag;
-        let platform = a.wheels != b.wheels || a.mass_properties != b.mass_properties;
+        let jets = a.jets() != b.jets() || a.tank() != b.tank() || lag;
+        let platform = a.wheels() != b.wheels() || a.mass_properties != b.mass_properties;
         let values = |gyrostat: &Gyrostat| {
             let mut active = gyrostat.effects().iter();
             active.find(|e| e.effect().info().id == effect.info().id).map(|e| e.values().to_vec())
@@ -123,7 +123,7 @@ fn valve_delay_s(gyrostat: &Gyrostat) -> (f64, f64) {
 
 fn valves_differ(base: &Gyrostat, moved: &Gyrostat) -> bool {
     let delays = |g: &Gyrostat| {
-        g.model().jets.iter().map(|j| (j.opening_delay_s, j.closing_delay_s)).collect::<Vec<_>>()
+        g.model().jets().iter().map(|j| (j.opening_delay_s, j.closing_delay_s)).collect::<Vec<_>>()
     };
     valve_delay_s(base) != valve_delay_s(moved)
         || base.thrust_lag() != moved.thrust_lag()

@@ -112,12 +112,12 @@ fn what_acts_inside_changes_no_momentum() {
     let (run, linear) = (&problem.runs[0], &linear[0]);
     // Body and wheels turn as one with the inertia of the whole; a wheel's own speed adds to it.
     let momentum = |change: &Change| {
-        let wheels = model.wheels.iter().zip(change.wheel_dot[0]);
+        let wheels = model.wheels().iter().zip(change.wheel_dot[0]);
         let of_wheels: Vector3<f64> =
             wheels.map(|(w, rate)| w.spin_axis_b.into_inner() * (w.spin_inertia_kg_m2 * rate)).sum();
         model.mass_properties.inertia_b_kg_m2() * change.omega_dot[0] + of_wheels
     };
-    for wheel in 0..model.wheels.len() {
+    for wheel in 0..model.wheels().len() {
         let inside = Stray::Wheel(wheel, vec![0.01]).change(run, linear);
         assert!(inside.omega_dot[0].norm() > 1e-4 && momentum(&inside).norm() < 1e-9, "{inside:?}");
     }

@@ -20,7 +20,7 @@ impl System<'_> {
         a.fill(0.0);
         let model = self.mechanics.model();
         if self.run.clamped {
-            for (j, wheel) in model.wheels.iter().enumerate() {
+            for (j, wheel) in model.wheels().iter().enumerate() {
                 a[(WHEEL + j) * n + WHEEL + j] = -wheel.viscous_friction_n_m_s / wheel.spin_inertia_kg_m2;
             }
             return;
@@ -42,7 +42,7 @@ impl System<'_> {
         let rate_rate = inverse * (skew(&momentum) - skew(omega) * inertia);
         put(a, n, RATE, ANGLE, &rate_angle);
         put(a, n, RATE, RATE, &rate_rate);
-        for (j, wheel) in model.wheels.iter().enumerate() {
+        for (j, wheel) in model.wheels().iter().enumerate() {
             let axis = wheel.spin_axis_b.into_inner();
             let b = wheel.viscous_friction_n_m_s;
             let column = inverse * (axis * b - omega.cross(&(axis * wheel.spin_inertia_kg_m2)));
@@ -64,7 +64,7 @@ impl System<'_> {
         if self.settings.torque_walk > 0.0 {
             let torque = WHEEL + self.wheels();
             put(a, n, RATE, torque, inverse);
-            for (j, wheel) in model.wheels.iter().enumerate() {
+            for (j, wheel) in model.wheels().iter().enumerate() {
                 let row = -(inverse.transpose() * wheel.spin_axis_b.into_inner());
                 for i in 0..3 {
                     a[(WHEEL + j) * n + torque + i] = row[i];

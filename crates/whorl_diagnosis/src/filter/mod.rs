@@ -171,7 +171,7 @@ impl<const S: usize> pulp::NullaryFnOnce for WithRoom<'_, S> {
 
 impl System<'_> {
     pub fn wheels(&self) -> usize {
-        self.mechanics.model().wheels.len()
+        self.mechanics.model().wheels().len()
     }
 
     pub fn states(&self) -> usize {

@@ -43,7 +43,7 @@ const STICKS_S: f64 = 0.1;
 
 impl System<'_> {
     pub(super) fn noise(&self) -> Noise {
-        let wheels = &self.mechanics.model().wheels;
+        let wheels = self.mechanics.model().wheels();
         let mut rate = [[0.0; TURNED]; TURNED];
         for i in 0..3 {
             // Free wheels keep their speed in space: what turns the body turns against them.
@@ -78,7 +78,7 @@ impl System<'_> {
         Noise {
             rate,
             wheel: wheels.iter().enumerate().map(of_wheel).collect(),
-            edge: self.mechanics.model().jets.iter().map(of_jet).collect(),
+            edge: self.mechanics.model().jets().iter().map(of_jet).collect(),
         }
     }
 
@@ -137,7 +137,7 @@ impl System<'_> {
                 }
             }
         }
-        for (j, (wheel, covariance)) in model.wheels.iter().zip(&noise.wheel).enumerate() {
+        for (j, (wheel, covariance)) in model.wheels().iter().zip(&noise.wheel).enumerate() {
             let speed = self.motion.wheel_mid.get(k).and_then(|w| w.get(j)).copied().unwrap_or(0.0);
             let near_zero = speed.abs() < (4.0 * self.run.noise.wheel).max(0.3);
             let at_limit = speed.abs() > 0.985 * wheel.max_speed_rad_s;
@@ -183,7 +183,7 @@ impl System<'_> {
             let bias = sensors.accelerometer.errors.bias_turn_on_stddev[i].max(1e-4);
             variance[ACCEL_BIAS + i] = bias * bias;
         }
-        for (j, limits) in self.mechanics.model().wheels.iter().enumerate() {
+        for (j, limits) in self.mechanics.model().wheels().iter().enumerate() {
             // Where no tachometer says more, anything up to the limit.
             let wheel = if self.run.has_wheel_speed { 5.0 } else { 0.3 * limits.max_speed_rad_s };
             variance[WHEEL + j] = wheel * wheel;

@@ -51,7 +51,7 @@ impl Mechanics {
         let adjusted = gyrostat.model();
         let mut resisting = adjusted.mass_properties.inertia_b_kg_m2()
             - gyrostat.effects().reaction_inertia_b_kg_m2(adjusted);
-        for wheel in &adjusted.wheels {
+        for wheel in adjusted.wheels() {
             let axis = wheel.spin_axis_b.into_inner();
             resisting -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
         }
@@ -94,7 +94,7 @@ impl Mechanics {
         if k + 1 >= run.nodes() {
             return None;
         }
-        let wheels = self.model().wheels.len();
+        let wheels = self.model().wheels().len();
         let (q, omega, speed) = (motion.q_mid.get(k)?, motion.omega_mid.get(k)?, motion.wheel_mid.get(k)?);
         let mut environment = run.environment(self.model(), k);
         environment.time_s += 0.5 * run.length(k);
@@ -117,7 +117,7 @@ impl Mechanics {
     ) -> (Vector3<f64>, Wheels) {
         let omega = environment.omega_wb_b_rad_s;
         let wheel_torque = self.gyrostat.wheel_torque_n_m(environment);
-        let wheels = &self.model().wheels;
+        let wheels = self.model().wheels();
         let omega_dot = if run.clamped {
             Vector3::zeros()
         } else {
@@ -185,7 +185,7 @@ impl Mechanics {
         for k in 0..nodes {
             let edge = if run.clamped { Vector3::zeros() } else { self.edge_rate(run, inputs, k) };
             let speeds = prediction.edge_speed[k].iter_mut();
-            for ((slot, wheel), command) in speeds.zip(&self.model().wheels).zip(&run.wheel_command) {
+            for ((slot, wheel), command) in speeds.zip(self.model().wheels()).zip(&run.wheel_command) {
                 *slot = command.mean_integral_at(k) / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&edge);
             }
             prediction.edge_rate[k] = edge;
@@ -219,7 +219,7 @@ impl Mechanics {
             environment.valve_fraction = inputs.jet_integrals_at(k);
             impulse += self.gyrostat.jet_torque_b_n_m(&environment);
         }
-        for (wheel, command) in self.model().wheels.iter().zip(&run.wheel_command) {
+        for (wheel, command) in self.model().wheels().iter().zip(&run.wheel_command) {
             impulse -= wheel.spin_axis_b.into_inner() * command.mean_integral_at(k);
         }
         let [x, y, z] = &run.body_torque;
@@ -237,7 +237,7 @@ impl Mechanics {
         motors: &'a Wheels,
         k: usize,
     ) -> Option<Environment<'a>> {
-        let wheels = self.model().wheels.len();
+        let wheels = self.model().wheels().len();
         let (q, omega, speed) = (motion.q.get(k)?, motion.omega.get(k)?, motion.wheel.get(k)?);
         // Stamps were set back by the latency of the model that laid out the run.
         let later_s = self.latency_s() - run.latency_s;

@@ -29,7 +29,7 @@ fn each_says_what_is_wrong() {
     in_g.specific_force_b_m_s2.value.iter_mut().for_each(|f: &mut Vector3<f64>| *f /= 9.81);
     assert!(error_of(in_g, &model).to_string().contains("unit"));
     let mut other = model.clone();
-    other.wheels.pop();
+    other.wheels_mut().pop();
     assert!(matches!(error_of(good.clone(), &other), DiagnosisError::OtherPlatform { .. }));
     let inertia = model.mass_properties.inertia_b_kg_m2() + nalgebra::Matrix3::from_diagonal_element(5.0);
     let offset = *model.mass_properties.gravity_offset_b_n_m();

@@ -47,10 +47,10 @@ pub(crate) fn wrong_model(truth: &PlatformModel, seed: u64) -> (PlatformModel, M
             break;
         }
     }
-    for (wheel, s) in model.wheels.iter_mut().zip(&prior.wheel_spin_inertia) {
+    for (wheel, s) in model.wheels_mut().iter_mut().zip(&prior.actuators.wheels.spin_inertia) {
         wheel.spin_inertia_kg_m2 *= 1.0 + s * normal(&mut rng);
     }
-    for (jet, s) in model.jets.iter_mut().zip(&prior.jet_thrust) {
+    for (jet, s) in model.jets_mut().iter_mut().zip(&prior.actuators.jets.thrust) {
         jet.thrust_n *= 1.0 + s * normal(&mut rng);
     }
     (model, prior)
@@ -72,7 +72,7 @@ pub(crate) fn record(
     let q = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * UnitQuaternion::from_scaled_axis(tilt);
     let spin = if normal(&mut rng) > 0.0 { 1.0 } else { -1.0 };
     let omega = Vector3::new(normal(&mut rng) * 0.01, normal(&mut rng) * 0.01, spin * 0.1);
-    let wheels = truth.wheels.len();
+    let wheels = truth.wheels().len();
     let bias: Vec<f64> =
         (0..wheels).map(|j| if j == 2 { 40.0 } else { 8.0 } * (1.0 + 0.3 * normal(&mut rng))).collect();
     let initial = InitialState {
@@ -98,7 +98,7 @@ pub(crate) fn record(
     let mut recording = Recording {
         name: format!("run_{seed}"),
         platform: "whorl_1".to_owned(),
-        jet_pulses: vec![Vec::new(); truth.jets.len()],
+        jet_pulses: vec![Vec::new(); truth.jets().len()],
         vectors: truth
             .sensors
             .vector
@@ -157,10 +157,10 @@ pub(crate) fn record(
                     normal(&mut rng),
                     normal(&mut rng) * 0.8 - 3.0 * (rate.z - 0.1 * (0.05 * t).sin() * spin),
                 );
-            let jet = (0..truth.jets.len())
+            let jet = (0..truth.jets().len())
                 .max_by(|a, b| {
                     let score = |j: &usize| {
-                        truth.jets[*j].torque_b_n_m().dot(&wish)
+                        truth.jets()[*j].torque_b_n_m().dot(&wish)
                             * (1.0 + 0.1 * ((*j * 7919 + k as usize) % 13) as f64)
                     };
                     score(a).total_cmp(&score(b))

@@ -53,12 +53,13 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
 #[test]
 fn wheels_that_nobody_watches_may_drag_either_way() {
     let mut model = PlatformModel::whorl_1_reference();
-    for wheel in &mut model.wheels {
+    for wheel in model.wheels_mut() {
         (wheel.coulomb_friction_n_m, wheel.viscous_friction_n_m_s) = (0.0, 0.0);
     }
     // 4 mN m of one wheel and 0.1 mN m s of another at 30 rad/s: together 5 mN m, in the root of 20 s.
-    model.wheels[0].coulomb_friction_n_m = 4e-3;
-    (model.wheels[1].viscous_friction_n_m_s, model.wheels[1].max_speed_rad_s) = (1e-4, 100.0);
+    model.wheels_mut()[0].coulomb_friction_n_m = 4e-3;
+    let worn = &mut model.wheels_mut()[1];
+    (worn.viscous_friction_n_m_s, worn.max_speed_rad_s) = (1e-4, 100.0);
     let watched = record(&PlatformModel::whorl_1_reference(), 3, 11.0, None);
     let mut unwatched = watched.clone();
     unwatched.wheel_speed_rad_s = whorl_recording::Series::default();

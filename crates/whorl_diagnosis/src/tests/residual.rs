@@ -39,7 +39,7 @@ fn a_torque_that_wanders_lies_within_its_band() {
     let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
     let linear = system.linear();
     let smoothed = system.smoothed(&linear);
-    let first = WHEEL + model.wheels.len();
+    let first = WHEEL + model.wheels().len();
     let (mut sum, mut count) = (0.0, 0.0);
     for (k, variance) in smoothed.torque_variance.chunks_exact(3).enumerate() {
         let found = &smoothed.state[k * linear.n + first..][..3];

@@ -44,7 +44,9 @@ fn a_constant_has_one_uncertainty() {
         assert!(said == handed_on && said <= given, "{name}: {given} {handed_on} {said}");
     }
     // Of jets that fired little the data say next to nothing.
-    for (given, handed_on) in prior.jet_direction_rad.iter().zip(&complete.prior.jet_direction_rad) {
+    for (given, handed_on) in
+        prior.actuators.jets.direction_rad.iter().zip(&complete.prior.actuators.jets.direction_rad)
+    {
         assert!(*handed_on <= *given && *handed_on > 0.1 * given, "{given} {handed_on}");
     }
     let yaw = stddevs(&prior, &complete)[2].clone();

@@ -19,7 +19,7 @@ const COHERENT_S: f64 = 30.0;
 
 /// The wheel whose turning shows in the gyro; what it explains is taken off the samples.
 pub(super) fn imbalance(runs: &mut [Fast<'_>], mechanics: &Mechanics) -> Option<Candidate> {
-    let wheels = mechanics.model().wheels.len();
+    let wheels = mechanics.model().wheels().len();
     let all_fits = |wheel: usize, order: f64| -> Vec<Fit> {
         runs.iter().flat_map(|fast| wheel_fits(fast, mechanics, wheel, order)).collect()
     };
@@ -60,7 +60,7 @@ pub(super) fn imbalance(runs: &mut [Fast<'_>], mechanics: &Mechanics) -> Option<
         }
     }
     let information: f64 = fits.iter().map(|f| f.information).sum();
-    let name = mechanics.model().wheels.get(wheel).map_or(String::new(), |w| w.name.clone());
+    let name = mechanics.model().wheels().get(wheel).map_or(String::new(), |w| w.name.clone());
     let estimate = parameter(format!("{name}_kg_m2"), "kg m^2", size, (1.0 / information).sqrt());
     Some(row("wheel_imbalance", drop, evidence, vec![estimate]))
 }
@@ -140,7 +140,7 @@ fn wheel_signals(
 ) -> [[Vec<f64>; 2]; 3] {
     let mut signals: [[Vec<f64>; 2]; 3] =
         std::array::from_fn(|_| [vec![0.0; to - from], vec![0.0; to - from]]);
-    let Some(w) = mechanics.model().wheels.get(wheel) else { return signals };
+    let Some(w) = mechanics.model().wheels().get(wheel) else { return signals };
     let axis = w.spin_axis_b.into_inner();
     let helper = if axis.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
     let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();

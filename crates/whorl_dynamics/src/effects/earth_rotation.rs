@@ -56,7 +56,7 @@ impl Effect for EarthRotation {
         let omega = environment.omega_wb_b_rad_s;
         let earth = rate_b_rad_s(values, environment);
         let mut wheel_momentum = Vector3::zeros();
-        for (j, wheel) in model.wheels.iter().enumerate() {
+        for (j, wheel) in model.wheels().iter().enumerate() {
             wheel_momentum +=
                 wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * environment.wheel_speed(j));
         }
@@ -70,7 +70,7 @@ impl Effect for EarthRotation {
     fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
         // J (a . (dw/dt - w x e) + dOm/dt) = u.
         let frame = environment.omega_wb_b_rad_s.cross(&rate_b_rad_s(values, environment));
-        for (torque, wheel) in torque_n_m.iter_mut().zip(&environment.model.wheels) {
+        for (torque, wheel) in torque_n_m.iter_mut().zip(environment.model.wheels()) {
             *torque += wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(&frame);
         }
     }

@@ -162,8 +162,8 @@ fn parameters_say_which_wheel_or_jet_is_theirs() {
             let is_of = |part: &str| {
                 spec.name == part || spec.name.strip_prefix(part).is_some_and(|rest| rest.starts_with('_'))
             };
-            let named = (model.wheels.iter().position(|w| is_of(&w.name)).map(Part::Wheel))
-                .or_else(|| model.jets.iter().position(|j| is_of(&j.name)).map(Part::Jet));
+            let named = (model.wheels().iter().position(|w| is_of(&w.name)).map(Part::Wheel))
+                .or_else(|| model.jets().iter().position(|j| is_of(&j.name)).map(Part::Jet));
             assert_eq!(spec.part, named.unwrap_or(Part::Platform), "{}.{}", effect.info().id, spec.name);
         }
     }
@@ -239,15 +239,15 @@ fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
     // What was adjusted.
     numbers.extend(model.mass_properties.inertia_b_kg_m2());
     numbers.extend(model.mass_properties.gravity_offset_b_n_m());
-    for wheel in &model.wheels {
+    for wheel in model.wheels() {
         numbers.extend(&wheel.spin_axis_b.into_inner());
         numbers.extend([wheel.spin_inertia_kg_m2, wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m]);
     }
-    for jet in &model.jets {
+    for jet in model.jets() {
         numbers.extend(&jet.torque_b_n_m());
         numbers.extend([jet.opening_delay_s, jet.closing_delay_s]);
     }
-    numbers.push(model.tank.thrust_pressure_exponent);
+    numbers.push(model.tank().thrust_pressure_exponent);
     for errors in [model.sensors.gyro.errors, model.sensors.accelerometer.errors] {
         numbers.extend(&errors.bias);
         numbers.extend(&errors.scale);

@@ -32,7 +32,7 @@ impl Effect for ThrusterDelay {
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        for jet in &mut model.jets {
+        for jet in model.jets_mut() {
             jet.opening_delay_s += value(values, 0);
             jet.closing_delay_s += value(values, 1);
         }

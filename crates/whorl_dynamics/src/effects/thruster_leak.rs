@@ -35,7 +35,7 @@ impl Effect for ThrusterLeak {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .jets
+            .jets()
             .iter()
             .enumerate()
             .map(|(j, jet)| {
@@ -52,7 +52,7 @@ impl Effect for ThrusterLeak {
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let mut torque = Vector3::zeros();
-        for (j, jet) in environment.model.jets.iter().enumerate() {
+        for (j, jet) in environment.model.jets().iter().enumerate() {
             if value(values, j) > 0.0 {
                 let force = jet.force_direction_b.into_inner() * leak_n(values, environment, j);
                 torque += jet.position_b_m.cross(&force);
@@ -62,8 +62,8 @@ impl Effect for ThrusterLeak {
     }
 
     fn gas_rate_kg_s(&self, values: &[f64], environment: &Environment<'_>) -> f64 {
-        let jets = environment.model.jets.len();
+        let jets = environment.model.jets().len();
         let thrust_n: f64 = (0..jets).map(|j| leak_n(values, environment, j)).sum();
-        thrust_n / (GRAVITY_M_S2 * environment.model.tank.specific_impulse_s)
+        thrust_n / (GRAVITY_M_S2 * environment.model.tank().specific_impulse_s)
     }
 }

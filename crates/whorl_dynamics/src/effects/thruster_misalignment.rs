@@ -27,7 +27,7 @@ impl Effect for ThrusterMisalignment {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .jets
+            .jets()
             .iter()
             .enumerate()
             .flat_map(|(j, jet)| {
@@ -45,7 +45,7 @@ impl Effect for ThrusterMisalignment {
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        for (j, jet) in model.jets.iter_mut().enumerate() {
+        for (j, jet) in model.jets_mut().iter_mut().enumerate() {
             jet.force_direction_b = tilted(jet.force_direction_b, value(values, 2 * j), value(values, 2 * j + 1));
         }
         Ok(())

@@ -29,7 +29,7 @@ impl Effect for ThrusterPressure {
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.tank.thrust_pressure_exponent += value(values, 0);
+        model.tank_mut().thrust_pressure_exponent += value(values, 0);
         Ok(())
     }
 }

@@ -27,7 +27,7 @@ impl Effect for ThrusterStrength {
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         let mut specs =
             vec![ParameterSpec::new("all", "1", (-0.9, 1.0), 0.05, "Relative error of every jet.")];
-        specs.extend(model.jets.iter().enumerate().map(|(j, jet)| {
+        specs.extend(model.jets().iter().enumerate().map(|(j, jet)| {
             ParameterSpec::new(jet.name.as_str(), "1", (-1.0, 1.0), 0.05, "Relative error of this jet.").of_jet(j)
         }));
         specs
@@ -35,7 +35,7 @@ impl Effect for ThrusterStrength {
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let all = 1.0 + value(values, 0);
-        for (j, jet) in model.jets.iter_mut().enumerate() {
+        for (j, jet) in model.jets_mut().iter_mut().enumerate() {
             jet.thrust_n *= all * (1.0 + value(values, 1 + j));
         }
         Ok(())

@@ -26,7 +26,7 @@ impl Effect for WheelFriction {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .wheels
+            .wheels()
             .iter()
             .enumerate()
             .flat_map(|(j, wheel)| {
@@ -52,7 +52,7 @@ impl Effect for WheelFriction {
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        for (j, wheel) in model.wheels.iter_mut().enumerate() {
+        for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
             wheel.viscous_friction_n_m_s += value(values, 2 * j);
             wheel.coulomb_friction_n_m += value(values, 2 * j + 1);
         }

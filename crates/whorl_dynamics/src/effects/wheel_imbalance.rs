@@ -29,7 +29,7 @@ impl Effect for WheelImbalance {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .wheels
+            .wheels()
             .iter()
             .enumerate()
             .map(|(j, wheel)| {
@@ -46,7 +46,7 @@ impl Effect for WheelImbalance {
 
     fn hidden_states(&self, model: &PlatformModel) -> usize {
         // The angle of each wheel.
-        model.wheels.len()
+        model.wheels().len()
     }
 
     fn hidden_derivative(
@@ -63,7 +63,7 @@ impl Effect for WheelImbalance {
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         let mut torque = Vector3::zeros();
-        for (j, wheel) in environment.model.wheels.iter().enumerate() {
+        for (j, wheel) in environment.model.wheels().iter().enumerate() {
             let axis = wheel.spin_axis_b;
             let helper = if axis.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
             let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();

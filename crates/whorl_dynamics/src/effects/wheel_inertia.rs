@@ -26,7 +26,7 @@ impl Effect for WheelInertia {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .wheels
+            .wheels()
             .iter()
             .enumerate()
             .map(|(j, wheel)| {
@@ -36,7 +36,7 @@ impl Effect for WheelInertia {
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        for (j, wheel) in model.wheels.iter_mut().enumerate() {
+        for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
             wheel.spin_inertia_kg_m2 *= 1.0 + value(values, j);
         }
         Ok(())

@@ -27,7 +27,7 @@ impl Effect for WheelMisalignment {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .wheels
+            .wheels()
             .iter()
             .enumerate()
             .flat_map(|(j, wheel)| {
@@ -45,7 +45,7 @@ impl Effect for WheelMisalignment {
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        for (j, wheel) in model.wheels.iter_mut().enumerate() {
+        for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
             wheel.spin_axis_b = tilted(wheel.spin_axis_b, value(values, 2 * j), value(values, 2 * j + 1));
         }
         Ok(())

@@ -26,7 +26,7 @@ impl Effect for WheelWindage {
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
         model
-            .wheels
+            .wheels()
             .iter()
             .enumerate()
             .map(|(j, wheel)| {

@@ -86,7 +86,7 @@ impl Gyrostat {
         state: &'a State,
         drive: &'a Drive,
     ) -> Environment<'a> {
-        let (wheels, jets) = (self.model.wheels.len(), self.model.jets.len());
+        let (wheels, jets) = (self.model.wheels().len(), self.model.jets().len());
         // Sizes were checked in `Gyrostat::new`.
         let motor_torque = drive.motor_torque_n_m.get(..wheels).unwrap_or(&[]);
         let load: f64 = motor_torque.iter().map(|u| u.abs()).sum();
@@ -119,7 +119,7 @@ impl Gyrostat {
     ) -> Derivative {
         let omega = state.omega_wb_b_rad_s;
         let vertical_b = vertical_b(&state.q_world_body);
-        let wheels = &self.model.wheels;
+        let wheels = self.model.wheels();
         // Array sizes were checked in `Gyrostat::new`: no index below can be out of bounds.
         let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * omega;
         let mut wheel_torque = [0.0; MAX_WHEELS];
@@ -131,7 +131,7 @@ impl Gyrostat {
                     + friction_n_m(wheel, speed, drive.sliding[j]);
         }
 
-        let pressure_ratio = self.pressure_pa(state.gas_kg) / self.model.tank.reference_pressure_pa;
+        let pressure_ratio = self.pressure_pa(state.gas_kg) / self.model.tank().reference_pressure_pa;
         // Most of the time no jet blows, and a power is dear.
         let thrust_factor = if jets.thrust_n == 0.0 { 0.0 } else { self.thrust_factor(pressure_ratio) };
         let offset = self.model.mass_properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
@@ -196,11 +196,11 @@ impl Gyrostat {
         drive: &Drive,
         omega_dot: &Vector3<f64>,
     ) -> f64 {
-        let Some(wheel) = self.model.wheels.get(j) else { return 0.0 };
+        let Some(wheel) = self.model.wheels().get(j) else { return 0.0 };
         let mut torque_n_m = drive.motor_torque_n_m;
         if !self.effects.is_empty() {
             let environment = self.environment(time_s, state, drive);
-            self.effects.add_wheel_torque_n_m(&environment, &mut torque_n_m[..self.model.wheels.len()]);
+            self.effects.add_wheel_torque_n_m(&environment, &mut torque_n_m[..self.model.wheels().len()]);
         }
         wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot) - torque_n_m[j]
     }

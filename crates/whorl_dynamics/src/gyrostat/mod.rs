@@ -32,13 +32,15 @@
 mod derivative;
 mod state;
 
+pub use crate::actuators::{jets::MAX_JETS, wheels::MAX_WHEELS};
 pub(crate) use derivative::{Derivative, Drive, JetDrive};
-pub use state::{MAX_JETS, MAX_WHEELS, State};
+pub use state::State;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::{GRAVITY_M_S2, vertical_b};
 
+use crate::actuators::ActuatorError;
 use crate::effects::{EffectError, EffectSet, ThrustLag, TrueImu};
 use crate::platform::Wheel;
 use crate::sensing::specific_force_b_m_s2;
@@ -50,29 +52,14 @@ pub enum GyrostatError {
     /// Its effects were refused.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// More wheels than [`MAX_WHEELS`].
-    #[error("{count} wheels; at most {MAX_WHEELS} can be simulated")]
-    TooManyWheels {
-        /// Wheels in the model.
-        count: usize,
-    },
-    /// More jets than [`MAX_JETS`].
-    #[error("{count} jets; at most {MAX_JETS} can be simulated")]
-    TooManyJets {
-        /// Jets in the model.
-        count: usize,
-    },
+    /// Its actuators cannot be simulated.
+    #[error(transparent)]
+    Actuator(#[from] ActuatorError),
     /// Wheels or moving masses have more inertia than the platform that contains them.
     #[error(
         "the inertia left when the wheels' spin inertias and moving masses are taken out is not positive definite"
     )]
     NothingLeft,
-    /// A number of the model that the dynamics divide by is not positive and finite.
-    #[error("{what} must be positive and finite")]
-    NotPositive {
-        /// Which number.
-        what: &'static str,
-    },
 }
 
 /// A platform with its effects applied: the one model behind simulation, fits and compensation.
@@ -90,16 +77,10 @@ impl Gyrostat {
     /// # Errors
     /// See [`GyrostatError`].
     pub fn new(model: &PlatformModel) -> Result<Self, GyrostatError> {
-        let (wheels, jets) = (model.wheels.len(), model.jets.len());
-        if wheels > MAX_WHEELS {
-            return Err(GyrostatError::TooManyWheels { count: wheels });
-        }
-        if jets > MAX_JETS {
-            return Err(GyrostatError::TooManyJets { count: jets });
-        }
+        model.actuators.check()?;
         let effects = EffectSet::from_map(&model.effects, model)?;
         let adjusted = effects.adjusted(model)?;
-        check_divisors(&adjusted)?;
+        adjusted.actuators.check()?;
         let gyrostat = Self {
             thrust_lag: effects.thrust_lag(),
             reaction_inertia_b_kg_m2: effects.reaction_inertia_b_kg_m2(&adjusted),
@@ -141,7 +122,7 @@ impl Gyrostat {
         wheel_speed_rad_s: &[f64],
     ) -> Vector3<f64> {
         let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * omega_wb_b_rad_s;
-        for (wheel, speed) in self.model.wheels.iter().zip(wheel_speed_rad_s) {
+        for (wheel, speed) in self.model.wheels().iter().zip(wheel_speed_rad_s) {
             momentum += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
         }
         momentum
@@ -152,7 +133,7 @@ impl Gyrostat {
     pub fn kinetic_energy_j(&self, omega_wb_b_rad_s: &Vector3<f64>, wheel_speed_rad_s: &[f64]) -> f64 {
         let inertia = self.model.mass_properties.inertia_b_kg_m2();
         let mut twice = omega_wb_b_rad_s.dot(&(inertia * omega_wb_b_rad_s));
-        for (wheel, speed) in self.model.wheels.iter().zip(wheel_speed_rad_s) {
+        for (wheel, speed) in self.model.wheels().iter().zip(wheel_speed_rad_s) {
             // J (a.w + Om)^2 - J (a.w)^2: the locked wheel is in I already.
             twice +=
                 wheel.spin_inertia_kg_m2 * speed * (2.0 * wheel.spin_axis_b.dot(omega_wb_b_rad_s) + speed);
@@ -179,7 +160,7 @@ impl Gyrostat {
     #[must_use]
     pub fn jet_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
         let mut torque = Vector3::zeros();
-        for (jet, fraction) in self.model.jets.iter().zip(environment.valve_fraction) {
+        for (jet, fraction) in self.model.jets().iter().zip(environment.valve_fraction) {
             if *fraction != 0.0 {
                 torque += jet.torque_b_n_m() * *fraction;
             }
@@ -192,11 +173,11 @@ impl Gyrostat {
     #[must_use]
     pub fn wheel_torque_n_m(&self, environment: &Environment<'_>) -> [f64; MAX_WHEELS] {
         let mut torque_n_m = [0.0; MAX_WHEELS];
-        for (j, (torque, wheel)) in torque_n_m.iter_mut().zip(&self.model.wheels).enumerate() {
+        for (j, (torque, wheel)) in torque_n_m.iter_mut().zip(self.model.wheels()).enumerate() {
             let speed = environment.wheel_speed(j);
             *torque = environment.wheel_motor_torque(j) + friction_n_m(wheel, speed, sign(speed));
         }
-        if let Some(torque_n_m) = torque_n_m.get_mut(..self.model.wheels.len()) {
+        if let Some(torque_n_m) = torque_n_m.get_mut(..self.model.wheels().len()) {
             self.effects.add_wheel_torque_n_m(environment, torque_n_m);
         }
         torque_n_m
@@ -213,7 +194,7 @@ impl Gyrostat {
         let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
         let mut torque = self.modelled_torque_b_n_m(environment, hidden) + self.jet_torque_b_n_m(environment)
             - omega.cross(&momentum);
-        for (wheel, wheel_torque) in self.model.wheels.iter().zip(self.wheel_torque_n_m(environment)) {
+        for (wheel, wheel_torque) in self.model.wheels().iter().zip(self.wheel_torque_n_m(environment)) {
             torque -= wheel.spin_axis_b.into_inner() * wheel_torque;
         }
         let free = self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
@@ -247,7 +228,7 @@ impl Gyrostat {
     /// I - sum J a a^T over the wheels that are not stuck, less what effects take out.
     pub(crate) fn inertia_without_free_wheels_b_kg_m2(&self, stuck: &[bool; MAX_WHEELS]) -> Matrix3<f64> {
         let mut inertia = self.model.mass_properties.inertia_b_kg_m2() - self.reaction_inertia_b_kg_m2;
-        for (wheel, stuck) in self.model.wheels.iter().zip(stuck) {
+        for (wheel, stuck) in self.model.wheels().iter().zip(stuck) {
             if !stuck {
                 let axis = wheel.spin_axis_b.into_inner();
                 inertia -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
@@ -259,7 +240,7 @@ impl Gyrostat {
     /// Thrust over nominal thrust at this pressure over reference pressure.
     #[must_use]
     pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
-        let exponent = self.model.tank.thrust_pressure_exponent;
+        let exponent = self.model.tank().thrust_pressure_exponent;
         if pressure_ratio <= 0.0 {
             0.0
         } else if exponent == 0.0 {
@@ -274,21 +255,21 @@ impl Gyrostat {
     /// Gas in the full tank \[kg\].
     #[must_use]
     pub fn initial_gas_kg(&self) -> f64 {
-        let tank = &self.model.tank;
+        let tank = self.model.tank();
         tank.initial_pressure_pa * tank.volume_m3 / (tank.gas_constant_j_kg_k * tank.temperature_k)
     }
 
     /// Pressure of this much gas in the tank \[Pa\], isothermal.
     #[must_use]
     pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
-        let tank = &self.model.tank;
+        let tank = self.model.tank();
         gas_kg * tank.gas_constant_j_kg_k * tank.temperature_k / tank.volume_m3
     }
 
     /// Gas used per second by this much thrust [kg/s].
     #[must_use]
     pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
-        thrust_n / (GRAVITY_M_S2 * self.model.tank.specific_impulse_s)
+        thrust_n / (GRAVITY_M_S2 * self.model.tank().specific_impulse_s)
     }
 }
 
@@ -300,29 +281,4 @@ fn friction_n_m(wheel: &Wheel, speed_rad_s: f64, sense: f64) -> f64 {
 /// -1, 0 or 1.
 pub(crate) fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
-}
-
-fn check_divisors(model: &PlatformModel) -> Result<(), GyrostatError> {
-    let tank = &model.tank;
-    let numbers = [
-        (tank.volume_m3, "the tank's volume"),
-        (tank.initial_pressure_pa, "the tank's initial pressure"),
-        (tank.reference_pressure_pa, "the tank's reference pressure"),
-        (tank.temperature_k, "the tank's temperature"),
-        (tank.gas_constant_j_kg_k, "the gas constant"),
-        (tank.specific_impulse_s, "the specific impulse"),
-    ];
-    let wheels = model.wheels.iter().flat_map(|wheel| {
-        [
-            (wheel.spin_inertia_kg_m2, "a wheel's spin inertia"),
-            (wheel.max_torque_n_m, "a wheel's largest torque"),
-            (wheel.max_speed_rad_s, "a wheel's largest speed"),
-        ]
-    });
-    for (number, what) in numbers.into_iter().chain(wheels) {
-        if !(number > 0.0 && number.is_finite()) {
-            return Err(GyrostatError::NotPositive { what });
-        }
-    }
-    Ok(())
 }

@@ -3,13 +3,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::Derivative;
+use crate::actuators::wheels::MAX_WHEELS;
 use crate::effects::MAX_HIDDEN_STATES;
-
-/// Wheels the integrator holds.
-pub const MAX_WHEELS: usize = 8;
-
-/// Jets the integrator holds.
-pub const MAX_JETS: usize = 32;
 
 /// The continuous state of a platform. Arrays have fixed sizes so that a step allocates nothing;
 /// entries beyond the platform's own wheels and hidden states stay zero.

@@ -54,7 +54,7 @@ impl Plant {
     /// # Errors
     /// Wrong number of torques, or one that is not finite.
     pub fn command_wheels(&mut self, torque_n_m: &[f64]) -> Result<(), CommandError> {
-        let wheels = &self.gyrostat.model().wheels;
+        let wheels = self.gyrostat.model().wheels();
         if torque_n_m.len() != wheels.len() {
             return Err(CommandError::WheelCount { given: torque_n_m.len(), wheels: wheels.len() });
         }
@@ -79,7 +79,7 @@ impl Plant {
         start_ns: i64,
         on_time_s: f64,
     ) -> Result<Pulse, CommandError> {
-        let jets = &self.gyrostat.model().jets;
+        let jets = self.gyrostat.model().jets();
         let Some(data) = jets.get(jet) else {
             return Err(CommandError::UnknownJet { jet, jets: jets.len() });
         };
@@ -112,7 +112,7 @@ impl Plant {
     /// after each valve's closing delay.
     pub fn close_all_valves(&mut self, at_ns: i64) {
         let at_ns = at_ns.max(self.now_ns);
-        let jets = &self.gyrostat.model().jets;
+        let jets = self.gyrostat.model().jets();
         let closing_delay_ns = |j: usize| jets.get(j).map_or(0, |jet| ns_from_s(jet.closing_delay_s));
         self.valves.close_all(at_ns, closing_delay_ns, self.now_ns);
     }
@@ -126,7 +126,7 @@ impl Plant {
             self.drive.valve_fraction = self.valves.fractions();
             Ok(())
         } else {
-            Err(CommandError::UnknownJet { jet, jets: self.gyrostat.model().jets.len() })
+            Err(CommandError::UnknownJet { jet, jets: self.gyrostat.model().jets().len() })
         }
     }
 
@@ -184,7 +184,7 @@ impl Plant {
         omega_wb_b_rad_s: &Vector3<f64>,
         wheel_speed_rad_s: &[f64],
     ) -> Result<(), PlantError> {
-        let wheels = self.gyrostat.model().wheels.len();
+        let wheels = self.gyrostat.model().wheels().len();
         if wheel_speed_rad_s.len() != wheels {
             return Err(PlantError::WheelCount { given: wheel_speed_rad_s.len(), wheels });
         }

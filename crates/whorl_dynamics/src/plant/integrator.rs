@@ -77,7 +77,8 @@ impl Plant {
     /// One classical Runge-Kutta step over `h_s` that begins `offset_s` after now; `k1` is the
     /// derivative there.
     fn runge_kutta(&self, offset_s: f64, h_s: f64, k1: &Derivative) -> State {
-        let (wheels, hidden) = (self.gyrostat.model().wheels.len(), self.gyrostat.effects().hidden_states());
+        let (wheels, hidden) =
+            (self.gyrostat.model().wheels().len(), self.gyrostat.effects().hidden_states());
         let x = &self.state;
         let half_s = 0.5 * h_s;
         let k2 = self.derivative_after(&x.moved(k1, half_s, wheels, hidden), offset_s + half_s);
@@ -104,7 +105,7 @@ impl Plant {
         end: &State,
     ) -> Option<(usize, f64, State)> {
         let mut found: Option<(usize, f64)> = None;
-        for (j, wheel) in self.gyrostat.model().wheels.iter().enumerate() {
+        for (j, wheel) in self.gyrostat.model().wheels().iter().enumerate() {
             let (sliding, from, to) =
                 (self.drive.sliding[j], self.state.wheel_speed_rad_s[j], end.wheel_speed_rad_s[j]);
             if wheel.coulomb_friction_n_m > 0.0 && sliding * to < 0.0 && !self.drive.stuck[j] {
@@ -131,7 +132,7 @@ impl Plant {
     /// Lets stuck wheels go whose bearing cannot hold them; true if any did.
     fn release_wheels(&mut self, offset_s: f64, derivative: &Derivative) -> bool {
         let mut released = false;
-        for j in 0..self.gyrostat.model().wheels.len() {
+        for j in 0..self.gyrostat.model().wheels().len() {
             if !self.drive.stuck[j] {
                 continue;
             }
@@ -142,7 +143,7 @@ impl Plant {
                 &self.drive,
                 &derivative.omega,
             );
-            let limit_n_m = self.gyrostat.model().wheels.get(j).map_or(0.0, |w| w.coulomb_friction_n_m);
+            let limit_n_m = self.gyrostat.model().wheels().get(j).map_or(0.0, |w| w.coulomb_friction_n_m);
             if needed_n_m.abs() > limit_n_m {
                 // Friction gives its most in the direction that holds; the wheel slips the other way.
                 self.set_sliding(j, -sign(needed_n_m));
@@ -155,7 +156,7 @@ impl Plant {
     /// Sets the sense of sliding of a wheel's bearing; 0 = stuck, if it has Coulomb friction.
     pub(super) fn set_sliding(&mut self, wheel: usize, sense: f64) {
         let has_friction =
-            self.gyrostat.model().wheels.get(wheel).is_some_and(|w| w.coulomb_friction_n_m > 0.0);
+            self.gyrostat.model().wheels().get(wheel).is_some_and(|w| w.coulomb_friction_n_m > 0.0);
         let (Some(sliding), Some(stuck)) =
             (self.drive.sliding.get_mut(wheel), self.drive.stuck.get_mut(wheel))
         else {

@@ -144,7 +144,7 @@ impl Plant {
     /// When the platform cannot be simulated, or the initial state does not fit it.
     pub fn new(model: &PlatformModel, initial: &InitialState, seed: u64) -> Result<Self, PlantError> {
         let gyrostat = Gyrostat::new(model)?;
-        let (now_ns, wheels) = (initial.time_ns, model.wheels.len());
+        let (now_ns, wheels) = (initial.time_ns, model.wheels().len());
         let speeds = &initial.wheel_speed_rad_s;
         if !(speeds.is_empty() || speeds.len() == wheels) {
             return Err(PlantError::WheelCount { given: speeds.len(), wheels });
@@ -176,7 +176,7 @@ impl Plant {
             start_ns: now_ns,
             now_ns,
             drive: Drive::new(&gyrostat),
-            valves: Valves::new(&gyrostat.model().jets, gyrostat.thrust_lag(), now_ns),
+            valves: Valves::new(gyrostat.model().jets(), gyrostat.thrust_lag(), now_ns),
             history: History::new(ns_from_s(latest_s)),
             gyro: TriaxialSensor::new(sensors.gyro.errors, Normal::new(seed, Stream::Gyro), now_ns),
             accelerometer: TriaxialSensor::new(
@@ -256,7 +256,7 @@ impl Plant {
             tank_pressure_pa: environment.tank_pressure_pa,
             bus_voltage_v: environment.bus_voltage_v,
             temperature_k: environment.temperature_k,
-            valve_open_s: (0..model.jets.len()).map(open_s).collect(),
+            valve_open_s: (0..model.jets().len()).map(open_s).collect(),
             hidden: self.state.hidden.iter().copied().take(self.gyrostat.effects().hidden_states()).collect(),
         }
     }

@@ -36,7 +36,7 @@ impl Plant {
         let sensor = model.sensors.wheel_speed;
         let states = self.state.wheel_speed_rad_s.iter().zip(&self.drive.motor_torque_n_m);
         states
-            .take(model.wheels.len())
+            .take(model.wheels().len())
             .map(|(speed, torque)| WheelSample {
                 speed_rad_s: sensor.reading_rad_s(*speed, self.wheel_noise.draw()),
                 motor_torque_n_m: *torque,

@@ -4,12 +4,12 @@
 //! given in each field's doc. The truth of a simulation and the model that estimator and control
 //! use are two values of the same type.
 
-mod actuators;
 mod prior;
 mod reference;
 mod sensors;
 
-pub use actuators::{Jet, Tank, Wheel};
+pub use crate::actuators::jets::{Jet, Tank};
+pub use crate::actuators::wheels::Wheel;
 pub use prior::ModelPrior;
 pub use sensors::{
     Accelerometer, BusVoltage, RateGyro, ScalarSensor, SensorSuite, TriaxialErrors, VectorSensor,
@@ -19,18 +19,15 @@ pub use sensors::{
 use std::collections::BTreeMap;
 
 use crate::MassProperties;
+use crate::actuators::Actuators;
 
 /// A platform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlatformModel {
     /// Mass, inertia, gravity offset.
     pub mass_properties: MassProperties,
-    /// Momentum wheels, in the order of every per-wheel array in messages.
-    pub wheels: Vec<Wheel>,
-    /// Cold-gas jets, in the order of every per-jet array in messages.
-    pub jets: Vec<Jet>,
-    /// Gas supply of the jets.
-    pub tank: Tank,
+    /// The actuators, by kind.
+    pub actuators: Actuators,
     /// Bus voltage supply at full charge and its fall, for actuators that depend on it.
     pub bus: BusVoltage,
     /// Where the bearing stops.

@@ -9,6 +9,9 @@ use super::{
     TriaxialErrors, VectorSensor, Wheel, WheelSpeedSensor,
 };
 use crate::MassProperties;
+use crate::actuators::Actuators;
+use crate::actuators::jets::Jets;
+use crate::actuators::wheels::Wheels;
 
 impl PlatformModel {
     /// Whorl-I with the mass properties of Table 4.1 (Schwartz 2004), three orthogonal wheels,
@@ -23,26 +26,32 @@ impl PlatformModel {
         Self {
             mass_properties: MassProperties::new(inertia_b_kg_m2, gravity_offset_b_n_m, 110.0)
                 .expect("Table 4.1 is realisable"),
-            wheels: vec![
-                wheel("wheel_x", Vector3::x_axis()),
-                wheel("wheel_y", Vector3::y_axis()),
-                wheel("wheel_z", Vector3::z_axis()),
-            ],
-            jets: jets(),
-            tank: Tank {
-                volume_m3: 0.0045,
-                initial_pressure_pa: 2.0e7,
-                reference_pressure_pa: 2.0e7,
-                thrust_pressure_exponent: 0.0,
-                temperature_k: 293.15,
-                gas_constant_j_kg_k: 296.8,
-                specific_impulse_s: 60.0,
+            actuators: Actuators {
+                wheels: Wheels(vec![
+                    wheel("wheel_x", Vector3::x_axis()),
+                    wheel("wheel_y", Vector3::y_axis()),
+                    wheel("wheel_z", Vector3::z_axis()),
+                ]),
+                jets: Jets { list: jets(), tank: tank() },
+                ..Actuators::default()
             },
             bus: BusVoltage { initial_v: 25.2, discharge_v_s: 2.0e-4, sag_v_n_m: 0.5 },
             tilt_limit: TiltLimit::Cone { max_rad: 5.0_f64.to_radians() },
             sensors: sensors(),
             effects: BTreeMap::new(),
         }
+    }
+}
+
+fn tank() -> Tank {
+    Tank {
+        volume_m3: 0.0045,
+        initial_pressure_pa: 2.0e7,
+        reference_pressure_pa: 2.0e7,
+        thrust_pressure_exponent: 0.0,
+        temperature_k: 293.15,
+        gas_constant_j_kg_k: 296.8,
+        specific_impulse_s: 60.0,
     }
 }
 
@@ -161,7 +170,7 @@ mod tests {
             -Vector3::z(),
             -Vector3::z(),
         ];
-        for (jet, axis) in model.jets.iter().zip(expected) {
+        for (jet, axis) in model.jets().iter().zip(expected) {
             assert!((jet.torque_b_n_m() - axis * 0.225).norm() < 1e-15, "{}", jet.name);
         }
     }

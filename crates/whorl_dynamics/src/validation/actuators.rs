@@ -8,7 +8,7 @@ use crate::{CommandError, InitialState, JetFailure, Plant, PlatformModel};
 /// Free platform on diagonal inertia, so that a jet about x turns it about x alone.
 fn jet_platform() -> PlatformModel {
     let mut model = free_platform();
-    model.wheels.clear();
+    model.wheels_mut().clear();
     set_mass(&mut model, Some(Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0))), Vector3::zeros());
     model
 }
@@ -21,7 +21,7 @@ fn impulse_n_m_s(p: &Plant) -> f64 {
 #[test]
 fn pulse_impulse_is_exact_whatever_the_phase_of_the_step() {
     let model = jet_platform();
-    let torque = model.jets[0].torque_b_n_m().x;
+    let torque = model.jets()[0].torque_b_n_m().x;
     // Opening delay 6 ms, closing delay 4 ms: a pulse of T delivers T - 2 ms.
     for (start_ns, on_time_s) in
         [(0, 0.02), (123_457, 0.012_345_678), (999_999, 0.010), (500_000, 0.1), (17, 0.033_333_333)]
@@ -47,7 +47,7 @@ fn gas_flows_only_between_the_delayed_edges() {
     p.advance_to(ns(0.0165)).unwrap();
     assert_eq!(impulse_n_m_s(&p), 0.0, "the valve opens at 16.5 ms");
     p.advance_to(ns(0.0175)).unwrap();
-    let torque = p.gyrostat().model().jets[0].torque_b_n_m().x;
+    let torque = p.gyrostat().model().jets()[0].torque_b_n_m().x;
     assert!((impulse_n_m_s(&p) - torque * 1e-3).abs() < 1e-15);
     p.advance_to(ns(0.0345)).unwrap();
     let at_close = impulse_n_m_s(&p);
@@ -58,7 +58,7 @@ fn gas_flows_only_between_the_delayed_edges() {
 #[test]
 fn pulses_in_adjoining_slots_are_one_long_pulse() {
     let model = jet_platform();
-    let torque = model.jets[0].torque_b_n_m().x;
+    let torque = model.jets()[0].torque_b_n_m().x;
     let mut p = plant(&model, &InitialState::default());
     // Slot by slot, as a driver does: the next pulse is commanded when the last one ends.
     for slot in 0..10 {
@@ -70,8 +70,8 @@ fn pulses_in_adjoining_slots_are_one_long_pulse() {
     assert!((p.valve_driven_s(0) - 0.2).abs() < 1e-12);
     // With no delays at all the same must hold.
     let mut model = jet_platform();
-    model.jets[0].opening_delay_s = 0.0;
-    model.jets[0].closing_delay_s = 0.0;
+    model.jets_mut()[0].opening_delay_s = 0.0;
+    model.jets_mut()[0].closing_delay_s = 0.0;
     let mut p = plant(&model, &InitialState::default());
     for slot in 0..10 {
         p.advance_to(slot * 20_000_000).unwrap();
@@ -102,7 +102,7 @@ fn commands_that_make_no_sense_are_refused() {
 #[test]
 fn closing_all_valves_cuts_pulses_short_and_forgets_later_ones() {
     let model = jet_platform();
-    let torque = model.jets[0].torque_b_n_m().x;
+    let torque = model.jets()[0].torque_b_n_m().x;
     let mut p = plant(&model, &InitialState::default());
     p.command_jet_pulse(0, 0, 0.5).unwrap();
     p.command_jet_pulse(0, ns(0.7), 0.1).unwrap();
@@ -116,7 +116,7 @@ fn closing_all_valves_cuts_pulses_short_and_forgets_later_ones() {
 #[test]
 fn broken_valves_do_not_obey_and_the_driver_does_not_know() {
     let model = jet_platform();
-    let torque = model.jets[0].torque_b_n_m().x;
+    let torque = model.jets()[0].torque_b_n_m().x;
     let mut p = plant(&model, &InitialState::default());
     p.set_jet_failure(0, JetFailure::StuckClosed).unwrap();
     p.command_jet_pulse(0, 0, 0.1).unwrap();
@@ -136,8 +136,8 @@ fn broken_valves_do_not_obey_and_the_driver_does_not_know() {
 #[test]
 fn tank_blows_down_as_in_closed_form() {
     let mut model = jet_platform();
-    model.tank.thrust_pressure_exponent = 1.0;
-    model.tank.volume_m3 = 2e-4;
+    model.tank_mut().thrust_pressure_exponent = 1.0;
+    model.tank_mut().volume_m3 = 2e-4;
     let mut p = plant(&model, &InitialState::default());
     let gas_0 = p.truth().gas_kg;
     let expected_0 = 2.0e7 * 2e-4 / (296.8 * 293.15);
@@ -159,8 +159,8 @@ fn wheel_coasts_down_by_viscous_and_coulomb_friction_and_stays() {
     // Body clamped: J dOm/dt = -b Om - T: Om(t) = (Om0 + T/b) exp(-b t/J) - T/b, stop at
     // (J/b) ln(1 + b Om0/T).
     let mut model = free_platform();
-    let (b, t, inertia) = (2e-3, 0.02, model.wheels[0].spin_inertia_kg_m2);
-    for wheel in &mut model.wheels {
+    let (b, t, inertia) = (2e-3, 0.02, model.wheels()[0].spin_inertia_kg_m2);
+    for wheel in model.wheels_mut() {
         (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (b, t);
     }
     let initial = InitialState { wheel_speed_rad_s: vec![30.0, -30.0, 0.0], ..InitialState::default() };
@@ -192,7 +192,7 @@ fn wheel_coasts_down_by_viscous_and_coulomb_friction_and_stays() {
 #[test]
 fn friction_between_wheel_and_body_keeps_the_total_momentum() {
     let mut model = free_platform();
-    for wheel in &mut model.wheels {
+    for wheel in model.wheels_mut() {
         (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (2e-3, 0.05);
     }
     let mut p =

@@ -46,7 +46,7 @@ fn heavy_top_keeps_total_energy_and_vertical_momentum() {
 fn wheel_work_is_the_change_of_energy() {
     let mut model = free_platform();
     set_mass(&mut model, None, Vector3::new(0.3, -0.2, -2.0));
-    for wheel in &mut model.wheels {
+    for wheel in model.wheels_mut() {
         wheel.viscous_friction_n_m_s = 1e-3;
         wheel.coulomb_friction_n_m = 5e-3;
     }

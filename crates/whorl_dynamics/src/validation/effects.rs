@@ -16,7 +16,7 @@ fn add(model: &mut PlatformModel, id: &str, values: &[(&str, f64)]) {
 /// Free platform with diagonal inertia (6, 7, 12) and no wheels.
 fn simple(id: &str, values: &[(&str, f64)]) -> PlatformModel {
     let mut model = free_platform();
-    model.wheels.clear();
+    model.wheels_mut().clear();
     set_mass(&mut model, Some(Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0))), Vector3::zeros());
     add(&mut model, id, values);
     model
@@ -245,7 +245,7 @@ fn jets_obey_strength_direction_delay_rise_and_leak() {
 #[test]
 fn thrust_follows_pressure_by_its_exponent() {
     let mut model = simple("thruster_pressure", &[("exponent", 0.5)]);
-    model.tank.volume_m3 = 2e-4;
+    model.tank_mut().volume_m3 = 2e-4;
     let mut p = plant(&model, &InitialState::default());
     let gas_0 = p.truth().gas_kg;
     p.command_jet_pulse(0, 0, 60.0).unwrap();

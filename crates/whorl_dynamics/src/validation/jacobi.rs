@@ -12,7 +12,7 @@ use super::{free_platform, ns, plant, set_mass, start};
 fn asymmetric_body_follows_jacobi_elliptic_functions() {
     let [i1, i2, i3] = [6.0, 8.0, 12.0];
     let mut model = free_platform();
-    model.wheels.clear();
+    model.wheels_mut().clear();
     set_mass(&mut model, Some(Matrix3::from_diagonal(&Vector3::new(i1, i2, i3))), Vector3::zeros());
     let omega_0 = Vector3::new(0.4, 0.0, 0.5);
     let twice_energy = i1 * 0.4 * 0.4 + i3 * 0.5 * 0.5;

@@ -19,7 +19,7 @@ fn free_platform() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
     set_mass(&mut model, None, Vector3::zeros());
     model.tilt_limit = TiltLimit::Cone { max_rad: 3.1 };
-    for wheel in &mut model.wheels {
+    for wheel in model.wheels_mut() {
         wheel.viscous_friction_n_m_s = 0.0;
         wheel.coulomb_friction_n_m = 0.0;
     }

@@ -11,7 +11,7 @@ use crate::{InitialState, MassProperties};
 /// Period of a compound pendulum about x from release at rest, by its zero crossings.
 fn pendulum_period_s(amplitude_rad: f64) -> f64 {
     let mut model = free_platform();
-    model.wheels.clear();
+    model.wheels_mut().clear();
     set_mass(&mut model, Some(Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0))), Vector3::z() * -2.0);
     let initial = InitialState {
         q_world_body: UnitQuaternion::from_euler_angles(amplitude_rad, 0.0, 0.3),
@@ -57,10 +57,10 @@ fn large_pendulum_has_the_elliptic_period() {
 fn gyrostat_precesses_as_in_closed_form() {
     let (transverse, axial, speed, spin) = (6.0, 10.0, 150.0, 0.4);
     let mut model = free_platform();
-    model.wheels.retain(|wheel| wheel.name == "wheel_z");
+    model.wheels_mut().retain(|wheel| wheel.name == "wheel_z");
     let inertia = Matrix3::from_diagonal(&Vector3::new(transverse, transverse, axial));
     set_mass(&mut model, Some(inertia), Vector3::zeros());
-    let wheel_momentum = model.wheels[0].spin_inertia_kg_m2 * speed;
+    let wheel_momentum = model.wheels()[0].spin_inertia_kg_m2 * speed;
     let mut p = plant(&model, &start(Vector3::new(0.2, 0.0, spin), &[speed]));
     let rate = ((transverse - axial) * spin - wheel_momentum) / transverse;
     for k in 1..=20 {
@@ -84,14 +84,14 @@ fn steady_precession_of_a_heavy_gyrostat_keeps_the_tilt() {
     // h3 P sin(th) - It P^2 sin(th) cos(th) = m g l sin(th).
     let (transverse, axial, mgl, tilt, precession): (f64, f64, f64, f64, f64) = (6.0, 10.0, 2.0, 0.3, 0.5);
     let mut model = free_platform();
-    model.wheels.retain(|wheel| wheel.name == "wheel_z");
+    model.wheels_mut().retain(|wheel| wheel.name == "wheel_z");
     let inertia = Matrix3::from_diagonal(&Vector3::new(transverse, transverse, axial));
     model.mass_properties = MassProperties::new(inertia, Vector3::z() * mgl, 50.0).unwrap();
     let h3 = mgl / precession + transverse * precession * tilt.cos();
     // Body rate: precession about the vertical only; the wheel carries the rest of h3.
     let q = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), tilt);
     let omega = q.inverse() * Vector3::z() * precession;
-    let speed = (h3 - axial * omega.z) / model.wheels[0].spin_inertia_kg_m2;
+    let speed = (h3 - axial * omega.z) / model.wheels()[0].spin_inertia_kg_m2;
     let initial = InitialState {
         q_world_body: q,
         omega_wb_b_rad_s: omega,
@@ -114,7 +114,7 @@ fn steady_precession_of_a_heavy_gyrostat_keeps_the_tilt() {
 fn wheel_spin_up_exchanges_momentum_with_the_body() {
     let mut model = free_platform();
     set_mass(&mut model, Some(Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0))), Vector3::zeros());
-    let inertia = model.wheels[2].spin_inertia_kg_m2;
+    let inertia = model.wheels()[2].spin_inertia_kg_m2;
     let mut p = plant(&model, &InitialState::default());
     p.command_wheels(&[0.0, 0.0, 0.3]).unwrap();
     p.advance_to(ns(10.0)).unwrap();

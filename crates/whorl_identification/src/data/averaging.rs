@@ -118,12 +118,12 @@ fn prepare_run(
     if run.specific_force_b_m_s2.is_empty() {
         return Err(DataError::NoAccelerometer { run: name() });
     }
-    let wheels = model.wheels.len();
+    let wheels = model.wheels().len();
     if let Some(given) = run.wheel_speed_rad_s.value.iter().map(Vec::len).find(|n| *n != wheels) {
         return Err(DataError::Count { run: name(), what: "wheels", given, expected: wheels });
     }
-    if !run.jet_pulses.is_empty() && run.jet_pulses.len() != model.jets.len() {
-        let (given, expected) = (run.jet_pulses.len(), model.jets.len());
+    if !run.jet_pulses.is_empty() && run.jet_pulses.len() != model.jets().len() {
+        let (given, expected) = (run.jet_pulses.len(), model.jets().len());
         return Err(DataError::Count { run: name(), what: "jets", given, expected });
     }
 
@@ -365,7 +365,9 @@ fn directions_at(
 /// Mean thrust of each jet over an interval, valve delays and tank pressure included.
 fn jet_shares(run: &Recording, model: &PlatformModel, from_s: f64, to_s: f64) -> Vec<f64> {
     let factor = match run.tank_pressure_pa.held_at(from_s) {
-        Some(p) => (p / model.tank.reference_pressure_pa).max(0.0).powf(model.tank.thrust_pressure_exponent),
+        Some(p) => {
+            (p / model.tank().reference_pressure_pa).max(0.0).powf(model.tank().thrust_pressure_exponent)
+        }
         None => 1.0,
     };
     let open = |pulses: &[OnInterval], opening_s: f64, closing_s: f64| {
@@ -380,7 +382,7 @@ fn jet_shares(run: &Recording, model: &PlatformModel, from_s: f64, to_s: f64) ->
     };
     run.jet_pulses
         .iter()
-        .zip(&model.jets)
+        .zip(model.jets())
         .map(|(pulses, jet)| {
             factor * open(pulses, jet.opening_delay_s, jet.closing_delay_s) / (to_s - from_s)
         })

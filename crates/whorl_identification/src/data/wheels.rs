@@ -64,8 +64,8 @@ impl<'a> WheelHistory<'a> {
     pub fn new(run: &'a Recording, model: &PlatformModel) -> Self {
         let speeds = &run.wheel_speed_rad_s;
         let torque = &run.wheel_torque_command_n_m;
-        let wheels = model.wheels.iter().enumerate().map(|(j, wheel)| {
-            let known = torque.len() > 1 && torque.value.iter().all(|v| v.len() == model.wheels.len());
+        let wheels = model.wheels().iter().enumerate().map(|(j, wheel)| {
+            let known = torque.len() > 1 && torque.value.iter().all(|v| v.len() == model.wheels().len());
             let motor = known.then(|| Motor::new(torque, j, wheel.spin_inertia_kg_m2));
             let given = |t: f64| motor.as_ref().map_or(0.0, |m| m.speed(t));
             let rest_rad_s = speeds

@@ -57,7 +57,7 @@ impl DualFilter {
             noise: Matrix3::from_diagonal(&noise),
             wheels: StateSeries {
                 samples: Vec::new(),
-                wheel_momentum_b_kg_m2: StateSeries::momentum_axes(&model.wheels),
+                wheel_momentum_b_kg_m2: StateSeries::momentum_axes(model.wheels()),
             },
             start: None,
             last: None,

@@ -52,7 +52,7 @@ fn gyrostat_forms_are_exact_on_exact_motion() {
         ..InitialState::default()
     };
     let mut plant = Plant::new(&model, &initial, 1).unwrap();
-    let wheel_momentum_b_kg_m2 = StateSeries::momentum_axes(&model.wheels);
+    let wheel_momentum_b_kg_m2 = StateSeries::momentum_axes(model.wheels());
     let mut series = StateSeries { samples: Vec::new(), wheel_momentum_b_kg_m2 };
     for k in 0..4000 {
         let truth = plant.truth();

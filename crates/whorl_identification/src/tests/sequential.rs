@@ -14,8 +14,8 @@ use crate::sequential::{DualFilter, JointFilter, JointUpdate, OnlineFilter, Sequ
 fn prior(model: &PlatformModel) -> ModelPrior {
     let mut prior = ModelPrior::typical(model);
     prior.inertia_b_kg_m2 *= 3.0;
-    prior.wheel_spin_inertia.fill(0.0);
-    prior.wheel_axis_rad.fill(0.0);
+    prior.actuators.wheels.spin_inertia.fill(0.0);
+    prior.actuators.wheels.axis_rad.fill(0.0);
     prior
 }
 

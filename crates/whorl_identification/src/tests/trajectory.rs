@@ -41,8 +41,8 @@ fn loose(model: &PlatformModel) -> ModelPrior {
 /// The same, with wheels known exactly as the dissertation assumes (section 4.6.4).
 fn known_actuators(model: &PlatformModel) -> ModelPrior {
     let mut prior = loose(model);
-    prior.wheel_spin_inertia.fill(0.0);
-    prior.wheel_axis_rad.fill(0.0);
+    prior.actuators.wheels.spin_inertia.fill(0.0);
+    prior.actuators.wheels.axis_rad.fill(0.0);
     prior
 }
 

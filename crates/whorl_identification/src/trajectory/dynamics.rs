@@ -46,10 +46,10 @@ impl Physics {
         let mass = MassVector::from_iterator(values.iter().copied());
         let inertia_b_kg_m2 = inertia_b_kg_m2(&mass);
         let inverse = inertia_b_kg_m2.cholesky()?.inverse();
-        let wheels = model.wheels.iter().enumerate().map(|(j, wheel)| {
+        let wheels = model.wheels().iter().enumerate().map(|(j, wheel)| {
             adjusted(&(wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2), unknowns.wheel(values, j))
         });
-        let mut jets: Vec<_> = model.jets.iter().map(|jet| jet.torque_b_n_m()).collect();
+        let mut jets: Vec<_> = model.jets().iter().map(|jet| jet.torque_b_n_m()).collect();
         for (n, j) in unknowns.jets.iter().enumerate() {
             if let Some(torque) = jets.get_mut(*j) {
                 *torque = adjusted(torque, unknowns.jet(values, n));

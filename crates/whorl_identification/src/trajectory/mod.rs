@@ -205,7 +205,7 @@ fn check_wheels(
 ) -> Vec<Finding> {
     let mut loose = unknowns.clone();
     let used: Vec<usize> =
-        (0..model.wheels.len()).filter(|j| momentum_range(model, data, *j) > WHEEL_USED_N_M_S).collect();
+        (0..model.wheels().len()).filter(|j| momentum_range(model, data, *j) > WHEEL_USED_N_M_S).collect();
     for j in &used {
         loose.stddev[unknowns.wheel_strength(*j)] = LOOSE_STRENGTH;
     }
@@ -219,7 +219,7 @@ fn check_wheels(
     for j in used {
         let at = unknowns.wheel_strength(j);
         let (share, stddev) = (1.0 + fitted.solution.values[at], covariance[(at, at)].sqrt());
-        let name = model.wheels.get(j).map_or("", |w| w.name.as_str());
+        let name = model.wheels().get(j).map_or("", |w| w.name.as_str());
         if share < -3.0 * stddev && stddev < 0.3 {
             findings.push(Finding::fatal(format!(
                 "{name} turns the body the wrong way: its strength comes out as {share:.2} +- {stddev:.2} of the model's. The sign of its measured speed or of its spin axis in the model is wrong; nothing else can be trusted until that is mended."
@@ -234,7 +234,7 @@ fn check_wheels(
 }
 
 fn momentum_range(model: &PlatformModel, data: &PreparedData, wheel: usize) -> f64 {
-    let inertia = model.wheels.get(wheel).map_or(0.0, |w| w.spin_inertia_kg_m2);
+    let inertia = model.wheels().get(wheel).map_or(0.0, |w| w.spin_inertia_kg_m2);
     let speeds = data.chains.iter().flat_map(|c| &c.points).filter_map(|p| p.wheel_speed_rad_s.get(wheel));
     let (low, high) =
         speeds.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (low.min(*s), high.max(*s)));

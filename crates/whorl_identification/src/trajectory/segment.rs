@@ -55,7 +55,7 @@ impl Noise {
         let inertia = model.mass_properties.inertia_b_kg_m2();
         let tachometer = variance(sensors.wheel_speed.noise_stddev_rad_s, sensors.wheel_speed.quantum_rad_s);
         let mut wheels = Vector3::zeros();
-        for wheel in &model.wheels {
+        for wheel in model.wheels() {
             let share = wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2;
             let share = share.component_div(&inertia.diagonal());
             // Smoothing leaves a fifth of it.

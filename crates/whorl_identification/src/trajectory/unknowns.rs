@@ -33,7 +33,7 @@ pub(crate) struct Unknowns {
 
 impl Unknowns {
     pub fn new(model: &PlatformModel, prior: &ModelPrior, jets: Vec<usize>) -> Self {
-        let wheels = model.wheels.len();
+        let wheels = model.wheels().len();
         let count = ACTUATORS + PER_ACTUATOR * (wheels + jets.len());
         let mut mean = DVector::zeros(count);
         let mut stddev = DVector::repeat(count, EXACT);
@@ -46,13 +46,13 @@ impl Unknowns {
         let known = |list: &[f64], j: usize| list.get(j).copied().unwrap_or(0.0).max(EXACT);
         for j in 0..wheels {
             let at = ACTUATORS + PER_ACTUATOR * j;
-            stddev[at] = known(&prior.wheel_spin_inertia, j);
-            stddev.rows_mut(at + 1, 2).fill(known(&prior.wheel_axis_rad, j));
+            stddev[at] = known(&prior.actuators.wheels.spin_inertia, j);
+            stddev.rows_mut(at + 1, 2).fill(known(&prior.actuators.wheels.axis_rad, j));
         }
         for (n, j) in jets.iter().enumerate() {
             let at = ACTUATORS + PER_ACTUATOR * (wheels + n);
-            stddev[at] = known(&prior.jet_thrust, *j);
-            stddev.rows_mut(at + 1, 2).fill(known(&prior.jet_direction_rad, *j));
+            stddev[at] = known(&prior.actuators.jets.thrust, *j);
+            stddev.rows_mut(at + 1, 2).fill(known(&prior.actuators.jets.direction_rad, *j));
         }
         Self { mean, stddev, wheels, jets }
     }

@@ -51,23 +51,19 @@ pub fn truth_model(r: &mut Reader<'_>) -> Option<PlatformModel> {
 fn model(r: &mut Reader<'_>) -> Option<PlatformModel> {
     let errors_before = r.error_count();
     let mass_properties = mass_properties::read(r);
-    let wheels = actuators::wheels(r);
-    let jets = actuators::jets(r);
-    let tank = actuators::tank(r);
+    let actuators = actuators::read(r);
     let bus = actuators::bus(r);
     let tilt_limit = tilt_limit(r);
     let sensors = sensors::read(r);
     let mut model = PlatformModel {
         mass_properties: mass_properties?,
-        wheels,
-        jets,
-        tank,
+        actuators,
         bus,
         tilt_limit,
         sensors,
         effects: std::collections::BTreeMap::new(),
     };
-    // Parameters of effects depend on the platform's wheels and jets.
+    // Parameters of effects depend on the platform's actuators.
     model.effects = effects::read(r, &model);
     if r.error_count() == errors_before
         && let Err(error) = Gyrostat::new(&model)

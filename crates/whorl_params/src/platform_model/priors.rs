@@ -4,6 +4,7 @@
 //! angle about each of two axes across it \[rad\]. `source` in a group says where the values of that group are
 //! from, `<parameter>_source` where one value is from.
 
+use whorl_dynamics::actuators::{Actuators, Group, Slot};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::MODEL_GROUP;
@@ -138,12 +139,35 @@ fn stddev(r: &mut Reader<'_>, full: &str, per_axis: bool) -> Option<Vec<f64>> {
     })
 }
 
+/// Groups of actuators of one kind, each with the group of what its members share.
+fn member_groups() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let groups: Vec<Group> =
+        Actuators::default().kinds().into_iter().flat_map(|kind| kind.groups()).copied().collect();
+    groups.into_iter().filter_map(|group| match group {
+        Group::Members { name, defaults } => Some((name, defaults)),
+        Group::One { .. } => None,
+    })
+}
+
+/// Keys of the actuators' entries that are vectors.
+fn actuator_vectors() -> impl Iterator<Item = &'static str> {
+    let mut actuators = Actuators::default();
+    let mut keys = Vec::new();
+    for kind in actuators.kinds_mut() {
+        kind.add(String::new());
+        let vectors = kind.fields(0, 0).into_iter().filter(|field| matches!(field.slot, Slot::Vector(_)));
+        keys.extend(vectors.map(|field| field.key));
+    }
+    keys.into_iter()
+}
+
 /// Parameters of three axes.
 fn per_axis(key: &str) -> bool {
     let last = key.rsplit_once('.').map_or(key, |(_, last)| last);
     let sensor = key.starts_with("sensors.gyro.") || key.starts_with("sensors.accelerometer.");
     let of_axes = ["noise", "bias", "scale", "misalignment", "lever_arm"];
-    matches!(last, "gravity_offset_n_m" | "position_m")
+    last == "gravity_offset_n_m"
+        || actuator_vectors().any(|known| known == last)
         || key == "sensors.vector.misalignment_rad"
         || sensor && of_axes.iter().any(|start| last.starts_with(start))
 }
@@ -160,14 +184,13 @@ fn exists(r: &Reader<'_>, key: &str, model_is_whole: bool) -> bool {
     };
     // Effects are read last, and not at all when the rest is wrong: no second error for that.
     asked(key) && key != TEXT
-        || of_members("wheel_defaults.", "wheels")
-        || of_members("jet_defaults.", "jets")
+        || member_groups().any(|(members, defaults)| of_members(&format!("{defaults}."), members))
         || !model_is_whole && key.starts_with("effects.")
 }
 
 fn is_group(r: &Reader<'_>, key: &str) -> bool {
     let dot = format!("{key}.");
-    matches!(key, "wheel_defaults" | "jet_defaults")
+    member_groups().any(|(_, defaults)| key == defaults)
         || r.known_below(MODEL_GROUP).any(|known| known.starts_with(&dot))
 }
 
@@ -202,26 +225,21 @@ pub(super) fn prior(model: &PlatformModel, entries: &[PriorEntry]) -> ModelPrior
             *slot = *stddev;
         }
     }
-    // A member's own value wins over the shared one.
-    let member = |group: &str, name: &str, defaults: &str, key: &str| {
-        one(&format!("{group}.{name}.{key}")).or_else(|| one(&format!("{defaults}.{key}")))
-    };
-    for (j, wheel) in model.wheels.iter().enumerate() {
-        let of = |key: &str| member("wheels", &wheel.name, "wheel_defaults", key);
-        if let Some((slot, x)) = prior.wheel_spin_inertia.get_mut(j).zip(of("spin_inertia_kg_m2")) {
-            *slot = x / wheel.spin_inertia_kg_m2;
-        }
-        if let Some((slot, x)) = prior.wheel_axis_rad.get_mut(j).zip(of("spin_axis")) {
-            *slot = x;
-        }
-    }
-    for (j, jet) in model.jets.iter().enumerate() {
-        let of = |key: &str| member("jets", &jet.name, "jet_defaults", key);
-        if let Some((slot, x)) = prior.jet_thrust.get_mut(j).zip(of("thrust_n")) {
-            *slot = x / jet.thrust_n;
-        }
-        if let Some((slot, x)) = prior.jet_direction_rad.get_mut(j).zip(of("force_direction")) {
-            *slot = x;
+    let mut actuators = model.actuators.clone();
+    for (kind, prior) in actuators.kinds_mut().into_iter().zip(prior.actuators.kinds_mut()) {
+        let Some(Group::Members { name: group, defaults }) = kind.groups().first() else { continue };
+        let members: Vec<String> = kind.names().into_iter().map(str::to_owned).collect();
+        for (j, member) in members.iter().enumerate() {
+            for field in kind.fields(0, j) {
+                // A member's own value wins over the shared one.
+                let given = one(&format!("{group}.{member}.{}", field.key))
+                    .or_else(|| one(&format!("{defaults}.{}", field.key)));
+                match (given, &field.slot) {
+                    (Some(x), Slot::Number(value)) => prior.set_stddev(field.key, j, x / **value),
+                    (Some(x), _) => prior.set_stddev(field.key, j, x),
+                    (None, _) => {}
+                }
+            }
         }
     }
     for (id, values) in &model.effects {

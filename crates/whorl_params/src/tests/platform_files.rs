@@ -122,7 +122,8 @@ fn any_single_jet_may_fail() {
     assert_eq!(attainable_in_every_direction_n_m(&octahedron), 1.0);
 
     for (platform, all_n_m, one_failed_n_m) in [("whorl_1", 0.36, 0.18), ("whorl_2", 0.48, 0.33)] {
-        let torques: Vec<Vector3<f64>> = model(platform).jets.iter().map(|jet| jet.torque_b_n_m()).collect();
+        let torques: Vec<Vector3<f64>> =
+            model(platform).jets().iter().map(|jet| jet.torque_b_n_m()).collect();
         assert_eq!(torques.len(), 12);
         let all = attainable_in_every_direction_n_m(&torques);
         let worst = (0..torques.len())
@@ -145,14 +146,17 @@ fn truth_differs_from_the_model_where_it_says_so() {
     let (model, truth) = read_shared(&driver, models).unwrap().unwrap();
     assert_eq!(truth.mass_properties.inertia_b_kg_m2()[(2, 2)], 12.28);
     assert_eq!(model.mass_properties.inertia_b_kg_m2()[(2, 2)], 12.1);
-    assert_eq!((model.jets[2].thrust_n, truth.jets[2].thrust_n, truth.jets[3].thrust_n), (0.4, 0.39, 0.4));
+    assert_eq!(
+        (model.jets()[2].thrust_n, truth.jets()[2].thrust_n, truth.jets()[3].thrust_n),
+        (0.4, 0.39, 0.4)
+    );
     assert_eq!(truth.sensors.gyro.errors.scale, Vector3::new(1.0e-3, -0.5e-3, 1.0e-3));
     assert_eq!(truth.effects["bearing_viscous_friction"]["c_n_m_s"], 0.002);
     assert!(model.effects.is_empty());
-    assert_eq!(truth.wheels[1].coulomb_friction_n_m, 1.3e-3);
-    assert_eq!(truth.wheels[0].coulomb_friction_n_m, 1.0e-3);
+    assert_eq!(truth.wheels()[1].coulomb_friction_n_m, 1.3e-3);
+    assert_eq!(truth.wheels()[0].coulomb_friction_n_m, 1.0e-3);
     // Everything else is the model's.
-    assert_eq!(truth.tank, model.tank);
+    assert_eq!(truth.tank(), model.tank());
     assert_eq!(truth.tilt_limit, model.tilt_limit);
 
     // Estimator and control never see the truth.
@@ -184,8 +188,8 @@ fn a_short_platform_file_is_complete() {
     let tree = ParameterTree::from_texts(&[("tab.yaml", text)], &[]).unwrap();
     let model =
         read_shared(&tree.for_node("/tab/estimator"), |r| platform_model(r, "model")).unwrap().unwrap();
-    assert_eq!(model.wheels[0].coulomb_friction_n_m, 0.0);
-    assert_eq!(model.jets[0].opening_delay_s, 0.0);
+    assert_eq!(model.wheels()[0].coulomb_friction_n_m, 0.0);
+    assert_eq!(model.jets()[0].opening_delay_s, 0.0);
     let gyro = model.sensors.gyro.errors;
     assert_eq!((gyro.scale, gyro.bias, gyro.quantum), (Vector3::zeros(), Vector3::zeros(), 0.0));
     assert!(gyro.range > 10.0 && model.sensors.vector.is_none());
@@ -195,7 +199,7 @@ fn a_short_platform_file_is_complete() {
     let noise = model.sensors.wheel_speed.noise_stddev_rad_s;
     assert!((step_rad_s / 12_f64.sqrt()..step_rad_s / 6_f64.sqrt()).contains(&noise), "{noise}");
     // Thrust neither falls with use nor runs out.
-    assert_eq!(model.tank.thrust_pressure_exponent, 0.0);
-    assert!(model.tank.initial_pressure_pa * model.tank.volume_m3 > 1e8);
+    assert_eq!(model.tank().thrust_pressure_exponent, 0.0);
+    assert!(model.tank().initial_pressure_pa * model.tank().volume_m3 > 1e8);
     assert_eq!((model.bus.discharge_v_s, model.bus.sag_v_n_m), (0.0, 0.0));
 }

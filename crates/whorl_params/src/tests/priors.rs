@@ -41,14 +41,16 @@ tank.specific_impulse_s_source: calibration
     expected.inertia_b_kg_m2[(1, 0)] = 0.07;
     expected.gravity_offset_b_n_m = Vector3::repeat(0.05);
     // Shares of 0.02 kg m^2 and 0.4 N.
-    expected.wheel_spin_inertia = vec![0.02, 0.001, 0.02];
-    expected.wheel_axis_rad = vec![0.003; 3];
-    expected.jet_thrust[1] = 0.25;
-    expected.jet_direction_rad[1] = 0.02;
-    for (given, expected) in known.prior.wheel_spin_inertia.iter().zip(&expected.wheel_spin_inertia) {
+    expected.actuators.wheels.spin_inertia = vec![0.02, 0.001, 0.02];
+    expected.actuators.wheels.axis_rad = vec![0.003; 3];
+    expected.actuators.jets.thrust[1] = 0.25;
+    expected.actuators.jets.direction_rad[1] = 0.02;
+    for (given, expected) in
+        known.prior.actuators.wheels.spin_inertia.iter().zip(&expected.actuators.wheels.spin_inertia)
+    {
         assert!((given - expected).abs() < 1e-15);
     }
-    expected.wheel_spin_inertia.clone_from(&known.prior.wheel_spin_inertia);
+    expected.actuators.wheels.spin_inertia.clone_from(&known.prior.actuators.wheels.spin_inertia);
     assert_eq!(known.prior, expected);
     let entry = |key: &str| known.entries.iter().find(|entry| entry.key == key).unwrap();
     assert_eq!(

@@ -31,8 +31,8 @@ pub struct ImportedCsv {
 pub fn platform_parts(known: &KnownPlatform) -> PlatformParts {
     PlatformParts {
         platform: known.platform.clone(),
-        wheels: known.model.wheels.iter().map(|wheel| wheel.name.clone()).collect(),
-        jets: known.model.jets.iter().map(|jet| jet.name.clone()).collect(),
+        wheels: known.model.wheels().iter().map(|wheel| wheel.name.clone()).collect(),
+        jets: known.model.jets().iter().map(|jet| jet.name.clone()).collect(),
     }
 }
 
@@ -215,7 +215,7 @@ impl Gathered {
         count(map.true_rate.is_some(), "true_rate", self.rate.len());
         // A channel without a single number was not recorded.
         let jet_pulses = match (map.jets_off, self.jets.is_empty()) {
-            (true, _) => vec![Vec::new(); known.model.jets.len()],
+            (true, _) => vec![Vec::new(); known.model.jets().len()],
             (false, true) => Vec::new(),
             (false, false) => jet_pulses,
         };

@@ -47,8 +47,8 @@ pub(super) fn recording(
 
     sort_wheels(&mut gathered, model, &mut remarks);
     let limits = model.map_or_else(Limits::default, |model| Limits {
-        wheel_torque_n_m: model.wheels.iter().map(|wheel| wheel.max_torque_n_m).collect(),
-        min_on_time_s: model.jets.iter().map(|jet| jet.min_on_time_s).collect(),
+        wheel_torque_n_m: model.wheels().iter().map(|wheel| wheel.max_torque_n_m).collect(),
+        min_on_time_s: model.jets().iter().map(|jet| jet.min_on_time_s).collect(),
     });
     let applied = commands::apply(&gathered.commands, &limits);
     if applied.refused > 0 {
@@ -113,7 +113,7 @@ fn sort_wheels(gathered: &mut Gathered, model: Option<&PlatformModel>, remarks: 
     let Some(model) = model else { return };
     let names = &gathered.wheel_names;
     let place = |name: &String| names.iter().position(|known| known == name);
-    let Some(order) = model.wheels.iter().map(|wheel| place(&wheel.name)).collect::<Option<Vec<usize>>>()
+    let Some(order) = model.wheels().iter().map(|wheel| place(&wheel.name)).collect::<Option<Vec<usize>>>()
     else {
         return;
     };

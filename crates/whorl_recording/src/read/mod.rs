@@ -125,7 +125,7 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             if let Some(map) = &map {
                 recording.closed_loop = map.closed_loop.unwrap_or(recording.closed_loop);
                 recording.mounting = if map.clamped { Mounting::Clamped } else { Mounting::OnBearing };
-                let jets = known.as_ref().map_or(0, |model| model.jets.len());
+                let jets = known.as_ref().map_or(0, |model| model.jets().len());
                 if map.jets_off && recording.jet_pulses.is_empty() {
                     recording.jet_pulses = vec![Vec::new(); jets];
                 }

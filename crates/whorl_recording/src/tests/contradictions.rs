@@ -7,7 +7,7 @@ use crate::{Recording, Series, VectorChannel};
 
 /// Half a minute of yaw swings at 0.05 rad/s, a vector sensor that looks east, a wheel that drives the swing.
 fn swinging() -> Recording {
-    let spin_inertia = whorl_1().model.wheels[2].spin_inertia_kg_m2;
+    let spin_inertia = whorl_1().model.wheels()[2].spin_inertia_kg_m2;
     let (amplitude, omega) = (0.2_f64, 0.25_f64);
     let mut recording = Recording::default();
     let mut vector = Series::default();

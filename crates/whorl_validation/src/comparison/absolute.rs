@@ -148,7 +148,7 @@ pub(super) fn test(
     let (rows, names) = rows(recording, model, simulator.first_s(), stretch_s);
     let measured = whitened(recording, &measurements(recording), floors);
     let nominal = whitened(recording, &simulator.predict(Some(stretch_s), start), floors);
-    let changes = changes(recording.mounting, model.wheels.len());
+    let changes = changes(recording.mounting, model.wheels().len());
     let columns: Vec<Vec<f64>> = changes
         .iter()
         .map(|change| {
@@ -325,7 +325,7 @@ fn rows(
     }
     let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
     if !recording.wheel_torque_command_n_m.is_empty() {
-        for wheel in model.wheels.iter().take(wheels) {
+        for wheel in model.wheels().iter().take(wheels) {
             add(format!("{}_speed", wheel.name), &recording.wheel_speed_rad_s.time_s);
         }
     }

@@ -158,7 +158,7 @@ fn columns(
         });
     }
     let command_known = !recording.wheel_torque_command_n_m.is_empty();
-    for (j, wheel) in model.wheels.iter().enumerate().filter(|_| command_known) {
+    for (j, wheel) in model.wheels().iter().enumerate().filter(|_| command_known) {
         let of = |values: &[Vec<f64>]| -> Vec<f64> {
             values.iter().map(|v| v.get(j).copied().unwrap_or(f64::NAN)).collect()
         };

@@ -120,13 +120,13 @@ pub(crate) fn check(recording: &Recording, model: &PlatformModel) -> Result<(), 
     if duration_s.is_nan() || duration_s < SHORTEST_S {
         return Err(ValidationError::TooShort { run, duration_s, needed_s: SHORTEST_S });
     }
-    let wheels = model.wheels.len();
+    let wheels = model.wheels().len();
     let series = [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m];
     if let Some(wrong) = series.iter().flat_map(|s| &s.value).find(|v| v.len() != wheels) {
         return Err(ValidationError::WheelCount { run, given: wrong.len(), wheels });
     }
-    if recording.jet_pulses.len() > model.jets.len() {
-        let (given, jets) = (recording.jet_pulses.len(), model.jets.len());
+    if recording.jet_pulses.len() > model.jets().len() {
+        let (given, jets) = (recording.jet_pulses.len(), model.jets().len());
         return Err(ValidationError::JetCount { run, given, jets });
     }
     let range = model.sensors.gyro.errors.range;

@@ -43,7 +43,7 @@ pub struct SmoothedMotion {
 pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -> SmoothedMotion {
     let model = gyrostat.model();
     let attitude = smooth_attitude(recording, model);
-    let wheels = model.wheels.len();
+    let wheels = model.wheels().len();
     let clamped = recording.mounting == Mounting::Clamped;
     let mut motion = SmoothedMotion {
         clamped,
@@ -99,7 +99,7 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             environment.wheel_speed_rad_s = speed;
             environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
             let torque = gyrostat.wheel_torque_n_m(&environment);
-            for ((sum, wheel), torque) in explained.iter_mut().zip(&model.wheels).zip(torque) {
+            for ((sum, wheel), torque) in explained.iter_mut().zip(model.wheels()).zip(torque) {
                 *sum += torque / wheel.spin_inertia_kg_m2 * (t - from);
             }
         }

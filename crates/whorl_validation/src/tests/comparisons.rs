@@ -57,7 +57,7 @@ fn a_missing_torque_shows_more_the_longer_the_horizon() {
 fn a_wrong_jet_shows_as_correlation_with_its_input() {
     let model = platform();
     let mut truth = model.clone();
-    for jet in &mut truth.jets {
+    for jet in truth.jets_mut() {
         jet.thrust_n *= 1.4;
     }
     let recording = record(&truth, &Manoeuvre { jet_period_s: 0.5, ..Manoeuvre::default() });
@@ -125,7 +125,7 @@ fn unusable_recordings_get_a_sentence() {
     }
     assert!(compare(&in_g, &model).unwrap_err().to_string().contains("(g or m/s^2)"));
     let mut other = model.clone();
-    other.wheels.pop();
+    other.wheels_mut().pop();
     assert!(matches!(compare(&good, &other), Err(ValidationError::WheelCount { given: 3, wheels: 2, .. })));
     let short = record(&model, &Manoeuvre { duration_s: 4.0, ..Manoeuvre::default() });
     assert!(matches!(compare(&short, &model), Err(ValidationError::TooShort { .. })));

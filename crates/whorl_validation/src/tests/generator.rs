@@ -36,7 +36,7 @@ impl Default for Manoeuvre {
 pub fn platform() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
     model.tilt_limit = whorl_dynamics::platform::TiltLimit::Cone { max_rad: 0.6 };
-    for wheel in &mut model.wheels {
+    for wheel in model.wheels_mut() {
         wheel.coulomb_friction_n_m = 0.0;
     }
     model
@@ -58,7 +58,7 @@ pub fn record(truth: &PlatformModel, manoeuvre: &Manoeuvre) -> Recording {
             reference_world: truth.sensors.vector.unwrap().reference_direction_world,
             direction_b: Series::default(),
         }],
-        jet_pulses: vec![Vec::new(); truth.jets.len()],
+        jet_pulses: vec![Vec::new(); truth.jets().len()],
         ..Recording::default()
     };
     let mut true_motion = TrueMotion::default();

@@ -49,7 +49,7 @@ pub(super) fn read(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> Option<
         ..d
     });
     let model = model?;
-    let wheels = &model.wheels;
+    let wheels = model.wheels();
     let tachometer = &model.sensors.wheel_speed;
     let speed_noise = tachometer.noise_stddev_rad_s.hypot(tachometer.quantum_rad_s / 12f64.sqrt());
     let largest = wheels.iter().map(|w| w.spin_inertia_kg_m2).fold(0.0, f64::max);

@@ -123,7 +123,7 @@ impl Actuation {
     /// # Errors
     /// [`ActuationError`] when a jet or wheel, the slot, or a setting is not usable.
     pub fn new(parameters: &Parameters, gyrostat: &Gyrostat) -> Result<Self, ActuationError> {
-        let (wheels, jets) = (gyrostat.model().wheels.clone(), gyrostat.model().jets.clone());
+        let (wheels, jets) = (gyrostat.model().wheels().to_vec(), gyrostat.model().jets().to_vec());
         let lag = gyrostat.thrust_lag();
         let gas_rate_kg_s: Vec<f64> = jets.iter().map(|jet| gyrostat.gas_rate_kg_s(jet.thrust_n)).collect();
         let columns = |vectors: Vec<Vector3<f64>>| Matrix3xX::from_columns(&vectors);

@@ -39,7 +39,7 @@ impl LocalControlCore {
             environment.wheel_speed_rad_s = self.inputs.wheel_speed_rad_s();
             environment.wheel_motor_torque_n_m = self.actuation.wheel_torque_n_m();
             self.set_supplies(&mut environment);
-            if let Some(wheels) = torque_n_m.get_mut(..model.wheels.len()) {
+            if let Some(wheels) = torque_n_m.get_mut(..model.wheels().len()) {
                 self.gyrostat.effects().add_wheel_torque_n_m(&environment, wheels);
             }
         }

@@ -98,7 +98,7 @@ impl LocalControlCore {
         model.effects.retain(|id, _| !NOT_COMPENSATED.contains(&id.as_str()));
         let gyrostat = Gyrostat::new(&model)?;
         let adjusted = gyrostat.model();
-        let inertia = GyrostatInertia::new(*adjusted.mass_properties.inertia_b_kg_m2(), &adjusted.wheels);
+        let inertia = GyrostatInertia::new(*adjusted.mass_properties.inertia_b_kg_m2(), adjusted.wheels());
         let limits = &parameters.limits;
         let gains = if parameters.actuators == whorl_allocation::Mode::Jets {
             parameters.jet_gains
@@ -114,7 +114,7 @@ impl LocalControlCore {
             actuation: Actuation::new(&parameters, &gyrostat)?,
             excitations: Excitations::new(envelope, limits.max_rate_rad_s),
             balancing: parameters.balancing.map(|b| Balancing::new(b, &gyrostat)).transpose()?,
-            inputs: Inputs::new(adjusted.wheels.len(), adjusted.jets.len(), limits.max_message_age_s),
+            inputs: Inputs::new(adjusted.wheels().len(), adjusted.jets().len(), limits.max_message_age_s),
             frame_id: format!("{}/base_link", parameters.name),
             heartbeat: Heartbeat::default(),
             mode: ControlStatus::MODE_IDLE,

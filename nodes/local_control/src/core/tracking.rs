@@ -36,7 +36,7 @@ impl LocalControlCore {
             }
             return (Played::Nothing, None);
         };
-        let wheels = &self.gyrostat.model().wheels;
+        let wheels = self.gyrostat.model().wheels();
         let speeds = self.inputs.wheel_speed_rad_s();
         let known = &self.parameters.excitations;
         let played = self.excitations.play((&name, elapsed_s), known, wheels, speeds, estimate);

@@ -70,12 +70,12 @@ fn read_one(
         r.reject("hold", "allowed with actuators: jets: nothing; it is the wheels that hold");
     }
     let wheels =
-        read_names(r, "wheels", model.wheels.iter().map(|w| w.name.as_str()), "wheels that get a torque");
+        read_names(r, "wheels", model.wheels().iter().map(|w| w.name.as_str()), "wheels that get a torque");
     let signal = if wheels.is_empty() { None } else { read_signal(r, &wheels, model) };
     let jets = read_names(
         r,
         "jets",
-        model.jets.iter().map(|j| j.name.as_str()),
+        model.jets().iter().map(|j| j.name.as_str()),
         "jets that fire, one after the other",
     );
     let pulses = (!jets.is_empty()).then(|| read_pulses(r, jets, model, slot_length_s));
@@ -124,7 +124,7 @@ fn read_signal(r: &mut Reader<'_>, wheels: &[usize], model: &PlatformModel) -> O
     );
     let weakest = wheels
         .iter()
-        .filter_map(|w| model.wheels.get(*w))
+        .filter_map(|w| model.wheels().get(*w))
         .map(|w| w.max_torque_n_m)
         .fold(f64::INFINITY, f64::min);
     if torque_n_m.abs() > weakest {
@@ -143,7 +143,8 @@ fn read_pulses(
 ) -> PulseTrain {
     let on_time_s = r.f64_array("on_time_s", positive(), "lengths of the pulses, one after the other [s]");
     let every_s = r.f64("every_s", range(0.1..=100.0), "from pulse to pulse [s]");
-    let least_s = jets.iter().filter_map(|j| model.jets.get(*j)).map(|j| j.min_on_time_s).fold(0.0, f64::max);
+    let least_s =
+        jets.iter().filter_map(|j| model.jets().get(*j)).map(|j| j.min_on_time_s).fold(0.0, f64::max);
     if on_time_s.is_empty() || on_time_s.iter().any(|on| !(least_s..=slot_length_s).contains(on)) {
         r.reject(
             "on_time_s",

@@ -82,7 +82,7 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(parameters: Parameters, truth: &PlatformModel, start: InitialState) -> Self {
-        let jets = truth.jets.len();
+        let jets = truth.jets().len();
         Self {
             core: LocalControlCore::new(parameters).unwrap(),
             plant: Plant::new(truth, &start, 7).unwrap(),
@@ -220,7 +220,7 @@ impl Rig {
         self.now = Timestamp(self.now.0 + PERIOD_NS);
         // The driver's deadman.
         if self.now.seconds_since(self.commanded_at) > 0.1 {
-            let wheels = self.core.parameters().model.wheels.len();
+            let wheels = self.core.parameters().model.wheels().len();
             self.plant.command_wheels(&vec![0.0; wheels]).unwrap();
             self.plant.close_all_valves(self.now.0);
         }

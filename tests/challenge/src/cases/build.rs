@@ -207,8 +207,8 @@ impl Stand {
         }
         let count = |j: usize| plans.iter().map(|p| p.pulses[j].len()).sum::<usize>();
         let stage = Stage {
-            wheels: laboratory.model.wheels.iter().map(|w| w.name.clone()).collect(),
-            jets: laboratory.model.jets.iter().map(|j| j.name.clone()).collect(),
+            wheels: laboratory.model.wheels().iter().map(|w| w.name.clone()).collect(),
+            jets: laboratory.model.jets().iter().map(|j| j.name.clone()).collect(),
             firing: (0..body.jets.len()).filter(|j| count(*j) >= 4 || spec.cell == Cell::Bench).collect(),
             largest_tilt_rad: tilt,
             largest_rate_rad_s: rate,

@@ -86,13 +86,13 @@ impl Body {
     /// Exactly as drawn.
     #[must_use]
     pub fn as_drawn(model: &PlatformModel) -> Self {
-        let tank = &model.tank;
+        let tank = model.tank();
         Self {
             inertia_kg_m2: *model.mass_properties.inertia_b_kg_m2(),
             mgr_n_m: *model.mass_properties.gravity_offset_b_n_m(),
             weight_n: model.mass_properties.mass_kg() * G_M_S2,
             wheels: model
-                .wheels
+                .wheels()
                 .iter()
                 .map(|w| TrueWheel {
                     axis_b: w.spin_axis_b.into_inner(),
@@ -103,7 +103,7 @@ impl Body {
                 })
                 .collect(),
             jets: model
-                .jets
+                .jets()
                 .iter()
                 .map(|j| TrueJet {
                     position_b_m: j.position_b_m,
@@ -143,14 +143,14 @@ impl Body {
         }
         list.extend((0..3).map(|i| (Constant::Mgr(i), prior.gravity_offset_b_n_m[i])));
         for w in 0..self.wheels.len() {
-            list.push((Constant::WheelInertia(w), prior.wheel_spin_inertia[w]));
-            list.push((Constant::WheelTilt(w, 0), prior.wheel_axis_rad[w]));
-            list.push((Constant::WheelTilt(w, 1), prior.wheel_axis_rad[w]));
+            list.push((Constant::WheelInertia(w), prior.actuators.wheels.spin_inertia[w]));
+            list.push((Constant::WheelTilt(w, 0), prior.actuators.wheels.axis_rad[w]));
+            list.push((Constant::WheelTilt(w, 1), prior.actuators.wheels.axis_rad[w]));
         }
         for j in 0..self.jets.len() {
-            list.push((Constant::JetThrust(j), prior.jet_thrust[j]));
-            list.push((Constant::JetTilt(j, 0), prior.jet_direction_rad[j]));
-            list.push((Constant::JetTilt(j, 1), prior.jet_direction_rad[j]));
+            list.push((Constant::JetThrust(j), prior.actuators.jets.thrust[j]));
+            list.push((Constant::JetTilt(j, 0), prior.actuators.jets.direction_rad[j]));
+            list.push((Constant::JetTilt(j, 1), prior.actuators.jets.direction_rad[j]));
         }
         list
     }

@@ -1,0 +1,193 @@
+//! On/off cold-gas jets and their gas.
+
+mod tank;
+
+pub use tank::Tank;
+
+use nalgebra::{Unit, Vector3};
+
+use super::kind::check_count;
+use super::{ActuatorError, ActuatorKind, Allowed, Field, Group, KindPrior};
+use crate::PlatformModel;
+
+/// Jets the integrator holds.
+pub const MAX_JETS: usize = 32;
+
+/// An on/off cold-gas jet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jet {
+    /// Name in parameter files.
+    pub name: String,
+    /// Nozzle position from the centre of rotation, body axes \[m\].
+    pub position_b_m: Vector3<f64>,
+    /// Direction of the force on the platform (opposite to the plume), body axes.
+    pub force_direction_b: Unit<Vector3<f64>>,
+    /// Thrust at the tank's reference pressure \[N\], > 0.
+    pub thrust_n: f64,
+    /// Shortest pulse the valve can make \[s\], >= 0.
+    pub min_on_time_s: f64,
+    /// From the command to full thrust \[s\], >= 0.
+    pub opening_delay_s: f64,
+    /// From the end of the command to no thrust \[s\], >= 0.
+    pub closing_delay_s: f64,
+}
+
+impl Jet {
+    /// Torque on the body about the centre of rotation at the reference pressure, body axes [N m].
+    #[must_use]
+    pub fn torque_b_n_m(&self) -> Vector3<f64> {
+        self.position_b_m.cross(&(self.force_direction_b.into_inner() * self.thrust_n))
+    }
+}
+
+/// The jets of a platform, in the order of every per-jet array in messages, and their gas.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Jets {
+    /// The jets.
+    pub list: Vec<Jet>,
+    /// What they blow.
+    pub tank: Tank,
+}
+
+impl PlatformModel {
+    /// Its cold-gas jets, in the order of every per-jet array in messages.
+    #[must_use]
+    pub fn jets(&self) -> &[Jet] {
+        &self.actuators.jets.list
+    }
+
+    /// Its cold-gas jets, to be changed.
+    pub fn jets_mut(&mut self) -> &mut Vec<Jet> {
+        &mut self.actuators.jets.list
+    }
+
+    /// Gas supply of its jets.
+    #[must_use]
+    pub fn tank(&self) -> &Tank {
+        &self.actuators.jets.tank
+    }
+
+    /// Gas supply of its jets, to be changed.
+    pub fn tank_mut(&mut self) -> &mut Tank {
+        &mut self.actuators.jets.tank
+    }
+}
+
+impl ActuatorKind for Jets {
+    fn groups(&self) -> &'static [Group] {
+        &[Group::Members { name: "jets", defaults: "jet_defaults" }, Group::One { name: "tank" }]
+    }
+
+    fn add(&mut self, name: String) {
+        self.list.push(Jet {
+            name,
+            position_b_m: Vector3::zeros(),
+            force_direction_b: Vector3::z_axis(),
+            thrust_n: 0.0,
+            min_on_time_s: 0.0,
+            opening_delay_s: 0.0,
+            closing_delay_s: 0.0,
+        });
+    }
+
+    fn names(&self) -> Vec<&str> {
+        self.list.iter().map(|jet| jet.name.as_str()).collect()
+    }
+
+    fn fields(&mut self, group: usize, member: usize) -> Vec<Field<'_>> {
+        use Allowed::{Between, Positive};
+        if group == 1 {
+            return self.tank.fields();
+        }
+        let Some(jet) = self.list.get_mut(member) else { return Vec::new() };
+        let delay = Between(0.0, 1.0);
+        vec![
+            Field::vector(
+                "position_m",
+                "nozzle from the centre of rotation, body axes",
+                "m",
+                &mut jet.position_b_m,
+            ),
+            Field::direction(
+                "force_direction",
+                "force on the platform, opposite to the plume, body axes",
+                &mut jet.force_direction_b,
+            ),
+            Field::number(
+                "thrust_n",
+                "thrust at the reference pressure",
+                "N",
+                Positive,
+                &mut jet.thrust_n,
+            )
+            .shared(),
+            Field::number("min_on_time_s", "shortest pulse of the valve", "s", delay, &mut jet.min_on_time_s)
+                .or(0.0)
+                .shared(),
+            Field::number(
+                "opening_delay_s",
+                "from the command to full thrust",
+                "s",
+                delay,
+                &mut jet.opening_delay_s,
+            )
+            .or(0.0)
+            .shared(),
+            Field::number(
+                "closing_delay_s",
+                "from the end of the command to no thrust",
+                "s",
+                delay,
+                &mut jet.closing_delay_s,
+            )
+            .or(0.0)
+            .shared(),
+        ]
+    }
+
+    fn check(&self) -> Result<(), ActuatorError> {
+        check_count("jets", self.list.len(), MAX_JETS)?;
+        self.tank.check()
+    }
+}
+
+/// How well jets are known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JetPriors {
+    /// Of each jet's thrust, as a share of its value.
+    pub thrust: Vec<f64>,
+    /// Of each jet's torque direction, about each of two axes across it \[rad\].
+    pub direction_rad: Vec<f64>,
+}
+
+impl JetPriors {
+    /// Thrust to 5 %, directions to 10 mrad.
+    pub(super) fn typical(jets: &Jets) -> Self {
+        Self { thrust: vec![0.05; jets.list.len()], direction_rad: vec![1.0e-2; jets.list.len()] }
+    }
+}
+
+impl KindPrior for JetPriors {
+    fn keys(&self) -> &'static [&'static str] {
+        &["thrust_n", "force_direction"]
+    }
+
+    fn stddev(&self, key: &str, member: usize) -> Option<f64> {
+        match key {
+            "thrust_n" => self.thrust.get(member).copied(),
+            "force_direction" => self.direction_rad.get(member).copied(),
+            _ => None,
+        }
+    }
+
+    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
+        let slot = match key {
+            "thrust_n" => self.thrust.get_mut(member),
+            "force_direction" => self.direction_rad.get_mut(member),
+            _ => None,
+        };
+        if let Some(slot) = slot {
+            *slot = stddev;
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! What every kind of actuator says of itself.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use super::Field;
+
+/// A group of entries in parameter files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Any number of actuators, each under a name of the user's choice.
+    Members {
+        /// Name of the group.
+        name: &'static str,
+        /// Name of the group of values that its members share.
+        defaults: &'static str,
+    },
+    /// Entries of the kind as a whole; may be left out as a whole.
+    One {
+        /// Name of the group.
+        name: &'static str,
+    },
+}
+
+impl Group {
+    /// Name of the group.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Members { name, .. } | Self::One { name } => name,
+        }
+    }
+}
+
+/// The actuators of one kind on one platform: what they are made of, and how that stands in parameter files.
+pub trait ActuatorKind: fmt::Debug {
+    /// Its groups in parameter files.
+    fn groups(&self) -> &'static [Group];
+
+    /// Adds an actuator to a group of members. Its entries have no meaning until they are set.
+    fn add(&mut self, name: String);
+
+    /// The names of its actuators, in the order of every array in messages.
+    fn names(&self) -> Vec<&str>;
+
+    /// The entries of a member of a group of [`Self::groups`], or of the kind as a whole (`member` is then of no
+    /// concern), in the order of parameter files. Empty when there is no such member.
+    fn fields(&mut self, group: usize, member: usize) -> Vec<Field<'_>>;
+
+    /// Whether every actuator is one that can exist and be simulated.
+    ///
+    /// # Errors
+    /// The first that is not.
+    fn check(&self) -> Result<(), ActuatorError>;
+}
+
+/// How well the actuators of one kind are known, for fits to start from: of a number the standard deviation as a
+/// share of its value, of a direction about each of two axes across it \[rad\].
+pub trait KindPrior: fmt::Debug {
+    /// Keys of the entries that fits estimate, of each member of the first group.
+    fn keys(&self) -> &'static [&'static str];
+
+    /// Standard deviation of one entry of one actuator; `None` when fits take that entry as known.
+    fn stddev(&self, key: &str, member: usize) -> Option<f64>;
+
+    /// Changes it; without effect when fits take that entry as known.
+    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64);
+}
+
+/// Why actuators cannot be simulated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum ActuatorError {
+    /// More than the integrator holds.
+    #[error("{count} {kind}; at most {largest} can be simulated")]
+    TooMany {
+        /// Group of the kind.
+        kind: &'static str,
+        /// Actuators in the model.
+        count: usize,
+        /// Most that can be simulated.
+        largest: usize,
+    },
+    /// A number that the dynamics divide by is not positive and finite.
+    #[error("{what} must be positive and finite")]
+    NotPositive {
+        /// Which number.
+        what: &'static str,
+    },
+}
+
+/// Refuses more actuators than the integrator holds.
+pub(super) fn check_count(kind: &'static str, count: usize, largest: usize) -> Result<(), ActuatorError> {
+    if count > largest { Err(ActuatorError::TooMany { kind, count, largest }) } else { Ok(()) }
+}
+
+/// Refuses numbers that the dynamics cannot divide by.
+pub(super) fn check_positive(
+    numbers: impl IntoIterator<Item = (f64, &'static str)>,
+) -> Result<(), ActuatorError> {
+    for (number, what) in numbers {
+        if !(number > 0.0 && number.is_finite()) {
+            return Err(ActuatorError::NotPositive { what });
+        }
+    }
+    Ok(())
+}
