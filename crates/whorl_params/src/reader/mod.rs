@@ -299,10 +299,16 @@ impl<'a> Reader<'a> {
                 let accepted = accept(value);
                 if accepted.is_none() {
                     let origin = origin.cloned().unwrap_or_else(|| self.parameters.node_origin());
+                    let choices = request.choices.iter().map(String::as_str);
+                    let hint = match value {
+                        Value::String(word) => nearest(word, choices),
+                        _ => None,
+                    };
+                    let hint = hint.map_or_else(String::new, |choice| format!("; did you mean {choice}?"));
                     self.errors.push(
                         ParameterError::new(
                             origin,
-                            format!("allowed: {} ({})", request.allowed, request.doc),
+                            format!("allowed: {} ({}){hint}", request.allowed, request.doc),
                         )
                         .with_key(name.clone())
                         .with_value(value.to_string()),

@@ -128,7 +128,7 @@ fn allowed_says_what_each_type_allows() {
                 r.choice("k", &["wheels", "jets"], "d");
             },
             "wheel",
-            "k = wheel: allowed: one of wheels, jets (d)",
+            "k = wheel: allowed: one of wheels, jets (d); did you mean wheels?",
         ),
         (
             |r| {
