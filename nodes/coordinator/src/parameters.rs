@@ -10,10 +10,10 @@ mod step;
 
 pub use co_observation::CoObservation;
 pub use experiment::{AtEnd, ExperimentSettings, YawZero};
-pub use law::{LawKind, LawSettings};
+pub use law::LawSettings;
 pub use step::{Axis, Excite, PartialAngles, Scan, Slew, Step, StepKind};
 
-use whorl_control::formation::ReferenceLimits;
+use whorl_control::formation::{self, ReferenceLimits, RegisteredLaw};
 use whorl_params::{Reader, positive, range};
 
 /// Everything a coordinator is built with.
@@ -67,9 +67,7 @@ impl Parameters {
     #[must_use]
     pub fn hears(&self, platform: usize) -> bool {
         match (self.role, self.law.first()) {
-            (Role::Platform(own), Some(LawKind::Decentralised(law))) => {
-                own == platform || law.graph().neighbours(own).iter().any(|(j, _)| *j == platform)
-            }
+            (Role::Platform(own), Some(law)) => own == platform || law.hears(own, platform),
             _ => true,
         }
     }
@@ -174,23 +172,24 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
 }
 
 fn read_role(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>) -> Role {
-    let decentralised =
-        law.and_then(LawSettings::first).is_some_and(|l| matches!(l, LawKind::Decentralised(_)));
-    let on_platforms = decentralised
-        && r.bool_or(
-            "law.on_platforms",
-            false,
-            "each platform runs the law itself, in a coordinator of its own; this one then only observes",
-        );
+    let on_platforms =
+        law.and_then(|law| formation::find(law.name())).is_some_and(RegisteredLaw::runs_on_platforms)
+            && r.bool_or(
+                "law.on_platforms",
+                false,
+                "each platform runs the law itself, in a coordinator of its own; this one then only observes",
+            );
     let node = r.parameters().node().to_owned();
     let own =
         node.rsplit_once('/').and_then(|(space, _)| platforms.iter().position(|p| space == format!("/{p}")));
     match own {
         Some(platform) => {
             if !on_platforms {
+                let runs = formation::catalogue().iter().filter(|law| law.runs_on_platforms());
+                let allowed = runs.map(RegisteredLaw::kind).collect::<Vec<_>>().join(", ");
                 r.reject(
                     "law.kind",
-                    "a coordinator in a platform's namespace serves that platform alone; allowed: decentralised, with law.on_platforms",
+                    format!("a coordinator in a platform's namespace serves that platform alone; allowed: {allowed}, with law.on_platforms"),
                 );
             }
             Role::Platform(platform)

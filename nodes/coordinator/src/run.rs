@@ -14,7 +14,7 @@ use whorl_math::attitude_error;
 use whorl_node::{Outputs, Timestamp};
 
 use crate::goal::{Goal, Planning, scan_motion};
-use crate::parameters::{CoObservation, LawKind, Parameters, Scan, Step, StepKind, YawZero};
+use crate::parameters::{CoObservation, Parameters, Scan, Step, StepKind, YawZero};
 use crate::pause::{PauseWatch, PlatformCondition, Verdict};
 
 /// Period of the references \[s\].
@@ -81,8 +81,6 @@ pub(crate) enum Progress {
 #[derive(Debug)]
 pub(crate) struct Run {
     law: Box<dyn RelativeAttitudeLaw>,
-    /// Which of the experiment's laws that is.
-    law_index: usize,
     pub legs: Vec<Leg>,
     /// The virtual structure's motion, when the law has one.
     structure_goal: Option<Goal>,
@@ -106,7 +104,7 @@ impl Run {
         now: Timestamp,
         outputs: &mut Outputs,
     ) -> Result<Self, String> {
-        let kind = parameters.law.first().ok_or("the experiment has no law")?;
+        let law = parameters.law.laws.first().ok_or("the experiment has no law")?.clone();
         let mut legs = Vec::with_capacity(sights.len());
         for (platform, sight) in sights.iter().enumerate() {
             let name = parameters.platforms.get(platform).map_or("?", String::as_str);
@@ -119,7 +117,7 @@ impl Run {
             let shaper = ReferenceShaper::new(*limits, parameters.bandwidth_rad_s, &q)
                 .map_err(|e| format!("{name}: {e}"))?;
             let start = shaper.reference();
-            let goal = kind.leads(platform).then(|| goal_at(parameters, &start.q_world_reference));
+            let goal = law.leads(platform).then(|| goal_at(parameters, &start.q_world_reference));
             legs.push(Leg {
                 shaped: Shaped { reference: start, clipped: false },
                 shaper,
@@ -131,14 +129,13 @@ impl Run {
                 holding: true,
             });
         }
-        let structure_goal = kind.moves_a_structure().then(|| {
+        let structure_goal = law.moves_a_structure().then(|| {
             let first = legs.first().map(|leg| leg.shaped.reference.q_world_reference).unwrap_or_default();
             goal_at(parameters, &(first * parameters.law.offset(0).inverse()))
         });
         let platforms = legs.len();
         let mut run = Self {
-            law: kind.build(),
-            law_index: 0,
+            law,
             legs,
             structure_goal,
             step: 0,
@@ -164,11 +161,6 @@ impl Run {
     /// The present step.
     pub fn step<'p>(&self, parameters: &'p Parameters) -> Option<&'p Step> {
         parameters.steps.get(self.step)
-    }
-
-    /// The law in force.
-    fn law_kind<'p>(&self, parameters: &'p Parameters) -> Option<&'p LawKind> {
-        parameters.law.laws.get(self.law_index)
     }
 
     /// Name of the law in force.
@@ -335,13 +327,12 @@ impl Run {
     }
 
     fn conditions(&self, parameters: &Parameters, sights: &[Sight]) -> Vec<PlatformCondition> {
-        let kind = self.law_kind(parameters);
         let other = PlatformCondition { fresh: true, usable: true, following: true, leads: false };
         let condition = |(platform, sight): (usize, &Sight)| PlatformCondition {
             fresh: sight.fresh,
             usable: sight.motion.is_some(),
             following: sight.following,
-            leads: kind.is_some_and(|law| law.needs_all() || law.leads(platform)),
+            leads: self.law.needs_all() || self.law.leads(platform),
         };
         // What others do is their own coordinators' matter.
         let judged = |(platform, sight)| {

@@ -37,7 +37,9 @@ use whorl_math::attitude_error;
 
 use super::keep_out::KeepOut;
 use super::law::{limited, member_motion, rigid_relation};
-use super::{Demand, LawError, LawInput, Offset, Relation, RelativeAttitudeLaw};
+use super::{
+    Allowed, Demand, LawError, LawInput, Offset, Relation, RelativeAttitudeLaw, Roster, Settings,
+};
 use crate::reference::Reference;
 
 /// Weights and limits.
@@ -178,8 +180,54 @@ impl BehaviouralSettings {
 }
 
 impl RelativeAttitudeLaw for Behavioural {
-    fn name(&self) -> &'static str {
+    fn kind() -> &'static str {
         "behavioural"
+    }
+
+    /// A platform keeps formation with those beside it in a ring, unless its settings say otherwise.
+    fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
+        let members = settings.members(roster, |s, platform| {
+            let neighbours = s.neighbours().unwrap_or_else(|| roster.beside(platform));
+            let keep_out = s.has("keep_out").then(|| s.group("keep_out", KeepOut::read));
+            (neighbours, keep_out)
+        });
+        let (neighbours, keep_out) = members.into_iter().unzip();
+        settings.group(Self::kind(), |s| {
+            let (rate_max_rad_s, acceleration_max_rad_s2) = s.motion_limits(roster);
+            let settings = BehaviouralSettings {
+                goal_bandwidth_rad_s: s.number_or(
+                    "goal_bandwidth_rad_s",
+                    0.3,
+                    Allowed::POSITIVE,
+                    "weight of goal-seeking; at most 2.718 acceleration / rate [rad/s]",
+                ),
+                keeping_bandwidth_rad_s: s.number_or(
+                    "keeping_bandwidth_rad_s",
+                    0.3,
+                    Allowed::NON_NEGATIVE,
+                    "weight of formation-keeping towards each neighbour; at most half the platforms' bandwidth [rad/s]",
+                ),
+                damping: s.damping("damping ratio [1]"),
+                rate_max_rad_s,
+                acceleration_max_rad_s2,
+                member_bandwidth_rad_s: s.member_bandwidth_rad_s(),
+                neighbours,
+                keep_out,
+            };
+            s.accept(Self::new(settings), "goal_bandwidth_rad_s")
+        })
+    }
+
+    fn moves_a_structure(&self) -> bool {
+        true
+    }
+
+    fn plans_its_way(&self) -> bool {
+        true
+    }
+
+    fn needs_all(&self) -> bool {
+        false
     }
 
     fn restart(&mut self, input: &LawInput<'_>) {

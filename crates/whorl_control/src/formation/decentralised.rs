@@ -44,7 +44,10 @@ use whorl_math::{attitude_error, quaternion_exp};
 
 use super::law::rigid_relation;
 use super::traffic::{self, Told, TrafficCap};
-use super::{Demand, LawError, LawInput, Member, NeighbourGraph, Offset, Relation, RelativeAttitudeLaw};
+use super::{
+    Allowed, Demand, LawError, LawInput, Listening, Member, NeighbourGraph, Offset, Relation,
+    RelativeAttitudeLaw, Roster, Settings,
+};
 use crate::reference::Reference;
 
 /// Largest `|T - 1|` of a platform's attitude loop that the bound allows for.
@@ -53,6 +56,8 @@ const LOOP_PEAK: f64 = 1.3;
 const ECHO: f64 = 0.9;
 /// Spectral radii below this count as none: a forest.
 const FOREST_RADIUS: f64 = 0.05;
+/// Share of the proven bound of `c` that is its default.
+const ERROR_SHARE_OF_BOUND: f64 = 0.5;
 
 /// What can be set.
 #[derive(Debug, Clone, PartialEq)]
@@ -171,8 +176,56 @@ impl Decentralised {
 }
 
 impl RelativeAttitudeLaw for Decentralised {
-    fn name(&self) -> &'static str {
+    fn kind() -> &'static str {
         "decentralised"
+    }
+
+    /// A platform listens to all others and knows the goal, unless its settings say otherwise.
+    fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
+        let listening = settings.members(roster, |s, platform| {
+            let neighbours = s.neighbours().unwrap_or_else(|| roster.others(platform));
+            let goal_weight = s.number_or(
+                "goal_weight",
+                1.0,
+                Allowed::NON_NEGATIVE,
+                "weight of the experiment's goal against 1 of each neighbour; 0: the platform does not know it",
+            );
+            Listening { neighbours: neighbours.into_iter().map(|p| (p, 1.0)).collect(), goal_weight }
+        });
+        let graph = NeighbourGraph::new(&listening);
+        settings.group(Self::kind(), |s| {
+            let bound = graph.as_ref().map_or(0.0, Self::error_share_bound);
+            let error_share = s.number_or(
+                "error_share",
+                (ERROR_SHARE_OF_BOUND * bound).min(1.0),
+                Allowed::between(0.0, 1.0),
+                "share of a neighbour's pointing error that is followed; default: half of what the graph allows [1]",
+            );
+            let traffic = s.group("traffic", TrafficCap::read);
+            // After all keys are read: an invalid graph is one error, not one for each of them.
+            let graph = graph.map_err(|e| s.reject("error_share", e.to_string())).ok()?;
+            s.accept(Self::new(DecentralisedSettings { graph, error_share, traffic }), "error_share")
+        })
+    }
+
+    fn moves_a_structure(&self) -> bool {
+        true
+    }
+
+    fn plans_its_way(&self) -> bool {
+        false
+    }
+
+    fn needs_all(&self) -> bool {
+        false
+    }
+
+    fn runs_on_platforms() -> bool {
+        true
+    }
+
+    fn hears(&self, platform: usize, other: usize) -> bool {
+        self.settings.graph.neighbours(platform).iter().any(|(neighbour, _)| *neighbour == other)
     }
 
     fn restart(&mut self, _input: &LawInput<'_>) {

@@ -24,6 +24,8 @@
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
+use super::{Allowed, Settings};
+
 /// Nearer to the cone than this the brake is computed as if at this distance \[rad\].
 const NEAREST_RAD: f64 = 1e-6;
 
@@ -52,6 +54,35 @@ pub(super) struct Approach {
 }
 
 impl KeepOut {
+    pub(super) fn read(settings: &mut dyn Settings) -> Self {
+        Self {
+            boresight_body: settings
+                .direction("boresight_body", "body axis that must stay away, e.g. [1.0, 0.0, 0.0]"),
+            direction_world: settings
+                .direction("direction_world", "direction that it stays away from (east, north, up)"),
+            half_angle_rad: settings
+                .number(
+                    "half_angle_deg",
+                    Allowed::between(0.1, 80.0),
+                    "half angle of the forbidden cone [deg]",
+                )
+                .to_radians(),
+            influence_rad: settings
+                .number(
+                    "influence_deg",
+                    Allowed::POSITIVE,
+                    "distance from the cone at which avoidance begins; at least rate_max^2 / acceleration_max [deg]",
+                )
+                .to_radians(),
+            bandwidth_rad_s: settings.number_or(
+                "bandwidth_rad_s",
+                0.1,
+                Allowed::between(0.0, 2.0),
+                "weight of the avoidance [rad/s]",
+            ),
+        }
+    }
+
     /// Angle left between the boresight of an attitude and the cone \[rad\]; negative inside.
     #[must_use]
     pub fn distance_rad(&self, q_world_body: &UnitQuaternion<f64>) -> f64 {

@@ -1,9 +1,11 @@
 //! The interface of all relative-attitude laws.
 
+use std::any::Any;
+
 use nalgebra::{UnitQuaternion, Vector3};
-use thiserror::Error;
 use whorl_math::attitude_error;
 
+use super::{Roster, Settings};
 use crate::reference::Reference;
 
 /// What a law knows of one platform at one instant.
@@ -184,42 +186,52 @@ pub(super) fn limited(vector: Vector3<f64>, max_norm: f64) -> Vector3<f64> {
     if norm > max_norm { vector * (max_norm / norm) } else { vector }
 }
 
-/// Why a law was refused.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum LawError {
-    /// A gain outside its proven range.
-    #[error("{law}: {gain} = {value} must be {allowed}")]
-    Gain {
-        /// The law.
-        law: &'static str,
-        /// Which gain.
-        gain: &'static str,
-        /// As given.
-        value: f64,
-        /// The bound, in words.
-        allowed: String,
-    },
-    /// A neighbour that does not see the platform as its own neighbour.
-    #[error(
-        "{law}: platform {platform} keeps formation with platform {neighbour}, but not the other way round: neighbours must be mutual"
-    )]
-    NotMutual {
-        /// The law.
-        law: &'static str,
-        /// Who names a neighbour.
-        platform: usize,
-        /// Who does not name it.
-        neighbour: usize,
-    },
-}
-
 /// A relative-attitude law.
 ///
 /// Deterministic and without limits of its own on what the platforms can do; see the module's doc for
-/// who shapes the demands.
-pub trait RelativeAttitudeLaw: std::fmt::Debug + Send {
-    /// Its name in messages and reports.
-    fn name(&self) -> &'static str;
+/// who shapes the demands. An instance that has demanded nothing yet serves as the pattern of further ones ([`Clone`]).
+pub trait RelativeAttitudeLaw: TypedLaw + std::fmt::Debug + Send + Sync {
+    /// Its name in parameter files, messages and reports; also of the group of its settings.
+    fn kind() -> &'static str
+    where
+        Self: Sized;
+
+    /// Reads its settings, and what each member is for it; `None` after refusing them.
+    fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self>
+    where
+        Self: Sized;
+
+    /// Whether the experiment's steps move one frame of the whole formation, and not its leaders.
+    fn moves_a_structure(&self) -> bool;
+
+    /// Whether it finds its own way to a goal that is set at once; else goals move smoothly within the limits.
+    fn plans_its_way(&self) -> bool;
+
+    /// Whether the formation cannot go on without one of its members.
+    fn needs_all(&self) -> bool;
+
+    /// The platform's leader, if it follows one.
+    fn leader(&self, _platform: usize) -> Option<usize> {
+        None
+    }
+
+    /// Whether the platform takes its motion from the experiment's steps.
+    fn leads(&self, platform: usize) -> bool {
+        !self.moves_a_structure() && self.leader(platform).is_none()
+    }
+
+    /// Whether each platform may run the law for itself, from what it [`hears`](Self::hears).
+    fn runs_on_platforms() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
+    /// Whether a platform's demand depends on what the other one does.
+    fn hears(&self, _platform: usize, _other: usize) -> bool {
+        true
+    }
 
     /// Forgets the past and starts from the references that the platforms follow now, with their rates.
     fn restart(&mut self, input: &LawInput<'_>);
@@ -246,6 +258,48 @@ pub trait RelativeAttitudeLaw: std::fmt::Debug + Send {
             Some(leader) => usable(leader)?.q_world_body * relation.q_leader_platform,
         };
         Some(attitude_error(&asked, &usable(platform)?.q_world_body))
+    }
+}
+
+/// What follows from the type of a law, for one that is only known as a [`RelativeAttitudeLaw`]: every type gets it.
+pub trait TypedLaw {
+    /// [`RelativeAttitudeLaw::kind`].
+    fn name(&self) -> &'static str;
+    /// A copy.
+    fn boxed(&self) -> Box<dyn RelativeAttitudeLaw>;
+    /// Whether the other one is the same law in the same state.
+    fn equals(&self, other: &dyn RelativeAttitudeLaw) -> bool;
+    /// For [`Self::equals`].
+    fn as_any(&self) -> &dyn Any;
+}
+
+impl<L: RelativeAttitudeLaw + Clone + PartialEq + 'static> TypedLaw for L {
+    fn name(&self) -> &'static str {
+        L::kind()
+    }
+
+    fn boxed(&self) -> Box<dyn RelativeAttitudeLaw> {
+        Box::new(self.clone())
+    }
+
+    fn equals(&self, other: &dyn RelativeAttitudeLaw) -> bool {
+        other.as_any().downcast_ref::<L>() == Some(self)
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}
+
+impl Clone for Box<dyn RelativeAttitudeLaw> {
+    fn clone(&self) -> Self {
+        (**self).boxed()
+    }
+}
+
+impl PartialEq for dyn RelativeAttitudeLaw {
+    fn eq(&self, other: &Self) -> bool {
+        self.equals(other)
     }
 }
 

@@ -34,7 +34,7 @@
 //! reference asks.
 
 use super::law::member_motion;
-use super::{Demand, LawInput, LeaderGraph, Relation, RelativeAttitudeLaw};
+use super::{Demand, LawInput, LeaderGraph, Relation, RelativeAttitudeLaw, Roster, Settings};
 
 /// The law. It has no memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,8 +67,33 @@ impl LeaderFollower {
 }
 
 impl RelativeAttitudeLaw for LeaderFollower {
-    fn name(&self) -> &'static str {
+    fn kind() -> &'static str {
         "leader_follower"
+    }
+
+    /// The first platform leads and all others follow it, unless their settings say otherwise.
+    fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
+        let leaders = settings.members(roster, |s, platform| {
+            let default = (platform != 0).then_some(0);
+            s.platform_or("leader", default, "the platform that this one follows; empty: it leads itself")
+        });
+        LeaderGraph::new(leaders).map_err(|e| settings.reject("members", e.to_string())).ok().map(Self::new)
+    }
+
+    fn moves_a_structure(&self) -> bool {
+        false
+    }
+
+    fn plans_its_way(&self) -> bool {
+        false
+    }
+
+    fn needs_all(&self) -> bool {
+        false
+    }
+
+    fn leader(&self, platform: usize) -> Option<usize> {
+        self.graph.leader(platform)
     }
 
     fn restart(&mut self, _input: &LawInput<'_>) {}

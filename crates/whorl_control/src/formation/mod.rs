@@ -1,5 +1,8 @@
 //! Relative-attitude laws: what each platform of a formation is asked to do, given what all of them do.
 //!
+//! One law, one file: its equations, source, stability and assumptions, its settings with their docs and ranges, and what the
+//! experiment's steps need to know of it. To add a law: write a file beside the others and name it in `register!` below.
+//!
 //! A law ([`RelativeAttitudeLaw`]) turns the state of every platform, the references they follow now
 //! and the experiment's [`Goals`] into one [`Demand`] per platform. It knows neither limits nor
 //! links: the caller decides which states are usable and passes every demand through a
@@ -17,18 +20,15 @@
 //!
 //! Source of the taxonomy: Schwartz 2004, section 2.4.
 
-mod behavioural;
-mod decentralised;
 mod graph;
 mod keep_out;
 mod law;
-mod leader_follower;
 mod limits;
 mod neighbours;
-mod perceptive_frame;
+mod registry;
+mod settings;
 mod shaper;
 mod traffic;
-mod virtual_structure;
 mod yaw_pitch_roll;
 
 #[cfg(test)]
@@ -38,18 +38,47 @@ mod inertia_tests;
 #[cfg(test)]
 mod law_tests;
 #[cfg(test)]
+mod registry_tests;
+#[cfg(test)]
 mod shaper_tests;
 
-pub use behavioural::{Behavioural, BehaviouralSettings};
-pub use decentralised::{Decentralised, DecentralisedSettings};
 pub use graph::{GraphError, LeaderGraph};
 pub use keep_out::KeepOut;
-pub use law::{Demand, Goals, LawError, LawInput, Member, Offset, Relation, RelativeAttitudeLaw};
-pub use leader_follower::LeaderFollower;
+pub use law::{Demand, Goals, LawInput, Member, Offset, Relation, RelativeAttitudeLaw, TypedLaw};
 pub use limits::{LimitsError, ReferenceLimits};
 pub use neighbours::{Listening, NeighbourError, NeighbourGraph};
-pub use perceptive_frame::{PerceptiveFrame, PerceptiveFrameGains};
+pub use registry::RegisteredLaw;
+pub use settings::{Allowed, LawError, Roster, Settings};
 pub use shaper::{ReferenceShaper, Shaped};
 pub use traffic::TrafficCap;
-pub use virtual_structure::{VirtualStructure, VirtualStructureGains};
 pub use yaw_pitch_roll::{YawPitchRoll, YawPitchRollMotion};
+
+macro_rules! register {
+    ($($module:ident::$law:ident),* $(,)?) => {
+        $(
+            mod $module;
+            pub use $module::*;
+        )*
+
+        /// Every law.
+        #[must_use]
+        pub fn catalogue() -> &'static [RegisteredLaw] {
+            static CATALOGUE: &[RegisteredLaw] = &[$(RegisteredLaw::of::<$law>()),*];
+            CATALOGUE
+        }
+    };
+}
+
+register! {
+    leader_follower::LeaderFollower,
+    virtual_structure::VirtualStructure,
+    behavioural::Behavioural,
+    decentralised::Decentralised,
+    perceptive_frame::PerceptiveFrame,
+}
+
+/// The law with this name.
+#[must_use]
+pub fn find(kind: &str) -> Option<&'static RegisteredLaw> {
+    catalogue().iter().find(|law| law.kind() == kind)
+}

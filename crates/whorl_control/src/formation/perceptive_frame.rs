@@ -38,7 +38,7 @@ use nalgebra::Vector3;
 use whorl_math::{attitude_error, quaternion_exp};
 
 use super::law::{limited, rigid_relation, structure_of_first};
-use super::{Demand, LawError, LawInput, Relation, RelativeAttitudeLaw};
+use super::{Allowed, Demand, LawError, LawInput, Relation, RelativeAttitudeLaw, Roster, Settings};
 use crate::reference::Reference;
 
 /// Pole of the filter of the perceived progress \[1/s\].
@@ -149,8 +149,45 @@ impl PerceptiveFrame {
 }
 
 impl RelativeAttitudeLaw for PerceptiveFrame {
-    fn name(&self) -> &'static str {
+    fn kind() -> &'static str {
         "perceptive_frame"
+    }
+
+    fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
+        settings.group(Self::kind(), |s| {
+            let (rate_max_rad_s, acceleration_max_rad_s2) = s.motion_limits(roster);
+            let gains = PerceptiveFrameGains {
+                bandwidth_rad_s: s.number_or(
+                    "bandwidth_rad_s",
+                    0.3,
+                    Allowed::POSITIVE,
+                    "natural frequency of the plan towards the goal; at most 2.718 acceleration / rate [rad/s]",
+                ),
+                damping: s.damping("damping ratio [1]"),
+                perception_gain_s: s.number_or(
+                    "perception_gain_s",
+                    1.0,
+                    Allowed::NON_NEGATIVE,
+                    "how fast the frame goes where the members are; below twice the platforms' bandwidth [1/s]",
+                ),
+                member_bandwidth_rad_s: s.member_bandwidth_rad_s(),
+                rate_max_rad_s,
+                acceleration_max_rad_s2,
+            };
+            s.accept(Self::new(gains), "perception_gain_s")
+        })
+    }
+
+    fn moves_a_structure(&self) -> bool {
+        true
+    }
+
+    fn plans_its_way(&self) -> bool {
+        true
+    }
+
+    fn needs_all(&self) -> bool {
+        false
     }
 
     fn restart(&mut self, input: &LawInput<'_>) {

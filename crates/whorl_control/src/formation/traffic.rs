@@ -23,7 +23,7 @@
 use nalgebra::Vector3;
 use whorl_math::attitude_error;
 
-use super::LawError;
+use super::{Allowed, LawError, Settings};
 use crate::reference::Reference;
 
 /// When a platform speaks.
@@ -38,6 +38,27 @@ pub struct TrafficCap {
 }
 
 impl TrafficCap {
+    /// `None`: no cap.
+    pub(super) fn read(settings: &mut dyn Settings) -> Option<Self> {
+        let rate_max_hz = settings.number_or(
+            "rate_max_hz",
+            0.0,
+            Allowed::NON_NEGATIVE,
+            "cap on a platform's broadcasts to its neighbours; 0: none, they hear everything [1/s]",
+        );
+        let trigger_rad = settings
+            .number_or(
+                "trigger_deg",
+                0.1,
+                Allowed::POSITIVE,
+                "a platform speaks when its neighbours are wrong by this [deg]",
+            )
+            .to_radians();
+        let heartbeat_s =
+            settings.number_or("heartbeat_s", 1.0, Allowed::POSITIVE, "and after this long in any case [s]");
+        (rate_max_hz > 0.0).then_some(Self { rate_max_hz, trigger_rad, heartbeat_s })
+    }
+
     /// Checks the numbers.
     ///
     /// # Errors

@@ -40,7 +40,7 @@ use nalgebra::Vector3;
 use whorl_math::attitude_error;
 
 use super::law::{limited, rigid_relation, structure_of_first};
-use super::{Demand, LawError, LawInput, Relation, RelativeAttitudeLaw};
+use super::{Allowed, Demand, LawError, LawInput, Relation, RelativeAttitudeLaw, Roster, Settings};
 use crate::reference::Reference;
 
 /// Gains and limits of the structure's own motion.
@@ -141,12 +141,6 @@ impl VirtualStructure {
     fn start(input: &LawInput<'_>) -> Reference {
         structure_of_first(input)
     }
-
-    /// Whether it waits for members that lag; without formation feedback it goes on alone.
-    #[must_use]
-    pub fn waits_for_members(&self) -> bool {
-        self.gains.half_speed_error_rad.is_finite()
-    }
 }
 
 fn mean_square_error_rad2(input: &LawInput<'_>) -> f64 {
@@ -159,8 +153,48 @@ fn mean_square_error_rad2(input: &LawInput<'_>) -> f64 {
 }
 
 impl RelativeAttitudeLaw for VirtualStructure {
-    fn name(&self) -> &'static str {
+    fn kind() -> &'static str {
         "virtual_structure"
+    }
+
+    fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
+        settings.group(Self::kind(), |s| {
+            let (rate_max_rad_s, acceleration_max_rad_s2) = s.motion_limits(roster);
+            let gains = VirtualStructureGains {
+                bandwidth_rad_s: s.number_or(
+                    "bandwidth_rad_s",
+                    0.3,
+                    Allowed::POSITIVE,
+                    "natural frequency of the structure towards its goal; at most 2.718 acceleration / rate [rad/s]",
+                ),
+                damping: s.damping("damping ratio without feedback [1]"),
+                half_speed_error_rad: s
+                    .number_or(
+                        "half_speed_error_deg",
+                        1.0,
+                        Allowed::at_least_or_infinite(0.01),
+                        "formation feedback: RMS error of the members at which the structure turns at half \
+                         speed; .inf: open loop [deg]",
+                    )
+                    .to_radians(),
+                rate_max_rad_s,
+                acceleration_max_rad_s2,
+            };
+            s.accept(Self::new(gains), "bandwidth_rad_s")
+        })
+    }
+
+    fn moves_a_structure(&self) -> bool {
+        true
+    }
+
+    fn plans_its_way(&self) -> bool {
+        true
+    }
+
+    /// It waits for members that lag; without formation feedback it goes on alone.
+    fn needs_all(&self) -> bool {
+        self.gains.half_speed_error_rad.is_finite()
     }
 
     fn restart(&mut self, input: &LawInput<'_>) {

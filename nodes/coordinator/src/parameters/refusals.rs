@@ -1,17 +1,5 @@
 //! Reasons of the pure crates, for a user: they know platforms by number, he by name.
 
-use whorl_control::formation::LawError;
-use whorl_params::Reader;
-
-/// Refuses a law where the file says what is wrong with it.
-pub(super) fn law(r: &mut Reader<'_>, error: &LawError, else_key: &str, platforms: &[String]) {
-    let key = match error {
-        LawError::Gain { gain, .. } if r.has(gain) => gain,
-        _ => else_key,
-    };
-    r.reject(key, with_names(&error.to_string(), platforms));
-}
-
 /// `text` with names for numbers: "platform 1", "spacecraft 1", "platforms [0, 1]".
 pub(super) fn with_names(text: &str, platforms: &[String]) -> String {
     let mut words = Vec::new();

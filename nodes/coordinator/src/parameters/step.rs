@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use whorl_control::formation::{ReferenceLimits, YawPitchRoll};
+use whorl_control::formation::{ReferenceLimits, RelativeAttitudeLaw, YawPitchRoll};
 use whorl_msgs::whorl::FormationState;
 use whorl_params::{Reader, Value, positive, range};
 
 use super::co_observation::CoObservation;
-use super::law::KINDS;
-use super::{LawKind, LawSettings, co_observation};
+use super::law::kinds;
+use super::{LawSettings, co_observation};
 
 /// A step of the sequence.
 #[derive(Debug, Clone, PartialEq)]
@@ -188,7 +188,7 @@ fn read_step(
     settings: Option<&LawSettings>,
     in_force: &mut usize,
 ) -> Step {
-    let law = settings.and_then(|s| s.laws.get(*in_force));
+    let law = settings.and_then(|s| s.laws.get(*in_force)).map(Box::as_ref);
     let kind = r.choice(
         "kind",
         &["settle", "slew", "scan", "offset", "offset_scan", "co_observe", "law", "excite", "hold"],
@@ -215,7 +215,7 @@ fn read_step(
             None => StepKind::Hold,
         },
         "law" => {
-            let name = r.choice("law", &KINDS, "the law that takes over");
+            let name = r.choice("law", &kinds(), "the law that takes over");
             let found = settings.and_then(|s| s.laws.iter().position(|l| l.name() == name));
             *in_force = found.unwrap_or(*in_force);
             StepKind::Law { index: *in_force }
@@ -234,7 +234,7 @@ fn read_step(
     Step { name: name.to_owned(), kind, duration_s }
 }
 
-fn read_slew(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawKind>) -> Slew {
+fn read_slew(r: &mut Reader<'_>, platforms: &[String], law: Option<&dyn RelativeAttitudeLaw>) -> Slew {
     Slew {
         platform: read_leading_platform(r, platforms, law),
         to: read_partial(r),
@@ -266,7 +266,11 @@ fn read_scan(r: &mut Reader<'_>, duration_s: f64, platform: Option<usize>) -> Sc
     Scan { platform, axis, amplitude_rad, period_s, duration_s }
 }
 
-fn read_offset_platform(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawKind>) -> usize {
+fn read_offset_platform(
+    r: &mut Reader<'_>,
+    platforms: &[String],
+    law: Option<&dyn RelativeAttitudeLaw>,
+) -> usize {
     let name = r.string("platform", "whose offset changes");
     let index = find(r, &name, platforms).unwrap_or_default();
     if law.is_some_and(|law| law.leads(index)) && platforms.contains(&name) {
@@ -275,7 +279,11 @@ fn read_offset_platform(r: &mut Reader<'_>, platforms: &[String], law: Option<&L
     index
 }
 
-fn read_leading_platform(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawKind>) -> Option<usize> {
+fn read_leading_platform(
+    r: &mut Reader<'_>,
+    platforms: &[String],
+    law: Option<&dyn RelativeAttitudeLaw>,
+) -> Option<usize> {
     let name = r.optional_string(
         "platform",
         "the leader that moves; left out: all leaders, or the virtual structure",

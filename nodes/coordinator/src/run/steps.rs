@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
+use whorl_control::formation::RelativeAttitudeLaw;
 use whorl_node::{LogLevel, Outputs};
 
 use super::{Leg, OffsetMotion, REFERENCE_PERIOD_S, Run};
 use crate::goal::{Goal, Planning};
-use crate::parameters::{CoObservation, LawKind, Parameters, StepKind};
+use crate::parameters::{CoObservation, Parameters, StepKind};
 
 impl Run {
     pub(super) fn advance_steps(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
@@ -35,12 +36,11 @@ impl Run {
     pub(super) fn begin_step(&mut self, parameters: &Parameters, outputs: &mut Outputs) {
         let Some(step) = parameters.steps.get(self.step) else { return };
         outputs.log(LogLevel::Info, format!("step {}: {:.1} s", step.name, step.duration_s));
-        let law = self.law_kind(parameters);
         match &step.kind {
             StepKind::Settle(slew) | StepKind::Slew(slew) => {
                 let mut longest_s = 0.0_f64;
                 if let Some(goal) = &mut self.structure_goal {
-                    let planning = structure_planning(law, parameters);
+                    let planning = structure_planning(self.law.as_ref(), parameters);
                     longest_s = goal.slew(slew, planning).unwrap_or(0.0);
                 }
                 for (platform, leg) in self.legs.iter_mut().enumerate() {
@@ -90,7 +90,7 @@ impl Run {
                 let text = describe(pass, &parameters.platforms);
                 outputs.log(LogLevel::Info, text);
                 let leader_of: Vec<_> =
-                    (0..self.legs.len()).map(|p| law.and_then(|law| law.leader(p)).unwrap_or(0)).collect();
+                    (0..self.legs.len()).map(|p| self.law.leader(p).unwrap_or(0)).collect();
                 self.observe(pass, &leader_of);
             }
             StepKind::Law { index } => self.switch_law(*index, parameters),
@@ -119,7 +119,7 @@ impl Run {
 
     /// Another law takes over: it starts from the references as they move, and goes on to the same goal.
     fn switch_law(&mut self, index: usize, parameters: &Parameters) {
-        let Some(kind) = parameters.law.laws.get(index) else { return };
+        let Some(law) = parameters.law.laws.get(index).cloned() else { return };
         let present = |leg: &Leg| leg.shaper.reference().q_world_reference;
         let place = |leg: &Leg| leg.offset_angles.attitude();
         // Where the formation's frame is to go: as the structure was told, or as the first leader was.
@@ -127,27 +127,26 @@ impl Run {
             self.legs.iter().find_map(|leg| leg.goal.clone().map(|goal| (goal, place(leg).inverse())))
         });
         for (platform, leg) in self.legs.iter_mut().enumerate() {
-            let keeps = kind.leads(platform) && leg.goal.is_some();
+            let keeps = law.leads(platform) && leg.goal.is_some();
             if keeps {
                 continue;
             }
             let planned = parameters.limits.get(platform).map_or(Planning::Immediate, Planning::Smooth);
             leg.goal = match &old {
-                Some((goal, to_frame)) if kind.leads(platform) => {
+                Some((goal, to_frame)) if law.leads(platform) => {
                     Some(goal.transferred(&(to_frame * place(leg)), &present(leg), planned))
                 }
                 _ => None,
             };
         }
         if let (true, Some((goal, to_frame)), Some(first)) =
-            (kind.moves_a_structure(), &old, self.legs.first())
+            (law.moves_a_structure(), &old, self.legs.first())
         {
             let frame = present(first) * place(first).inverse();
-            let planning = structure_planning(Some(kind), parameters);
+            let planning = structure_planning(law.as_ref(), parameters);
             self.structure_goal = Some(goal.transferred(to_frame, &frame, planning));
         }
-        self.law = kind.build();
-        self.law_index = index;
+        self.law = law;
         self.gather_goals();
         self.restart_law();
     }
@@ -163,7 +162,7 @@ impl Run {
             && let Some(first) = self.legs.first()
         {
             let frame = first.shaper.reference().q_world_reference * first.offset_angles.attitude().inverse();
-            goal.resume(&frame, structure_planning(parameters.law.laws.get(self.law_index), parameters));
+            goal.resume(&frame, structure_planning(self.law.as_ref(), parameters));
         }
         self.restart_law();
     }
@@ -185,9 +184,9 @@ fn describe(pass: &CoObservation, platforms: &[String]) -> String {
 
 /// How the goal of the whole formation moves: at once for a law that plans its own way, else smoothly
 /// within the limits of the first platform, whose place in the formation is usually the frame itself.
-fn structure_planning<'p>(law: Option<&LawKind>, parameters: &'p Parameters) -> Planning<'p> {
-    match (law, parameters.limits.first()) {
-        (Some(law), Some(limits)) if !law.plans_its_way() => Planning::Smooth(limits),
+fn structure_planning<'p>(law: &dyn RelativeAttitudeLaw, parameters: &'p Parameters) -> Planning<'p> {
+    match parameters.limits.first() {
+        Some(limits) if !law.plans_its_way() => Planning::Smooth(limits),
         _ => Planning::Immediate,
     }
 }

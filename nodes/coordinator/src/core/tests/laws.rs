@@ -1,6 +1,7 @@
 //! Every law in the coordinator: what it reads, what it refuses, and one taking over from another.
 
 use super::*;
+use whorl_control::formation::{RegisteredLaw, catalogue};
 
 const HEAD: &str = "
 /coordinator:
@@ -51,6 +52,28 @@ fn graphs_over_which_nothing_can_be_agreed_are_refused_in_a_sentence() {
 }
 
 #[test]
+fn every_law_of_the_catalogue_is_read_by_its_name() {
+    assert!(catalogue().len() >= 5);
+    for kind in catalogue().iter().map(RegisteredLaw::kind) {
+        let first = read(&with(&format!("      kind: {kind}\n"), TURN)).unwrap();
+        assert_eq!(first.law.name(), kind);
+        let step = format!("      switch: {{kind: law, law: {kind}, duration_s: 40.0}}\n");
+        let switched = read(&with("      members: {}\n", &step)).unwrap();
+        assert_eq!(switched.law.laws.last().unwrap().name(), kind);
+    }
+}
+
+#[test]
+fn an_unknown_law_is_refused_with_the_nearest_and_all_names() {
+    let switch = "      switch: {kind: law, law: perceptive_frames, duration_s: 40.0}\n";
+    let texts = [with("      kind: perceptive_fame\n", TURN), with("      members: {}\n", switch)];
+    for error in texts.map(|text| read(&text).unwrap_err()) {
+        assert!(error.contains("did you mean perceptive_frame?"), "{error}");
+        assert!(catalogue().iter().all(|law| error.contains(law.kind())), "{error}");
+    }
+}
+
+#[test]
 fn keys_of_a_law_that_is_not_used_are_unknown() {
     let error = read(&with("      kind: leader_follower\n      decentralised: {error_share: 0.1}\n", TURN));
     assert!(error.unwrap_err().contains("error_share"));
@@ -60,7 +83,7 @@ fn keys_of_a_law_that_is_not_used_are_unknown() {
 
 #[test]
 fn laws_take_over_from_each_other_without_a_bump() {
-    let kinds = ["virtual_structure", "decentralised", "behavioural", "perceptive_frame", "leader_follower"];
+    let kinds: Vec<&str> = catalogue().iter().map(RegisteredLaw::kind).collect();
     // In the middle of a slew, and in the middle of a swing.
     for motion in [
         "{kind: slew, duration_s: 5.0, yaw_deg: 20.0}",
