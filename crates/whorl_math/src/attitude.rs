@@ -23,7 +23,9 @@ pub fn quaternion_rate(
     q_world_body: &UnitQuaternion<f64>,
     omega_wb_b_rad_s: &Vector3<f64>,
 ) -> Quaternion<f64> {
-    q_world_body.quaternion() * Quaternion::from_imag(*omega_wb_b_rad_s) * 0.5
+    let (w, v) = (q_world_body.w, q_world_body.imag());
+    let half = 0.5 * omega_wb_b_rad_s;
+    Quaternion::from_parts(-v.dot(&half), half * w + v.cross(&half))
 }
 
 /// The upward vertical in body axes, `R^T k`: a unit vector.

@@ -37,6 +37,7 @@ mod attitude;
 mod constants;
 #[cfg(test)]
 mod conventions;
+pub mod covariance;
 mod euler;
 mod mrp;
 mod rotation_vector;
