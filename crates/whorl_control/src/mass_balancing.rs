@@ -16,6 +16,7 @@
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use thiserror::Error;
+use whorl_dynamics::gyrostat::equation::momentum_rate_b_n_m;
 use whorl_math::{skew, vertical_b};
 
 /// A number outside its range.
@@ -110,7 +111,7 @@ pub struct Balancer {
 struct Window {
     elapsed_s: f64,
     start: Vector3<f64>,
-    gyroscopic: Vector3<f64>,
+    explained: Vector3<f64>,
     lever: Matrix3<f64>,
     normal: Matrix6<f64>,
     right: Vector6<f64>,
@@ -182,7 +183,7 @@ impl Balancer {
             self.window = Some(Window {
                 elapsed_s: 0.0,
                 start: momentum,
-                gyroscopic: Vector3::zeros(),
+                explained: Vector3::zeros(),
                 lever: Matrix3::zeros(),
                 normal: Matrix6::zeros(),
                 right: Vector6::zeros(),
@@ -190,10 +191,10 @@ impl Balancer {
             return None;
         };
         window.elapsed_s += input.dt_s;
-        window.gyroscopic += (omega.cross(&momentum) - input.known_torque_b_n_m) * input.dt_s;
+        window.explained += momentum_rate_b_n_m(&omega, &momentum, &input.known_torque_b_n_m) * input.dt_s;
         window.lever += skew(&vertical_b(&input.q_world_body)) * input.dt_s;
-        // momentum - start + gyroscopic = lever * offset + error at the start.
-        let value = momentum - window.start + window.gyroscopic;
+        // momentum - start - explained = lever * offset + error at the start.
+        let value = momentum - window.start - window.explained;
         let lever = window.lever;
         let (lt, identity) = (lever.transpose(), Matrix3::identity());
         let mut block = |row: usize, column: usize, m: &Matrix3<f64>| {

@@ -52,6 +52,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
+use whorl_dynamics::gyrostat::RateEquation;
 use whorl_dynamics::platform::Wheel;
 use whorl_math::attitude_error;
 
@@ -60,28 +61,6 @@ use crate::reference::Reference;
 /// Half-width of the hysteresis in the scalar part of the error quaternion: 0.1 is 11.5 deg of
 /// rotation about half a turn.
 const SIGN_HYSTERESIS: f64 = 0.1;
-
-/// Inertia of a gyrostat.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GyrostatInertia {
-    /// Everything, wheels locked, about the centre of rotation, body axes \[kg m^2\].
-    pub total_b_kg_m2: Matrix3<f64>,
-    /// What resists angular acceleration when wheel torques are the input: the total less the wheels'
-    /// spin inertia along their axes \[kg m^2\].
-    pub resisting_b_kg_m2: Matrix3<f64>,
-}
-
-impl GyrostatInertia {
-    /// From the total inertia and the wheels.
-    #[must_use]
-    pub fn new(total_b_kg_m2: Matrix3<f64>, wheels: &[Wheel]) -> Self {
-        let spin = wheels.iter().fold(Matrix3::zeros(), |sum, wheel| {
-            let axis = wheel.spin_axis_b.into_inner();
-            sum + axis * axis.transpose() * wheel.spin_inertia_kg_m2
-        });
-        Self { total_b_kg_m2, resisting_b_kg_m2: total_b_kg_m2 - spin }
-    }
-}
 
 /// Gains of the law, as a user thinks of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -167,7 +146,7 @@ pub struct TrackingOutput {
 /// The law with its integral.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackingLaw {
-    inertia: GyrostatInertia,
+    equation: RateEquation,
     gains: TrackingGains,
     /// Torque that the integral contributes, body axes [N m].
     integral_b_n_m: Vector3<f64>,
@@ -180,17 +159,22 @@ pub struct TrackingLaw {
 }
 
 impl TrackingLaw {
-    /// Checked constructor.
+    /// Checked constructor, for a platform of this inertia about the centre of rotation (wheels locked, body axes
+    /// [kg m^2]) with these wheels.
     ///
     /// # Errors
-    /// [`TrackingError`] naming the first gain that is out of range, or an unstable integral time.
-    pub fn new(inertia: GyrostatInertia, gains: TrackingGains) -> Result<Self, TrackingError> {
+    /// [`TrackingError`] naming the first gain that is out of range, an unstable integral time, or that the inertia
+    /// less the wheels' is not positive definite.
+    pub fn new(
+        inertia_b_kg_m2: Matrix3<f64>,
+        wheels: &[Wheel],
+        gains: TrackingGains,
+    ) -> Result<Self, TrackingError> {
         check_gains(&gains)?;
-        if inertia.resisting_b_kg_m2.cholesky().is_none() {
-            return Err(TrackingError::Inertia);
-        }
+        let equation =
+            RateEquation::with_free_wheels(inertia_b_kg_m2, wheels).ok_or(TrackingError::Inertia)?;
         Ok(Self {
-            inertia,
+            equation,
             gains,
             integral_b_n_m: Vector3::zeros(),
             sign: 1.0,
@@ -205,6 +189,12 @@ impl TrackingLaw {
         self.error = Vector3::zeros();
         self.sign = 1.0;
         self.filtered_rate_error = None;
+    }
+
+    /// The equation of motion that it counts on.
+    #[must_use]
+    pub fn equation(&self) -> &RateEquation {
+        &self.equation
     }
 
     /// The torque that the integral contributes, body axes \[N m\].
@@ -241,12 +231,12 @@ impl TrackingLaw {
             - bandwidth.component_mul(&damping.component_mul(&damped_rate)) * 2.0;
         let reference_acceleration =
             to_body * reference.omega_dot_wr_r_rad_s2 - omega.cross(&omega_reference_b);
-        let momentum = self.inertia.total_b_kg_m2 * omega + input.wheel_momentum_b_n_m_s;
+        let momentum = self.equation.momentum_b_n_m_s(omega, input.wheel_momentum_b_n_m_s);
+        let acceleration = feedback + reference_acceleration;
 
         TrackingOutput {
-            torque_b_n_m: self.inertia.resisting_b_kg_m2 * (feedback + reference_acceleration)
+            torque_b_n_m: self.equation.required_torque_b_n_m(omega, &momentum, &acceleration)
                 + self.integral_b_n_m
-                + omega.cross(&momentum)
                 - input.modelled_torque_b_n_m,
             attitude_error_b_rad: attitude_error(&reference.q_world_reference, input.q_world_body),
             rate_error_b_rad_s: rate_error,
@@ -277,7 +267,7 @@ impl TrackingLaw {
         let bandwidth = &self.gains.bandwidth_rad_s;
         let acceleration_rate =
             -bandwidth.component_mul(&bandwidth.component_mul(&self.error)) / integral.time_s;
-        let next = self.integral_b_n_m + self.inertia.resisting_b_kg_m2 * acceleration_rate * dt_s;
+        let next = self.integral_b_n_m + self.equation.resisting_b_kg_m2() * acceleration_rate * dt_s;
         self.integral_b_n_m = next.zip_map(&integral.limit_n_m, |value, limit| value.clamp(-limit, limit));
     }
 }

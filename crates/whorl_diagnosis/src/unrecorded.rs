@@ -143,7 +143,7 @@ impl Unexplained {
             expected += prediction.omega_dot.get(k).copied().unwrap_or_default() * run.length_or_zero(k);
         }
         let walk = |(wheel, jitter): (&whorl_dynamics::platform::Wheel, &f64)| {
-            (mechanics.inverse_inertia * wheel.spin_axis_b.into_inner() * *jitter).norm_squared()
+            (mechanics.inverse_inertia() * wheel.spin_axis_b.into_inner() * *jitter).norm_squared()
         };
         let jitter: f64 = mechanics.model().wheels().iter().zip(&run.wheel_jitter).map(walk).sum();
         Self {

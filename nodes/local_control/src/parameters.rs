@@ -10,7 +10,7 @@ use whorl_control::mass_balancing::BalancingSettings;
 use whorl_control::momentum::{MomentumUnloading, UnloadingSettings};
 use whorl_control::reference::{CommandFilterSettings, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeSettings};
-use whorl_control::tracking::{GyrostatInertia, IntegralAction, TrackingGains, TrackingLaw};
+use whorl_control::tracking::{IntegralAction, TrackingGains, TrackingLaw};
 use whorl_dynamics::PlatformModel;
 use whorl_msgs::topics::PlatformId;
 use whorl_params::{Reader, any, non_negative, own_platform, platform_model, positive, range};
@@ -195,7 +195,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     }
     for (group, gains) in [("tracking", gains), ("tracking_jets", jet_gains)] {
         let total = *model.mass_properties.inertia_b_kg_m2();
-        if let Err(error) = TrackingLaw::new(GyrostatInertia::new(total, model.wheels()), gains) {
+        if let Err(error) = TrackingLaw::new(total, model.wheels(), gains) {
             r.reject(group, error.to_string());
         }
     }

@@ -11,7 +11,7 @@ use whorl_math::{attitude_error, quaternion_exp};
 use super::shaper_tests::{DT_S, dumbbell};
 use super::*;
 use crate::reference::Reference;
-use crate::tracking::{GyrostatInertia, IntegralAction, TrackingGains, TrackingInput, TrackingLaw};
+use crate::tracking::{IntegralAction, TrackingGains, TrackingInput, TrackingLaw};
 
 /// Steps of the rotation within a control period, whose torque is held.
 const SUBSTEPS: usize = 4;
@@ -127,7 +127,7 @@ fn body(drawn: &Drawn) -> Body {
         inertia_b_kg_m2: drawn.inertia,
         wheel_momentum_b_n_m_s: Vector3::from(drawn.wheels),
         disturbance_b_n_m: Vector3::from(drawn.disturbance),
-        law: TrackingLaw::new(GyrostatInertia::new(scaled * scaled.transpose(), &[]), gains).unwrap(),
+        law: TrackingLaw::new(scaled * scaled.transpose(), &[], gains).unwrap(),
         shaper: ReferenceShaper::new(dumbbell(), 2.0, &q).unwrap(),
         omega: Vector3::zeros(),
         q,

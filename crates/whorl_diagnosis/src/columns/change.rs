@@ -59,9 +59,9 @@ impl<'a> Walker<'a> {
             inputs
         });
         let mechanics = &moved.mechanics;
-        let before = &base.mechanics;
-        let resistance = (mechanics.inverse_inertia != before.inverse_inertia)
-            .then(|| mechanics.inverse_inertia * before.resisting_inertia - Matrix3::identity());
+        let (own, before) = (mechanics.gyrostat.rate_equation(), base.mechanics.gyrostat.rate_equation());
+        let resistance = (own.inverse_resisting() != before.inverse_resisting())
+            .then(|| own.inverse_resisting() * before.resisting_b_kg_m2() - Matrix3::identity());
         Some(Self {
             lane,
             mechanics,
@@ -123,22 +123,16 @@ impl<'a> Walker<'a> {
         mut torque: Vector3<f64>,
         wheel_torque: &Wheels,
     ) -> (Vector3<f64>, Wheels) {
-        let wheels = self.mechanics.model().wheels();
+        let (gyrostat, stuck) = (&self.mechanics.gyrostat, [false; MAX_WHEELS]);
         let mut omega_dot = Vector3::zeros();
         if !run.clamped {
-            for (wheel, u) in wheels.iter().zip(wheel_torque) {
-                torque -= wheel.spin_axis_b.into_inner() * *u;
-            }
-            omega_dot = self.mechanics.inverse_inertia * torque;
+            torque -= gyrostat.on_wheels_b_n_m(wheel_torque, &stuck);
+            omega_dot = self.mechanics.inverse_inertia() * torque;
             if let Some(resistance) = &self.resistance {
                 omega_dot += resistance * before;
             }
         }
-        let mut wheel_dot = [0.0; MAX_WHEELS];
-        for ((slot, wheel), u) in wheel_dot.iter_mut().zip(wheels).zip(wheel_torque) {
-            *slot = u / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&omega_dot);
-        }
-        (omega_dot, wheel_dot)
+        (omega_dot, gyrostat.wheel_accelerations_rad_s2(wheel_torque, &stuck, &omega_dot))
     }
 
     /// Change of the rate that edges within node `k`'s samples add.

@@ -63,15 +63,12 @@ pub(crate) enum Stray {
 
 impl Stray {
     fn change(&self, run: &Run, linearised: &Linearised) -> Change {
-        let inverse = linearised.mechanics.inverse_inertia;
+        let inverse = linearised.mechanics.inverse_inertia();
         let wheels = linearised.mechanics.model().wheels();
         // A wheel without torque about its axis keeps its momentum.
         let kept = |omega_dot: &Vector3<f64>| {
-            let mut rate = [0.0; MAX_WHEELS];
-            for (slot, wheel) in rate.iter_mut().zip(wheels) {
-                *slot = -wheel.spin_axis_b.dot(omega_dot);
-            }
-            rate
+            let gyrostat = &linearised.mechanics.gyrostat;
+            gyrostat.wheel_accelerations_rad_s2(&[0.0; MAX_WHEELS], &[false; MAX_WHEELS], omega_dot)
         };
         match self {
             Self::Torque(torque) => {

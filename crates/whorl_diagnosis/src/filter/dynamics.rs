@@ -30,22 +30,20 @@ impl System<'_> {
         else {
             return;
         };
-        let inverse = &self.mechanics.inverse_inertia;
-        let inertia = model.mass_properties.inertia_b_kg_m2();
         let up = vertical_b(q);
         let mut offset = *model.mass_properties.gravity_offset_b_n_m();
         offset += self.run.ballast_moment.get(k).copied().unwrap_or_default();
         put(a, n, ANGLE, ANGLE, &-skew(omega));
         put(a, n, ANGLE, RATE, &Matrix3::identity());
         let momentum = self.mechanics.gyrostat.momentum_b_n_m_s(omega, &speed[..self.wheels()]);
-        let rate_angle = inverse * (-skew(&offset) * skew(&up));
-        let rate_rate = inverse * (skew(&momentum) - skew(omega) * inertia);
-        put(a, n, RATE, ANGLE, &rate_angle);
-        put(a, n, RATE, RATE, &rate_rate);
+        let rate = self.mechanics.gyrostat.rate_equation().linearised(omega, &momentum, &offset, &up);
+        put(a, n, RATE, ANGLE, &rate.by_attitude);
+        put(a, n, RATE, RATE, &rate.by_rate);
         for (j, wheel) in model.wheels().iter().enumerate() {
             let axis = wheel.spin_axis_b.into_inner();
             let b = wheel.viscous_friction_n_m_s;
-            let column = inverse * (axis * b - omega.cross(&(axis * wheel.spin_inertia_kg_m2)));
+            let column =
+                rate.by_torque * (axis * b) + rate.by_wheel_momentum * (axis * wheel.spin_inertia_kg_m2);
             for i in 0..3 {
                 a[(RATE + i) * n + WHEEL + j] = column[i];
             }
@@ -53,8 +51,8 @@ impl System<'_> {
             a[row * n + row] -= b / wheel.spin_inertia_kg_m2;
             for m in 0..3 {
                 for i in 0..3 {
-                    a[row * n + ANGLE + i] -= axis[m] * rate_angle[(m, i)];
-                    a[row * n + RATE + i] -= axis[m] * rate_rate[(m, i)];
+                    a[row * n + ANGLE + i] -= axis[m] * rate.by_attitude[(m, i)];
+                    a[row * n + RATE + i] -= axis[m] * rate.by_rate[(m, i)];
                 }
                 for other in 0..self.wheels() {
                     a[row * n + WHEEL + other] -= axis[m] * a[(RATE + m) * n + WHEEL + other];
@@ -63,9 +61,9 @@ impl System<'_> {
         }
         if self.settings.torque_walk > 0.0 {
             let torque = WHEEL + self.wheels();
-            put(a, n, RATE, torque, inverse);
+            put(a, n, RATE, torque, &rate.by_torque);
             for (j, wheel) in model.wheels().iter().enumerate() {
-                let row = -(inverse.transpose() * wheel.spin_axis_b.into_inner());
+                let row = -(rate.by_torque.transpose() * wheel.spin_axis_b.into_inner());
                 for i in 0..3 {
                     a[(WHEEL + j) * n + torque + i] = row[i];
                 }

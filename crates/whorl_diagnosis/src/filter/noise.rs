@@ -58,7 +58,7 @@ impl System<'_> {
             // The motor's torque turns wheel and body against each other.
             let axis = wheel.spin_axis_b.into_inner();
             let body =
-                if self.run.clamped { Vector3::zeros() } else { -(self.mechanics.inverse_inertia * axis) };
+                if self.run.clamped { Vector3::zeros() } else { -(self.mechanics.inverse_inertia() * axis) };
             let mut direction = [0.0; TURNED];
             for (slot, x) in direction.iter_mut().zip(body.iter()) {
                 *slot = *x;
@@ -73,7 +73,7 @@ impl System<'_> {
         };
         let of_jet = |jet: &whorl_dynamics::platform::Jet| {
             let torque = jet.position_b_m.cross(&(jet.force_direction_b.into_inner() * jet.thrust_n));
-            (self.mechanics.inverse_inertia * torque).norm_squared()
+            (self.mechanics.inverse_inertia() * torque).norm_squared()
         };
         Noise {
             rate,
@@ -97,7 +97,7 @@ impl System<'_> {
         let torque_n_m = friction.and_then(|active| active.values().first().copied()).unwrap_or(0.0);
         // The formula comes into its own as the body gets going.
         let share = 1.0 - rate / STANDS_RAD_S;
-        share * torque_n_m * self.mechanics.inverse_inertia.trace() / 3.0 * (2.0 * STICKS_S).sqrt()
+        share * torque_n_m * self.mechanics.inverse_inertia().trace() / 3.0 * (2.0 * STICKS_S).sqrt()
     }
 
     /// Adds the process noise of interval `k`.

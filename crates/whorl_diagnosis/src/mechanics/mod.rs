@@ -5,6 +5,7 @@ mod steps;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use whorl_dynamics::effects::MAX_HIDDEN_STATES;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_dynamics::platform::{TiltLimit, TriaxialErrors};
 use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_math::{quaternion_exp, vertical_b};
@@ -20,9 +21,6 @@ pub(crate) use steps::{StepEnvironments, Steps};
 #[derive(Debug, Clone)]
 pub(crate) struct Mechanics {
     pub gyrostat: Gyrostat,
-    /// Inertia that resists with every wheel free, and its inverse.
-    pub resisting_inertia: Matrix3<f64>,
-    pub inverse_inertia: Matrix3<f64>,
     gyro: TriaxialErrors,
     accel: TriaxialErrors,
 }
@@ -49,22 +47,20 @@ impl Mechanics {
     pub fn new(model: &PlatformModel) -> Result<Self, DiagnosisError> {
         let gyrostat = Gyrostat::new(model)?;
         let adjusted = gyrostat.model();
-        let mut resisting = adjusted.mass_properties.inertia_b_kg_m2()
-            - gyrostat.effects().reaction_inertia_b_kg_m2(adjusted);
-        for wheel in adjusted.wheels() {
-            let axis = wheel.spin_axis_b.into_inner();
-            resisting -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
-        }
-        let inverse_inertia = resisting.try_inverse().ok_or(whorl_dynamics::GyrostatError::NothingLeft)?;
         // The quantum is part of the noise.
         let linear = |errors: TriaxialErrors| TriaxialErrors { quantum: 0.0, ..errors };
         let (gyro, accel) =
             (linear(adjusted.sensors.gyro.errors), linear(adjusted.sensors.accelerometer.errors));
-        Ok(Self { resisting_inertia: resisting, inverse_inertia, gyro, accel, gyrostat })
+        Ok(Self { gyro, accel, gyrostat })
     }
 
     pub fn model(&self) -> &PlatformModel {
         self.gyrostat.model()
+    }
+
+    /// Inverse of the inertia that resists with every wheel free [1/(kg m^2)].
+    pub fn inverse_inertia(&self) -> &Matrix3<f64> {
+        self.gyrostat.rate_equation().inverse_resisting()
     }
 
     /// The jets of a run as this platform's valves carry them out.
@@ -115,33 +111,17 @@ impl Mechanics {
         environment: &Environment<'_>,
         hidden: &[f64],
     ) -> (Vector3<f64>, Wheels) {
-        let omega = environment.omega_wb_b_rad_s;
-        let wheel_torque = self.gyrostat.wheel_torque_n_m(environment);
-        let wheels = self.model().wheels();
-        let omega_dot = if run.clamped {
-            Vector3::zeros()
+        let accelerations = if run.clamped {
+            self.gyrostat.clamped_accelerations(environment)
         } else {
-            let momentum = self.gyrostat.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
-            let mut torque =
-                self.gyrostat.modelled_torque_b_n_m(environment, hidden) - omega.cross(&momentum);
-            if environment.valve_fraction.iter().any(|f| *f != 0.0) {
-                torque += self.gyrostat.jet_torque_b_n_m(environment);
-            }
-            if let Some(ballast) = run.ballast_moment.get(k) {
-                torque -= ballast.cross(&environment.vertical_b);
-            }
             let [x, y, z] = &run.body_torque;
-            torque += Vector3::new(x.mean_at(k), y.mean_at(k), z.mean_at(k));
-            for (wheel, u) in wheels.iter().zip(&wheel_torque) {
-                torque -= wheel.spin_axis_b.into_inner() * *u;
+            let mut outside = Vector3::new(x.mean_at(k), y.mean_at(k), z.mean_at(k));
+            if let Some(ballast) = run.ballast_moment.get(k) {
+                outside += gravity_torque_n_m(ballast, &environment.vertical_b);
             }
-            self.inverse_inertia * torque
+            self.gyrostat.accelerations(environment, hidden, &outside)
         };
-        let mut wheel_dot = [0.0; MAX_WHEELS];
-        for ((slot, wheel), u) in wheel_dot.iter_mut().zip(wheels).zip(&wheel_torque) {
-            *slot = u / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&omega_dot);
-        }
-        (omega_dot, wheel_dot)
+        (accelerations.omega_dot_wb_b_rad_s2, accelerations.wheel_rad_s2)
     }
 
     /// Mean accelerations over interval `k`, the hidden states of the effects carried on to its end.
@@ -224,7 +204,7 @@ impl Mechanics {
         }
         let [x, y, z] = &run.body_torque;
         impulse += Vector3::new(x.mean_integral_at(k), y.mean_integral_at(k), z.mean_integral_at(k));
-        self.inverse_inertia * impulse
+        self.gyrostat.rate_equation().rate_change_b_rad_s(&impulse)
     }
 
     /// What effects see while the samples of node `k` are taken.

@@ -84,7 +84,7 @@ fn dry_friction_at_rest_moves_the_rate_as_a_torque_that_changes_its_mind() {
     let system = System { run, motion: &motion, mechanics: &mechanics, prediction: &prediction, settings };
 
     // A torque of that size which forgets itself within a tenth of a second, on the mean resisting inertia.
-    let inverse_inertia = mechanics.inverse_inertia.diagonal().mean();
+    let inverse_inertia = mechanics.inverse_inertia().diagonal().mean();
     let (step_s, steps, correlation_s) = (0.01, 4_000, 0.1_f64);
     let kept = (-step_s / correlation_s).exp();
     let mut rng = random(9);

@@ -146,7 +146,7 @@ fn wheel_signals(
     let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();
     let e2 = axis.cross(&e1);
     // The rate is the torque's integral over a turn: Om^2 becomes Om, a quarter turn later.
-    let (u1, u2) = (mechanics.inverse_inertia * e1, mechanics.inverse_inertia * e2);
+    let (u1, u2) = (mechanics.inverse_inertia() * e1, mechanics.inverse_inertia() * e2);
     for index in from..to {
         let t = fast.time(index);
         let k = fast.run.node_at(t);

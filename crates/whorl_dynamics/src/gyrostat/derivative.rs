@@ -1,9 +1,10 @@
 //! The right-hand side of the equations of motion.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use whorl_math::vertical_b;
+use nalgebra::{Quaternion, Vector3};
+use whorl_math::{quaternion_rate, vertical_b};
 
-use super::{Gyrostat, MAX_JETS, MAX_WHEELS, State, friction_n_m};
+use super::equation::gravity_torque_n_m;
+use super::{Gyrostat, MAX_JETS, MAX_WHEELS, RateEquation, State, friction_n_m};
 use crate::Environment;
 use crate::effects::{MAX_HIDDEN_STATES, contact_torque_b_n_m};
 
@@ -34,8 +35,8 @@ pub(crate) struct Drive {
     pub sliding: [f64; MAX_WHEELS],
     /// Wheels held by Coulomb friction.
     pub stuck: [bool; MAX_WHEELS],
-    /// Inverse of the inertia that resists, for this set of stuck wheels.
-    pub inverse_inertia: Matrix3<f64>,
+    /// The equation of motion for this set of stuck wheels.
+    pub equation: RateEquation,
     pub valve_fraction: [f64; MAX_JETS],
     /// Moment of the linear mass actuators' displacement, body axes [N m].
     pub ballast_moment_b_n_m: Vector3<f64>,
@@ -121,22 +122,22 @@ impl Gyrostat {
         let vertical_b = vertical_b(&state.q_world_body);
         let wheels = self.model.wheels();
         // Array sizes were checked in `Gyrostat::new`: no index below can be out of bounds.
-        let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * omega;
+        let momentum = self.momentum_b_n_m_s(&omega, &state.wheel_speed_rad_s);
         let mut wheel_torque = [0.0; MAX_WHEELS];
         for (j, wheel) in wheels.iter().enumerate() {
             let speed = state.wheel_speed_rad_s[j];
-            momentum += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
             wheel_torque[j] =
                 available_motor_torque_n_m(drive.motor_torque_n_m[j], speed, wheel.max_speed_rad_s)
                     + friction_n_m(wheel, speed, drive.sliding[j]);
         }
 
         let pressure_ratio = self.pressure_pa(state.gas_kg) / self.model.tank().reference_pressure_pa;
-        // Most of the time no jet blows, and a power is dear.
+        // Most of the time no jet blows, and a power is expensive.
         let thrust_factor = if jets.thrust_n == 0.0 { 0.0 } else { self.thrust_factor(pressure_ratio) };
         let offset = self.model.mass_properties.gravity_offset_b_n_m() + drive.ballast_moment_b_n_m;
-        let mut torque = jets.torque_b_n_m * thrust_factor + drive.body_torque_b_n_m
-            - offset.cross(&vertical_b)
+        let mut torque = jets.torque_b_n_m * thrust_factor
+            + drive.body_torque_b_n_m
+            + gravity_torque_n_m(&offset, &vertical_b)
             + contact_torque_b_n_m(
                 &self.model.tilt_limit,
                 STOP_STIFFNESS_N_M_RAD,
@@ -155,24 +156,13 @@ impl Gyrostat {
             }
         }
 
-        let mut reaction = Vector3::zeros();
-        for (j, wheel) in wheels.iter().enumerate() {
-            if !drive.stuck[j] {
-                reaction += wheel.spin_axis_b.into_inner() * wheel_torque[j];
-            }
-        }
         let omega_dot = if drive.clamped {
             Vector3::zeros()
         } else {
-            drive.inverse_inertia * (torque - omega.cross(&momentum) - reaction)
+            let on_wheels = self.on_wheels_b_n_m(&wheel_torque, &drive.stuck);
+            drive.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &on_wheels)
         };
-        let mut wheel_speed = [0.0; MAX_WHEELS];
-        for (j, wheel) in wheels.iter().enumerate() {
-            if !drive.stuck[j] {
-                wheel_speed[j] =
-                    wheel_torque[j] / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&omega_dot);
-            }
-        }
+        let wheel_speed = self.wheel_accelerations_rad_s2(&wheel_torque, &drive.stuck, &omega_dot);
         let mut hidden = [0.0; MAX_HIDDEN_STATES];
         if let Some(mut environment) = environment.filter(|_| self.effects.hidden_states() > 0) {
             environment.omega_dot_wb_b_rad_s2 = omega_dot;
@@ -204,13 +194,6 @@ impl Gyrostat {
         }
         wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot) - torque_n_m[j]
     }
-}
-
-/// 1/2 q (x) [0, omega].
-fn quaternion_rate(q: &UnitQuaternion<f64>, omega: &Vector3<f64>) -> Quaternion<f64> {
-    let (w, v) = (q.w, q.imag());
-    let half = 0.5 * omega;
-    Quaternion::from_parts(-v.dot(&half), half * w + v.cross(&half))
 }
 
 /// What the motor can give at this speed of what it was asked: less and less torque that would

@@ -21,6 +21,9 @@
 //! (I - A J A^T) dw/dt = g - w x h - A u
 //! ```
 //!
+//! [`equation`] is these equations as code, for whoever needs them with numbers of their own; [`Gyrostat`] is a
+//! platform's model with its effects in them.
+//!
 //! The gravity torque is -(m g r_cg) x k_b (eq. 4.74). Other bodies that do not follow rigidly
 //! (slosh, flexible modes) enter like the wheels: see
 //! [`crate::Effect::reaction_inertia_b_kg_m2`]. A wheel that is stuck by Coulomb friction turns
@@ -30,10 +33,12 @@
 //! dq/dt = 1/2 q (x) [0, w].
 
 mod derivative;
+pub mod equation;
 mod state;
 
 pub use crate::actuators::{jets::MAX_JETS, wheels::MAX_WHEELS};
 pub(crate) use derivative::{Derivative, Drive, JetDrive};
+pub use equation::{LinearisedRate, RateEquation};
 pub use state::State;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -45,6 +50,7 @@ use crate::effects::{EffectError, EffectSet, ThrustLag, TrueImu};
 use crate::platform::Wheel;
 use crate::sensing::specific_force_b_m_s2;
 use crate::{Environment, PlatformModel};
+use equation::{gravity_torque_n_m, without_wheels};
 
 /// Why a platform cannot be simulated.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -68,7 +74,19 @@ pub struct Gyrostat {
     model: PlatformModel,
     effects: EffectSet,
     thrust_lag: ThrustLag,
+    /// Inertia that does not follow the body rigidly.
     reaction_inertia_b_kg_m2: Matrix3<f64>,
+    /// With every wheel free.
+    equation: RateEquation,
+}
+
+/// Accelerations of body and wheels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Accelerations {
+    /// Of the body, body axes [rad/s^2].
+    pub omega_dot_wb_b_rad_s2: Vector3<f64>,
+    /// Of each wheel relative to the body about its axis [rad/s^2]; zero beyond the platform's own wheels.
+    pub wheel_rad_s2: [f64; MAX_WHEELS],
 }
 
 impl Gyrostat {
@@ -81,18 +99,17 @@ impl Gyrostat {
         let effects = EffectSet::from_map(&model.effects, model)?;
         let adjusted = effects.adjusted(model)?;
         adjusted.actuators.check()?;
-        let gyrostat = Self {
+        let reaction_inertia_b_kg_m2 = effects.reaction_inertia_b_kg_m2(&adjusted);
+        // With fewer free wheels the resisting inertia only grows, so all wheels free is the case to check.
+        let equation = rate_equation(&adjusted, &reaction_inertia_b_kg_m2, &[false; MAX_WHEELS])
+            .ok_or(GyrostatError::NothingLeft)?;
+        Ok(Self {
             thrust_lag: effects.thrust_lag(),
-            reaction_inertia_b_kg_m2: effects.reaction_inertia_b_kg_m2(&adjusted),
+            reaction_inertia_b_kg_m2,
+            equation,
             model: adjusted,
             effects,
-        };
-        // With fewer free wheels the matrix only grows, so all wheels free is the case to check.
-        let all_free = gyrostat.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
-        if all_free.cholesky().is_none() {
-            return Err(GyrostatError::NothingLeft);
-        }
-        Ok(gyrostat)
+        })
     }
 
     /// The platform, constants corrected by its effects.
@@ -105,6 +122,18 @@ impl Gyrostat {
     #[must_use]
     pub fn effects(&self) -> &EffectSet {
         &self.effects
+    }
+
+    /// Its equation of motion with every wheel free; what effects take out of the inertia resists no more.
+    #[must_use]
+    pub fn rate_equation(&self) -> &RateEquation {
+        &self.equation
+    }
+
+    /// The same with these wheels stuck: they turn with the body.
+    pub(crate) fn rate_equation_with_stuck(&self, stuck: &[bool; MAX_WHEELS]) -> RateEquation {
+        // It resists more than with all wheels free, which was checked.
+        rate_equation(&self.model, &self.reaction_inertia_b_kg_m2, stuck).unwrap_or(self.equation)
     }
 
     /// Lag of the jets' thrust behind their valves.
@@ -152,8 +181,8 @@ impl Gyrostat {
     /// what a controller feeds forward.
     #[must_use]
     pub fn modelled_torque_b_n_m(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
-        let gravity = self.model.mass_properties.gravity_offset_b_n_m().cross(&environment.vertical_b);
-        self.effects.torque_b_n_m(environment, hidden) - gravity
+        self.effects.torque_b_n_m(environment, hidden)
+            + gravity_torque_n_m(self.model.mass_properties.gravity_offset_b_n_m(), &environment.vertical_b)
     }
 
     /// Torque of the jets that are open now, at the present tank pressure, body axes [N m].
@@ -183,6 +212,40 @@ impl Gyrostat {
         torque_n_m
     }
 
+    /// Accelerations with every wheel free, under what the model has and a torque that it does not have
+    /// (`outside_b_n_m`: moving masses, a command in simulation) [N m].
+    #[must_use]
+    pub fn accelerations(
+        &self,
+        environment: &Environment<'_>,
+        hidden: &[f64],
+        outside_b_n_m: &Vector3<f64>,
+    ) -> Accelerations {
+        let omega = environment.omega_wb_b_rad_s;
+        let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
+        let mut torque = self.modelled_torque_b_n_m(environment, hidden) + outside_b_n_m;
+        if environment.valve_fraction.iter().any(|fraction| *fraction != 0.0) {
+            torque += self.jet_torque_b_n_m(environment);
+        }
+        let (wheel_torque, stuck) = (self.wheel_torque_n_m(environment), [false; MAX_WHEELS]);
+        let on_wheels = self.on_wheels_b_n_m(&wheel_torque, &stuck);
+        let omega_dot = self.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &on_wheels);
+        Accelerations {
+            omega_dot_wb_b_rad_s2: omega_dot,
+            wheel_rad_s2: self.wheel_accelerations_rad_s2(&wheel_torque, &stuck, &omega_dot),
+        }
+    }
+
+    /// The same of a body that is held still: only the wheels move.
+    #[must_use]
+    pub fn clamped_accelerations(&self, environment: &Environment<'_>) -> Accelerations {
+        let (wheel_torque, still) = (self.wheel_torque_n_m(environment), Vector3::zeros());
+        Accelerations {
+            omega_dot_wb_b_rad_s2: still,
+            wheel_rad_s2: self.wheel_accelerations_rad_s2(&wheel_torque, &[false; MAX_WHEELS], &still),
+        }
+    }
+
     /// Angular acceleration with every wheel free, body axes [rad/s^2].
     #[must_use]
     pub fn angular_acceleration_b_rad_s2(
@@ -190,23 +253,48 @@ impl Gyrostat {
         environment: &Environment<'_>,
         hidden: &[f64],
     ) -> Vector3<f64> {
-        let omega = environment.omega_wb_b_rad_s;
-        let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
-        let mut torque = self.modelled_torque_b_n_m(environment, hidden) + self.jet_torque_b_n_m(environment)
-            - omega.cross(&momentum);
-        for (wheel, wheel_torque) in self.model.wheels().iter().zip(self.wheel_torque_n_m(environment)) {
-            torque -= wheel.spin_axis_b.into_inner() * wheel_torque;
-        }
-        let free = self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS]);
-        // Positive definite by construction.
-        free.cholesky().map_or_else(Vector3::zeros, |factor| factor.solve(&torque))
+        self.accelerations(environment, hidden, &Vector3::zeros()).omega_dot_wb_b_rad_s2
     }
 
-    /// Inertia that resists angular acceleration with every wheel free, body axes [kg m^2]: I - sum J a a^T
-    /// less what does not follow rigidly.
+    /// A u over the wheels that are not stuck, body axes [N m].
+    #[must_use]
+    pub fn on_wheels_b_n_m(
+        &self,
+        wheel_torque_n_m: &[f64; MAX_WHEELS],
+        stuck: &[bool; MAX_WHEELS],
+    ) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        for ((wheel, torque), stuck) in self.model.wheels().iter().zip(wheel_torque_n_m).zip(stuck) {
+            if !stuck {
+                sum += wheel.spin_axis_b.into_inner() * *torque;
+            }
+        }
+        sum
+    }
+
+    /// dOm/dt = u / J - A^T dw/dt of the wheels that are not stuck [rad/s^2].
+    #[must_use]
+    pub fn wheel_accelerations_rad_s2(
+        &self,
+        wheel_torque_n_m: &[f64; MAX_WHEELS],
+        stuck: &[bool; MAX_WHEELS],
+        omega_dot_wb_b_rad_s2: &Vector3<f64>,
+    ) -> [f64; MAX_WHEELS] {
+        let mut acceleration = [0.0; MAX_WHEELS];
+        let wheels = self.model.wheels().iter().zip(wheel_torque_n_m).zip(stuck);
+        for (slot, ((wheel, torque), stuck)) in acceleration.iter_mut().zip(wheels) {
+            if !stuck {
+                *slot = torque / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2);
+            }
+        }
+        acceleration
+    }
+
+    /// Inertia that resists angular acceleration with every wheel free, body axes [kg m^2]: I - A J A^T less what does
+    /// not follow rigidly.
     #[must_use]
     pub fn resisting_inertia_b_kg_m2(&self) -> Matrix3<f64> {
-        self.inertia_without_free_wheels_b_kg_m2(&[false; MAX_WHEELS])
+        *self.equation.resisting_b_kg_m2()
     }
 
     /// What ideal inertial sensors read, body axes: `environment` must hold the angular acceleration.
@@ -223,18 +311,6 @@ impl Gyrostat {
         };
         self.effects.measure_imu(environment, &mut imu);
         imu
-    }
-
-    /// I - sum J a a^T over the wheels that are not stuck, less what effects take out.
-    pub(crate) fn inertia_without_free_wheels_b_kg_m2(&self, stuck: &[bool; MAX_WHEELS]) -> Matrix3<f64> {
-        let mut inertia = self.model.mass_properties.inertia_b_kg_m2() - self.reaction_inertia_b_kg_m2;
-        for (wheel, stuck) in self.model.wheels().iter().zip(stuck) {
-            if !stuck {
-                let axis = wheel.spin_axis_b.into_inner();
-                inertia -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
-            }
-        }
-        inertia
     }
 
     /// Thrust over nominal thrust at this pressure over reference pressure.
@@ -271,6 +347,16 @@ impl Gyrostat {
     pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
         thrust_n / (GRAVITY_M_S2 * self.model.tank().specific_impulse_s)
     }
+}
+
+fn rate_equation(
+    model: &PlatformModel,
+    reaction_inertia_b_kg_m2: &Matrix3<f64>,
+    stuck: &[bool; MAX_WHEELS],
+) -> Option<RateEquation> {
+    let inertia = *model.mass_properties.inertia_b_kg_m2();
+    let free = model.wheels().iter().zip(stuck).filter(|(_, stuck)| !**stuck).map(|(wheel, _)| wheel);
+    RateEquation::new(inertia, without_wheels(inertia - reaction_inertia_b_kg_m2, free))
 }
 
 /// Friction torque on a wheel [N m] for the given sense of sliding (-1, 0, 1).

@@ -1,6 +1,6 @@
 //! From one event to the next.
 
-use super::{Plant, PlantError, inverse_inertia};
+use super::{Plant, PlantError};
 use crate::State;
 use crate::gyrostat::{Derivative, MAX_WHEELS, sign};
 use crate::sensing::Snapshot;
@@ -164,7 +164,7 @@ impl Plant {
         };
         *sliding = sense;
         *stuck = has_friction && sense == 0.0;
-        self.drive.inverse_inertia = inverse_inertia(&self.gyrostat, &self.drive.stuck);
+        self.drive.equation = self.gyrostat.rate_equation_with_stuck(&self.drive.stuck);
     }
 
     fn add_hidden_noise(&mut self, length_s: f64) {

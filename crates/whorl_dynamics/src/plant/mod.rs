@@ -281,7 +281,7 @@ impl Drive {
             motor_torque_n_m: [0.0; MAX_WHEELS],
             sliding: [0.0; MAX_WHEELS],
             stuck: [false; MAX_WHEELS],
-            inverse_inertia: inverse_inertia(gyrostat, &[false; MAX_WHEELS]),
+            equation: *gyrostat.rate_equation(),
             valve_fraction: [0.0; crate::gyrostat::MAX_JETS],
             ballast_moment_b_n_m: Vector3::zeros(),
             ballast_direction: Vector3::zeros(),
@@ -290,12 +290,6 @@ impl Drive {
             initial_gas_kg: gyrostat.initial_gas_kg(),
         }
     }
-}
-
-/// Inverse of the inertia that resists with these wheels stuck.
-fn inverse_inertia(gyrostat: &Gyrostat, stuck: &[bool; MAX_WHEELS]) -> nalgebra::Matrix3<f64> {
-    // Positive definite by construction of the gyrostat.
-    gyrostat.inertia_without_free_wheels_b_kg_m2(stuck).try_inverse().unwrap_or_else(nalgebra::Matrix3::zeros)
 }
 
 /// Seconds to the nearest nanosecond; saturates.

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use whorl_dynamics::Environment;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 
 use super::LocalControlCore;
 use crate::inputs::Estimate;
@@ -16,7 +17,8 @@ impl LocalControlCore {
         let model = self.gyrostat.model();
         let mut environment = Environment::new(model, estimate.q_world_body, estimate.omega_wb_b_rad_s);
         if !self.parameters.compensate_effects {
-            return -model.mass_properties.gravity_offset_b_n_m().cross(&environment.vertical_b);
+            let offset = model.mass_properties.gravity_offset_b_n_m();
+            return gravity_torque_n_m(offset, &environment.vertical_b);
         }
         environment.wheel_speed_rad_s = self.inputs.wheel_speed_rad_s();
         self.set_supplies(&mut environment);

@@ -10,7 +10,7 @@ use thiserror::Error;
 use whorl_control::mass_balancing::BalancingError;
 use whorl_control::reference::{EnvelopeError, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
-use whorl_control::tracking::{GyrostatInertia, TrackingError, TrackingLaw};
+use whorl_control::tracking::{TrackingError, TrackingLaw};
 use whorl_dynamics::{Gyrostat, GyrostatError};
 use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
@@ -61,7 +61,6 @@ pub struct LocalControlCore {
     pub(crate) parameters: Parameters,
     pub(crate) frame_id: String,
     pub(crate) gyrostat: Gyrostat,
-    pub(crate) inertia: GyrostatInertia,
     pub(crate) law: TrackingLaw,
     pub(crate) safe_mode: SafeMode,
     pub(crate) safe_envelope: TiltEnvelope,
@@ -98,7 +97,7 @@ impl LocalControlCore {
         model.effects.retain(|id, _| !NOT_COMPENSATED.contains(&id.as_str()));
         let gyrostat = Gyrostat::new(&model)?;
         let adjusted = gyrostat.model();
-        let inertia = GyrostatInertia::new(*adjusted.mass_properties.inertia_b_kg_m2(), adjusted.wheels());
+        let inertia_b_kg_m2 = *adjusted.mass_properties.inertia_b_kg_m2();
         let limits = &parameters.limits;
         let gains = if parameters.actuators == whorl_allocation::Mode::Jets {
             parameters.jet_gains
@@ -107,7 +106,7 @@ impl LocalControlCore {
         };
         let envelope = TiltEnvelope::new(adjusted.tilt_limit, limits.reference_tilt_margin_rad)?;
         Ok(Self {
-            law: TrackingLaw::new(inertia, gains)?,
+            law: TrackingLaw::new(inertia_b_kg_m2, adjusted.wheels(), gains)?,
             safe_mode: SafeMode::new(parameters.safe_mode)?,
             safe_envelope: TiltEnvelope::new(adjusted.tilt_limit, limits.safe_tilt_margin_rad)?,
             target: Target::new(parameters.rejoin, limits.deceleration_rad_s2, envelope),
@@ -128,7 +127,6 @@ impl LocalControlCore {
             clock_sequence: 0,
             next_status: None,
             next_diagnostics: None,
-            inertia,
             gyrostat,
             parameters,
         })

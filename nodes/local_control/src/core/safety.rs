@@ -94,7 +94,8 @@ impl LocalControlCore {
         self.fault = Some(reason);
         let (mode, asked_b_n_m, actuated) = match (state, gyro) {
             (SafeState::Damping, Some(omega)) => {
-                let torque = self.safe_mode.damping_torque_b_n_m(&self.inertia.resisting_b_kg_m2, &omega);
+                let inertia = self.law.equation().resisting_b_kg_m2();
+                let torque = self.safe_mode.damping_torque_b_n_m(inertia, &omega);
                 let actuated = self.actuation.apply(
                     stamp,
                     &torque,
