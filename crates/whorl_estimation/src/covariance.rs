@@ -5,7 +5,8 @@
 //! directions known in the world have a constant sensitivity: the transition matrix is
 //! `[1 B; 0 1]` with `B = -integral R dt`, whatever the motion.
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix6, Vector2, Vector3};
+use nalgebra::{Matrix1, Matrix2, Matrix3, Matrix3x2, Matrix6, SMatrix, Vector2, Vector3};
+use whorl_math::covariance;
 
 /// Blocks of the symmetric 6x6 covariance.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,20 +114,16 @@ impl Covariance {
         }
         let gain_attitude = on_attitude * inverse;
         let gain_bias = on_bias * inverse;
-        // Joseph's form for any gain, P - K A^T - A K^T + K S K^T, evaluated as
-        // P - K A^T - W K^T: W = A - K S vanishes but for rounding, and takes the rounding of
-        // the first difference out again.
-        let w_attitude = on_attitude - gain_attitude * innovation_covariance;
-        let w_bias = on_bias - gain_bias * innovation_covariance;
-        self.attitude -= gain_attitude * on_attitude.transpose() + w_attitude * gain_attitude.transpose();
-        self.cross -= gain_attitude * on_bias.transpose() + w_attitude * gain_bias.transpose();
-        self.bias -= gain_bias * on_bias.transpose() + w_bias * gain_bias.transpose();
-        self.symmetrise();
+        self.correct(
+            &stacked(&gain_attitude, &gain_bias),
+            &stacked(&on_attitude, &on_bias),
+            &innovation_covariance,
+        );
         Ok(Correction { attitude_rad: gain_attitude * z, bias_rad_s: gain_bias * z, nis })
     }
 
     /// Scalar measurement update whose gain is masked: the covariance stays valid for the
-    /// suboptimal gain (Joseph's form).
+    /// suboptimal gain.
     pub(crate) fn update_scalar(
         &mut self,
         measurement: &ScalarMeasurement,
@@ -143,14 +140,7 @@ impl Covariance {
         }
         let gain = on_attitude.component_mul(&measurement.corrects) / variance;
         let gain_bias = on_bias / variance;
-        // P - K A^T - A K^T + K S K^T: Joseph's form for any gain, A = P H^T.
-        let a = gain * on_attitude.transpose();
-        self.attitude += gain * gain.transpose() * variance - a - a.transpose();
-        self.cross += gain * gain_bias.transpose() * variance
-            - gain * on_bias.transpose()
-            - on_attitude * gain_bias.transpose();
-        self.bias -= gain_bias * on_bias.transpose();
-        self.symmetrise();
+        self.correct(&stacked(&gain, &gain_bias), &stacked(&on_attitude, &on_bias), &Matrix1::new(variance));
         Ok(Correction {
             attitude_rad: gain * measurement.innovation,
             bias_rad_s: gain_bias * measurement.innovation,
@@ -162,13 +152,7 @@ impl Covariance {
     pub(crate) fn in_body_axes(&self, rotation: &Matrix3<f64>) -> Matrix6<f64> {
         let attitude = rotation.tr_mul(&(self.attitude * rotation));
         let attitude = (attitude + attitude.transpose()) * 0.5;
-        let cross = rotation.tr_mul(&self.cross);
-        let mut full = Matrix6::zeros();
-        full.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude);
-        full.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
-        full.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
-        full.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.bias);
-        full
+        self.full(&attitude, &rotation.tr_mul(&self.cross))
     }
 
     /// Forgets the heading, and all that was correlated with it.
@@ -188,10 +172,36 @@ impl Covariance {
         lag_variance.min(0.9 * p.m11.min(p.m22).min(p.m33))
     }
 
-    fn symmetrise(&mut self) {
-        self.attitude = (self.attitude + self.attitude.transpose()) * 0.5;
-        self.bias = (self.bias + self.bias.transpose()) * 0.5;
+    /// What a correction with this gain leaves: see [`covariance::correct`].
+    fn correct<const M: usize>(
+        &mut self,
+        gain: &SMatrix<f64, 6, M>,
+        a: &SMatrix<f64, 6, M>,
+        s: &SMatrix<f64, M, M>,
+    ) {
+        let mut full = self.full(&self.attitude, &self.cross);
+        covariance::correct(&mut full, gain, a, s);
+        self.attitude = full.fixed_view::<3, 3>(0, 0).into();
+        self.cross = full.fixed_view::<3, 3>(0, 3).into();
+        self.bias = full.fixed_view::<3, 3>(3, 3).into();
     }
+
+    fn full(&self, attitude: &Matrix3<f64>, cross: &Matrix3<f64>) -> Matrix6<f64> {
+        let mut full = Matrix6::zeros();
+        full.fixed_view_mut::<3, 3>(0, 0).copy_from(attitude);
+        full.fixed_view_mut::<3, 3>(0, 3).copy_from(cross);
+        full.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
+        full.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.bias);
+        full
+    }
+}
+
+/// Attitude rows above bias rows.
+fn stacked<const M: usize>(attitude: &SMatrix<f64, 3, M>, bias: &SMatrix<f64, 3, M>) -> SMatrix<f64, 6, M> {
+    let mut both = SMatrix::<f64, 6, M>::zeros();
+    both.fixed_view_mut::<3, M>(0, 0).copy_from(attitude);
+    both.fixed_view_mut::<3, M>(3, 0).copy_from(bias);
+    both
 }
 
 /// Inverse of a symmetric positive definite 2x2 matrix; NaN, which no gate accepts, if singular.
@@ -204,7 +214,6 @@ fn inverse_2x2(m: &Matrix2<f64>) -> Matrix2<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::SMatrix;
     use whorl_math::quaternion_exp;
 
     fn full(p: &Covariance) -> Matrix6<f64> {

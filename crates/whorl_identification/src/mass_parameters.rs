@@ -67,20 +67,11 @@ pub fn prior_stddev(prior: &ModelPrior) -> MassVector {
     MassVector::from([i.m11, i.m12, i.m13, i.m22, i.m23, i.m33, c.x, c.y, c.z])
 }
 
-/// The matrix that turns the six inertia elements into I v: `[v] {I} = I v` (eq. 4.75).
-#[must_use]
-pub fn inertia_regressor(v: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
-    SMatrix::<f64, 3, 6>::from_row_slice(&[
-        v.x, v.y, v.z, 0.0, 0.0, 0.0, //
-        0.0, v.x, 0.0, v.y, v.z, 0.0, //
-        0.0, 0.0, v.x, 0.0, v.y, v.z,
-    ])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use whorl_dynamics::PlatformModel;
+    use whorl_dynamics::gyrostat::equation::inertia_regressor;
 
     #[test]
     fn vector_and_matrix_agree() {

@@ -2,6 +2,8 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::MassProperties;
+use whorl_dynamics::gyrostat::RateEquation;
+use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_math::{quaternion_rate, vertical_b};
 
 use crate::regression::{StateSample, StateSeries};
@@ -18,9 +20,10 @@ pub fn simulate_rigid_body(
     samples: usize,
     substeps: usize,
 ) -> StateSeries {
-    let inertia = mass.inertia_b_kg_m2();
     // Mass properties are positive definite.
-    let inverse = inertia.try_inverse().unwrap_or_default();
+    let Some(equation) = RateEquation::with_known_wheel_speeds(*mass.inertia_b_kg_m2()) else {
+        return StateSeries::default();
+    };
     let (mut q, mut omega) = start;
     let h_s = step_s / substeps.max(1) as f64;
     let mut series = StateSeries::default();
@@ -35,8 +38,9 @@ pub fn simulate_rigid_body(
             external_torque_b_n_m: torque,
         });
         let derivative = |q: &UnitQuaternion<f64>, w: &Vector3<f64>| {
-            let gravity = -mass.gravity_offset_b_n_m().cross(&vertical_b(q));
-            (quaternion_rate(q, w), inverse * (torque + gravity - w.cross(&(inertia * w))))
+            let total = torque + gravity_torque_n_m(mass.gravity_offset_b_n_m(), &vertical_b(q));
+            let momentum = equation.momentum_b_n_m_s(w, &Vector3::zeros());
+            (quaternion_rate(q, w), equation.acceleration_b_rad_s2(w, &momentum, &total, &Vector3::zeros()))
         };
         for _ in 0..substeps.max(1) {
             let at = |dq: &nalgebra::Quaternion<f64>, h: f64| {

@@ -4,6 +4,8 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::gyrostat::RateEquation;
+use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_dynamics::sensing::specific_force_b_m_s2;
 use whorl_identification::regression::StateSeries;
 use whorl_math::vertical_b;
@@ -48,22 +50,22 @@ pub fn measured(truth: &StateSeries, model: &PlatformModel, seed: u128, decimati
     let (gyro, force) = (&sensors.gyro.errors, &sensors.accelerometer.errors);
     let gyro_bias = gyro.bias_turn_on_stddev.component_mul(&noise.vector());
     let force_bias = force.bias_turn_on_stddev.component_mul(&noise.vector());
-    let inertia = model.mass_properties.inertia_b_kg_m2();
-    let inverse = inertia.try_inverse().unwrap_or_default();
+    let mass = &model.mass_properties;
+    let equation = RateEquation::with_known_wheel_speeds(*mass.inertia_b_kg_m2());
     let mut run = Recording { name: "simulated".into(), platform: "whorl_1".into(), ..Recording::default() };
     let mut directions = Series::default();
     for (k, s) in truth.samples.iter().enumerate() {
         let omega = s.omega_wb_b_rad_s;
         let vertical = vertical_b(&s.q_world_body);
-        let torque = s.external_torque_b_n_m
-            - model.mass_properties.gravity_offset_b_n_m().cross(&vertical)
-            - omega.cross(&(inertia * omega));
-        let specific = specific_force_b_m_s2(
-            &sensors.accelerometer.lever_arm_b_m,
-            &omega,
-            &(inverse * torque),
-            &vertical,
-        );
+        let torque = s.external_torque_b_n_m + gravity_torque_n_m(mass.gravity_offset_b_n_m(), &vertical);
+        // Mass properties are positive definite.
+        let acceleration = equation.map_or_else(Vector3::zeros, |equation| {
+            let zero = Vector3::zeros();
+            let momentum = equation.momentum_b_n_m_s(&omega, &zero);
+            equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &zero)
+        });
+        let lever_arm = &sensors.accelerometer.lever_arm_b_m;
+        let specific = specific_force_b_m_s2(lever_arm, &omega, &acceleration, &vertical);
         push(&mut run.gyro_b_rad_s, s.time_s, gyro.reading(&omega, &gyro_bias, &noise.vector()));
         push(
             &mut run.specific_force_b_m_s2,

@@ -4,12 +4,13 @@
 //! order and reset to zero after each update; the rate is a state and the gyro a measurement. The gyro's bias is taken as known
 //! from the start, as in the dissertation: what it drifts later goes into the rate.
 
-use super::dense::{propagate, update};
+use super::dense::update;
 use super::rigid_body::RateModel;
 use super::{FilterStep, Kernel, Solution, Update};
 use crate::body::BodyModel;
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, UnitQuaternion, Vector3, Vector6};
+use whorl_math::covariance::propagate;
 use whorl_math::{quaternion_exp, skew};
 
 /// The filter's state.
@@ -60,7 +61,7 @@ impl AttitudeRateFilter {
         let middle = self.q_world_body * quaternion_exp(&(self.omega_rad_s * (0.5 * dt_s)));
         let up_b = middle.inverse() * Vector3::z();
         let acceleration = self.model.acceleration(&half, &up_b);
-        let (by_rate, by_up) = self.model.derivatives(&half);
+        let rate = self.model.linearised(&half, &up_b);
         // Half of what wheels and jets do acts within the step.
         let exchange = self.model.exchange(step);
         let mean_rate = self.omega_rad_s + (acceleration * dt_s + exchange) * 0.5;
@@ -69,14 +70,12 @@ impl AttitudeRateFilter {
         self.q_world_body.renormalize_fast();
         self.omega_rad_s += acceleration * dt_s + exchange;
         let back = *turn.inverse().to_rotation_matrix().matrix();
-        // The vertical in body axes: exp(-a) u = u + u x a.
-        let by_attitude = by_up * skew(&up_b);
         let mut f = Matrix6::identity();
         f.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
         f.fixed_view_mut::<3, 3>(0, 3)
             .copy_from(&(Matrix3::identity() * dt_s - skew(&mean_rate) * (0.5 * dt_s * dt_s)));
-        f.fixed_view_mut::<3, 3>(3, 0).copy_from(&(by_attitude * dt_s));
-        f.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() + by_rate * dt_s));
+        f.fixed_view_mut::<3, 3>(3, 0).copy_from(&(rate.by_attitude * dt_s));
+        f.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() + rate.by_rate * dt_s));
         f
     }
 }

@@ -18,6 +18,9 @@ use crate::body::BodyModel;
 use crate::parameters::Parameters;
 use crate::residual::{across, direction_residual};
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
+use whorl_dynamics::gyrostat::RateEquation;
+use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
+use whorl_math::covariance::{correct_scalar, symmetrise};
 use whorl_math::{quaternion_exp, skew, unit};
 
 /// Attitude error, momentum error (world axes); gyro bias, torque, accelerometer bias (body axes).
@@ -36,7 +39,7 @@ type Row = SVector<f64, STATES>;
 pub struct GyrostatFilter {
     parameters: Parameters,
     body: BodyModel,
-    inverse_inertia: Matrix3<f64>,
+    equation: RateEquation,
     q_world_body: UnitQuaternion<f64>,
     momentum_w_n_m_s: Vector3<f64>,
     gyro_bias_rad_s: Vector3<f64>,
@@ -63,7 +66,7 @@ fn block(matrix: &Covariance, row: usize, column: usize) -> Matrix3<f64> {
 impl GyrostatFilter {
     /// Rate that the momentum implies, body axes.
     fn rate(&self, rotation: &Matrix3<f64>, wheel_momentum_b: &Vector3<f64>) -> Vector3<f64> {
-        self.inverse_inertia * (rotation.tr_mul(&self.momentum_w_n_m_s) - wheel_momentum_b)
+        self.equation.rate_b_rad_s(&rotation.tr_mul(&self.momentum_w_n_m_s), wheel_momentum_b)
     }
 
     /// Moves the mean; returns the transition of the error and the rotation in the middle of the step.
@@ -72,9 +75,8 @@ impl GyrostatFilter {
         let before = *self.q_world_body.to_rotation_matrix().matrix();
         let half = self.q_world_body * quaternion_exp(&(self.omega_rad_s * (0.5 * dt_s)));
         let middle = *half.to_rotation_matrix().matrix();
-        let gravity_w = middle * self.body.gravity_offset_b_n_m;
-        let down = -Vector3::z();
-        let torque_w = gravity_w.cross(&down) + middle * self.torque_b_n_m;
+        let (offset_w, up) = (middle * self.body.gravity_offset_b_n_m, Vector3::z());
+        let torque_w = gravity_torque_n_m(&offset_w, &up) + middle * self.torque_b_n_m;
         let impulse_w = middle * step.jet_impulse_b_n_m_s;
         self.momentum_w_n_m_s += torque_w * dt_s + impulse_w;
         let predicted = self.q_world_body * quaternion_exp(&(self.omega_rad_s * dt_s));
@@ -85,13 +87,13 @@ impl GyrostatFilter {
         self.omega_rad_s = self.rate(&after, &step.wheel_momentum_b_n_m_s);
         self.wheel_momentum_b_n_m_s = step.wheel_momentum_b_n_m_s;
         let mean = (before + after) * 0.5;
-        let mobility = mean * self.inverse_inertia * mean.transpose() * dt_s;
+        let mobility = mean * self.equation.rate_by_momentum() * mean.transpose() * dt_s;
         let known_w = middle * self.torque_b_n_m * dt_s + impulse_w;
         let transition = Transition {
             attitude_attitude: mobility * skew(&self.momentum_w_n_m_s),
             attitude_momentum: mobility,
-            // d(g x down) with dg = delta x g, and d(R d) = delta x R d.
-            momentum_attitude: skew(&down) * skew(&gravity_w) * dt_s - skew(&known_w),
+            // d(-o x up) with do = delta x o, and d(R d) = delta x R d.
+            momentum_attitude: -skew(&up) * skew(&offset_w) * dt_s - skew(&known_w),
             momentum_torque: middle * dt_s,
         };
         (transition, middle)
@@ -159,8 +161,7 @@ impl GyrostatFilter {
         let s = h.dot(on) + variance;
         // Of several scalars of one sample, the later ones meet what the earlier ones corrected.
         let z = z - h.dot(correction);
-        let gain = on / s;
-        self.covariance.ger(-1.0, &gain, on, 1.0);
+        let gain = correct_scalar(&mut self.covariance, on, s);
         *correction += gain * z;
         z * z / s
     }
@@ -180,7 +181,7 @@ impl GyrostatFilter {
 
     /// Sensitivity of the rate, one row per body axis, to attitude and momentum errors.
     fn rate_sensitivity(&self, rotation: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
-        let to_momentum = self.inverse_inertia * rotation.transpose();
+        let to_momentum = self.equation.rate_by_momentum() * rotation.transpose();
         (to_momentum * skew(&self.momentum_w_n_m_s), to_momentum)
     }
 
@@ -245,7 +246,7 @@ impl GyrostatFilter {
     /// A filter that goes on from an estimate (attitude error in body axes in its covariance).
     #[must_use]
     pub fn new(parameters: &Parameters, body: &BodyModel, start: &Solution) -> Option<Self> {
-        let inverse_inertia = body.inertia_kg_m2.try_inverse()?;
+        let equation = RateEquation::with_known_wheel_speeds(body.inertia_kg_m2)?;
         let rotation = *start.q_world_body.to_rotation_matrix().matrix();
         let mut covariance = Covariance::zeros();
         let p = &start.covariance;
@@ -260,7 +261,7 @@ impl GyrostatFilter {
         let mut filter = Self {
             parameters: *parameters,
             body: *body,
-            inverse_inertia,
+            equation,
             q_world_body: start.q_world_body,
             momentum_w_n_m_s: Vector3::zeros(),
             gyro_bias_rad_s: start.gyro_bias_rad_s,
@@ -271,7 +272,7 @@ impl GyrostatFilter {
             covariance,
         };
         filter.momentum_w_n_m_s =
-            rotation * (body.inertia_kg_m2 * start.omega_rad_s + start.wheel_momentum_b_n_m_s);
+            rotation * equation.momentum_b_n_m_s(&start.omega_rad_s, &start.wheel_momentum_b_n_m_s);
         // The rate comes from the gyro: it is wrong by one sample's noise and by the bias error.
         let spread = body.inertia_kg_m2 * body.inertia_kg_m2.transpose() * body.rate_sigma_rad_s.powi(2);
         add_block(&mut filter.covariance, MOMENTUM, &(rotation * spread * rotation.transpose()));
@@ -305,7 +306,7 @@ impl Kernel for GyrostatFilter {
             None => Update::default(),
         };
         // Rounding must not make the two halves drift apart.
-        self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        symmetrise(&mut self.covariance);
         update
     }
 

@@ -11,10 +11,11 @@
 //! what is predicted, which makes its error of third order; the correction goes through the group's exponential.
 
 use super::bias_state::{BiasState, process_noise, transformed};
-use super::dense::{propagate, update};
+use super::dense::update;
 use super::{FilterStep, Kernel, Solution, Update};
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, Vector3, Vector6};
+use whorl_math::covariance::propagate;
 use whorl_math::{quaternion_exp, right_jacobian, skew};
 
 /// The filter's state.

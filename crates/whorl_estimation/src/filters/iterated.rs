@@ -5,10 +5,10 @@
 //! itself as measurement, `y = R^T r` (eq. 4.71), whose sensitivity is `[y x]` (eq. 4.72 at a = 0).
 
 use super::bias_state::{BiasState, process_noise, transformed};
-use super::dense::propagate;
 use super::{FilterStep, Kernel, Solution, Update};
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, UnitQuaternion, Vector3, Vector6};
+use whorl_math::covariance::{correct, propagate};
 use whorl_math::{quaternion_exp, skew};
 
 /// Gauss-Newton steps at most.
@@ -60,30 +60,26 @@ impl Kernel for IteratedFilter {
     ) -> Update {
         let prior = self.state.clone();
         let mut error = Vector6::zeros();
-        let mut result = None;
+        let mut result: Option<(f64, SMatrix<f64, 6, 3>, SMatrix<f64, 6, 3>, Matrix3<f64>)> = None;
         for _ in 0..ITERATIONS {
             let (z, h) = linearised(&prior.q_world_body, &error, direction_b, reference_w);
-            let on = self.covariance * h.transpose();
-            let s = h * on + Matrix3::identity() * variance;
-            let Some(s) = s.cholesky() else { return Update::default() };
-            let gain = s.solve(&on.transpose()).transpose();
+            let a = self.covariance * h.transpose();
+            let s = h * a + Matrix3::identity() * variance;
+            let Some(factor) = s.cholesky() else { return Update::default() };
+            let gain = factor.solve(&a.transpose()).transpose();
             // Gauss-Newton: the innovation is carried back to the prior's error, zero.
             let next = gain * (z + h * error);
             let change = (next - error).fixed_rows::<3>(0).norm();
             error = next;
-            let first = result.is_none();
-            if first {
-                result = Some((z.dot(&s.solve(&z)), gain, h));
-            } else if let Some((_, g, sensitivity)) = &mut result {
-                (*g, *sensitivity) = (gain, h);
-            }
+            // How well the innovation agreed is that of the first linearisation.
+            let nis = result.map_or_else(|| z.dot(&factor.solve(&z)), |(nis, ..)| nis);
+            result = Some((nis, gain, a, s));
             if change < CONVERGED_RAD {
                 break;
             }
         }
-        let Some((nis, gain, h)) = result else { return Update::default() };
-        let keep = Matrix6::identity() - gain * h;
-        self.covariance = keep * self.covariance * keep.transpose() + gain * gain.transpose() * variance;
+        let Some((nis, gain, a, s)) = result else { return Update::default() };
+        correct(&mut self.covariance, &gain, &a, &s);
         let turn = Vector3::from(error.fixed_rows::<3>(0));
         self.state.q_world_body = prior.q_world_body * quaternion_exp(&turn);
         self.state.q_world_body.renormalize_fast();

@@ -5,7 +5,7 @@
 //! quaternion), which no derivation justifies: that is the dissertation's argument for section 4.5.3. Components are
 //! w, x, y, z (Hamilton).
 
-use super::dense::{propagate, update};
+use super::dense::update;
 use super::rigid_body::RateModel;
 use super::{FilterStep, Kernel, Solution, Update};
 use crate::body::BodyModel;
@@ -14,6 +14,7 @@ use nalgebra::{
     Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, Quaternion, SMatrix, SVector, Unit, UnitQuaternion,
     Vector3,
 };
+use whorl_math::covariance::propagate;
 use whorl_math::skew;
 
 type Covariance = SMatrix<f64, 7, 7>;
@@ -108,7 +109,7 @@ impl Kernel for QuaternionRateFilter {
         let up_b = self.q_world_body.inverse() * Vector3::z();
         let half = self.omega_rad_s + self.model.acceleration(&self.omega_rad_s, &up_b) * (0.5 * dt_s);
         let acceleration = self.model.acceleration(&half, &up_b);
-        let (by_rate, by_up) = self.model.derivatives(&half);
+        let rate = self.model.linearised(&half, &up_b);
         let exchange = self.model.exchange(step);
         let mean_rate = self.omega_rad_s + (acceleration * dt_s + exchange) * 0.5;
         let mut f = Covariance::identity();
@@ -118,8 +119,8 @@ impl Kernel for QuaternionRateFilter {
         f.fixed_view_mut::<4, 4>(0, 0).copy_from(&quaternion);
         f.fixed_view_mut::<4, 3>(0, 4).copy_from(&(xi(&q) * (0.5 * dt_s)));
         let to_vertical = direction_sensitivity(&q, &Vector3::z());
-        f.fixed_view_mut::<3, 4>(4, 0).copy_from(&(by_up * to_vertical * dt_s));
-        f.fixed_view_mut::<3, 3>(4, 4).copy_from(&(Matrix3::identity() + by_rate * dt_s));
+        f.fixed_view_mut::<3, 4>(4, 0).copy_from(&(rate.by_vertical * to_vertical * dt_s));
+        f.fixed_view_mut::<3, 3>(4, 4).copy_from(&(Matrix3::identity() + rate.by_rate * dt_s));
         let mut noise = Covariance::zeros();
         noise.fixed_view_mut::<3, 3>(4, 4).copy_from(&rate_noise);
         propagate(&mut self.covariance, &f, &noise);

@@ -8,6 +8,7 @@ use super::bias_state::{BiasState, mean_turn};
 use super::{FilterStep, Kernel, Solution, Update};
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, Quaternion, SMatrix, Unit, UnitQuaternion, Vector3, Vector6};
+use whorl_math::covariance::correct;
 use whorl_math::quaternion_exp;
 
 const POINTS: usize = 13;
@@ -126,8 +127,7 @@ impl Kernel for UnscentedFilter {
         let innovation = direction_b.into_inner() - mean;
         let gain = factor.solve(&cross.transpose()).transpose();
         let correction = gain * innovation;
-        self.covariance -= gain * innovation_covariance * gain.transpose();
-        self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        correct(&mut self.covariance, &gain, &cross, &innovation_covariance);
         let (q, bias) = self.point(&correction);
         (self.state.q_world_body, self.state.bias_rad_s) = (q, bias);
         self.state.q_world_body.renormalize_fast();

@@ -1,6 +1,7 @@
 //! Covariance of the free-motion filter.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix1, Matrix3, SMatrix, SVector, Vector3};
+use whorl_math::covariance;
 
 pub(super) const STATES: usize = 30;
 /// Rotation vector, world axes \[rad\].
@@ -39,13 +40,9 @@ pub(super) struct Interval {
     pub noise: Row,
 }
 
-/// `P <- F P F^T + Q`, with the blocks of F that are not the identity.
+/// Growth over an interval.
 pub(super) fn propagate(p: &mut Covariance, interval: &Interval) {
-    let transition = transition(interval);
-    *p = transition * *p * transition.transpose();
-    for i in 0..STATES {
-        p[(i, i)] += interval.noise[i];
-    }
+    covariance::propagate(p, &transition(interval), &Covariance::from_diagonal(&interval.noise));
 }
 
 pub(super) fn transition(interval: &Interval) -> Covariance {
@@ -65,20 +62,22 @@ pub(super) fn transition(interval: &Interval) -> Covariance {
     f
 }
 
-/// A scalar update whose gain is limited to some states: Joseph's form for any gain. Returns the correction and the
+/// A scalar update whose gain is limited to some states. Returns the correction and the
 /// variance of the innovation.
 pub(super) fn update(p: &mut Covariance, h: &Row, z: f64, variance: f64, mask: Option<&Row>) -> (Row, f64) {
     let on = *p * h;
     let s = h.dot(&on) + variance;
-    let mut gain = on / s;
-    match mask {
+    let gain = match mask {
         Some(mask) => {
-            gain.component_mul_assign(mask);
-            let cross = gain * on.transpose();
-            *p += gain * gain.transpose() * s - cross - cross.transpose();
+            let gain = (on / s).component_mul(mask);
+            covariance::correct(p, &gain, &on, &Matrix1::new(s));
+            gain
         }
-        None => *p -= gain * on.transpose(),
-    }
-    *p = (*p + p.transpose()) * 0.5;
+        None => {
+            let gain = covariance::correct_scalar(p, &on, s);
+            covariance::symmetrise(p);
+            gain
+        }
+    };
     (gain * z, s)
 }

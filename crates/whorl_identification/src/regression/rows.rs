@@ -1,10 +1,11 @@
 //! The linear equations of each method.
 
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
+use whorl_dynamics::gyrostat::equation::{inertia_regressor, momentum_rate_b_n_m};
 use whorl_math::{skew, vertical_b};
 
 use super::series::{StateSample, StateSeries};
-use crate::mass_parameters::{MASS_PARAMETERS, inertia_regressor};
+use crate::mass_parameters::MASS_PARAMETERS;
 
 /// Which equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,13 +55,6 @@ fn joined(inertia: &SMatrix<f64, 3, 6>, offset: &SMatrix<f64, 3, 3>) -> Row {
     row
 }
 
-/// [w^2] and [q^2] of eq. 4.75: w x I w and mgr x k_b as matrices.
-fn quadratic(sample: &StateSample) -> Row {
-    let omega = sample.omega_wb_b_rad_s;
-    let gyroscopic = skew(&omega) * inertia_regressor(&omega);
-    joined(&gyroscopic, &-skew(&vertical_b(&sample.q_world_body)))
-}
-
 /// The equations of a method. Fewer than three samples give none.
 #[must_use]
 pub fn rows(series: &StateSeries, method: Method, form: Form) -> System {
@@ -103,10 +97,11 @@ fn natural(series: &StateSeries) -> Vec<VectorRow> {
         let wheel_torque =
             (series.wheel_momentum_b_n_m_s(after) - series.wheel_momentum_b_n_m_s(before)) / span_s;
         let matrix =
-            quadratic(at) + joined(&inertia_regressor(&acceleration), &SMatrix::<f64, 3, 3>::zeros());
+            at.mass_regressor() + joined(&inertia_regressor(&acceleration), &SMatrix::<f64, 3, 3>::zeros());
         // The torque of the step around the middle sample.
         let torque = 0.5 * (before.external_torque_b_n_m + at.external_torque_b_n_m);
-        rows.push((k + 1, matrix, torque - wheel_torque - at.omega_wb_b_rad_s.cross(&wheels)));
+        let right = momentum_rate_b_n_m(&at.omega_wb_b_rad_s, &wheels, &(torque - wheel_torque));
+        rows.push((k + 1, matrix, right));
     }
     rows
 }
@@ -118,16 +113,16 @@ fn integrated(series: &StateSeries, trapezoid: bool) -> Vec<VectorRow> {
     let mut matrix = Row::zeros();
     let mut right = Vector3::zeros();
     let mut rows = Vec::with_capacity(series.samples.len());
-    let gyroscopic = |s: &StateSample| s.omega_wb_b_rad_s.cross(&series.wheel_momentum_b_n_m_s(s));
+    let gyroscopic = |s: &StateSample| series.gyroscopic_torque_b_n_m(s);
     for (k, (at, next)) in series.samples.iter().zip(series.samples.iter().skip(1)).enumerate() {
         let step_s = next.time_s - at.time_s;
         let (a, g) = if trapezoid {
-            (0.5 * (quadratic(at) + quadratic(next)), 0.5 * (gyroscopic(at) + gyroscopic(next)))
+            (0.5 * (at.mass_regressor() + next.mass_regressor()), 0.5 * (gyroscopic(at) + gyroscopic(next)))
         } else {
-            (quadratic(at), gyroscopic(at))
+            (at.mass_regressor(), gyroscopic(at))
         };
         matrix += a * step_s;
-        right += (at.external_torque_b_n_m - g) * step_s;
+        right += (at.external_torque_b_n_m + g) * step_s;
         let now = inertia_regressor(&next.omega_wb_b_rad_s) - start;
         let wheels = series.wheel_momentum_b_n_m_s(next) - wheels_start;
         rows.push((k + 1, matrix + joined(&now, &SMatrix::<f64, 3, 3>::zeros()), right - wheels));

@@ -1,7 +1,11 @@
 //! Estimated motion and known torques, evenly spaced.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{SMatrix, UnitQuaternion, Vector3};
+use whorl_dynamics::gyrostat::equation::{mass_regressor, momentum_rate_b_n_m};
 use whorl_dynamics::platform::Wheel;
+use whorl_math::vertical_b;
+
+use crate::mass_parameters::MASS_PARAMETERS;
 
 /// One time.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +31,22 @@ pub struct StateSeries {
     pub wheel_momentum_b_kg_m2: Vec<Vector3<f64>>,
 }
 
+impl StateSample {
+    /// w x I w + mgr x k_b as a matrix times the nine mass parameters (eq. 4.75).
+    #[must_use]
+    pub fn mass_regressor(&self) -> SMatrix<f64, 3, MASS_PARAMETERS> {
+        mass_regressor(&self.omega_wb_b_rad_s, &vertical_b(&self.q_world_body))
+    }
+}
+
 impl StateSeries {
+    /// Torque that the wheels' momentum exerts as the body turns, -w x A I_s w_s [N m].
+    #[must_use]
+    pub fn gyroscopic_torque_b_n_m(&self, sample: &StateSample) -> Vector3<f64> {
+        let momentum = self.wheel_momentum_b_n_m_s(sample);
+        momentum_rate_b_n_m(&sample.omega_wb_b_rad_s, &momentum, &Vector3::zeros())
+    }
+
     /// Momentum of the wheels relative to the body at a sample [N m s].
     #[must_use]
     pub fn wheel_momentum_b_n_m_s(&self, sample: &StateSample) -> Vector3<f64> {

@@ -1,13 +1,12 @@
 //! Parameters from another filter's estimates (eqs. 4.95-4.105).
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
+use whorl_dynamics::gyrostat::equation::inertia_regressor;
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_math::{skew, vertical_b};
+use whorl_math::covariance::update;
 
 use super::SequentialEstimate;
-use crate::mass_parameters::{
-    MASS_PARAMETERS, MassCovariance, MassVector, inertia_regressor, mass_vector, prior_stddev,
-};
+use crate::mass_parameters::{MASS_PARAMETERS, MassCovariance, MassVector, mass_vector, prior_stddev};
 use crate::regression::{StateSample, StateSeries};
 
 type Row = SMatrix<f64, 3, MASS_PARAMETERS>;
@@ -78,17 +77,10 @@ impl DualFilter {
             self.begin(sample);
             return None;
         };
-        let quadratic = |s: &StateSample| {
-            let mut row = Row::zeros();
-            let omega = s.omega_wb_b_rad_s;
-            row.fixed_view_mut::<3, 6>(0, 0).copy_from(&(skew(&omega) * inertia_regressor(&omega)));
-            row.fixed_view_mut::<3, 3>(0, 6).copy_from(&-skew(&vertical_b(&s.q_world_body)));
-            row
-        };
-        let gyroscopic = |s: &StateSample| s.omega_wb_b_rad_s.cross(&self.wheels.wheel_momentum_b_n_m_s(s));
-        self.matrix += (quadratic(&last) + quadratic(sample)) * (0.5 * gap_s);
+        let gyroscopic = |s: &StateSample| self.wheels.gyroscopic_torque_b_n_m(s);
+        self.matrix += (last.mass_regressor() + sample.mass_regressor()) * (0.5 * gap_s);
         self.right +=
-            last.external_torque_b_n_m * gap_s - (gyroscopic(&last) + gyroscopic(sample)) * (0.5 * gap_s);
+            last.external_torque_b_n_m * gap_s + (gyroscopic(&last) + gyroscopic(sample)) * (0.5 * gap_s);
         let mut matrix = self.matrix;
         let change = inertia_regressor(&sample.omega_wb_b_rad_s) - inertia_regressor(&start.omega_wb_b_rad_s);
         let mut block = matrix.fixed_view_mut::<3, 6>(0, 0);
@@ -128,19 +120,14 @@ impl DualFilter {
         self.halves = [(Row::zeros(), Vector3::zeros(), 0.0); 2];
     }
 
-    /// Eqs. 4.99-4.101, Joseph's form.
+    /// Eqs. 4.99-4.101.
     fn update(&mut self, matrix: &Row, innovation: &Vector3<f64>, samples: f64) {
         let noise = self.noise / samples;
-        let before = forget(&self.covariance, &self.prior, self.forgetting);
-        let spread = matrix * before * matrix.transpose() + noise;
-        let Some(factor) = spread.cholesky() else { return };
-        let gain = before * matrix.transpose() * factor.inverse();
-        let rest = MassCovariance::identity() - gain * matrix;
-        let covariance = rest * before * rest.transpose() + gain * noise * gain.transpose();
-        let estimate = self.estimate + gain * innovation;
+        let mut covariance = forget(&self.covariance, &self.prior, self.forgetting);
+        let Some(update) = update(&mut covariance, matrix, &noise, innovation, |_| true) else { return };
+        let estimate = self.estimate + update.correction;
         if estimate.iter().all(|x| x.is_finite()) {
-            self.estimate = estimate;
-            self.covariance = 0.5 * (covariance + covariance.transpose());
+            (self.estimate, self.covariance) = (estimate, covariance);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! States and parameters in one filter (eqs. 4.92-4.94).
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix, SMatrix, SVector, UnitQuaternion, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::covariance::correct;
 use whorl_math::{attitude_error, quaternion_exp};
 
 use super::SequentialEstimate;
@@ -15,6 +16,8 @@ use crate::trajectory::{Motion, Noise, Physics, Unknowns};
 pub(super) const STATE: usize = 9 + MASS_PARAMETERS;
 pub(super) type StateVector = SVector<f64, STATE>;
 pub(super) type StateMatrix = SMatrix<f64, STATE, STATE>;
+/// One row for each reading.
+type Jacobian = OMatrix<f64, Dyn, Const<STATE>>;
 
 /// Differences for derivatives.
 const DIFFERENCE: f64 = 1e-6;
@@ -252,31 +255,31 @@ impl JointFilter {
             let moved = self.carried(&self.mean.moved(&change), last, point)?;
             transition.set_column(n, &(carried.to(&moved) / DIFFERENCE));
         }
-        let covariance = self.with_process(&(transition * self.covariance * transition.transpose()), dt_s);
-        let covariance = DMatrix::from_column_slice(STATE, STATE, covariance.as_slice());
+        let mut covariance =
+            self.with_process(&(transition * self.covariance * transition.transpose()), dt_s);
         let (z, variance) = self.measured(point);
         let noise = DMatrix::from_diagonal(&variance);
         let mut mean = carried.clone();
-        let mut gain = DMatrix::zeros(STATE, z.len());
-        let mut jacobian = DMatrix::zeros(z.len(), STATE);
+        let mut last_linearisation = None;
+        let mut jacobian = Jacobian::zeros(z.len());
         for _ in 0..iterations {
             let base = self.readings(&mean, point)?;
             for n in 0..STATE {
                 let moved = self.readings(&mean.moved(&StateVector::ith(n, DIFFERENCE)), point)?;
                 jacobian.set_column(n, &((moved - &base) / DIFFERENCE));
             }
-            let spread = &jacobian * &covariance * jacobian.transpose() + &noise;
-            gain = &covariance * jacobian.transpose() * spread.cholesky()?.inverse();
+            let cross = covariance * jacobian.transpose();
+            let spread = &jacobian * &cross + &noise;
+            let gain = &cross * spread.clone().cholesky()?.inverse();
             // The iterated filter's innovation counts from the predicted state.
             let back = mean.to(&carried);
             let step = &gain * (&z - &base - &jacobian * back);
-            mean = carried.moved(&StateVector::from_iterator(step.iter().copied()));
+            mean = carried.moved(&step);
+            last_linearisation = Some((gain, cross, spread));
         }
-        let rest = DMatrix::identity(STATE, STATE) - &gain * &jacobian;
-        let updated = &rest * &covariance * rest.transpose() + &gain * noise * gain.transpose();
-        let updated = StateMatrix::from_iterator(updated.iter().copied());
-        self.covariance = 0.5 * (updated + updated.transpose());
-        self.mean = mean;
+        let (gain, cross, spread) = last_linearisation?;
+        correct(&mut covariance, &gain, &cross, &spread);
+        (self.mean, self.covariance) = (mean, covariance);
         Some(())
     }
 }

@@ -1,7 +1,8 @@
 //! The unscented step: 2 n points of equal weight (S. J. Julier and J. K. Uhlmann, Proc. IEEE 92(3), 2004,
 //! with kappa = 0).
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix};
+use whorl_math::covariance::correct;
 
 use super::joint::{JointFilter, Mean, STATE, StateMatrix, StateVector};
 use crate::data::Point;
@@ -15,7 +16,7 @@ impl JointFilter {
             .collect::<Option<_>>()?;
         let centre = self.carried(&self.mean, last, point)?;
         let (mean, covariance) = gathered(&centre, &points);
-        let covariance = self.with_process(&covariance, dt_s);
+        let mut covariance = self.with_process(&covariance, dt_s);
 
         let points = self.spread(&mean, &covariance)?;
         let readings: Vec<DVector<f64>> =
@@ -24,19 +25,17 @@ impl JointFilter {
         let weight = 1.0 / (2.0 * STATE as f64);
         let expected = readings.iter().fold(DVector::zeros(z.len()), |sum, r| sum + r) * weight;
         let mut spread = DMatrix::from_diagonal(&variance);
-        let mut cross = DMatrix::zeros(STATE, z.len());
+        let mut cross = OMatrix::<f64, Const<STATE>, Dyn>::zeros(z.len());
         for (p, r) in points.iter().zip(&readings) {
             let difference = r - &expected;
             spread += &difference * difference.transpose() * weight;
             let change = mean.to(p);
-            cross += DVector::from_column_slice(change.as_slice()) * difference.transpose() * weight;
+            cross += change * difference.transpose() * weight;
         }
         let gain = &cross * spread.clone().cholesky()?.inverse();
         let step = &gain * (z - expected);
-        let less = &gain * spread * gain.transpose();
-        let updated = covariance - StateMatrix::from_iterator(less.iter().copied());
-        self.mean = mean.moved(&StateVector::from_iterator(step.iter().copied()));
-        self.covariance = 0.5 * (updated + updated.transpose());
+        correct(&mut covariance, &gain, &cross, &spread);
+        (self.mean, self.covariance) = (mean.moved(&step), covariance);
         Some(())
     }
 

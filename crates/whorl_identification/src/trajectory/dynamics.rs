@@ -1,17 +1,15 @@
 //! The gyrostat between samples, with the wheels' measured speeds as input.
 //!
-//! The state is attitude and total momentum (eqs. 4.9 and 4.13, torque of gravity and friction
-//! included):
-//!
-//! ```text
-//! w = I^-1 (h - A J Om)      dq/dt = 1/2 q (x) [0, w]      dh/dt = -w x h - mgr x k_b - c w + jets
-//! ```
+//! The state is attitude and total momentum; the equation is [`whorl_dynamics::gyrostat::equation`] with the wheels'
+//! speeds known, and gravity, a friction torque -c w and the jets as torque from outside.
 //!
 //! Motor torques and wheel friction do not appear: what the wheels took is read from their speed. Only
 //! the vertical k_b enters the torque, never the heading.
 
 use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::gyrostat::RateEquation;
+use whorl_dynamics::gyrostat::equation::{gravity_torque_n_m, momentum_rate_b_n_m};
 use whorl_dynamics::sensing::specific_force_b_m_s2;
 use whorl_math::{quaternion_rate, vertical_b};
 
@@ -22,8 +20,7 @@ use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
 /// A platform with particular values of the unknowns.
 #[derive(Debug, Clone)]
 pub(crate) struct Physics {
-    pub inertia_b_kg_m2: Matrix3<f64>,
-    pub inverse: Matrix3<f64>,
+    equation: RateEquation,
     gravity_offset_b_n_m: Vector3<f64>,
     friction_n_m_s: f64,
     /// A J: momentum per wheel speed.
@@ -44,8 +41,7 @@ impl Physics {
     /// `None` if the inertia is not positive definite.
     pub fn new(model: &PlatformModel, unknowns: &Unknowns, values: &DVector<f64>) -> Option<Self> {
         let mass = MassVector::from_iterator(values.iter().copied());
-        let inertia_b_kg_m2 = inertia_b_kg_m2(&mass);
-        let inverse = inertia_b_kg_m2.cholesky()?.inverse();
+        let equation = RateEquation::with_known_wheel_speeds(inertia_b_kg_m2(&mass))?;
         let wheels = model.wheels().iter().enumerate().map(|(j, wheel)| {
             adjusted(&(wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2), unknowns.wheel(values, j))
         });
@@ -56,14 +52,18 @@ impl Physics {
             }
         }
         Some(Self {
-            inertia_b_kg_m2,
-            inverse,
+            equation,
             gravity_offset_b_n_m: gravity_offset_b_n_m(&mass),
             friction_n_m_s: values[FRICTION],
             wheels: wheels.collect(),
             jets,
             lever_arm_b_m: model.sensors.accelerometer.lever_arm_b_m,
         })
+    }
+
+    /// Rate per momentum [1/(kg m^2)].
+    pub fn inverse_inertia(&self) -> &Matrix3<f64> {
+        self.equation.rate_by_momentum()
     }
 
     fn wheel_momentum(&self, values: &[f64]) -> Vector3<f64> {
@@ -78,7 +78,7 @@ impl Physics {
     }
 
     fn torque(&self, vertical: &Vector3<f64>, omega: &Vector3<f64>, ballast: &Vector3<f64>) -> Vector3<f64> {
-        -(self.gravity_offset_b_n_m + ballast).cross(vertical) - omega * self.friction_n_m_s
+        gravity_torque_n_m(&(self.gravity_offset_b_n_m + ballast), vertical) - omega * self.friction_n_m_s
     }
 
     /// From one point to the next: classical Runge-Kutta, wheel speeds linear between.
@@ -88,12 +88,12 @@ impl Physics {
         let wheels_1 = self.wheel_momentum(&next.wheel_speed_rad_s);
         let applied = self.actuator_torque(at);
         let derivative = |q: &UnitQuaternion<f64>, momentum: &Vector3<f64>, share: f64| {
-            let omega = self.inverse * (momentum - wheels_0.lerp(&wheels_1, share));
+            let omega = self.equation.rate_b_rad_s(momentum, &wheels_0.lerp(&wheels_1, share));
             let torque = self.torque(&vertical_b(q), &omega, &at.ballast_moment_b_n_m) + applied;
-            (quaternion_rate(q, &omega), torque - omega.cross(momentum))
+            (quaternion_rate(q, &omega), momentum_rate_b_n_m(&omega, momentum, &torque))
         };
         let q0 = from.q_world_body;
-        let m0 = self.inertia_b_kg_m2 * from.omega_wb_b_rad_s + wheels_0;
+        let m0 = self.equation.momentum_b_n_m_s(&from.omega_wb_b_rad_s, &wheels_0);
         let moved =
             |dq: &nalgebra::Quaternion<f64>, h: f64| UnitQuaternion::new_unchecked(q0.into_inner() + dq * h);
         let (q1, m1) = derivative(&q0, &m0, 0.0);
@@ -104,7 +104,7 @@ impl Physics {
         let q = q0.into_inner() + (q1 + (q2 + q3) * 2.0 + q4) * (h_s / 6.0);
         Motion {
             q_world_body: UnitQuaternion::new_normalize(q),
-            omega_wb_b_rad_s: self.inverse * (momentum - wheels_1),
+            omega_wb_b_rad_s: self.equation.rate_b_rad_s(&momentum, &wheels_1),
         }
     }
 
@@ -112,12 +112,13 @@ impl Physics {
     pub fn specific_force(&self, motion: &Motion, point: &Point) -> Vector3<f64> {
         let vertical = vertical_b(&motion.q_world_body);
         let omega = motion.omega_wb_b_rad_s;
-        let momentum = self.inertia_b_kg_m2 * omega + self.wheel_momentum(&point.wheel_speed_rad_s);
-        let torque = self.torque(&vertical, &omega, &point.ballast_moment_b_n_m)
-            + self.actuator_torque(point)
-            - omega.cross(&momentum)
-            - self.wheel_momentum(&point.wheel_acceleration_rad_s2);
-        specific_force_b_m_s2(&self.lever_arm_b_m, &omega, &(self.inverse * torque), &vertical)
+        let wheels = self.wheel_momentum(&point.wheel_speed_rad_s);
+        let momentum = self.equation.momentum_b_n_m_s(&omega, &wheels);
+        let torque =
+            self.torque(&vertical, &omega, &point.ballast_moment_b_n_m) + self.actuator_torque(point);
+        let on_wheels = self.wheel_momentum(&point.wheel_acceleration_rad_s2);
+        let acceleration = self.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &on_wheels);
+        specific_force_b_m_s2(&self.lever_arm_b_m, &omega, &acceleration, &vertical)
     }
 }
 

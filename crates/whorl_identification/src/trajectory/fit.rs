@@ -334,9 +334,8 @@ impl<'a> Problem<'a> {
             }
         }
         if carried {
-            let spread = physics.inverse
-                * physics.inverse.transpose()
-                * (self.torque_noise_n_m_sqrt_s.powi(2) * length_s);
+            let inverse = physics.inverse_inertia();
+            let spread = inverse * inverse.transpose() * (self.torque_noise_n_m_sqrt_s.powi(2) * length_s);
             let unit = Matrix3::identity();
             let mut covariance = nalgebra::Matrix6::zeros();
             let attitude = spread * (length_s.powi(2) / 3.0) + unit * NUMERICAL[0].powi(2);

@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::{TiltLimit, TriaxialErrors};
+use whorl_math::covariance;
 use whorl_math::{
     GRAVITY_M_S2, attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, rotation_vector, skew,
     unit_or, vertical_b,
@@ -422,20 +423,15 @@ fn direction_measurement(sensors: &Sensors<'_>, j: usize, time_s: f64, node: &No
     Some(Measured { innovation: direction - expected, h, r: Matrix3::identity() * variance })
 }
 
-/// Kalman update in Joseph's form; unchanged if the innovation has no covariance or is absurd.
+/// Kalman update; unchanged if the innovation has no covariance or is absurd.
 fn updated(node: Node, measured: &Measured) -> Node {
-    let s = measured.h * node.p * measured.h.transpose() + measured.r;
-    let Some(inverse) = s.try_inverse() else { return node };
+    let mut p = node.p;
     // Spikes: 100 is far beyond any quantile of three degrees of freedom, and harmless while starting.
-    if measured.innovation.dot(&(inverse * measured.innovation)) > 100.0 {
-        return node;
+    let accept = |nis| nis <= 100.0;
+    match covariance::update(&mut p, &measured.h, &measured.r, &measured.innovation, accept) {
+        Some(update) => Node { p, ..node.moved(&update.correction) },
+        None => node,
     }
-    let gain = node.p * measured.h.transpose() * inverse;
-    let mut next = node.moved(&(gain * measured.innovation));
-    let keep = Matrix9::identity() - gain * measured.h;
-    next.p = keep * node.p * keep.transpose() + gain * measured.r * gain.transpose();
-    next.p = (next.p + next.p.transpose()) * 0.5;
-    next
 }
 
 fn backward(steps: &[Step]) -> Vec<Node> {

@@ -1,6 +1,7 @@
 //! Rate and wheel speeds, cleared of noise with the help of the model's accelerations.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_dynamics::{Environment, Gyrostat};
 use whorl_recording::{Mounting, Recording};
 
@@ -75,13 +76,10 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             environment.wheel_speed_rad_s = &wheel_speed;
             environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
             environment.valve_fraction = &drive.valve_fraction;
-            let mut acceleration = gyrostat.angular_acceleration_b_rad_s2(&environment, &[]);
-            let outside = drive.body_torque_b_n_m - drive.ballast_moment_b_n_m.cross(&environment.vertical_b);
-            if outside != Vector3::zeros() {
-                let inertia = model.mass_properties.inertia_b_kg_m2();
-                acceleration += inertia.cholesky().map_or_else(Vector3::zeros, |f| f.solve(&outside));
-            }
-            explained += acceleration * (t - from);
+            let ballast = gravity_torque_n_m(&drive.ballast_moment_b_n_m, &environment.vertical_b);
+            let outside = drive.body_torque_b_n_m + ballast;
+            let accelerations = gyrostat.accelerations(&environment, &[], &outside);
+            explained += accelerations.omega_dot_wb_b_rad_s2 * (t - from);
         }
         before = Some(*t);
         motion.rate_time_s.push(*t);
