@@ -1,8 +1,8 @@
 //! Platform model, truth plant and the catalogue of physical effects.
 //!
-//! [`PlatformModel`] says what a platform is made of. [`Gyrostat`] is that platform with its
-//! physical effects applied: the one set of equations that estimator, controller and diagnosis
-//! use as their model. [`Plant`] integrates it between actuator events and samples its sensors.
+//! [`PlatformModel`] says what a platform is made of. [`gyrostat::equation`] is the equation of motion that plant,
+//! filters, tracking law, identification and diagnosis share; [`Gyrostat`] is a platform with its physical effects in
+//! that equation. [`Plant`] integrates it between actuator events and samples its sensors.
 //! [`actuators`] has one folder for each kind of actuator.
 //! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate.
 
