@@ -2,6 +2,7 @@
 
 mod actuators;
 mod conservation;
+mod conventions;
 mod effects;
 mod jacobi;
 mod motion;
