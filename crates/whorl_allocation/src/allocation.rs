@@ -30,11 +30,11 @@ pub struct Allocation {
 pub enum Status {
     /// Optimum of the quadratic program.
     Solved {
-        /// Interior-point iterations, over all tries.
+        /// Interior-point iterations, over all tries; 0 when the dual method needed no start from one.
         iterations: u32,
-        /// True when the optimum was refined to the exact one; otherwise (net force priced, or
-        /// rounding) the interior point was corrected onto the torque equation.
-        polished: bool,
+        /// True when the optimum is exact and proven; otherwise (net force priced, or rounding) the
+        /// interior point was corrected onto the torque equation.
+        exact: bool,
     },
     /// The solution was unique: no program needed.
     ClosedForm,

@@ -5,11 +5,11 @@ use nalgebra::Vector3;
 use crate::allocation::{Allocation, FallbackReason, SolverOutcome, Status};
 use crate::closed_form::{self, ClosedForm};
 use crate::demand::{Demand, DemandError, JetMask, Mode};
+use crate::dual;
 use crate::effectors::Effectors;
 use crate::least_squares;
-use crate::polish;
 use crate::problem::Problem;
-use crate::quadratic_program::{InteriorPoint, QuadraticProgram, Target};
+use crate::quadratic_program::{AllocatorError, InteriorPoint, QuadraticProgram, Target};
 use crate::zonotope::{CrossCheck, Zonotope};
 
 /// Rewards M for meeting the demand, in units of the thirstiest jet per unit of torque, tried in
@@ -19,14 +19,6 @@ const REWARDS: [f64; 3] = [1e2, 1e3, 1e4];
 const ALPHA_TOLERANCE: f64 = 1e-6;
 /// Miss of the torque equation, in units of full torque, above which a solution is refused.
 const TORQUE_TOLERANCE: f64 = 1e-7;
-
-/// Why no allocator could be built.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum AllocatorError {
-    /// The solver could not be set up.
-    #[error("the quadratic program cannot be set up: {0}")]
-    Solver(String),
-}
 
 /// Splits torque demands over jets and wheels. See the crate's page for the program, the unique
 /// cases and the fallback.
@@ -39,6 +31,7 @@ pub struct Allocator {
     program_with_force: Option<QuadraticProgram>,
     problem: Problem,
     point: InteriorPoint,
+    dual_first: bool,
 }
 
 impl Allocator {
@@ -58,7 +51,16 @@ impl Allocator {
         } else {
             None
         };
-        Ok(Self { effectors, program, program_with_force, problem, point: InteriorPoint::default() })
+        let point = InteriorPoint::default();
+        Ok(Self { effectors, program, program_with_force, problem, point, dual_first: true })
+    }
+
+    /// An allocator that never uses the dual method without a start from the interior point: the same answers,
+    /// later. For comparisons.
+    #[must_use]
+    pub fn by_interior_point(mut self) -> Self {
+        self.dual_first = false;
+        self
     }
 
     /// The effectors this allocator serves.
@@ -119,7 +121,15 @@ impl Allocator {
         if reach.most * torque_norm < 1e-9 && torque_norm > 1e-6 {
             return Err(FallbackReason::DirectionUnattainable);
         }
+        let goal = problem.torque * reach.most;
+        // The dual method knows a fixed cost per effector only.
         let with_force = problem.force_weight > 0.0;
+        if self.dual_first
+            && !with_force
+            && let Some(optimum) = dual::solve(problem, goal, reach.facet_normal, None)
+        {
+            return Ok((optimum.v, reach.most, Status::Solved { iterations: 0, exact: true }));
+        }
         let program = match &mut self.program_with_force {
             Some(program) if with_force => program,
             _ => &mut self.program,
@@ -135,12 +145,11 @@ impl Allocator {
                 outcome = point.outcome.unwrap_or(SolverOutcome::Numerical);
                 continue;
             }
-            let goal = problem.torque * reach.most;
-            // The polish knows a fixed cost per effector only. Where it ends, the conditions of
-            // optimality hold, whatever the solver said.
-            if !with_force && polish::to_vertex(problem, goal, reach.facet_normal, point) {
-                let status = Status::Solved { iterations, polished: true };
-                return Ok((point.v.clone(), reach.most, status));
+            // Where the dual method ends, the conditions of optimality hold, whatever the solver said.
+            if !with_force
+                && let Some(optimum) = dual::solve(problem, goal, reach.facet_normal, Some(point.price))
+            {
+                return Ok((optimum.v, reach.most, Status::Solved { iterations, exact: true }));
             }
             if let Some(unsolved) = point.outcome {
                 outcome = unsolved;
@@ -148,9 +157,9 @@ impl Allocator {
             }
             let shortfall = reach.most - point.beta * target.alpha_per_beta;
             if shortfall <= ALPHA_TOLERANCE * reach.most {
-                polish::onto_torque(problem, goal, &mut point.v);
+                dual::onto_torque(problem, goal, &mut point.v);
                 if (problem.torque_of(&point.v) - goal).norm() <= TORQUE_TOLERANCE {
-                    let status = Status::Solved { iterations, polished: false };
+                    let status = Status::Solved { iterations, exact: false };
                     return Ok((point.v.clone(), reach.most, status));
                 }
             }

@@ -16,15 +16,22 @@
 //! it) the price F of net force. [`Allocator::allocate`] answers; [`pulses`] turns fractions into
 //! valve pulses; [`zonotope`] knows the exact answer by other means.
 //!
-//! # How it is solved
+//! # Which path answers
 //!
 //! 1. Nothing asked, or the free effectors linearly independent (three wheels, say): the solution is
 //!    unique and linear in alpha, and no program is needed ([`Status::ClosedForm`]).
-//! 2. Otherwise Clarabel solves the program, with the demand as a column of the constraints, updated
-//!    in place; then the interior point is moved to the exact optimum ([`Status::Solved`]). The share
-//!    alpha comes from the facets of the attainable set, so it is exact, and M need not exceed every
-//!    price of torque.
-//! 3. When there is no such allocation, or the solver fails: the fallback.
+//! 2. Otherwise, without a price of net force: the dual method. The share alpha comes from the facets of the attainable set,
+//!    so it is exact; the cost is then separable and three prices of torque decide everything. Newton's method finds them
+//!    from nothing, and the answer counts only when it satisfies the conditions of optimality ([`Status::Solved`], `exact`).
+//! 3. With net force priced, or when that proof fails: Clarabel solves the program, with the demand as a column of the
+//!    constraints, updated in place. Without a price of net force its price of torque is a second start for the dual method;
+//!    with one, which couples the effectors, the interior point is moved onto the torque equation (`exact: false`).
+//! 4. When there is no such allocation, or both solvers fail: the fallback.
+//!
+//! On 76,000 seeded demands over five layouts (random, along axes, with random bounds and stuck jets, saturated; with every
+//! single jet failed in turn) the dual method proved all 68,513 optima that exist; none differs from what Clarabel's start
+//! leads to by more than 7e-8 of an on-time fraction. With 12 jets and 3 wheels it takes 9 us where that takes 47 us (medians):
+//! `cargo bench -p whorl_allocation`.
 //!
 //! # Fallback rules
 //!
@@ -35,7 +42,7 @@
 //! | [`FallbackReason::NoEffector`] | nothing may move and a torque is wanted | everything at rest |
 //! | [`FallbackReason::DirectionUnattainable`] | alpha would be zero: a failed jet or a missing wheel leaves no torque along the demand | bounded least squares |
 //! | [`FallbackReason::BoundsExcludeDemand`] | lower bounds (a stuck-open jet, a wheel that must slow down) force a torque that no share of the demand matches | bounded least squares |
-//! | [`FallbackReason::NotSolved`] | solver and polish both failed | bounded least squares |
+//! | [`FallbackReason::NotSolved`] | both solvers failed | bounded least squares |
 //!
 //! Bounded least squares comes as near to tau as it can. It may turn the torque: an axis that cannot
 //! be controlled must not take the others with it. `alpha` is then the achieved part along tau.
@@ -58,12 +65,12 @@ mod allocation;
 mod allocator;
 mod closed_form;
 mod demand;
+mod dual;
 mod effectors;
 #[cfg(test)]
 mod layouts;
 mod least_squares;
 mod list;
-mod polish;
 mod problem;
 pub mod pulses;
 mod quadratic_program;
@@ -72,7 +79,8 @@ mod tests;
 pub mod zonotope;
 
 pub use allocation::{Allocation, FallbackReason, SolverOutcome, Status};
-pub use allocator::{Allocator, AllocatorError};
+pub use allocator::Allocator;
 pub use demand::{Demand, DemandError, JetMask, Mode};
 pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_WHEELS};
 pub use list::ListError;
+pub use quadratic_program::AllocatorError;

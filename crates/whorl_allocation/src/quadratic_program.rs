@@ -14,10 +14,17 @@ use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus};
 use nalgebra::Vector3;
 
 use crate::allocation::SolverOutcome;
-use crate::allocator::AllocatorError;
 use crate::problem::Problem;
 
 const MAX_ITERATIONS: u32 = 40;
+
+/// Why no allocator could be built.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AllocatorError {
+    /// The solver could not be set up.
+    #[error("the quadratic program cannot be set up: {0}")]
+    Solver(String),
+}
 
 /// The demand as a column d and a bound on beta.
 #[derive(Debug, Clone, Copy)]
@@ -218,7 +225,7 @@ fn settings() -> DefaultSettings<f64> {
         // Both must stay off for the data to be updated in place.
         presolve_enable: false,
         input_sparse_dropzeros: false,
-        // The polish does better, for less time.
+        // The dual method does better, for less time.
         iterative_refinement_enable: false,
         max_threads: 1,
         direct_solve_method: "qdldl".to_owned(),
@@ -235,7 +242,7 @@ mod tests {
     use crate::layouts::{canted_pods, direction, no_wheels, uniform};
     use crate::zonotope::{LeastCost, Zonotope};
 
-    /// The bare solver, no polish, against the oracle: two programs that share nothing.
+    /// The bare solver, without the dual method, against the oracle: they share the scaling of the demand, and nothing else.
     #[test]
     fn bare_solver_and_oracle_agree() {
         let effectors = canted_pods(no_wheels());
