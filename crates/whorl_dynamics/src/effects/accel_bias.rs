@@ -1,7 +1,10 @@
 //! Constant offset of the accelerometer.
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,17 +22,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Bias(_model: PlatformModel) {
+        bias_m_s2: Vector3<f64> = per_axis("bias", "_m_s2", "m/s^2", 2.0, 0.05, "Added to the model's bias."),
+    }
+}
+
 impl Effect for AccelBias {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("bias", "_m_s2", "m/s^2", 2.0, 0.05, "Added to the model's bias.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Bias::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.sensors.accelerometer.errors.bias += vector(values, 0);
+        model.sensors.accelerometer.errors.bias += Bias::of(values).bias_m_s2;
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Accelerometer]]
     }
 }

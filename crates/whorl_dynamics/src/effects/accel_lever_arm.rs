@@ -1,7 +1,10 @@
 //! Accelerometer not where the model says.
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,17 +22,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Arm(_model: PlatformModel) {
+        d_m: Vector3<f64> = per_axis("d", "_m", "m", 1.0, 0.02, "Added to the model's position, body axes."),
+    }
+}
+
 impl Effect for AccelLeverArm {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("d", "_m", "m", 1.0, 0.02, "Added to the model's position, body axes.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Arm::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.sensors.accelerometer.lever_arm_b_m += vector(values, 0);
+        model.sensors.accelerometer.lever_arm_b_m += Arm::of(values).d_m;
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Accelerometer]]
     }
 }

@@ -1,7 +1,10 @@
 //! Scale factor error of the accelerometer.
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,17 +22,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Scale(_model: PlatformModel) {
+        scale: Vector3<f64> = per_axis("scale", "", "1", 0.3, 0.01, "Added to the model's scale factor error."),
+    }
+}
+
 impl Effect for AccelScale {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("scale", "", "1", 0.3, 0.01, "Added to the model's scale factor error.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Scale::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.sensors.accelerometer.errors.scale += vector(values, 0);
+        model.sensors.accelerometer.errors.scale += Scale::of(values).scale;
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Accelerometer]]
     }
 }

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -21,16 +22,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Torque(_model: PlatformModel) {
+        t_w_n_m: Vector3<f64> = per_axis("t", "_n_m", "N m", 0.5, 0.005, "Torque about this world axis (east, north, up)."),
+    }
+}
+
 impl Effect for AirCurrent {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("t", "_n_m", "N m", 0.5, 0.005, "Torque about this world axis (east, north, up).")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Torque::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        environment.to_body(&vector(values, 0))
+        environment.to_body(&Torque::of(values).t_w_n_m)
+    }
+
+    fn grouping(&self) -> Grouping {
+        // A draught along the floor.
+        Grouping::AllPartsEach(&[&["t_x_n_m", "t_y_n_m"]])
     }
 }

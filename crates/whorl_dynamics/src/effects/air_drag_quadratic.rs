@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
@@ -21,28 +21,25 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: true,
 };
 
+parameters! {
+    Drag(_model: PlatformModel) {
+        d_b_n_m_s2: Vector3<f64> = ["dx_n_m_s2", "dy_n_m_s2", "dz_n_m_s2"].map(|name| {
+            ParameterSpec::new(name, "N m s^2", (0.0, 5.0), 0.05, "Torque about this body axis per squared rate.")
+        }),
+    }
+}
+
 impl Effect for AirDragQuadratic {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["dx_n_m_s2", "dy_n_m_s2", "dz_n_m_s2"]
-            .map(|name| {
-                ParameterSpec::new(
-                    name,
-                    "N m s^2",
-                    (0.0, 5.0),
-                    0.05,
-                    "Torque about this body axis per squared rate.",
-                )
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Drag::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let omega = environment.omega_wb_b_rad_s;
-        let d = Vector3::new(value(values, 0), value(values, 1), value(values, 2));
-        -omega.norm() * d.component_mul(&omega)
+        -omega.norm() * Drag::of(values).d_b_n_m_s2.component_mul(&omega)
     }
 }

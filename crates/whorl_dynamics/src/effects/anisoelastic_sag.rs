@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use whorl_math::GRAVITY_M_S2;
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
@@ -22,27 +22,31 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Compliance(_model: PlatformModel) {
+        elements_m_n: [f64; 6] = ["cxx_m_n", "cyy_m_n", "czz_m_n", "cxy_m_n", "cxz_m_n", "cyz_m_n"].map(|name| {
+            ParameterSpec::new(
+                name,
+                "m/N",
+                (-1e-4, 1e-4),
+                3e-7,
+                "Element of the compliance: movement of the centre of mass per force, body axes.",
+            )
+        }),
+    }
+}
+
 impl Effect for AnisoelasticSag {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["cxx_m_n", "cyy_m_n", "czz_m_n", "cxy_m_n", "cxz_m_n", "cyz_m_n"]
-            .map(|name| {
-                ParameterSpec::new(
-                    name,
-                    "m/N",
-                    (-1e-4, 1e-4),
-                    3e-7,
-                    "Element of the compliance: movement of the centre of mass per force, body axes.",
-                )
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Compliance::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        let [xx, yy, zz, xy, xz, yz] = [0, 1, 2, 3, 4, 5].map(|i| value(values, i));
+        let [xx, yy, zz, xy, xz, yz] = Compliance::of(values).elements_m_n;
         let compliance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
         let weight_n = environment.model.mass_properties.mass_kg() * GRAVITY_M_S2;
         let k_b = environment.vertical_b;

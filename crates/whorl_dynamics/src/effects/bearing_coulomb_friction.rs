@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
@@ -25,17 +25,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: true,
 };
 
+parameters! {
+    Friction(_model: PlatformModel) {
+        torque_n_m: f64 = ParameterSpec::new("torque_n_m", "N m", (0.0, 0.5), 0.005, "Size of the braking torque."),
+    }
+}
+
 impl Effect for BearingCoulombFriction {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![ParameterSpec::new("torque_n_m", "N m", (0.0, 0.5), 0.005, "Size of the braking torque.")]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Friction::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let omega = environment.omega_wb_b_rad_s;
-        omega * (-value(values, 0) / omega.norm().hypot(SMOOTHING_RATE_RAD_S))
+        omega * (-Friction::of(values).torque_n_m / omega.norm().hypot(SMOOTHING_RATE_RAD_S))
+    }
+
+    fn holding_torque_n_m(&self, values: &[f64]) -> f64 {
+        Friction::of(values).torque_n_m
     }
 }

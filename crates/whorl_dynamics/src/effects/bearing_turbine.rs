@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
@@ -21,19 +21,24 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Turbine(_model: PlatformModel) {
+        body_z_n_m: f64 = ParameterSpec::new("body_z_n_m", "N m", (-0.5, 0.5), 0.003, "Torque about body z."),
+        vertical_n_m: f64 = ParameterSpec::new("vertical_n_m", "N m", (-0.5, 0.5), 0.003, "Torque about the vertical."),
+    }
+}
+
 impl Effect for BearingTurbine {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![
-            ParameterSpec::new("body_z_n_m", "N m", (-0.5, 0.5), 0.003, "Torque about body z."),
-            ParameterSpec::new("vertical_n_m", "N m", (-0.5, 0.5), 0.003, "Torque about the vertical."),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Turbine::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        Vector3::z() * value(values, 0) + environment.vertical_b * value(values, 1)
+        let turbine = Turbine::of(values);
+        Vector3::z() * turbine.body_z_n_m + environment.vertical_b * turbine.vertical_n_m
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
@@ -21,16 +21,26 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: true,
 };
 
+parameters! {
+    Friction(_model: PlatformModel) {
+        c_n_m_s: f64 = ParameterSpec::new("c_n_m_s", "N m s", (0.0, 5.0), 0.01, "Torque per body rate."),
+    }
+}
+
 impl Effect for BearingViscousFriction {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![ParameterSpec::new("c_n_m_s", "N m s", (0.0, 5.0), 0.01, "Torque per body rate.")]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Friction::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        -value(values, 0) * environment.omega_wb_b_rad_s
+        -Friction::of(values).c_n_m_s * environment.omega_wb_b_rad_s
+    }
+
+    fn is_identified_with_mass(&self) -> bool {
+        true
     }
 }

@@ -1,9 +1,11 @@
 //! The rotating Earth under the laboratory.
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::Vector3;
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, TrueImu};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -27,10 +29,19 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Earth(_model: PlatformModel) {
+        scale: f64 = ParameterSpec::new("scale", "1", (0.0, 1.0), 1.0, "1 = the Earth turns, 0 = it does not."),
+        latitude_rad: f64 = ParameterSpec::new("latitude_rad", "rad", (-FRAC_PI_2, FRAC_PI_2), 0.01, "Latitude, north positive.")
+            .with_neutral(BLACKSBURG_RAD)
+            .known(),
+    }
+}
+
 /// The Earth's rate in body axes [rad/s].
 fn rate_b_rad_s(values: &[f64], environment: &Environment<'_>) -> Vector3<f64> {
-    let latitude_rad = value(values, 1);
-    let rate_rad_s = value(values, 0) * EARTH_RATE_RAD_S;
+    let Earth { scale, latitude_rad } = Earth::of(values);
+    let rate_rad_s = scale * EARTH_RATE_RAD_S;
     // East-north-up: the axis points north and up.
     environment.to_body(&(Vector3::new(0.0, latitude_rad.cos(), latitude_rad.sin()) * rate_rad_s))
 }
@@ -40,14 +51,8 @@ impl Effect for EarthRotation {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        use std::f64::consts::FRAC_PI_2;
-        vec![
-            ParameterSpec::new("scale", "1", (0.0, 1.0), 1.0, "1 = the Earth turns, 0 = it does not."),
-            ParameterSpec::new("latitude_rad", "rad", (-FRAC_PI_2, FRAC_PI_2), 0.01, "Latitude, north positive.")
-                .with_neutral(BLACKSBURG_RAD)
-                .known(),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Earth::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
@@ -77,5 +82,10 @@ impl Effect for EarthRotation {
 
     fn measure_imu(&self, values: &[f64], environment: &Environment<'_>, imu: &mut TrueImu) {
         imu.angular_velocity_b_rad_s += rate_b_rad_s(values, environment);
+    }
+
+    fn evidence(&self) -> Evidence {
+        // Known beforehand.
+        &[]
     }
 }

@@ -4,7 +4,10 @@ use std::fmt;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{EffectError, ParameterSpec, ThrustLag};
+use super::{
+    Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Rhythm, Sighting, Start,
+    ThrustLag,
+};
 use crate::{Environment, PlatformModel};
 
 /// Where an effect enters.
@@ -66,6 +69,8 @@ pub struct TrueImu {
 /// A physical effect beyond the base model, written once and used four times: the truth plant
 /// simulates with it, the model predicts with it, the diagnosis fits it (columns by differences in
 /// `values`), estimator and controller compensate it.
+///
+/// Its file says all that the uses must know of it besides: nothing elsewhere knows an effect by its id.
 ///
 /// An effect either corrects constants of the platform ([`Self::adjust`]) or adds physics in the
 /// other hooks, each of which does nothing unless an effect overrides it. `values` holds one number
@@ -138,4 +143,78 @@ pub trait Effect: Sync + fmt::Debug {
 
     /// Changes what the inertial sensors see, before their own errors.
     fn measure_imu(&self, _values: &[f64], _environment: &Environment<'_>, _imu: &mut TrueImu) {}
+
+    /// Whether local control counters it from the model. Not what depends on states that control does not know,
+    /// nor what must not be countered.
+    fn is_fed_forward(&self, model: &PlatformModel) -> bool {
+        self.hidden_states(model) == 0
+    }
+
+    /// Whether its parameters correct the platform's own: every fit has them, as far as the platform's prior leaves
+    /// them open ([`ParameterSpec::base`]).
+    fn is_base(&self) -> bool {
+        false
+    }
+
+    /// Whether every identification of mass properties fits it beside them: no platform is without it, and what it
+    /// does looks like inertia.
+    fn is_identified_with_mass(&self) -> bool {
+        false
+    }
+
+    /// What it adds to the inertia matrix, body axes [kg m^2], whether a body can have the sum or not.
+    fn added_inertia_b_kg_m2(&self, _values: &[f64]) -> Matrix3<f64> {
+        Matrix3::zeros()
+    }
+
+    /// What recordings must hold for a regression to test it.
+    fn evidence(&self) -> Evidence {
+        &[&[Need::FreeBody]]
+    }
+
+    /// How its parameters may enter a fit together.
+    fn grouping(&self) -> Grouping {
+        Grouping::AllPartsEach(&[])
+    }
+
+    /// Ways to enter while it is absent, where its parameters do not all enter linearly at their neutral values:
+    /// a grid over those that do not. `None`: its parameters as [`Self::grouping`] says.
+    fn starts(&self, _model: &PlatformModel, _clues: &Clues<'_>) -> Option<Vec<Start>> {
+        None
+    }
+
+    /// The values to which the directions of one start lead together; `None`: each direction where it went.
+    fn joined(&self, _contributions: &[Contribution<'_>]) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// Its rhythm.
+    fn rhythm(&self) -> Option<Rhythm> {
+        None
+    }
+
+    /// Frequency that something outside imposes on the platform \[Hz\].
+    fn imposed_hz(&self, _values: &[f64]) -> Option<f64> {
+        None
+    }
+
+    /// What samples show of it without a regression.
+    fn sighting(&self) -> Option<Sighting> {
+        None
+    }
+
+    /// Age of all inertial data beyond what the model says \[s\]; `None`: it does not delay them.
+    fn imu_latency_s(&self, _values: &[f64]) -> Option<f64> {
+        None
+    }
+
+    /// Torque with which it can hold the body at rest against others [N m].
+    fn holding_torque_n_m(&self, _values: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// Tilt from which something touches \[rad\]; `None`: nothing does.
+    fn contact_tilt_rad(&self, _values: &[f64]) -> Option<f64> {
+        None
+    }
 }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectInfo, EffectKind, Evidence, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -24,18 +24,29 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Gradient(_model: PlatformModel) {
+        scale: f64 = ParameterSpec::new("scale", "1", (0.0, 1.0), 1.0, "1 = present, 0 = absent."),
+    }
+}
+
 impl Effect for GravityGradient {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![ParameterSpec::new("scale", "1", (0.0, 1.0), 1.0, "1 = present, 0 = absent.")]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Gradient::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let k_b = environment.vertical_b;
         let inertia = environment.model.mass_properties.inertia_b_kg_m2();
-        3.0 * MU_OVER_R3_S2 * value(values, 0) * k_b.cross(&(inertia * k_b))
+        3.0 * MU_OVER_R3_S2 * Gradient::of(values).scale * k_b.cross(&(inertia * k_b))
+    }
+
+    fn evidence(&self) -> Evidence {
+        // Negligible here.
+        &[]
     }
 }

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
 use crate::{MassProperties, PlatformModel};
 
 #[derive(Debug)]
@@ -21,20 +22,34 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Offset(_model: PlatformModel) {
+        mgr_b_n_m: Vector3<f64> = {
+            let doc = "Weight times offset of the centre of mass, added to the model's.";
+            let [x, y, z] = per_axis("mgr", "_n_m", "N m", 20.0, 0.1, doc);
+            [x.base(BasePrior::GravityOffset(0)), y.base(BasePrior::GravityOffset(1)), z.base(BasePrior::GravityOffset(2))]
+        },
+    }
+}
+
 impl Effect for GravityOffset {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("mgr", "_n_m", "N m", 20.0, 0.1, "Weight times offset of the centre of mass, added to the model's.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Offset::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         let properties = &model.mass_properties;
-        let offset: Vector3<f64> = properties.gravity_offset_b_n_m() + vector(values, 0);
+        let offset: Vector3<f64> = properties.gravity_offset_b_n_m() + Offset::of(values).mgr_b_n_m;
         model.mass_properties = MassProperties::new(*properties.inertia_b_kg_m2(), offset, properties.mass_kg())
             .map_err(|error| EffectError::NotPhysical { effect: INFO.id, reason: error.to_string() })?;
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
     }
 }

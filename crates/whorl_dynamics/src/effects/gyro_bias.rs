@@ -1,7 +1,10 @@
 //! Constant offset of the gyro.
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,17 +22,28 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Bias(_model: PlatformModel) {
+        bias_rad_s: Vector3<f64> = per_axis("bias", "_rad_s", "rad/s", 0.2, 0.01, "Added to the model's bias."),
+    }
+}
+
 impl Effect for GyroBias {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("bias", "_rad_s", "rad/s", 0.2, 0.01, "Added to the model's bias.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Bias::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.sensors.gyro.errors.bias += vector(values, 0);
+        model.sensors.gyro.errors.bias += Bias::of(values).bias_rad_s;
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        // Every base model has it, per run.
+        &[]
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};
 use crate::{Environment, PlatformModel};
 
@@ -21,27 +21,32 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Sensitivity(_model: PlatformModel) {
+        g_s_m: [f64; 9] = ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"].map(|element| {
+            ParameterSpec::new(
+                format!("{element}_s_m"),
+                "s/m",
+                (-0.01, 0.01),
+                2e-4,
+                "Rate read per specific force; first letter: axis that reads, second: axis of the force.",
+            )
+        }),
+    }
+}
+
 impl Effect for GyroGSensitivity {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"]
-            .map(|element| {
-                ParameterSpec::new(
-                    format!("{element}_s_m"),
-                    "s/m",
-                    (-0.01, 0.01),
-                    2e-4,
-                    "Rate read per specific force; first letter: axis that reads, second: axis of the force.",
-                )
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Sensitivity::specs(model)
     }
 
     fn measure_imu(&self, values: &[f64], _environment: &Environment<'_>, imu: &mut TrueImu) {
-        let sensitivity = Matrix3::from_fn(|row, column| value(values, 3 * row + column));
+        // Rows are the axes that read.
+        let sensitivity = Matrix3::from_row_slice(&Sensitivity::of(values).g_s_m);
         imu.angular_velocity_b_rad_s += sensitivity * imu.specific_force_b_m_s2;
     }
 }

@@ -1,6 +1,6 @@
 //! Gyro axes that are neither along the body's nor square to each other.
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};
 use crate::{Environment, PlatformModel};
 
@@ -19,26 +19,31 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
-/// (row, column) of each parameter.
-const ELEMENTS: [(usize, usize); 6] = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
+/// Each parameter's name, row and column.
+const ELEMENTS: [(&str, usize, usize); 6] =
+    [("xy_rad", 0, 1), ("xz_rad", 0, 2), ("yx_rad", 1, 0), ("yz_rad", 1, 2), ("zx_rad", 2, 0), ("zy_rad", 2, 1)];
+
+parameters! {
+    Tilt(_model: PlatformModel) {
+        m_rad: [f64; 6] = ELEMENTS.map(|(name, ..)| {
+            ParameterSpec::new(name, "rad", (-0.2, 0.2), 0.01, "First letter: axis that reads; second: axis that turns.")
+        }),
+    }
+}
 
 impl Effect for GyroMisalignment {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["xy_rad", "xz_rad", "yx_rad", "yz_rad", "zx_rad", "zy_rad"]
-            .map(|name| {
-                ParameterSpec::new(name, "rad", (-0.2, 0.2), 0.01, "First letter: axis that reads; second: axis that turns.")
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Tilt::specs(model)
     }
 
     fn measure_imu(&self, values: &[f64], _environment: &Environment<'_>, imu: &mut TrueImu) {
         let rate = imu.angular_velocity_b_rad_s;
-        for (i, (row, column)) in ELEMENTS.into_iter().enumerate() {
-            imu.angular_velocity_b_rad_s[row] += value(values, i) * rate[column];
+        for ((_, row, column), m) in ELEMENTS.into_iter().zip(Tilt::of(values).m_rad) {
+            imu.angular_velocity_b_rad_s[row] += m * rate[column];
         }
     }
 }

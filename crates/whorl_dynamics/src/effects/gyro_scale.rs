@@ -1,6 +1,9 @@
 //! Scale factor error of the gyro.
 
-use super::parameter::{per_axis, vector};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
 use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
 use crate::PlatformModel;
 
@@ -19,17 +22,23 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Scale(_model: PlatformModel) {
+        scale: Vector3<f64> = per_axis("scale", "", "1", 0.3, 0.02, "Added to the model's scale factor error."),
+    }
+}
+
 impl Effect for GyroScale {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("scale", "", "1", 0.3, 0.02, "Added to the model's scale factor error.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Scale::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.sensors.gyro.errors.scale += vector(values, 0);
+        model.sensors.gyro.errors.scale += Scale::of(values).scale;
         Ok(())
     }
 }

@@ -1,7 +1,10 @@
 //! Gyro bias that follows temperature.
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec, TrueImu};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -19,17 +22,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Slope(_model: PlatformModel) {
+        slope_rad_s_k: Vector3<f64> = per_axis("slope", "_rad_s_k", "rad/(s K)", 0.01, 3e-4, "Change of bias per kelvin above ambient."),
+    }
+}
+
 impl Effect for GyroTemperature {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("slope", "_rad_s_k", "rad/(s K)", 0.01, 3e-4, "Change of bias per kelvin above ambient.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Slope::specs(model)
     }
 
     fn measure_imu(&self, values: &[f64], environment: &Environment<'_>, imu: &mut TrueImu) {
         let warming_k = environment.temperature_k - environment.model.sensors.ambient_temperature_k;
-        imu.angular_velocity_b_rad_s += vector(values, 0) * warming_k;
+        imu.angular_velocity_b_rad_s += Slope::of(values).slope_rad_s_k * warming_k;
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::FreeBody, Need::Temperature]]
     }
 }

@@ -1,12 +1,12 @@
 //! A cable from the platform to its base.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 use whorl_math::wrap_angle_rad;
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -24,22 +24,48 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Spring(_model: PlatformModel) {
+        // Without its stiffness the cable's damping is friction by another name.
+        k_n_m_rad: f64 = ParameterSpec::new(K, "N m/rad", (0.0, 5.0), 0.01, "Stiffness.").essential(),
+        yaw0_rad: f64 = ParameterSpec::new(YAW0, "rad", (-PI, PI), PI, "Heading at which the cable is relaxed.")
+            .floating_shape()
+            .angle(),
+        c_n_m_s: f64 = ParameterSpec::new(C, "N m s", (0.0, 5.0), 0.01, "Damping about the vertical."),
+    }
+}
+
+const K: &str = "k_n_m_rad";
+const YAW0: &str = "yaw0_rad";
+const C: &str = "c_n_m_s";
+
+/// Relaxed headings that are tried.
+const HEADINGS: u32 = 8;
+
 impl Effect for HarnessSpring {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![
-            ParameterSpec::new("k_n_m_rad", "N m/rad", (0.0, 5.0), 0.01, "Stiffness."),
-            ParameterSpec::new("yaw0_rad", "rad", (-PI, PI), PI, "Heading at which the cable is relaxed."),
-            ParameterSpec::new("c_n_m_s", "N m s", (0.0, 5.0), 0.01, "Damping about the vertical."),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Spring::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        let twist_rad = wrap_angle_rad(environment.yaw_rad() - value(values, 1));
+        let spring = Spring::of(values);
+        let twist_rad = wrap_angle_rad(environment.yaw_rad() - spring.yaw0_rad);
         let twist_rate_rad_s = environment.omega_wb_b_rad_s.dot(&environment.vertical_b);
-        -(value(values, 0) * twist_rad + value(values, 2) * twist_rate_rad_s) * environment.vertical_b
+        -(spring.k_n_m_rad * twist_rad + spring.c_n_m_s * twist_rate_rad_s) * environment.vertical_b
+    }
+
+    fn starts(&self, model: &PlatformModel, _clues: &Clues<'_>) -> Option<Vec<Start>> {
+        let starter = Starter::new(self, model);
+        let heading = |i: u32| -PI + TAU * (f64::from(i) + 0.5) / f64::from(HEADINGS);
+        let starts = (0..HEADINGS).flat_map(|i| {
+            let origin = starter.at(&[(YAW0, heading(i))]);
+            let stiffness = starter.along(&origin, K);
+            [vec![stiffness.clone()], vec![stiffness, starter.along(&origin, C)]]
+        });
+        Some(starts.collect())
     }
 }

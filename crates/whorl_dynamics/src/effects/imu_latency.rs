@@ -1,6 +1,6 @@
 //! Inertial data older than their stamp.
 
-use super::parameter::value;
+use super::named::{Named as _, parameters};
 use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
 use crate::PlatformModel;
 
@@ -19,18 +19,29 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Latency(_model: PlatformModel) {
+        t_s: f64 = ParameterSpec::new("t_s", "s", (0.0, 0.5), 0.01, "Added to the model's latency."),
+    }
+}
+
 impl Effect for ImuLatency {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![ParameterSpec::new("t_s", "s", (0.0, 0.5), 0.01, "Added to the model's latency.")]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Latency::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.sensors.gyro.errors.latency_s += value(values, 0);
-        model.sensors.accelerometer.errors.latency_s += value(values, 0);
+        let late_s = Latency::of(values).t_s;
+        model.sensors.gyro.errors.latency_s += late_s;
+        model.sensors.accelerometer.errors.latency_s += late_s;
         Ok(())
+    }
+
+    fn imu_latency_s(&self, values: &[f64]) -> Option<f64> {
+        Some(Latency::of(values).t_s)
     }
 }

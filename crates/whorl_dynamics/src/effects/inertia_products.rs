@@ -2,8 +2,8 @@
 
 use nalgebra::Matrix3;
 
-use super::parameter::value;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
 use crate::{MassProperties, PlatformModel};
 
 #[derive(Debug)]
@@ -21,32 +21,48 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+/// Each parameter's name, row and column.
+const ELEMENTS: [(&str, usize, usize); 3] = [("ixy_kg_m2", 0, 1), ("ixz_kg_m2", 0, 2), ("iyz_kg_m2", 1, 2)];
+
+parameters! {
+    Products(_model: PlatformModel) {
+        elements_kg_m2: [f64; 3] = ELEMENTS.map(|(name, row, column)| {
+            ParameterSpec::new(
+                name,
+                "kg m^2",
+                (-20.0, 20.0),
+                0.3,
+                "Matrix element (sign in the matrix) added to the model's.",
+            )
+            .base(BasePrior::Inertia(row, column))
+        }),
+    }
+}
+
 impl Effect for InertiaProducts {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["ixy_kg_m2", "ixz_kg_m2", "iyz_kg_m2"]
-            .map(|name| {
-                ParameterSpec::new(
-                    name,
-                    "kg m^2",
-                    (-20.0, 20.0),
-                    0.3,
-                    "Matrix element (sign in the matrix) added to the model's.",
-                )
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Products::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        let [xy, xz, yz] = [value(values, 0), value(values, 1), value(values, 2)];
         let properties = &model.mass_properties;
-        let inertia = properties.inertia_b_kg_m2() + Matrix3::new(0.0, xy, xz, xy, 0.0, yz, xz, yz, 0.0);
+        let inertia = properties.inertia_b_kg_m2() + self.added_inertia_b_kg_m2(values);
         model.mass_properties =
             MassProperties::new(inertia, *properties.gravity_offset_b_n_m(), properties.mass_kg())
                 .map_err(|error| EffectError::NotPhysical { effect: INFO.id, reason: error.to_string() })?;
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
+    }
+
+    fn added_inertia_b_kg_m2(&self, values: &[f64]) -> Matrix3<f64> {
+        let [xy, xz, yz] = Products::of(values).elements_kg_m2;
+        Matrix3::new(0.0, xy, xz, xy, 0.0, yz, xz, yz, 0.0)
     }
 }

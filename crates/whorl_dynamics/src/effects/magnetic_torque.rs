@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -21,25 +22,35 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Magnet(_model: PlatformModel) {
+        dipole_b_a_m2: Vector3<f64> =
+            per_axis("dipole", "_a_m2", "A m^2", 1000.0, 30.0, "Dipole along this body axis."),
+        // East, north, up: declination about 8 degrees west, inclination about 65 degrees down.
+        field_w_t: Vector3<f64> =
+            [("field_x_t", -3.0e-6), ("field_y_t", 21.0e-6), ("field_z_t", -47.0e-6)].map(|(name, tesla)| {
+                let doc = "Field along this world axis (east, north, up).";
+                ParameterSpec::new(name, "T", (-1e-3, 1e-3), 5e-6, doc).with_neutral(tesla).known()
+            }),
+    }
+}
+
 impl Effect for MagneticTorque {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        let mut specs = per_axis("dipole", "_a_m2", "A m^2", 1000.0, 30.0, "Dipole along this body axis.");
-        // East, north, up: declination about 8 degrees west, inclination about 65 degrees down.
-        for (name, tesla) in [("field_x_t", -3.0e-6), ("field_y_t", 21.0e-6), ("field_z_t", -47.0e-6)] {
-            specs.push(
-                ParameterSpec::new(name, "T", (-1e-3, 1e-3), 5e-6, "Field along this world axis (east, north, up).")
-                    .with_neutral(tesla)
-                    .known(),
-            );
-        }
-        specs
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Magnet::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        vector(values, 0).cross(&environment.to_body(&vector(values, 3)))
+        let magnet = Magnet::of(values);
+        magnet.dipole_b_a_m2.cross(&environment.to_body(&magnet.field_w_t))
+    }
+
+    fn grouping(&self) -> Grouping {
+        // A dipole in the deck.
+        Grouping::AllPartsEach(&[&["dipole_x_a_m2", "dipole_y_a_m2"]])
     }
 }

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -21,23 +22,33 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
-impl Effect for MassShift {
-    fn info(&self) -> &'static EffectInfo {
-        &INFO
-    }
-
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis(
+parameters! {
+    Shift(_model: PlatformModel) {
+        shift_b_n_m_kg: Vector3<f64> = per_axis(
             "shift",
             "_n_m_kg",
             "N m/kg",
             50.0,
             3.0,
             "Change of m g r_cg along this body axis per kilogram of gas used (gas at r leaves -g r).",
-        )
+        ),
+    }
+}
+
+impl Effect for MassShift {
+    fn info(&self) -> &'static EffectInfo {
+        &INFO
+    }
+
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Shift::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        -(vector(values, 0) * environment.gas_used_kg).cross(&environment.vertical_b)
+        -(Shift::of(values).shift_b_n_m_kg * environment.gas_used_kg).cross(&environment.vertical_b)
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Jets]]
     }
 }

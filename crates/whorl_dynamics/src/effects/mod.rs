@@ -1,20 +1,29 @@
 //! The catalogue of physical effects: one effect, one file, four uses.
 //!
 //! The truth plant simulates with an effect, the model predicts with it, the diagnosis fits it,
-//! estimator and controller compensate it, all from the one definition in its file. To add an
-//! effect to the system: write a file beside the others and name it in `register!` below.
+//! estimator and controller compensate it, all from the one definition in its file, which also says
+//! what else those uses must know: the role of each parameter, the data that show the effect, ways to start
+//! a search. No other file knows an effect by its id (a test reads the sources). To add an effect to the
+//! system: write a file beside the others and name it in `register!` below; `docs/adding_an_effect.md`.
 
+mod base;
 mod effect;
 mod error;
+mod named;
 mod parameter;
+mod search;
 mod set;
 #[cfg(test)]
 mod tests;
 mod tilted;
 
+pub use base::BasePrior;
 pub use effect::{Effect, EffectInfo, EffectKind, TrueImu};
 pub use error::EffectError;
-pub use parameter::{ParameterSpec, Part};
+pub use parameter::{ParameterSpec, Part, Regressed, Role};
+pub use search::{
+    Clues, Contribution, Direction, Evidence, Grouping, Need, Resonance, Rhythm, Sighting, Start, Starter,
+};
 pub use set::{ActiveEffect, EffectSet, MAX_HIDDEN_STATES, describe, describe_catalogue};
 pub use thruster_rise::ThrustLag;
 pub(crate) use tilt_stop_contact::contact_torque_b_n_m;

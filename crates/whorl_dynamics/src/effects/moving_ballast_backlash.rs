@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::vector;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -21,20 +21,28 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Backlash(_model: PlatformModel) {
+        gap_b_n_m: Vector3<f64> = ["gap_x_n_m", "gap_y_n_m", "gap_z_n_m"].map(|name| {
+            ParameterSpec::new(name, "N m", (0.0, 1.0), 0.02, "Play times the weight of the moving mass.")
+        }),
+    }
+}
+
 impl Effect for MovingBallastBacklash {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["gap_x_n_m", "gap_y_n_m", "gap_z_n_m"]
-            .map(|name| {
-                ParameterSpec::new(name, "N m", (0.0, 1.0), 0.02, "Play times the weight of the moving mass.")
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Backlash::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        0.5 * vector(values, 0).component_mul(&environment.ballast_direction).cross(&environment.vertical_b)
+        0.5 * Backlash::of(values).gap_b_n_m.component_mul(&environment.ballast_direction).cross(&environment.vertical_b)
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::FreeBody, Need::Ballast]]
     }
 }

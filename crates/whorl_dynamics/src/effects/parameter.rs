@@ -1,4 +1,10 @@
-//! Parameters of effects: names, units, ranges, priors.
+//! Parameters of effects: names, units, ranges, priors, and what each does in a fit.
+
+use std::f64::consts::TAU;
+
+use whorl_math::wrap_angle_rad;
+
+use super::BasePrior;
 
 /// The part of the platform that a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -9,6 +15,43 @@ pub enum Part {
     Wheel(usize),
     /// This jet of the model.
     Jet(usize),
+}
+
+impl Part {
+    /// The wheel's or jet's number.
+    #[must_use]
+    pub fn index(self) -> Option<usize> {
+        match self {
+            Self::Platform => None,
+            Self::Wheel(index) | Self::Jet(index) => Some(index),
+        }
+    }
+}
+
+/// What a parameter does to the signal of its effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Makes it larger: its prior is a scale, and the effect is absent where it is neutral.
+    Amplitude,
+    /// Shapes it without making it larger, about a usual value (a damping ratio): the prior holds whatever the
+    /// amplitude.
+    Shape,
+    /// Shapes it and may be anywhere in its range (a frequency, a phase): while the amplitude is zero it has no
+    /// meaning, and no value of it is likelier than another.
+    FloatingShape,
+}
+
+/// When a regression about given values of an effect can move a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Regressed {
+    /// At any values.
+    Always,
+    /// Only where it is not zero itself: an axis that takes no part in an effect that is there.
+    UnlessZero,
+    /// Only where an amplitude of its part is not zero: the shape of nothing.
+    WithAmplitude,
+    /// Never: the readings themselves show it ([`super::Sighting`]).
+    Never,
 }
 
 /// One parameter of an effect.
@@ -31,12 +74,23 @@ pub struct ParameterSpec {
     pub prior_stddev: f64,
     /// False: fitted. True: known beforehand (latitude, field), never fitted.
     pub known: bool,
+    /// What it does to the signal.
+    pub role: Role,
+    /// When a regression can move it.
+    pub regressed: Regressed,
+    /// Without it the other parameters are another effect under this one's name.
+    pub essential: bool,
+    /// Values that differ by this much are the same (a turn of an angle), in its unit.
+    pub period: Option<f64>,
+    /// The standard deviation of the platform's own parameter that it corrects; `None`: it is no correction of
+    /// the base model.
+    pub base: Option<BasePrior>,
     /// One sentence.
     pub doc: &'static str,
 }
 
 impl ParameterSpec {
-    /// A parameter that is fitted, absent at zero.
+    /// An amplitude that is fitted, absent at zero.
     #[must_use]
     pub fn new(
         name: impl Into<String>,
@@ -54,20 +108,13 @@ impl ParameterSpec {
             neutral: 0.0,
             prior_stddev,
             known: false,
+            role: Role::Amplitude,
+            regressed: Regressed::Always,
+            essential: false,
+            period: None,
+            base: None,
             doc,
         }
-    }
-
-    /// The same for wheel `wheel` of the model alone.
-    #[must_use]
-    pub fn of_wheel(self, wheel: usize) -> Self {
-        Self { part: Part::Wheel(wheel), ..self }
-    }
-
-    /// The same for jet `jet` of the model alone.
-    #[must_use]
-    pub fn of_jet(self, jet: usize) -> Self {
-        Self { part: Part::Jet(jet), ..self }
     }
 
     /// The same with another neutral value.
@@ -81,37 +128,63 @@ impl ParameterSpec {
     pub fn known(self) -> Self {
         Self { known: true, ..self }
     }
+
+    /// The same as a shape about its neutral value.
+    #[must_use]
+    pub fn shape(self) -> Self {
+        Self { role: Role::Shape, ..self }
+    }
+
+    /// The same as a shape that may be anywhere in its range.
+    #[must_use]
+    pub fn floating_shape(self) -> Self {
+        Self { role: Role::FloatingShape, ..self }
+    }
+
+    /// The same, with when a regression can move it.
+    #[must_use]
+    pub fn regressed(self, regressed: Regressed) -> Self {
+        Self { regressed, ..self }
+    }
+
+    /// The same as that without which the effect is none.
+    #[must_use]
+    pub fn essential(self) -> Self {
+        Self { essential: true, ..self }
+    }
+
+    /// The same as an angle \[rad\]: a whole turn more is the same.
+    #[must_use]
+    pub fn angle(self) -> Self {
+        Self { period: Some(TAU), ..self }
+    }
+
+    /// The same as a correction of one of the platform's own parameters.
+    #[must_use]
+    pub fn base(self, base: BasePrior) -> Self {
+        Self { base: Some(base), ..self }
+    }
+
+    /// `value` within the range; where the parameter is periodic, wrapped to half a period either side of zero.
+    #[must_use]
+    pub fn limited(&self, value: f64) -> f64 {
+        match self.period {
+            Some(period) => wrap_angle_rad(value * (TAU / period)) * (period / TAU),
+            None => value.max(self.min).min(self.max),
+        }
+    }
 }
 
 /// Three parameters `{prefix}_x{suffix}`, `_y`, `_z` with a range symmetric about zero.
-pub(crate) fn per_axis(
+pub(super) fn per_axis(
     prefix: &str,
     suffix: &str,
     unit: &'static str,
     largest: f64,
     prior_stddev: f64,
     doc: &'static str,
-) -> Vec<ParameterSpec> {
-    ["x", "y", "z"]
-        .into_iter()
-        .map(|axis| {
-            ParameterSpec::new(
-                format!("{prefix}_{axis}{suffix}"),
-                unit,
-                (-largest, largest),
-                prior_stddev,
-                doc,
-            )
-        })
-        .collect()
-}
-
-/// The three values starting at `first`; zero where there are none.
-pub(crate) fn vector(values: &[f64], first: usize) -> nalgebra::Vector3<f64> {
-    nalgebra::Vector3::from_fn(|i, _| value(values, first + i))
-}
-
-/// The value at `index`; zero where there is none, so that a short slice cannot panic.
-pub(crate) fn value(values: &[f64], index: usize) -> f64 {
-    values.get(index).copied().unwrap_or(0.0)
+) -> [ParameterSpec; 3] {
+    ["x", "y", "z"].map(|axis| {
+        ParameterSpec::new(format!("{prefix}_{axis}{suffix}"), unit, (-largest, largest), prior_stddev, doc)
+    })
 }

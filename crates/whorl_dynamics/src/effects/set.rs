@@ -7,7 +7,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
 use super::error::nearest;
-use super::{Effect, EffectError, ThrustLag, TrueImu, catalogue, find};
+use super::{Effect, EffectError, Role, ThrustLag, TrueImu, catalogue, find};
 use crate::{Environment, PlatformModel};
 
 /// Hidden states the integrator holds.
@@ -231,7 +231,11 @@ pub fn describe(effect: &dyn Effect, model: &PlatformModel) -> String {
         let _ = writeln!(text, "  told apart by: {}", info.separated_by);
     }
     for spec in effect.parameters(model) {
-        let role = if spec.known { "known" } else { "fitted" };
+        let role = match spec.role {
+            _ if spec.known => "known",
+            Role::Amplitude => "fitted",
+            Role::Shape | Role::FloatingShape => "fitted, shape",
+        };
         let _ = writeln!(
             text,
             "  - {} [{}] {} .. {}, default {}, prior sigma {} ({role}): {}",

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Vector3};
 use whorl_math::{GRAVITY_M_S2, skew};
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, Value as _, parameters};
+use super::search::geometric;
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -24,6 +25,33 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Liquid(_model: PlatformModel) {
+        mass_ratio: f64 =
+            ParameterSpec::new(MASS_RATIO, "1", (0.0, 0.3), 0.01, "Sloshing mass over the platform's mass."),
+        frequency_hz: f64 =
+            ParameterSpec::new(FREQUENCY, "Hz", (0.05, 20.0), 0.5, "Frequency with the body held.")
+                .with_neutral(1.0)
+                .floating_shape(),
+        damping_ratio: f64 =
+            ParameterSpec::new(DAMPING, "1", (0.0, 1.0), 0.02, "Damping over critical.").with_neutral(0.02).shape(),
+        height_m: f64 = ParameterSpec::new(
+            HEIGHT,
+            "m",
+            (-2.0, 2.0),
+            0.1,
+            "Height of the mass above the centre of rotation, body z.",
+        )
+        .with_neutral(0.2)
+        .shape(),
+    }
+}
+
+const MASS_RATIO: &str = "mass_ratio";
+const FREQUENCY: &str = "frequency_hz";
+const DAMPING: &str = "damping_ratio";
+const HEIGHT: &str = "height_m";
+
 /// Mass, frequency, damping and height of the sloshing mass.
 struct Pendulum {
     mass_kg: f64,
@@ -34,11 +62,12 @@ struct Pendulum {
 
 impl Pendulum {
     fn new(values: &[f64], model: &PlatformModel) -> Self {
+        let liquid = Liquid::of(values);
         Self {
-            mass_kg: value(values, 0) * model.mass_properties.mass_kg(),
-            omega_rad_s: TAU * value(values, 1),
-            damping_ratio: value(values, 2),
-            r_b_m: Vector3::z() * value(values, 3),
+            mass_kg: liquid.mass_ratio * model.mass_properties.mass_kg(),
+            omega_rad_s: TAU * liquid.frequency_hz,
+            damping_ratio: liquid.damping_ratio,
+            r_b_m: Vector3::z() * liquid.height_m,
         }
     }
 
@@ -46,10 +75,8 @@ impl Pendulum {
     fn acceleration_m_s2(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         let omega = environment.omega_wb_b_rad_s;
         let drive = omega.cross(&omega.cross(&self.r_b_m)) + GRAVITY_M_S2 * environment.vertical_b;
-        let (s, s_rate) = (
-            Vector3::new(value(hidden, 0), value(hidden, 1), 0.0),
-            Vector3::new(value(hidden, 2), value(hidden, 3), 0.0),
-        );
+        let [x, y, x_rate, y_rate] = <[f64; 4]>::read(hidden);
+        let (s, s_rate) = (Vector3::new(x, y, 0.0), Vector3::new(x_rate, y_rate, 0.0));
         -2.0 * self.damping_ratio * self.omega_rad_s * s_rate
             - self.omega_rad_s.powi(2) * s
             - across(&drive)
@@ -66,14 +93,8 @@ impl Effect for Slosh {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![
-            ParameterSpec::new("mass_ratio", "1", (0.0, 0.3), 0.01, "Sloshing mass over the platform's mass."),
-            ParameterSpec::new("frequency_hz", "Hz", (0.05, 20.0), 0.5, "Frequency with the body held.").with_neutral(1.0),
-            ParameterSpec::new("damping_ratio", "1", (0.0, 1.0), 0.02, "Damping over critical.").with_neutral(0.02),
-            ParameterSpec::new("height_m", "m", (-2.0, 2.0), 0.1, "Height of the mass above the centre of rotation, body z.")
-                .with_neutral(0.2),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Liquid::specs(model)
     }
 
     fn hidden_states(&self, _model: &PlatformModel) -> usize {
@@ -91,9 +112,10 @@ impl Effect for Slosh {
         let pendulum = Pendulum::new(values, environment.model);
         let tangential = across(&environment.omega_dot_wb_b_rad_s2.cross(&pendulum.r_b_m));
         let acceleration = pendulum.acceleration_m_s2(environment, hidden) - tangential;
-        if let [x, y, x_rate, y_rate] = derivative {
-            (*x, *y) = (value(hidden, 2), value(hidden, 3));
-            (*x_rate, *y_rate) = (acceleration.x, acceleration.y);
+        let [_, _, x_rate, y_rate] = <[f64; 4]>::read(hidden);
+        if let [x, y, x_rate_dot, y_rate_dot] = derivative {
+            (*x, *y) = (x_rate, y_rate);
+            (*x_rate_dot, *y_rate_dot) = (acceleration.x, acceleration.y);
         }
     }
 
@@ -101,7 +123,8 @@ impl Effect for Slosh {
         let pendulum = Pendulum::new(values, environment.model);
         // `reaction_inertia_b_kg_m2` carries the share of dw/dt.
         let acceleration = pendulum.acceleration_m_s2(environment, hidden);
-        let deflection = Vector3::new(value(hidden, 0), value(hidden, 1), 0.0);
+        let [x, y, ..] = <[f64; 4]>::read(hidden);
+        let deflection = Vector3::new(x, y, 0.0);
         -pendulum.mass_kg
             * (pendulum.r_b_m.cross(&acceleration) + GRAVITY_M_S2 * deflection.cross(&environment.vertical_b))
     }
@@ -111,5 +134,19 @@ impl Effect for Slosh {
         let r = skew(&pendulum.r_b_m);
         let across_z = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0));
         pendulum.mass_kg * r * across_z * r.transpose()
+    }
+
+    fn starts(&self, model: &PlatformModel, clues: &Clues<'_>) -> Option<Vec<Start>> {
+        let starter = Starter::new(self, model);
+        let fastest_hz = (0.3 / clues.bin_s).min(5.0);
+        let coarse = geometric(0.1, fastest_hz, 7).into_iter().flat_map(|hz| [(hz, 0.02), (hz, 0.15)]);
+        let seen = clues.resonances.iter().map(|r| (r.hz, r.damping_ratio));
+        let starts = coarse.chain(seen).flat_map(|(hz, damping)| {
+            [-0.3, 0.3].map(|height_m| {
+                let origin = starter.at(&[(FREQUENCY, hz), (DAMPING, damping), (HEIGHT, height_m)]);
+                vec![starter.along(&origin, MASS_RATIO)]
+            })
+        });
+        Some(starts.collect())
     }
 }

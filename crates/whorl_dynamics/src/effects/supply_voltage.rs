@@ -1,7 +1,7 @@
 //! Actuators that follow the bus voltage.
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -19,6 +19,13 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Voltage(_model: PlatformModel) {
+        wheel_torque_per_v: f64 = ParameterSpec::new("wheel_torque_per_v", "1/V", (0.0, 0.2), 0.02, "Relative loss of motor torque per volt."),
+        valve_delay_s_v: f64 = ParameterSpec::new("valve_delay_s_v", "s/V", (0.0, 0.05), 0.002, "Later opening of valves per volt lost."),
+    }
+}
+
 /// Volts below a full battery.
 fn drop_v(environment: &Environment<'_>) -> f64 {
     environment.model.bus.initial_v - environment.bus_voltage_v
@@ -29,21 +36,22 @@ impl Effect for SupplyVoltage {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![
-            ParameterSpec::new("wheel_torque_per_v", "1/V", (0.0, 0.2), 0.02, "Relative loss of motor torque per volt."),
-            ParameterSpec::new("valve_delay_s_v", "s/V", (0.0, 0.05), 0.002, "Later opening of valves per volt lost."),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Voltage::specs(model)
     }
 
     fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
-        let loss = value(values, 0) * drop_v(environment);
+        let loss = Voltage::of(values).wheel_torque_per_v * drop_v(environment);
         for (j, torque) in torque_n_m.iter_mut().enumerate() {
             *torque -= loss * environment.wheel_motor_torque(j);
         }
     }
 
     fn valve_delay_s(&self, values: &[f64], environment: &Environment<'_>) -> (f64, f64) {
-        (value(values, 1) * drop_v(environment).max(0.0), 0.0)
+        (Voltage::of(values).valve_delay_s_v * drop_v(environment).max(0.0), 0.0)
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Wheels, Need::WheelCommands], &[Need::Jets]]
     }
 }

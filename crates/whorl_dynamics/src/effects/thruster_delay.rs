@@ -1,7 +1,7 @@
 //! Valves later than the model says.
 
-use super::parameter::value;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,23 +19,32 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Delay(_model: PlatformModel) {
+        t_on_s: f64 = ParameterSpec::new("t_on_s", "s", (0.0, 0.5), 0.01, "Added delay of opening."),
+        t_off_s: f64 = ParameterSpec::new("t_off_s", "s", (0.0, 0.5), 0.01, "Added delay of closing."),
+    }
+}
+
 impl Effect for ThrusterDelay {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![
-            ParameterSpec::new("t_on_s", "s", (0.0, 0.5), 0.01, "Added delay of opening."),
-            ParameterSpec::new("t_off_s", "s", (0.0, 0.5), 0.01, "Added delay of closing."),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Delay::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
+        let delay = Delay::of(values);
         for jet in model.jets_mut() {
-            jet.opening_delay_s += value(values, 0);
-            jet.closing_delay_s += value(values, 1);
+            jet.opening_delay_s += delay.t_on_s;
+            jet.closing_delay_s += delay.t_off_s;
         }
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Jets]]
     }
 }

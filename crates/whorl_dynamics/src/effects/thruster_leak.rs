@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use whorl_math::GRAVITY_M_S2;
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters, per_jet};
+use super::{Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
+use crate::platform::Jet;
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -22,10 +23,23 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one jet.
+    Leak(jet: Jet) {
+        thrust_n: f64 = ParameterSpec::new(
+            "_n",
+            "N",
+            (0.0, jet.thrust_n),
+            0.01 * jet.thrust_n,
+            "Thrust of the leak at the reference pressure.",
+        ),
+    }
+}
+
 /// Thrust of the leak of jet `j` now \[N\].
 fn leak_n(values: &[f64], environment: &Environment<'_>, j: usize) -> f64 {
     let shut = 1.0 - environment.valve_fraction.get(j).copied().unwrap_or(0.0);
-    value(values, j) * shut * environment.pressure_ratio()
+    Leak::nth(values, j).thrust_n * shut * environment.pressure_ratio()
 }
 
 impl Effect for ThrusterLeak {
@@ -34,26 +48,13 @@ impl Effect for ThrusterLeak {
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .jets()
-            .iter()
-            .enumerate()
-            .map(|(j, jet)| {
-                ParameterSpec::new(
-                    format!("{}_n", jet.name),
-                    "N",
-                    (0.0, jet.thrust_n),
-                    0.01 * jet.thrust_n,
-                    "Thrust of the leak at the reference pressure.",
-                ).of_jet(j)
-            })
-            .collect()
+        per_jet::<Leak>(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let mut torque = Vector3::zeros();
         for (j, jet) in environment.model.jets().iter().enumerate() {
-            if value(values, j) > 0.0 {
+            if Leak::nth(values, j).thrust_n > 0.0 {
                 let force = jet.force_direction_b.into_inner() * leak_n(values, environment, j);
                 torque += jet.position_b_m.cross(&force);
             }
@@ -65,5 +66,10 @@ impl Effect for ThrusterLeak {
         let jets = environment.model.jets().len();
         let thrust_n: f64 = (0..jets).map(|j| leak_n(values, environment, j)).sum();
         thrust_n / (GRAVITY_M_S2 * environment.model.tank().specific_impulse_s)
+    }
+
+    fn grouping(&self) -> Grouping {
+        // One jet or two: any torque at all could be put together from all of them.
+        Grouping::EachAndPairs
     }
 }

@@ -1,9 +1,10 @@
 //! Jets that do not point where the drawing says.
 
-use super::parameter::value;
+use super::named::{Named as _, parameters, per_jet};
 use super::tilted::tilted;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
+use crate::platform::Jet;
 
 #[derive(Debug)]
 pub(super) struct ThrusterMisalignment;
@@ -20,34 +21,43 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one jet.
+    Tilt(_jet: Jet) {
+        angles_rad: [f64; 2] = ["_a_rad", "_b_rad"].map(|name| {
+            ParameterSpec::new(
+                name,
+                "rad",
+                (-0.5, 0.5),
+                0.03,
+                "Tilt of the force about e1 (a: across the force and body z, or x for a jet along z) or e2 = f x e1 (b).",
+            )
+            .base(BasePrior::JetDirection)
+        }),
+    }
+}
+
 impl Effect for ThrusterMisalignment {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .jets()
-            .iter()
-            .enumerate()
-            .flat_map(|(j, jet)| {
-                ["a", "b"].map(|angle| {
-                    ParameterSpec::new(
-                        format!("{}_{angle}_rad", jet.name),
-                        "rad",
-                        (-0.5, 0.5),
-                        0.03,
-                        "Tilt of the force about e1 (a: across the force and body z, or x for a jet along z) or e2 = f x e1 (b).",
-                    ).of_jet(j)
-                })
-            })
-            .collect()
+        per_jet::<Tilt>(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, jet) in model.jets_mut().iter_mut().enumerate() {
-            jet.force_direction_b = tilted(jet.force_direction_b, value(values, 2 * j), value(values, 2 * j + 1));
+            jet.force_direction_b = tilted(jet.force_direction_b, Tilt::nth(values, j).angles_rad);
         }
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Jets]]
     }
 }

@@ -1,7 +1,7 @@
 //! Thrust that follows the tank's pressure otherwise than the model says.
 
-use super::parameter::value;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,17 +19,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Pressure(_model: PlatformModel) {
+        exponent: f64 = ParameterSpec::new("exponent", "1", (-2.0, 2.0), 0.3, "Added to the model's exponent."),
+    }
+}
+
 impl Effect for ThrusterPressure {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![ParameterSpec::new("exponent", "1", (-2.0, 2.0), 0.3, "Added to the model's exponent.")]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Pressure::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        model.tank_mut().thrust_pressure_exponent += value(values, 0);
+        model.tank_mut().thrust_pressure_exponent += Pressure::of(values).exponent;
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Jets]]
     }
 }

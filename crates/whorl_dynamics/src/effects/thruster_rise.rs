@@ -1,7 +1,7 @@
 //! Thrust that builds up and tails off.
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Effect, EffectInfo, EffectKind, Evidence, Grouping, Need, ParameterSpec, Regressed};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,42 +19,59 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Lag(_model: PlatformModel) {
+        tau_s: f64 = ParameterSpec::new("tau_s", "s", (0.0, 0.5), 0.01, "Time constant of build-up, all jets."),
+        // While the supply is choked in the valve, filling and emptying both take the volume over the nozzle's
+        // flow; as far as it is not, they differ.
+        tail_ratio: f64 = ParameterSpec::new(
+            "tail_ratio",
+            "1",
+            (0.5, 2.0),
+            0.15,
+            "Time of tail-off (impulse of the tail over full thrust) over that of build-up.",
+        )
+        .with_neutral(1.0)
+        .shape()
+        .regressed(Regressed::WithAmplitude),
+        tail_exponent: f64 = ParameterSpec::new(
+            "tail_exponent",
+            "1",
+            (1.0, 1.2),
+            0.1,
+            "Exponent of the tail-off: 1 isothermal, 8/7 isentropic nitrogen, 6/5 a monatomic gas.",
+        )
+        .with_neutral(1.0)
+        .shape()
+        .regressed(Regressed::WithAmplitude),
+    }
+}
+
 impl Effect for ThrusterRise {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        vec![
-            ParameterSpec::new("tau_s", "s", (0.0, 0.5), 0.01, "Time constant of build-up, all jets."),
-            // While the supply is choked in the valve, filling and emptying both take the volume over the nozzle's
-            // flow; as far as it is not, they differ.
-            ParameterSpec::new(
-                "tail_ratio",
-                "1",
-                (0.5, 2.0),
-                0.15,
-                "Time of tail-off (impulse of the tail over full thrust) over that of build-up.",
-            )
-            .with_neutral(1.0),
-            ParameterSpec::new(
-                "tail_exponent",
-                "1",
-                (1.0, 1.2),
-                0.1,
-                "Exponent of the tail-off: 1 isothermal, 8/7 isentropic nitrogen, 6/5 a monatomic gas.",
-            )
-            .with_neutral(1.0),
-        ]
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Lag::specs(model)
     }
 
     fn thrust_lag(&self, values: &[f64]) -> ThrustLag {
-        let rise_s = value(values, 0);
+        let lag = Lag::of(values);
         ThrustLag {
-            rise_s,
-            tail_s: rise_s * values.get(1).copied().unwrap_or(1.0),
-            tail_exponent: values.get(2).copied().unwrap_or(1.0),
+            rise_s: lag.tau_s,
+            tail_s: lag.tau_s * lag.tail_ratio,
+            tail_exponent: lag.tail_exponent,
         }
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Jets]]
+    }
+
+    fn grouping(&self) -> Grouping {
+        // The shape of a tail is nothing by itself.
+        Grouping::All
     }
 }
 

@@ -1,8 +1,9 @@
 //! Jets stronger or weaker than nominal.
 
-use super::parameter::value;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters, per_jet};
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Grouping, Need, ParameterSpec};
 use crate::PlatformModel;
+use crate::platform::Jet;
 
 #[derive(Debug)]
 pub(super) struct ThrusterStrength;
@@ -19,25 +20,50 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Common(_model: PlatformModel) {
+        all: f64 = ParameterSpec::new("all", "1", (-0.9, 1.0), 0.05, "Relative error of every jet."),
+    }
+}
+
+parameters! {
+    /// Of one jet.
+    Own(_jet: Jet) {
+        error: f64 = ParameterSpec::new("", "1", (-1.0, 1.0), 0.05, "Relative error of this jet.")
+            .base(BasePrior::JetThrust),
+    }
+}
+
 impl Effect for ThrusterStrength {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        let mut specs =
-            vec![ParameterSpec::new("all", "1", (-0.9, 1.0), 0.05, "Relative error of every jet.")];
-        specs.extend(model.jets().iter().enumerate().map(|(j, jet)| {
-            ParameterSpec::new(jet.name.as_str(), "1", (-1.0, 1.0), 0.05, "Relative error of this jet.").of_jet(j)
-        }));
+        let mut specs = Common::specs(model);
+        specs.extend(per_jet::<Own>(model));
         specs
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
-        let all = 1.0 + value(values, 0);
+        let all = 1.0 + Common::of(values).all;
+        let of_jets = Common::rest(values);
         for (j, jet) in model.jets_mut().iter_mut().enumerate() {
-            jet.thrust_n *= all * (1.0 + value(values, 1 + j));
+            jet.thrust_n *= all * (1.0 + Own::nth(of_jets, j).error);
         }
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Jets]]
+    }
+
+    fn grouping(&self) -> Grouping {
+        // All jets alike, besides what each does within its own prior.
+        Grouping::CommonEachParts
     }
 }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters};
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Start, Starter};
 use crate::platform::TiltLimit;
 use crate::{Environment, PlatformModel};
 
@@ -22,36 +22,82 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Contact(model: PlatformModel) {
+        k_n_m_rad: f64 = ParameterSpec::new(K, "N m/rad", (0.0, 5000.0), 100.0, "Stiffness."),
+        c_n_m_s: f64 = ParameterSpec::new(C, "N m s", (0.0, 500.0), 10.0, "Damping."),
+        angle_rad: f64 = ParameterSpec::new(
+            ANGLE,
+            "rad",
+            (0.0, limit_rad(model)),
+            0.2 * limit_rad(model),
+            "Tilt at first contact.",
+        )
+        .with_neutral(limit_rad(model))
+        .floating_shape(),
+    }
+}
+
+const K: &str = "k_n_m_rad";
+const C: &str = "c_n_m_s";
+const ANGLE: &str = "angle_rad";
+
+/// Angles that are tried, over the largest tilt that lasted.
+const ANGLES: [f64; 8] = [0.995, 0.985, 0.97, 0.95, 0.92, 0.88, 0.8, 0.65];
+/// A contact this near the platform's own stop is that stop \[rad\].
+const OWN_STOP_RAD: f64 = 0.005;
+
+/// Tilt at the platform's own stop.
+fn limit_rad(model: &PlatformModel) -> f64 {
+    match model.tilt_limit {
+        TiltLimit::Cone { max_rad } | TiltLimit::Pitch { max_rad } => max_rad,
+    }
+}
+
 impl Effect for TiltStopContact {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        let limit_rad = match model.tilt_limit {
-            TiltLimit::Cone { max_rad } | TiltLimit::Pitch { max_rad } => max_rad,
-        };
-        vec![
-            ParameterSpec::new("k_n_m_rad", "N m/rad", (0.0, 5000.0), 100.0, "Stiffness."),
-            ParameterSpec::new("c_n_m_s", "N m s", (0.0, 500.0), 10.0, "Damping."),
-            ParameterSpec::new("angle_rad", "rad", (0.0, limit_rad), 0.2 * limit_rad, "Tilt at first contact.")
-                .with_neutral(limit_rad),
-        ]
+        Contact::specs(model)
     }
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
-        let angle_rad = value(values, 2);
+        let contact = Contact::of(values);
         let stop = match environment.model.tilt_limit {
-            TiltLimit::Cone { .. } => TiltLimit::Cone { max_rad: angle_rad },
-            TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: angle_rad },
+            TiltLimit::Cone { .. } => TiltLimit::Cone { max_rad: contact.angle_rad },
+            TiltLimit::Pitch { .. } => TiltLimit::Pitch { max_rad: contact.angle_rad },
         };
         contact_torque_b_n_m(
             &stop,
-            value(values, 0),
-            value(values, 1),
+            contact.k_n_m_rad,
+            contact.c_n_m_s,
             &environment.vertical_b,
             &environment.omega_wb_b_rad_s,
         )
+    }
+
+    fn is_fed_forward(&self, _model: &PlatformModel) -> bool {
+        // Pushing against what pushes back would hold the platform at its stop.
+        false
+    }
+
+    fn starts(&self, model: &PlatformModel, clues: &Clues<'_>) -> Option<Vec<Start>> {
+        let starter = Starter::new(self, model);
+        // The platform's own stop is no missing effect.
+        let is_within = |angle_rad: &f64| *angle_rad <= limit_rad(model) - OWN_STOP_RAD;
+        let angles = ANGLES.into_iter().map(|share| share * clues.largest_tilt_rad).filter(is_within);
+        let starts = angles.flat_map(|angle_rad| {
+            let origin = starter.at(&[(ANGLE, angle_rad)]);
+            let stiffness = starter.along(&origin, K);
+            [vec![stiffness.clone()], vec![stiffness, starter.along(&origin, C)]]
+        });
+        Some(starts.collect())
+    }
+
+    fn contact_tilt_rad(&self, values: &[f64]) -> Option<f64> {
+        Some(Contact::of(values).angle_rad)
     }
 }
 

@@ -5,7 +5,7 @@ use whorl_math::unit_or;
 
 /// `axis` turned by the rotation vector a e1 + b e2, where e1 = axis x z (axis x x when the axis is
 /// within 45 degrees of z) normalised and e2 = axis x e1. Angles in radians; exact at zero.
-pub(super) fn tilted(axis: Unit<Vector3<f64>>, a_rad: f64, b_rad: f64) -> Unit<Vector3<f64>> {
+pub(super) fn tilted(axis: Unit<Vector3<f64>>, [a_rad, b_rad]: [f64; 2]) -> Unit<Vector3<f64>> {
     if a_rad == 0.0 && b_rad == 0.0 {
         return axis;
     }
@@ -25,11 +25,11 @@ mod tests {
         for axis in [Vector3::x_axis(), Vector3::z_axis(), Unit::new_normalize(Vector3::new(1.0, -2.0, 0.5))]
         {
             for (a, b) in [(0.03, 0.0), (0.0, -0.02), (0.03, 0.04)] {
-                let moved = tilted(axis, a, b);
+                let moved = tilted(axis, [a, b]);
                 assert!((moved.dot(&axis).acos() - f64::hypot(a, b)).abs() < 1e-9);
             }
-            let first = tilted(axis, 1e-4, 0.0).into_inner() - axis.into_inner();
-            let second = tilted(axis, 0.0, 1e-4).into_inner() - axis.into_inner();
+            let first = tilted(axis, [1e-4, 0.0]).into_inner() - axis.into_inner();
+            let second = tilted(axis, [0.0, 1e-4]).into_inner() - axis.into_inner();
             assert!(first.dot(&second).abs() < 1e-12, "the two tilts are across each other");
         }
     }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::parameter::{value, vector};
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, Value as _, parameters};
+use super::{Effect, EffectInfo, EffectKind, Evidence, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -21,17 +21,27 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Walk(_model: PlatformModel) {
+        intensity_b_n_m_sqrt_s: [f64; 3] = ["x", "y", "z"].map(|axis| {
+            ParameterSpec::new(
+                format!("intensity_{axis}_n_m_sqrt_s"),
+                "N m/sqrt(s)",
+                (0.0, 1.0),
+                1e-3,
+                "Standard deviation after one second.",
+            )
+        }),
+    }
+}
+
 impl Effect for UnmodelledTorque {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        ["intensity_x_n_m_sqrt_s", "intensity_y_n_m_sqrt_s", "intensity_z_n_m_sqrt_s"]
-            .map(|name| {
-                ParameterSpec::new(name, "N m/sqrt(s)", (0.0, 1.0), 1e-3, "Standard deviation after one second.")
-            })
-            .into()
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Walk::specs(model)
     }
 
     fn hidden_states(&self, _model: &PlatformModel) -> usize {
@@ -39,12 +49,18 @@ impl Effect for UnmodelledTorque {
     }
 
     fn hidden_noise(&self, values: &[f64], intensity: &mut [f64]) {
-        for (i, slot) in intensity.iter_mut().enumerate() {
-            *slot = value(values, i);
+        for (slot, own) in intensity.iter_mut().zip(Walk::of(values).intensity_b_n_m_sqrt_s) {
+            *slot = own;
         }
     }
 
     fn torque_b_n_m(&self, _values: &[f64], _environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
-        vector(hidden, 0)
+        // The torque itself.
+        Vector3::read(hidden)
+    }
+
+    fn evidence(&self) -> Evidence {
+        // Not an effect of its own.
+        &[]
     }
 }

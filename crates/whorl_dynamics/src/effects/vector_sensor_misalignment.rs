@@ -1,7 +1,10 @@
 //! Vector sensor mounted askew.
 
-use super::parameter::{per_axis, vector};
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::parameter::per_axis;
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -19,19 +22,29 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Turn(_model: PlatformModel) {
+        m_rad: Vector3<f64> = per_axis("m", "_rad", "rad", 0.3, 0.01, "Rotation from body to sensor axes, added to the model's."),
+    }
+}
+
 impl Effect for VectorSensorMisalignment {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        per_axis("m", "_rad", "rad", 0.3, 0.01, "Rotation from body to sensor axes, added to the model's.")
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Turn::specs(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         if let Some(sensor) = &mut model.sensors.vector {
-            sensor.misalignment_rad += vector(values, 0);
+            sensor.misalignment_rad += Turn::of(values).m_rad;
         }
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::VectorSensor]]
     }
 }

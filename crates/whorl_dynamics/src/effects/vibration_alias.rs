@@ -2,8 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use super::parameter::{per_axis, value, vector};
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};
+use nalgebra::Vector3;
+
+use super::named::{Named as _, parameters};
+use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Regressed, Rhythm, Sighting, Start, Starter, TrueImu};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -21,33 +23,73 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    Vibration(_model: PlatformModel) {
+        gyro_rad_s: Vector3<f64> = GYRO.map(|name| {
+            ParameterSpec::new(name, "rad/s", (-0.5, 0.5), 0.01, "Amplitude in this gyro axis.")
+                .regressed(Regressed::UnlessZero)
+        }),
+        accel_m_s2: Vector3<f64> = ACCELEROMETER.map(|name| {
+            ParameterSpec::new(name, "m/s^2", (-20.0, 20.0), 0.1, "Amplitude in this accelerometer axis.")
+                .regressed(Regressed::UnlessZero)
+        }),
+        frequency_hz: f64 =
+            ParameterSpec::new(FREQUENCY, "Hz", (0.0, 5000.0), 50.0, "Frequency of the vibration itself.")
+                .with_neutral(120.0)
+                .floating_shape(),
+        background: f64 = ParameterSpec::new(
+            BACKGROUND,
+            "1",
+            (0.0, 1.0),
+            0.5,
+            "Share of the amplitude that is there with all valves shut (1: a pump that always runs).",
+        )
+        .floating_shape(),
+    }
+}
+
+const GYRO: [&str; 3] = ["gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"];
+const ACCELEROMETER: [&str; 3] = ["accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2"];
+const FREQUENCY: &str = "frequency_hz";
+const BACKGROUND: &str = "background";
+
 impl Effect for VibrationAlias {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
-    fn parameters(&self, _model: &PlatformModel) -> Vec<ParameterSpec> {
-        let mut specs = per_axis("gyro", "_rad_s", "rad/s", 0.5, 0.01, "Amplitude in this gyro axis.");
-        specs.extend(per_axis("accel", "_m_s2", "m/s^2", 20.0, 0.1, "Amplitude in this accelerometer axis."));
-        specs.push(
-            ParameterSpec::new("frequency_hz", "Hz", (0.0, 5000.0), 50.0, "Frequency of the vibration itself.")
-                .with_neutral(120.0),
-        );
-        specs.push(ParameterSpec::new(
-            "background",
-            "1",
-            (0.0, 1.0),
-            0.5,
-            "Share of the amplitude that is there with all valves shut (1: a pump that always runs).",
-        ));
-        specs
+    fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
+        Vibration::specs(model)
     }
 
     fn measure_imu(&self, values: &[f64], environment: &Environment<'_>, imu: &mut TrueImu) {
+        let vibration = Vibration::of(values);
         let any_open = environment.valve_fraction.iter().copied().fold(0.0, f64::max);
-        let share = any_open + (1.0 - any_open) * value(values, 7);
-        let wave = (TAU * value(values, 6) * environment.time_s).sin() * share;
-        imu.angular_velocity_b_rad_s += vector(values, 0) * wave;
-        imu.specific_force_b_m_s2 += vector(values, 3) * wave;
+        let share = any_open + (1.0 - any_open) * vibration.background;
+        let wave = (TAU * vibration.frequency_hz * environment.time_s).sin() * share;
+        imu.angular_velocity_b_rad_s += vibration.gyro_rad_s * wave;
+        imu.specific_force_b_m_s2 += vibration.accel_m_s2 * wave;
+    }
+
+    fn starts(&self, model: &PlatformModel, clues: &Clues<'_>) -> Option<Vec<Start>> {
+        let starter = Starter::new(self, model);
+        let start = |hz: f64, background: f64| {
+            let origin = starter.at(&[(FREQUENCY, hz), (BACKGROUND, background)]);
+            GYRO.into_iter().chain(ACCELEROMETER).map(|name| starter.along(&origin, name)).collect()
+        };
+        Some(clues.sensor_lines_hz.iter().flat_map(|hz| [start(*hz, 0.0), start(*hz, 1.0)]).collect())
+    }
+
+    fn rhythm(&self) -> Option<Rhythm> {
+        Some(Rhythm::Sensors)
+    }
+
+    fn sighting(&self) -> Option<Sighting> {
+        Some(Sighting::SensorLine {
+            gyro: GYRO,
+            accelerometer: ACCELEROMETER,
+            frequency: FREQUENCY,
+            background: BACKGROUND,
+        })
     }
 }

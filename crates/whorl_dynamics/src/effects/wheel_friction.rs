@@ -1,8 +1,9 @@
 //! Drag in a wheel's bearing and motor.
 
-use super::parameter::value;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters, per_wheel};
+use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
+use crate::platform::Wheel;
 
 #[derive(Debug)]
 pub(super) struct WheelFriction;
@@ -19,43 +20,45 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one wheel.
+    Drag(wheel: Wheel) {
+        viscous_n_m_s: f64 = ParameterSpec::new(
+            "_viscous_n_m_s",
+            "N m s",
+            (0.0, wheel.max_torque_n_m / wheel.max_speed_rad_s),
+            0.05 * wheel.max_torque_n_m / wheel.max_speed_rad_s,
+            "Viscous drag added to the model's.",
+        ),
+        coulomb_n_m: f64 = ParameterSpec::new(
+            "_coulomb_n_m",
+            "N m",
+            (0.0, wheel.max_torque_n_m),
+            0.02 * wheel.max_torque_n_m,
+            "Coulomb drag added to the model's.",
+        ),
+    }
+}
+
 impl Effect for WheelFriction {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .wheels()
-            .iter()
-            .enumerate()
-            .flat_map(|(j, wheel)| {
-                let largest = wheel.max_torque_n_m;
-                [
-                    ParameterSpec::new(
-                        format!("{}_viscous_n_m_s", wheel.name),
-                        "N m s",
-                        (0.0, largest / wheel.max_speed_rad_s),
-                        0.05 * largest / wheel.max_speed_rad_s,
-                        "Viscous drag added to the model's.",
-                    ).of_wheel(j),
-                    ParameterSpec::new(
-                        format!("{}_coulomb_n_m", wheel.name),
-                        "N m",
-                        (0.0, largest),
-                        0.02 * largest,
-                        "Coulomb drag added to the model's.",
-                    ).of_wheel(j),
-                ]
-            })
-            .collect()
+        per_wheel::<Drag>(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
-            wheel.viscous_friction_n_m_s += value(values, 2 * j);
-            wheel.coulomb_friction_n_m += value(values, 2 * j + 1);
+            let drag = Drag::nth(values, j);
+            wheel.viscous_friction_n_m_s += drag.viscous_n_m_s;
+            wheel.coulomb_friction_n_m += drag.coulomb_n_m;
         }
         Ok(())
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Wheels, Need::WheelCommands]]
     }
 }

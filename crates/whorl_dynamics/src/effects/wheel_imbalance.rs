@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use whorl_math::unit_or;
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters, per_wheel};
+use super::{Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, Sighting};
+use crate::platform::Wheel;
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -22,26 +23,26 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one wheel.
+    Imbalance(_wheel: Wheel) {
+        size_kg_m2: f64 = ParameterSpec::new(
+            "_kg_m2",
+            "kg m^2",
+            (0.0, 1e-3),
+            1e-6,
+            "Imbalance about axes across the spin axis, static imbalance times its arm included.",
+        ),
+    }
+}
+
 impl Effect for WheelImbalance {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .wheels()
-            .iter()
-            .enumerate()
-            .map(|(j, wheel)| {
-                ParameterSpec::new(
-                    format!("{}_kg_m2", wheel.name),
-                    "kg m^2",
-                    (0.0, 1e-3),
-                    1e-6,
-                    "Imbalance about axes across the spin axis, static imbalance times its arm included.",
-                ).of_wheel(j)
-            })
-            .collect()
+        per_wheel::<Imbalance>(model)
     }
 
     fn hidden_states(&self, model: &PlatformModel) -> usize {
@@ -67,10 +68,19 @@ impl Effect for WheelImbalance {
             let axis = wheel.spin_axis_b;
             let helper = if axis.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
             let e1 = unit_or(axis.cross(&helper), Vector3::x_axis()).into_inner();
-            let (sine, cosine) = value(hidden, j).sin_cos();
-            let size = value(values, j) * environment.wheel_speed(j).powi(2);
+            let (sine, cosine) = hidden.get(j).copied().unwrap_or(0.0).sin_cos();
+            let size = Imbalance::nth(values, j).size_kg_m2 * environment.wheel_speed(j).powi(2);
             torque += size * (e1 * cosine + axis.cross(&e1) * sine);
         }
         torque
+    }
+
+    fn evidence(&self) -> Evidence {
+        // The samples themselves show it, where the phase of each run is free.
+        &[]
+    }
+
+    fn sighting(&self) -> Option<Sighting> {
+        Some(Sighting::WheelTurn)
     }
 }

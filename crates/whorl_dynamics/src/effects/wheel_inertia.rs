@@ -1,8 +1,9 @@
 //! Wheels heavier or lighter than the drawing says.
 
-use super::parameter::value;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters, per_wheel};
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
+use crate::platform::Wheel;
 
 #[derive(Debug)]
 pub(super) struct WheelInertia;
@@ -19,26 +20,35 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one wheel.
+    Inertia(_wheel: Wheel) {
+        error: f64 = ParameterSpec::new("", "1", (-0.5, 0.5), 0.02, "Relative error of this wheel.")
+            .base(BasePrior::WheelSpinInertia),
+    }
+}
+
 impl Effect for WheelInertia {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .wheels()
-            .iter()
-            .enumerate()
-            .map(|(j, wheel)| {
-                ParameterSpec::new(wheel.name.as_str(), "1", (-0.5, 0.5), 0.02, "Relative error of this wheel.").of_wheel(j)
-            })
-            .collect()
+        per_wheel::<Inertia>(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
-            wheel.spin_inertia_kg_m2 *= 1.0 + value(values, j);
+            wheel.spin_inertia_kg_m2 *= 1.0 + Inertia::nth(values, j).error;
         }
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Wheels]]
     }
 }

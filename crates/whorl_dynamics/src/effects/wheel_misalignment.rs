@@ -1,9 +1,10 @@
 //! Spin axes that are not where the drawing says.
 
-use super::parameter::value;
+use super::named::{Named as _, parameters, per_wheel};
 use super::tilted::tilted;
-use super::{Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
+use crate::platform::Wheel;
 
 #[derive(Debug)]
 pub(super) struct WheelMisalignment;
@@ -20,34 +21,43 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one wheel.
+    Tilt(_wheel: Wheel) {
+        angles_rad: [f64; 2] = ["_a_rad", "_b_rad"].map(|name| {
+            ParameterSpec::new(
+                name,
+                "rad",
+                (-0.3, 0.3),
+                0.01,
+                "Tilt of the spin axis about e1 (a: across the axis and body z, or x for an axis along z) or e2 = a x e1 (b).",
+            )
+            .base(BasePrior::WheelAxis)
+        }),
+    }
+}
+
 impl Effect for WheelMisalignment {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .wheels()
-            .iter()
-            .enumerate()
-            .flat_map(|(j, wheel)| {
-                ["a", "b"].map(|angle| {
-                    ParameterSpec::new(
-                        format!("{}_{angle}_rad", wheel.name),
-                        "rad",
-                        (-0.3, 0.3),
-                        0.01,
-                        "Tilt of the spin axis about e1 (a: across the axis and body z, or x for an axis along z) or e2 = a x e1 (b).",
-                    ).of_wheel(j)
-                })
-            })
-            .collect()
+        per_wheel::<Tilt>(model)
     }
 
     fn adjust(&self, values: &[f64], model: &mut PlatformModel) -> Result<(), EffectError> {
         for (j, wheel) in model.wheels_mut().iter_mut().enumerate() {
-            wheel.spin_axis_b = tilted(wheel.spin_axis_b, value(values, 2 * j), value(values, 2 * j + 1));
+            wheel.spin_axis_b = tilted(wheel.spin_axis_b, Tilt::nth(values, j).angles_rad);
         }
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::FreeBody, Need::Wheels]]
     }
 }

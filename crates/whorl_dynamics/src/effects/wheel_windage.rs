@@ -1,7 +1,8 @@
 //! Air drag on the wheels.
 
-use super::parameter::value;
-use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
+use super::named::{Named as _, parameters, per_wheel};
+use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use crate::platform::Wheel;
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -19,33 +20,36 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+parameters! {
+    /// Of one wheel.
+    Windage(wheel: Wheel) {
+        d_n_m_s2: f64 = ParameterSpec::new(
+            "_n_m_s2",
+            "N m s^2",
+            (0.0, wheel.max_torque_n_m / wheel.max_speed_rad_s.powi(2)),
+            0.05 * (wheel.max_torque_n_m / wheel.max_speed_rad_s.powi(2)),
+            "Drag per squared speed.",
+        ),
+    }
+}
+
 impl Effect for WheelWindage {
     fn info(&self) -> &'static EffectInfo {
         &INFO
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {
-        model
-            .wheels()
-            .iter()
-            .enumerate()
-            .map(|(j, wheel)| {
-                let largest = wheel.max_torque_n_m / wheel.max_speed_rad_s.powi(2);
-                ParameterSpec::new(
-                    format!("{}_n_m_s2", wheel.name),
-                    "N m s^2",
-                    (0.0, largest),
-                    0.05 * largest,
-                    "Drag per squared speed.",
-                ).of_wheel(j)
-            })
-            .collect()
+        per_wheel::<Windage>(model)
     }
 
     fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
         for (j, torque) in torque_n_m.iter_mut().enumerate() {
             let speed = environment.wheel_speed(j);
-            *torque -= value(values, j) * speed * speed.abs();
+            *torque -= Windage::nth(values, j).d_n_m_s2 * speed * speed.abs();
         }
+    }
+
+    fn evidence(&self) -> Evidence {
+        &[&[Need::Wheels, Need::WheelCommands]]
     }
 }
