@@ -11,6 +11,7 @@ use whorl_control::mass_balancing::BalancingError;
 use whorl_control::reference::{EnvelopeError, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
 use whorl_control::tracking::{TrackingError, TrackingLaw};
+use whorl_dynamics::effects::find;
 use whorl_dynamics::{Gyrostat, GyrostatError};
 use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
@@ -26,10 +27,6 @@ use crate::inputs::Inputs;
 use crate::parameters::Parameters;
 use crate::target::Target;
 
-/// Effects whose torque depends on what the controller does not know (phase, hidden states), or
-/// must not be countered (contact).
-const NOT_COMPENSATED: [&str; 5] =
-    ["air_current_periodic", "tilt_stop_contact", "slosh", "flexible_mode", "unmodelled_torque"];
 /// Longest time that one step may count for [s].
 const LONGEST_STEP_S: f64 = 0.1;
 
@@ -94,7 +91,8 @@ impl LocalControlCore {
     /// [`LocalControlError`] when model, gains, limits or actuators are not usable.
     pub fn new(parameters: Parameters) -> Result<Self, LocalControlError> {
         let mut model = parameters.model.clone();
-        model.effects.retain(|id, _| !NOT_COMPENSATED.contains(&id.as_str()));
+        // Names that no effect has are left for `Gyrostat` to refuse.
+        model.effects.retain(|id, _| find(id).is_none_or(|effect| effect.is_fed_forward(&parameters.model)));
         let gyrostat = Gyrostat::new(&model)?;
         let adjusted = gyrostat.model();
         let inertia_b_kg_m2 = *adjusted.mass_properties.inertia_b_kg_m2();

@@ -6,8 +6,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::Reference;
-use whorl_dynamics::InitialState;
-use whorl_msgs::whorl::ControlStatus;
+use whorl_dynamics::effects::{catalogue, find};
+use whorl_dynamics::{Effect, InitialState, ParameterSpec};
+use whorl_msgs::whorl::{ActuatorCommand, ControlStatus};
 
 use super::rig::*;
 
@@ -67,4 +68,46 @@ fn every_adopted_effect_lowers_the_pointing_error() {
         assert!(after < 0.5 * before, "{id}: {before} deg before, {after} deg after");
         assert!(after < 0.01, "{id}: {after}");
     }
+}
+
+/// Commands of a second with wheels turning fast; the model has adopted the effect at one prior standard deviation, or
+/// nothing. The truth does not have it.
+fn commands(effect: Option<&'static dyn Effect>) -> Vec<ActuatorCommand> {
+    let mut parameters = parameters("whorl_1", &["actuators:=wheels"]);
+    let truth = parameters.model.clone();
+    if let Some(effect) = effect {
+        let sized =
+            |spec: ParameterSpec| (spec.name.clone(), (spec.neutral + spec.prior_stddev).min(spec.max));
+        let fitted = effect.parameters(&truth).into_iter().filter(|spec| !spec.known).map(sized);
+        parameters.model.effects.insert(effect.info().id.to_owned(), fitted.collect());
+    }
+    let start = InitialState {
+        q_world_body: balanced(),
+        wheel_speed_rad_s: vec![60.0, -40.0, 5.0],
+        ..InitialState::default()
+    };
+    let mut rig = Rig::new(parameters, &truth, start);
+    rig.reference = Some(Box::new(swing));
+    rig.run(1.0);
+    rig.commands
+}
+
+/// Control does not know the angle of a wheel, the place of a liquid or the phase of a draught: it must not counter
+/// them as if they were zero.
+#[test]
+fn effects_whose_state_is_unknown_are_not_countered() {
+    let without = commands(None);
+    let model = parameters("whorl_1", &[]).model;
+    let mut left_alone = Vec::new();
+    for effect in catalogue().iter().copied() {
+        if effect.hidden_states(&model) > 0 || !effect.is_fed_forward(&model) {
+            let id = effect.info().id;
+            assert!(commands(Some(effect)) == without, "{id}");
+            left_alone.push(id);
+        }
+    }
+    for id in ["wheel_imbalance", "slosh", "flexible_mode", "air_current_periodic", "tilt_stop_contact"] {
+        assert!(left_alone.contains(&id), "{id}: {left_alone:?}");
+    }
+    assert!(commands(find("air_current")) != without, "a steady draught is countered");
 }
