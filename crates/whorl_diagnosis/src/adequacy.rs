@@ -4,6 +4,8 @@
 //! readings of simple shape, and with a torque that is free in time; a name that such a law outdoes, although the
 //! law pays for its freedom, or of which another law is left, is not the answer.
 
+use whorl_dynamics::effects::{Rhythm, find};
+
 use crate::search::{LEAST_DROP, LEAST_EVIDENCE, Search};
 use crate::unknown::{Follower, describe};
 
@@ -56,9 +58,8 @@ impl Search<'_> {
         let (explained, explained_drop) = self.advantage(&self.best, &self.base);
         // A line may be that of a torque of another kind, although no slow rest is left: pumps turn with the body, and
         // a boom that is hardly damped rings like one.
-        let rings = names.iter().any(|n| n == "flexible_mode");
-        let rhythmic =
-            rings || names.iter().any(|n| matches!(n.as_str(), "vibration_alias" | "air_current_periodic"));
+        let rhythms: Vec<Rhythm> = names.iter().filter_map(|n| find(n)?.rhythm()).collect();
+        let (rings, rhythmic) = (rhythms.contains(&Rhythm::Ringing), !rhythms.is_empty());
         let follower = if left > WORTH_A_LOOK || rhythmic {
             describe(self, false)
         } else if self.best.members.is_empty() {

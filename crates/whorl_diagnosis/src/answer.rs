@@ -341,7 +341,7 @@ impl Search<'_> {
         let (mut seen, mut tested) = (0, 0);
         for candidate in &self.layout.candidates {
             let Some(columns) = candidate.options.first() else { continue };
-            if crate::parameters::BASE_EFFECTS.contains(&candidate.id) {
+            if candidate.effect.is_base() {
                 continue;
             }
             tested += 1;

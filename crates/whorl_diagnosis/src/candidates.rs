@@ -1,13 +1,14 @@
 //! The effects that compete, and the columns by which each can enter.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::f64::consts::{PI, TAU};
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::{Part, catalogue, find};
+use whorl_dynamics::effects::{
+    Clues, Direction, Grouping, Need, Part, Regressed, Resonance, Role, Start, catalogue, find,
+};
 
 use crate::modes::Mode;
-use crate::parameters::{BASE_EFFECTS, Column, Point, Reference, Target};
+use crate::parameters::{Column, Point, Reference, Target};
 use crate::run::Run;
 
 /// One effect that may be missing.
@@ -69,26 +70,20 @@ impl Available {
 
     /// Whether these data could show the effect at all.
     pub fn can_test(&self, effect: &dyn Effect) -> bool {
-        let id = effect.info().id;
-        match id {
-            // In every base model, known, negligible or not an effect.
-            "gyro_bias" | "gravity_gradient" | "earth_rotation" | "unmodelled_torque" => false,
-            // Seen in the samples themselves, where the phase of each run is free.
-            "wheel_imbalance" => false,
-            // Readings that pile up at a limit show it by themselves and were left out.
-            "gyro_saturation" => self.body && !self.clips,
-            "wheel_friction" | "wheel_windage" => self.wheels && self.wheel_command,
-            "supply_voltage" => (self.wheels && self.wheel_command) || self.jets,
-            "wheel_inertia" => self.wheels,
-            "wheel_misalignment" => self.wheels && self.body,
-            "thruster_leak" => self.body,
-            "moving_ballast_backlash" => self.body && self.ballast,
-            "accel_bias" | "accel_scale" | "accel_lever_arm" => self.accel,
-            "vector_sensor_misalignment" => self.vector,
-            "gyro_temperature" => self.body && self.temperature,
-            "mass_shift" => self.jets,
-            _ if id.starts_with("thruster") => self.jets,
-            _ => self.body,
+        effect.evidence().iter().any(|needs| needs.iter().all(|need| self.has(*need)))
+    }
+
+    fn has(&self, need: Need) -> bool {
+        match need {
+            Need::FreeBody => self.body,
+            Need::Jets => self.jets,
+            Need::Wheels => self.wheels,
+            Need::WheelCommands => self.wheel_command,
+            Need::Accelerometer => self.accel,
+            Need::VectorSensor => self.vector,
+            Need::Temperature => self.temperature,
+            Need::Ballast => self.ballast,
+            Need::UnclippedGyro => !self.clips,
         }
     }
 }
@@ -125,6 +120,31 @@ pub(crate) struct Lines {
     pub strongest: f64,
 }
 
+/// What effects are told of the data, to find where they may start.
+struct Hints<'a> {
+    available: &'a Available,
+    lines: &'a Lines,
+    resonances: Vec<Resonance>,
+}
+
+impl<'a> Hints<'a> {
+    fn new(available: &'a Available, lines: &'a Lines) -> Self {
+        let resonance = |m: &Mode| Resonance { hz: m.hz, damping_ratio: m.damping_ratio, axis_b: m.axis_b };
+        Self { available, lines, resonances: lines.modes.iter().map(resonance).collect() }
+    }
+
+    fn clues(&self) -> Clues<'_> {
+        Clues {
+            bin_s: self.available.bin_s,
+            largest_rate_rad_s: self.available.largest_rate_rad_s,
+            largest_tilt_rad: self.available.largest_tilt_rad,
+            torque_lines_hz: &self.lines.torque_hz,
+            sensor_lines_hz: &self.lines.sensor_hz,
+            resonances: &self.resonances,
+        }
+    }
+}
+
 impl Layout {
     /// Columns for a point: effects that the point holds enter by their parameters, others by what they
     /// would add.
@@ -136,21 +156,14 @@ impl Layout {
         lines: &Lines,
         with_hidden: bool,
     ) -> Self {
-        let mut layout = Self {
-            columns: reference.base_columns(available.wheels, available.jets, available.body),
-            ..Self::default()
-        };
-        if !available.body {
-            // Clamped: only what turns the wheels can be fitted.
-            layout.columns.retain(|c| c.group == "wheel_inertia");
-        }
+        let mut layout = Self { columns: reference.base_columns(available), ..Self::default() };
         layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
         for effect in catalogue().iter().copied() {
             let id = effect.info().id;
             if exclude.iter().any(|e| e == id) || !available.can_test(effect) {
                 continue;
             }
-            if reference.model.effects.contains_key(id) && !BASE_EFFECTS.contains(&id) {
+            if reference.model.effects.contains_key(id) && !effect.is_base() {
                 continue;
             }
             if effect.hidden_states(&reference.model) > 0 && !with_hidden && !point.effects.contains_key(id) {
@@ -169,13 +182,7 @@ impl Layout {
         ids: &[&str],
         lines: &Lines,
     ) -> Self {
-        let mut layout = Self {
-            columns: reference.base_columns(available.wheels, available.jets, available.body),
-            ..Self::default()
-        };
-        if !available.body {
-            layout.columns.retain(|c| c.group == "wheel_inertia");
-        }
+        let mut layout = Self { columns: reference.base_columns(available), ..Self::default() };
         layout.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
         layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
         for effect in ids.iter().filter_map(|id| find(id)) {
@@ -200,17 +207,20 @@ impl Layout {
         let id = effect.info().id;
         let own: Vec<usize> = (0..self.columns.len()).filter(|i| self.columns[*i].group == id).collect();
         if !own.is_empty() {
-            let options = options_of(id, &own, &self.columns);
+            let options = options_of(effect, &own, &self.columns);
             self.candidates.push(Candidate { effect, id, options });
             return;
         }
         let included = point.effects.contains_key(id);
-        let special = if included { None } else { special_options(reference, available, effect, lines) };
+        let hints = Hints::new(available, lines);
+        let special = if included { None } else { effect.starts(&reference.model, &hints.clues()) };
         let options = match special {
-            Some(groups) => groups
-                .into_iter()
-                .map(|columns| columns.into_iter().map(|c| self.push(c)).collect())
-                .collect(),
+            Some(starts) => {
+                let mut columns = |start: Start| {
+                    start.into_iter().map(|d| self.push(directed(effect, reference, d))).collect()
+                };
+                starts.into_iter().map(&mut columns).collect()
+            }
             None => {
                 let mut columns = if included {
                     reference.columns_at(point, effect)
@@ -221,7 +231,7 @@ impl Layout {
                     drop_ineffective(&mut columns, reference, point, effect);
                 }
                 let indices: Vec<usize> = columns.into_iter().map(|c| self.push(c)).collect();
-                options_of(id, &indices, &self.columns)
+                options_of(effect, &indices, &self.columns)
             }
         };
         self.candidates.push(Candidate { effect, id, options });
@@ -237,56 +247,50 @@ impl Layout {
 /// shape: phases and frequencies of nothing.
 fn drop_ineffective(columns: &mut Vec<Column>, reference: &Reference, point: &Point, effect: &dyn Effect) {
     let values = reference.values_at(point, effect);
-    let id = effect.info().id;
-    columns.retain(|c| match (id, c.index) {
-        ("air_current_periodic", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
-        ("flexible_mode", i) if i < 3 => values.get(i).is_some_and(|v| *v != 0.0),
-        ("gyro_saturation", i) => i == 0,
-        ("thruster_rise", i) if i > 0 => values.first().is_some_and(|v| *v != 0.0),
-        ("vibration_alias", i) if i < 6 => values.get(i).is_some_and(|v| *v != 0.0),
-        _ => true,
+    let specs = effect.parameters(&reference.model);
+    let is_zero = |i: usize| values.get(i).is_none_or(|v| *v == 0.0);
+    let has_amplitude = |part: Part| {
+        specs.iter().enumerate().any(|(i, s)| s.role == Role::Amplitude && s.part == part && !is_zero(i))
+    };
+    columns.retain(|c| match specs.get(c.index).map(|spec| spec.regressed) {
+        Some(Regressed::UnlessZero) => !is_zero(c.index),
+        Some(Regressed::WithAmplitude) => has_amplitude(c.part),
+        Some(Regressed::Never) => false,
+        Some(Regressed::Always) | None => true,
     });
 }
 
-/// All columns together, then per wheel or jet, then each alone.
-fn options_of(id: &str, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>> {
-    if id == "thruster_leak" {
-        // One jet or two: any torque at all could be put together from all of them.
-        let mut options: Vec<Vec<usize>> = indices.iter().map(|i| vec![*i]).collect();
-        for (n, a) in indices.iter().enumerate() {
-            options.extend(indices.iter().skip(n + 1).map(|b| vec![*a, *b]));
-        }
-        return options;
-    }
-    if id == "thruster_rise" {
-        // The shape of a tail is nothing by itself.
-        return vec![indices.to_vec()];
-    }
+/// The sets of columns in which an effect may enter, as it says.
+fn options_of(effect: &dyn Effect, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>> {
+    let each = || indices.iter().map(|i| vec![*i]);
     let mut options = vec![indices.to_vec()];
-    if indices.len() > 1 {
-        let mut of_part: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
-        for i in indices {
-            of_part.entry(part_of(columns, *i)).or_default().push(*i);
+    match effect.grouping() {
+        Grouping::All => {}
+        Grouping::EachAndPairs => {
+            options = each().collect();
+            for (n, a) in indices.iter().enumerate() {
+                options.extend(indices.iter().skip(n + 1).map(|b| vec![*a, *b]));
+            }
         }
-        if of_part.len() > 1 {
-            options.extend(of_part.into_values().filter(|own| own.len() > 1));
+        _ if indices.len() < 2 => {}
+        Grouping::AllPartsEach(also) => {
+            let mut of_part: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
+            for i in indices {
+                of_part.entry(part_of(columns, *i)).or_default().push(*i);
+            }
+            if of_part.len() > 1 {
+                options.extend(of_part.into_values().filter(|own| own.len() > 1));
+            }
+            options.extend(each());
+            options.extend(also.iter().map(|names| {
+                let is_named = |i: &usize| columns.get(*i).is_some_and(|c| names.contains(&c.name.as_str()));
+                indices.iter().copied().filter(is_named).collect()
+            }));
         }
-        options.extend(indices.iter().map(|i| vec![*i]));
-        if id == "thruster_strength" {
-            // All jets alike, besides what each does within its own prior.
-            let all = indices.iter().copied().filter(|i| columns.get(*i).is_some_and(|c| c.name == "all"));
-            options.insert(0, all.collect());
-            options.remove(1);
-            options.push(
-                indices
-                    .iter()
-                    .copied()
-                    .filter(|i| columns.get(*i).is_some_and(|c| c.name != "all"))
-                    .collect(),
-            );
-        }
-        if id == "air_current" || id == "magnetic_torque" {
-            options.push(indices.iter().copied().take(2).collect());
+        Grouping::CommonEachParts => {
+            let (common, of_parts): (Vec<usize>, Vec<usize>) =
+                indices.iter().partition(|i| part_of(columns, **i) == Part::Platform);
+            options = std::iter::once(common).chain(each()).chain([of_parts]).collect();
         }
     }
     options.retain(|o| !o.is_empty());
@@ -307,19 +311,13 @@ pub(crate) fn whole_parts(options: &[Vec<usize>], columns: &[Column]) -> Vec<Vec
     options.iter().filter(|o| is_whole(o)).cloned().collect()
 }
 
-/// A column that starts from `origin` and moves by `step` per unit.
-fn directed(
-    effect: &'static dyn Effect,
-    reference: &Reference,
-    name: &str,
-    origin: &[f64],
-    moves: &[(usize, f64)],
-    quadratic: bool,
-) -> Column {
+/// The column of a direction in which an absent effect may start.
+fn directed(effect: &'static dyn Effect, reference: &Reference, direction: Direction) -> Column {
     let specs = effect.parameters(&reference.model);
+    let Direction { name, origin, moves, squared } = direction;
     let mut step = vec![0.0; specs.len()];
     let mut range = (f64::NEG_INFINITY, f64::INFINITY);
-    for (index, size) in moves {
+    for (index, size) in &moves {
         if let (Some(slot), Some(spec), Some(from)) =
             (step.get_mut(*index), specs.get(*index), origin.get(*index))
         {
@@ -328,147 +326,29 @@ fn directed(
             range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
         }
     }
-    if quadratic {
+    if squared {
         range = (0.0, range.1.max(0.0).powi(2));
     }
     let (index, scale) = moves.first().copied().unwrap_or((0, 1.0));
-    let (unit, part) = specs.get(index).map_or(("1", Part::Platform), |s| (s.unit, s.part));
+    let spec = specs.get(index);
     Column {
         group: effect.info().id,
-        name: name.to_owned(),
-        unit,
-        part,
+        name,
+        unit: spec.map_or("1", |s| s.unit),
+        part: spec.map_or(Part::Platform, |s| s.part),
         target: Target::Effect(effect),
-        origin: Some(origin.to_vec()),
+        origin: Some(origin),
         step,
         index,
         scale,
         base_stddev: 0.0,
         catalogue_stddev: 1.0,
         range,
-        quadratic,
+        quadratic: squared,
         is_shape: false,
         floats: false,
+        essential: spec.is_some_and(|s| s.essential),
     }
-}
-
-/// Options of effects whose parameters do not all enter linearly: a grid over those that do not.
-fn special_options(
-    reference: &Reference,
-    available: &Available,
-    effect: &'static dyn Effect,
-    lines: &Lines,
-) -> Option<Vec<Vec<Column>>> {
-    let specs = effect.parameters(&reference.model);
-    let neutral: Vec<f64> = specs.iter().map(|s| s.neutral).collect();
-    let unit = |i: usize| specs.get(i).map_or(1.0, |s| s.prior_stddev);
-    let name = |i: usize| specs.get(i).map_or("", |s| s.name.as_str());
-    let column =
-        |origin: &[f64], i: usize| directed(effect, reference, name(i), origin, &[(i, unit(i))], false);
-    let with = |changes: &[(usize, f64)]| {
-        let mut values = neutral.clone();
-        for (i, x) in changes {
-            if let Some(slot) = values.get_mut(*i) {
-                *slot = *x;
-            }
-        }
-        values
-    };
-    let mut options = Vec::new();
-    match effect.info().id {
-        "harness_spring" => {
-            for i in 0..8 {
-                let origin = with(&[(1, -PI + TAU * (f64::from(i) + 0.5) / 8.0)]);
-                options.push(vec![column(&origin, 0)]);
-                options.push(vec![column(&origin, 0), column(&origin, 2)]);
-            }
-        }
-        "tilt_stop_contact" => {
-            let limit = neutral.get(2).copied().unwrap_or(0.1);
-            for share in [0.995, 0.985, 0.97, 0.95, 0.92, 0.88, 0.8, 0.65] {
-                let angle_rad = share * available.largest_tilt_rad;
-                // The platform's own stop is no missing effect.
-                if angle_rad > limit - OWN_STOP_RAD {
-                    continue;
-                }
-                let origin = with(&[(2, angle_rad)]);
-                options.push(vec![column(&origin, 0)]);
-                options.push(vec![column(&origin, 0), column(&origin, 1)]);
-            }
-        }
-        "gyro_saturation" => {
-            // Readings that are cut off never lasted at the range itself: noise pulls their mean below it.
-            for share in [
-                1.03, 1.02, 1.013, 1.008, 1.004, 1.0, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.945, 0.92,
-                0.88, 0.83,
-            ] {
-                let origin = with(&[(0, share * available.largest_rate_rad_s)]);
-                // What is cut off at this range: all of it or nothing.
-                options.push(vec![directed(effect, reference, name(0), &origin, &[(0, 0.0)], true)]);
-            }
-        }
-        "air_current_periodic" => {
-            for hz in &lines.torque_hz {
-                let sine = with(&[(3, *hz), (4, 0.0)]);
-                let cosine = with(&[(3, *hz), (4, 0.5 * PI)]);
-                options.push((0..3).flat_map(|i| [column(&sine, i), column(&cosine, i)]).collect());
-            }
-        }
-        "vibration_alias" => {
-            for hz in &lines.sensor_hz {
-                for background in [0.0, 1.0] {
-                    let origin = with(&[(6, *hz), (7, background)]);
-                    options.push((0..6).map(|i| column(&origin, i)).collect());
-                }
-            }
-        }
-        "slosh" => {
-            let fastest = (0.3 / available.bin_s).min(5.0);
-            let coarse = grid(0.1, fastest, 7).into_iter().flat_map(|hz| [(hz, 0.02), (hz, 0.15)]);
-            let seen = lines.modes.iter().map(|m| (m.hz, m.damping_ratio));
-            for (hz, damping) in coarse.chain(seen) {
-                for height in [-0.3, 0.3] {
-                    let origin = with(&[(1, hz), (2, damping), (3, height)]);
-                    options.push(vec![column(&origin, 0)]);
-                }
-            }
-        }
-        "flexible_mode" => {
-            let fastest = (0.3 / available.bin_s).min(15.0);
-            let mut frequencies = grid(0.3, fastest, 6);
-            frequencies.extend(lines.torque_hz.iter().copied().filter(|hz| *hz > 0.2));
-            let coarse = frequencies.into_iter().flat_map(|hz| DIRECTIONS.map(|d| (hz, 0.02, d)));
-            let seen = lines.modes.iter().flat_map(|m| {
-                let own = std::iter::once(m.axis_b.into());
-                own.chain(DIRECTIONS).map(move |d: [f64; 3]| (m.hz, m.damping_ratio, d))
-            });
-            for (hz, damping, direction) in coarse.chain(seen) {
-                let origin = with(&[(3, hz), (4, damping)]);
-                let moves: Vec<(usize, f64)> = direction
-                    .iter()
-                    .enumerate()
-                    .filter(|(_, d)| **d != 0.0)
-                    .map(|(i, d)| (i, d * unit(i)))
-                    .collect();
-                options.push(vec![directed(effect, reference, "participation", &origin, &moves, true)]);
-            }
-        }
-        _ => return None,
-    }
-    Some(options)
-}
-
-/// A contact this near the platform's own stop is that stop \[rad\].
-const OWN_STOP_RAD: f64 = 0.005;
-
-/// Directions of participation that are tried.
-const DIRECTIONS: [[f64; 3]; 5] =
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.707, 0.707, 0.0], [0.707, -0.707, 0.0]];
-
-/// `count` values from `from` to `to`, in equal ratios.
-fn grid(from: f64, to: f64, count: usize) -> Vec<f64> {
-    let ratio = (to / from).max(1.0).powf(1.0 / (count.max(2) - 1) as f64);
-    (0..count).map(|i| from * ratio.powi(i as i32)).collect()
 }
 
 /// The effect with this id, for callers that hold one.
@@ -485,9 +365,10 @@ mod tests {
     fn whole_names(id: &str) -> Vec<Vec<String>> {
         let model = PlatformModel::whorl_1_reference();
         let reference = Reference::new(&model, &ModelPrior::typical(&model));
-        let columns = reference.parameter_columns(find(id).unwrap());
+        let effect = find(id).unwrap();
+        let columns = reference.parameter_columns(effect);
         let indices: Vec<usize> = (0..columns.len()).collect();
-        whole_parts(&options_of(id, &indices, &columns), &columns)
+        whole_parts(&options_of(effect, &indices, &columns), &columns)
             .iter()
             .map(|option| option.iter().map(|i| columns[*i].name.clone()).collect())
             .collect()

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::DVector;
+use whorl_dynamics::effects::find;
 
 use crate::DiagnosisError;
 use crate::candidates::{Layout, Lines};
@@ -19,7 +20,7 @@ use crate::problem::{Dataset, Problem};
 use crate::regression::Estimate;
 use crate::run::Run;
 use crate::search::{LEAST_DROP, Search};
-use crate::step::{NO_FIT, PERIODIC, dataset, point_of};
+use crate::step::{NO_FIT, dataset, point_of};
 
 /// Steps of a fit, those taken back included.
 const MOST_STEPS: usize = 8;
@@ -185,7 +186,7 @@ impl Search<'_> {
         // Effects that have left the set leave the point.
         point.effects.retain(|id, _| {
             ids.contains(id)
-                || crate::parameters::BASE_EFFECTS.contains(id)
+                || crate::parameters::is_base(id)
                 || self.problem.reference.model.effects.contains_key(*id)
         });
         let mut members = start.members.clone();
@@ -275,11 +276,11 @@ impl Search<'_> {
 
     /// Whether a periodic torque has at least one period in the longest run.
     fn comes_round(&self, point: &Point) -> bool {
-        let Some([_, _, _, frequency_hz, _]) = point.effects.get(PERIODIC).map(Vec::as_slice) else {
-            return true;
-        };
         let duration_s = |run: &Run| run.time(run.nodes().saturating_sub(1)) - run.time(0);
-        self.problem.runs.iter().any(|run| duration_s(run) * frequency_hz >= 1.0)
+        let longest_s = self.problem.runs.iter().map(duration_s).fold(0.0, f64::max);
+        let imposed_hz =
+            |(id, values): (&&str, &Vec<f64>)| find(id).and_then(|effect| effect.imposed_hz(values));
+        point.effects.iter().filter_map(imposed_hz).all(|hz| longest_s * hz >= 1.0)
     }
 
     /// Makes a converged set the present best: the full regression at its point.

@@ -1,5 +1,7 @@
 //! What data show without any regression: clipped readings, sensors that contradict each other, rhythms.
 
+use whorl_dynamics::effects::{Sighting, catalogue};
+
 use crate::Unknown;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::parameters::Point;
@@ -62,7 +64,12 @@ impl Search<'_> {
 
     /// Clipping and coarse steps of the gyro, which the readings themselves show.
     pub(crate) fn digital(&self) -> Option<Candidate> {
-        if self.options.exclude.iter().any(|e| e == "gyro_saturation") {
+        let (effect, range_name, step_name) =
+            catalogue().iter().find_map(|effect| match effect.sighting() {
+                Some(Sighting::GyroDigits { range, step }) => Some((effect.info().id, range, step)),
+                _ => None,
+            })?;
+        if self.options.exclude.iter().any(|e| e == effect) {
             return None;
         }
         let errors = &self.problem.reference.model.sensors.gyro.errors;
@@ -89,13 +96,13 @@ impl Search<'_> {
         };
         let mut parameters = Vec::new();
         if range.is_finite() {
-            parameters.push(parameter("range_rad_s", range, 0.5 * step.clamp(1e-6, 1e-3)));
+            parameters.push(parameter(range_name, range, 0.5 * step.clamp(1e-6, 1e-3)));
         }
         if coarse {
-            parameters.push(parameter("step_rad_s", step, 1e-3 * step));
+            parameters.push(parameter(step_name, step, 1e-3 * step));
         }
         Some(Candidate {
-            effect: "gyro_saturation".to_owned(),
+            effect: effect.to_owned(),
             delta_log_evidence: 100.0,
             held_out_gain: 100.0,
             share_of_excess: 1.0,

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use whorl_dynamics::Effect;
-use whorl_dynamics::effects::Part;
 
 use crate::hypothesis::Hypothesis;
-use crate::parameters::{BASE_EFFECTS, Column, MASS_PROPERTIES, Target};
+use crate::parameters::{Column, MASS_PROPERTIES, Target, is_base};
 use crate::search::Search;
 use crate::step::point_of;
 use crate::{DiagnosisError, Fit, FittedParameter};
@@ -22,7 +21,7 @@ const EXPLAINED: f64 = 1.2;
 
 /// Whether a column is a constant of the platform and not of an effect that was added.
 fn is_of_platform(column: &Column) -> bool {
-    column.group == MASS_PROPERTIES || BASE_EFFECTS.contains(&column.group)
+    column.group == MASS_PROPERTIES || is_base(column.group)
 }
 
 impl Search<'_> {
@@ -134,9 +133,7 @@ impl Search<'_> {
     ) -> Result<whorl_dynamics::PlatformModel, DiagnosisError> {
         let reference = &self.problem.reference;
         let mut constants = point.clone();
-        constants
-            .effects
-            .retain(|id, _| BASE_EFFECTS.contains(id) && !reference.model.effects.contains_key(*id));
+        constants.effects.retain(|id, _| is_base(id) && !reference.model.effects.contains_key(*id));
         let mut given = reference.clone();
         given.model.effects = BTreeMap::new();
         let adjusted = whorl_dynamics::Gyrostat::new(&given.model_at(&constants)?)?.model().clone();
@@ -161,36 +158,15 @@ impl Search<'_> {
     }
 
     fn tighten(&self, prior: &mut whorl_dynamics::ModelPrior, column: &Column, stddev: f64) {
-        let (id, index) = (column.group, column.index);
-        let set = |list: &mut Vec<f64>, i: usize| {
-            if let Some(slot) = list.get_mut(i) {
-                *slot = stddev;
+        let (id, model) = (column.group, &self.problem.reference.model);
+        let spec = match column.target {
+            Target::Effect(effect) if !model.effects.contains_key(id) => {
+                effect.parameters(model).into_iter().nth(column.index)
             }
+            _ => None,
         };
-        if !self.problem.reference.model.effects.contains_key(id) {
-            match (id, column.part) {
-                ("gravity_offset", _) => {
-                    if let Some(slot) = prior.gravity_offset_b_n_m.get_mut(index) {
-                        *slot = stddev;
-                    }
-                    return;
-                }
-                ("inertia_products", _) => {
-                    let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
-                    prior.inertia_b_kg_m2[(row, column)] = stddev;
-                    prior.inertia_b_kg_m2[(column, row)] = stddev;
-                    return;
-                }
-                ("wheel_inertia", Part::Wheel(j)) => return set(&mut prior.actuators.wheels.spin_inertia, j),
-                ("wheel_misalignment", Part::Wheel(j)) => {
-                    return set(&mut prior.actuators.wheels.axis_rad, j);
-                }
-                ("thruster_strength", Part::Jet(j)) => return set(&mut prior.actuators.jets.thrust, j),
-                ("thruster_misalignment", Part::Jet(j)) => {
-                    return set(&mut prior.actuators.jets.direction_rad, j);
-                }
-                _ => {}
-            }
+        if let Some((base, spec)) = spec.and_then(|spec| Some((spec.base?, spec))) {
+            return base.set_stddev(prior, spec.part, stddev);
         }
         if !is_of_platform(column) {
             prior.effects.entry(id.to_owned()).or_default().insert(column.name.clone(), stddev);

@@ -18,7 +18,7 @@ pub(crate) fn channel_errors(search: &Search<'_>) -> Vec<ChannelError> {
         .map(|h| point_of(search.problem, &search.layout, &search.point, h))
         .map(|mut point| {
             if search.best.members.is_empty() {
-                point.effects.retain(|id, _| crate::parameters::BASE_EFFECTS.contains(id));
+                point.effects.retain(|id, _| crate::parameters::is_base(id));
             }
             search.problem.reference.model_at(&point).ok().and_then(|m| Mechanics::new(&m).ok())
         });

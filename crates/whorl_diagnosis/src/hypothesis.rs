@@ -7,11 +7,6 @@ use crate::regression::{Estimate, Normal};
 /// Prior sizes of an effect that are tried, in units of its catalogue prior.
 const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
 
-/// The cable is a spring first, with a damping of its own that acts everywhere, and which of its parameters is the
-/// stiffness. A contact's damping acts beyond its angle only, as no friction does.
-const SPRINGS: [&str; 1] = ["harness_spring"];
-const STIFFNESS: usize = 0;
-
 /// Sizes that are tried first, with every option.
 const COARSE_SIZES: [f64; 2] = [0.01, 0.3];
 
@@ -126,9 +121,9 @@ impl Hypothesis {
                 return Some(Self { members, estimate, log_evidence });
             };
             for member in &mut members {
-                // Without its stiffness a spring's damping is friction by another name.
+                // What is left of the effect would be another by its name.
                 let column = layout.columns.get(out).filter(|_| member.columns.contains(&out));
-                if column.is_some_and(|c| SPRINGS.contains(&c.group) && c.index == STIFFNESS) {
+                if column.is_some_and(|c| c.essential) {
                     member.columns.clear();
                 }
                 member.columns.retain(|i| *i != out);

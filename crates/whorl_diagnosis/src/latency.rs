@@ -4,6 +4,8 @@
 //! the first regressions see of it, and the more a valve that answers late looks the same. Once a latency is a good
 //! explanation, the recordings are laid out anew with stamps set back by it, and searched again.
 
+use whorl_dynamics::effects::find;
+
 use crate::converge::Standing;
 use crate::search::{LEAST_EVIDENCE, Search};
 use crate::ties::TIE;
@@ -15,7 +17,10 @@ const FAR_S: f64 = 2e-3;
 /// extrapolated.
 const NEAR_SHARE: f64 = 0.3;
 
-const LATENCY: &str = "imu_latency";
+/// Whether a set holds an effect that delays the inertial unit.
+fn holds_latency(names: &[String]) -> bool {
+    names.iter().any(|id| find(id).is_some_and(|effect| effect.imu_latency_s(&[]).is_some()))
+}
 
 /// A set with an inertial latency.
 #[derive(Debug, Clone, Copy)]
@@ -45,10 +50,9 @@ impl Late {
         let evidence = |standing: Option<Standing>| standing.map(|s| s.log_evidence);
         let base = evidence(search.standing(&search.base)).unwrap_or(search.base.log_evidence);
         let best = evidence(search.standing(&search.best)).unwrap_or(search.best.log_evidence);
-        let holds = |names: &[String]| names.iter().any(|name| name == LATENCY);
-        let others = search.standings.iter().filter(|(names, _)| !holds(names));
+        let others = search.standings.iter().filter(|(names, _)| !holds_latency(names));
         let rival = others.map(|(_, standing)| standing.log_evidence).fold(base, f64::max);
-        let holds_latency = holds(&search.best.names(&search.layout));
+        let holds_latency = holds_latency(&search.best.names(&search.layout));
         let with = if holds_latency { best } else { search.late.map_or(base, |late| late.log_evidence) };
         let late_s = search.late.map(|late| late.late_s);
         Self { late_s, with, best, base, lead: with - rival, holds_latency }
@@ -80,10 +84,8 @@ impl Search<'_> {
         let is_better = |known: &Lateness| {
             names.len() < known.members || (names.len() == known.members && log_evidence > known.log_evidence)
         };
-        if names.iter().any(|name| name == LATENCY)
-            && self.late.as_ref().is_none_or(is_better)
-            && let Some(late_s) = self.problem.reference.late_at_s(point)
-        {
+        if holds_latency(names) && self.late.as_ref().is_none_or(is_better) {
+            let late_s = self.problem.reference.late_at_s(point);
             self.late = Some(Lateness { members: names.len(), log_evidence, late_s });
         }
     }

@@ -3,24 +3,14 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Matrix3;
-use whorl_dynamics::effects::{Part, find};
-use whorl_dynamics::{Effect, MassProperties, ModelPrior, ParameterSpec, PlatformModel};
-use whorl_math::wrap_angle_rad;
+use whorl_dynamics::effects::{Part, Role, catalogue, find};
+use whorl_dynamics::{Effect, MassProperties, ModelPrior, PlatformModel};
 
 use crate::DiagnosisError;
+use crate::candidates::Available;
 
 /// Group of the principal moments of inertia, which are no effect.
 pub(crate) const MASS_PROPERTIES: &str = "mass_properties";
-
-/// Effects whose parameters belong to every base model, within the platform's prior.
-pub(crate) const BASE_EFFECTS: [&str; 6] = [
-    "gravity_offset",
-    "inertia_products",
-    "wheel_inertia",
-    "wheel_misalignment",
-    "thruster_strength",
-    "thruster_misalignment",
-];
 
 /// Priors are taken a little wider than stated: who states one has rarely measured it.
 const PRIOR_MARGIN: f64 = 1.2;
@@ -73,6 +63,8 @@ pub(crate) struct Column {
     pub is_shape: bool,
     /// A shape that may be anywhere: measured from the present point.
     pub floats: bool,
+    /// Without it the effect's other columns are another effect.
+    pub essential: bool,
 }
 
 impl Column {
@@ -82,24 +74,16 @@ impl Column {
     }
 }
 
-/// Parameters (by index) that shape an effect: where they are says nothing of its size. First those that may be
-/// anywhere in their range, then those that have a usual value.
-fn shape_parameters(id: &str) -> (&'static [usize], &'static [usize]) {
-    match id {
-        "harness_spring" => (&[1], &[]),
-        "tilt_stop_contact" => (&[2], &[]),
-        "air_current_periodic" => (&[3, 4], &[]),
-        "flexible_mode" => (&[3], &[4]),
-        "vibration_alias" => (&[6, 7], &[]),
-        "slosh" => (&[1], &[2, 3]),
-        "thruster_rise" => (&[], &[1, 2]),
-        _ => (&[], &[]),
-    }
+/// Whether an effect corrects the platform's own parameters, which are in every base model within its prior.
+pub(crate) fn is_base(id: &str) -> bool {
+    find(id).is_some_and(|effect| effect.is_base())
 }
 
-/// A whole turn more of this parameter is the same.
-fn is_angle(id: &str, index: usize) -> bool {
-    matches!((id, index), ("air_current_periodic", 4) | ("harness_spring", 1))
+/// The effects that correct the platform's own parameters, in the order of their places in its prior.
+fn base_effects(model: &PlatformModel) -> Vec<&'static dyn Effect> {
+    let mut effects: Vec<_> = catalogue().iter().copied().filter(|effect| effect.is_base()).collect();
+    effects.sort_by_key(|effect| effect.parameters(model).iter().filter_map(|spec| spec.base).min());
+    effects
 }
 
 /// The given model and prior, as reference of every point.
@@ -115,13 +99,13 @@ pub(crate) struct Reference {
 impl Reference {
     pub fn new(model: &PlatformModel, prior: &ModelPrior) -> Self {
         let mut reference = Self { model: model.clone(), prior: prior.clone(), late_s: 0.0 };
-        reference.late_s = reference.late_at_s(&reference.point()).unwrap_or(0.0);
+        reference.late_s = reference.late_at_s(&reference.point());
         reference
     }
 
     /// How much later than the model's sensors say the inertial unit is at a point \[s\].
-    pub fn late_at_s(&self, point: &Point) -> Option<f64> {
-        self.values_at(point, find("imu_latency")?).first().copied()
+    pub fn late_at_s(&self, point: &Point) -> f64 {
+        catalogue().iter().filter_map(|effect| effect.imu_latency_s(&self.values_at(point, *effect))).sum()
     }
 
     /// The given values of an effect: the model's own, else neutral.
@@ -152,13 +136,11 @@ impl Reference {
 
     /// Inertia at a point, whether a body can have it or not [kg m^2].
     pub fn inertia_b_kg_m2(&self, point: &Point) -> Matrix3<f64> {
-        let mut inertia = self.model.mass_properties.inertia_b_kg_m2()
-            + Matrix3::from_diagonal(&nalgebra::Vector3::from(point.moments));
-        if let Some([xy, xz, yz, ..]) = find("inertia_products").map(|e| self.values_at(point, e)).as_deref()
-        {
-            inertia += Matrix3::new(0.0, *xy, *xz, *xy, 0.0, *yz, *xz, *yz, 0.0);
-        }
-        inertia
+        let moments = Matrix3::from_diagonal(&nalgebra::Vector3::from(point.moments));
+        let added =
+            |effect: &&'static dyn Effect| effect.added_inertia_b_kg_m2(&self.values_at(point, *effect));
+        let added: Matrix3<f64> = catalogue().iter().map(added).sum();
+        self.model.mass_properties.inertia_b_kg_m2() + moments + added
     }
 
     /// The platform at a point.
@@ -171,7 +153,7 @@ impl Reference {
             model.mass_properties =
                 MassProperties::new(inertia, *properties.gravity_offset_b_n_m(), properties.mass_kg())
                     .map_err(|error| whorl_dynamics::EffectError::NotPhysical {
-                        effect: "inertia_products",
+                        effect: MASS_PROPERTIES,
                         reason: error.to_string(),
                     })?;
         }
@@ -187,10 +169,10 @@ impl Reference {
     }
 
     /// Columns of the base model: moments of inertia, gravity offset, and what the prior leaves open of
-    /// wheels and jets, and of effects that the model has.
-    pub fn base_columns(&self, has_wheels: bool, has_jets: bool, has_body: bool) -> Vec<Column> {
+    /// wheels and jets, and of effects that the model has. Clamped, only what turns the wheels can be fitted.
+    pub fn base_columns(&self, available: &Available) -> Vec<Column> {
         let mut columns = Vec::new();
-        if has_body {
+        if available.body {
             let inertia = self.model.mass_properties.inertia_b_kg_m2();
             for (i, name) in ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].into_iter().enumerate() {
                 let stddev = self.prior.inertia_b_kg_m2[(i, i)] * PRIOR_MARGIN;
@@ -211,27 +193,19 @@ impl Reference {
                         quadratic: false,
                         is_shape: false,
                         floats: false,
+                        essential: false,
                     });
                 }
             }
         }
-        for id in BASE_EFFECTS {
-            let wanted = match id {
-                "wheel_inertia" | "wheel_misalignment" => has_wheels,
-                "thruster_strength" | "thruster_misalignment" => has_jets,
-                _ => has_body,
-            };
-            if wanted && let Some(effect) = find(id) {
+        for effect in base_effects(&self.model) {
+            if available.can_test(effect) {
                 columns.extend(self.parameter_columns(effect));
             }
         }
-        for id in self.model.effects.keys() {
-            if BASE_EFFECTS.contains(&id.as_str()) {
-                continue;
-            }
-            if let Some(effect) = find(id) {
-                columns.extend(self.parameter_columns(effect));
-            }
+        if available.body {
+            let adopted = self.model.effects.keys().filter_map(|id| find(id));
+            columns.extend(adopted.filter(|e| !e.is_base()).flat_map(|e| self.parameter_columns(e)));
         }
         columns
     }
@@ -246,7 +220,7 @@ impl Reference {
             .enumerate()
             .filter(|(_, spec)| !spec.known)
             .map(|(index, spec)| {
-                let stddev = self.base_stddev(id, index, spec) * PRIOR_MARGIN;
+                let stddev = self.prior.of_parameter(&self.model, effect, spec) * PRIOR_MARGIN;
                 let reference = given.get(index).copied().unwrap_or(spec.neutral);
                 let scale = if stddev > 0.0 { stddev } else { spec.prior_stddev };
                 let mut step = vec![0.0; specs.len()];
@@ -267,6 +241,7 @@ impl Reference {
                     quadratic: false,
                     is_shape: false,
                     floats: false,
+                    essential: spec.essential,
                 }
             })
             .collect()
@@ -277,13 +252,11 @@ impl Reference {
         let mut columns = self.parameter_columns(effect);
         let (specs, now) = (effect.parameters(&self.model), self.values_at(point, effect));
         for column in &mut columns {
-            let (anywhere, usual) = shape_parameters(column.group);
-            column.floats = anywhere.contains(&column.index);
-            column.is_shape = column.floats || usual.contains(&column.index);
-            if let (true, Some(spec), Some(now)) =
-                (column.floats, specs.get(column.index), now.get(column.index))
-            {
-                column.range = if is_angle(column.group, column.index) {
+            let (Some(spec), Some(now)) = (specs.get(column.index), now.get(column.index)) else { continue };
+            column.floats = spec.role == Role::FloatingShape;
+            column.is_shape = spec.role != Role::Amplitude;
+            if column.floats {
+                column.range = if spec.period.is_some() {
                     (f64::NEG_INFINITY, f64::INFINITY)
                 } else {
                     ((spec.min - now) / column.scale, (spec.max - now) / column.scale)
@@ -293,29 +266,6 @@ impl Reference {
         columns
     }
 
-    /// Prior standard deviation of a parameter as part of the base model; 0 = it is none.
-    fn base_stddev(&self, id: &str, index: usize, spec: &ParameterSpec) -> f64 {
-        if let Some(of_effect) = self.prior.effects.get(id) {
-            return of_effect.get(&spec.name).copied().unwrap_or(0.0);
-        }
-        if self.model.effects.contains_key(id) {
-            return spec.prior_stddev;
-        }
-        let at = |list: &[f64], i: usize| list.get(i).copied().unwrap_or(0.0);
-        match (id, spec.part) {
-            ("gravity_offset", _) => self.prior.gravity_offset_b_n_m.get(index).copied().unwrap_or(0.0),
-            ("inertia_products", _) => {
-                let (row, column) = [(0, 1), (0, 2), (1, 2)].get(index).copied().unwrap_or((0, 1));
-                self.prior.inertia_b_kg_m2[(row, column)]
-            }
-            ("wheel_inertia", Part::Wheel(j)) => at(&self.prior.actuators.wheels.spin_inertia, j),
-            ("wheel_misalignment", Part::Wheel(j)) => at(&self.prior.actuators.wheels.axis_rad, j),
-            ("thruster_strength", Part::Jet(j)) => at(&self.prior.actuators.jets.thrust, j),
-            ("thruster_misalignment", Part::Jet(j)) => at(&self.prior.actuators.jets.direction_rad, j),
-            _ => 0.0,
-        }
-    }
-
     /// Prior standard deviation of a column's parameter as it was given, in its own unit; 0 = none was.
     pub fn given_stddev(&self, column: &Column) -> f64 {
         match column.target {
@@ -323,7 +273,7 @@ impl Reference {
             Target::Effect(effect) => effect
                 .parameters(&self.model)
                 .get(column.index)
-                .map_or(0.0, |spec| self.base_stddev(column.group, column.index, spec)),
+                .map_or(0.0, |spec| self.prior.of_parameter(&self.model, effect, spec)),
         }
     }
 
@@ -374,14 +324,7 @@ impl Reference {
                     .iter()
                     .zip(&column.step)
                     .zip(&specs)
-                    .enumerate()
-                    .map(|(i, ((value, step), spec))| {
-                        let moved = value + units * step;
-                        if is_angle(effect.info().id, i) {
-                            return wrap_angle_rad(moved);
-                        }
-                        moved.max(spec.min).min(spec.max)
-                    })
+                    .map(|((value, step), spec)| spec.limited(value + units * step))
                     .collect();
                 moved.effects.insert(effect.info().id, values);
             }

@@ -64,7 +64,7 @@ pub(crate) fn between(from: &Point, to: &Point, share: f64) -> Point {
         match from.effects.get(id) {
             Some(start) => values.iter_mut().zip(start).for_each(|(v, s)| *v = mix(*s, *v)),
             // Corrections of the base model start from nothing.
-            None if crate::parameters::BASE_EFFECTS.contains(id) => {
+            None if crate::parameters::is_base(id) => {
                 values.iter_mut().for_each(|v| *v = mix(0.0, *v));
             }
             None => {}

@@ -11,7 +11,6 @@ use whorl_recording::Recording;
 
 use crate::candidates::Available;
 use crate::hypothesis::Hypothesis;
-use crate::parameters::BASE_EFFECTS;
 use crate::problem::{Dataset, FREE_RATE_WALK};
 use crate::regression::{BLOCKS_PER_RUN, Estimate, Normal};
 use crate::search::{LEAST_DROP, Search};
@@ -121,8 +120,7 @@ pub fn prospects(
 pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<(), DiagnosisError> {
     let model = &search.problem.reference.model;
     let on_demand = |id: &&str| {
-        matches!(*id, "air_current_periodic" | "vibration_alias")
-            || find(id).is_some_and(|effect| effect.hidden_states(model) > 0)
+        find(id).is_some_and(|effect| effect.rhythm().is_some() || effect.hidden_states(model) > 0)
     };
     if ids.iter().any(on_demand) && !search.with_hidden {
         search.with_hidden = true;
@@ -250,7 +248,7 @@ fn prospect(
     both.matrix += &added.matrix;
     let (mut shown, mut not_shown) = (Vec::new(), Vec::new());
     for candidate in &search.layout.candidates {
-        if BASE_EFFECTS.contains(&candidate.id) {
+        if candidate.effect.is_base() {
             continue;
         }
         let columns = candidate.options.first().map_or(&[][..], Vec::as_slice);

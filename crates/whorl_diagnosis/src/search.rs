@@ -1,5 +1,7 @@
 //! Which set of effects explains the data: forward search with swaps, each step on a new linearisation.
 
+use whorl_dynamics::effects::Rhythm;
+
 use crate::candidates::{Available, Layout, Lines};
 use crate::converge::{Converged, Standings};
 use crate::hypothesis::{Hypothesis, Member, cross_validated_gain};
@@ -7,7 +9,7 @@ use crate::latency::Lateness;
 use crate::parameters::Point;
 use crate::problem::{Dataset, Problem};
 use crate::regression::{BLOCKS_PER_RUN, Colour};
-use crate::step::{NO_FIT, PERIODIC, base_point_with, dataset, point_of, smooth_all};
+use crate::step::{NO_FIT, base_point_with, dataset, point_of, smooth_all};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Log evidence that an effect must add. The number of effects that compete is paid for here too.
@@ -295,12 +297,12 @@ impl<'a> Search<'a> {
     /// both phases of that torque: a peak's height does not say that it has one phase in every run.
     fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
         let hz = std::mem::take(&mut self.lines.faint_hz);
-        if hz.is_empty() || !self.layout.candidates.iter().any(|c| c.id == PERIODIC) {
-            return Ok(false);
-        }
+        let mut candidates = self.layout.candidates.iter();
+        let periodic = candidates.find(|c| c.effect.rhythm() == Some(Rhythm::Torque)).map(|c| c.id);
+        let Some(periodic) = periodic.filter(|_| !hz.is_empty()) else { return Ok(false) };
         let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
         let layout =
-            Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[PERIODIC], &lines);
+            Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
         let data = dataset(self.problem, &self.point, &layout, self.colours.clone())?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         let places = self.problem.runs.iter().map(|r| r.nodes()).max().unwrap_or(1) as f64;

@@ -1,10 +1,15 @@
 //! One Gauss-Newton step: the regression at a point, and the point to which it leads. The base model is fitted by such
 //! steps before anything is searched.
 
+use std::collections::BTreeMap;
+
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::Contribution;
+
 use crate::DiagnosisError;
 use crate::candidates::{Available, Layout};
 use crate::hypothesis::Hypothesis;
-use crate::parameters::Point;
+use crate::parameters::{Point, Target};
 use crate::problem::{Dataset, FREE_RATE_WALK, Problem};
 use crate::regression::Colour;
 
@@ -29,32 +34,19 @@ pub(crate) fn dataset(
     Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
 }
 
-pub(crate) const PERIODIC: &str = "air_current_periodic";
-
-/// Values of a periodic torque whose sine and cosine were fitted about each axis: the one phase with which most
-/// of both remains.
-fn one_phase(layout: &Layout, fit: &Hypothesis) -> Option<Vec<f64>> {
-    let mut parts = [[0.0; 2]; 3];
-    let mut values: Option<Vec<f64>> = None;
+/// Values of effects whose directions lead to them together.
+fn joined(layout: &Layout, fit: &Hypothesis) -> Vec<(&'static str, Vec<f64>)> {
+    let mut of_effect: BTreeMap<&'static str, (&'static dyn Effect, Vec<Contribution<'_>>)> = BTreeMap::new();
     for &i in &fit.estimate.active {
-        let Some(column) = layout.columns.get(i).filter(|c| c.group == PERIODIC) else { continue };
-        let Some(origin @ [.., phase_rad]) = column.origin.as_deref() else { continue };
-        *parts.get_mut(column.index)?.get_mut(usize::from(*phase_rad > 0.0))? +=
-            fit.estimate.of(i) * column.scale;
-        values.get_or_insert_with(|| origin.to_vec());
+        let Some(column) = layout.columns.get(i) else { continue };
+        if let (Target::Effect(effect), Some(origin)) = (column.target, column.origin.as_deref()) {
+            let amount = fit.estimate.of(i) * column.scale;
+            let contribution = Contribution { name: &column.name, origin, amount };
+            of_effect.entry(column.group).or_insert((effect, Vec::new())).1.push(contribution);
+        }
     }
-    let (mut across, mut along) = (0.0, 0.0);
-    for [sine, cosine] in parts {
-        across += 2.0 * sine * cosine;
-        along += sine * sine - cosine * cosine;
-    }
-    let phase_rad = 0.5 * f64::atan2(across, along);
-    let mut values = values?;
-    for (slot, [sine, cosine]) in values.iter_mut().zip(parts) {
-        *slot = sine * phase_rad.cos() + cosine * phase_rad.sin();
-    }
-    *values.last_mut()? = phase_rad;
-    Some(values)
+    let values = |(id, (effect, all)): (_, (&'static dyn Effect, Vec<_>))| Some((id, effect.joined(&all)?));
+    of_effect.into_iter().filter_map(values).collect()
 }
 
 /// The point of a fit.
@@ -71,9 +63,7 @@ pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &H
         };
         point = problem.reference.moved(&point, column, units);
     }
-    if let Some(values) = one_phase(layout, fit) {
-        point.effects.insert(PERIODIC, values);
-    }
+    point.effects.extend(joined(layout, fit));
     problem.reference.towards(from, point)
 }
 
@@ -105,11 +95,8 @@ pub(crate) fn base_point_with(
 }
 
 fn base_layout(problem: &Problem, available: &Available) -> Layout {
-    let columns = problem.reference.base_columns(available.wheels, available.jets, available.body);
-    let columns: Vec<_> = columns
-        .into_iter()
-        .filter(|c| c.base_stddev > 0.0 && (available.body || c.group == "wheel_inertia"))
-        .collect();
+    let columns = problem.reference.base_columns(available);
+    let columns: Vec<_> = columns.into_iter().filter(|c| c.base_stddev > 0.0).collect();
     let base = (0..columns.len()).collect();
     Layout { columns, base, candidates: Vec::new() }
 }

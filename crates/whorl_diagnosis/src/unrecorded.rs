@@ -123,8 +123,8 @@ impl Unexplained {
             .gyrostat
             .effects()
             .iter()
-            .find(|active| active.effect().info().id == "tilt_stop_contact")
-            .and_then(|active| active.values().get(2).copied());
+            .filter_map(|active| active.effect().contact_tilt_rad(active.values()))
+            .reduce(f64::min);
         let mut total = (Vector3::zeros(), 0.0, 0_usize);
         for k in 0..nodes {
             let edge = prediction.edge_rate.get(k).copied().unwrap_or_default();

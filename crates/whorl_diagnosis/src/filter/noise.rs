@@ -88,13 +88,8 @@ impl System<'_> {
         let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < STANDS_RAD_S) else {
             return 0.0;
         };
-        let friction = self
-            .mechanics
-            .gyrostat
-            .effects()
-            .iter()
-            .find(|active| active.effect().info().id == "bearing_coulomb_friction");
-        let torque_n_m = friction.and_then(|active| active.values().first().copied()).unwrap_or(0.0);
+        let effects = self.mechanics.gyrostat.effects().iter();
+        let torque_n_m: f64 = effects.map(|a| a.effect().holding_torque_n_m(a.values())).sum();
         // The formula comes into its own as the body gets going.
         let share = 1.0 - rate / STANDS_RAD_S;
         share * torque_n_m * self.mechanics.inverse_inertia().trace() / 3.0 * (2.0 * STICKS_S).sqrt()

@@ -1,6 +1,8 @@
 //! Unbalanced wheels: what turns with a wheel and shakes the gyro.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::Part;
 use whorl_math::unit_or;
 
 use super::{Fast, fast_part, parameter, row};
@@ -18,7 +20,11 @@ const SIZES_OF_IMBALANCE: f64 = 1e4;
 const COHERENT_S: f64 = 30.0;
 
 /// The wheel whose turning shows in the gyro; what it explains is taken off the samples.
-pub(super) fn imbalance(runs: &mut [Fast<'_>], mechanics: &Mechanics) -> Option<Candidate> {
+pub(super) fn imbalance(
+    runs: &mut [Fast<'_>],
+    mechanics: &Mechanics,
+    effect: &dyn Effect,
+) -> Option<Candidate> {
     let wheels = mechanics.model().wheels().len();
     let all_fits = |wheel: usize, order: f64| -> Vec<Fit> {
         runs.iter().flat_map(|fast| wheel_fits(fast, mechanics, wheel, order)).collect()
@@ -60,9 +66,9 @@ pub(super) fn imbalance(runs: &mut [Fast<'_>], mechanics: &Mechanics) -> Option<
         }
     }
     let information: f64 = fits.iter().map(|f| f.information).sum();
-    let name = mechanics.model().wheels().get(wheel).map_or(String::new(), |w| w.name.clone());
-    let estimate = parameter(format!("{name}_kg_m2"), "kg m^2", size, (1.0 / information).sqrt());
-    Some(row("wheel_imbalance", drop, evidence, vec![estimate]))
+    let spec = effect.parameters(mechanics.model()).into_iter().find(|s| s.part == Part::Wheel(wheel))?;
+    let estimate = parameter(spec.name, spec.unit, size, (1.0 / information).sqrt());
+    Some(row(effect, drop, evidence, vec![estimate]))
 }
 
 /// Log evidence and likeliest size of an imbalance that is the same in all stretches, its phase in each unknown: the

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::Complex;
+use whorl_dynamics::Effect;
 
 use super::{Fast, parameter, row};
 use crate::diagnosis::{Candidate, ParameterEstimate};
@@ -86,8 +87,16 @@ impl Line {
     }
 }
 
+/// Names of the parameters that a vibration has in its effect.
+pub(super) struct Names {
+    /// Amplitude in each axis of the gyro, then of the accelerometer.
+    pub amplitude: [&'static str; 6],
+    pub frequency: &'static str,
+    pub background: &'static str,
+}
+
 /// A line in gyro and accelerometer, always or only while valves are open.
-pub(super) fn vibration(runs: &[Fast<'_>]) -> Option<Candidate> {
+pub(super) fn vibration(runs: &[Fast<'_>], effect: &dyn Effect, names: &Names) -> Option<Candidate> {
     let first = runs.first()?;
     // Twice the length, so that no line falls between two frequencies.
     let size = runs.iter().map(Fast::len).max()?.next_power_of_two() * 2;
@@ -130,10 +139,8 @@ pub(super) fn vibration(runs: &[Fast<'_>]) -> Option<Candidate> {
         return None;
     }
     let phases = line.one_motion().1;
-    let names =
-        ["gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s", "accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2"];
     let mut parameters: Vec<ParameterEstimate> = Vec::new();
-    for (c, name) in names.iter().enumerate() {
+    for (c, name) in names.amplitude.iter().enumerate() {
         // The runs' readings turned to one phase.
         let (mut sum, mut information) = (Complex::new(0.0, 0.0), 0.0);
         for ((own, phase), weight) in line.of_run.iter().zip(&phases).zip(&line.weight) {
@@ -148,9 +155,9 @@ pub(super) fn vibration(runs: &[Fast<'_>]) -> Option<Candidate> {
         }
     }
     let length_s = first.len() as f64 * first.step_s;
-    parameters.push(parameter("frequency_hz".to_owned(), "Hz", line.hz, 0.1 / length_s));
-    parameters.push(parameter("background".to_owned(), "1", line.background, 0.5));
-    Some(row("vibration_alias", drop, evidence, parameters))
+    parameters.push(parameter(names.frequency.to_owned(), "Hz", line.hz, 0.1 / length_s));
+    parameters.push(parameter(names.background.to_owned(), "1", line.background, 0.5));
+    Some(row(effect, drop, evidence, parameters))
 }
 
 #[cfg(test)]

@@ -6,6 +6,9 @@
 mod imbalance;
 mod line;
 
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Sighting, catalogue};
+
 use crate::bins::median_step_s;
 use crate::columns::predict;
 use crate::diagnosis::{Candidate, ParameterEstimate};
@@ -160,9 +163,9 @@ fn parameter(name: String, unit: &str, estimate: f64, stddev: f64) -> ParameterE
     }
 }
 
-fn row(effect: &str, drop: f64, evidence: f64, parameters: Vec<ParameterEstimate>) -> Candidate {
+fn row(effect: &dyn Effect, drop: f64, evidence: f64, parameters: Vec<ParameterEstimate>) -> Candidate {
     Candidate {
-        effect: effect.to_owned(),
+        effect: effect.info().id.to_owned(),
         delta_log_evidence: evidence,
         held_out_gain: evidence,
         share_of_excess: 1.0,
@@ -194,11 +197,18 @@ pub(crate) fn fast_effects(search: &Search<'_>) -> Vec<Candidate> {
         .filter_map(|(run, motion)| Fast::new(run, motion, &mechanics))
         .collect();
     let mut found = Vec::new();
-    if tested("wheel_imbalance") {
-        found.extend(imbalance::imbalance(&mut runs, &mechanics));
+    // What turns with a wheel is taken off the samples before a line of its own is looked for.
+    for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
+        if effect.sighting() == Some(Sighting::WheelTurn) {
+            found.extend(imbalance::imbalance(&mut runs, &mechanics, effect));
+        }
     }
-    if tested("vibration_alias") {
-        found.extend(line::vibration(&runs));
+    for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
+        if let Some(Sighting::SensorLine { gyro, accelerometer, frequency, background }) = effect.sighting() {
+            let ([a, b, c], [d, e, f]) = (gyro, accelerometer);
+            let names = line::Names { amplitude: [a, b, c, d, e, f], frequency, background };
+            found.extend(line::vibration(&runs, effect, &names));
+        }
     }
     found
 }
