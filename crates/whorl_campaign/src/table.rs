@@ -2,6 +2,8 @@
 
 use std::io;
 
+use whorl_math::statistics::quantile;
+
 use crate::plan::Plan;
 use crate::row::{METRICS, Row};
 
@@ -110,10 +112,9 @@ pub fn groups(rows: &[Row]) -> Vec<Group> {
             rows.iter().filter(|r| r.experiment == experiment && r.labels == labels).collect();
         let percentiles = (0..METRICS.len())
             .map(|k| {
-                let mut values: Vec<f64> =
-                    own.iter().filter_map(|r| r.metrics.get(k).copied()).filter(|v| v.is_finite()).collect();
-                values.sort_by(f64::total_cmp);
-                PERCENTILES.map(|p| percentile(&values, p))
+                let values =
+                    || own.iter().filter_map(|r| r.metrics.get(k).copied()).filter(|v| v.is_finite());
+                PERCENTILES.map(|share| quantile(values(), share))
             })
             .collect();
         Group {
@@ -130,15 +131,6 @@ pub fn groups(rows: &[Row]) -> Vec<Group> {
         }
     };
     keys.into_iter().map(group).collect()
-}
-
-/// Of sorted values, interpolated linearly between the two nearest; NaN without any.
-fn percentile(sorted: &[f64], share: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
-    let at = share * last as f64;
-    let below = at.floor() as usize;
-    let value = |k: usize| sorted.get(k.min(last)).copied().unwrap_or(f64::NAN);
-    value(below) + (value(below + 1) - value(below)) * (at - below as f64)
 }
 
 #[cfg(test)]

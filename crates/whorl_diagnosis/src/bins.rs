@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_math::statistics::median;
 use whorl_recording::{Mounting, Recording, Series};
 
 use crate::inputs::SampleTimes;
@@ -117,12 +118,8 @@ impl Bins {
 
 /// Typical time between stamps \[s\].
 pub(crate) fn median_step_s(times: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
-    if steps.is_empty() {
-        return 0.01;
-    }
-    let middle = steps.len() / 2;
-    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    let typical = median(times.windows(2).map(|w| w[1] - w[0]));
+    if typical.is_nan() { 0.01 } else { typical }
 }
 
 /// Typical time between samples of the channel that sets the nodes \[s\].

@@ -1,6 +1,7 @@
 //! What stamps that jitter cost: a command that changes has an impulse that is uncertain by the jitter.
 
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_math::statistics::median;
 use whorl_recording::{OnInterval, Series};
 
 use crate::bins::median_step_s;
@@ -12,16 +13,14 @@ const MOST: f64 = 0.2;
 /// Standard deviation of stamps about even steps \[s\], from their second differences (whose variance is six
 /// times as large); the median, since samples are lost. 0 where samples do not come evenly.
 pub(crate) fn stamp_jitter_s(time_s: &[f64]) -> f64 {
-    let mut seconds: Vec<f64> = time_s
+    let seconds: Vec<f64> = time_s
         .windows(3)
         .filter_map(|w| if let [a, b, c] = w { Some((c - 2.0 * b + a).abs()) } else { None })
         .collect();
     if seconds.len() < 10 {
         return 0.0;
     }
-    let middle = seconds.len() / 2;
-    let median = *seconds.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let jitter_s = median / 0.6745 / 6f64.sqrt();
+    let jitter_s = median(seconds) / 0.6745 / 6f64.sqrt();
     if jitter_s < MOST * median_step_s(time_s) { jitter_s } else { 0.0 }
 }
 

@@ -7,6 +7,7 @@
 
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::statistics::normal_probability;
 use whorl_recording::Recording;
 
 use crate::candidates::Available;
@@ -159,21 +160,12 @@ fn certain(search: &Search<'_>, log_odds: f64, drop: f64) -> f64 {
     left.copysign(log_odds) / search.data.temper
 }
 
-/// Share of the normal distribution below `x` (Abramowitz and Stegun 1964, 26.2.17; error below 1e-7).
-fn normal_below(x: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
-    let powers = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
-    let tail = powers.iter().rev().fold(0.0, |sum, p| (sum + p) * t) * (-0.5 * x * x).exp()
-        / std::f64::consts::TAU.sqrt();
-    if x < 0.0 { tail } else { 1.0 - tail }
-}
-
 /// Probability that an explanation that is expected to lead a rival so far will be told from it. What noise does to a
 /// lead in log evidence has a variance of twice its mean, which is half the lead in the misfit; and an expectation
 /// that is linear in the effect's size, for a motion that the effect itself will change, is right to half of its size.
 fn probability_of_telling(lead: (f64, f64), margin: f64) -> f64 {
     let drop = lead.1.max(0.0);
-    normal_below(beyond(lead, margin) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
+    normal_probability(beyond(lead, margin) / (1.0 + drop + (0.25 * drop).powi(2)).sqrt())
 }
 
 /// A set of effects fitted to the data at hand; `None` if they cannot enter.
@@ -271,16 +263,7 @@ fn information(search: &Search<'_>, normal: &Normal, column: usize) -> Option<f6
 
 #[cfg(test)]
 mod tests {
-    use super::{normal_below, probability_of_telling};
-
-    #[test]
-    fn the_normal_distribution_is_that_of_the_tables() {
-        for (x, below) in
-            [(-3.0, 0.001_350), (-1.0, 0.158_655), (0.0, 0.5), (0.5, 0.691_462), (1.96, 0.975_002)]
-        {
-            assert!((normal_below(x) - below).abs() < 1e-6, "{x}");
-        }
-    }
+    use super::probability_of_telling;
 
     #[test]
     fn what_reaches_the_tie_is_told_in_half_of_the_cases() {

@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
+use whorl_math::statistics::median;
 
 use crate::columns::{LANES, Lanes};
 
@@ -20,16 +21,6 @@ const ORDER: usize = 6;
 
 /// Stretches of a run from which the colour of its noise is estimated.
 const STRETCHES: usize = 8;
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match (values.get(middle.wrapping_sub(1)), values.get(middle)) {
-        (Some(a), Some(b)) if values.len().is_multiple_of(2) => 0.5 * (a + b),
-        (_, Some(b)) => *b,
-        _ => 0.0,
-    }
-}
 
 /// Whitened data of one run.
 #[derive(Debug, Default)]
@@ -222,14 +213,9 @@ impl Colour {
         // The median over stretches: what a model lacks for a while is no noise.
         let stretch = n.div_ceil(STRETCHES).max(50);
         let lag = |l: usize| {
-            let mut products: Vec<f64> = clipped
-                .chunks(stretch)
-                .filter(|c| 2 * c.len() >= stretch)
-                .map(|c| {
-                    c.iter().zip(c.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / (c.len() - l) as f64
-                })
-                .collect();
-            median(&mut products)
+            median(clipped.chunks(stretch).filter(|c| 2 * c.len() >= stretch).map(|c| {
+                c.iter().zip(c.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / (c.len() - l) as f64
+            }))
         };
         let r: Vec<f64> = (0..=ORDER).map(lag).collect();
         let mut best = Self { coefficients: Vec::new(), stddev: r[0].sqrt().max(1e-3) };

@@ -124,7 +124,7 @@ impl Constants {
             gyro_noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
             bias_walk_density: parameters.gyro_bias_walk_rad_s2_sqrt_hz.powi(2),
             every_sample: !moves,
-            gate_one: crate::consistency::chi_squared_quantile(1.0 - parameters.outlier_probability, 1),
+            gate_one: whorl_math::statistics::chi_squared_quantile(1.0 - parameters.outlier_probability, 1),
             // The quantile of two degrees of freedom has a closed form.
             gate_two: -2.0 * parameters.outlier_probability.ln(),
             vector_across: across(&reference),

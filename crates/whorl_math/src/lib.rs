@@ -41,6 +41,7 @@ pub mod covariance;
 mod euler;
 mod mrp;
 mod rotation_vector;
+pub mod statistics;
 mod two_vector;
 mod vector;
 

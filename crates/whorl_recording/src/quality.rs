@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_math::statistics::median;
 
 use crate::{Mounting, Recording, RecordingError, Series};
 
@@ -141,11 +142,10 @@ impl Recording {
     pub fn gaps(&self) -> Option<String> {
         let gyro = &self.gyro_b_rad_s.time_s;
         let times = if gyro.len() > 1 { gyro } else { &self.wheel_speed_rad_s.time_s };
-        let mut steps_s: Vec<f64> = times.windows(2).filter_map(|w| Some(w.get(1)? - w.first()?)).collect();
-        steps_s.sort_by(f64::total_cmp);
-        let usual_s = *steps_s.get(steps_s.len() / 2)?;
-        let longest_s = *steps_s.last()?;
-        let count = steps_s.iter().rev().take_while(|step| **step > GAP_STEPS * usual_s).count();
+        let steps_s: Vec<f64> = times.windows(2).filter_map(|w| Some(w.get(1)? - w.first()?)).collect();
+        let usual_s = median(steps_s.iter().copied());
+        let longest_s = steps_s.iter().copied().max_by(f64::total_cmp)?;
+        let count = steps_s.iter().filter(|step| **step > GAP_STEPS * usual_s).count();
         (count > 0).then(|| {
             format!(
                 "{}: {count} {} in its readings, the longest of {longest_s:.2} s: what was commanded meanwhile may be \

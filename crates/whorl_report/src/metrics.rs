@@ -2,10 +2,11 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
+use whorl_math::statistics::quantile;
 use whorl_msgs::whorl::{ClockRequest, ControlStatus, FormationState};
 
 use crate::data::{PlatformData, RunData};
-use crate::series::{AttitudeSeries, maximum, percentile, rms};
+use crate::series::{AttitudeSeries, maximum, rms};
 
 /// Longest gap over which attitudes are interpolated \[s\].
 const GAP_S: f64 = 0.2;
@@ -374,8 +375,8 @@ fn summarise_platform(
         wheel_speed_max_rad_s: maximum(data.wheels.iter().flat_map(|w| &w.message.velocity).map(|v| v.abs())),
         alpha_min: running().map(|c| c.message.alpha).fold(f64::NAN, f64::min),
         allocation_fallbacks: data.control.last().map_or(0, |c| c.message.allocation_fallbacks),
-        sensor_to_command_p50_s: percentile(ages(), 0.5),
-        sensor_to_command_p99_s: percentile(ages(), 0.99),
+        sensor_to_command_p50_s: quantile(ages(), 0.5),
+        sensor_to_command_p99_s: quantile(ages(), 0.99),
         link_age_max_s: maximum(link_ages),
         clock_offset_s: last_clock(run, name, |clocks| &clocks.offset_s),
         clock_uncertainty_s: last_clock(run, name, |clocks| &clocks.uncertainty_s),

@@ -62,14 +62,6 @@ pub fn maximum(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::NAN, f64::max)
 }
 
-/// The value that a share `p` of them does not exceed (nearest rank); NaN for none.
-pub fn percentile(values: impl IntoIterator<Item = f64>, p: f64) -> f64 {
-    let mut sorted: Vec<f64> = values.into_iter().filter(|x| x.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let rank = (p * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
-}
-
 /// A curve to plot.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Curve {
@@ -137,7 +129,6 @@ mod tests {
     fn statistics_of_known_numbers() {
         assert_eq!(rms([3.0, 4.0]), 12.5f64.sqrt());
         assert!(rms([]).is_nan());
-        assert_eq!(percentile((1..=100).map(f64::from), 0.99), 99.0);
         assert_eq!(maximum([1.0, f64::NAN, 3.0]), 3.0);
     }
 

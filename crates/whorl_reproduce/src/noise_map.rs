@@ -4,6 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, mass_vector};
 use whorl_identification::regression::{Form, Method, StateSeries, Weighting, rows, solve};
 use whorl_identification::rigid_body::simulate_rigid_body;
+use whorl_math::statistics::median;
 use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::{Noise, level, rigid_whorl_1};
@@ -35,13 +36,13 @@ pub fn map() -> Reproduction {
                 let errors = (0..SEEDS).map(|seed| {
                     let noisy = spoiled(&exact, 0.01 * percent, seed);
                     let found = solve(&rows(&noisy, Method::Torque, form), Weighting::PseudoInverse);
-                    found.map_or(f64::NAN, |s| {
+                    found.map_or(f64::INFINITY, |s| {
                         let each = (0..MASS_PARAMETERS)
                             .map(|i| 100.0 * ((s.estimate[i] - truth[i]) / truth[i]).abs());
-                        median(each.collect())
+                        median(each)
                     })
                 });
-                (percent, median(errors.collect()))
+                (percent, median(errors))
             });
             list.push((format!("period {period_s} s"), points.to_vec()));
         }
@@ -79,9 +80,4 @@ fn spoiled(exact: &StateSeries, share: f64, seed: u128) -> StateSeries {
         sample.q_world_body *= UnitQuaternion::from_scaled_axis(noise.vector() * (share * tilt));
     }
     noisy
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

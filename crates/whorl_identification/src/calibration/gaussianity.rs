@@ -1,6 +1,6 @@
 //! Is noise normal? (eqs. 4.41-4.43)
 
-use whorl_estimation::consistency::{chi_squared_probability, chi_squared_quantile};
+use whorl_math::statistics::{chi_squared_quantile, normal_probability};
 
 /// Fewest expected counts in a bin.
 const FEWEST: f64 = 5.0;
@@ -90,15 +90,6 @@ pub fn chi_squared_test(samples: &[f64], alpha: f64) -> Option<Gaussianity> {
     let chi_squared = bins.iter().map(|b| (b.observed - b.expected).powi(2) / b.expected).sum();
     let dof = u32::try_from(bins.len().checked_sub(3)?).ok().filter(|d| *d > 0)?;
     Some(Gaussianity { mean, stddev, chi_squared, dof, limit: chi_squared_quantile(1.0 - alpha, dof), bins })
-}
-
-/// Probability that a standard normal variable stays below z: its square is chi-squared with one degree
-/// of freedom.
-fn normal_probability(z: f64) -> f64 {
-    if z.is_infinite() {
-        return if z > 0.0 { 1.0 } else { 0.0 };
-    }
-    0.5 * (1.0 + z.signum() * chi_squared_probability(z * z, 1))
 }
 
 #[cfg(test)]

@@ -2,12 +2,15 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
+use whorl_math::statistics::{median, quantile};
 use whorl_recording::{Recording, Series};
 
 /// Shortest still stretch \[s\].
 const SHORTEST_S: f64 = 2.0;
 /// Windows that are judged one by one \[s\].
 const WINDOW_S: f64 = 0.5;
+/// So large a share of the windows is taken to be as quiet as the quietest.
+const QUIETEST: f64 = 0.05;
 /// Left out at both ends \[s\]: a hand is still near.
 const EDGE_S: f64 = 0.3;
 
@@ -78,9 +81,8 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
         })
         .collect();
     let quietest = |of: &dyn Fn(usize) -> f64, floor: f64| {
-        let mut all: Vec<f64> = (0..windows.len()).map(of).filter(|s| *s > 0.0).collect();
-        all.sort_by(f64::total_cmp);
-        all.get(all.len() / 20).copied().unwrap_or(0.0).max(floor)
+        let scatter = quantile((0..windows.len()).map(of).filter(|s| *s > 0.0), QUIETEST);
+        if scatter.is_finite() { scatter.max(floor) } else { floor }
     };
     let gyro_floor = sensors.gyro.errors.noise_stddev.amax().max(sensors.gyro.errors.quantum);
     let force_floor =
@@ -88,14 +90,14 @@ pub fn still_stretches(index: usize, run: &Recording, sensors: &SensorSuite) -> 
     let gyro_limit = 2.5 * quietest(&|n| windows[n].2.1.amax(), gyro_floor * 0.2);
     let force_limit = 2.5 * quietest(&|n| windows[n].3.1.amax(), force_floor * 0.2);
     // A turn at constant rate is as quiet as rest: its mean is not. Rest is the commonest mean.
-    let mut centre = median(windows.iter().filter(|w| w.2.1.amax() < gyro_limit).map(|w| w.2.0));
+    let mut centre = centre_of(windows.iter().filter(|w| w.2.1.amax() < gyro_limit).map(|w| w.2.0));
     let allowed = |w: &Window, centre: &Vector3<f64>| {
         w.1 >= 5
             && w.2.1.amax() < gyro_limit
             && w.3.1.amax() < force_limit
             && (w.2.0 - centre).amax() < gyro_limit
     };
-    centre = median(windows.iter().filter(|w| allowed(w, &centre)).map(|w| w.2.0));
+    centre = centre_of(windows.iter().filter(|w| allowed(w, &centre)).map(|w| w.2.0));
     let mut stretches = Vec::new();
     let mut began: Option<usize> = None;
     for n in 0..=windows.len() {
@@ -154,11 +156,9 @@ fn stretch(index: usize, run: &Recording, windows: &[Window], first: usize, last
     })
 }
 
-fn median(values: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
+/// The median of each component.
+fn centre_of(values: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let values: Vec<Vector3<f64>> = values.collect();
-    Vector3::from_fn(|axis, _| {
-        let mut sorted: Vec<f64> = values.iter().map(|v| v[axis]).collect();
-        sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-    })
+    let centre = |axis: usize| median(values.iter().map(|v| v[axis]));
+    if values.is_empty() { Vector3::zeros() } else { Vector3::from_fn(|axis, _| centre(axis)) }
 }

@@ -3,6 +3,7 @@
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
+use whorl_math::statistics::median;
 use whorl_math::unit_or;
 use whorl_recording::{Mounting, OnInterval, Recording, Series};
 
@@ -208,10 +209,9 @@ fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>>
 /// value exactly, again and again, is clipped, whatever the model says of the range. Infinite where nothing shows.
 fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
     let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
-    let mut bends: Vec<f64> =
-        x.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs()).filter(|bend| *bend > 0.0).collect();
-    bends.sort_by(f64::total_cmp);
-    let noise = bends.get(bends.len() / 2).copied().unwrap_or(0.0);
+    let bends = x.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs()).filter(|bend| *bend > 0.0);
+    // NaN, and so no end, where nothing bends.
+    let noise = median(bends);
     let end = |sign: f64| {
         let extreme = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
         let stays = x.windows(3).filter(|w| w.iter().all(|v| sign * v == extreme)).count();

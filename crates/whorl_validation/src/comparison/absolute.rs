@@ -7,8 +7,8 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
-use whorl_estimation::consistency::chi_squared_quantile;
 use whorl_math::quaternion_exp;
+use whorl_math::statistics::chi_squared_quantile;
 use whorl_recording::{Mounting, Recording};
 
 use crate::commands::Commands;

@@ -1,6 +1,7 @@
 //! Auto- and cross-correlation.
 
 use serde::Serialize;
+use whorl_math::statistics::normal_quantile;
 
 use super::NORMAL_99;
 
@@ -82,9 +83,7 @@ pub fn cross_correlation(residual: &[f64], input: &[f64], lags: usize) -> Option
 
 /// Two-sided normal quantile that the largest of `count` values keeps with 99 %.
 fn normal_quantile_99(count: usize) -> f64 {
-    // A squared standard normal is chi-squared with one degree of freedom.
-    let probability = 1.0 - 0.01 / count.max(1) as f64;
-    whorl_estimation::consistency::chi_squared_quantile(probability, 1).sqrt()
+    normal_quantile(1.0 - 0.005 / count.max(1) as f64)
 }
 
 fn centred(values: &[f64]) -> Vec<f64> {

@@ -1,7 +1,7 @@
 //! The portmanteau test of Ljung and Box.
 
 use serde::Serialize;
-use whorl_estimation::consistency::{chi_squared_probability, chi_squared_quantile};
+use whorl_math::statistics::{chi_squared_probability, chi_squared_quantile};
 
 use super::autocorrelation;
 
