@@ -7,10 +7,11 @@
 //! the drive count, so that a mode is seen long before its line stands out of the spectrum.
 
 use nalgebra::{Complex, Matrix3, SymmetricEigen, Vector3};
+use whorl_trajectory::spectrum::Fourier;
 
 use crate::hypothesis::Hypothesis;
 use crate::search::Search;
-use crate::spectrum::{CERTAIN, gamma_significance, transform};
+use crate::spectrum::{CERTAIN, gamma_significance};
 
 /// Slower resonances are told from slow torques by the regression itself \[Hz\].
 const SLOWEST_HZ: f64 = 0.15;
@@ -43,14 +44,6 @@ struct Spectra {
     length_s: f64,
 }
 
-fn spectrum(series: impl Iterator<Item = f64>, size: usize) -> Vec<Complex<f64>> {
-    let mut re: Vec<f64> = series.take(size).collect();
-    re.resize(size, 0.0);
-    let mut im = vec![0.0; size];
-    transform(&mut re, &mut im);
-    re.into_iter().zip(im).take(size / 2).map(|(a, b)| Complex::new(a, b)).collect()
-}
-
 fn spectra(search: &Search<'_>, of: &Hypothesis) -> Vec<Spectra> {
     let estimate = of.estimate.spread(search.layout.columns.len());
     let data = search.problem.runs.iter().zip(&search.problem.motions).zip(&search.data.whitened);
@@ -68,12 +61,18 @@ fn spectra(search: &Search<'_>, of: &Hypothesis) -> Vec<Spectra> {
             let step_s = (run.time(nodes - 1) - run.time(0)) / (nodes - 1) as f64;
             // Twice the length, so that what rings on at the end does not come back at the start.
             let size = nodes.next_power_of_two() * 2;
+            let fourier = Fourier::of_length(size);
+            let spectrum = |series: &mut dyn Iterator<Item = f64>| {
+                let mut found = fourier.transform(series);
+                found.truncate(size / 2);
+                found
+            };
             let rate = |k: usize| motion.omega.get(k).copied().unwrap_or_default();
             Spectra {
-                left: [0, 1, 2].map(|i| spectrum(left.iter().map(|v| v[i]), size)),
+                left: [0, 1, 2].map(|i| spectrum(&mut left.iter().map(|v| v[i]))),
                 drive: [0, 1, 2].map(|i| {
-                    let series = (0..nodes).map(|k| (rate((k + 1).min(nodes - 1)) - rate(k))[i] / step_s);
-                    let mut drive = spectrum(series, size);
+                    let mut series = (0..nodes).map(|k| (rate((k + 1).min(nodes - 1)) - rate(k))[i] / step_s);
+                    let mut drive = spectrum(&mut series);
                     // An interval's acceleration belongs to its middle.
                     for (m, x) in drive.iter_mut().enumerate() {
                         *x *= Complex::from_polar(1.0, -std::f64::consts::PI * m as f64 / size as f64);

@@ -1,6 +1,8 @@
 //! Lines in the spectrum of what the base model leaves: over time, and over the angle of each wheel.
 
 use nalgebra::Vector3;
+use whorl_math::statistics::median;
+use whorl_trajectory::spectrum::Fourier;
 
 use crate::candidates::Lines;
 use crate::hypothesis::Hypothesis;
@@ -172,14 +174,15 @@ fn axes(series: &[Vector3<f64>]) -> [Vec<f64>; 3] {
 /// Sum of the power spectra of series of unit variance.
 pub(crate) struct Spectrum {
     size: usize,
+    fourier: Fourier,
     power: Vec<f64>,
     series: f64,
 }
 
 impl Spectrum {
-    /// For series of at most `size` entries; `size` is a power of two.
+    /// For series of at most `size` entries.
     pub fn new(size: usize) -> Self {
-        Self { size, power: vec![0.0; size / 2], series: 0.0 }
+        Self { size, fourier: Fourier::of_length(size), power: vec![0.0; size / 2], series: 0.0 }
     }
 
     /// Adds series whose steps are `stretch` times those of the first.
@@ -191,14 +194,11 @@ impl Spectrum {
     /// As [`Self::add`], with the sum of the variances of each series' entries.
     pub fn add_of(&mut self, list: &[Vec<f64>], variance: f64, stretch: f64) {
         for series in list {
-            let mut re = series.clone();
-            re.resize(self.size, 0.0);
-            let mut im = vec![0.0; self.size];
-            transform(&mut re, &mut im);
-            for (m, (a, b)) in re.iter().zip(&im).enumerate().take(self.size / 2) {
+            let power = self.fourier.power(series.iter().copied());
+            for (m, power) in power.into_iter().enumerate().take(self.size / 2) {
                 let at = (m as f64 / stretch).round() as usize;
                 if let Some(slot) = self.power.get_mut(at) {
-                    *slot += (a * a + b * b) / variance.max(1.0);
+                    *slot += power / variance.max(1.0);
                 }
             }
             self.series += 1.0;
@@ -220,9 +220,7 @@ impl Spectrum {
                 continue;
             }
             let (low, high) = (m.saturating_sub(40).max(1), (m + 41).min(power.len()));
-            let mut around: Vec<f64> = power[low..high].to_vec();
-            let middle = around.len() / 2;
-            let median = *around.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let median = median(power[low..high].iter().copied());
             // Noise alone: a sum of exponential variates of mean 1. Louder surroundings count as noise.
             let level = (median / (degrees - 1.0 / 3.0)).max(1.0);
             let significance = gamma_significance(here / level, degrees);
@@ -249,42 +247,6 @@ impl Spectrum {
 pub(crate) fn gamma_significance(sum: f64, degrees: f64) -> f64 {
     let spread = 1.0 / (9.0 * degrees);
     ((sum / degrees).max(0.0).cbrt() - (1.0 - spread)) / spread.sqrt()
-}
-
-/// Fast Fourier transform in place, radix two.
-pub(crate) fn transform(re: &mut [f64], im: &mut [f64]) {
-    let n = re.len();
-    let mut j = 0;
-    for i in 1..n {
-        let mut bit = n >> 1;
-        while j & bit != 0 {
-            j ^= bit;
-            bit >>= 1;
-        }
-        j |= bit;
-        if i < j {
-            re.swap(i, j);
-            im.swap(i, j);
-        }
-    }
-    let mut length = 2;
-    while length <= n {
-        let angle = -std::f64::consts::TAU / length as f64;
-        let (step_s, step_c) = angle.sin_cos();
-        for start in (0..n).step_by(length) {
-            // The twiddle factor by recurrence: a butterfly costs no sine.
-            let (mut c, mut s) = (1.0, 0.0);
-            for k in 0..length / 2 {
-                let (a, b) = (start + k, start + k + length / 2);
-                let (x, y) = (re[b] * c - im[b] * s, re[b] * s + im[b] * c);
-                (re[b], im[b]) = (re[a] - x, im[a] - y);
-                re[a] += x;
-                im[a] += y;
-                (c, s) = (c * step_c - s * step_s, c * step_s + s * step_c);
-            }
-        }
-        length *= 2;
-    }
 }
 
 #[cfg(test)]

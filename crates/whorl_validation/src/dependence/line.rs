@@ -1,8 +1,7 @@
 //! A torque that oscillates by itself: a line in the spectrum.
 
-use std::f64::consts::TAU;
-
 use serde::Serialize;
+use whorl_trajectory::spectrum::Fourier;
 
 use super::{Frame, ResidualTorque};
 
@@ -37,17 +36,18 @@ pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
         return None;
     }
     let length_s = (last - first) * n as f64 / (n - 1) as f64;
+    let fourier = Fourier::of_length(n);
     let mut best: Option<SpectralLine> = None;
     for frame in [Frame::Body, Frame::World] {
         for (axis, values) in residual.seen_in(frame).iter().enumerate() {
             let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
             let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
+            let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));
             // At most so many frequencies: lines of interest lie well below the sampling rate.
             let highest = (n / 2).min(4000);
-            for k in 3..highest {
+            for (k, x) in spectrum.iter().enumerate().take(highest).skip(3) {
                 let frequency_hz = k as f64 / length_s;
-                let (re, im) = fourier(values, mean, k);
-                let amplitude = 2.0 * re.hypot(im) / n as f64;
+                let amplitude = 2.0 * x.norm() / n as f64;
                 let share = 0.5 * amplitude * amplitude / power.max(f64::MIN_POSITIVE);
                 if share > LEAST_SHARE && best.is_none_or(|b| share > b.share) && is_significant(share, n / 2)
                 {
@@ -63,18 +63,4 @@ pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
 fn is_significant(share: f64, frequencies: usize) -> bool {
     let m = frequencies as f64;
     m * (1.0 - share.min(1.0)).powf(m - 1.0) < FALSE_ALARM
-}
-
-/// Sum of (x - mean) exp(-i 2 pi k t / n), with the phase turned on step by step.
-fn fourier(values: &[(f64, f64)], mean: f64, k: usize) -> (f64, f64) {
-    let angle = TAU * k as f64 / values.len() as f64;
-    let (step_im, step_re) = angle.sin_cos();
-    let (mut re, mut im) = (1.0, 0.0);
-    let (mut sum_re, mut sum_im) = (0.0, 0.0);
-    for (x, _) in values {
-        sum_re += (x - mean) * re;
-        sum_im -= (x - mean) * im;
-        (re, im) = (re * step_re - im * step_im, re * step_im + im * step_re);
-    }
-    (sum_re, sum_im)
 }

@@ -1,7 +1,6 @@
 //! Tests of residuals: are they white, and do they follow an input?
 
 mod correlation;
-mod fourier;
 mod ljung_box;
 mod periodogram;
 

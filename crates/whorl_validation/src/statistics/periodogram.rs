@@ -1,8 +1,7 @@
 //! Bartlett's cumulative periodogram.
 
 use serde::Serialize;
-
-use super::fourier;
+use whorl_trajectory::spectrum::Fourier;
 
 /// Longest stretch that is transformed at once.
 const LONGEST: usize = 4096;
@@ -52,9 +51,10 @@ pub fn cumulative_periodogram(residual: &[f64], rate_hz: f64) -> Option<Cumulati
     let mean = residual.iter().sum::<f64>() / residual.len() as f64;
     let mut sum = vec![0.0; length / 2 - 1];
     let mut stretches = 0;
+    let fourier = Fourier::of_length(length);
     for stretch in residual.chunks_exact(length) {
-        let centred: Vec<f64> = stretch.iter().map(|x| x - mean).collect();
-        for (sum, power) in sum.iter_mut().zip(fourier::power(&centred)) {
+        let power = fourier.power(stretch.iter().map(|x| x - mean));
+        for (sum, power) in sum.iter_mut().zip(power.into_iter().skip(1)) {
             *sum += power;
         }
         stretches += 1;
