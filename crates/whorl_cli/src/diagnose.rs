@@ -1,10 +1,10 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
-use whorl_diagnosis::residual::residual_torque;
-use whorl_diagnosis::{Diagnosis, DiagnosisError, Options, Progress, diagnose};
+use whorl_diagnosis::{Diagnosis, DiagnosisError, Options, Progress, diagnose, fit};
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{Effect, PlatformModel};
 use whorl_report::UnexplainedTorque;
+use whorl_trajectory::{ResidualTorque, residual_torque};
 
 use crate::runs::{OutputArguments, RunArguments, Runs};
 use crate::table::print;
@@ -82,7 +82,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 fn unexplained(runs: &Runs, diagnosis: &Diagnosis) -> Option<UnexplainedTorque> {
     let recording = runs.training.first()?;
     let given = &runs.known.model;
-    let before = residual_torque(recording, given).ok()?;
+    let left = |model: &PlatformModel| -> Option<ResidualTorque> {
+        // What a wrong inertia does is no missing torque: the platform's own parameters are refitted to the run.
+        let run = std::slice::from_ref(recording);
+        let fitted = fit(run, &[], model, &runs.known.prior, &[], &Options::default()).ok()?;
+        residual_torque(recording, &fitted.model).ok()
+    };
+    let before = left(given)?;
     let mut model = given.clone();
     for id in &diagnosis.effects {
         let found = diagnosis.candidates.iter().find(|c| c.effect == *id)?;
@@ -91,7 +97,7 @@ fn unexplained(runs: &Runs, diagnosis: &Diagnosis) -> Option<UnexplainedTorque> 
             values.insert(p.name.clone(), p.estimate);
         }
     }
-    let after = (!diagnosis.effects.is_empty()).then(|| residual_torque(recording, &model).ok()).flatten();
+    let after = (!diagnosis.effects.is_empty()).then(|| left(&model)).flatten();
     Some(UnexplainedTorque { run: recording.name.clone(), before, after })
 }
 

@@ -91,7 +91,7 @@ impl Available {
 /// Largest size of the mean of five bins in a row.
 fn largest(
     runs: &[Run],
-    means: impl Fn(&Run) -> &Vec<crate::bins::Mean3>,
+    means: impl Fn(&Run) -> &Vec<whorl_trajectory::bins::Mean3>,
     size: impl Fn(&nalgebra::Vector3<f64>) -> f64,
 ) -> f64 {
     runs.iter()

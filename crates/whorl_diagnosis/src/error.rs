@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 use whorl_dynamics::{EffectError, GyrostatError};
+use whorl_trajectory::Refusal;
 
 /// Why recordings cannot be explained, and what would help.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -9,38 +10,9 @@ pub enum DiagnosisError {
     /// None was given.
     #[error("no recording was given; name at least one run")]
     NoRecording,
-    /// Too little time.
-    #[error(
-        "{run}: {duration_s:.1} s of data are too short to tell effects apart; record at least {needed_s:.0} s"
-    )]
-    TooShort {
-        /// Name of the run.
-        run: String,
-        /// Length \[s\].
-        duration_s: f64,
-        /// Shortest length accepted \[s\].
-        needed_s: f64,
-    },
-    /// A channel that every fit needs is missing.
-    #[error("{run}: there are no {channel} data; {help}")]
-    MissingChannel {
-        /// Name of the run.
-        run: String,
-        /// Which channel.
-        channel: &'static str,
-        /// What would help.
-        help: &'static str,
-    },
-    /// A channel never changes.
-    #[error(
-        "{run}: the {channel} never changes: it is frozen, or not this platform's; check the sensor and the channel's name"
-    )]
-    Constant {
-        /// Name of the run.
-        run: String,
-        /// Which channel.
-        channel: String,
-    },
+    /// The recording cannot be used.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
     /// Data of another platform.
     #[error("{run}: {what}: these are data of another platform, or the model is; check --model")]
     OtherPlatform {
@@ -48,16 +20,6 @@ pub enum DiagnosisError {
         run: String,
         /// What does not fit.
         what: String,
-    },
-    /// Readings that no motion of the platform can give.
-    #[error("{run}: {what}; {help}")]
-    Implausible {
-        /// Name of the run.
-        run: String,
-        /// What is wrong.
-        what: String,
-        /// What would help.
-        help: &'static str,
     },
     /// Not in the catalogue.
     #[error("there is no effect \"{id}\"; `whorl effects` lists them")]

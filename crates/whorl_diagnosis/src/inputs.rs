@@ -4,9 +4,11 @@
 //! mean of their running integral over the samples of a node corrects the node's mean rate, so that a
 //! valve edge counts at its own time whatever the grid.
 
+use nalgebra::Vector3;
 use whorl_dynamics::effects::ThrustLag;
 use whorl_dynamics::{Environment, Gyrostat};
 use whorl_recording::{OnInterval, Series};
+use whorl_trajectory::bins::SampleTimes;
 
 /// A piecewise constant signal as its running integral.
 #[derive(Debug, Clone, Default)]
@@ -109,15 +111,6 @@ impl Edge {
     fn impulse_after(&self, lag: ThrustLag, elapsed_s: f64) -> f64 {
         self.impulse_s + lag.impulse_s(self.flow, self.opens, elapsed_s)
     }
-}
-
-/// Sample times behind the nodes of a run, as far as inputs need them.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct SampleTimes {
-    /// Time of each node \[s\].
-    pub node_s: Vec<f64>,
-    /// Times of the rate samples that were averaged into each node \[s\].
-    pub samples_s: Vec<Vec<f64>>,
 }
 
 /// Inputs of one run, by interval and node.
@@ -260,6 +253,36 @@ impl HeldInput {
     pub fn mean_integral_at(&self, k: usize) -> f64 {
         self.mean_integral.get(k).copied().unwrap_or(0.0)
     }
+}
+
+/// Commanded moment of the moving masses at the nodes, and the sense of their last travel.
+pub(crate) fn ballast(
+    series: &Series<Vector3<f64>>,
+    node_s: &[f64],
+) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
+    let mut moments = Vec::with_capacity(node_s.len());
+    let mut directions = Vec::with_capacity(node_s.len());
+    let (mut next, mut moment, mut direction) = (0, Vector3::zeros(), Vector3::zeros());
+    for t in node_s {
+        while let (Some(stamp), Some(value)) = (series.time_s.get(next), series.value.get(next)) {
+            if stamp > t {
+                break;
+            }
+            if next > 0 {
+                let travel: Vector3<f64> = value - moment;
+                for i in 0..3 {
+                    if travel[i].abs() > 1e-9 {
+                        direction[i] = travel[i].signum();
+                    }
+                }
+            }
+            moment = *value;
+            next += 1;
+        }
+        moments.push(moment);
+        directions.push(direction);
+    }
+    (moments, directions)
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! Which physical effect a platform's model lacks.
 //!
 //! [`diagnose`] compares recordings with the model of the platform and ends in a verdict; [`fit`]
-//! refits the model jointly with named effects; [`residual::residual_torque`] gives the torque that
-//! the model does not explain, over time.
+//! refits the model jointly with named effects.
 //!
 //! # Method
 //!
@@ -17,9 +16,7 @@
 
 mod adequacy;
 mod answer;
-mod bins;
 mod candidates;
-mod check;
 mod columns;
 mod converge;
 mod diagnosis;
@@ -31,7 +28,6 @@ mod filter;
 mod fit;
 mod horizons;
 mod hypothesis;
-mod implied;
 mod inputs;
 mod jitter;
 mod latency;
@@ -46,7 +42,6 @@ mod problem;
 mod prospect;
 mod regression;
 mod report;
-pub mod residual;
 mod run;
 mod search;
 mod shapes;

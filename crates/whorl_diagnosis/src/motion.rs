@@ -1,9 +1,10 @@
 //! The trajectory about which everything is linearised.
 
-use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
-use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, rotation_vector, unit};
+use whorl_math::{quaternion_exp, rotation_vector, unit};
+use whorl_trajectory::smoothing::{pull, start_attitude};
 
 use crate::run::{Run, Wheels};
 
@@ -44,23 +45,23 @@ impl Motion {
                 motion.q.push(q);
                 motion.omega.push(rate - bias);
                 let dt = if k + 1 < nodes { run.length(k) } else { 0.0 };
-                let mut pull = Vector3::zeros();
+                let mut total = Vector3::zeros();
                 if let Some(accel) = run.accel.get(k).filter(|a| a.count > 0.0)
                     && let Ok(measured) = unit(accel.value)
                 {
-                    pull += measured.cross(&q.inverse_transform_vector(&Vector3::z()));
+                    total += pull(&q, &measured, &Vector3::z());
                 }
                 for vector in &run.vectors {
                     if let Some(sample) = vector.mean.get(k).filter(|v| v.count > 0.0)
                         && let Ok(measured) = unit(sample.value)
                     {
                         // Rarer than the accelerometer's samples, and as good as several of them.
-                        pull += 4.0 * measured.cross(&q.inverse_transform_vector(&vector.reference_world));
+                        total += 4.0 * pull(&q, &measured, &vector.reference_world);
                     }
                 }
                 let gain = if pass == 0 && run.time(k) - run.time(0) < 10.0 { 1.0 } else { 0.2 };
-                bias -= pull * (0.02 * gain * dt);
-                q *= quaternion_exp(&((rate - bias + pull * gain) * dt));
+                bias -= total * (0.02 * gain * dt);
+                q *= quaternion_exp(&((rate - bias + total * gain) * dt));
             }
         }
         motion.fill_middle(run);
@@ -139,25 +140,18 @@ fn filled_rates(run: &Run) -> Vec<Vector3<f64>> {
 
 fn initial_attitude(run: &Run) -> UnitQuaternion<f64> {
     let early = run.nodes().min(run.node_at(run.time(0) + 0.5) + 1);
-    let mean = |means: &[crate::bins::Mean3], until: usize| {
+    let mean = |means: &[whorl_trajectory::bins::Mean3], until: usize| {
         let sum: Vector3<f64> = means.iter().take(until).map(|m| m.value * m.count.min(1.0)).sum();
         unit(sum).ok()
     };
     let up = mean(&run.accel, early.max(1)).unwrap_or_else(Vector3::z_axis);
     // The first vector that is not nearly vertical.
-    for vector in &run.vectors {
-        let Ok(reference) = unit(vector.reference_world) else { continue };
-        if reference.z.abs() > 0.98 {
-            continue;
-        }
+    let seen = run.vectors.iter().find_map(|vector| {
+        let reference = unit(vector.reference_world).ok().filter(|r| r.z.abs() <= 0.98)?;
         let first = vector.mean.iter().position(|m| m.count > 0.0).unwrap_or(0);
-        if let Some(seen) = mean(&vector.mean, (first + 1).max(early))
-            && let Ok(q) = attitude_from_two_vectors(&up, &Vector3::z_axis(), &seen, &reference)
-        {
-            return q;
-        }
-    }
-    attitude_from_vertical(Unit::new_normalize(up.into_inner()), 0.0)
+        Some((mean(&vector.mean, (first + 1).max(early))?.into_inner(), reference))
+    });
+    start_attitude(up, seen)
 }
 
 /// Wheel speeds at the nodes: measured with gaps bridged; without a tachometer, integrated commands.

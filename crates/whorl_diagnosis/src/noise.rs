@@ -1,12 +1,12 @@
 //! Noise of the sensors as the data show it.
 //!
-//! Second differences of neighbouring samples hold almost no motion, so their spread is the noise of one
-//! sample whatever the model says. What is correlated from sample to sample shows later, in the whitened
+//! Second differences of neighbouring samples say what the noise of one sample is, whatever the model says. What is correlated from sample to sample shows later, in the whitened
 //! residual, and is whitened there.
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Recording, Series, VectorChannel};
+use whorl_trajectory::noise::from_second_differences;
 
 /// Standard deviations of one sample.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +49,7 @@ impl NoiseLevels {
         let measured = Some(spreads.iter().copied().fold(0.0, f64::max)).filter(|s| *s > 0.0);
         let (modelled, quantum) = (sensors.wheel_speed.noise_stddev_rad_s, sensors.wheel_speed.quantum_rad_s);
         let wheel = floor(measured, modelled, quantum);
-        let modelled_wheel = modelled.hypot(quantum / 12f64.sqrt());
+        let modelled_wheel = sensors.wheel_speed.one_sample_stddev_rad_s();
         let ratio = |measured: &Vector3<f64>, modelled: &Vector3<f64>| measured.norm() / modelled.norm();
         Self {
             gyro_ratio: ratio(&gyro, &sensors.gyro.errors.noise_stddev),
@@ -71,25 +71,8 @@ pub(crate) fn direction_noise_rad(channel: &VectorChannel, model: &PlatformModel
     if measured > 0.0 { measured.max(0.1 * modelled) } else { modelled }
 }
 
-/// Standard deviation of one sample from second differences; `None` with too few samples.
 fn spread<T>(series: &Series<T>, component: impl Fn(&T) -> f64) -> Option<f64> {
-    if series.len() < 30 {
-        return None;
-    }
-    // var(x1 - 2 x2 + x3) = 6 var. The median resists edges of jets, the mean resists coarse quantisation.
-    let mut sizes: Vec<f64> = series
-        .value
-        .windows(3)
-        .map(|w| match w {
-            [a, b, c] => (component(a) - 2.0 * component(b) + component(c)).abs(),
-            _ => 0.0,
-        })
-        .collect();
-    let middle = sizes.len() / 2;
-    let rms = (sizes.iter().map(|d| d * d).sum::<f64>() / sizes.len() as f64 / 6.0).sqrt();
-    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 6f64.sqrt());
-    let spread = if median > 0.3 * rms { median } else { rms };
-    (spread > 0.0).then_some(spread)
+    from_second_differences(&series.value.iter().map(component).collect::<Vec<_>>())
 }
 
 /// Where the gyro's readings pile up at their largest, and the step of its output.

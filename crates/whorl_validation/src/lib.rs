@@ -1,23 +1,19 @@
 //! How far a model is from the data, against which noise, and on what the difference depends.
 //!
 //! [`compare`] predicts a recording from smoothed initial states at several horizons and tests what is left.
-//! [`residual`] smooths the torque that the model does not explain, [`dependence`] finds the recorded
-//! quantity that it follows, and [`explain_where`] says so in words.
+//! [`dependence`] finds the recorded quantity on which a residual torque depends, and [`explain_where`] says so in
+//! words.
 
-mod commands;
 pub mod comparison;
 pub mod dependence;
 mod error;
 mod noise_floor;
 mod prediction;
-pub mod residual;
-pub mod smoothing;
 pub mod statistics;
 #[cfg(test)]
 mod tests;
 mod whereabouts;
 
-pub use commands::{Commands, MeanDrive};
 pub use comparison::{Comparison, compare};
 pub use error::ValidationError;
 pub use noise_floor::{FloorSource, NoiseFloor, NoiseFloors};

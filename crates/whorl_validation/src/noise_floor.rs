@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
-use whorl_dynamics::platform::TriaxialErrors;
 use whorl_math::allan_deviation;
 use whorl_recording::{Recording, Series};
+use whorl_trajectory::line::Line;
 
 use crate::prediction::Prediction;
 
@@ -65,23 +65,16 @@ fn by_parameters(sigma: f64) -> NoiseFloor {
     }
 }
 
-/// White noise with the quantisation's share, per axis.
-fn parameters_of(errors: &TriaxialErrors) -> [f64; 3] {
-    let quantum = errors.quantum / 12f64.sqrt();
-    [0, 1, 2].map(|i| errors.noise_stddev[i].hypot(quantum))
-}
-
 impl NoiseFloors {
     /// From the still segments of a recording; `predicted` is the model's prediction, which says where the
     /// platform moves.
     #[must_use]
     pub fn of(recording: &Recording, model: &PlatformModel, predicted: &Prediction) -> Self {
         let sensors = &model.sensors;
-        let gyro = parameters_of(&sensors.gyro.errors);
-        let force = parameters_of(&sensors.accelerometer.errors);
-        let speed =
-            sensors.wheel_speed.noise_stddev_rad_s.hypot(sensors.wheel_speed.quantum_rad_s / 12f64.sqrt());
-        let triaxial = |series: &Series<Vector3<f64>>, expected: &[Vector3<f64>], sigma: [f64; 3]| {
+        let gyro = sensors.gyro.errors.one_sample_stddev();
+        let force = sensors.accelerometer.errors.one_sample_stddev();
+        let speed = sensors.wheel_speed.one_sample_stddev_rad_s();
+        let triaxial = |series: &Series<Vector3<f64>>, expected: &[Vector3<f64>], sigma: Vector3<f64>| {
             [0, 1, 2].map(|i| {
                 let measured: Vec<f64> = series.value.iter().map(|v| v[i]).collect();
                 let expected: Vec<f64> = expected.iter().map(|v| v[i]).collect();
@@ -150,10 +143,6 @@ fn still_noise(
 
 /// What is left of the values about their straight line.
 fn about_line(time_s: &[f64], value: &[f64]) -> Vec<f64> {
-    let n = time_s.len() as f64;
-    let t0 = time_s.iter().sum::<f64>() / n;
-    let y0 = value.iter().sum::<f64>() / n;
-    let spread: f64 = time_s.iter().map(|t| (t - t0).powi(2)).sum();
-    let slope = time_s.iter().zip(value).map(|(t, y)| (t - t0) * (y - y0)).sum::<f64>() / spread.max(1e-12);
-    time_s.iter().zip(value).map(|(t, y)| y - y0 - slope * (t - t0)).collect()
+    let samples = || time_s.iter().copied().zip(value.iter().copied());
+    Line::through(samples()).map_or_else(Vec::new, |line| samples().map(|(t, y)| y - line.at(t)).collect())
 }

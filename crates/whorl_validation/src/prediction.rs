@@ -3,10 +3,11 @@
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel};
 use whorl_math::quaternion_exp;
-use whorl_recording::{Mounting, Recording};
+use whorl_recording::{Mounting, Recording, Series};
+use whorl_trajectory::line::Line;
 
-use crate::commands::{Commands, ns};
-use crate::smoothing::Motion;
+use whorl_trajectory::commands::{Commands, ns};
+use whorl_trajectory::smoothing::Motion;
 
 /// Largest integration step \[ns\]: the motion between samples is slow, edges of valves are met exactly.
 const STEP_NS: i64 = 2_500_000;
@@ -58,7 +59,7 @@ fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
     sensors.wheel_speed.noise_stddev_rad_s = 0.0;
     sensors.wheel_speed.quantum_rad_s = 0.0;
     let duration_s = recording.duration_s();
-    if let Some((start, slope)) = trend(&recording.temperature_k.time_s, &recording.temperature_k.value) {
+    if let Some((start, slope)) = trend(&recording.temperature_k) {
         sensors.ambient_temperature_k = start;
         sensors.temperature_drift_k_s = if duration_s > 30.0 { slope } else { 0.0 };
     }
@@ -69,7 +70,7 @@ fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
             quiet.tank_mut().initial_pressure_pa = mean;
         }
     }
-    if let Some((start, slope)) = trend(&recording.bus_voltage_v.time_s, &recording.bus_voltage_v.value) {
+    if let Some((start, slope)) = trend(&recording.bus_voltage_v) {
         let load = quiet.bus.sag_v_n_m
             * mean_of(
                 recording.wheel_torque_command_n_m.value.iter().map(|u| u.iter().map(|x| x.abs()).sum()),
@@ -86,18 +87,9 @@ fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Value at time zero and slope of the least-squares line.
-fn trend(time_s: &[f64], value: &[f64]) -> Option<(f64, f64)> {
-    if time_s.is_empty() {
-        return None;
-    }
-    let (t, y) = (mean_of(time_s.iter().copied()), mean_of(value.iter().copied()));
-    let spread: f64 = time_s.iter().map(|x| (x - t).powi(2)).sum();
-    let slope = if spread > 0.0 {
-        time_s.iter().zip(value).map(|(x, v)| (x - t) * (v - y)).sum::<f64>() / spread
-    } else {
-        0.0
-    };
-    Some((y - slope * t, slope))
+fn trend(series: &Series<f64>) -> Option<(f64, f64)> {
+    let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
+    Some((line.at(0.0), line.slope))
 }
 
 impl<'a> Simulator<'a> {

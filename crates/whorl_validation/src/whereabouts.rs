@@ -6,7 +6,7 @@ use whorl_recording::Recording;
 
 use crate::dependence::{Dependence, Dependences, Frame, Growth, Parity, conditions, dependences};
 use crate::error::ValidationError;
-use crate::residual::{Residual, residual_torque};
+use whorl_trajectory::{ResidualTorque, residual_torque};
 
 /// Excess over the noise below which there is nothing to locate.
 const LEAST_EXCESS: f64 = 0.05;
@@ -33,7 +33,7 @@ pub struct Whereabouts {
     pub dependences: Dependences,
     /// The residual itself, for plots.
     #[serde(skip)]
-    pub residual: Residual,
+    pub residual: ResidualTorque,
 }
 
 /// Finds in which regime `model` fails.
@@ -42,23 +42,19 @@ pub struct Whereabouts {
 /// As [`residual_torque`]; also for a run too short to see anything.
 pub fn explain_where(recording: &Recording, model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
     let residual = residual_torque(recording, model)?;
-    let torque = &residual.torque;
     let wheels: Vec<String> = model.wheels().iter().map(|w| w.name.clone()).collect();
     let variables =
-        conditions(recording, &torque.time_s, &torque.q_world_body, &residual.omega_wb_b_rad_s, &wheels);
-    let found = dependences(torque, &variables).map_err(|error| ValidationError::Implausible {
-        run: recording.name.clone(),
-        what: error.to_string(),
-        help: "record a longer run",
-    })?;
+        conditions(recording, &residual.time_s, &residual.q_world_body, &residual.omega_wb_b_rad_s, &wheels);
+    let found = dependences(&residual, &variables)
+        .map_err(|error| ValidationError::Dependence { run: recording.name.clone(), error })?;
     let rms = |values: &[nalgebra::Vector3<f64>]| {
         let sum: nalgebra::Vector3<f64> = values.iter().map(|v| v.component_mul(v)).sum();
         (sum / values.len().max(1) as f64).map(f64::sqrt).into()
     };
     Ok(Whereabouts {
         run: recording.name.clone(),
-        rms_b_n_m: rms(&torque.torque_b_n_m),
-        stddev_b_n_m: rms(&torque.stddev_b_n_m),
+        rms_b_n_m: rms(&residual.torque_b_n_m),
+        stddev_b_n_m: rms(&residual.stddev_b_n_m),
         dependences: found,
         residual,
     })

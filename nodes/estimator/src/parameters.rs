@@ -6,7 +6,6 @@
 mod body;
 
 use nalgebra::{Unit, Vector3};
-use whorl_dynamics::platform::TriaxialErrors;
 use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_estimation::{
     AccelerationRejection, BodyModel, FilterKind, GyroSampling, Parameters as FilterParameters,
@@ -266,11 +265,11 @@ fn apply_model(
     let sensors = &model.sensors;
     let (gyro, accelerometer) = (&sensors.gyro.errors, &sensors.accelerometer.errors);
     // White noise of one sample sigma at interval T has the density sigma sqrt(T).
-    filter.gyro_noise_rad_s_sqrt_hz = noise_scale * one_sample_noise(gyro) / sensors.rate_hz.sqrt();
+    filter.gyro_noise_rad_s_sqrt_hz = noise_scale * gyro.one_sample_stddev().amax() / sensors.rate_hz.sqrt();
     filter.gyro_bias_walk_rad_s2_sqrt_hz = gyro.bias_walk.amax();
     filter.gyro_range_rad_s = gyro.range;
     // The accelerometer's bias is not estimated: what it may be counts as noise.
-    filter.accelerometer_noise_m_s2 = noise_scale * one_sample_noise(accelerometer);
+    filter.accelerometer_noise_m_s2 = noise_scale * accelerometer.one_sample_stddev().amax();
     filter.accelerometer_range_m_s2 = accelerometer.range;
     filter.accelerometer_position_b_m = sensors.accelerometer.lever_arm_b_m;
     filter.vector = sensors.vector.filter(|_| usage != "none").map(|vector| VectorParameters {
@@ -281,9 +280,4 @@ fn apply_model(
         stale_after_s,
         recovery_s,
     });
-}
-
-/// Largest axis' noise of one sample with the quantisation's share (a uniform error of one step).
-fn one_sample_noise(errors: &TriaxialErrors) -> f64 {
-    errors.noise_stddev.amax().hypot(errors.quantum / 12f64.sqrt())
 }

@@ -14,11 +14,6 @@ pub(crate) struct Smoothed {
 }
 
 impl System<'_> {
-    /// Runs the filter and back.
-    pub fn smoothed(&self, linear: &Linear) -> Smoothed {
-        self.smoothed_from(linear, &self.filtered(linear))
-    }
-
     /// Runs back along a run of the filter.
     pub fn smoothed_from(&self, linear: &Linear, forward: &Forward) -> Smoothed {
         let n = linear.n;

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use whorl_dynamics::{MassProperties, ModelPrior, PlatformModel};
 use whorl_recording::{Recording, Series};
+use whorl_trajectory::Refusal;
 
 use super::generator::record;
 use crate::{DiagnosisError, Options, diagnose};
@@ -19,18 +20,22 @@ fn each_says_what_is_wrong() {
     let nothing = diagnose(&[], &[], &model, &ModelPrior::typical(&model), &Options::default(), &mut |_| {});
     assert_eq!(nothing.unwrap_err(), DiagnosisError::NoRecording);
     let short = record(&model, 5, 4.0, None);
-    assert!(matches!(error_of(short, &model), DiagnosisError::TooShort { .. }));
+    assert!(matches!(error_of(short, &model), DiagnosisError::Refused(Refusal::TooShort { .. })));
     let silent = Recording { gyro_b_rad_s: Series::default(), ..good.clone() };
-    assert!(matches!(error_of(silent, &model), DiagnosisError::MissingChannel { channel: "gyro", .. }));
+    assert!(matches!(
+        error_of(silent, &model),
+        DiagnosisError::Refused(Refusal::MissingChannel { channel: "gyro", .. })
+    ));
     let mut frozen = good.clone();
     frozen.gyro_b_rad_s.value.iter_mut().for_each(|w| w.y = 0.1);
-    assert!(matches!(error_of(frozen, &model), DiagnosisError::Constant { .. }));
+    assert!(matches!(error_of(frozen, &model), DiagnosisError::Refused(Refusal::Constant { .. })));
     let mut in_g = good.clone();
     in_g.specific_force_b_m_s2.value.iter_mut().for_each(|f: &mut Vector3<f64>| *f /= 9.81);
     assert!(error_of(in_g, &model).to_string().contains("unit"));
     let mut other = model.clone();
     other.wheels_mut().pop();
-    assert!(matches!(error_of(good.clone(), &other), DiagnosisError::OtherPlatform { .. }));
+    let error = error_of(good.clone(), &other);
+    assert!(matches!(error, DiagnosisError::Refused(Refusal::Count { what: "wheels", .. })), "{error}");
     let inertia = model.mass_properties.inertia_b_kg_m2() + nalgebra::Matrix3::from_diagonal_element(5.0);
     let offset = *model.mass_properties.gravity_offset_b_n_m();
     let mut other = model.clone();

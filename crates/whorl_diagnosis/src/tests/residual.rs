@@ -38,7 +38,7 @@ fn a_torque_that_wanders_lies_within_its_band() {
     let settings = Settings { torque_walk: WALK_N_M_SQRT_S, ..problem.settings(0) };
     let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
     let linear = system.linear();
-    let smoothed = system.smoothed(&linear);
+    let smoothed = system.smoothed_from(&linear, &system.filtered(&linear));
     let first = WHEEL + model.wheels().len();
     let (mut sum, mut count) = (0.0, 0.0);
     for (k, variance) in smoothed.torque_variance.chunks_exact(3).enumerate() {

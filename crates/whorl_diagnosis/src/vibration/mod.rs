@@ -8,8 +8,8 @@ mod line;
 
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Sighting, catalogue};
+use whorl_trajectory::noise::typical_step_s;
 
-use crate::bins::median_step_s;
 use crate::columns::predict;
 use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::mechanics::Mechanics;
@@ -106,7 +106,7 @@ impl<'a> Fast<'a> {
 /// rate would lose half its power.
 fn sample_clock(stamps_s: &[f64]) -> Option<(f64, f64)> {
     let first_s = *stamps_s.first()?;
-    let (mut start_s, mut step_s) = (first_s, median_step_s(stamps_s).max(1e-4));
+    let (mut start_s, mut step_s) = (first_s, typical_step_s(stamps_s).max(1e-4));
     for _ in 0..2 {
         // The sample's number follows the stamps slowly, so that no single one of them makes it slip.
         let (mut number, mut expected_s) = (0.0, start_s);

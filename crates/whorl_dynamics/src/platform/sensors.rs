@@ -29,6 +29,29 @@ pub struct TriaxialErrors {
     pub latency_s: f64,
 }
 
+impl TriaxialErrors {
+    /// Standard deviation of one sample per axis: white noise, and the quantisation's share, a uniform error of one
+    /// step (unit of the sensor).
+    #[must_use]
+    pub fn one_sample_stddev(&self) -> Vector3<f64> {
+        self.noise_stddev.map(|noise| one_sample_stddev(noise, self.quantum))
+    }
+}
+
+/// Standard deviation of one sample of a digitised sensor: white noise of `noise_stddev`, and a uniform error of one
+/// step `quantum`, in the same unit.
+fn one_sample_stddev(noise_stddev: f64, quantum: f64) -> f64 {
+    noise_stddev.hypot(quantum / 12f64.sqrt())
+}
+
+impl WheelSpeedSensor {
+    /// Standard deviation of one sample, the quantisation's share included [rad/s].
+    #[must_use]
+    pub fn one_sample_stddev_rad_s(&self) -> f64 {
+        one_sample_stddev(self.noise_stddev_rad_s, self.quantum_rad_s)
+    }
+}
+
 /// Three-axis rate gyro; unit rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RateGyro {

@@ -1,6 +1,7 @@
 //! Bias against temperature.
 
 use whorl_recording::Recording;
+use whorl_trajectory::line::Line;
 
 use super::SensorCalibration;
 use super::still::Still;
@@ -61,13 +62,8 @@ fn line(points: &[[f64; 3]]) -> Option<(f64, f64)> {
         return None;
     }
     let weight = |p: &[f64; 3]| (p[2].powi(2) + 1e-20).recip();
-    let total: f64 = points.iter().map(weight).sum();
-    let mean_x = points.iter().map(|p| weight(p) * p[0]).sum::<f64>() / total;
-    let mean_y = points.iter().map(|p| weight(p) * p[1]).sum::<f64>() / total;
-    let spread: f64 = points.iter().map(|p| weight(p) * (p[0] - mean_x).powi(2)).sum();
-    let slope = points.iter().map(|p| weight(p) * (p[0] - mean_x) * (p[1] - mean_y)).sum::<f64>() / spread;
-    let misfit: f64 =
-        points.iter().map(|p| weight(p) * (p[1] - mean_y - slope * (p[0] - mean_x)).powi(2)).sum();
+    let line = Line::weighted(points.iter().map(|p| (p[0], p[1], weight(p))))?;
+    let misfit: f64 = points.iter().map(|p| weight(p) * (p[1] - line.at(p[0])).powi(2)).sum();
     let scatter = (misfit / (points.len() - 2) as f64).max(1.0);
-    (spread > 0.0).then(|| (slope, (scatter / spread).sqrt()))
+    (line.spread > 0.0).then(|| (line.slope, (scatter / line.spread).sqrt()))
 }

@@ -5,7 +5,9 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
 use whorl_math::statistics::median;
 use whorl_math::unit_or;
-use whorl_recording::{Mounting, OnInterval, Recording, Series};
+use whorl_recording::{OnInterval, Recording, Series};
+use whorl_trajectory::noise::second_differences;
+use whorl_trajectory::{Needs, Refusal, check};
 
 use super::checks::{DataError, Finding};
 use super::wheels::WheelHistory;
@@ -14,8 +16,8 @@ use super::wheels::WheelHistory;
 const LONGEST_GAP_S: f64 = 0.25;
 /// Shortest uninterrupted stretch that is used \[s\].
 const SHORTEST_STRETCH_S: f64 = 3.0;
-/// Shortest recording that identifies anything \[s\].
-const SHORTEST_RUN_S: f64 = 10.0;
+/// Mass properties show on the bearing only, and after ten seconds at the earliest.
+const NEEDS: Needs = Needs { shortest_s: 10.0, free: true, accelerometer: true };
 /// So near to the bearing's stop counts as touching it \[rad\], and for so long before and after \[s\].
 const CONTACT_MARGIN_RAD: f64 = 0.002;
 pub(crate) const CONTACT_LASTS_S: f64 = 0.3;
@@ -109,25 +111,7 @@ fn prepare_run(
     step_s: f64,
     data: &mut PreparedData,
 ) -> Result<(), DataError> {
-    let name = || run.name.clone();
-    if run.mounting == Mounting::Clamped {
-        return Err(DataError::Clamped { run: name() });
-    }
-    if run.gyro_b_rad_s.is_empty() {
-        return Err(DataError::NoGyro { run: name() });
-    }
-    if run.specific_force_b_m_s2.is_empty() {
-        return Err(DataError::NoAccelerometer { run: name() });
-    }
-    let wheels = model.wheels().len();
-    if let Some(given) = run.wheel_speed_rad_s.value.iter().map(Vec::len).find(|n| *n != wheels) {
-        return Err(DataError::Count { run: name(), what: "wheels", given, expected: wheels });
-    }
-    if !run.jet_pulses.is_empty() && run.jet_pulses.len() != model.jets().len() {
-        let (given, expected) = (run.jet_pulses.len(), model.jets().len());
-        return Err(DataError::Count { run: name(), what: "jets", given, expected });
-    }
-
+    check(run, model, &NEEDS)?;
     let gyro_range = model.sensors.gyro.errors.range;
     let gyro = Samples::new(&run.gyro_b_rad_s, model.sensors.gyro.errors.latency_s, gyro_range);
     let accelerometer = Samples::new(
@@ -179,8 +163,9 @@ fn prepare_run(
         )));
     }
     let usable_s: f64 = data.chains.iter().skip(before).map(Chain::duration_s).sum();
-    if usable_s < SHORTEST_RUN_S {
-        return Err(DataError::TooShort { run: name(), usable_s: longest_s, needed_s: SHORTEST_RUN_S });
+    if usable_s < NEEDS.shortest_s {
+        let run = run.name.clone();
+        return Err(Refusal::TooShort { run, duration_s: longest_s, needed_s: NEEDS.shortest_s }.into());
     }
     Ok(())
 }
@@ -209,7 +194,7 @@ fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>>
 /// value exactly, again and again, is clipped, whatever the model says of the range. Infinite where nothing shows.
 fn ends(values: &[Vector3<f64>], axis: usize) -> (f64, f64) {
     let x: Vec<f64> = values.iter().map(|v| v[axis]).collect();
-    let bends = x.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs()).filter(|bend| *bend > 0.0);
+    let bends = second_differences(&x).filter(|bend| *bend > 0.0);
     // NaN, and so no end, where nothing bends.
     let noise = median(bends);
     let end = |sign: f64| {

@@ -4,8 +4,11 @@
 //! torques were recorded their integral carries the steps, and only the slow rest (friction, turning of
 //! the body) is smoothed out of the measured speeds, over a long window.
 
+use std::ops::Range;
+
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Recording, Series};
+use whorl_trajectory::line::{Line, window};
 
 /// Half of the window with known motor torques \[s\].
 const LONG_HALF_S: f64 = 0.5;
@@ -96,31 +99,19 @@ impl<'a> WheelHistory<'a> {
     /// Value and slope of a straight line through the values around a time.
     fn line(&self, values: &[f64], time_s: f64, half_s: f64) -> (f64, f64) {
         let mut reach_s = 1.001 * half_s;
-        let window = |reach_s: f64| {
-            let first = self.time_s.partition_point(|t| *t < time_s - reach_s);
-            (first, self.time_s.partition_point(|t| *t <= time_s + reach_s))
-        };
-        let (mut first, mut last) = window(reach_s);
+        let Range { start: mut first, end: mut last } = window(self.time_s, time_s, reach_s);
         for _ in 0..3 {
             if last - first >= 3 {
                 break;
             }
             reach_s *= 2.0;
-            (first, last) = window(reach_s);
+            Range { start: first, end: last } = window(self.time_s, time_s, reach_s);
         }
-        let times = self.time_s.get(first..last).unwrap_or_default();
-        let values_near = values.get(first..last).unwrap_or_default();
-        if times.len() < 2 {
-            // Far from any sample: the nearest one stands.
-            let nearest = first.min(values.len().saturating_sub(1));
-            return (values.get(nearest).copied().unwrap_or(0.0), 0.0);
+        let near = || (first..last).filter_map(|k| Some((*self.time_s.get(k)?, *values.get(k)?)));
+        match Line::through(near().collect::<Vec<_>>()) {
+            Some(line) if last - first >= 2 => (line.at(time_s), line.slope),
+            // Far from any other sample: the nearest one stands.
+            _ => (values.get(first.min(values.len().saturating_sub(1))).copied().unwrap_or(0.0), 0.0),
         }
-        let n = times.len() as f64;
-        let mean_t = times.iter().sum::<f64>() / n;
-        let mean = values_near.iter().sum::<f64>() / n;
-        let spread: f64 = times.iter().map(|t| (t - mean_t).powi(2)).sum();
-        let slope =
-            times.iter().zip(values_near).map(|(t, v)| (t - mean_t) * v).sum::<f64>() / spread.max(1e-12);
-        (mean + slope * (time_s - mean_t), slope)
     }
 }

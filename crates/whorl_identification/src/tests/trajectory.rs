@@ -6,6 +6,8 @@ use whorl_math::attitude_from_vertical;
 use whorl_recording::Recording;
 
 use super::simulation::record;
+use whorl_trajectory::Refusal;
+
 use crate::data::DataError;
 use crate::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, mass_vector};
 use crate::trajectory::{Determined, Identification, Settings, identify};
@@ -192,13 +194,16 @@ fn useless_recordings_are_refused_with_a_reason() {
     let prior = ModelPrior::typical(&truth);
     let refuse = |run: &Recording| identify(&[run], &truth, &prior, &Settings::default()).unwrap_err();
     let short = record(&truth, at_balance(&truth), 5.0, 1, &swinging);
-    assert!(matches!(refuse(&short), DataError::TooShort { .. }));
+    assert!(matches!(refuse(&short), DataError::Recording(Refusal::TooShort { .. })));
     let mut no_gyro = run_of(&truth, 1);
     no_gyro.gyro_b_rad_s = Default::default();
-    assert!(matches!(refuse(&no_gyro), DataError::NoGyro { .. }));
+    assert!(matches!(
+        refuse(&no_gyro),
+        DataError::Recording(Refusal::MissingChannel { channel: "gyro", .. })
+    ));
     let mut wheels = run_of(&truth, 1);
     wheels.wheel_speed_rad_s.value.iter_mut().for_each(|w| w.truncate(2));
-    assert!(matches!(refuse(&wheels), DataError::Count { given: 2, expected: 3, .. }));
+    assert!(matches!(refuse(&wheels), DataError::Recording(Refusal::Count { given: 2, expected: 3, .. })));
 }
 
 /// A gyro that ends well within the range that the model gives it: said, and the rest is used.

@@ -1,7 +1,8 @@
 //! A first guess of the motion: gyro, slowly pulled to gravity and the vector sensor.
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
-use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, integrate_rate, unit_or, vertical_b};
+use whorl_math::{integrate_rate, unit_or};
+use whorl_trajectory::smoothing::{pull, start_attitude};
 
 use super::dynamics::Motion;
 use crate::data::{Chain, Point};
@@ -19,19 +20,17 @@ pub(crate) fn first_guess(chain: &Chain) -> Vec<Motion> {
         motions.push(Motion { q_world_body: q, omega_wb_b_rad_s: point.gyro_b_rad_s });
         let Some(next) = chain.points.get(i + 1) else { break };
         let step_s = next.time_s - point.time_s;
-        let mut pull = Vector3::zeros();
+        let mut total = Vector3::zeros();
         let gain = (step_s / PULL_S).min(1.0);
         if let Some((force, _)) = &point.specific_force_b_m_s2 {
             let seen = unit_or(*force, Vector3::z_axis());
-            // Turns the body so that the vertical appears where it is seen.
-            pull += seen.cross(&vertical_b(&q)) * gain;
+            total += pull(&q, &seen, &Vector3::z()) * gain;
         }
         for d in &point.directions {
-            let expected = q.inverse_transform_vector(&d.reference_world);
-            pull += d.direction_b.cross(&expected) * (10.0 * gain).min(0.5);
+            total += pull(&q, &d.direction_b, &d.reference_world) * (10.0 * gain).min(0.5);
         }
         let rate = 0.5 * (point.gyro_b_rad_s + next.gyro_b_rad_s);
-        q = integrate_rate(&q, &(rate + pull / step_s), step_s);
+        q = integrate_rate(&q, &(rate + total / step_s), step_s);
     }
     motions
 }
@@ -41,10 +40,5 @@ fn first_attitude(points: &[Point]) -> UnitQuaternion<f64> {
     let force: Vector3<f64> = first.clone().filter_map(|p| p.specific_force_b_m_s2).map(|(f, _)| f).sum();
     let vertical: Unit<Vector3<f64>> = unit_or(force, Vector3::z_axis());
     let direction = first.clone().flat_map(|p| &p.directions).next();
-    direction
-        .and_then(|d| {
-            let seen = unit_or(d.direction_b, Vector3::x_axis());
-            attitude_from_two_vectors(&vertical, &Vector3::z_axis(), &seen, &d.reference_world).ok()
-        })
-        .unwrap_or_else(|| attitude_from_vertical(vertical, 0.0))
+    start_attitude(vertical, direction.map(|d| (d.direction_b, d.reference_world)))
 }

@@ -1,7 +1,7 @@
 //! The page of `whorl diagnose`.
 
-use whorl_diagnosis::residual::ResidualTorque;
 use whorl_diagnosis::{Candidate, ChannelError, Diagnosis, ParameterEstimate, Verdict};
+use whorl_trajectory::ResidualTorque;
 
 use super::{Facts, facts};
 use crate::document::{Document, code, judged, number, significant, text, three_digits};

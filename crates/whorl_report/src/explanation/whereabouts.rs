@@ -115,7 +115,7 @@ fn shape(d: &Dependence) -> Figure {
 
 /// The residual over time, in both frames.
 fn over_time(run: &Whereabouts) -> Vec<Figure> {
-    let torque = &run.residual.torque;
+    let torque = &run.residual;
     let figure = |frame: Frame| {
         let values: Vec<nalgebra::Vector3<f64>> = torque
             .torque_b_n_m

@@ -11,13 +11,13 @@ use whorl_math::quaternion_exp;
 use whorl_math::statistics::chi_squared_quantile;
 use whorl_recording::{Mounting, Recording};
 
-use crate::commands::Commands;
 use crate::noise_floor::NoiseFloors;
 use crate::prediction::{Prediction, Simulator};
-use crate::smoothing::Motion;
 use crate::statistics::{
     CrossCorrelation, CumulativePeriodogram, LjungBox, cross_correlation, cumulative_periodogram, ljung_box,
 };
+use whorl_trajectory::commands::Commands;
+use whorl_trajectory::smoothing::Motion;
 
 /// Length of a stretch \[s\]; half the run for shorter ones.
 const STRETCH_S: f64 = 10.0;

@@ -11,11 +11,12 @@ use serde::Serialize;
 use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_recording::{Mounting, Recording};
 
-use crate::commands::Commands;
 use crate::error::ValidationError;
 use crate::noise_floor::NoiseFloors;
 use crate::prediction::Simulator;
-use crate::smoothing::{Motion, smooth};
+use whorl_trajectory::commands::Commands;
+use whorl_trajectory::smoothing::{Motion, SmoothedMotion, smooth};
+use whorl_trajectory::{Needs, check};
 
 /// Horizons of prediction \[s\]; the whole run comes on top.
 pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
@@ -62,7 +63,7 @@ pub struct Comparison {
 /// # Errors
 /// When nothing can be said, with what would help: see [`ValidationError`].
 pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Comparison, ValidationError> {
-    check(recording, model)?;
+    check(recording, model, &Needs { shortest_s: SHORTEST_S, free: false, accelerometer: false })?;
     let gyrostat = Gyrostat::new(model)?;
     let commands = Commands::of(recording, &gyrostat);
     let motion = smooth(recording, &gyrostat, &commands);
@@ -106,59 +107,10 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
     })
 }
 
-pub(crate) fn check(recording: &Recording, model: &PlatformModel) -> Result<(), ValidationError> {
-    let run = recording.name.clone();
-    let missing = |channel, help| ValidationError::MissingChannel { run: run.clone(), channel, help };
-    let clamped = recording.mounting == Mounting::Clamped;
-    if recording.gyro_b_rad_s.is_empty() && !clamped {
-        return Err(missing("gyro", "without the body's rate nothing can be predicted; record imu/data_raw"));
-    }
-    if clamped && recording.wheel_speed_rad_s.is_empty() {
-        return Err(missing("wheel speed", "a clamped platform moves nothing else; record wheels/state"));
-    }
-    let duration_s = recording.duration_s();
-    if duration_s.is_nan() || duration_s < SHORTEST_S {
-        return Err(ValidationError::TooShort { run, duration_s, needed_s: SHORTEST_S });
-    }
-    let wheels = model.wheels().len();
-    let series = [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m];
-    if let Some(wrong) = series.iter().flat_map(|s| &s.value).find(|v| v.len() != wheels) {
-        return Err(ValidationError::WheelCount { run, given: wrong.len(), wheels });
-    }
-    if recording.jet_pulses.len() > model.jets().len() {
-        let (given, jets) = (recording.jet_pulses.len(), model.jets().len());
-        return Err(ValidationError::JetCount { run, given, jets });
-    }
-    let range = model.sensors.gyro.errors.range;
-    let rates = recording.gyro_b_rad_s.value.iter().map(|v| v.amax());
-    let fastest = rates.fold(0.0, f64::max);
-    if fastest > 20.0 * range {
-        return Err(ValidationError::Implausible {
-            run,
-            what: format!(
-                "the gyro reads up to {fastest:.1} rad/s, but its range is {range:.2} rad/s: probably deg/s taken for rad/s"
-            ),
-            help: "check the unit in the channel map",
-        });
-    }
-    let forces = &recording.specific_force_b_m_s2.value;
-    if !forces.is_empty() && !clamped {
-        let mean = forces.iter().map(|f| f.norm()).sum::<f64>() / forces.len() as f64;
-        if !(5.0..15.0).contains(&mean) {
-            return Err(ValidationError::Implausible {
-                run,
-                what: format!("the accelerometer reads {mean:.2} m/s^2 on average, not 9.8"),
-                help: "check its unit (g or m/s^2) in the channel map",
-            });
-        }
-    }
-    Ok(())
-}
-
 fn remarks(
     recording: &Recording,
     commands: &Commands,
-    motion: &crate::smoothing::SmoothedMotion,
+    motion: &SmoothedMotion,
     floors: &NoiseFloors,
 ) -> Vec<String> {
     let mut remarks = Vec::new();

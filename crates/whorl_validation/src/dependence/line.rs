@@ -1,9 +1,10 @@
 //! A torque that oscillates by itself: a line in the spectrum.
 
 use serde::Serialize;
+use whorl_trajectory::ResidualTorque;
 use whorl_trajectory::spectrum::Fourier;
 
-use super::{Frame, ResidualTorque};
+use super::{Frame, seen_in};
 
 /// Share of an axis' power that a line must hold to be reported.
 const LEAST_SHARE: f64 = 0.25;
@@ -39,7 +40,7 @@ pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
     let fourier = Fourier::of_length(n);
     let mut best: Option<SpectralLine> = None;
     for frame in [Frame::Body, Frame::World] {
-        for (axis, values) in residual.seen_in(frame).iter().enumerate() {
+        for (axis, values) in seen_in(residual, frame).iter().enumerate() {
             let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
             let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
             let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));

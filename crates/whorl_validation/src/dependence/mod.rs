@@ -18,9 +18,9 @@ pub use line::{SpectralLine, spectral_line};
 pub use shape::{Growth, Parity, Shape};
 pub use variable::{Variable, conditions};
 
-use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 use thiserror::Error;
+use whorl_trajectory::ResidualTorque;
 
 use regression::Regression;
 
@@ -30,19 +30,6 @@ pub const FEWEST_VALUES: usize = 20;
 const FOLDS: usize = 5;
 /// How much more a world-frame curve must explain than the body-frame one to be preferred.
 const FRAME_MARGIN: f64 = 0.02;
-
-/// Torque that the model does not explain, over time.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct ResidualTorque {
-    /// Time since the start of the run \[s\], increasing.
-    pub time_s: Vec<f64>,
-    /// Residual torque, body axes [N m].
-    pub torque_b_n_m: Vec<Vector3<f64>>,
-    /// Its standard deviation from noise, body axes [N m], > 0.
-    pub stddev_b_n_m: Vec<Vector3<f64>>,
-    /// Attitude, v_world = q v_body.
-    pub q_world_body: Vec<UnitQuaternion<f64>>,
-}
 
 /// Axes in which a torque is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -112,44 +99,43 @@ pub struct Dependences {
     pub line: Option<SpectralLine>,
 }
 
-impl ResidualTorque {
-    fn check(&self) -> Result<usize, DependenceError> {
-        let count = self.time_s.len();
-        let lengths = [self.torque_b_n_m.len(), self.stddev_b_n_m.len(), self.q_world_body.len()];
-        if lengths.iter().any(|n| *n != count) {
-            return Err(DependenceError::NotUsable("its series differ in length"));
-        }
-        if count < FEWEST_VALUES {
-            return Err(DependenceError::TooFewValues { given: count });
-        }
-        if !self.torque_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite()) {
-            return Err(DependenceError::NotUsable("a value is not finite"));
-        }
-        if !self.stddev_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite() && *x > 0.0) {
-            return Err(DependenceError::NotUsable("a standard deviation is not positive"));
-        }
-        Ok(count)
+/// Number of values of a residual, if all is in order.
+fn checked(residual: &ResidualTorque) -> Result<usize, DependenceError> {
+    let count = residual.time_s.len();
+    let lengths = [residual.torque_b_n_m.len(), residual.stddev_b_n_m.len(), residual.q_world_body.len()];
+    if lengths.iter().any(|n| *n != count) {
+        return Err(DependenceError::NotUsable("its series differ in length"));
     }
+    if count < FEWEST_VALUES {
+        return Err(DependenceError::TooFewValues { given: count });
+    }
+    if !residual.torque_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite()) {
+        return Err(DependenceError::NotUsable("a value is not finite"));
+    }
+    if !residual.stddev_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite() && *x > 0.0) {
+        return Err(DependenceError::NotUsable("a standard deviation is not positive"));
+    }
+    Ok(count)
+}
 
-    /// Values and standard deviations, axis by axis, in `frame`.
-    fn seen_in(&self, frame: Frame) -> [Vec<(f64, f64)>; 3] {
-        let mut axes = [const { Vec::new() }; 3];
-        for ((torque, stddev), q) in self.torque_b_n_m.iter().zip(&self.stddev_b_n_m).zip(&self.q_world_body)
-        {
-            let (value, sigma) = match frame {
-                Frame::Body => (*torque, *stddev),
-                Frame::World => {
-                    let r = q.to_rotation_matrix().into_inner();
-                    let squares = r.component_mul(&r) * stddev.component_mul(stddev);
-                    (q * torque, squares.map(f64::sqrt))
-                }
-            };
-            for (i, axis) in axes.iter_mut().enumerate() {
-                axis.push((value[i], sigma[i]));
+/// Values and standard deviations, axis by axis, in `frame`.
+fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
+    let mut axes = [const { Vec::new() }; 3];
+    let torques = residual.torque_b_n_m.iter().zip(&residual.stddev_b_n_m);
+    for ((torque, stddev), q) in torques.zip(&residual.q_world_body) {
+        let (value, sigma) = match frame {
+            Frame::Body => (*torque, *stddev),
+            Frame::World => {
+                let r = q.to_rotation_matrix().into_inner();
+                let squares = r.component_mul(&r) * stddev.component_mul(stddev);
+                (q * torque, squares.map(f64::sqrt))
             }
+        };
+        for (i, axis) in axes.iter_mut().enumerate() {
+            axis.push((value[i], sigma[i]));
         }
-        axes
     }
+    axes
 }
 
 /// Finds what a residual torque depends on. Variables that hardly vary, or whose values do not match the
@@ -161,9 +147,9 @@ pub fn dependences(
     residual: &ResidualTorque,
     variables: &[Variable],
 ) -> Result<Dependences, DependenceError> {
-    let count = residual.check()?;
-    let body = residual.seen_in(Frame::Body);
-    let world = residual.seen_in(Frame::World);
+    let count = checked(residual)?;
+    let body = seen_in(residual, Frame::Body);
+    let world = seen_in(residual, Frame::World);
     let total: f64 = sum_of_squares(&body).iter().sum();
     let noise = (3 * count) as f64;
     let folds = folds(count);

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::generator::{Manoeuvre, platform, record};
 use crate::comparison::Quantity;
 use crate::{FloorSource, ValidationError, compare};
+use whorl_trajectory::Refusal;
 
 #[test]
 fn the_right_model_leaves_noise() {
@@ -111,7 +112,7 @@ fn unusable_recordings_get_a_sentence() {
     no_gyro.gyro_b_rad_s = Default::default();
     assert!(matches!(
         compare(&no_gyro, &model),
-        Err(ValidationError::MissingChannel { channel: "gyro", .. })
+        Err(ValidationError::Refused(Refusal::MissingChannel { channel: "gyro", .. }))
     ));
     let mut degrees = good.clone();
     for rate in &mut degrees.gyro_b_rad_s.value {
@@ -126,7 +127,10 @@ fn unusable_recordings_get_a_sentence() {
     assert!(compare(&in_g, &model).unwrap_err().to_string().contains("(g or m/s^2)"));
     let mut other = model.clone();
     other.wheels_mut().pop();
-    assert!(matches!(compare(&good, &other), Err(ValidationError::WheelCount { given: 3, wheels: 2, .. })));
+    assert!(matches!(
+        compare(&good, &other),
+        Err(ValidationError::Refused(Refusal::Count { what: "wheels", given: 3, expected: 2, .. }))
+    ));
     let short = record(&model, &Manoeuvre { duration_s: 4.0, ..Manoeuvre::default() });
-    assert!(matches!(compare(&short, &model), Err(ValidationError::TooShort { .. })));
+    assert!(matches!(compare(&short, &model), Err(ValidationError::Refused(Refusal::TooShort { .. }))));
 }

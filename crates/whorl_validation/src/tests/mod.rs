@@ -1,7 +1,7 @@
-//! Comparisons of simulated runs, of which the answer is known.
+//! On simulated recordings.
 
 mod comparisons;
+#[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 mod generator;
-mod smoothed;
 mod statistics;
 mod whereabouts;

@@ -51,7 +51,7 @@ pub(super) fn read(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> Option<
     let model = model?;
     let wheels = model.wheels();
     let tachometer = &model.sensors.wheel_speed;
-    let speed_noise = tachometer.noise_stddev_rad_s.hypot(tachometer.quantum_rad_s / 12f64.sqrt());
+    let speed_noise = tachometer.one_sample_stddev_rad_s();
     let largest = wheels.iter().map(|w| w.spin_inertia_kg_m2).fold(0.0, f64::max);
     body.has_wheels = !wheels.is_empty();
     body.wheel_momentum_noise_n_m_s = speed_noise * largest;

@@ -6,14 +6,13 @@
 //! grey-box models, Comp. Chem. Eng. 28, 2004), each body axis by itself, with the intensity that makes the
 //! data most likely.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, UnitQuaternion, Vector2, Vector3};
 use whorl_dynamics::{Gyrostat, PlatformModel};
-use whorl_recording::{Mounting, Recording};
+use whorl_recording::Recording;
 
+use crate::bins::{Bins, Mean3};
 use crate::commands::Commands;
-use crate::comparison::check;
-use crate::dependence::ResidualTorque;
-use crate::error::ValidationError;
+use crate::refusal::{Needs, Refusal, check};
 use crate::smoothing::smooth;
 
 /// Gyro samples are averaged over this long \[s\].
@@ -22,38 +21,46 @@ const BIN_S: f64 = 0.1;
 const INTENSITIES: [f64; 11] = [1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2];
 /// Prior standard deviation of the acceleration at the start [rad/s^2].
 const FIRST_ACCELERATION: f64 = 0.05;
+/// What is needed of a recording: a platform that is free to move, for a few seconds.
+const NEEDS: Needs = Needs { shortest_s: 5.0, free: true, accelerometer: false };
 
-/// Residual torque with the motion along which it acted.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Residual {
-    /// Torque, standard deviation and attitude at ten times a second.
-    pub torque: ResidualTorque,
-    /// Smoothed rate at the same times, body axes [rad/s].
+/// Torque that a model does not explain, over time, and the motion along which it acted.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ResidualTorque {
+    /// Time since the start of the run \[s\], increasing.
+    pub time_s: Vec<f64>,
+    /// Residual torque, body axes [N m].
+    pub torque_b_n_m: Vec<Vector3<f64>>,
+    /// Its standard deviation from noise, body axes [N m], > 0.
+    pub stddev_b_n_m: Vec<Vector3<f64>>,
+    /// Attitude, v_world = q v_body.
+    pub q_world_body: Vec<UnitQuaternion<f64>>,
+    /// Smoothed rate, body axes [rad/s].
     pub omega_wb_b_rad_s: Vec<Vector3<f64>>,
 }
 
-/// Smooths the torque that `model` does not explain out of a recording of a free platform.
+/// Smooths the torque that `model` does not explain out of a recording of a free platform, at ten times a second.
+///
+/// The model is taken as it is: what a wrong inertia does counts as torque unless the platform's own parameters were
+/// refitted to the run before.
 ///
 /// # Errors
-/// As [`crate::compare`]; also for a clamped platform.
-pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<Residual, ValidationError> {
-    check(recording, model)?;
-    if recording.mounting == Mounting::Clamped {
-        return Err(ValidationError::Implausible {
-            run: recording.name.clone(),
-            what: "the platform was clamped, so no torque shows in its motion".to_owned(),
-            help: "record it on its bearing",
-        });
-    }
+/// As [`check`].
+pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<ResidualTorque, Refusal> {
+    check(recording, model, &NEEDS)?;
     let gyrostat = Gyrostat::new(model)?;
     let commands = Commands::of(recording, &gyrostat);
     let motion = smooth(recording, &gyrostat, &commands);
-    let (time_s, left, counts) = bins(motion.rate_left());
-    let errors = &gyrostat.model().sensors.gyro.errors;
+    let left = motion.rate_left();
+    let Some(bins) = Bins::new(&left.time_s, BIN_S) else { return Ok(ResidualTorque::default()) };
+    let means = bins.means(left, 0.0);
+    let filled = bins.times.node_s.iter().copied().zip(means).filter(|(_, mean)| mean.count > 0.0);
+    let (time_s, means): (Vec<f64>, Vec<Mean3>) = filled.unzip();
+    let one_sample = gyrostat.model().sensors.gyro.errors.one_sample_stddev();
     let axes = [0, 1, 2].map(|i| {
-        let sigma = errors.noise_stddev[i].hypot(errors.quantum / 12f64.sqrt()).max(1e-9);
-        let values: Vec<f64> = left.iter().map(|v| v[i]).collect();
-        let noise: Vec<f64> = counts.iter().map(|n| sigma / n.sqrt()).collect();
+        let sigma = one_sample[i].max(1e-9);
+        let values: Vec<f64> = means.iter().map(|mean| mean.value[i]).collect();
+        let noise: Vec<f64> = means.iter().map(|mean| sigma / mean.count.sqrt()).collect();
         most_likely(&time_s, &values, &noise)
     });
     let inertia = gyrostat.resisting_inertia_b_kg_m2();
@@ -61,7 +68,6 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
     let weight = gyrostat.model().mass_properties.gravity_offset_b_n_m();
     let tilt_stddev_rad = motion.attitude.tilt_stddev_rad;
     let mut torque = ResidualTorque::default();
-    let mut omega_wb_b_rad_s = Vec::with_capacity(time_s.len());
     for (k, t) in time_s.iter().enumerate() {
         let of = |f: fn((f64, f64)) -> f64| Vector3::from_fn(|i, _| f(at(&axes[i], k)));
         let (acceleration, stddev) = (of(|x| x.0), of(|x| x.1));
@@ -77,39 +83,9 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
         torque.torque_b_n_m.push(inertia * acceleration);
         torque.stddev_b_n_m.push(squares.map(f64::sqrt));
         torque.q_world_body.push(now.q_world_body);
-        omega_wb_b_rad_s.push(now.omega_wb_b_rad_s);
+        torque.omega_wb_b_rad_s.push(now.omega_wb_b_rad_s);
     }
-    Ok(Residual { torque, omega_wb_b_rad_s })
-}
-
-/// Means over bins: time, value, number of samples. Bins without samples are left out.
-fn bins<'a>(
-    samples: impl Iterator<Item = (f64, &'a Vector3<f64>)>,
-) -> (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>) {
-    let (mut times, mut values, mut counts): (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>) = Default::default();
-    let mut first = None;
-    let mut bin = -1.0;
-    for (t, value) in samples {
-        let start: f64 = *first.get_or_insert(t);
-        let here = ((t - start) / BIN_S + 1e-9).floor();
-        if here > bin {
-            bin = here;
-            times.push(0.0);
-            values.push(Vector3::zeros());
-            counts.push(0.0);
-        }
-        if let (Some(time), Some(sum), Some(count)) = (times.last_mut(), values.last_mut(), counts.last_mut())
-        {
-            *time += t;
-            *sum += value;
-            *count += 1.0;
-        }
-    }
-    for ((time, value), count) in times.iter_mut().zip(&mut values).zip(&counts) {
-        *time /= count;
-        *value /= *count;
-    }
-    (times, values, counts)
+    Ok(torque)
 }
 
 /// Acceleration and its standard deviation at each time, with the most likely intensity.

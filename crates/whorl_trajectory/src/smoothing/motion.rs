@@ -3,11 +3,11 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_dynamics::{Environment, Gyrostat};
-use whorl_recording::{Mounting, Recording};
+use whorl_recording::{Mounting, Recording, Series};
 
 use super::attitude::{Attitudes, smooth_attitude};
-use super::local_line::local_line;
 use crate::commands::Commands;
+use crate::line::{Value, local_line};
 
 /// Measurements this far to either side make up a smoothed rate or speed \[s\].
 pub const HALF_WIDTH_S: f64 = 0.5;
@@ -30,9 +30,8 @@ pub struct SmoothedMotion {
     pub attitude: Attitudes,
     clamped: bool,
     wheels: usize,
-    /// Gyro times and rates less what the model explains of their change, and that change.
-    rate_time_s: Vec<f64>,
-    rate_left: Vec<Vector3<f64>>,
+    /// Rates less what the model explains of their change, at the gyro's times, and that change.
+    rate_left: Series<Vector3<f64>>,
     rate_explained: Vec<Vector3<f64>>,
     wheel_time_s: Vec<f64>,
     wheel_left: Vec<Vec<f64>>,
@@ -49,8 +48,7 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
     let mut motion = SmoothedMotion {
         clamped,
         wheels,
-        rate_time_s: Vec::new(),
-        rate_left: Vec::new(),
+        rate_left: Series::default(),
         rate_explained: Vec::new(),
         wheel_time_s: recording.wheel_speed_rad_s.time_s.clone(),
         wheel_left: Vec::new(),
@@ -82,8 +80,8 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             explained += accelerations.omega_dot_wb_b_rad_s2 * (t - from);
         }
         before = Some(*t);
-        motion.rate_time_s.push(*t);
-        motion.rate_left.push(rate - explained);
+        motion.rate_left.time_s.push(*t);
+        motion.rate_left.value.push(rate - explained);
         motion.rate_explained.push(explained);
     }
 
@@ -120,48 +118,42 @@ impl SmoothedMotion {
     }
 
     /// Measured rate less what the model explains of its change since the start, at the gyro's times [rad/s].
-    pub(crate) fn rate_left(&self) -> impl Iterator<Item = (f64, &Vector3<f64>)> {
-        self.rate_time_s.iter().copied().zip(&self.rate_left)
+    #[must_use]
+    pub fn rate_left(&self) -> &Series<Vector3<f64>> {
+        &self.rate_left
     }
 
     fn rate_at(&self, time_s: f64) -> Vector3<f64> {
         if self.clamped {
             return Vector3::zeros();
         }
-        let left = |k: usize| self.rate_left.get(k).map_or([0.0; 3], |v| [v.x, v.y, v.z]);
-        let explained = |k: usize| self.rate_explained.get(k).map_or([0.0; 3], |v| [v.x, v.y, v.z]);
-        let smooth = line_or_nearest(&self.rate_time_s, left, time_s);
-        let explained = interpolated(&self.rate_time_s, explained, time_s);
-        Vector3::from(smooth) + Vector3::from(explained)
+        let of = |values: &[Vector3<f64>], k: usize| values.get(k).copied().unwrap_or_default();
+        let times = &self.rate_left.time_s;
+        line_or_nearest(times, |k| of(&self.rate_left.value, k), time_s)
+            + interpolated(times, |k| of(&self.rate_explained, k), time_s)
     }
 
     fn wheel_speed_at(&self, wheel: usize, time_s: f64) -> f64 {
-        let of = |values: &[Vec<f64>], k: usize| {
-            [values.get(k).and_then(|v| v.get(wheel)).copied().unwrap_or(0.0)]
-        };
-        let [smooth] = line_or_nearest(&self.wheel_time_s, |k| of(&self.wheel_left, k), time_s);
-        let [explained] = interpolated(&self.wheel_time_s, |k| of(&self.wheel_explained, k), time_s);
-        smooth + explained
+        let of =
+            |values: &[Vec<f64>], k: usize| values.get(k).and_then(|v| v.get(wheel)).copied().unwrap_or(0.0);
+        line_or_nearest(&self.wheel_time_s, |k| of(&self.wheel_left, k), time_s)
+            + interpolated(&self.wheel_time_s, |k| of(&self.wheel_explained, k), time_s)
     }
 }
 
-fn line_or_nearest<const N: usize>(
-    times_s: &[f64],
-    value: impl Fn(usize) -> [f64; N],
-    time_s: f64,
-) -> [f64; N] {
-    local_line(times_s, &value, time_s, HALF_WIDTH_S).unwrap_or_else(|| interpolated(times_s, &value, time_s))
+fn line_or_nearest<T: Value + Default>(times_s: &[f64], value: impl Fn(usize) -> T, time_s: f64) -> T {
+    local_line(times_s, &value, time_s, HALF_WIDTH_S)
+        .map_or_else(|| interpolated(times_s, &value, time_s), |line| line.at(time_s))
 }
 
 /// Linear between samples, the nearest beyond the ends, zero without any.
-fn interpolated<const N: usize>(times_s: &[f64], value: impl Fn(usize) -> [f64; N], time_s: f64) -> [f64; N] {
+fn interpolated<T: Value + Default>(times_s: &[f64], value: impl Fn(usize) -> T, time_s: f64) -> T {
     if times_s.is_empty() {
-        return [0.0; N];
+        return T::default();
     }
     let k = times_s.partition_point(|t| *t <= time_s);
     let (before, after) = (k.saturating_sub(1), k.min(times_s.len() - 1));
-    let (Some(t0), Some(t1)) = (times_s.get(before), times_s.get(after)) else { return [0.0; N] };
+    let (Some(t0), Some(t1)) = (times_s.get(before), times_s.get(after)) else { return T::default() };
     let share = if t1 > t0 { ((time_s - t0) / (t1 - t0)).clamp(0.0, 1.0) } else { 0.0 };
-    let (a, b) = (value(before), value(after));
-    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)
+    value(before) * (1.0 - share) + value(after) * share
 }

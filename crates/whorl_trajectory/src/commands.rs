@@ -4,8 +4,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
 
-/// Half of the stretch over which a wheel's acceleration is read from its speed \[s\].
-const SLOPE_HALF_WIDTH_S: f64 = 0.1;
+use crate::wheel_torque;
 
 /// Commands of a run in order of time.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +52,7 @@ impl Commands {
         let from_speed =
             recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty();
         let wheel_torque_n_m = if from_speed {
-            torque_from_speed(&recording.wheel_speed_rad_s, model)
+            wheel_torque::from_speeds(recording, model)
         } else {
             recording.wheel_torque_command_n_m.clone()
         };
@@ -91,17 +90,19 @@ impl Commands {
     }
 
     /// The first event at or after a time.
-    pub(crate) fn first_event(&self, time_ns: i64) -> usize {
+    #[must_use]
+    pub fn first_event(&self, time_ns: i64) -> usize {
         self.events.partition_point(|(t, _)| *t < time_ns)
     }
 
     /// When an event is due \[ns\].
-    pub(crate) fn event_ns(&self, event: usize) -> Option<i64> {
+    #[must_use]
+    pub fn event_ns(&self, event: usize) -> Option<i64> {
         self.events.get(event).map(|(t, _)| *t)
     }
 
     /// Tells the plant. Refusals (a pulse too short for its valve) are what the hardware would do as well.
-    pub(crate) fn tell(&self, event: usize, plant: &mut Plant) {
+    pub fn tell(&self, event: usize, plant: &mut Plant) {
         let now_ns = plant.now_ns();
         match self.events.get(event) {
             Some((_, Event::Wheels(torque))) => {
@@ -170,30 +171,8 @@ impl Commands {
     }
 }
 
-/// Torques with which the model's wheels follow the measured speeds: J dOm/dt plus friction.
-fn torque_from_speed(speed: &Series<Vec<f64>>, model: &PlatformModel) -> Series<Vec<f64>> {
-    let torque_at = |time_s: f64| -> Vec<f64> {
-        let first = speed.time_s.partition_point(|t| *t < time_s - SLOPE_HALF_WIDTH_S);
-        let end = speed.time_s.partition_point(|t| *t <= time_s + SLOPE_HALF_WIDTH_S);
-        let times = speed.time_s.get(first..end).unwrap_or(&[]);
-        let values = speed.value.get(first..end).unwrap_or(&[]);
-        let centre = times.iter().sum::<f64>() / times.len().max(1) as f64;
-        let spread: f64 = times.iter().map(|t| (t - centre).powi(2)).sum();
-        let now = speed.held_at(time_s);
-        let of_wheel = |(j, wheel): (usize, &whorl_dynamics::platform::Wheel)| {
-            let moments = times.iter().zip(values);
-            let slope = moments.map(|(t, v)| (t - centre) * v.get(j).copied().unwrap_or(0.0)).sum::<f64>()
-                / spread.max(1e-9);
-            let y = now.and_then(|v| v.get(j)).copied().unwrap_or(0.0);
-            let coulomb = wheel.coulomb_friction_n_m * y.clamp(-1.0, 1.0);
-            wheel.spin_inertia_kg_m2 * slope + wheel.viscous_friction_n_m_s * y + coulomb
-        };
-        model.wheels().iter().enumerate().map(of_wheel).collect()
-    };
-    speed.time_s.iter().map(|t| (*t, torque_at(*t))).collect()
-}
-
 /// Seconds to the nearest nanosecond; saturates.
-pub(crate) fn ns(seconds: f64) -> i64 {
+#[must_use]
+pub fn ns(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
 }

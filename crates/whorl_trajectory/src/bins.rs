@@ -1,37 +1,50 @@
 //! Equal bins over a recording, and means of samples in them.
 
-use nalgebra::Vector3;
-use whorl_dynamics::gyrostat::MAX_WHEELS;
-use whorl_math::statistics::median;
-use whorl_recording::{Mounting, Recording, Series};
+use nalgebra::{SVector, Vector3};
+use whorl_recording::Series;
 
-use crate::inputs::SampleTimes;
-use crate::run::Wheels;
+use crate::noise::typical_step_s;
 
-/// Mean of a vector channel's samples in a bin.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Mean3 {
-    pub value: Vector3<f64>,
+/// Mean of a channel's samples in a bin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean<const N: usize> {
+    /// In the channel's unit; zero without samples.
+    pub value: SVector<f64, N>,
     /// Samples in it; 0 = none.
     pub count: f64,
     /// Their mean time less the node's \[s\].
     pub late_s: f64,
 }
 
+/// Mean of a three-axis channel.
+pub type Mean3 = Mean<3>;
+
+/// Where the samples of each node lie in time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SampleTimes {
+    /// Nodes \[s\].
+    pub node_s: Vec<f64>,
+    /// Samples of each node \[s\].
+    pub samples_s: Vec<Vec<f64>>,
+}
+
 /// Bins of equal width, each with a node at the mean time of its samples.
-pub(crate) struct Bins {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bins {
     origin_s: f64,
     width_s: f64,
+    /// The nodes, and the stamps from which the bins were made.
     pub times: SampleTimes,
 }
 
 impl Bins {
     /// Bins from the first to the last of these stamps, at least two; `None` without stamps.
+    #[must_use]
     pub fn new(stamps_s: &[f64], width_s: f64) -> Option<Self> {
         let (first_s, last_s) = (stamps_s.first()?, stamps_s.last()?);
         let count = (((last_s - first_s) / width_s).floor() as usize).max(2);
         // Half a sample off, so that jitter does not move samples over a bin's edge.
-        let origin_s = first_s - 0.5 * median_step_s(stamps_s).min(width_s);
+        let origin_s = first_s - 0.5 * typical_step_s(stamps_s).min(width_s);
         let samples_s = vec![Vec::new(); count];
         let mut bins = Self { origin_s, width_s, times: SampleTimes { node_s: vec![0.0; count], samples_s } };
         for t in stamps_s {
@@ -54,13 +67,18 @@ impl Bins {
         (index >= 0.0 && index < self.times.samples_s.len() as f64).then_some(index as usize)
     }
 
-    /// Means of a channel whose stamps are late by `latency_s`.
-    pub fn means(&self, series: &Series<Vector3<f64>>, latency_s: f64) -> Vec<Mean3> {
-        let mut sums = vec![(Vector3::zeros(), 0.0, 0.0); self.times.node_s.len()];
+    /// Means of a channel whose stamps are late by `latency_s`; `read` takes the numbers out of its values.
+    pub fn means_of<T, const N: usize>(
+        &self,
+        series: &Series<T>,
+        latency_s: f64,
+        read: impl Fn(&T) -> SVector<f64, N>,
+    ) -> Vec<Mean<N>> {
+        let mut sums = vec![(SVector::<f64, N>::zeros(), 0.0, 0.0); self.times.node_s.len()];
         for (stamp, value) in series.time_s.iter().zip(&series.value) {
             let t = stamp - latency_s;
             if let Some(slot) = self.bin_of(t).and_then(|b| sums.get_mut(b)) {
-                slot.0 += value;
+                slot.0 += read(value);
                 slot.1 += 1.0;
                 slot.2 += t;
             }
@@ -69,15 +87,21 @@ impl Bins {
             .zip(&self.times.node_s)
             .map(|((sum, count, time), node_s)| {
                 if count > 0.0 {
-                    Mean3 { value: sum / count, count, late_s: time / count - node_s }
+                    Mean { value: sum / count, count, late_s: time / count - node_s }
                 } else {
-                    Mean3 { value: Vector3::zeros(), count: 0.0, late_s: 0.0 }
+                    Mean { value: SVector::zeros(), count: 0.0, late_s: 0.0 }
                 }
             })
             .collect()
     }
 
-    /// Means that hold a clipped sample say nothing.
+    /// Means of a three-axis channel whose stamps are late by `latency_s`.
+    #[must_use]
+    pub fn means(&self, series: &Series<Vector3<f64>>, latency_s: f64) -> Vec<Mean3> {
+        self.means_of(series, latency_s, |value| *value)
+    }
+
+    /// Means that hold a clipped sample say nothing: their count becomes zero.
     pub fn drop_clipped(
         &self,
         means: &mut [Mean3],
@@ -92,42 +116,6 @@ impl Bins {
                 mean.count = 0.0;
             }
         }
-    }
-
-    /// Means of the wheels' speeds, how many samples each is of, and their mean time less the node's \[s\].
-    pub fn wheel_means(&self, series: &Series<Vec<f64>>) -> Vec<(Wheels, f64, f64)> {
-        let mut sums = vec![([0.0; MAX_WHEELS], 0.0, 0.0); self.times.node_s.len()];
-        for (t, value) in series.time_s.iter().zip(&series.value) {
-            if let Some(slot) = self.bin_of(*t).and_then(|b| sums.get_mut(b)) {
-                for (sum, speed) in slot.0.iter_mut().zip(value) {
-                    *sum += speed;
-                }
-                slot.1 += 1.0;
-                slot.2 += t;
-            }
-        }
-        for (slot, node_s) in sums.iter_mut().zip(&self.times.node_s) {
-            if slot.1 > 0.0 {
-                slot.0.iter_mut().for_each(|x| *x /= slot.1);
-                slot.2 = slot.2 / slot.1 - node_s;
-            }
-        }
-        sums
-    }
-}
-
-/// Typical time between stamps \[s\].
-pub(crate) fn median_step_s(times: &[f64]) -> f64 {
-    let typical = median(times.windows(2).map(|w| w[1] - w[0]));
-    if typical.is_nan() { 0.01 } else { typical }
-}
-
-/// Typical time between samples of the channel that sets the nodes \[s\].
-pub(crate) fn sample_step_s(recording: &Recording) -> f64 {
-    if recording.mounting == Mounting::Clamped {
-        median_step_s(&recording.wheel_speed_rad_s.time_s)
-    } else {
-        median_step_s(&recording.gyro_b_rad_s.time_s)
     }
 }
 

@@ -6,16 +6,16 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_dynamics::platform::{TiltLimit, TriaxialErrors};
+use whorl_dynamics::platform::TiltLimit;
 use whorl_math::covariance;
-use whorl_math::{
-    GRAVITY_M_S2, attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, rotation_vector, skew,
-    unit_or, vertical_b,
-};
-use whorl_recording::{Recording, Series};
+use whorl_math::{GRAVITY_M_S2, quaternion_exp, rotation_vector, skew, unit_or, vertical_b};
+use whorl_recording::Recording;
+
+use super::sensors::{Sensors, one_sample, rate_between};
+use super::start::start_attitude;
 
 /// Time between nodes \[s\].
-const NODE_S: f64 = 0.2;
+pub(super) const NODE_S: f64 = 0.2;
 /// A gap between gyro samples beyond this adds uncertainty \[s\].
 const GAP_S: f64 = 0.05;
 /// Without an accelerometer the tilt wanders about balance with this correlation time \[s\].
@@ -75,12 +75,6 @@ impl Attitudes {
     }
 }
 
-/// What the sensor saw, its modelled errors taken out, and when.
-fn corrected(series: &Series<Vector3<f64>>, errors: &TriaxialErrors) -> (Vec<f64>, Vec<Vector3<f64>>) {
-    let value = series.value.iter().map(|y| errors.corrected(y)).collect();
-    (series.time_s.iter().map(|t| t - errors.latency_s).collect(), value)
-}
-
 /// Rotation from the body at `from_s` to the body at `to_s` (either may be later).
 fn turn_between(
     times_s: &[f64],
@@ -105,129 +99,11 @@ fn turn_between(
     turn
 }
 
-/// Linear between samples `k - 1` and `k`; the nearest beyond the ends.
-fn rate_between(times_s: &[f64], rates: &[Vector3<f64>], k: usize, time_s: f64) -> Vector3<f64> {
-    let before = k.checked_sub(1).and_then(|i| Some((*times_s.get(i)?, *rates.get(i)?)));
-    let after = times_s.get(k).copied().zip(rates.get(k).copied());
-    match (before, after) {
-        (Some((t0, a)), Some((t1, b))) => a.lerp(&b, ((time_s - t0) / (t1 - t0)).clamp(0.0, 1.0)),
-        (Some((_, a)), None) => a,
-        (None, Some((_, b))) => b,
-        (None, None) => Vector3::zeros(),
-    }
-}
-
-/// Index range of the samples within half a node of `time_s`.
-fn around(times_s: &[f64], time_s: f64) -> std::ops::Range<usize> {
-    let first = times_s.partition_point(|t| *t < time_s - 0.5 * NODE_S);
-    first..times_s.partition_point(|t| *t < time_s + 0.5 * NODE_S).max(first)
-}
-
-struct Sensors<'a> {
-    model: &'a PlatformModel,
-    gyro: (Vec<f64>, Vec<Vector3<f64>>),
-    force: (Vec<f64>, Vec<Vector3<f64>>),
-    vectors: Vec<Directions>,
-}
-
-/// What a vector sensor saw.
-struct Directions {
-    /// Without latency \[s\].
-    time_s: Vec<f64>,
-    direction_b: Vec<Vector3<f64>>,
-    reference_world: Unit<Vector3<f64>>,
-    stddev_rad: f64,
-}
-
-/// A mean measurement at a node: what is expected of x, H and R.
-struct Measured {
-    innovation: Vector3<f64>,
-    h: SMatrix<f64, 3, 9>,
-    r: Matrix3<f64>,
-}
-
-impl Sensors<'_> {
-    fn rate_at(&self, time_s: f64) -> Vector3<f64> {
-        let k = self.gyro.0.partition_point(|t| *t <= time_s);
-        rate_between(&self.gyro.0, &self.gyro.1, k, time_s)
-    }
-
-    /// Mean specific force around a node with what motion about the pivot adds taken out: gravity.
-    fn gravity(&self, time_s: f64, bias: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
-        let range = around(&self.force.0, time_s);
-        let values = self.force.1.get(range).filter(|v| !v.is_empty())?;
-        let mean = values.iter().sum::<Vector3<f64>>() / values.len() as f64;
-        let gyro = around(&self.gyro.0, time_s);
-        let (times, rates) = (self.gyro.0.get(gyro.clone())?, self.gyro.1.get(gyro)?);
-        let (omega, slope, slope_variance) = match (times.first(), times.last()) {
-            (Some(first), Some(last)) if last > first => {
-                let n = times.len() as f64;
-                let centre = times.iter().sum::<f64>() / n;
-                let spread: f64 = times.iter().map(|t| (t - centre).powi(2)).sum();
-                let slope: Vector3<f64> =
-                    times.iter().zip(rates).map(|(t, w)| w * ((t - centre) / spread)).sum();
-                let sigma = one_sample(&self.model.sensors.gyro.errors);
-                (rates.iter().sum::<Vector3<f64>>() / n, slope, sigma * sigma / spread)
-            }
-            _ => (self.rate_at(time_s), Vector3::zeros(), 0.0),
-        };
-        let omega = omega - bias;
-        let arm = self.model.sensors.accelerometer.lever_arm_b_m;
-        let sigma = one_sample(&self.model.sensors.accelerometer.errors);
-        let variance = sigma * sigma / values.len() as f64 + arm.norm_squared() * slope_variance;
-        Some((mean - slope.cross(&arm) - omega.cross(&omega.cross(&arm)), variance))
-    }
-
-    /// Mean direction seen around a node, turned to the node.
-    fn direction(
-        &self,
-        sensor: usize,
-        time_s: f64,
-        bias: &Vector3<f64>,
-    ) -> Option<(Vector3<f64>, Unit<Vector3<f64>>, f64)> {
-        let seen = self.vectors.get(sensor)?;
-        let range = around(&seen.time_s, time_s);
-        let count = range.len();
-        let omega = self.rate_at(time_s) - bias;
-        let sum: Vector3<f64> = range
-            .filter_map(|k| Some((seen.time_s.get(k)?, seen.direction_b.get(k)?)))
-            .map(|(t, d)| quaternion_exp(&(omega * (t - time_s))) * d)
-            .sum();
-        (count > 0)
-            .then(|| (sum / count as f64, seen.reference_world, seen.stddev_rad.powi(2) / count as f64))
-    }
-}
-
-fn one_sample(errors: &TriaxialErrors) -> f64 {
-    errors.noise_stddev.amax().hypot(errors.quantum / 12f64.sqrt()).max(1e-9)
-}
-
 /// Smooths attitude and biases; `model` is the platform with its effects applied. With no gyro samples the
 /// result is empty.
 #[must_use]
 pub fn smooth_attitude(recording: &Recording, model: &PlatformModel) -> Attitudes {
-    let (gyro, accelerometer) = (&model.sensors.gyro.errors, &model.sensors.accelerometer.errors);
-    let vector_turn = model.sensors.vector.map_or(Vector3::zeros(), |v| v.misalignment_rad);
-    let vector_sigma = model.sensors.vector.map_or(5e-3, |v| v.noise_stddev_rad.max(1e-6));
-    let vector_latency_s = model.sensors.vector.map_or(0.0, |v| v.latency_s);
-    let sensors = Sensors {
-        model,
-        gyro: corrected(&recording.gyro_b_rad_s, gyro),
-        force: corrected(&recording.specific_force_b_m_s2, accelerometer),
-        vectors: recording
-            .vectors
-            .iter()
-            .map(|channel| {
-                let turn = quaternion_exp(&vector_turn);
-                Directions {
-                    time_s: channel.direction_b.time_s.iter().map(|t| t - vector_latency_s).collect(),
-                    direction_b: channel.direction_b.value.iter().map(|d| turn * d).collect(),
-                    reference_world: channel.reference_world,
-                    stddev_rad: vector_sigma,
-                }
-            })
-            .collect(),
-    };
+    let sensors = Sensors::new(recording, model);
     let mut result = Attitudes {
         time_s: Vec::new(),
         q_world_body: Vec::new(),
@@ -304,16 +180,8 @@ fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> 
     let seen = (0..sensors.vectors.len()).find_map(|j| {
         nodes.iter().find_map(|t| sensors.direction(j, *t, &zero)).map(|(d, reference, _)| (d, reference))
     });
-    let vertical = unit_or(down, balance(sensors.model).0);
     let (balanced, tilt_stddev_rad) = balance(sensors.model);
-    let start = if sensors.force.0.is_empty() && seen.is_none() {
-        attitude_from_vertical(balanced, 0.0)
-    } else {
-        seen.and_then(|(d, reference)| {
-            attitude_from_two_vectors(&vertical, &Vector3::z_axis(), &unit_or(d, reference), &reference).ok()
-        })
-        .unwrap_or_else(|| attitude_from_vertical(vertical, 0.0))
-    };
+    let start = start_attitude(unit_or(down, balanced), seen);
     let errors = &sensors.model.sensors;
     let mut p = Matrix9::zeros();
     let up = vertical_b(&start);
@@ -372,6 +240,13 @@ fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> V
         before = time_s;
     }
     steps
+}
+
+/// A mean measurement at a node: what is expected of x, H and R.
+struct Measured {
+    innovation: Vector3<f64>,
+    h: SMatrix<f64, 3, 9>,
+    r: Matrix3<f64>,
 }
 
 fn longest_gap(times_s: &[f64], from_s: f64, to_s: f64) -> f64 {

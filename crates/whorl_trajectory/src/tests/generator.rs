@@ -106,3 +106,14 @@ pub fn record(truth: &PlatformModel, manoeuvre: &Manoeuvre) -> Recording {
     r.truth = Some(true_motion);
     r
 }
+
+/// Both directions of yaw, several times.
+pub fn turning() -> Manoeuvre {
+    Manoeuvre {
+        duration_s: 90.0,
+        yaw_swing_n_m: 0.25,
+        jet_period_s: 0.0,
+        rate_rad_s: Vector3::new(0.01, -0.01, 0.0),
+        ..Manoeuvre::default()
+    }
+}

@@ -1,0 +1,99 @@
+//! Straight lines by least squares: value and slope from neighbouring samples.
+
+use std::iter::Sum;
+use std::ops::{Add, Mul};
+
+/// What a line can be laid through: numbers and vectors.
+pub trait Value: Copy + Add<Output = Self> + Mul<f64, Output = Self> + Sum {}
+impl<T: Copy + Add<Output = T> + Mul<f64, Output = T> + Sum> Value for T {}
+
+/// A straight line through samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line<T> {
+    /// Weighted mean of the abscissae; at the line's own mean its value is least uncertain.
+    pub centre: f64,
+    /// Value there.
+    pub mean: T,
+    /// Change per unit of the abscissa; zero where all samples are at one place.
+    pub slope: T,
+    /// Sum of weight times squared distance from the centre: the slope's variance is one over it where weights are
+    /// one over variances.
+    pub spread: f64,
+}
+
+impl<T: Value> Line<T> {
+    /// Through samples of equal weight; `None` without any.
+    pub fn through(samples: impl IntoIterator<Item = (f64, T), IntoIter: Clone>) -> Option<Self> {
+        Self::weighted(samples.into_iter().map(|(x, y)| (x, y, 1.0)))
+    }
+
+    /// Through samples of place, value, weight; `None` without weight.
+    pub fn weighted(samples: impl IntoIterator<Item = (f64, T, f64), IntoIter: Clone>) -> Option<Self> {
+        let samples = samples.into_iter();
+        let total: f64 = samples.clone().map(|(_, _, w)| w).sum();
+        if total.is_nan() || total <= 0.0 {
+            return None;
+        }
+        let centre = samples.clone().map(|(x, _, w)| w * x).sum::<f64>() / total;
+        let mean = samples.clone().map(|(_, y, w)| y * (w / total)).sum::<T>();
+        let spread: f64 = samples.clone().map(|(x, _, w)| w * (x - centre).powi(2)).sum();
+        let per = if spread > 0.0 { spread.recip() } else { 0.0 };
+        let slope = samples.map(|(x, y, w)| y * (w * (x - centre) * per)).sum();
+        Some(Self { centre, mean, slope, spread })
+    }
+
+    /// The line's value at a place.
+    pub fn at(&self, x: f64) -> T {
+        self.mean + self.slope * (x - self.centre)
+    }
+}
+
+/// Indices of the samples within `half_width_s` of a time.
+#[must_use]
+pub fn window(times_s: &[f64], time_s: f64, half_width_s: f64) -> std::ops::Range<usize> {
+    let first = times_s.partition_point(|t| *t < time_s - half_width_s);
+    first..times_s.partition_point(|t| *t <= time_s + half_width_s).max(first)
+}
+
+/// The line through the samples within `half_width_s` of a time; `None` where there are none.
+pub fn local_line<T: Value>(
+    times_s: &[f64],
+    value: impl Fn(usize) -> T,
+    time_s: f64,
+    half_width_s: f64,
+) -> Option<Line<T>> {
+    let samples = window(times_s, time_s, half_width_s).filter_map(|k| times_s.get(k).map(|t| (*t, k)));
+    Line::through(samples.map(|(t, k)| (t, value(k))).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+
+    #[test]
+    fn a_line_is_reproduced_also_at_the_ends() {
+        let times: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+        for at in [0.0, 0.3, 0.99] {
+            let line = local_line(&times, |k| Vector2::new(2.0 - 3.0 * times[k], 1.0), at, 0.1).unwrap();
+            let found = line.at(at);
+            assert!((found - Vector2::new(2.0 - 3.0 * at, 1.0)).norm() < 1e-9, "{at}");
+            assert!((line.slope - Vector2::new(-3.0, 0.0)).norm() < 1e-9);
+        }
+        assert_eq!(local_line(&times, |_| 1.0, 5.0, 0.1), None);
+        let one = Line::through([(3.0, 2.0)]).unwrap();
+        assert_eq!((one.at(7.0), one.slope), (2.0, 0.0));
+    }
+
+    /// The slope by hand, and as if the heavy sample had been taken four times.
+    #[test]
+    fn weights_count_as_repeated_samples() {
+        let weighted = Line::weighted([(0.0, 1.0, 1.0), (1.0, 3.0, 1.0), (2.0, 4.0, 4.0)]).unwrap();
+        let repeated =
+            Line::through([(0.0, 1.0), (1.0, 3.0), (2.0, 4.0), (2.0, 4.0), (2.0, 4.0), (2.0, 4.0)]).unwrap();
+        assert!((weighted.at(5.0) - repeated.at(5.0)).abs() < 1e-12);
+        // sum w = 6, mean x = 1.5, mean y = 10/3, slope = (1.5 * 7/3 + 0.5/3 + 2 * 2/3) / 3.5.
+        assert!((weighted.slope - 5.0 / 3.5).abs() < 1e-12, "{weighted:?}");
+    }
+}

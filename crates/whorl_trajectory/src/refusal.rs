@@ -1,0 +1,218 @@
+//! Whether a recording can be used at all: what is wrong with it, said in a sentence.
+
+use nalgebra::Vector3;
+use thiserror::Error;
+use whorl_dynamics::platform::TiltLimit;
+use whorl_dynamics::{GyrostatError, PlatformModel};
+use whorl_recording::{Mounting, Recording};
+
+/// Fewest samples of the channel that is predicted, and the longest mean time between them \[s\].
+const FEWEST_SAMPLES: usize = 50;
+const SLOWEST_S: f64 = 0.5;
+/// RMS rate that no such platform reaches [rad/s]; also so many times the gyro's range.
+const FASTEST_RAD_S: f64 = 20.0;
+const FASTEST_RANGES: f64 = 20.0;
+/// Mean specific force of a platform on its bearing [m/s^2]: 9.81, but for what a tilt and a bad scale factor change.
+const FORCE_M_S2: std::ops::RangeInclusive<f64> = 6.0..=14.0;
+
+/// Why a recording cannot be used, and what would help.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Refusal {
+    /// A channel without which nothing can be said.
+    #[error("{run}: there are no {channel} data; {help}")]
+    MissingChannel {
+        /// Name of the run.
+        run: String,
+        /// Which channel.
+        channel: &'static str,
+        /// What would help.
+        help: &'static str,
+    },
+    /// Too little time without a gap.
+    #[error("{run}: {duration_s:.1} s of data are too short; record at least {needed_s:.0} s")]
+    TooShort {
+        /// Name of the run.
+        run: String,
+        /// Length \[s\].
+        duration_s: f64,
+        /// Shortest length accepted \[s\].
+        needed_s: f64,
+    },
+    /// Held in a clamp where it must be free.
+    #[error(
+        "{run}: the platform was clamped, and what is asked for shows only in its motion; record it on its bearing"
+    )]
+    Clamped {
+        /// Name of the run.
+        run: String,
+    },
+    /// Another number of wheels or jets than the model has.
+    #[error(
+        "{run}: {given} {what} in the data, {expected} in the model: data of another platform, or the wrong --model"
+    )]
+    Count {
+        /// Name of the run.
+        run: String,
+        /// wheels or jets.
+        what: &'static str,
+        /// In the recording.
+        given: usize,
+        /// In the model.
+        expected: usize,
+    },
+    /// A channel never changes.
+    #[error(
+        "{run}: the {channel} never changes: it is frozen, or not this platform's; check the sensor and the channel's name"
+    )]
+    Constant {
+        /// Name of the run.
+        run: String,
+        /// Which channel.
+        channel: String,
+    },
+    /// Readings that no motion of the platform can give.
+    #[error("{run}: {what}; {help}")]
+    Implausible {
+        /// Name of the run.
+        run: String,
+        /// What is wrong.
+        what: String,
+        /// What would help.
+        help: &'static str,
+    },
+    /// The model cannot exist.
+    #[error("the model cannot be simulated: {0}")]
+    Model(#[from] GyrostatError),
+}
+
+/// What a method needs of a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Needs {
+    /// Shortest recording \[s\].
+    pub shortest_s: f64,
+    /// The platform must be on its bearing.
+    pub free: bool,
+    /// Without the direction of gravity there is nothing to be said.
+    pub accelerometer: bool,
+}
+
+/// Refuses what no platform of this model records, and what is less than `needs`.
+///
+/// # Errors
+/// With a sentence that says what would help.
+pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Result<(), Refusal> {
+    let run = || recording.name.clone();
+    let clamped = recording.mounting == Mounting::Clamped;
+    if clamped && needs.free {
+        return Err(Refusal::Clamped { run: run() });
+    }
+    let missing = |channel, help| Err(Refusal::MissingChannel { run: run(), channel, help });
+    if clamped {
+        let help = "a bench test of the wheels needs their speeds and the torque commands";
+        if recording.wheel_speed_rad_s.len() < 2 {
+            return missing("wheel speed", help);
+        }
+        if recording.wheel_torque_command_n_m.is_empty() {
+            return missing("wheel torque command", help);
+        }
+    } else if recording.gyro_b_rad_s.len() < 2 {
+        return missing(
+            "gyro",
+            "record imu/data_raw, or check that its values are numbers: a moving platform cannot be explained without its rates",
+        );
+    }
+    if needs.accelerometer && recording.specific_force_b_m_s2.is_empty() {
+        return missing(
+            "accelerometer",
+            "without the direction of gravity neither the gravity offset nor the bias of the gyro can be told",
+        );
+    }
+    length(recording, needs)?;
+    counts(recording, model)?;
+    if clamped { Ok(()) } else { gyro(recording, model).and_then(|()| accelerometer(recording, model)) }
+}
+
+fn length(recording: &Recording, needs: &Needs) -> Result<(), Refusal> {
+    let gyro = &recording.gyro_b_rad_s.time_s;
+    let clamped = recording.mounting == Mounting::Clamped;
+    let times = if clamped { &recording.wheel_speed_rad_s.time_s } else { gyro };
+    let duration_s = times.last().copied().unwrap_or(0.0) - times.first().copied().unwrap_or(0.0);
+    let too_short = |duration_s| Refusal::TooShort {
+        run: recording.name.clone(),
+        duration_s,
+        needed_s: needs.shortest_s,
+    };
+    if duration_s.is_nan() || duration_s < needs.shortest_s {
+        return Err(too_short(duration_s));
+    }
+    if times.len() < FEWEST_SAMPLES || duration_s / times.len() as f64 > SLOWEST_S {
+        return Err(too_short(times.len() as f64 * 0.01));
+    }
+    Ok(())
+}
+
+fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
+    let count = |what, given, expected| Refusal::Count { run: recording.name.clone(), what, given, expected };
+    let (wheels, jets) = (model.wheels().len(), model.jets().len());
+    for series in [&recording.wheel_speed_rad_s, &recording.wheel_torque_command_n_m] {
+        if let Some(given) = series.value.iter().map(Vec::len).find(|given| *given != wheels) {
+            return Err(count("wheels", given, wheels));
+        }
+    }
+    if !recording.jet_pulses.is_empty() && recording.jet_pulses.len() != jets {
+        return Err(count("jets", recording.jet_pulses.len(), jets));
+    }
+    model.actuators.check().map_err(GyrostatError::from)?;
+    Ok(())
+}
+
+fn gyro(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
+    let rates = &recording.gyro_b_rad_s.value;
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        if rates.windows(2).all(|pair| pair.iter().all(|v| Some(v[axis]) == rates.first().map(|f| f[axis]))) {
+            let channel = format!("gyro's {name} axis");
+            return Err(Refusal::Constant { run: recording.name.clone(), channel });
+        }
+    }
+    let rms = (rates.iter().map(Vector3::norm_squared).sum::<f64>() / rates.len() as f64).sqrt();
+    let range = model.sensors.gyro.errors.range;
+    if rms > FASTEST_RAD_S.min(FASTEST_RANGES * range) {
+        return Err(Refusal::Implausible {
+            run: recording.name.clone(),
+            what: format!(
+                "the gyro reads {rms:.0} rad/s on average, more than any such platform turns (its range is {range:.2} rad/s)"
+            ),
+            help: "probably deg/s were taken for rad/s; check the unit in the channel map",
+        });
+    }
+    Ok(())
+}
+
+fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
+    let forces = &recording.specific_force_b_m_s2.value;
+    let Some(first) = forces.first() else { return Ok(()) };
+    if forces.iter().all(|v| v == first) {
+        return Err(Refusal::Constant { run: recording.name.clone(), channel: "accelerometer".to_owned() });
+    }
+    let mean = |of: fn(&Vector3<f64>) -> f64| forces.iter().map(of).sum::<f64>() / forces.len() as f64;
+    let implausible = |what, help| Err(Refusal::Implausible { run: recording.name.clone(), what, help });
+    let size = mean(Vector3::norm);
+    if !FORCE_M_S2.contains(&size) {
+        return implausible(
+            format!("the accelerometer reads {size:.2} m/s^2 on average, and gravity is 9.81 m/s^2"),
+            "check its unit (g or m/s^2) and its axes in the channel map",
+        );
+    }
+    let up = mean(|f| f.z);
+    // A platform that is free in pitch may lie on its side, or on its back.
+    let upright = up >= *FORCE_M_S2.start() || matches!(model.tilt_limit, TiltLimit::Pitch { .. });
+    if !upright {
+        return implausible(
+            format!(
+                "the accelerometer's z axis reads {up:.2} m/s^2 on average and must be near +9.81 with the platform upright"
+            ),
+            "check the order and the signs of its axes (specific force points up at rest)",
+        );
+    }
+    Ok(())
+}
