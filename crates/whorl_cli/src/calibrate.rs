@@ -15,7 +15,7 @@ use whorl_recording::Recording;
 use crate::identify::print_findings;
 use crate::runs::RunArguments;
 use crate::table;
-use whorl_report::three_digits;
+use whorl_math::three_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {

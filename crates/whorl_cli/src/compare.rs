@@ -1,15 +1,14 @@
 //! `whorl compare`: how far a model is from recorded runs.
 
 use serde_json::json;
-use whorl_recording::Recording;
-use whorl_report::ComparedRun;
+use whorl_explain::{ComparedRun, compare, prediction_error};
+use whorl_math::three_digits;
 use whorl_validation::comparison::INITIAL_STATE_RULE;
-use whorl_validation::{Comparison, FloorSource, compare};
+use whorl_validation::{Comparison, FloorSource};
 
-use crate::runs::{OutputArguments, RunArguments};
+use crate::explain::ExplainArguments;
+use crate::progress;
 use crate::table::print;
-use crate::{progress, runs};
-use whorl_report::three_digits;
 
 /// Version of the JSON form.
 const SCHEMA: u32 = 1;
@@ -18,15 +17,13 @@ const SCHEMA: u32 = 1;
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    runs: RunArguments,
-    #[command(flatten)]
-    output: OutputArguments,
+    explain: ExplainArguments,
 }
 
 /// Carries out `whorl compare`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let runs = progress::during("reading the runs", || arguments.runs.read())?;
-    let compared = compare_all(&runs, &runs.known.model)?;
+    let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
+    let compared = progress::watched("comparing the runs", |say| compare(&runs.case(), say))?;
     for run in &compared {
         println!(
             "{}{}",
@@ -35,6 +32,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         );
         for finding in run.comparison.findings() {
             println!("  {finding}");
+        }
+    }
+    for (held_out, kind) in [(false, ""), (true, "held-out ")] {
+        let count = compared.iter().filter(|run| run.held_out == held_out).count();
+        if let Some(error) = prediction_error(&compared, held_out).filter(|_| count > 1) {
+            println!("All {count} {kind}runs: the prediction error is {error:.2} times the noise.");
         }
     }
     println!("\nInitial state: {INITIAL_STATE_RULE}.");
@@ -48,15 +51,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for gaps in runs.gaps() {
         println!("\nnote: {gaps}");
     }
-    arguments.output.write_json(|| as_json(&runs.known.platform, &compared))?;
+    arguments.explain.write_json(|| as_json(&runs.known.platform, &compared))?;
     let page = whorl_report::comparison_html(&compared, &runs.facts);
-    let page = arguments.output.write_page(&arguments.runs, "compare.html", &page)?;
+    let page = arguments.explain.write_page("compare.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
-}
-
-fn all(runs: &runs::Runs) -> impl Iterator<Item = (&Recording, bool)> {
-    runs.training.iter().map(|r| (r, false)).chain(runs.held_out.iter().map(|r| (r, true)))
 }
 
 fn as_json(platform: &str, compared: &[ComparedRun]) -> anyhow::Result<serde_json::Value> {
@@ -74,12 +73,14 @@ fn as_json(platform: &str, compared: &[ComparedRun]) -> anyhow::Result<serde_jso
         "schema": SCHEMA,
         "platform": platform,
         "initial_state_rule": INITIAL_STATE_RULE,
+        "prediction_error": prediction_error(compared, false),
+        "held_out_prediction_error": prediction_error(compared, true),
         "runs": list,
     }))
 }
 
 /// RMS, ratio to the noise and fit of every channel at every horizon.
-pub fn print_errors(comparison: &Comparison) {
+fn print_errors(comparison: &Comparison) {
     let Some(first) = comparison.channels.first() else { return };
     let mut headings: Vec<String> =
         ["channel", "unit", "#noise", "from"].into_iter().map(str::to_owned).collect();
@@ -109,19 +110,4 @@ pub fn print_errors(comparison: &Comparison) {
             a.chi_squared_per_degree, a.band_99.0, a.band_99.1, a.stretch_s
         );
     }
-}
-
-/// Compares the runs with a model, training first.
-pub fn compare_all(
-    runs: &runs::Runs,
-    model: &whorl_dynamics::PlatformModel,
-) -> anyhow::Result<Vec<ComparedRun>> {
-    let count = all(runs).count();
-    progress::watched("comparing the runs", |say| {
-        let compared = all(runs).enumerate().map(|(k, (recording, held_out))| {
-            say(k as f64 / count as f64, &format!("comparing {}", recording.name));
-            Ok(ComparedRun { comparison: compare(recording, model)?, held_out })
-        });
-        compared.collect()
-    })
 }

@@ -1,15 +1,12 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
-use whorl_diagnosis::{Diagnosis, DiagnosisError, Options, Progress, diagnose, fit};
-use whorl_dynamics::effects::find;
-use whorl_dynamics::{Effect, PlatformModel};
-use whorl_report::UnexplainedTorque;
-use whorl_trajectory::{ResidualTorque, residual_torque};
+use whorl_diagnosis::Diagnosis;
+use whorl_explain::{Explanation, diagnose};
+use whorl_math::three_digits;
 
-use crate::runs::{OutputArguments, RunArguments, Runs};
+use crate::explain::{ExplainArguments, SearchArguments};
 use crate::table::print;
 use crate::{next, progress};
-use whorl_report::three_digits;
 
 /// Effects listed in the table.
 const LISTED: usize = 12;
@@ -18,91 +15,54 @@ const LISTED: usize = 12;
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    runs: RunArguments,
+    explain: ExplainArguments,
     #[command(flatten)]
     search: SearchArguments,
-    #[command(flatten)]
-    output: OutputArguments,
-}
-
-/// How effects are looked for.
-#[derive(Debug, clap::Args)]
-pub struct SearchArguments {
-    /// An effect that is not to be considered, by its id; may be given several times.
-    #[arg(long, value_name = "EFFECT")]
-    exclude: Vec<String>,
-}
-
-impl SearchArguments {
-    /// As the search takes them, on all processors.
-    pub fn options(&self) -> Options {
-        Options {
-            exclude: self.exclude.clone(),
-            threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
-            ..Options::default()
-        }
-    }
-}
-
-/// The diagnosis of runs, with progress.
-pub fn asked(runs: &Runs, options: &Options) -> Result<Diagnosis, DiagnosisError> {
-    progress::watched("diagnosing", |say| {
-        let mut show = |p: Progress| say(p.share, p.doing);
-        diagnose(&runs.training, &runs.held_out, &runs.known.model, &runs.known.prior, options, &mut show)
-    })
 }
 
 /// Carries out `whorl diagnose`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let runs = progress::during("reading the runs", || arguments.runs.read())?;
+    let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let options = arguments.search.options();
-    let mut diagnosis = asked(&runs, &options)?;
-    if let Some(next) = next::proposal(&runs, &diagnosis, &options) {
-        diagnosis.next = Some(next);
+    let mut found = progress::watched("diagnosing", |say| diagnose(&runs.case(), &options, say))?;
+    if let Some(next) = next::suggestion(&runs, &found.diagnosis, &options) {
+        found.diagnosis.next = Some(next);
     }
-    let answer = diagnosis.answer();
-    for sentence in &answer {
+    for sentence in found.answer() {
         println!("{sentence}");
     }
     println!();
-    print_candidates(&diagnosis);
-    diagnosis.remarks.extend(runs.gaps());
-    for remark in &diagnosis.remarks {
+    print_candidates(&found.diagnosis);
+    found.diagnosis.remarks.extend(runs.gaps());
+    for remark in &found.diagnosis.remarks {
         println!("note: {remark}");
     }
-    arguments.output.write_json(|| Ok(&diagnosis))?;
-    let torque = progress::during("drawing", || unexplained(&runs, &diagnosis));
-    let page = whorl_report::diagnosis_html(&diagnosis, &answer, torque.as_ref(), &runs.facts);
-    let page = arguments.output.write_page(&arguments.runs, "diagnose.html", &page)?;
+    arguments.explain.write_json(|| as_json(&found))?;
+    let page = whorl_report::diagnosis_html(&found, &runs.facts);
+    let page = arguments.explain.write_page("diagnose.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
 }
 
-/// What the model leaves of the first run without and with the effects named; nothing of a clamped one.
-fn unexplained(runs: &Runs, diagnosis: &Diagnosis) -> Option<UnexplainedTorque> {
-    let recording = runs.training.first()?;
-    let given = &runs.known.model;
-    let left = |model: &PlatformModel| -> Option<ResidualTorque> {
-        // What a wrong inertia does is no missing torque: the platform's own parameters are refitted to the run.
-        let run = std::slice::from_ref(recording);
-        let fitted = fit(run, &[], model, &runs.known.prior, &[], &Options::default()).ok()?;
-        residual_torque(recording, &fitted.model).ok()
-    };
-    let before = left(given)?;
-    let mut model = given.clone();
-    for id in &diagnosis.effects {
-        let found = diagnosis.candidates.iter().find(|c| c.effect == *id)?;
-        let values = model.effects.entry(id.clone()).or_default();
-        for p in found.parameters.iter().filter(|p| find(id).is_some_and(|e| has(e, given, &p.name))) {
-            values.insert(p.name.clone(), p.estimate);
-        }
+/// The diagnosis, with the prediction error of each version of the model.
+fn as_json(found: &Explanation) -> anyhow::Result<serde_json::Value> {
+    let mut value = serde_json::to_value(&found.diagnosis)?;
+    let versions: Vec<serde_json::Value> = found
+        .versions
+        .iter()
+        .map(|v| {
+            serde_json::json!({
+                "name": v.name,
+                "effects": v.effects,
+                "prediction_error": v.prediction_error(false),
+                "held_out_prediction_error": v.prediction_error(true),
+            })
+        })
+        .collect();
+    if let Some(object) = value.as_object_mut() {
+        object.insert("versions".to_owned(), versions.into());
     }
-    let after = (!diagnosis.effects.is_empty()).then(|| left(&model)).flatten();
-    Some(UnexplainedTorque { run: recording.name.clone(), before, after })
-}
-
-fn has(effect: &dyn Effect, model: &PlatformModel, name: &str) -> bool {
-    effect.parameters(model).iter().any(|spec| spec.name == name)
+    Ok(value)
 }
 
 fn print_candidates(diagnosis: &Diagnosis) {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_explain::adopt::changes;
 use whorl_identification::mass_parameters::{
     MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_properties, mass_vector,
 };
@@ -12,10 +13,10 @@ use whorl_identification::regression::{self, Form, Weighting, rows, solve};
 use whorl_identification::{Determined, Finding, Identification, Settings, identify};
 use whorl_recording::{KnownPlatform, Recording};
 
-use crate::model_changes;
+use crate::model_file;
 use crate::runs::RunArguments;
 use crate::table;
-use whorl_report::three_digits;
+use whorl_math::three_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -110,9 +111,9 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
     let names: Vec<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
     let (model, prior) = updated(known, &found)?;
     let source = format!("whorl identify {}", names.join(", "));
-    let changes = model_changes::changes((&known.model, &model), (&known.prior, &prior), &source);
+    let changes = changes((&known.model, &model), (&known.prior, &prior), &source);
     prepare_out(out, known)?;
-    model_changes::write(out, &known.platform, &changes)?;
+    model_file::write(out, &known.platform, &changes)?;
     println!("{} entries written to {}", changes.len(), out.display());
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use crate::adequacy::REAL_REST;
 use crate::candidates::Layout;
-use crate::diagnosis::{Candidate, ErrorSummary, ParameterEstimate};
+use crate::diagnosis::{Candidate, ParameterEstimate, SlowResidual};
 use crate::excess::{Power, WINDOWS_S, powers};
 use crate::hypothesis::Hypothesis;
 use crate::problem::{Dataset, Problem};
@@ -70,8 +70,8 @@ pub(crate) fn worst(powers: &[Power; WINDOWS_S.len()]) -> usize {
 }
 
 impl Search<'_> {
-    /// Errors before and after.
-    pub(crate) fn error_summary(&self) -> ErrorSummary {
+    /// The slow residual before and after.
+    pub(crate) fn slow_residual(&self) -> SlowResidual {
         let rms = |problem: &Problem, data: &Dataset, hypothesis: &Hypothesis| {
             momentum_rms(&rest(problem, data, &self.layout, hypothesis))
         };
@@ -79,13 +79,11 @@ impl Search<'_> {
             (Some(problem), Some(data)) => Some(rms(problem, data, hypothesis)),
             _ => None,
         };
-        ErrorSummary {
+        SlowResidual {
             before: rms(self.problem, &self.data, &self.base),
             after: rms(self.problem, &self.data, &self.best),
-            noise_floor: 1.0,
             held_out_before: held(&self.base),
             held_out_after: held(&self.best),
-            channels: crate::horizons::channel_errors(self),
         }
     }
 
@@ -238,7 +236,7 @@ impl Search<'_> {
         }
         let names = self.best.names(&self.layout);
         let mut alternatives = self.alternatives(&rivals);
-        let error = self.error_summary();
+        let slow_residual = self.slow_residual();
         let before = rest(self.problem, &self.data, &self.layout, &self.base);
         let after = rest(self.problem, &self.data, &self.layout, &self.best);
         let worst_before = worst(&before);
@@ -327,7 +325,7 @@ impl Search<'_> {
             confounded_with: if verdict == Verdict::Confounded { alternatives } else { Vec::new() },
             effects,
             unknown,
-            error,
+            slow_residual,
             odd_runs: self.odd_runs(),
             next: self.advice(verdict, &candidates),
             candidates,

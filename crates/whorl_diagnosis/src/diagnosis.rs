@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Version of the JSON form of [`Diagnosis`].
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// How a diagnosis ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -78,39 +78,20 @@ pub struct Unknown {
     pub share: f64,
 }
 
-/// RMS prediction error of one channel in its own unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ChannelError {
-    /// `gyro_x`, `tilt`, `wheel_x_speed`, ...
-    pub channel: String,
-    /// Unit.
-    pub unit: String,
-    /// How far ahead was predicted \[s\].
-    pub horizon_s: f64,
-    /// With the model as given, base refitted.
-    pub before: f64,
-    /// With the effects named.
-    pub after: f64,
-    /// What the sensor's noise alone gives.
-    pub noise_floor: f64,
-}
-
-/// RMS whitened residual, 1 = noise.
+/// RMS of the whitened residual summed over stretches of 1 and 8 s, in times what noise gives.
+///
+/// Where a slow torque is missing it grows with the length of the stretch: it is far more sensitive than an error of
+/// single samples, and no prediction error.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct ErrorSummary {
+pub struct SlowResidual {
     /// Base refitted, no effect added.
     pub before: f64,
     /// With the effects.
     pub after: f64,
-    /// What noise alone gives.
-    pub noise_floor: f64,
     /// As `before` on held-out runs; `None` without any.
     pub held_out_before: Option<f64>,
     /// As `after` on held-out runs.
     pub held_out_after: Option<f64>,
-    /// In physical units at horizons 0.1, 1 and 10 s.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub channels: Vec<ChannelError>,
 }
 
 /// What to do next.
@@ -139,8 +120,8 @@ pub struct Diagnosis {
     pub unknown: Option<Unknown>,
     /// Every effect of the catalogue that was tested, best first.
     pub candidates: Vec<Candidate>,
-    /// Errors before and after.
-    pub error: ErrorSummary,
+    /// The slow residual before and after.
+    pub slow_residual: SlowResidual,
     /// Runs that disagree with the others.
     pub odd_runs: Vec<String>,
     /// What to do next.
@@ -181,7 +162,7 @@ impl Diagnosis {
             kind: None,
             unknown: None,
             candidates: Vec::new(),
-            error: ErrorSummary::default(),
+            slow_residual: SlowResidual::default(),
             odd_runs: Vec::new(),
             next: None,
             remarks: Vec::new(),

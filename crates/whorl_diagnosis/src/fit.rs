@@ -57,8 +57,8 @@ impl Search<'_> {
         let point = point_of(self.problem, &self.layout, &self.point, best);
         let model = self.folded(&point)?;
         let covariance = best.estimate.covariance();
-        let error = self.error_summary();
-        let left = error.after.max(1.0);
+        let slow_residual = self.slow_residual();
+        let left = slow_residual.after.max(1.0);
         // While something else is missing, the constants bend to follow it, and how well they seem to be known
         // says nothing: they keep the given uncertainty, so that the next fit can bring them back.
         let is_explained = left < EXPLAINED;
@@ -105,7 +105,7 @@ impl Search<'_> {
                 at_bound: column.is_at_bound(value),
             });
         }
-        Ok(Fit { model, prior, estimates, error })
+        Ok(Fit { model, prior, estimates, slow_residual })
     }
 
     /// The moment of inertia that the best explanation has moved beyond belief, if one is: data of another platform

@@ -26,7 +26,6 @@ mod excess;
 mod feedback;
 mod filter;
 mod fit;
-mod horizons;
 mod hypothesis;
 mod inputs;
 mod jitter;
@@ -59,8 +58,7 @@ mod wander;
 mod words;
 
 pub use diagnosis::{
-    Candidate, ChannelError, Diagnosis, ErrorSummary, NextManoeuvre, ParameterEstimate, SCHEMA, Unknown,
-    Verdict,
+    Candidate, Diagnosis, NextManoeuvre, ParameterEstimate, SCHEMA, SlowResidual, Unknown, Verdict,
 };
 pub use error::DiagnosisError;
 pub use options::{Options, Progress};
@@ -271,8 +269,8 @@ pub struct Fit {
     pub prior: ModelPrior,
     /// Every fitted parameter of the base model and of the effects.
     pub estimates: Vec<FittedParameter>,
-    /// Errors before and after.
-    pub error: ErrorSummary,
+    /// The slow residual before and after.
+    pub slow_residual: SlowResidual,
 }
 
 /// One fitted parameter.

@@ -54,7 +54,7 @@ impl Search<'_> {
             whole_parts(&candidate.options, &self.layout.columns)
         };
         // Noise that is slower or larger than taken for, and what even the best set leaves, widen all intervals.
-        let left = self.error_summary().after.max(1.0);
+        let left = self.slow_residual().after.max(1.0);
         let widened = self.data.temper.max(left * left);
         let mut choices: Vec<(f64, Hypothesis)> = Vec::new();
         for columns in options {

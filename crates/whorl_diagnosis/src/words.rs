@@ -88,15 +88,16 @@ impl Diagnosis {
             }
         }
         if !self.effects.is_empty() {
-            let held = match (self.error.held_out_before, self.error.held_out_after) {
+            let slow = &self.slow_residual;
+            let held = match (slow.held_out_before, slow.held_out_after) {
                 (Some(before), Some(after)) => {
                     format!(", and on held-out runs from {before:.2} to {after:.2}")
                 }
                 _ => String::new(),
             };
             text.push(format!(
-                "With it the error falls from {:.2} to {:.2} times the noise{held}.",
-                self.error.before, self.error.after
+                "With it the slow residual (whitened, summed over 1 and 8 s; 1 = noise) falls from {:.2} to {:.2}{held}.",
+                slow.before, slow.after
             ));
         }
         if !self.odd_runs.is_empty() {

@@ -40,6 +40,7 @@ mod conventions;
 pub mod covariance;
 mod euler;
 mod mrp;
+mod number;
 mod rotation_vector;
 pub mod statistics;
 mod two_vector;
@@ -55,6 +56,7 @@ pub use constants::{
 };
 pub use euler::{EulerAngles, EulerSequence, GimbalLock};
 pub use mrp::ModifiedRodrigues;
+pub use number::three_digits;
 pub use rotation_vector::{quaternion_exp, right_jacobian, rotation_vector};
 pub use two_vector::{TwoVectorError, attitude_from_two_vectors};
 pub use vector::{DegenerateVector, skew, unit, unit_or};

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use whorl_math::three_digits;
+
 use crate::figure::{Figure, script};
 
 const STYLE: &str = "
@@ -127,21 +129,6 @@ pub(crate) fn significant(value: f64) -> String {
     format!("<td class=n>{}</td>", escaped(&three_digits(value)))
 }
 
-/// A number with three significant digits, in plain notation where that is short; a dash for what is not finite.
-#[must_use]
-pub fn three_digits(value: f64) -> String {
-    if !value.is_finite() {
-        return "–".to_owned();
-    }
-    let size = value.abs();
-    if size == 0.0 || (1e-3..1e5).contains(&size) {
-        let digits = if size == 0.0 { 0 } else { (2 - size.log10().floor() as i32).clamp(0, 6) };
-        format!("{value:.*}", usize::try_from(digits).unwrap_or(0))
-    } else {
-        format!("{value:.2e}")
-    }
-}
-
 /// A table cell of a number; a dash for one that is not finite.
 pub(crate) fn number(value: f64, digits: usize) -> String {
     if value.is_finite() {
@@ -159,16 +146,6 @@ pub(crate) fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_keep_three_digits() {
-        let cases =
-            [(0.0, "0"), (1234.4, "1234"), (-12.345, "-12.3"), (0.012_345, "0.0123"), (1.5e-7, "1.50e-7")];
-        for (value, expected) in cases {
-            assert_eq!(three_digits(value), expected);
-        }
-        assert_eq!(three_digits(f64::NAN), "–");
-    }
 
     #[test]
     fn text_cannot_break_the_page() {

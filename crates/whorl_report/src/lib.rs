@@ -16,11 +16,10 @@ mod reproduction;
 mod series;
 
 pub use data::{PlatformData, Recorded, RunData};
-pub use document::three_digits;
 pub use events::{Happening, happenings};
 pub use explanation::{
-    AdoptedParameter, AdoptionPage, ComparedRun, Facts, NextPage, PlannedMotion, UnexplainedTorque,
-    adoption_html, comparison_html, diagnosis_html, next_html, whereabouts_html,
+    Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, next_html,
+    whereabouts_html,
 };
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};

@@ -1,10 +1,11 @@
 //! Where a model fails, in words.
 
+use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use crate::dependence::{Dependence, Dependences, Frame, Growth, Parity, conditions, dependences};
+use crate::dependence::{Dependence, Dependences, Frame, Growth, Parity, Variable, conditions, dependences};
 use crate::error::ValidationError;
 use whorl_trajectory::{ResidualTorque, residual_torque};
 
@@ -20,10 +21,10 @@ const TIME_MARGIN: f64 = 0.25;
 /// A constant torque that explains within this share of the best curve is the simpler explanation.
 const CONSTANT_MARGIN: f64 = 0.07;
 
-/// Where a model fails in one run.
+/// Where a model fails in one run, or in several together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Whereabouts {
-    /// Name of the run.
+    /// Names of the runs.
     pub run: String,
     /// RMS residual torque about each body axis [N m].
     pub rms_b_n_m: [f64; 3],
@@ -31,32 +32,44 @@ pub struct Whereabouts {
     pub stddev_b_n_m: [f64; 3],
     /// What it depends on.
     pub dependences: Dependences,
-    /// The residual itself, for plots.
+    /// The residual itself, run by run, for plots.
     #[serde(skip)]
-    pub residual: ResidualTorque,
+    pub residuals: Vec<ResidualTorque>,
 }
 
-/// Finds in which regime `model` fails.
+/// Finds in which regime `model` fails, in all of these runs together.
 ///
 /// # Errors
-/// As [`residual_torque`]; also for a run too short to see anything.
-pub fn explain_where(recording: &Recording, model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
-    let residual = residual_torque(recording, model)?;
+/// As [`residual_torque`]; also for runs too short to see anything.
+pub fn explain_where(
+    recordings: &[&Recording],
+    model: &PlatformModel,
+) -> Result<Whereabouts, ValidationError> {
+    let names: Vec<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
+    let run = names.join(", ");
     let wheels: Vec<String> = model.wheels().iter().map(|w| w.name.clone()).collect();
-    let variables =
-        conditions(recording, &residual.time_s, &residual.q_world_body, &residual.omega_wb_b_rad_s, &wheels);
-    let found = dependences(&residual, &variables)
-        .map_err(|error| ValidationError::Dependence { run: recording.name.clone(), error })?;
-    let rms = |values: &[nalgebra::Vector3<f64>]| {
-        let sum: nalgebra::Vector3<f64> = values.iter().map(|v| v.component_mul(v)).sum();
-        (sum / values.len().max(1) as f64).map(f64::sqrt).into()
+    let mut residuals = Vec::new();
+    let mut variables: Vec<Vec<Variable>> = Vec::new();
+    for recording in recordings {
+        let residual = residual_torque(recording, model)?;
+        let (times, attitudes, rates) =
+            (&residual.time_s, &residual.q_world_body, &residual.omega_wb_b_rad_s);
+        variables.push(conditions(recording, times, attitudes, rates, &wheels));
+        residuals.push(residual);
+    }
+    let found = dependences(&residuals, &variables)
+        .map_err(|error| ValidationError::Dependence { run: run.clone(), error })?;
+    let rms = |of: fn(&ResidualTorque) -> &[Vector3<f64>]| {
+        let all = || residuals.iter().flat_map(of);
+        let sum: Vector3<f64> = all().map(|v| v.component_mul(v)).sum();
+        (sum / all().count().max(1) as f64).map(f64::sqrt).into()
     };
     Ok(Whereabouts {
-        run: recording.name.clone(),
-        rms_b_n_m: rms(&residual.torque_b_n_m),
-        stddev_b_n_m: rms(&residual.stddev_b_n_m),
+        rms_b_n_m: rms(|r| &r.torque_b_n_m),
+        stddev_b_n_m: rms(|r| &r.stddev_b_n_m),
+        run,
         dependences: found,
-        residual,
+        residuals,
     })
 }
 

@@ -1,19 +1,19 @@
 //! `whorl adopt`: a physical effect becomes part of a platform's model.
 
 mod output;
-mod versions;
-mod words;
+mod tables;
 mod writing;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use whorl_dynamics::effects::find;
+use whorl_explain::adopt;
 
-use self::output::{as_json, as_page};
-use self::versions::versions;
-use self::words::{answer, print_parameters, print_versions};
-use self::writing::adopt;
+use self::output::as_json;
+use self::tables::{print_parameters, print_versions};
+use self::writing::write;
+use crate::explain::options;
 use crate::progress;
 use crate::provenance::provenance;
 use crate::runs::{OutputArguments, RunArguments, RunContext};
@@ -77,13 +77,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         },
     };
     let runs = progress::during("reading the runs", || run_arguments.read())?;
-    let (versions, left_out) = versions(&runs, &sets)?;
-    let answer = answer(&versions);
+    let adoption =
+        progress::watched("comparing the runs", |say| adopt(&runs.case(), &sets, &options(), say))?;
+    let answer = adoption.answer();
     let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
     let provenance = provenance(&run_arguments, &command)?;
     // Before anything is printed: whoever reads may close the pipe after a few lines.
     let written = if arguments.try_.is_empty() {
-        adopt(arguments.out.as_deref(), arguments.anyway, &runs, &versions, &provenance)
+        write(arguments.out.as_deref(), arguments.anyway, &runs, &adoption, &provenance)
     } else {
         Ok("Nothing was written: --try only compares.".to_owned())
     };
@@ -91,19 +92,19 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("{sentence}");
     }
     println!();
-    print_versions(&versions);
-    for version in versions.iter().filter(|v| !v.effects.is_empty()) {
+    print_versions(&adoption.versions);
+    for version in adoption.versions.iter().filter(|v| !v.effects.is_empty()) {
         print_parameters(version);
     }
-    for reason in &left_out {
-        println!("note: {reason}");
+    for (version, reason) in &adoption.left_out {
+        println!("note: {version}: {reason}");
     }
     println!("\n{}", written?);
-    arguments.output.write_json(|| as_json(&runs, &versions, &answer, &provenance))?;
+    arguments.output.write_json(|| as_json(&runs, &adoption.versions, &answer, &provenance))?;
     let mut facts = runs.facts.clone();
     facts.push(("command".to_owned(), format!("whorl {command}")));
     facts.push(("provenance".to_owned(), provenance));
-    let page = whorl_report::adoption_html(&as_page(&versions, answer), &facts);
+    let page = whorl_report::adoption_html(&adoption, &facts);
     let page = arguments.output.write_page(&run_arguments, "adopt.html", &page)?;
     println!("page: {}", page.display());
     Ok(())

@@ -1,35 +1,12 @@
-//! Versions for the page and as JSON.
+//! Versions as JSON.
 
 use serde_json::json;
-use whorl_report::{AdoptedParameter, AdoptionPage};
+use whorl_explain::Version;
 
-use super::versions::{Version, error};
 use crate::runs::Runs;
 
 /// Version of the JSON form.
-const SCHEMA: u32 = 1;
-
-pub fn as_page(versions: &[Version], answer: Vec<String>) -> AdoptionPage {
-    let adopted = versions.last().and_then(|v| v.fit.as_ref());
-    AdoptionPage {
-        answer,
-        versions: versions.iter().map(|v| v.name.clone()).collect(),
-        runs: versions.iter().map(|v| v.runs.clone()).collect(),
-        parameters: adopted.map_or_else(Vec::new, |fit| {
-            fit.estimates
-                .iter()
-                .map(|p| AdoptedParameter {
-                    group: p.group.clone(),
-                    name: p.name.clone(),
-                    unit: p.unit.clone(),
-                    before: p.before,
-                    estimate: p.estimate,
-                    stddev: p.stddev,
-                })
-                .collect()
-        }),
-    }
-}
+const SCHEMA: u32 = 2;
 
 pub fn as_json(
     runs: &Runs,
@@ -59,8 +36,8 @@ pub fn as_json(
         list.push(json!({
             "name": version.name,
             "effects": version.effects,
-            "error": error(version, false),
-            "held_out_error": error(version, true),
+            "prediction_error": version.prediction_error(false),
+            "held_out_prediction_error": version.prediction_error(true),
             "parameters": parameters,
             "runs": compared,
         }));

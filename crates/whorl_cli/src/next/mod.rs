@@ -1,24 +1,22 @@
 //! `whorl next`: the manoeuvre that tells most about what is still in doubt.
 
-mod design;
-mod experiment;
-mod family;
 mod rehearsal;
-#[cfg(test)]
-mod tests;
-mod words;
+mod tables;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde_json::json;
-use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Verdict};
+use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Progress, Verdict};
+use whorl_explain::propose::{Judged, leading_explanation, yaml};
+use whorl_explain::{Proposal, propose};
+use whorl_recording::KnownPlatform;
 use whorl_report::{NextPage, PlannedMotion};
 
-use self::design::{Design, Judged};
-use crate::diagnose::{SearchArguments, asked};
+use self::rehearsal::Stage;
+use crate::explain::{ExplainArguments, SearchArguments};
 use crate::progress;
-use crate::runs::{OutputArguments, RunArguments, Runs, write};
+use crate::runs::{Runs, write};
 use crate::table::print;
 
 /// Version of the JSON form.
@@ -28,14 +26,12 @@ const SCHEMA: u32 = 1;
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    runs: RunArguments,
+    explain: ExplainArguments,
     /// The experiment to write, e.g. params/experiments/separate.yaml.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
     search: SearchArguments,
-    #[command(flatten)]
-    output: OutputArguments,
 }
 
 /// Carries out `whorl next`.
@@ -45,23 +41,27 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Some(name) if out.extension().is_some_and(|e| e == "yaml" || e == "yml") => name,
         _ => bail!("--out {} is no experiment file; its name must end in .yaml", out.display()),
     };
-    let runs = progress::during("reading the runs", || arguments.runs.read())?;
+    let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let options = arguments.search.options();
     let known = &runs.known;
     let folder = out.parent().and_then(Path::parent);
-    let common = design::common_file(known, folder).context(
+    let common = common_file(known, folder).context(
         "there is no common.yaml beside the model; write the experiment into a parameter folder, e.g. --out params/experiments/separate.yaml",
     )?;
-    let diagnosis = asked(&runs, &options)?;
-    let design = design::design(known, &common, &runs.training, &diagnosis, &options)?;
-    let best = design.best().context("no manoeuvre was found")?;
-    let answer = words::answer(&design, best, diagnosis.verdict, &known.platform);
+    let diagnosis = progress::watched("diagnosing", |say| {
+        let mut show = |p: Progress| say(p.share, p.doing);
+        let (training, held_out) = (&runs.training, &runs.held_out);
+        whorl_diagnosis::diagnose(training, held_out, &known.model, &known.prior, &options, &mut show)
+    })?;
+    let proposal = proposal(&runs, &common, &diagnosis, &options)?;
+    let best = proposal.best().context("no manoeuvre was found")?;
+    let answer = proposal.answer(best, diagnosis.verdict, &known.platform);
     let comments: Vec<String> = answer
         .iter()
-        .flat_map(|sentence| words::wrapped(sentence, 108))
+        .flat_map(|sentence| tables::wrapped(sentence, 108))
         .chain(["Written by `whorl next`; docs/experiments.md explains every key.".to_owned()])
         .collect();
-    let text = experiment::yaml(&name, &known.platform, &best.envelope, &best.manoeuvre, &comments);
+    let text = yaml(&name, &known.platform, &best.envelope, &best.manoeuvre, &comments);
     if let Some(parent) = out.parent().filter(|p| !p.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent).with_context(|| format!("cannot create {}", parent.display()))?;
     }
@@ -70,8 +70,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("{sentence}");
     }
     println!();
-    print(&words::HEADINGS.map(str::to_owned), &words::rows(&design));
-    for (name, reason) in &design.left_out {
+    print(&tables::HEADINGS.map(str::to_owned), &tables::rows(&proposal));
+    for (name, reason) in &proposal.left_out {
         println!("note: {name} is left out: even made smaller it {reason}");
     }
     println!("\nexperiment: {}", out.display());
@@ -83,30 +83,30 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         out.display(),
         known.platform
     );
-    let given: Vec<String> = arguments.runs.runs.iter().map(|r| r.display().to_string()).collect();
+    let given: Vec<String> = arguments.explain.runs.runs.iter().map(|r| r.display().to_string()).collect();
     println!("then:       whorl diagnose {} NEW_RUN", given.join(" "));
-    arguments.output.write_json(|| Ok(as_json(&known.platform, &design, best, &answer)))?;
+    arguments.explain.write_json(|| Ok(as_json(&known.platform, &proposal, best, &answer)))?;
     let shown = NextPage {
         answer,
-        headings: words::HEADINGS.map(str::to_owned).to_vec(),
-        rows: words::rows(&design),
+        headings: tables::HEADINGS.map(str::to_owned).to_vec(),
+        rows: tables::rows(&proposal),
         motion: motion(best),
     };
     let page = whorl_report::next_html(&shown, &runs.facts);
-    let page = arguments.output.write_page(&arguments.runs, "next.html", &page)?;
+    let page = arguments.explain.write_page("next.html", &page)?;
     println!("page:       {}", page.display());
     Ok(())
 }
 
 /// What `whorl diagnose` says of the next run: the best manoeuvre, where explanations are left or the data could not
 /// have shown any. `None` where nothing needs to be separated, or no manoeuvre can be rehearsed.
-pub fn proposal(runs: &Runs, diagnosis: &Diagnosis, options: &Options) -> Option<NextManoeuvre> {
+pub fn suggestion(runs: &Runs, diagnosis: &Diagnosis, options: &Options) -> Option<NextManoeuvre> {
     if !matches!(diagnosis.verdict, Verdict::Confounded | Verdict::NotEnoughInformation) {
         return None;
     }
-    let common = design::common_file(&runs.known, None)?;
-    let design = design::design(&runs.known, &common, &runs.training, diagnosis, options).ok()?;
-    let best = design.best()?;
+    let common = common_file(&runs.known, None)?;
+    let proposal = proposal(runs, &common, diagnosis, options).ok()?;
+    let best = proposal.best()?;
     Some(NextManoeuvre {
         manoeuvre: format!(
             "{} {} ({}); `whorl next` writes it as an experiment",
@@ -114,6 +114,32 @@ pub fn proposal(runs: &Runs, diagnosis: &Diagnosis, options: &Options) -> Option
         ),
         expected_log_odds: best.prospect.log_odds.unwrap_or(0.0),
     })
+}
+
+/// Rehearses the manoeuvres on the platform as the data say, and judges them. `common` is the parameter file that all
+/// nodes share.
+fn proposal(
+    runs: &Runs,
+    common: &Path,
+    diagnosis: &Diagnosis,
+    options: &Options,
+) -> anyhow::Result<Proposal> {
+    let (case, known) = (runs.case(), &runs.known);
+    progress::watched("fitting the leading explanation", |say| {
+        let truth = leading_explanation(&case, diagnosis, options);
+        let stage = Stage::new(known, common, &truth)?;
+        let rehearse = |name: &str, yaml: &str| {
+            stage.rehearse(name, yaml, &known.model).map_err(|error| format!("{error:#}"))
+        };
+        Ok(propose(&case, &known.platform, diagnosis, options, &rehearse, say)?)
+    })
+}
+
+/// The parameters that all nodes share: beside the model, in `folder`, or in the working directory's `params`.
+fn common_file(known: &KnownPlatform, folder: Option<&Path>) -> Option<PathBuf> {
+    let beside = known.files.iter().find(|f| f.file_name().is_some_and(|n| n == "common.yaml")).cloned();
+    let there = [folder, Some(Path::new("params"))];
+    beside.or_else(|| there.into_iter().flatten().map(|f| f.join("common.yaml")).find(|f| f.is_file()))
 }
 
 fn motion(best: &Judged) -> PlannedMotion {
@@ -128,7 +154,7 @@ fn motion(best: &Judged) -> PlannedMotion {
     }
 }
 
-fn as_json(platform: &str, design: &Design, best: &Judged, answer: &[String]) -> serde_json::Value {
+fn as_json(platform: &str, proposal: &Proposal, best: &Judged, answer: &[String]) -> serde_json::Value {
     let one = |j: &Judged| {
         json!({
             "name": j.manoeuvre.name,
@@ -143,14 +169,14 @@ fn as_json(platform: &str, design: &Design, best: &Judged, answer: &[String]) ->
         "schema": SCHEMA,
         "platform": platform,
         "answer": answer,
-        "explanations": design.explanations,
-        "log_odds_now": design.now.log_odds,
-        "effects_shown_now": design.now.shown,
+        "explanations": proposal.explanations,
+        "log_odds_now": proposal.now.log_odds,
+        "effects_shown_now": proposal.now.shown,
         "next": {
             "manoeuvre": format!("the platform {}", best.manoeuvre.words),
             "expected_log_odds": best.prospect.log_odds.unwrap_or(0.0),
         },
-        "manoeuvres": design.judged.iter().map(one).collect::<Vec<_>>(),
-        "left_out": design.left_out.iter().map(|(name, reason)| json!({"name": name, "reason": reason})).collect::<Vec<_>>(),
+        "manoeuvres": proposal.judged.iter().map(one).collect::<Vec<_>>(),
+        "left_out": proposal.left_out.iter().map(|(name, reason)| json!({"name": name, "reason": reason})).collect::<Vec<_>>(),
     })
 }

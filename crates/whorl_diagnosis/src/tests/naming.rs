@@ -75,8 +75,8 @@ fn a_long_latency_is_named_with_its_size_and_explains_the_data() {
     );
     let late = &diagnosis.candidates[0].parameters[0];
     assert!((late.estimate - 0.015).abs() < 3.0 * late.stddev && late.stddev < 1e-3, "{late:?}");
-    let error = &diagnosis.error;
-    assert!(error.after < 1.03, "{error:?}");
+    let slow = &diagnosis.slow_residual;
+    assert!(slow.after < 1.03, "{slow:?}");
 }
 
 fn diagnosis_with(extra: Extra<'_>, seed: u64) -> Diagnosis {

@@ -33,13 +33,13 @@ fn a_constant_has_one_uncertainty() {
     };
     // While a strong friction is missing, the constants bend: what is known of them is what was known.
     let missing = fitted(&[]);
-    assert!(missing.error.after > 1.2, "{}", missing.error.after);
+    assert!(missing.slow_residual.after > 1.2, "{}", missing.slow_residual.after);
     for (name, given, handed_on, said) in stddevs(&prior, &missing) {
         assert_eq!((handed_on, said), (given, given), "{name}");
     }
     // With it the data add to what was known, and cannot take away from it.
     let complete = fitted(&["bearing_viscous_friction"]);
-    assert!(complete.error.after < 1.2, "{}", complete.error.after);
+    assert!(complete.slow_residual.after < 1.2, "{}", complete.slow_residual.after);
     for (name, given, handed_on, said) in stddevs(&prior, &complete) {
         assert!(said == handed_on && said <= given, "{name}: {given} {handed_on} {said}");
     }

@@ -1,5 +1,6 @@
 //! The page of `whorl compare`.
 
+use whorl_explain::ComparedRun;
 use whorl_validation::Comparison;
 use whorl_validation::comparison::{Channel, INITIAL_STATE_RULE, Overlay, Quantity};
 
@@ -11,19 +12,9 @@ use crate::series::Curve;
 /// A ratio to the noise floor that is shown as good.
 const GOOD_RATIO: f64 = 1.1;
 
-/// A run that was compared.
-#[derive(Debug, Clone)]
-pub struct ComparedRun {
-    /// The numbers.
-    pub comparison: Comparison,
-    /// Whether the run was kept out of every fit.
-    pub held_out: bool,
-}
-
-impl ComparedRun {
-    fn title(&self) -> String {
-        format!("{}{}", self.comparison.run, if self.held_out { " (held out)" } else { "" })
-    }
+/// Name of the run, and whether it was held out.
+pub(super) fn title(run: &ComparedRun) -> String {
+    format!("{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" })
 }
 
 /// The page as one self-contained HTML document.
@@ -59,7 +50,7 @@ fn horizon_name(horizon_s: Option<f64>) -> String {
 
 fn error_table(page: &mut Document, run: &ComparedRun) {
     let Some(first) = run.comparison.channels.first() else { return };
-    page.paragraph("", &run.title());
+    page.paragraph("", &title(run));
     let mut headings =
         vec!["channel".to_owned(), "unit".to_owned(), "#noise floor".to_owned(), "from".to_owned()];
     for h in &first.horizons {
@@ -89,7 +80,7 @@ fn error_row(channel: &Channel) -> Vec<String> {
 
 fn run_section(page: &mut Document, run: &ComparedRun) {
     let comparison = &run.comparison;
-    page.heading(&run.title());
+    page.heading(&title(run));
     if let Some(absolute) = &comparison.absolute {
         page.paragraph(
             "",

@@ -1,35 +1,23 @@
 //! The page of `whorl diagnose`.
 
-use whorl_diagnosis::{Candidate, ChannelError, Diagnosis, ParameterEstimate, Verdict};
+use whorl_diagnosis::{Candidate, Diagnosis, ParameterEstimate, Verdict};
+use whorl_explain::{Explanation, UnexplainedTorque};
+use whorl_math::three_digits;
 use whorl_trajectory::ResidualTorque;
 
+use super::versions::versions;
 use super::{Facts, facts};
-use crate::document::{Document, code, judged, number, significant, text, three_digits};
+use crate::document::{Document, code, judged, number, text};
 use crate::figure::Figure;
 use crate::series::Curve;
 
-/// The torque that a model leaves unexplained in one run, without and with the effects that were named.
-#[derive(Debug, Clone, PartialEq)]
-pub struct UnexplainedTorque {
-    /// Name of the run.
-    pub run: String,
-    /// Without.
-    pub before: ResidualTorque,
-    /// With; `None` when no effect was named.
-    pub after: Option<ResidualTorque>,
-}
-
-/// The page as one self-contained HTML document; `answer` is the verdict in words, one paragraph each.
+/// The page as one self-contained HTML document.
 #[must_use]
-pub fn diagnosis_html(
-    diagnosis: &Diagnosis,
-    answer: &[String],
-    torque: Option<&UnexplainedTorque>,
-    about: &Facts,
-) -> String {
+pub fn diagnosis_html(found: &Explanation, about: &Facts) -> String {
+    let diagnosis = &found.diagnosis;
     let mut page = Document::new("What is missing?");
-    for sentence in answer {
-        page.paragraph("answer", sentence);
+    for sentence in found.answer() {
+        page.paragraph("answer", &sentence);
     }
     if let Some(next) = &diagnosis.next {
         page.paragraph(
@@ -40,12 +28,12 @@ pub fn diagnosis_html(
             ),
         );
     }
-    if let Some(torque) = torque {
+    if let Some(torque) = &found.torque {
         page.heading("Unexplained torque");
         unexplained(torque).iter().for_each(|figure| page.figure(figure, None));
     }
-    errors(&mut page, diagnosis);
-    page.figure(&errors_over_horizon(diagnosis), None);
+    versions(&mut page, &found.versions);
+    slow_residual(&mut page, diagnosis);
     candidates(&mut page, diagnosis);
     page.list(&diagnosis.remarks);
     if !diagnosis.odd_runs.is_empty() {
@@ -58,86 +46,20 @@ pub fn diagnosis_html(
     page.finish()
 }
 
-fn errors(page: &mut Document, diagnosis: &Diagnosis) {
-    let error = &diagnosis.error;
-    page.heading("Error before and after");
+fn slow_residual(page: &mut Document, diagnosis: &Diagnosis) {
+    let slow = &diagnosis.slow_residual;
+    page.heading("Slow residual before and after");
     page.paragraph(
         "rule",
-        "RMS of the whitened residual; 1 = noise. Base parameters are refitted in both columns.",
+        "RMS of the whitened residual summed over stretches of 1 and 8 s, in times what noise gives. It grows with the length of the \
+         stretch where a slow torque is missing, so it is larger than the prediction error. The platform's own parameters are refitted \
+         in both columns.",
     );
-    let mut rows = vec![vec![
-        text("training runs"),
-        number(error.before, 3),
-        number(error.after, 3),
-        number(error.noise_floor, 3),
-    ]];
-    if let (Some(before), Some(after)) = (error.held_out_before, error.held_out_after) {
-        rows.push(vec![
-            text("held-out runs"),
-            number(before, 3),
-            number(after, 3),
-            number(error.noise_floor, 3),
-        ]);
+    let mut rows = vec![vec![text("training runs"), number(slow.before, 3), number(slow.after, 3)]];
+    if let (Some(before), Some(after)) = (slow.held_out_before, slow.held_out_after) {
+        rows.push(vec![text("held-out runs"), number(before, 3), number(after, 3)]);
     }
-    page.table(&["", "#before", "#after", "#noise"], &rows);
-    if error.channels.is_empty() {
-        return;
-    }
-    let rows: Vec<Vec<String>> = error
-        .channels
-        .iter()
-        .map(|c| {
-            let (unit, factor) = display(&c.unit, &c.channel);
-            vec![
-                text(&c.channel),
-                text(unit),
-                number(c.horizon_s, 1),
-                significant(c.before * factor),
-                significant(c.after * factor),
-                significant(c.noise_floor * factor),
-            ]
-        })
-        .collect();
-    page.table(&["channel", "unit", "#horizon [s]", "#before", "#after", "#noise floor"], &rows);
-}
-
-/// Degrees for the body's angles and rates; wheels turn too fast for them.
-fn display<'a>(unit: &'a str, channel: &str) -> (&'a str, f64) {
-    match unit {
-        "rad" => ("deg", whorl_math::deg_from_rad(1.0)),
-        "rad/s" if !channel.starts_with("wheel") => ("deg/s", whorl_math::deg_from_rad(1.0)),
-        other => (other, 1.0),
-    }
-}
-
-/// Largest error over noise of each kind of channel at each horizon, before and after.
-fn errors_over_horizon(diagnosis: &Diagnosis) -> Figure {
-    let channels = &diagnosis.error.channels;
-    let mut horizons: Vec<f64> = channels.iter().map(|c| c.horizon_s).collect();
-    horizons.sort_by(f64::total_cmp);
-    horizons.dedup();
-    let curve = |name: &str, of: &dyn Fn(&ChannelError) -> f64| {
-        let worst = |h: f64| {
-            let ratios = channels.iter().filter(|c| c.horizon_s == h).map(|c| of(c) / c.noise_floor);
-            ratios.filter(|r| r.is_finite()).fold(f64::NAN, f64::max)
-        };
-        Curve::new(name, horizons.iter().map(|h| (*h, worst(*h))))
-    };
-    let curves = if horizons.is_empty() {
-        Vec::new()
-    } else {
-        vec![curve("before", &|c| c.before), curve("with the effects named", &|c| c.after)]
-    };
-    Figure {
-        title: "Error over horizon".to_owned(),
-        caption: "Of the worst channel, over its noise floor; 1 = noise.".to_owned(),
-        x_label: "horizon [s]".to_owned(),
-        y_label: "RMS / noise floor".to_owned(),
-        curves,
-        log: true,
-        log_x: true,
-        ..Figure::default()
-    }
+    page.table(&["", "#before", "#after"], &rows);
 }
 
 /// A figure for each axis on which there is something to see, the largest first.

@@ -5,11 +5,12 @@ mod adoption;
 mod comparison;
 mod diagnosis;
 mod proposal;
+mod versions;
 mod whereabouts;
 
-pub use adoption::{AdoptedParameter, AdoptionPage, adoption_html};
-pub use comparison::{ComparedRun, comparison_html};
-pub use diagnosis::{UnexplainedTorque, diagnosis_html};
+pub use adoption::adoption_html;
+pub use comparison::comparison_html;
+pub use diagnosis::diagnosis_html;
 pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use whereabouts::whereabouts_html;
 

@@ -1,5 +1,7 @@
 //! The page of `whorl where`.
 
+use whorl_explain::Located;
+use whorl_trajectory::ResidualTorque;
 use whorl_validation::Whereabouts;
 use whorl_validation::dependence::{Dependence, Frame};
 
@@ -13,19 +15,30 @@ const DRAWN: usize = 4;
 
 /// The page as one self-contained HTML document.
 #[must_use]
-pub fn whereabouts_html(runs: &[Whereabouts], about: &Facts) -> String {
+pub fn whereabouts_html(found: &Located, about: &Facts) -> String {
     let mut page = Document::new("Where does the model fail?");
-    for run in runs {
-        for sentence in run.answer() {
-            page.paragraph("answer", &sentence);
-        }
+    for sentence in found.pooled.answer() {
+        page.paragraph("answer", &sentence);
     }
-    for run in runs {
-        page.heading(&run.run);
-        if run.is_anything_left() {
-            section(&mut page, run);
+    let refitted = match &found.not_refitted {
+        None => {
+            "The platform's own parameters were refitted to the training runs first, within their priors."
+                .to_owned()
         }
-        for figure in over_time(run) {
+        Some(reason) => format!("The platform's own parameters are as given: {reason}"),
+    };
+    page.paragraph("rule", &refitted);
+    if found.pooled.is_anything_left() {
+        page.heading(&found.pooled.run);
+        section(&mut page, &found.pooled);
+    }
+    let each = if found.runs.is_empty() { std::slice::from_ref(&found.pooled) } else { &found.runs };
+    for run in each {
+        page.heading(&format!("{} over time", run.run));
+        if !found.runs.is_empty() {
+            run.answer().iter().for_each(|sentence| page.paragraph("answer", sentence));
+        }
+        for figure in run.residuals.iter().flat_map(over_time) {
             page.figure(&figure, None);
         }
     }
@@ -114,8 +127,7 @@ fn shape(d: &Dependence) -> Figure {
 }
 
 /// The residual over time, in both frames.
-fn over_time(run: &Whereabouts) -> Vec<Figure> {
-    let torque = &run.residual;
+fn over_time(torque: &ResidualTorque) -> [Figure; 2] {
     let figure = |frame: Frame| {
         let values: Vec<nalgebra::Vector3<f64>> = torque
             .torque_b_n_m
@@ -139,5 +151,5 @@ fn over_time(run: &Whereabouts) -> Vec<Figure> {
             ..Figure::default()
         }
     };
-    vec![figure(Frame::Body), figure(Frame::World)]
+    [figure(Frame::Body), figure(Frame::World)]
 }

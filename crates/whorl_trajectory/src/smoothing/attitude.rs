@@ -11,11 +11,9 @@ use whorl_math::covariance;
 use whorl_math::{GRAVITY_M_S2, quaternion_exp, rotation_vector, skew, unit_or, vertical_b};
 use whorl_recording::Recording;
 
-use super::sensors::{Sensors, one_sample, rate_between};
+use super::sensors::{NODE_S, Sensors, one_sample, rate_between};
 use super::start::start_attitude;
 
-/// Time between nodes \[s\].
-pub(super) const NODE_S: f64 = 0.2;
 /// A gap between gyro samples beyond this adds uncertainty \[s\].
 const GAP_S: f64 = 0.05;
 /// Without an accelerometer the tilt wanders about balance with this correlation time \[s\].

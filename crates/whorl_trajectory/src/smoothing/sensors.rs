@@ -6,8 +6,10 @@ use whorl_dynamics::platform::TriaxialErrors;
 use whorl_math::quaternion_exp;
 use whorl_recording::{Recording, Series};
 
-use super::attitude::NODE_S;
 use crate::line::Line;
+
+/// Time between nodes \[s\].
+pub(super) const NODE_S: f64 = 0.2;
 
 /// What the sensor saw, its modelled errors taken out, and when.
 fn corrected(series: &Series<Vector3<f64>>, errors: &TriaxialErrors) -> (Vec<f64>, Vec<Vector3<f64>>) {

@@ -42,6 +42,12 @@ pub struct Absolute {
 }
 
 impl Absolute {
+    /// The prediction error in times the noise: root of chi-squared per degree of freedom; 1 = noise.
+    #[must_use]
+    pub fn prediction_error(&self) -> f64 {
+        self.chi_squared_per_degree.sqrt()
+    }
+
     /// Whether the residuals are no more than the stated noise.
     #[must_use]
     pub fn is_noise(&self) -> bool {

@@ -13,13 +13,13 @@ impl Comparison {
     pub fn answer(&self) -> String {
         let mut text = match &self.absolute {
             Some(absolute) if absolute.is_noise() => format!(
-                "{}: the model explains the data to the noise (mean square of the whitened residual {:.3}, 99 % band up to {:.3}).",
+                "{}: the model explains the data to the noise (chi-squared per degree of freedom {:.3}, 99 % band up to {:.3}).",
                 self.run, absolute.chi_squared_per_degree, absolute.band_99.1
             ),
             Some(absolute) => format!(
-                "{}: the model does not explain the data: the whitened residual is {:.2} times the noise (mean square {:.2}, 99 % band up to {:.3}).",
+                "{}: the model does not explain the data: the prediction error is {:.2} times the noise (chi-squared per degree of freedom {:.2}, 99 % band up to {:.3}).",
                 self.run,
-                absolute.chi_squared_per_degree.sqrt(),
+                absolute.prediction_error(),
                 absolute.chi_squared_per_degree,
                 absolute.band_99.1
             ),
@@ -62,6 +62,12 @@ impl Comparison {
         }
         findings.sort_by(|a, b| b.0.total_cmp(&a.0));
         findings.into_iter().take(FINDINGS).map(|(_, text)| text).collect()
+    }
+
+    /// The prediction error over all channels in times the noise; `None` where that could not be tested.
+    #[must_use]
+    pub fn prediction_error(&self) -> Option<f64> {
+        self.absolute.as_ref().map(super::Absolute::prediction_error)
     }
 
     /// Whether the residuals are no more than noise; `None` where that could not be tested.

@@ -138,18 +138,34 @@ fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
     axes
 }
 
-/// Finds what a residual torque depends on. Variables that hardly vary, or whose values do not match the
-/// residual in number, are left out.
+/// Finds what a residual torque depends on, in one run or in several that are taken together: one curve for all. For
+/// each run its variables; those that hardly vary, that not every run has, or whose values do not match the residual
+/// in number, are left out.
 ///
 /// # Errors
 /// See [`DependenceError`].
 pub fn dependences(
-    residual: &ResidualTorque,
-    variables: &[Variable],
+    residuals: &[ResidualTorque],
+    variables: &[Vec<Variable>],
 ) -> Result<Dependences, DependenceError> {
-    let count = checked(residual)?;
-    let body = seen_in(residual, Frame::Body);
-    let world = seen_in(residual, Frame::World);
+    let mut count = 0;
+    for residual in residuals {
+        count += checked(residual)?;
+    }
+    if count == 0 {
+        return Err(DependenceError::TooFewValues { given: 0 });
+    }
+    let seen = |frame: Frame| {
+        let mut axes = [const { Vec::new() }; 3];
+        for residual in residuals {
+            for (all, own) in axes.iter_mut().zip(seen_in(residual, frame)) {
+                all.extend(own);
+            }
+        }
+        axes
+    };
+    let (body, world) = (seen(Frame::Body), seen(Frame::World));
+    let variables = together(variables);
     let total: f64 = sum_of_squares(&body).iter().sum();
     let noise = (3 * count) as f64;
     let folds = folds(count);
@@ -213,8 +229,27 @@ pub fn dependences(
         mean_b_n_m: body.each_ref().map(|axis| mean(axis)),
         mean_world_n_m: world.each_ref().map(|axis| mean(axis)),
         ranked,
-        line: spectral_line(residual),
+        line: strongest_line(residuals),
     })
+}
+
+/// Variables of the same name of all runs, one after the other.
+fn together(runs: &[Vec<Variable>]) -> Vec<Variable> {
+    let Some((first, others)) = runs.split_first() else { return Vec::new() };
+    let joined = first.iter().map(|variable| {
+        let mut joined = variable.clone();
+        for run in others {
+            joined.value.extend(&run.iter().find(|v| v.name == variable.name)?.value);
+        }
+        Some(joined)
+    });
+    joined.flatten().collect()
+}
+
+/// Of all runs, the line that holds the largest share of its axis' power.
+fn strongest_line(residuals: &[ResidualTorque]) -> Option<SpectralLine> {
+    let lines = residuals.iter().filter_map(spectral_line);
+    lines.max_by(|a, b| a.share.total_cmp(&b.share))
 }
 
 /// The fold of each value: stretches of time, dealt out in turn, so that each fold sees all of the run.

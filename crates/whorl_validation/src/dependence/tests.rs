@@ -65,11 +65,16 @@ impl Run {
     }
 }
 
+/// Of one run.
+fn dependences_of(residual: &ResidualTorque, variables: &[Variable]) -> Result<Dependences, DependenceError> {
+    dependences(std::slice::from_ref(residual), &[variables.to_vec()])
+}
+
 #[test]
 fn coulomb_friction_is_an_odd_saturating_function_of_yaw_rate() {
     let mut run = Run::new(1);
     let residual = run.residual(|_, _, rate| Vector3::new(0.0, 0.0, -5e-3 * (rate / 0.01).tanh()));
-    let found = dependences(&residual, &run.variables()).unwrap();
+    let found = dependences_of(&residual, &run.variables()).unwrap();
     let top = &found.ranked[0];
     assert_eq!(top.variable, "yaw_rate");
     assert_eq!((top.frame, top.axis), (Frame::Body, 2));
@@ -86,7 +91,7 @@ fn the_curve_has_the_true_value_within_its_band() {
     for seed in 100..130 {
         let mut run = Run::new(seed);
         let residual = run.residual(|_, _, rate| Vector3::new(0.0, 0.0, -0.04 * rate));
-        let found = dependences(&residual, &run.variables()).unwrap();
+        let found = dependences_of(&residual, &run.variables()).unwrap();
         let top = &found.ranked[0];
         let summary = (top.variable.as_str(), top.parity, top.growth);
         assert_eq!(summary, ("yaw_rate", Parity::Odd, Growth::Linear));
@@ -104,7 +109,7 @@ fn the_curve_has_the_true_value_within_its_band() {
 fn drag_grows_faster_than_the_rate() {
     let mut run = Run::new(3);
     let residual = run.residual(|_, _, rate| Vector3::new(0.0, 0.0, -0.5 * rate * rate.abs()));
-    let found = dependences(&residual, &run.variables()).unwrap();
+    let found = dependences_of(&residual, &run.variables()).unwrap();
     let top = &found.ranked[0];
     assert_eq!(
         (top.variable.as_str(), top.parity, top.growth),
@@ -116,12 +121,12 @@ fn drag_grows_faster_than_the_rate() {
 fn a_draught_is_constant_in_the_room_and_a_turbine_on_the_platform() {
     let mut run = Run::new(4);
     let draught = run.residual(|_, q, _| q.inverse_transform_vector(&Vector3::new(4e-3, -3e-3, 0.0)));
-    let found = dependences(&draught, &run.variables()).unwrap();
+    let found = dependences_of(&draught, &run.variables()).unwrap();
     assert!(found.constant_world_share > 0.95, "{}", found.constant_world_share);
     assert!(found.constant_body_share < 0.3, "{}", found.constant_body_share);
     assert!((found.mean_world_n_m[0] - 4e-3).abs() < 2e-4);
     let turbine = run.residual(|_, _, _| Vector3::new(2e-3, 0.0, 4e-3));
-    let found = dependences(&turbine, &run.variables()).unwrap();
+    let found = dependences_of(&turbine, &run.variables()).unwrap();
     assert!(found.constant_body_share > 0.95, "{}", found.constant_body_share);
 }
 
@@ -133,11 +138,11 @@ fn a_spring_in_yaw_is_seen_in_azimuth() {
         Vector3::new(0.0, 0.0, 5e-3 * yaw)
     });
     // The heading repeats only roughly: a torque that follows another clock is not named azimuth.
-    let found = dependences(&residual, &run.variables()).unwrap();
+    let found = dependences_of(&residual, &run.variables()).unwrap();
     assert_ne!(found.ranked[0].variable, "azimuth");
     let heading = run.yaw_rad.clone();
     let residual = run.residual(|k, _, _| Vector3::new(0.0, 0.0, 5e-3 * (2.0 * heading[k]).sin()));
-    let found = dependences(&residual, &run.variables()).unwrap();
+    let found = dependences_of(&residual, &run.variables()).unwrap();
     assert_eq!(found.ranked[0].variable, "azimuth");
     assert!(found.ranked[0].share > 0.9, "{}", found.ranked[0].share);
 }
@@ -147,7 +152,7 @@ fn noise_alone_depends_on_nothing() {
     for seed in 10..20 {
         let mut run = Run::new(seed);
         let residual = run.residual(|_, _, _| Vector3::zeros());
-        let found = dependences(&residual, &run.variables()).unwrap();
+        let found = dependences_of(&residual, &run.variables()).unwrap();
         assert!((found.mean_square_whitened - 1.0).abs() < 0.15, "{}", found.mean_square_whitened);
         assert!(found.excess < 0.1, "{}", found.excess);
         assert_eq!(found.line, None);
@@ -160,7 +165,7 @@ fn a_line_is_found_at_its_frequency() {
     let residual = run.residual(|k, q, _| {
         q.inverse_transform_vector(&Vector3::new(0.0, 3e-3 * (TAU * 0.09 * 0.5 * k as f64).sin(), 0.0))
     });
-    let line = dependences(&residual, &run.variables()).unwrap().line.unwrap();
+    let line = dependences_of(&residual, &run.variables()).unwrap().line.unwrap();
     assert!((line.frequency_hz - 0.09).abs() < 0.004, "{}", line.frequency_hz);
     assert_eq!((line.frame, line.axis), (Frame::World, 1));
     assert!((line.amplitude_n_m - 3e-3).abs() < 3e-4, "{}", line.amplitude_n_m);
@@ -176,11 +181,28 @@ fn unusable_residuals_are_refused() {
     }
     short.time_s.truncate(5);
     short.q_world_body.truncate(5);
-    assert_eq!(dependences(&short, &[]), Err(DependenceError::TooFewValues { given: 5 }));
+    assert_eq!(dependences_of(&short, &[]), Err(DependenceError::TooFewValues { given: 5 }));
     let mut poisoned = good.clone();
     poisoned.torque_b_n_m[7].y = f64::NAN;
-    assert!(matches!(dependences(&poisoned, &[]), Err(DependenceError::NotUsable(_))));
+    assert!(matches!(dependences_of(&poisoned, &[]), Err(DependenceError::NotUsable(_))));
     let mut certain = good;
     certain.stddev_b_n_m[0].x = 0.0;
-    assert!(matches!(dependences(&certain, &[]), Err(DependenceError::NotUsable(_))));
+    assert!(matches!(dependences_of(&certain, &[]), Err(DependenceError::NotUsable(_))));
+}
+
+/// Friction in two runs, one at rest and one that turns: together they show one curve, over the rates of both.
+#[test]
+fn runs_that_are_taken_together_share_one_curve() {
+    let friction = |_: usize, _: &UnitQuaternion<f64>, rate: f64| Vector3::new(0.0, 0.0, -0.03 * rate);
+    let (mut slow, mut fast) = (Run::new(50), Run::new(51));
+    slow.yaw_rate_rad_s.iter_mut().for_each(|rate| *rate *= 0.1);
+    let residuals = [slow.residual(friction), fast.residual(friction)];
+    let mut lacking = slow.variables();
+    lacking.retain(|v| v.name != "azimuth");
+    let found = dependences(&residuals, &[lacking, fast.variables()]).unwrap();
+    let alone = dependences_of(&residuals[0], &slow.variables()).unwrap();
+    assert!(found.ranked.iter().all(|d| d.variable != "azimuth"), "not every run has it");
+    let first = &found.ranked[0];
+    assert_eq!((first.variable.as_str(), first.axis, first.parity), ("yaw_rate", 2, Parity::Odd));
+    assert!(first.share > 0.8 && found.excess > alone.excess, "{} {}", first.share, alone.excess);
 }

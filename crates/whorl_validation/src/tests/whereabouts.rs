@@ -19,7 +19,7 @@ fn with_effect(model: &PlatformModel, id: &str, parameters: &[(&str, f64)]) -> P
 fn friction_is_found_in_yaw_rate() {
     let model = platform();
     let truth = with_effect(&model, "bearing_viscous_friction", &[("c_n_m_s", 0.3)]);
-    let where_ = explain_where(&record(&truth, &turning()), &model).unwrap();
+    let where_ = explain_where(&[&record(&truth, &turning())], &model).unwrap();
     let answer = where_.answer();
     let first = &where_.dependences.ranked[0];
     assert_eq!(
@@ -34,7 +34,7 @@ fn friction_is_found_in_yaw_rate() {
 #[test]
 fn the_right_model_leaves_nothing_to_locate() {
     let model = platform();
-    let where_ = explain_where(&record(&model, &turning()), &model).unwrap();
+    let where_ = explain_where(&[&record(&model, &turning())], &model).unwrap();
     let answer = where_.answer();
     assert!(answer.len() == 1 && answer[0].contains("nothing to locate"), "{answer:?}");
 }

@@ -277,11 +277,8 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
         outcome.wrong_name = states_names && !is_close;
     }
 
-    let error = &diagnosis.error;
-    if !error.noise_floor.is_nan() && error.noise_floor > 0.0 {
-        outcome.held_out_ratio = error.held_out_after.map(|e| e / error.noise_floor);
-        outcome.held_out_ratio_before = error.held_out_before.map(|e| e / error.noise_floor);
-    }
+    outcome.held_out_ratio = diagnosis.slow_residual.held_out_after;
+    outcome.held_out_ratio_before = diagnosis.slow_residual.held_out_before;
     if outcome.exact && diagnosis.verdict == Verdict::Named {
         for (id, values) in &answer.comparable {
             let Some(candidate) = diagnosis.candidates.iter().find(|c| c.effect == *id) else { continue };

@@ -4,8 +4,7 @@ use whorl_node::Timestamp;
 use whorl_params::{ParameterTree, standard_layers};
 use whorl_sim::NodeSet;
 
-use super::experiment;
-use super::family::{Envelope, Manoeuvre, Step, family};
+use super::{Envelope, Manoeuvre, Step, family, yaml};
 
 fn parameters() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
@@ -25,13 +24,7 @@ fn every_manoeuvre_is_an_experiment_that_the_nodes_accept() {
         let (envelope, all) = manoeuvres(platform, 1.0);
         assert_eq!(all.len(), 10);
         for manoeuvre in &all {
-            let text = experiment::yaml(
-                manoeuvre.name,
-                platform,
-                &envelope,
-                manoeuvre,
-                &["why: because".to_owned()],
-            );
+            let text = yaml(manoeuvre.name, platform, &envelope, manoeuvre, &["why: because".to_owned()]);
             let file = directory.path().join(format!("{}.yaml", manoeuvre.name));
             std::fs::write(&file, text).unwrap();
             let layers = standard_layers(&parameters(), &[platform], Some(&file));

@@ -1,18 +1,25 @@
-//! Which manoeuvre of the family tells most.
+//! The manoeuvre that tells most about what is still in doubt.
 
-use std::path::{Path, PathBuf};
+mod demand;
+mod experiment;
+mod family;
+#[cfg(test)]
+mod tests;
+mod words;
+
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use anyhow::{Context, bail};
 use whorl_diagnosis::{Diagnosis, Options, Prospect, Verdict, fit, prospects};
 use whorl_dynamics::PlatformModel;
-use whorl_recording::{KnownPlatform, Recording};
+use whorl_recording::{Mounting, Recording};
 
-use super::experiment;
-use super::family::{Envelope, Manoeuvre, family};
-use super::rehearsal::{Demand, Stage};
-use crate::progress;
+pub use demand::Demand;
+pub use experiment::yaml;
+pub use family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step, family};
+pub use words::log_odds_in_words;
+
+use crate::{Case, ExplainError, Say};
 
 /// How often a manoeuvre that goes too far is made smaller, and by how much each time.
 const ATTEMPTS: usize = 4;
@@ -23,9 +30,13 @@ const STEPS: f64 = 20.0;
 /// A manoeuvre with what it would bring.
 #[derive(Debug, Clone)]
 pub struct Judged {
+    /// What the platform does.
     pub manoeuvre: Manoeuvre,
+    /// The room that it has for it.
     pub envelope: Envelope,
+    /// What it asks of the platform.
     pub demand: Demand,
+    /// What it would bring.
     pub prospect: Prospect,
     /// Its motion in simulation.
     pub motion: Recording,
@@ -33,7 +44,7 @@ pub struct Judged {
 
 /// What is proposed, and what else was looked at.
 #[derive(Debug, Clone)]
-pub struct Design {
+pub struct Proposal {
     /// The sets of effects that are to be told apart; an empty set is the model as it is.
     pub explanations: Vec<Vec<String>>,
     /// What the data at hand say.
@@ -46,41 +57,53 @@ pub struct Design {
     pub separates: bool,
 }
 
-impl Design {
+impl Proposal {
     /// The best manoeuvre.
+    #[must_use]
     pub fn best(&self) -> Option<&Judged> {
         self.judged.first()
     }
 }
 
-/// Judges every manoeuvre of the family.
-pub fn design(
-    known: &KnownPlatform,
-    common: &Path,
-    training: &[Recording],
+/// Simulates an experiment, given by name and as the text of its file, on a platform that is as
+/// [`leading_explanation`] says, and reads what was measured; else why it cannot be simulated.
+pub type Rehearse<'a> = dyn Fn(&str, &str) -> Result<Recording, String> + Sync + 'a;
+
+/// The platform as the data say, for rehearsals: the explanation that leads, fitted; the model as given where no fit is
+/// possible.
+#[must_use]
+pub fn leading_explanation(case: &Case<'_>, diagnosis: &Diagnosis, options: &Options) -> PlatformModel {
+    let ids: Vec<&str> = diagnosis.effects.iter().map(String::as_str).collect();
+    let fitted = fit(case.training, &[], case.model, case.prior, &ids, options);
+    fitted.map_or_else(|_| case.model.clone(), |fitted| fitted.model)
+}
+
+/// Rehearses every manoeuvre of the family on `platform`, and judges what each would tell beside the data at hand.
+///
+/// # Errors
+/// For a clamped platform, one that cannot make any of the manoeuvres within its limits, and where a manoeuvre cannot
+/// be simulated.
+pub fn propose(
+    case: &Case<'_>,
+    platform: &str,
     diagnosis: &Diagnosis,
     options: &Options,
-) -> anyhow::Result<Design> {
-    if training.iter().all(|r| r.mounting == whorl_recording::Mounting::Clamped) {
-        bail!(
-            "all runs are of a clamped platform, and manoeuvres are designed for a free one: for a bench test let every wheel coast down from full speed to both sides, then brake it through zero"
-        );
+    rehearse: &Rehearse<'_>,
+    say: &mut Say<'_>,
+) -> Result<Proposal, ExplainError> {
+    if case.training.iter().all(|r| r.mounting == Mounting::Clamped) {
+        return Err(ExplainError::Clamped);
     }
     let explanations = diagnosis.explanations();
-    let truth = simulated_truth(known, training, &diagnosis.effects, options);
-    let stage = Stage::new(known, common, &truth)?;
-    let (tried, left_out) = progress::during("rehearsing manoeuvres in simulation", || {
-        rehearse_all(&stage, known, options.threads)
-    })?;
+    say(0.0, "rehearsing manoeuvres in simulation");
+    let (tried, left_out) = rehearse_all(rehearse, platform, case.model, options.threads)?;
     if tried.is_empty() {
         let reasons: Vec<String> = left_out.iter().map(|(name, reason)| format!("{name} {reason}")).collect();
-        bail!("no manoeuvre stays within the platform's limits: {}", reasons.join("; "));
+        return Err(ExplainError::NoManoeuvre(reasons.join("; ")));
     }
+    say(0.5, "judging what each manoeuvre would tell");
     let further: Vec<Recording> = tried.iter().map(|(_, _, motion, _)| motion.clone()).collect();
-    let found = progress::during("judging what each would tell", || {
-        prospects(training, &further, &known.model, &known.prior, &explanations, options)
-    })
-    .context("cannot judge the manoeuvres")?;
+    let found = prospects(case.training, &further, case.model, case.prior, &explanations, options)?;
     let mut judged: Vec<Judged> = tried
         .into_iter()
         .zip(found.with)
@@ -104,21 +127,7 @@ pub fn design(
         let pairs = worth(b).into_iter().zip(worth(a));
         pairs.map(|(b, a)| b.total_cmp(&a)).find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
     });
-    Ok(Design { explanations, now: found.now, judged, left_out, separates })
-}
-
-/// The platform as the data say: the best explanation fitted; the model as given where no fit is possible.
-fn simulated_truth(
-    known: &KnownPlatform,
-    training: &[Recording],
-    effects: &[String],
-    options: &Options,
-) -> PlatformModel {
-    let ids: Vec<&str> = effects.iter().map(String::as_str).collect();
-    let fitted = progress::during("fitting the leading explanation", || {
-        fit(training, &[], &known.model, &known.prior, &ids, options)
-    });
-    fitted.map_or_else(|_| known.model.clone(), |fitted| fitted.model)
+    Ok(Proposal { explanations, now: found.now, judged, left_out, separates })
 }
 
 type Tried = (Manoeuvre, Envelope, Recording, Demand);
@@ -133,17 +142,22 @@ enum Rehearsed {
 type Sorted = (Vec<Tried>, Vec<(String, String)>);
 
 /// Simulates each manoeuvre, smaller if need be.
-fn rehearse_all(stage: &Stage, known: &KnownPlatform, threads: usize) -> anyhow::Result<Sorted> {
-    let names: Vec<&'static str> = family(&Envelope::of(&known.model, 1.0)).iter().map(|m| m.name).collect();
+fn rehearse_all(
+    rehearse: &Rehearse<'_>,
+    platform: &str,
+    model: &PlatformModel,
+    threads: usize,
+) -> Result<Sorted, ExplainError> {
+    let names: Vec<&'static str> = family(&Envelope::of(model, 1.0)).iter().map(|m| m.name).collect();
     let next = AtomicUsize::new(0);
-    let results = Mutex::new(Vec::<(usize, anyhow::Result<Rehearsed>)>::new());
+    let results = Mutex::new(Vec::<(usize, Result<Rehearsed, ExplainError>)>::new());
     std::thread::scope(|scope| {
         for _ in 0..threads.clamp(1, names.len().max(1)) {
             scope.spawn(|| {
                 loop {
                     let k = next.fetch_add(1, Ordering::Relaxed);
                     let Some(name) = names.get(k) else { break };
-                    let result = rehearse(stage, known, name);
+                    let result = rehearse_smaller(rehearse, platform, model, name);
                     if let Ok(mut all) = results.lock() {
                         all.push((k, result));
                     }
@@ -165,16 +179,21 @@ fn rehearse_all(stage: &Stage, known: &KnownPlatform, threads: usize) -> anyhow:
     Ok((tried, left_out))
 }
 
-fn rehearse(stage: &Stage, known: &KnownPlatform, name: &str) -> anyhow::Result<Rehearsed> {
+fn rehearse_smaller(
+    rehearse: &Rehearse<'_>,
+    platform: &str,
+    model: &PlatformModel,
+    name: &str,
+) -> Result<Rehearsed, ExplainError> {
     let mut scale = 1.0;
     let mut reason = String::new();
     for _ in 0..ATTEMPTS {
-        let envelope = Envelope::of(&known.model, scale);
+        let envelope = Envelope::of(model, scale);
         let Some(manoeuvre) = family(&envelope).into_iter().find(|m| m.name == name) else { break };
-        let text = experiment::yaml(name, &known.platform, &envelope, &manoeuvre, &[]);
-        let (motion, demand) = stage
-            .rehearse(name, &text, &known.model)
-            .with_context(|| format!("cannot simulate the manoeuvre {name}"))?;
+        let text = yaml(name, platform, &envelope, &manoeuvre, &[]);
+        let motion = rehearse(name, &text)
+            .map_err(|reason| ExplainError::Rehearsal { name: name.to_owned(), reason })?;
+        let demand = Demand::of(&motion, model);
         match demand.objection() {
             None => return Ok(Rehearsed::Fits(Box::new((manoeuvre, envelope, motion, demand)))),
             Some(objection) => reason = objection,
@@ -182,11 +201,4 @@ fn rehearse(stage: &Stage, known: &KnownPlatform, name: &str) -> anyhow::Result<
         scale *= SMALLER;
     }
     Ok(Rehearsed::GoesTooFar(reason))
-}
-
-/// The parameters that all nodes share: beside the model, in `folder`, or in the working directory's `params`.
-pub fn common_file(known: &KnownPlatform, folder: Option<&Path>) -> Option<PathBuf> {
-    let beside = known.files.iter().find(|f| f.file_name().is_some_and(|n| n == "common.yaml")).cloned();
-    let there = [folder, Some(Path::new("params"))];
-    beside.or_else(|| there.into_iter().flatten().map(|f| f.join("common.yaml")).find(|f| f.is_file()))
 }

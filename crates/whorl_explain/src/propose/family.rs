@@ -36,18 +36,44 @@ pub enum Actuators {
 pub enum Step {
     /// Turns to angles within rate and acceleration limits; what is not given stays.
     Slew {
+        /// Heading; `None` leaves it.
         yaw_deg: Option<f64>,
+        /// Pitch and roll; `None` leaves them.
         tilt_deg: Option<(f64, f64)>,
+        /// Rate limit [deg/s].
         rate_deg_s: f64,
+        /// Acceleration limit [deg/s^2].
         acceleration_deg_s2: f64,
+        /// Length \[s\].
         duration_s: f64,
     },
     /// Swings one angle.
-    Scan { axis: &'static str, amplitude_deg: f64, period_s: f64, duration_s: f64 },
-    /// Plays an excitation of the manoeuvre, by its name.
-    Excite { excitation: &'static str, rate_deg_s: f64, acceleration_deg_s2: f64, duration_s: f64 },
+    Scan {
+        /// yaw, pitch or roll.
+        axis: &'static str,
+        /// Amplitude \[deg\].
+        amplitude_deg: f64,
+        /// Period \[s\].
+        period_s: f64,
+        /// Length \[s\].
+        duration_s: f64,
+    },
+    /// Plays an excitation of the manoeuvre.
+    Excite {
+        /// Its name.
+        excitation: &'static str,
+        /// Fastest rate that it brings [deg/s].
+        rate_deg_s: f64,
+        /// Largest acceleration that it brings [deg/s^2].
+        acceleration_deg_s2: f64,
+        /// Length \[s\].
+        duration_s: f64,
+    },
     /// Waits.
-    Hold { duration_s: f64 },
+    Hold {
+        /// Length \[s\].
+        duration_s: f64,
+    },
 }
 
 /// What the platform's own control plays, whatever the platform does.
@@ -67,9 +93,27 @@ pub enum Drive {
     /// Nothing: it coasts.
     Nothing,
     /// Wheels, with a signal.
-    Wheels { names: Vec<String>, signal: &'static str, torque_n_m: f64, period_s: f64, highest_hz: f64 },
+    Wheels {
+        /// Which.
+        names: Vec<String>,
+        /// Kind of signal.
+        signal: &'static str,
+        /// Amplitude [N m].
+        torque_n_m: f64,
+        /// Period \[s\].
+        period_s: f64,
+        /// Highest frequency in it \[Hz\].
+        highest_hz: f64,
+    },
     /// One jet after the other, with each of these lengths.
-    Jets { names: Vec<String>, on_time_s: Vec<f64>, every_s: f64 },
+    Jets {
+        /// Which.
+        names: Vec<String>,
+        /// Lengths of pulses, in turn \[s\].
+        on_time_s: Vec<f64>,
+        /// From pulse to pulse \[s\].
+        every_s: f64,
+    },
 }
 
 /// A manoeuvre of the family.

@@ -1,62 +1,75 @@
 //! Versions of a model, fitted and compared with the same runs.
 
-use anyhow::Context;
 use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Options, fit};
 use whorl_dynamics::PlatformModel;
-use whorl_report::ComparedRun;
 
-use crate::compare::compare_all;
-use crate::progress;
-use crate::runs::Runs;
+use crate::compare::{ComparedRun, compare, prediction_error};
+use crate::{Case, ExplainError, Say, part};
 
 /// Ends the names of corrections.
 pub const CORRECTION: &str = " (correction)";
+/// Name of the version whose own parameters alone were refitted.
+pub const BASE: &str = "base refitted";
 
 /// A version of the model with how well it predicts.
+#[derive(Debug, Clone)]
 pub struct Version {
+    /// "as given", "base refitted", "with ...".
     pub name: String,
+    /// Effects that it has beyond the model given, by their ids.
     pub effects: Vec<String>,
+    /// The fit; `None` for the model as given.
     pub fit: Option<Fit>,
+    /// Every run compared with it, training runs first.
     pub runs: Vec<ComparedRun>,
 }
 
-/// The model as given, with its own parameters refitted, and with each set of effects.
-/// Rivals that cannot be fitted come second, with the reason.
-pub fn versions(runs: &Runs, sets: &[Vec<String>]) -> anyhow::Result<(Vec<Version>, Vec<String>)> {
-    let known = &runs.known;
-    let mut versions = vec![Version {
-        name: "as given".to_owned(),
-        effects: Vec::new(),
-        fit: None,
-        runs: compare_all(runs, &known.model)?,
-    }];
+impl Version {
+    /// See [`prediction_error`].
+    #[must_use]
+    pub fn prediction_error(&self, held_out: bool) -> Option<f64> {
+        prediction_error(&self.runs, held_out)
+    }
+}
+
+/// The model as given, with its own parameters refitted, and with each set of effects (ids of the catalogue).
+/// What cannot be fitted comes second, with the reason.
+///
+/// # Errors
+/// When a run cannot be compared.
+pub fn versions(
+    case: &Case<'_>,
+    sets: &[Vec<String>],
+    options: &Options,
+    say: &mut Say<'_>,
+) -> Result<(Vec<Version>, Vec<(String, DiagnosisError)>), ExplainError> {
+    let count = (2 + sets.len()) as f64;
+    let share = |k: usize| k as f64 / count;
+    let given = compare(case, &mut part(say, 0.0, share(1)))?;
+    let mut versions =
+        vec![Version { name: "as given".to_owned(), effects: Vec::new(), fit: None, runs: given }];
     let none = Vec::new();
     let mut left_out = Vec::new();
-    for effects in std::iter::once(&none).chain(sets) {
-        let name = if effects.is_empty() {
-            "base refitted".to_owned()
+    for (k, effects) in std::iter::once(&none).chain(sets).enumerate() {
+        let joined = effects.join(" and ");
+        let (name, doing) = if effects.is_empty() {
+            (BASE.to_owned(), "fitting the platform's own parameters".to_owned())
         } else {
-            format!("with {}", effects.join(" and "))
+            (format!("with {joined}"), format!("fitting {joined}"))
         };
+        say(share(k + 1), &doing);
         let ids: Vec<&str> = effects.iter().map(String::as_str).collect();
-        let doing = if effects.is_empty() {
-            "fitting the platform's own parameters".to_owned()
-        } else {
-            format!("fitting {}", effects.join(" and "))
-        };
-        let fitted = progress::during(&doing, || {
-            fit(&runs.training, &runs.held_out, &known.model, &known.prior, &ids, &Options::default())
-        });
-        let mut fitted = match fitted {
-            Err(error @ DiagnosisError::NoEffect { .. }) if sets.len() > 1 => {
-                left_out.push(format!("{}: {error}", effects.join(" and ")));
+        let mut fitted = match fit(case.training, case.held_out, case.model, case.prior, &ids, options) {
+            Ok(fitted) => fitted,
+            Err(error) => {
+                left_out.push((name, error));
                 continue;
             }
-            fitted => fitted.with_context(|| format!("cannot fit {name}"))?,
         };
         let after = fitted.model.clone();
-        fitted.estimates.iter_mut().for_each(|p| say_in_full(p, &known.model, &after));
-        let runs = compare_all(runs, &fitted.model)?;
+        fitted.estimates.iter_mut().for_each(|p| say_in_full(p, case.model, &after));
+        let compared = part(say, share(k + 1) + 0.5 / count, share(k + 2));
+        let runs = compare(&case.with_model(&after), &mut { compared })?;
         versions.push(Version { name, effects: effects.clone(), fit: Some(fitted), runs });
     }
     Ok((versions, left_out))
@@ -89,15 +102,6 @@ fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &
     if let Some((before, after)) = totals {
         (parameter.before, parameter.estimate) = (before, after);
     }
-}
-
-/// Root of chi-squared per degree of freedom over the runs of one kind: 1 = noise.
-pub fn error(version: &Version, held_out: bool) -> Option<f64> {
-    let all = version.runs.iter().filter(|r| r.held_out == held_out).filter_map(|r| r.comparison.absolute);
-    let (sum, degrees) = all.fold((0.0, 0.0), |(s, d), a| {
-        (s + a.chi_squared_per_degree * a.degrees as f64, d + a.degrees as f64)
-    });
-    (degrees > 0.0).then(|| (sum / degrees).sqrt())
 }
 
 /// The gyro axis with the largest error over ten seconds before: name, each version's RMS, floor [deg/s].

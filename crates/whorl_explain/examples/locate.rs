@@ -1,0 +1,18 @@
+//! In which regime a model fails: `cargo run -p whorl_explain --example locate [RUN_DIRECTORY...]`.
+
+mod support;
+
+use whorl_diagnosis::Options;
+use whorl_explain::locate;
+
+fn main() -> anyhow::Result<()> {
+    let material = support::Material::read()?;
+    let found = locate(&material.case(), &Options::default(), &mut |_, _| {})?;
+    for sentence in found.pooled.answer() {
+        println!("{sentence}");
+    }
+    for quantity in found.pooled.dependences.ranked.iter().take(3) {
+        println!("  {}: {:.0} % of the excess", quantity.variable, 100.0 * quantity.share);
+    }
+    Ok(())
+}

@@ -1,0 +1,72 @@
+//! What a physical effect brings, and the parameters with which it enters a platform's model.
+
+mod belief;
+mod changes;
+mod versions;
+mod words;
+
+use whorl_diagnosis::{DiagnosisError, Options};
+
+pub use changes::{Change, changes};
+pub use versions::{BASE, CORRECTION, Version, versions};
+
+use crate::{Case, ExplainError, Say};
+
+/// A held-out error this much above that before counts as worse.
+pub const WORSE: f64 = 1.005;
+
+/// The same runs with the model as given, refitted, and with effects.
+#[derive(Debug, Clone)]
+pub struct Adoption {
+    /// The model as given first, the one to adopt last.
+    pub versions: Vec<Version>,
+    /// Rivals that cannot be fitted, with the reason.
+    pub left_out: Vec<(String, DiagnosisError)>,
+}
+
+/// Fits each set of effects jointly with the platform's own parameters, and compares all runs with each version.
+///
+/// # Errors
+/// When a run cannot be compared; when a version cannot be fitted, unless it is an effect that these data do not show
+/// and there are rivals.
+pub fn adopt(
+    case: &Case<'_>,
+    sets: &[Vec<String>],
+    options: &Options,
+    say: &mut Say<'_>,
+) -> Result<Adoption, ExplainError> {
+    let (versions, left_out) = versions(case, sets, options, say)?;
+    let is_rival =
+        |error: &DiagnosisError| matches!(error, DiagnosisError::NoEffect { .. }) && sets.len() > 1;
+    match left_out.iter().find(|(_, error)| !is_rival(error)) {
+        Some((version, error)) => Err(ExplainError::Fit { version: version.clone(), error: error.clone() }),
+        None => Ok(Adoption { versions, left_out }),
+    }
+}
+
+impl Adoption {
+    /// What speaks against adopting the last version, in a sentence: held-out runs are predicted worse, or a mass
+    /// property has moved beyond belief.
+    #[must_use]
+    pub fn objection(&self, case: &Case<'_>) -> Option<String> {
+        let (first, last) = (self.versions.first()?, self.versions.last()?);
+        if let (Some(before), Some(after)) = (first.prediction_error(true), last.prediction_error(true))
+            && after > WORSE * before
+        {
+            return Some(format!(
+                "the held-out runs are predicted worse with it ({before:.3} -> {after:.3} times the noise)"
+            ));
+        }
+        belief::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
+    }
+
+    /// Entries of the parameter file in which the last version differs from the model as given; `provenance` says where
+    /// the numbers are from.
+    #[must_use]
+    pub fn changes(&self, case: &Case<'_>, provenance: &str) -> Vec<Change> {
+        let fit = self.versions.last().and_then(|v| v.fit.as_ref());
+        fit.map_or_else(Vec::new, |fit| {
+            changes((case.model, &fit.model), (case.prior, &fit.prior), provenance)
+        })
+    }
+}

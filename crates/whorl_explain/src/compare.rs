@@ -1,0 +1,52 @@
+//! How far a model is from recorded runs.
+
+use whorl_recording::Recording;
+use whorl_validation::Comparison;
+
+use crate::{Case, ExplainError, Say};
+
+/// A run that was compared.
+#[derive(Debug, Clone)]
+pub struct ComparedRun {
+    /// The numbers.
+    pub comparison: Comparison,
+    /// Whether the run was kept out of every fit.
+    pub held_out: bool,
+}
+
+/// Compares every run with the model as it is, training runs first.
+///
+/// # Errors
+/// When a run cannot be compared, with what would help.
+pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, ExplainError> {
+    let training = case.training.iter().map(|run| (run, false));
+    let all: Vec<(&Recording, bool)> = training.chain(case.held_out.iter().map(|run| (run, true))).collect();
+    let count = all.len().max(1) as f64;
+    all.into_iter()
+        .enumerate()
+        .map(|(k, (run, held_out))| {
+            say(k as f64 / count, &format!("comparing {}", run.name));
+            Ok(ComparedRun { comparison: whorl_validation::compare(run, case.model)?, held_out })
+        })
+        .collect()
+}
+
+/// Prediction error of a model in times the noise, over the training or the held-out runs together; `None` where no
+/// run could be tested. 1 is nothing but noise.
+///
+/// It is the root of the mean square, per degree of freedom, of the whitened prediction errors:
+///
+/// - **samples**: every sample of gyro, accelerometer, vector sensors and wheel speeds;
+/// - **horizon**: stretches of 10 s (half the run for shorter ones), each predicted from its own initial state, which is
+///   fitted to the stretch, by the model and the recorded commands alone;
+/// - **noise**: each channel's noise floor, measured where the platform is still, else by the sensor's parameters;
+/// - **model**: as it is given to [`compare`]; whether the platform's own parameters were refitted is said by the
+///   version's name ("as given", "base refitted", "with ...").
+#[must_use]
+pub fn prediction_error(runs: &[ComparedRun], held_out: bool) -> Option<f64> {
+    let all = runs.iter().filter(|r| r.held_out == held_out).filter_map(|r| r.comparison.absolute);
+    let (sum, degrees) = all.fold((0.0, 0.0), |(sum, degrees), test| {
+        (sum + test.chi_squared_per_degree * test.degrees as f64, degrees + test.degrees as f64)
+    });
+    (degrees > 0.0).then(|| (sum / degrees).sqrt())
+}

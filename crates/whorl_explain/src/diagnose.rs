@@ -1,0 +1,80 @@
+//! Which physical effect a model lacks.
+
+use whorl_diagnosis::{Diagnosis, Options, Progress};
+use whorl_trajectory::{ResidualTorque, residual_torque};
+
+use crate::adopt::{Version, versions};
+use crate::{Case, ExplainError, Say, part};
+
+/// A verdict with what it rests on.
+#[derive(Debug, Clone)]
+pub struct Explanation {
+    /// The verdict.
+    pub diagnosis: Diagnosis,
+    /// The model as given, with its own parameters refitted, and with the effects that were named, each compared with
+    /// all runs as [`crate::compare`] does. What could not be fitted is left out.
+    pub versions: Vec<Version>,
+    /// What the model leaves of the first run; `None` for a clamped one.
+    pub torque: Option<UnexplainedTorque>,
+}
+
+/// The torque that a model leaves unexplained in one run, without and with the effects that were named; the platform's
+/// own parameters are refitted in both.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnexplainedTorque {
+    /// Name of the run.
+    pub run: String,
+    /// Without.
+    pub before: ResidualTorque,
+    /// With; `None` when no effect was named.
+    pub after: Option<ResidualTorque>,
+}
+
+/// Finds the effect that the model lacks, and compares the runs with the model that has it.
+///
+/// # Errors
+/// When the recordings cannot be explained at all.
+pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<Explanation, ExplainError> {
+    let Case { training, held_out, model, prior } = *case;
+    let mut search = part(say, 0.0, 0.7);
+    let mut progress = |p: Progress| search(p.share, p.doing);
+    let diagnosis = whorl_diagnosis::diagnose(training, held_out, model, prior, options, &mut progress)?;
+    drop(search);
+    let named = (!diagnosis.effects.is_empty()).then(|| diagnosis.effects.clone());
+    let sets: Vec<Vec<String>> = named.into_iter().collect();
+    let (versions, _) = versions(case, &sets, options, &mut part(say, 0.7, 1.0))?;
+    let torque = unexplained(case, &versions);
+    Ok(Explanation { diagnosis, versions, torque })
+}
+
+/// What fitted versions leave of the first run.
+fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorque> {
+    let recording = case.training.first()?;
+    let left = |with_effects: bool| {
+        let version = versions.iter().find(|v| v.fit.is_some() && v.effects.is_empty() != with_effects)?;
+        residual_torque(recording, &version.fit.as_ref()?.model).ok()
+    };
+    Some(UnexplainedTorque { run: recording.name.clone(), before: left(false)?, after: left(true) })
+}
+
+impl Explanation {
+    /// The verdict in a few sentences, most important first, with the prediction error of each version.
+    #[must_use]
+    pub fn answer(&self) -> Vec<String> {
+        let mut answer = self.diagnosis.answer();
+        let list = |held_out: bool| -> Vec<String> {
+            let error = |v: &Version| Some(format!("{} {:.2}", v.name, v.prediction_error(held_out)?));
+            self.versions.iter().filter_map(error).collect()
+        };
+        for (held_out, kind) in [(false, "training"), (true, "held-out")] {
+            let errors = list(held_out);
+            if !errors.is_empty() {
+                answer.push(format!(
+                    "Prediction error on {kind} runs, times the noise: {}.",
+                    errors.join(", ")
+                ));
+            }
+        }
+        answer
+    }
+}

@@ -1,0 +1,97 @@
+//! A proposal in words.
+
+use whorl_diagnosis::Verdict;
+use whorl_dynamics::effects::find;
+
+use super::{Judged, Proposal};
+
+/// Log odds from which an explanation counts as told apart.
+const DECIDED: f64 = 6.0;
+
+/// Log odds; digits of large ones mean nothing.
+#[must_use]
+pub fn log_odds_in_words(odds: f64) -> String {
+    if odds > 1000.0 { "> 1000".to_owned() } else { format!("{odds:.1}") }
+}
+
+fn title(set: &[String]) -> String {
+    if set.is_empty() {
+        return "the model as it is".to_owned();
+    }
+    let one = |id: &String| find(id).map_or_else(|| id.clone(), |e| format!("{} ({id})", e.info().title));
+    set.iter().map(one).collect::<Vec<_>>().join(" with ")
+}
+
+impl Proposal {
+    /// What is proposed, why, and what it asks of the platform.
+    #[must_use]
+    pub fn answer(&self, best: &Judged, verdict: Verdict, platform: &str) -> Vec<String> {
+        let design = self;
+        let mut text = Vec::new();
+        let sets: Vec<String> = design.explanations.iter().map(|s| title(s)).collect();
+        let odds = best.prospect.log_odds.unwrap_or(0.0);
+        let now = design.now.log_odds.unwrap_or(0.0);
+        text.push(match verdict {
+        Verdict::Confounded => {
+            format!("The data leave open: {} (log odds now {}).", sets.join("; or "), log_odds_in_words(now))
+        }
+        Verdict::Named => format!(
+            "The data name {}; the next run can only confirm it, for example against {}.",
+            sets.first().map_or("", String::as_str),
+            sets.get(1).map_or("none", String::as_str)
+        ),
+        Verdict::Unknown => "Something is missing that no effect explains: the more effects a run can show, the more of them it rules out.".to_owned(),
+        Verdict::NothingMissing => format!(
+            "Nothing is missing as far as the data can say; {} of {} effects would have shown.",
+            design.now.shown.len(),
+            design.now.shown.len() + design.now.not_shown.len()
+        ),
+        Verdict::NotEnoughInformation => format!(
+            "The data cannot say whether an effect is missing: only {} of {} would have shown at their ordinary size.",
+            design.now.shown.len(),
+            design.now.shown.len() + design.now.not_shown.len()
+        ),
+    });
+        text.push(format!("Next: {platform} {} ({}).", best.manoeuvre.words, best.manoeuvre.name));
+        if design.separates {
+            let worth = format!(
+                "Whichever is true, it is expected to lead by {} in log odds",
+                log_odds_in_words(odds)
+            );
+            text.push(if odds >= DECIDED {
+            format!("{worth}, which decides.")
+        } else if odds > 0.5 {
+            format!("{worth}. Once does not decide; {:.0} times would.", (DECIDED / odds).ceil())
+        } else {
+            format!("{worth}. No manoeuvre of the family separates them on this platform: at their present size they predict the same.")
+        });
+        } else {
+            text.push(format!(
+                "With it {} of {} effects would show at their ordinary size.",
+                best.prospect.shown.len(),
+                best.prospect.shown.len() + best.prospect.not_shown.len()
+            ));
+            let new: Vec<&str> = best
+                .prospect
+                .shown
+                .iter()
+                .filter(|id| !design.now.shown.contains(id))
+                .map(String::as_str)
+                .collect();
+            if !new.is_empty() {
+                text.push(format!("New among them: {}.", new.join(", ")));
+            }
+        }
+        let d = &best.demand;
+        text.push(format!(
+        "In simulation it takes {:.0} s, tilts by up to {:.1} of {:.1} deg, turns at up to {:.1} deg/s, brings the wheels to {:.0} % of their speed, and uses {:.1} % of a full tank.",
+        d.duration_s,
+        d.tilt_deg,
+        d.tilt_limit_deg,
+        d.rate_deg_s,
+        100.0 * d.wheel_speed_share,
+        100.0 * d.gas_share
+    ));
+        text
+    }
+}

@@ -1,0 +1,56 @@
+//! The same name means the same statistic: comparison, diagnosis and adoption of the same runs.
+
+use std::collections::BTreeMap;
+
+use whorl_diagnosis::Options;
+use whorl_dynamics::ModelPrior;
+
+use super::generator::{Manoeuvre, platform, record, turning};
+use crate::{Case, adopt, compare, diagnose, prediction_error};
+
+const EFFECT: &str = "bearing_viscous_friction";
+
+#[test]
+fn the_prediction_error_is_the_same_in_comparison_diagnosis_and_adoption() {
+    let model = platform();
+    let mut truth = model.clone();
+    truth.effects.insert(EFFECT.to_owned(), BTreeMap::from([("c_n_m_s".to_owned(), 0.3)]));
+    let run = |seed, duration_s| record(&truth, &Manoeuvre { seed, duration_s, ..turning() });
+    let (training, held_out) = ([run(1, 60.0), run(2, 40.0)], [run(3, 40.0)]);
+    let prior = ModelPrior::typical(&model);
+    let case = Case { training: &training, held_out: &held_out, model: &model, prior: &prior };
+
+    let compared = compare(&case, &mut |_, _| {}).unwrap();
+    let found = diagnose(&case, &Options::default(), &mut |_, _| {}).unwrap();
+    assert_eq!(found.diagnosis.effects, [EFFECT]);
+    let adoption = adopt(&case, &[vec![EFFECT.to_owned()]], &Options::default(), &mut |_, _| {}).unwrap();
+
+    for held_out in [false, true] {
+        let given = prediction_error(&compared, held_out).unwrap();
+        let names = |versions: &[crate::Version]| -> Vec<String> {
+            versions.iter().map(|v| v.name.clone()).collect()
+        };
+        assert_eq!(names(&found.versions), names(&adoption.versions));
+        for (diagnosed, adopted) in found.versions.iter().zip(&adoption.versions) {
+            let errors = (diagnosed.prediction_error(held_out), adopted.prediction_error(held_out));
+            assert!(errors.0.is_some() && errors.0 == errors.1, "{}: {errors:?}", diagnosed.name);
+        }
+        assert_eq!(found.versions[0].prediction_error(held_out), Some(given));
+        // With the effect nothing is left but noise, without it something is: comparing with the fitted model says so too.
+        let fitted = &found.versions[2].fit.as_ref().unwrap().model;
+        let with = prediction_error(&compare(&case.with_model(fitted), &mut |_, _| {}).unwrap(), held_out);
+        assert_eq!(found.versions[2].prediction_error(held_out), with);
+        assert!(given > 1.1 && with.unwrap() < 1.02, "{given} {with:?}");
+    }
+    // Pooled over runs by their degrees of freedom, not a mean of means.
+    let tests: Vec<_> = compared.iter().take(2).map(|r| r.comparison.absolute.unwrap()).collect();
+    let squares: f64 = tests.iter().map(|t| t.prediction_error().powi(2) * t.degrees as f64).sum();
+    let degrees: usize = tests.iter().map(|t| t.degrees).sum();
+    let pooled = prediction_error(&compared, false).unwrap();
+    assert!((pooled - (squares / degrees as f64).sqrt()).abs() < 1e-12);
+    // Words say the same number.
+    let number = format!("{pooled:.2}");
+    assert!(found.answer().iter().any(|s| s.contains(&format!("as given {number}"))), "{:?}", found.answer());
+    assert!(adoption.answer()[0].contains(&format!("runs {number} -> ")), "{:?}", adoption.answer());
+    assert_eq!(adoption.objection(&case), None);
+}
