@@ -6,12 +6,14 @@
 //!   half second after the writer was killed; [`recover`] makes such a bag complete.
 //! - [`RunWriter`] and [`RunDirectory`]: `<UTC time>_<experiment>/` with `bag/`, `params/`, `manifest.yaml`
 //!   and `summary.json`.
+//! - [`Channel`]: the table of what can be measured of a platform, one row each: key, unit, axes, topic and field.
 //! - [`CsvMap`], [`CsvRows`]: CSV files of any form, line by line in SI units;
 //!   [`CsvRecording`], [`measurements()`]: what a platform's hardware would have sent, for replay;
 //!   [`export_csv`]: a recording for spreadsheets.
 //! - [`SequenceTracker`], [`TopicStatistics`]: losses, gaps and rates, without files or clocks.
 
 mod background;
+mod channels;
 mod csv;
 mod error;
 pub mod extra;
@@ -27,14 +29,16 @@ mod scan;
 mod sequence;
 mod statistics;
 mod storage;
+mod units;
 mod utc;
 mod writer;
 mod yaml;
 mod zstandard;
 
 pub use background::BackgroundRunWriter;
+pub use channels::{AXES, Carrier, Channel, ChannelInfo, Form, Place, blank};
 pub use csv::{
-    Channel, CsvError, CsvMap, CsvPulse, CsvRecording, CsvRow, CsvRows, CsvSamples, ExportedTopic,
+    ColumnMap, CsvError, CsvMap, CsvPulse, CsvRecording, CsvRow, CsvRows, CsvSamples, ExportedTopic,
     JetCommand, JetMap, JetQuantity, PlatformParts, Slot, TimeMap, TruthMap, VectorMap, export_csv,
 };
 pub use error::BagError;
@@ -49,6 +53,7 @@ pub use run_writer::{RawSample, RunTopicHandle, RunWriter, sequence_of};
 pub use scan::Integrity;
 pub use sequence::{Arrival, SequenceCounts, SequenceTracker};
 pub use statistics::{GAP_PERIODS, TopicStatistics, TopicSummary, WriterId};
+pub use units::Unit;
 pub use writer::{BagOptions, BagWriter, Compression, Sample, TopicHandle};
 
 #[cfg(test)]

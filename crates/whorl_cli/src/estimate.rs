@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_bag::{CsvMap, CsvRow, CsvRows};
+use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows};
 use whorl_estimation::free_motion::{FreeMotionEstimator, FreeMotionParameters};
 use whorl_estimation::orientation_error::OrientationErrors;
 use whorl_estimation::{Estimator, FilterKind, Health, ImuSample, Parameters};
@@ -123,7 +123,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     while let Some(row) = rows.next_row()? {
         let start_ns = *first_ns.get_or_insert(row.time_ns);
         last_ns = row.time_ns;
-        let (Some(gyro), Some(force)) = (row.gyro_b_rad_s, row.specific_force_b_m_s2) else { continue };
+        let (Some(gyro), Some(force)) = (row.axes(Channel::Gyro), row.axes(Channel::Accelerometer)) else { continue };
         samples += 1;
         filter.imu(row.time_ns, gyro, force);
         if let Some(field) = field(&row)

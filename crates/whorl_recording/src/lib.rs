@@ -3,12 +3,14 @@
 //! [`Recording`] is the one input of everything that explains data: comparison, diagnosis,
 //! identification, calibration, estimation after the fact. [`read_run`] makes it of run directories and
 //! bags, [`read_csv`] of CSV files, [`read_model`] reads what is known of the platform; nothing downstream
-//! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back.
+//! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back. What can be measured is the
+//! table of [`Channel`]: all of these walk over it.
 
 mod consistency;
 mod csv;
 mod error;
 mod model;
+mod notes;
 mod quality;
 mod read;
 mod recording;
@@ -22,5 +24,6 @@ pub use error::RecordingError;
 pub use model::{KnownPlatform, read_model};
 pub use read::{ReadOptions, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
-pub use series::Series;
+pub use series::{ChannelSeries, Series};
+pub use whorl_bag::{Channel, ChannelInfo, Form};
 pub use write::{RunOrigin, write_run};

@@ -1,10 +1,13 @@
 //! What a recording lacks, what that costs, and what looks wrong in it: in words.
 
 use nalgebra::Vector3;
+use whorl_bag::{Channel, Form};
 use whorl_dynamics::PlatformModel;
 use whorl_math::statistics::median;
 
-use crate::{Mounting, Recording, RecordingError, Series};
+use crate::error::RecordingError;
+use crate::recording::{Mounting, Recording};
+use crate::series::Series;
 
 /// Shorter runs hold too little [s].
 const SHORT_S: f64 = 10.0;
@@ -13,14 +16,90 @@ const GAP_STEPS: f64 = 8.0;
 /// Standard gravity [m/s^2].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
+/// What cannot be said without a channel.
+struct Cost {
+    /// The channel, and those that make up for it.
+    any_of: &'static [Channel],
+    /// Whether it tells of the body, which does not move when it is clamped.
+    is_of_body: bool,
+    /// Whether such a platform has it at all.
+    matters: fn(&PlatformModel) -> bool,
+    sentence: &'static str,
+}
+
+const COSTS: [Cost; 9] = [
+    Cost {
+        any_of: &[Channel::WheelSpeed],
+        is_of_body: false,
+        matters: |model| !model.wheels().is_empty(),
+        sentence: "No wheel speed: the wheels' momentum has to be taken from their commands, and wheel_friction, \
+             wheel_inertia, wheel_windage and wheel_imbalance cannot be told.",
+    },
+    Cost {
+        any_of: &[Channel::WheelTorqueCommand],
+        is_of_body: false,
+        matters: |model| !model.wheels().is_empty(),
+        sentence: "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier, and \
+             wheel_friction cannot be told from what the motors were asked to do.",
+    },
+    Cost {
+        any_of: &[Channel::Gyro],
+        is_of_body: true,
+        matters: |_| true,
+        sentence: "No gyro: the motion is not known, so no torque on the body can be told; only the wheels can be \
+                 judged.",
+    },
+    Cost {
+        any_of: &[Channel::Accelerometer],
+        is_of_body: true,
+        matters: |_| true,
+        sentence: "No accelerometer: the tilt is not known, so gravity_offset and everything that follows the \
+                 vertical is told by the gyro alone, and no accelerometer effect can be named.",
+    },
+    Cost {
+        any_of: &[Channel::Vector],
+        is_of_body: true,
+        matters: |_| true,
+        sentence: "No vector sensor: yaw drifts with the gyro, so effects that follow the heading (magnetic_torque, \
+                 air_current, harness_spring) are hard to tell apart, and vector_sensor_misalignment cannot be seen.",
+    },
+    Cost {
+        any_of: &[Channel::Jets, Channel::BodyTorque],
+        is_of_body: true,
+        matters: |model| !model.jets().is_empty(),
+        sentence: "No jet commands: if a jet fired, its torque looks like a disturbance, and no thruster effect can \
+                 be named.",
+    },
+    Cost {
+        any_of: &[Channel::TankPressure],
+        is_of_body: true,
+        matters: |model| !model.jets().is_empty(),
+        sentence: "No tank pressure: thruster_pressure, thruster_leak and mass_shift have to be told by the gas that \
+                 the commands used.",
+    },
+    Cost {
+        any_of: &[Channel::BusVoltage],
+        is_of_body: false,
+        matters: |model| !model.wheels().is_empty() || !model.jets().is_empty(),
+        sentence: "No bus voltage: supply_voltage cannot be told.",
+    },
+    Cost {
+        any_of: &[Channel::Temperature],
+        is_of_body: false,
+        matters: |_| true,
+        sentence: "No temperature: gyro_temperature cannot be told.",
+    },
+];
+
 impl Recording {
     /// Refuses a model of another platform.
     ///
     /// # Errors
     /// [`RecordingError::OtherPlatform`] when the numbers of wheels or jets differ.
     pub fn check_fits(&self, model: &PlatformModel, model_name: &str) -> Result<(), RecordingError> {
-        let wheels = [&self.wheel_speed_rad_s, &self.wheel_torque_command_n_m];
-        let wheels = wheels.iter().find_map(|series| series.value.first()).map(Vec::len);
+        let mut of_wheels =
+            self.sampled().filter(|(channel, ..)| matches!(channel.info().form, Form::Wheels { .. }));
+        let wheels = of_wheels.next().map(|(.., series)| series.numbers(0).len());
         let jets = Some(self.jet_pulses.len()).filter(|jets| *jets > 0);
         let parts = [("wheels", wheels, model.wheels().len()), ("jets", jets, model.jets().len())];
         for (what, counted, expected) in parts {
@@ -39,56 +118,15 @@ impl Recording {
     /// One sentence for each channel that was not recorded, of what the platform has: what cannot be said without it.
     #[must_use]
     pub fn missing_channels(&self, model: &PlatformModel) -> Vec<String> {
-        let mut costs = Vec::new();
-        let mut missing = |is_missing: bool, sentence: &str| {
-            if is_missing {
-                costs.push(sentence.to_owned());
-            }
+        let recorded = |channel: &Channel| match channel {
+            Channel::Jets => !self.jet_pulses.is_empty(),
+            channel => self.sampled().any(|(there, ..)| there == *channel),
         };
-        let (wheels, jets) = (!model.wheels().is_empty(), !model.jets().is_empty());
-        missing(
-            wheels && self.wheel_speed_rad_s.is_empty(),
-            "No wheel speed: the wheels' momentum has to be taken from their commands, and wheel_friction, \
-             wheel_inertia, wheel_windage and wheel_imbalance cannot be told.",
-        );
-        missing(
-            wheels && self.wheel_torque_command_n_m.is_empty(),
-            "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier, and \
-             wheel_friction cannot be told from what the motors were asked to do.",
-        );
-        if self.mounting == Mounting::OnBearing {
-            missing(
-                self.gyro_b_rad_s.is_empty(),
-                "No gyro: the motion is not known, so no torque on the body can be told; only the wheels can be \
-                 judged.",
-            );
-            missing(
-                self.specific_force_b_m_s2.is_empty(),
-                "No accelerometer: the tilt is not known, so gravity_offset and everything that follows the \
-                 vertical is told by the gyro alone, and no accelerometer effect can be named.",
-            );
-            missing(
-                self.vectors.is_empty(),
-                "No vector sensor: yaw drifts with the gyro, so effects that follow the heading (magnetic_torque, \
-                 air_current, harness_spring) are hard to tell apart, and vector_sensor_misalignment cannot be seen.",
-            );
-            missing(
-                jets && self.jet_pulses.is_empty() && self.body_torque_b_n_m.is_empty(),
-                "No jet commands: if a jet fired, its torque looks like a disturbance, and no thruster effect can \
-                 be named.",
-            );
-            missing(
-                jets && self.tank_pressure_pa.is_empty(),
-                "No tank pressure: thruster_pressure, thruster_leak and mass_shift have to be told by the gas that \
-                 the commands used.",
-            );
-        }
-        missing(
-            (wheels || jets) && self.bus_voltage_v.is_empty(),
-            "No bus voltage: supply_voltage cannot be told.",
-        );
-        missing(self.temperature_k.is_empty(), "No temperature: gyro_temperature cannot be told.");
-        costs
+        let held = self.mounting == Mounting::Clamped;
+        let missing = COSTS.iter().filter(|cost| {
+            (cost.matters)(model) && !(cost.is_of_body && held) && !cost.any_of.iter().any(recorded)
+        });
+        missing.map(|cost| cost.sentence.to_owned()).collect()
     }
 
     /// One sentence for each thing that looks wrong: a channel that never changes, a unit that cannot be, a run

@@ -2,7 +2,9 @@
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
-use crate::Series;
+use whorl_bag::{Channel, Form};
+
+use crate::series::{ChannelSeries, Series};
 
 /// How the platform was held during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -83,35 +85,78 @@ pub struct Recording {
     pub remarks: Vec<String>,
 }
 
+/// The field of each channel: with `mut`, to be changed. `$vector` and `$truth` are those that have the fields of
+/// one vector sensor and of the true motion.
+macro_rules! series_of {
+    ($channel:expr, $recording:tt, $vector:expr, $truth:expr $(, $mutable:tt)?) => {{
+        let series: &$($mutable)? dyn ChannelSeries = match $channel {
+            Channel::Gyro => &$($mutable)? $recording.gyro_b_rad_s,
+            Channel::Accelerometer => &$($mutable)? $recording.specific_force_b_m_s2,
+            Channel::Vector => &$($mutable)? $vector.direction_b,
+            Channel::WheelSpeed => &$($mutable)? $recording.wheel_speed_rad_s,
+            Channel::WheelTorqueCommand => &$($mutable)? $recording.wheel_torque_command_n_m,
+            // Pulses are no samples.
+            Channel::Jets => return None,
+            Channel::BodyTorque => &$($mutable)? $recording.body_torque_b_n_m,
+            Channel::BallastMoment => &$($mutable)? $recording.ballast_moment_b_n_m,
+            Channel::BusVoltage => &$($mutable)? $recording.bus_voltage_v,
+            Channel::TankPressure => &$($mutable)? $recording.tank_pressure_pa,
+            Channel::Temperature => &$($mutable)? $recording.temperature_k,
+            Channel::TrueAttitude => &$($mutable)? $truth.q_world_body,
+            Channel::TrueRate => &$($mutable)? $truth.omega_wb_b_rad_s,
+        };
+        Some(series)
+    }};
+}
+
 impl Recording {
-    /// From the first to the last sample of any inertial or wheel channel \[s\].
+    /// The series of a channel; vector sensors count from 0, of other channels there is only 0. `None` for a sensor
+    /// or truth that is not there, and for jets, which have pulses.
+    #[must_use]
+    pub fn series(&self, channel: Channel, sensor: usize) -> Option<&dyn ChannelSeries> {
+        series_of!(channel, self, self.vectors.get(sensor)?, self.truth.as_ref()?)
+    }
+
+    /// The same, to be filled; a truth that is not there is made.
+    pub(crate) fn series_mut(&mut self, channel: Channel, sensor: usize) -> Option<&mut dyn ChannelSeries> {
+        series_of!(channel, self, self.vectors.get_mut(sensor)?, self.truth.get_or_insert_default(), mut)
+    }
+
+    /// How many sensors of a channel the platform has.
+    fn sensors(&self, channel: Channel) -> usize {
+        if channel.info().form == Form::Directions { self.vectors.len() } else { 1 }
+    }
+
+    /// Everything that was sampled: channel, number of its sensor from 0, series. Jets are apart, in
+    /// [`Self::jet_pulses`].
+    pub fn sampled(&self) -> impl Iterator<Item = (Channel, usize, &dyn ChannelSeries)> {
+        let sensors =
+            |channel: &'static Channel| (0..self.sensors(*channel)).map(move |sensor| (*channel, sensor));
+        let all = Channel::ALL.iter().flat_map(sensors);
+        all.filter_map(|(channel, sensor)| Some((channel, sensor, self.series(channel, sensor)?)))
+            .filter(|(.., series)| !series.time_s().is_empty())
+    }
+
+    /// Whether anything tells of motion: without, nothing can be explained.
+    #[must_use]
+    pub fn has_motion(&self) -> bool {
+        self.sampled().any(|(channel, ..)| channel.info().is_motion)
+    }
+
+    /// From the first to the last sample of any channel that tells of motion \[s\].
     #[must_use]
     pub fn duration_s(&self) -> f64 {
-        let spans =
-            [&self.gyro_b_rad_s.time_s, &self.specific_force_b_m_s2.time_s, &self.wheel_speed_rad_s.time_s];
-        let first = spans.iter().filter_map(|t| t.first()).copied().fold(f64::INFINITY, f64::min);
-        let last = spans.iter().filter_map(|t| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
-        (last - first).max(0.0)
+        let motion = || self.sampled().filter(|(channel, ..)| channel.info().is_motion);
+        let first = motion().filter_map(|(.., series)| series.time_s().first().copied());
+        let last = motion().filter_map(|(.., series)| series.time_s().last().copied());
+        (last.fold(f64::NEG_INFINITY, f64::max) - first.fold(f64::INFINITY, f64::min)).max(0.0)
     }
+
     /// When anything was first measured or commanded \[s\].
     #[must_use]
     pub fn first_time_s(&self) -> Option<f64> {
-        let truth = self.truth.as_ref();
-        let series = [
-            self.gyro_b_rad_s.time_s.first(),
-            self.specific_force_b_m_s2.time_s.first(),
-            self.wheel_speed_rad_s.time_s.first(),
-            self.wheel_torque_command_n_m.time_s.first(),
-            self.body_torque_b_n_m.time_s.first(),
-            self.bus_voltage_v.time_s.first(),
-            self.tank_pressure_pa.time_s.first(),
-            self.temperature_k.time_s.first(),
-            self.ballast_moment_b_n_m.time_s.first(),
-            truth.and_then(|truth| truth.q_world_body.time_s.first()),
-            truth.and_then(|truth| truth.omega_wb_b_rad_s.time_s.first()),
-        ];
-        let vectors = self.vectors.iter().map(|vector| vector.direction_b.time_s.first());
-        let pulses = self.jet_pulses.iter().map(|pulses| pulses.first().map(|pulse| &pulse.on_s));
-        series.into_iter().chain(vectors).chain(pulses).flatten().copied().min_by(f64::total_cmp)
+        let samples = self.sampled().filter_map(|(.., series)| series.time_s().first());
+        let pulses = self.jet_pulses.iter().filter_map(|pulses| pulses.first().map(|pulse| &pulse.on_s));
+        samples.chain(pulses).copied().min_by(f64::total_cmp)
     }
 }

@@ -1,5 +1,7 @@
 //! Values over time.
 
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
 /// Values at times. Times strictly increase; both vectors have the same length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series<T> {
@@ -12,6 +14,11 @@ pub struct Series<T> {
 /// The number nearest to whole nanoseconds; a product with 1e-9 would be one of its neighbours.
 pub(crate) fn seconds(ns: i64) -> f64 {
     ns as f64 / 1e9
+}
+
+/// Seconds to the nearest nanosecond.
+pub(crate) fn nanoseconds(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
 }
 
 impl<T> Default for Series<T> {
@@ -52,5 +59,75 @@ impl<T> FromIterator<(f64, T)> for Series<T> {
             }
         }
         series
+    }
+}
+
+/// A value as plain numbers, in the order of [`whorl_bag::Form`].
+trait Numbers: Sized {
+    fn numbers(&self) -> Vec<f64>;
+    /// `None` where their number is another than the value's.
+    fn of(numbers: Vec<f64>) -> Option<Self>;
+}
+
+impl Numbers for f64 {
+    fn numbers(&self) -> Vec<f64> {
+        vec![*self]
+    }
+    fn of(numbers: Vec<f64>) -> Option<Self> {
+        numbers.first().copied()
+    }
+}
+
+impl Numbers for Vec<f64> {
+    fn numbers(&self) -> Vec<f64> {
+        self.clone()
+    }
+    fn of(numbers: Vec<f64>) -> Option<Self> {
+        Some(numbers)
+    }
+}
+
+impl Numbers for Vector3<f64> {
+    fn numbers(&self) -> Vec<f64> {
+        self.as_slice().to_vec()
+    }
+    fn of(numbers: Vec<f64>) -> Option<Self> {
+        (numbers.len() == 3).then(|| Self::from_column_slice(&numbers))
+    }
+}
+
+impl Numbers for UnitQuaternion<f64> {
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.w, self.i, self.j, self.k]
+    }
+    fn of(numbers: Vec<f64>) -> Option<Self> {
+        match numbers.as_slice() {
+            // Readers of messages and files have seen to its length; here it keeps its bits.
+            &[w, x, y, z] => Some(Self::new_unchecked(Quaternion::new(w, x, y, z))),
+            _ => None,
+        }
+    }
+}
+
+/// The series of a channel, whatever its values are.
+pub trait ChannelSeries {
+    /// Time of each sample since the start of the run \[s\].
+    fn time_s(&self) -> &[f64];
+    /// The numbers of sample `k`, in SI units; empty behind the last.
+    fn numbers(&self, k: usize) -> Vec<f64>;
+    /// Replaces the samples: times \[s\] and numbers, in order of time. One that is not in order, or has another
+    /// number of numbers than the channel, is left out.
+    fn fill(&mut self, samples: &mut dyn Iterator<Item = (f64, Vec<f64>)>);
+}
+
+impl<T: Numbers> ChannelSeries for Series<T> {
+    fn time_s(&self) -> &[f64] {
+        &self.time_s
+    }
+    fn numbers(&self, k: usize) -> Vec<f64> {
+        self.value.get(k).map_or_else(Vec::new, Numbers::numbers)
+    }
+    fn fill(&mut self, samples: &mut dyn Iterator<Item = (f64, Vec<f64>)>) {
+        *self = samples.filter_map(|(time_s, numbers)| Some((time_s, T::of(numbers)?))).collect();
     }
 }

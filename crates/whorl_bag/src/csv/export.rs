@@ -6,7 +6,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::CsvError;
+use super::error::CsvError;
 use super::flatten::{Layout, Leaf, Path as LeafPath};
 use crate::{BagError, BagReader, BagTopic, RecordedMessage};
 

@@ -3,19 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Unit, Vector3};
-use whorl_msgs::geometry_msgs::Vector3Stamped;
-use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
+use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::AttitudeEstimate;
-use whorl_msgs::{Topic, geometry_msgs, std_msgs};
+use whorl_msgs::{Message, Topic};
 use whorl_node::Timestamp;
 
+use super::error::CsvError;
+use super::map::CsvMap;
 use super::reference::ReferenceSearch;
 use super::rows::{CsvRow, CsvRows};
-use super::{CsvError, CsvMap};
+use crate::channels::{Channel, blank};
 use crate::measurements::Measurement;
-
-/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
-const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// A CSV file of measurements that was read once and found to be good.
 ///
@@ -145,65 +143,44 @@ impl Iterator for CsvSamples {
 }
 
 impl CsvSamples {
-    /// The line's messages, in reverse.
+    /// The line's messages, in reverse: of each topic that a driver sends, where the line has all of its channels.
     fn split(&mut self, row: CsvRow) {
         let first_ns = *self.first_ns.get_or_insert(row.time_ns);
         let stamp = Timestamp(self.start.0.saturating_add(row.time_ns - first_ns));
-        let header = |frame_id: &str| std_msgs::Header { stamp: stamp.into(), frame_id: frame_id.to_owned() };
-        let mut push = |topic, message| self.pending.push(Measurement { stamp, topic, message });
-        if let Some(q) = row.q_world_body {
-            let unknown = geometry_msgs::Vector3 { x: f64::NAN, y: f64::NAN, z: f64::NAN };
-            let truth = AttitudeEstimate {
-                header: header("world"),
-                sequence: self.truths,
-                q_world_body: geometry_msgs::Quaternion { x: q.i, y: q.j, z: q.k, w: q.w },
-                omega_wb_b_rad_s: row.true_rate_b_rad_s.map_or(unknown, Into::into),
-                gyro_bias_b_rad_s: unknown,
-                nis: f64::NAN,
-                health: if row.scored {
-                    AttitudeEstimate::HEALTH_OK
-                } else {
-                    AttitudeEstimate::HEALTH_DEGRADED
-                },
-                ..AttitudeEstimate::default()
-            };
-            self.truths += 1;
-            push(Topic::TruthState, truth.into());
-        }
-        if let Some(kelvin) = row.temperature_k {
-            let temperature = kelvin - CELSIUS_ZERO_K;
-            let message = Temperature { header: header(&self.frame_id), temperature, variance: 0.0 };
-            push(Topic::Temperature, message.into());
-        }
-        if let Some(fluid_pressure) = row.tank_pressure_pa {
-            let message = FluidPressure { header: header(&self.frame_id), fluid_pressure, variance: 0.0 };
-            push(Topic::TankPressure, message.into());
-        }
-        if let Some(voltage) = row.bus_voltage_v {
-            let (header, voltage) = (header(&self.frame_id), voltage as f32);
-            push(Topic::Battery, BatteryState { header, voltage, ..BatteryState::default() }.into());
-        }
-        if let Some(velocity) = row.wheel_speed_rad_s {
-            let message = JointState { header: header(&self.frame_id), velocity, ..JointState::default() };
-            push(Topic::WheelState, message.into());
-        }
-        if let Some(vector) = row.vectors_b.first().copied().flatten()
-            && (self.last_vector.replace(vector) != Some(vector) || self.repeats)
-        {
-            let vector = <[f64; 3]>::from(vector.into_inner()).into();
-            let direction = Vector3Stamped { header: header(&self.frame_id), vector };
-            push(Topic::VectorDirection, direction.into());
-        }
-        if let Some((gyro, force)) = row.gyro_b_rad_s.zip(row.specific_force_b_m_s2) {
-            let mut imu = Imu {
-                header: header(&self.frame_id),
-                angular_velocity: <[f64; 3]>::from(gyro).into(),
-                linear_acceleration: <[f64; 3]>::from(force).into(),
-                ..Imu::default()
-            };
-            // There is no orientation in this message.
-            imu.orientation_covariance[0] = -1.0;
-            push(Topic::ImuRaw, imu.into());
+        let vector = row.vectors_b.first().copied().flatten();
+        let vector =
+            vector.filter(|v| self.last_vector.replace(*v) != Some(*v) || self.repeats).map(Unit::into_inner);
+        for topic in Topic::FROM_DRIVER.into_iter().rev() {
+            let mut message = None;
+            for (channel, _) in Channel::carried_by(topic.info().name) {
+                let numbers = match channel {
+                    Channel::Vector => vector.map(|v: Vector3<f64>| v.as_slice().to_vec()),
+                    Channel::TrueAttitude => row.q_world_body.map(|q| vec![q.w, q.i, q.j, q.k]),
+                    _ => row.numbers.get(&channel).cloned(),
+                };
+                // Few files know the true rate, and a truth without it is one all the same.
+                if numbers.is_none() && channel == Channel::TrueRate {
+                    continue;
+                }
+                let Some(numbers) = numbers else {
+                    message = None;
+                    break;
+                };
+                let message = message.get_or_insert_with(|| {
+                    let world = topic == Topic::TruthState;
+                    let frame_id = if world { "world".to_owned() } else { self.frame_id.clone() };
+                    let header = Header { stamp: stamp.into(), frame_id };
+                    blank(channel.message_type(), header, self.truths)
+                });
+                channel.info().carrier.write(&numbers, message);
+            }
+            if let Some(Message::AttitudeEstimate(truth)) = &mut message {
+                self.truths += 1;
+                if !row.scored {
+                    truth.health = AttitudeEstimate::HEALTH_DEGRADED;
+                }
+            }
+            self.pending.extend(message.map(|message| Measurement { stamp, topic, message }));
         }
     }
 }

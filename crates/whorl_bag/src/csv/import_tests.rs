@@ -181,7 +181,7 @@ fn the_map_in_params_is_good() {
     let params = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params/channels/broad.yaml");
     let map = CsvMap::load(&params).unwrap();
     assert_eq!(map.true_attitude.unwrap().scored_column.as_deref(), Some("movement"));
-    assert_eq!((map.gyro.unwrap().factor, map.vectors[0].reference_world), (1.0, None));
+    assert_eq!((map.channels[&Channel::Gyro].factor, map.vectors[0].reference_world), (1.0, None));
 }
 
 #[test]

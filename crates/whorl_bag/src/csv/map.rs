@@ -1,12 +1,15 @@
 //! Which column is what: a YAML file for each form of CSV.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
 use whorl_params::{ParameterTree, Reader};
 
-use super::units::{self, Unit as ColumnUnit};
-use super::{CsvError, JetMap, JetQuantity, Slot};
+use super::error::CsvError;
+use super::jets::{JetMap, JetQuantity, Slot};
+use crate::channels::{Channel, Form};
+use crate::units::{self, Unit as ColumnUnit};
 
 /// Which column is what, in which unit, in which order of axes; read from a parameter file. `docs/recordings.md`
 /// explains every key:
@@ -28,32 +31,14 @@ use super::{CsvError, JetMap, JetQuantity, Slot};
 pub struct CsvMap {
     /// The time.
     pub time: TimeMap,
-    /// Rate about x, y, z of the body [rad/s].
-    pub gyro: Option<Channel>,
-    /// Specific force along x, y, z of the body [m/s^2], +9.81 on z at rest.
-    pub accelerometer: Option<Channel>,
+    /// Columns of every channel that is axes, wheels or one number.
+    pub channels: BTreeMap<Channel, ColumnMap>,
     /// Vector sensors, such as magnetometers, in the order of the file.
     pub vectors: Vec<VectorMap>,
-    /// Wheel speeds relative to the body [rad/s], in the order of the platform's wheels.
-    pub wheel_speed: Option<Channel>,
-    /// Commanded motor torques [N m], in the order of the platform's wheels.
-    pub wheel_torque_command: Option<Channel>,
     /// Commands of the jets, in the order of the platform's jets.
     pub jets: Option<JetMap>,
-    /// Known torque on the body, body axes [N m].
-    pub body_torque: Option<Channel>,
-    /// Moment of the linear mass actuators, body axes [N m].
-    pub ballast_moment: Option<Channel>,
-    /// Bus voltage \[V\].
-    pub bus_voltage: Option<Channel>,
-    /// Tank pressure \[Pa\].
-    pub tank_pressure: Option<Channel>,
-    /// Temperature \[K\].
-    pub temperature: Option<Channel>,
     /// True attitude.
     pub true_attitude: Option<TruthMap>,
-    /// True rate of the body seen from the world, body axes [rad/s].
-    pub true_rate: Option<Channel>,
     /// Whether a controller was running.
     pub closed_loop: bool,
     /// Whether the platform was clamped (wheel bench test).
@@ -77,7 +62,7 @@ pub struct TimeMap {
 
 /// Columns of one measured quantity. SI value = `factor` * number + `offset`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Channel {
+pub struct ColumnMap {
     /// Names of the columns; a minus in front reverses the sign.
     pub columns: Vec<String>,
     /// SI units per unit of the column.
@@ -140,119 +125,133 @@ impl CsvMap {
 
     /// Reads the map from a node's parameters. The single definition of its keys.
     pub fn read(r: &mut Reader<'_>, parts: Option<&PlatformParts>) -> Self {
-        let time = r.group("time", time);
-        let gyro =
-            optional(r, "gyro", |r| axes(r, units::RATE, "rate about x, y, z of the body, right-handed"));
-        let accelerometer = optional(r, "accelerometer", |r| {
-            axes(r, units::SPECIFIC_FORCE, "specific force along x, y, z of the body, positive on z at rest")
+        let mut map = Self {
+            time: r.group("time", time),
+            channels: BTreeMap::new(),
+            vectors: Vec::new(),
+            jets: None,
+            true_attitude: None,
+            closed_loop: false,
+            clamped: false,
+            jets_off: false,
+            delimiter: b',',
+        };
+        for channel in Channel::ALL {
+            map.read_channel(r, *channel, parts);
+        }
+        map.read_circumstances(r);
+        refuse_unknown(r);
+        let motion: Vec<&str> = Channel::ALL
+            .iter()
+            .map(|c| c.info())
+            .filter(|info| info.is_motion)
+            .map(|info| info.key)
+            .collect();
+        if !map.channels.keys().any(|channel| channel.info().is_motion) {
+            let first = motion.first().copied().unwrap_or_default();
+            r.reject(first, format!("nothing that moves is named; allowed: one of {}", motion.join(", ")));
+        }
+        map
+    }
+
+    /// Whether the map names columns of a channel.
+    #[must_use]
+    pub fn has(&self, channel: Channel) -> bool {
+        match channel.info().form {
+            Form::Directions => !self.vectors.is_empty(),
+            Form::Pulses => self.jets.is_some(),
+            Form::Attitude => self.true_attitude.is_some(),
+            Form::Axes | Form::Wheels { .. } | Form::Scalar => self.channels.contains_key(&channel),
+        }
+    }
+
+    fn read_channel(&mut self, r: &mut Reader<'_>, channel: Channel, parts: Option<&PlatformParts>) {
+        let info = channel.info();
+        let wheels = parts.map(|parts| Members { of: &parts.platform, what: "wheels", names: &parts.wheels });
+        let jets = parts.map(|parts| Members { of: &parts.platform, what: "jets", names: &parts.jets });
+        if info.form == Form::Directions {
+            self.vectors = vectors(r, info.key, info.holds);
+            return;
+        }
+        if !r.has(info.key) {
+            return;
+        }
+        r.group(info.key, |r| {
+            let (columns, of_unit) = match info.form {
+                Form::Axes => (names::<3>(r, info.holds).to_vec(), "unit of these columns"),
+                Form::Wheels { .. } => (counted(r, info.holds, wheels), "unit of these columns"),
+                Form::Scalar => {
+                    let holds = format!("name of the column of the {}", info.holds);
+                    (vec![r.string("column", &holds)], "unit of this column")
+                }
+                Form::Pulses => {
+                    self.jets = Some(read_jets(r, info.holds, jets));
+                    return;
+                }
+                Form::Attitude => {
+                    self.true_attitude = Some(attitude(r, info.holds));
+                    return;
+                }
+                Form::Directions => return,
+            };
+            let ColumnUnit { factor, offset, .. } = unit(r, info.units, of_unit);
+            self.channels.insert(channel, ColumnMap { columns, factor, offset });
         });
-        let vectors = vectors(r);
-        let wheels = parts.map(|parts| (&parts.platform, "wheels", parts.wheels.as_slice()));
-        let jets = parts.map(|parts| (&parts.platform, "jets", parts.jets.as_slice()));
-        let wheel_speed = optional(r, "wheel_speed", |r| {
-            members(r, units::WHEEL_SPEED, "speed of each wheel relative to the body", wheels)
-        });
-        let wheel_torque_command = optional(r, "wheel_torque_command", |r| {
-            members(r, units::TORQUE, "commanded motor torque of each wheel", wheels)
-        });
-        let jets = optional(r, "jets", |r| read_jets(r, jets));
-        let body_torque = optional(r, "body_torque", |r| {
-            axes(r, units::TORQUE, "known torque on the body about the centre of rotation, body axes")
-        });
-        let ballast_moment = optional(r, "ballast_moment", |r| {
-            axes(r, units::TORQUE, "weight times displacement of the linear mass actuators, body axes")
-        });
-        let bus_voltage = optional(r, "bus_voltage", |r| scalar(r, units::VOLTAGE, "bus voltage"));
-        let tank_pressure = optional(r, "tank_pressure", |r| scalar(r, units::PRESSURE, "tank pressure"));
-        let temperature =
-            optional(r, "temperature", |r| scalar(r, units::TEMPERATURE, "temperature of the platform"));
-        let true_attitude = optional(r, "true_attitude", |r| TruthMap {
-            columns: names(r, "w, x, y, z of the true attitude quaternion (Hamilton)"),
-            world_to_body: r.choice_or(
-                "rotation",
-                "body_to_world",
-                &["body_to_world", "world_to_body"],
-                "what the quaternion rotates",
-            ) == "world_to_body",
-            scored_column: r.optional_string("scored", "column that is 1 where errors are to be counted"),
-        });
-        let true_rate =
-            optional(r, "true_rate", |r| axes(r, units::RATE, "true rate of the body seen from the world"));
-        let closed_loop = r.bool_or("closed_loop", false, "whether a controller was running");
+    }
+
+    /// What a map says that is no channel.
+    fn read_circumstances(&mut self, r: &mut Reader<'_>) {
+        self.closed_loop = r.bool_or("closed_loop", false, "whether a controller was running");
         let mounting = r.choice_or(
             "mounting",
             "on_bearing",
             &["on_bearing", "clamped"],
             "clamped: the body was held, only the wheels moved",
         );
-        let jets_off = r.bool_or(
+        self.clamped = mounting == "clamped";
+        self.jets_off = r.bool_or(
             "jets_off",
             false,
             "whether the jets were off: no valve opened during the run, although no column says so",
         );
-        if jets_off && jets.is_some() {
+        if self.jets_off && self.jets.is_some() {
             r.reject("jets_off", "the map names the jets' columns as well; allowed: one of the two");
         }
         let delimiter =
             r.choice_or("delimiter", ",", &[",", ";", "\t", " ", "|"], "character between the cells");
-        let first_parts = r.parameters().iter().map(|entry| entry.key.split('.').next().unwrap_or_default());
-        let mut unknown: Vec<String> =
-            first_parts.filter(|name| !CHANNELS.contains(name)).map(str::to_owned).collect();
-        unknown.dedup();
-        for name in unknown {
-            r.reject_group(&name, format!("is no channel; allowed: {}", CHANNELS.join(", ")));
-        }
-        if gyro.is_none() && accelerometer.is_none() && wheel_speed.is_none() {
-            r.reject("gyro", "nothing that moves is named; allowed: one of gyro, accelerometer, wheel_speed");
-        }
-        Self {
-            time,
-            gyro,
-            accelerometer,
-            vectors,
-            wheel_speed,
-            wheel_torque_command,
-            jets,
-            body_torque,
-            ballast_moment,
-            bus_voltage,
-            tank_pressure,
-            temperature,
-            true_attitude,
-            true_rate,
-            closed_loop,
-            clamped: mounting == "clamped",
-            jets_off,
-            delimiter: delimiter.bytes().next().unwrap_or(b','),
-        }
+        self.delimiter = delimiter.bytes().next().unwrap_or(b',');
     }
 }
 
 /// Every group or key of a map.
-const CHANNELS: [&str; 19] = [
-    "time",
-    "gyro",
-    "accelerometer",
-    "vector",
-    "vectors",
-    "wheel_speed",
-    "wheel_torque_command",
-    "jets",
-    "body_torque",
-    "ballast_moment",
-    "bus_voltage",
-    "tank_pressure",
-    "temperature",
-    "true_attitude",
-    "true_rate",
-    "closed_loop",
-    "mounting",
-    "jets_off",
-    "delimiter",
-];
+fn keys() -> Vec<&'static str> {
+    let channels = Channel::ALL.iter().flat_map(|channel| match channel.info().form {
+        Form::Directions => vec![channel.info().key, SEVERAL],
+        _ => vec![channel.info().key],
+    });
+    ["time"].into_iter().chain(channels).chain(["closed_loop", "mounting", "jets_off", "delimiter"]).collect()
+}
 
-fn optional<T>(r: &mut Reader<'_>, key: &str, read: impl FnOnce(&mut Reader<'_>) -> T) -> Option<T> {
-    r.has(key).then(|| r.group(key, read))
+/// The group of vector sensors, for several of them.
+const SEVERAL: &str = "vectors";
+
+fn refuse_unknown(r: &mut Reader<'_>) {
+    let allowed = keys();
+    let first_parts = r.parameters().iter().map(|entry| entry.key.split('.').next().unwrap_or_default());
+    let mut unknown: Vec<String> =
+        first_parts.filter(|name| !allowed.contains(name)).map(str::to_owned).collect();
+    unknown.dedup();
+    for name in unknown {
+        r.reject_group(&name, format!("is no channel; allowed: {}", allowed.join(", ")));
+    }
+}
+
+/// Of what a platform has several, for counting columns.
+#[derive(Clone, Copy)]
+struct Members<'a> {
+    of: &'a str,
+    what: &'a str,
+    names: &'a [String],
 }
 
 fn time(r: &mut Reader<'_>) -> TimeMap {
@@ -269,24 +268,25 @@ fn time(r: &mut Reader<'_>) -> TimeMap {
     TimeMap { column, unit_power, start_ns }
 }
 
-fn vectors(r: &mut Reader<'_>) -> Vec<VectorMap> {
-    let one = optional(r, "vector", vector);
+/// One sensor (`vector`), or several by names of their own (`vectors.<name>`).
+fn vectors(r: &mut Reader<'_>, key: &str, holds: &str) -> Vec<VectorMap> {
+    let one = r.has(key).then(|| r.group(key, |r| vector(r, holds)));
     let several: Vec<VectorMap> =
-        r.group("vectors", |r| r.children("").iter().map(|name| r.group(name, vector)).collect());
+        r.group(SEVERAL, |r| r.children("").iter().map(|name| r.group(name, |r| vector(r, holds))).collect());
     let all: Vec<VectorMap> = one.into_iter().chain(several).collect();
     if all.len() > crate::extra::MAX_VECTOR_SENSORS {
         r.reject(
-            "vectors",
+            SEVERAL,
             format!("{} sensors; allowed: at most {}", all.len(), crate::extra::MAX_VECTOR_SENSORS),
         );
     }
     all
 }
 
-fn vector(r: &mut Reader<'_>) -> VectorMap {
+fn vector(r: &mut Reader<'_>, holds: &str) -> VectorMap {
     let given = r.has("reference_world");
     VectorMap {
-        columns: names(r, "direction along x, y, z of the body, of any length"),
+        columns: names(r, holds),
         reference_world: given
             .then(|| r.direction("reference_world", "the same direction in the world (east, north, up)")),
         repeats: r.bool_or(
@@ -297,8 +297,21 @@ fn vector(r: &mut Reader<'_>) -> VectorMap {
     }
 }
 
-fn read_jets(r: &mut Reader<'_>, parts: Option<(&String, &str, &[String])>) -> JetMap {
-    let columns = counted(r, "command of each jet", parts);
+fn attitude(r: &mut Reader<'_>, holds: &str) -> TruthMap {
+    TruthMap {
+        columns: names(r, holds),
+        world_to_body: r.choice_or(
+            "rotation",
+            "body_to_world",
+            &["body_to_world", "world_to_body"],
+            "what the quaternion rotates",
+        ) == "world_to_body",
+        scored_column: r.optional_string("scored", "column that is 1 where errors are to be counted"),
+    }
+}
+
+fn read_jets(r: &mut Reader<'_>, holds: &str, jets: Option<Members<'_>>) -> JetMap {
+    let columns = counted(r, holds, jets);
     let quantity = r.choice(
         "quantity",
         &["on_time", "duty", "open"],
@@ -347,47 +360,20 @@ fn unit(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> ColumnUnit {
     found.unwrap_or(ColumnUnit { name: "", factor: 1.0, offset: 0.0 })
 }
 
-fn channel(columns: Vec<String>, unit: ColumnUnit) -> Channel {
-    Channel { columns, factor: unit.factor, offset: unit.offset }
-}
-
-fn axes(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> Channel {
-    let columns: [String; 3] = names(r, doc);
-    let unit = unit(r, table, "unit of these columns");
-    channel(columns.to_vec(), unit)
-}
-
-fn scalar(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> Channel {
-    let column = r.string("column", &format!("name of the column of the {doc}"));
-    let unit = unit(r, table, "unit of this column");
-    channel(vec![column], unit)
-}
-
-fn members(
-    r: &mut Reader<'_>,
-    table: &[ColumnUnit],
-    doc: &str,
-    parts: Option<(&String, &str, &[String])>,
-) -> Channel {
-    let columns = counted(r, doc, parts);
-    let unit = unit(r, table, "unit of these columns");
-    channel(columns, unit)
-}
-
 /// As many names as the platform has of these.
-fn counted(r: &mut Reader<'_>, doc: &str, parts: Option<(&String, &str, &[String])>) -> Vec<String> {
+fn counted(r: &mut Reader<'_>, doc: &str, members: Option<Members<'_>>) -> Vec<String> {
     let columns = r.string_array("columns", doc);
-    if let Some((platform, what, members)) = parts
-        && columns.len() != members.len()
+    if let Some(Members { of, what, names }) = members
+        && columns.len() != names.len()
         && !columns.is_empty()
     {
         r.reject(
             "columns",
             format!(
-                "{} names, but {platform} has {} {what}; allowed: one column for each of {}, in this order",
+                "{} names, but {of} has {} {what}; allowed: one column for each of {}, in this order",
                 columns.len(),
-                members.len(),
-                members.join(", ")
+                names.len(),
+                names.join(", ")
             ),
         );
     } else if columns.is_empty() && r.has("columns") {

@@ -9,11 +9,10 @@ mod map;
 mod reference;
 mod rows;
 mod table;
-mod units;
 
 pub use error::CsvError;
 pub use export::{ExportedTopic, export_csv};
 pub use import::{CsvRecording, CsvSamples};
 pub use jets::{CsvPulse, JetCommand, JetMap, JetQuantity, Slot};
-pub use map::{Channel, CsvMap, PlatformParts, TimeMap, TruthMap, VectorMap};
+pub use map::{ColumnMap, CsvMap, PlatformParts, TimeMap, TruthMap, VectorMap};
 pub use rows::{CsvRow, CsvRows};

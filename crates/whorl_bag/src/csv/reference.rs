@@ -3,6 +3,7 @@
 use nalgebra::{Unit, Vector3};
 
 use super::rows::CsvRow;
+use crate::channels::Channel;
 
 /// Length of the interval that is looked for \[s\].
 const INTERVAL_S: f64 = 1.0;
@@ -36,7 +37,7 @@ struct Interval {
 impl Interval {
     fn add(&mut self, row: &CsvRow) {
         self.start_s.get_or_insert(seconds(row.time_ns));
-        if let Some((gyro, force)) = row.gyro_b_rad_s.zip(row.specific_force_b_m_s2) {
+        if let Some((gyro, force)) = row.axes(Channel::Gyro).zip(row.axes(Channel::Accelerometer)) {
             self.force_m_s2 += force;
             self.forces += 1;
             self.largest_rate_rad_s = self.largest_rate_rad_s.max(gyro.norm());

@@ -1,13 +1,15 @@
 //! Lines of a CSV file in SI units.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
-use super::jets::JetCommand;
-use super::map::Channel;
+use super::error::CsvError;
+use super::jets::{JetCommand, JetMap};
+use super::map::{ColumnMap, CsvMap};
 use super::table::{Column, Table};
-use super::{CsvError, CsvMap, JetMap};
+use crate::channels::Channel;
 
 /// One line, in SI units; `None` where a cell that belongs to the quantity is blank.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,36 +18,29 @@ pub struct CsvRow {
     pub line: u64,
     /// Time as the column has it \[ns\].
     pub time_ns: i64,
-    /// Rate, body axes [rad/s].
-    pub gyro_b_rad_s: Option<Vector3<f64>>,
-    /// Specific force, body axes [m/s^2].
-    pub specific_force_b_m_s2: Option<Vector3<f64>>,
+    /// Numbers of the channels that are axes, wheels or one number, where all of a channel's cells have one.
+    pub numbers: BTreeMap<Channel, Vec<f64>>,
     /// Of each vector sensor.
     pub vectors_b: Vec<Option<Unit<Vector3<f64>>>>,
     /// Length of each vector, in the unit of its columns.
     pub vector_lengths: Vec<Option<f64>>,
-    /// Of each wheel [rad/s].
-    pub wheel_speed_rad_s: Option<Vec<f64>>,
-    /// Of each wheel [N m].
-    pub wheel_torque_command_n_m: Option<Vec<f64>>,
     /// Of each jet, if any of them has a number.
     pub jets: Option<JetCommand>,
-    /// Body axes [N m].
-    pub body_torque_b_n_m: Option<Vector3<f64>>,
-    /// Body axes [N m].
-    pub ballast_moment_b_n_m: Option<Vector3<f64>>,
-    /// \[V\]
-    pub bus_voltage_v: Option<f64>,
-    /// \[Pa\]
-    pub tank_pressure_pa: Option<f64>,
-    /// \[K\]
-    pub temperature_k: Option<f64>,
     /// True attitude.
     pub q_world_body: Option<UnitQuaternion<f64>>,
-    /// True rate, body axes [rad/s].
-    pub true_rate_b_rad_s: Option<Vector3<f64>>,
     /// Whether the file's author wants errors of this line to be counted.
     pub scored: bool,
+}
+
+impl CsvRow {
+    /// Numbers of a channel of axes.
+    #[must_use]
+    pub fn axes(&self, channel: Channel) -> Option<Vector3<f64>> {
+        match self.numbers.get(&channel)?.as_slice() {
+            &[x, y, z] => Some(Vector3::new(x, y, z)),
+            _ => None,
+        }
+    }
 }
 
 /// Reads lines one after the other and checks them.
@@ -54,19 +49,10 @@ pub struct CsvRows {
     table: Table,
     map: CsvMap,
     time: Column,
-    gyro: Option<Columns>,
-    accelerometer: Option<Columns>,
+    channels: Vec<(Channel, Columns)>,
     vectors: Vec<[Column; 3]>,
-    wheel_speed: Option<Columns>,
-    wheel_torque: Option<Columns>,
     jets: Option<(JetMap, Vec<Column>)>,
-    body_torque: Option<Columns>,
-    ballast: Option<Columns>,
-    bus_voltage: Option<Columns>,
-    tank_pressure: Option<Columns>,
-    temperature: Option<Columns>,
     truth: Option<[Column; 4]>,
-    true_rate: Option<Columns>,
     scored: Option<Column>,
     previous_ns: Option<i64>,
 }
@@ -86,27 +72,20 @@ impl CsvRows {
     pub fn open(path: &Path, map: &CsvMap) -> Result<Self, CsvError> {
         let table = Table::open(path, map.delimiter)?;
         let scored = map.true_attitude.as_ref().and_then(|truth| truth.scored_column.as_ref());
-        let find = |channel: &Option<Channel>| channel.as_ref().map(|c| Columns::find(&table, c)).transpose();
+        let find = |(channel, columns): (&Channel, &ColumnMap)| {
+            Ok::<_, CsvError>((*channel, Columns::find(&table, columns)?))
+        };
         Ok(Self {
             path: path.to_owned(),
             time: table.column(&map.time.column)?,
-            gyro: find(&map.gyro)?,
-            accelerometer: find(&map.accelerometer)?,
+            channels: map.channels.iter().map(find).collect::<Result<_, _>>()?,
             vectors: map.vectors.iter().map(|v| table.columns(&v.columns)).collect::<Result<_, _>>()?,
-            wheel_speed: find(&map.wheel_speed)?,
-            wheel_torque: find(&map.wheel_torque_command)?,
             jets: map
                 .jets
                 .as_ref()
                 .map(|jets| Ok::<_, CsvError>((jets.clone(), find_all(&table, &jets.columns)?)))
                 .transpose()?,
-            body_torque: find(&map.body_torque)?,
-            ballast: find(&map.ballast_moment)?,
-            bus_voltage: find(&map.bus_voltage)?,
-            tank_pressure: find(&map.tank_pressure)?,
-            temperature: find(&map.temperature)?,
             truth: map.true_attitude.as_ref().map(|truth| table.columns(&truth.columns)).transpose()?,
-            true_rate: find(&map.true_rate)?,
             scored: scored.map(|name| table.column(name)).transpose()?,
             table,
             map: map.clone(),
@@ -130,10 +109,10 @@ impl CsvRows {
         }
         let time_ns = self.time()?;
         let table = &self.table;
-        let vector = |columns: &Option<Columns>| Ok::<_, CsvError>(list(table, columns)?.and_then(vector_of));
-        let scalar = |columns: &Option<Columns>| {
-            Ok::<_, CsvError>(list(table, columns)?.and_then(|l| l.first().copied()))
-        };
+        let mut numbers = BTreeMap::new();
+        for (channel, columns) in &self.channels {
+            numbers.extend(columns.numbers(table)?.map(|values| (*channel, values)));
+        }
         let mut vectors_b = Vec::with_capacity(self.vectors.len());
         let mut vector_lengths = Vec::with_capacity(self.vectors.len());
         for columns in &self.vectors {
@@ -148,24 +127,15 @@ impl CsvRows {
         Ok(Some(CsvRow {
             line: table.line(),
             time_ns,
-            gyro_b_rad_s: vector(&self.gyro)?,
-            specific_force_b_m_s2: vector(&self.accelerometer)?,
+            numbers,
             vectors_b,
             vector_lengths,
-            wheel_speed_rad_s: list(table, &self.wheel_speed)?,
-            wheel_torque_command_n_m: list(table, &self.wheel_torque)?,
             jets: self.jets(time_ns)?,
-            body_torque_b_n_m: vector(&self.body_torque)?,
-            ballast_moment_b_n_m: vector(&self.ballast)?,
-            bus_voltage_v: scalar(&self.bus_voltage)?,
-            tank_pressure_pa: scalar(&self.tank_pressure)?,
-            temperature_k: scalar(&self.temperature)?,
             q_world_body: truth.and_then(|[w, x, y, z]| {
                 let q = Quaternion::new(w, x, y, z);
                 let q = (q.norm() > 1e-6).then(|| UnitQuaternion::from_quaternion(q))?;
                 Some(if world_to_body { q.inverse() } else { q })
             }),
-            true_rate_b_rad_s: vector(&self.true_rate)?,
             scored: self.scored.is_none() || scored.is_some_and(|scored| scored != 0.0),
         }))
     }
@@ -173,7 +143,7 @@ impl CsvRows {
     fn time(&mut self) -> Result<i64, CsvError> {
         let line = self.table.line();
         let text = self.table.text(self.time);
-        let Some(time_ns) = super::units::nanoseconds(text, self.map.time.unit_power) else {
+        let Some(time_ns) = crate::units::nanoseconds(text, self.map.time.unit_power) else {
             return Err(CsvError::NotANumber {
                 path: self.path.clone(),
                 line,
@@ -218,9 +188,21 @@ impl CsvRows {
 }
 
 impl Columns {
-    fn find(table: &Table, channel: &Channel) -> Result<Self, CsvError> {
-        let columns = find_all(table, &channel.columns)?;
-        Ok(Self { columns, factor: channel.factor, offset: channel.offset })
+    fn find(table: &Table, map: &ColumnMap) -> Result<Self, CsvError> {
+        let columns = find_all(table, &map.columns)?;
+        Ok(Self { columns, factor: map.factor, offset: map.offset })
+    }
+
+    /// All numbers of the channel, or `None` when one of them is missing.
+    fn numbers(&self, table: &Table) -> Result<Option<Vec<f64>>, CsvError> {
+        let mut values = Vec::with_capacity(self.columns.len());
+        for column in &self.columns {
+            // Every cell is looked at, so that a wrong one is found also beside a blank one.
+            if let Some(x) = table.number(*column)? {
+                values.push(self.factor * x + self.offset);
+            }
+        }
+        Ok((values.len() == self.columns.len()).then_some(values))
     }
 }
 
@@ -228,27 +210,7 @@ fn find_all(table: &Table, names: &[String]) -> Result<Vec<Column>, CsvError> {
     names.iter().map(|name| table.column(name)).collect()
 }
 
-/// All numbers of a channel, or `None` when one of them is missing.
-fn list(table: &Table, columns: &Option<Columns>) -> Result<Option<Vec<f64>>, CsvError> {
-    let Some(columns) = columns else { return Ok(None) };
-    let mut values = Vec::with_capacity(columns.columns.len());
-    for column in &columns.columns {
-        // Every cell is looked at, so that a wrong one is found also beside a blank one.
-        if let Some(x) = table.number(*column)? {
-            values.push(columns.factor * x + columns.offset);
-        }
-    }
-    Ok((values.len() == columns.columns.len()).then_some(values))
-}
-
 /// One of length one stays as it is, to the bit: what was exported comes back.
 fn direction(v: Vector3<f64>) -> Option<Unit<Vector3<f64>>> {
     if (v.norm() - 1.0).abs() < 1e-12 { Some(Unit::new_unchecked(v)) } else { Unit::try_new(v, 1e-12) }
-}
-
-fn vector_of(values: Vec<f64>) -> Option<Vector3<f64>> {
-    match values.as_slice() {
-        &[x, y, z] => Some(Vector3::new(x, y, z)),
-        _ => None,
-    }
 }

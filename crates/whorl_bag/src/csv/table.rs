@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::bufread::MultiGzDecoder;
 
-use super::CsvError;
+use super::error::CsvError;
 
 /// A CSV file, compressed with gzip or not, of which some columns are read.
 pub(crate) struct Table {

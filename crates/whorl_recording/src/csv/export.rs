@@ -5,9 +5,10 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use nalgebra::Vector3;
+use whorl_bag::{AXES, Channel, Form};
 
-use crate::{Mounting, Recording, RecordingError, Series};
+use crate::series::{ChannelSeries, nanoseconds};
+use crate::{Mounting, Recording, RecordingError};
 
 /// What [`export_csv`] wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,58 +47,22 @@ pub fn export_csv(
          csv:\n  ros__parameters:\n    time: {{column: time_s, unit: s, start: 0.0}}\n",
         recording.platform
     );
+    let parts = Parts { wheels, jets };
     let mut blocks: Vec<Block> = Vec::new();
-    let mut add = |key: &str, names: &[String], rest: &str, cells: Vec<(i64, String)>| {
-        if cells.is_empty() {
-            return;
+    for channel in Channel::ALL {
+        for sensor in 0..channel.most_sensors() {
+            let Some((names, cells)) = parts.columns(recording, *channel, sensor) else { continue };
+            names.iter().for_each(|name| {
+                let _ = write!(header, ",{name}");
+            });
+            let (key, rest) = in_map(recording, *channel, sensor);
+            let columns = match names.as_slice() {
+                [only] if channel.info().form == Form::Scalar => format!("column: {only}"),
+                several => format!("columns: [{}]", several.join(", ")),
+            };
+            let _ = writeln!(map, "    {key}: {{{columns}{rest}}}");
+            blocks.push(Block { columns: names.len(), cells, next: 0 });
         }
-        names.iter().for_each(|name| {
-            let _ = write!(header, ",{name}");
-        });
-        let columns = match names {
-            [only] => format!("column: {only}"),
-            several => format!("columns: [{}]", several.join(", ")),
-        };
-        let _ = writeln!(map, "    {key}: {{{columns}{rest}}}");
-        blocks.push(Block { columns: names.len(), cells, next: 0 });
-    };
-    let axes = |stem: &str, unit: &str| ["x", "y", "z"].map(|axis| format!("{stem}_{axis}{unit}")).to_vec();
-    add("gyro", &axes("gyro", "_rad_s"), ", unit: rad/s", vectors(&recording.gyro_b_rad_s));
-    let force = vectors(&recording.specific_force_b_m_s2);
-    add("accelerometer", &axes("force", "_m_s2"), ", unit: m/s^2", force);
-    for (index, channel) in recording.vectors.iter().enumerate() {
-        let number = index + 1;
-        let r = channel.reference_world;
-        let rest = format!(", reference_world: [{:?}, {:?}, {:?}], repeats: true", r.x, r.y, r.z);
-        let cells = vectors(&channel.direction_b);
-        add(&format!("vectors.vector_{number}"), &axes(&format!("vector_{number}"), ""), &rest, cells);
-    }
-    let count = |series: &Series<Vec<f64>>| series.value.first().map_or(0, Vec::len);
-    let named = |stem: &str, given: &[String], count: usize, unit: &str| -> Vec<String> {
-        let name = |j: usize| given.get(j).cloned().unwrap_or_else(|| format!("{stem}_{}", j + 1));
-        (0..count).map(|j| format!("{}{unit}", name(j))).collect()
-    };
-    let speed = &recording.wheel_speed_rad_s;
-    add("wheel_speed", &named("wheel", wheels, count(speed), "_rad_s"), ", unit: rad/s", lists(speed));
-    let torque = &recording.wheel_torque_command_n_m;
-    let names = named("wheel", wheels, count(torque), "_n_m");
-    add("wheel_torque_command", &names, ", unit: N m", lists(torque));
-    let names = named("jet", jets, recording.jet_pulses.len(), "_on_s");
-    add("jets", &names, ", quantity: on_time, unit: s, slot: row", pulses(recording));
-    let torque = vectors(&recording.body_torque_b_n_m);
-    add("body_torque", &axes("body_torque", "_n_m"), ", unit: N m", torque);
-    let moment = vectors(&recording.ballast_moment_b_n_m);
-    add("ballast_moment", &axes("ballast_moment", "_n_m"), ", unit: N m", moment);
-    let one = |name: &str| vec![name.to_owned()];
-    add("bus_voltage", &one("bus_v"), ", unit: V", scalars(&recording.bus_voltage_v));
-    add("tank_pressure", &one("tank_pa"), ", unit: Pa", scalars(&recording.tank_pressure_pa));
-    add("temperature", &one("temperature_k"), ", unit: K", scalars(&recording.temperature_k));
-    if let Some(truth) = &recording.truth {
-        let names = ["true_q_w", "true_q_x", "true_q_y", "true_q_z"].map(str::to_owned);
-        let cells = of(&truth.q_world_body, |q| format!("{:?},{:?},{:?},{:?}", q.w, q.i, q.j, q.k));
-        add("true_attitude", &names, ", rotation: body_to_world", cells);
-        let rate = vectors(&truth.omega_wb_b_rad_s);
-        add("true_rate", &axes("true_rate", "_rad_s"), ", unit: rad/s", rate);
     }
     let _ = writeln!(map, "    closed_loop: {}", recording.closed_loop);
     if recording.mounting == Mounting::Clamped {
@@ -135,25 +100,64 @@ pub fn export_csv(
     Ok(ExportedCsv { csv, map: map_path, rows: times.len() })
 }
 
+/// Key of a channel in the map, and what stands there besides its columns.
+fn in_map(recording: &Recording, channel: Channel, sensor: usize) -> (String, String) {
+    let key = channel.info().key.to_owned();
+    let reference = recording.vectors.get(sensor).map(|vector| vector.reference_world);
+    match (channel.info().form, reference) {
+        (Form::Directions, Some(r)) => (
+            format!("vectors.{key}_{}", sensor + 1),
+            format!(", reference_world: [{:?}, {:?}, {:?}], repeats: true", r.x, r.y, r.z),
+        ),
+        (Form::Attitude, _) => (key, ", rotation: body_to_world".to_owned()),
+        (Form::Pulses, _) => (key, format!(", quantity: on_time, unit: {}, slot: row", channel.unit())),
+        _ => (key, format!(", unit: {}", channel.unit())),
+    }
+}
+
+/// Names of the platform's wheels and jets, where they have some.
+struct Parts<'a> {
+    wheels: &'a [String],
+    jets: &'a [String],
+}
+
+impl Parts<'_> {
+    /// Names of a channel's columns, and its cells at times \[ns\]; `None` where it was not recorded.
+    fn columns(
+        &self,
+        recording: &Recording,
+        channel: Channel,
+        sensor: usize,
+    ) -> Option<(Vec<String>, Vec<(i64, String)>)> {
+        let info = channel.info();
+        let (stem, end) = info.column;
+        let cells = match recording.series(channel, sensor) {
+            Some(series) => samples(series),
+            None if info.form == Form::Pulses => pulses(recording),
+            None => return None,
+        };
+        let count = cells.first()?.1.split(',').count();
+        let named = |given: &[String]| {
+            let name = |j: usize| given.get(j).cloned().unwrap_or_else(|| format!("{stem}_{}", j + 1));
+            (0..count).map(|j| format!("{}{end}", name(j))).collect()
+        };
+        let names = match info.form {
+            Form::Axes => AXES.map(|axis| format!("{stem}_{axis}{end}")).to_vec(),
+            Form::Directions => AXES.map(|axis| format!("{stem}_{}_{axis}{end}", sensor + 1)).to_vec(),
+            Form::Attitude => ["w", "x", "y", "z"].map(|axis| format!("{stem}_{axis}{end}")).to_vec(),
+            Form::Scalar => vec![format!("{stem}{end}")],
+            Form::Wheels { .. } => named(self.wheels),
+            Form::Pulses => named(self.jets),
+        };
+        Some((names, cells))
+    }
+}
+
 /// Debug text of numbers: the shortest that reads back to the same bits.
-fn of<T>(series: &Series<T>, cells: impl Fn(&T) -> String) -> Vec<(i64, String)> {
-    series.time_s.iter().zip(&series.value).map(|(t, value)| (ns(*t), cells(value))).collect()
-}
-
-fn ns(seconds: f64) -> i64 {
-    (seconds * 1e9).round() as i64
-}
-
-fn vectors(series: &Series<Vector3<f64>>) -> Vec<(i64, String)> {
-    of(series, |v| format!("{:?},{:?},{:?}", v.x, v.y, v.z))
-}
-
-fn scalars(series: &Series<f64>) -> Vec<(i64, String)> {
-    of(series, |x| format!("{x:?}"))
-}
-
-fn lists(series: &Series<Vec<f64>>) -> Vec<(i64, String)> {
-    of(series, |list| list.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(","))
+fn samples(series: &dyn ChannelSeries) -> Vec<(i64, String)> {
+    let text = |numbers: Vec<f64>| numbers.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(",");
+    let times = series.time_s().iter().enumerate();
+    times.map(|(k, t)| (nanoseconds(*t), text(series.numbers(k)))).collect()
 }
 
 /// On-times at the times at which valves were switched on; zeros in the first line say that jets were recorded.
@@ -164,12 +168,12 @@ fn pulses(recording: &Recording) -> Vec<(i64, String)> {
     }
     let first_s = recording.first_time_s().unwrap_or(0.0);
     let mut rows: std::collections::BTreeMap<i64, Vec<String>> = std::collections::BTreeMap::new();
-    rows.insert(ns(first_s), vec!["0".to_owned(); jets]);
+    rows.insert(nanoseconds(first_s), vec!["0".to_owned(); jets]);
     for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
         for pulse in pulses {
-            let row = rows.entry(ns(pulse.on_s)).or_insert_with(|| vec![String::new(); jets]);
+            let row = rows.entry(nanoseconds(pulse.on_s)).or_insert_with(|| vec![String::new(); jets]);
             if let Some(cell) = row.get_mut(jet) {
-                let length_ns = ns(pulse.off_s) - ns(pulse.on_s);
+                let length_ns = nanoseconds(pulse.off_s) - nanoseconds(pulse.on_s);
                 *cell = format!("{}.{:09}", length_ns / 1_000_000_000, length_ns % 1_000_000_000);
             }
         }

@@ -16,17 +16,13 @@ use whorl_bag::{BagReader, RunDirectory};
 use whorl_dynamics::PlatformModel;
 use whorl_node::Timestamp;
 
-use crate::{Mounting, Recording, RecordingError, read_model};
+use crate::error::RecordingError;
+use crate::model::read_model;
+use crate::notes::{START_NOTE, noted_in};
+use crate::recording::{Mounting, Recording};
 use gather::Gathered;
-use roles::{Role, whorl_role};
+use roles::{Role, whorl_roles};
 use topic_map::TopicMap;
-
-/// Note in a manifest: `clamped`, or on its bearing.
-pub(crate) const MOUNTING_NOTE: &str = "mounting";
-/// Note in a manifest: whether a controller was running, for recordings without its messages.
-pub(crate) const CLOSED_LOOP_NOTE: &str = "closed_loop";
-/// Note in a manifest: the log time that is the start of the run \[ns\], where it is not the first message's.
-pub(crate) const START_NOTE: &str = "start_of_run_ns";
 
 /// How a run is to be read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -67,7 +63,7 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
         Some(map) => {
             let name = options.platform.or(map.platform.as_deref()).unwrap_or("platform");
             let roles = map.roles.iter();
-            roles.map(|(topic, role)| (topic.clone(), (name.to_owned(), *role))).collect()
+            roles.map(|(topic, roles)| (topic.clone(), (name.to_owned(), roles.clone()))).collect()
         }
     };
     let platforms = platforms(path, &run, &bag, &roles, options.platform)?;
@@ -85,9 +81,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
     for message in bag.messages_of(&names) {
         match message {
             Ok(message) => {
-                if let Some((platform, role)) = roles.get(&message.topic.name) {
+                if let Some((platform, roles)) = roles.get(&message.topic.name) {
                     let gathered = gathered.entry(platform).or_insert_with(|| started(map.as_ref()));
-                    gathered.add(*role, &message);
+                    gathered.add(roles, &message);
                 }
             }
             // The reader goes on behind a damaged part.
@@ -98,7 +94,7 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
     let first_log = bag.bounds().map(|(first, _)| first);
     let first_log = first_log.filter(|_| gathered.values().all(Gathered::one_clock));
     let start = gathered.values().filter_map(Gathered::first_stamp).chain(first_log).min();
-    let noted = note(&run, START_NOTE).and_then(|text| text.parse().ok()).map(Timestamp);
+    let noted = noted_in(&run, START_NOTE).and_then(|text| text.parse().ok()).map(Timestamp);
     let start = noted.or(start).unwrap_or(Timestamp(0));
     platforms
         .iter()
@@ -117,7 +113,7 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             };
             let gathered = gathered.remove(platform.as_str()).unwrap_or_default();
             let motion_messages = gathered.motion_messages;
-            if let Some((joint, present)) = gathered.missing_joints.iter().flatten().next().cloned() {
+            if let Some((joint, present)) = gathered.missing_joints.values().next().cloned() {
                 return Err(RecordingError::NoSuchJoint { path: path.to_owned(), joint, present });
             }
             let mut recording =
@@ -133,11 +129,7 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             if let Some(model) = options.model {
                 recording.check_fits(model, platform)?;
             }
-            if recording.gyro_b_rad_s.is_empty()
-                && recording.specific_force_b_m_s2.is_empty()
-                && recording.wheel_speed_rad_s.is_empty()
-                && motion_messages > 0
-            {
+            if !recording.has_motion() && motion_messages > 0 {
                 return Err(RecordingError::NothingFinite {
                     path: path.to_owned(),
                     platform: platform.clone(),
@@ -169,25 +161,18 @@ fn topic_map(
 fn started(map: Option<&TopicMap>) -> Gathered {
     let Some(map) = map else { return Gathered::default() };
     Gathered {
-        wheel_joints: map.wheel_joints.clone(),
-        command_joints: map.command_joints.clone(),
+        joints: map.joints.clone(),
         efforts_are_measured: !map.effort_is_command,
         references: map.references.iter().map(|r| r.map(Unit::into_inner)).collect(),
         ..Gathered::default()
     }
 }
 
-/// A fact out of the manifest.
-fn note<'a>(run: &'a RunDirectory, key: &str) -> Option<&'a str> {
-    let notes = &run.manifest()?.description.notes;
-    notes.iter().find(|(known, _)| known == key).map(|(_, value)| value.as_str())
-}
-
-/// Topic -> (platform, role), by Whorl's own names.
-fn own_roles(bag: &BagReader) -> BTreeMap<String, (String, Role)> {
+/// Topic -> (platform, roles), by Whorl's own names.
+fn own_roles(bag: &BagReader) -> BTreeMap<String, (String, Vec<Role>)> {
     let roles = bag.topics().iter().filter_map(|topic| {
-        let (platform, role) = whorl_role(topic)?;
-        Some((topic.name.clone(), (platform.to_owned(), role)))
+        let (platform, roles) = whorl_roles(topic)?;
+        Some((topic.name.clone(), (platform.to_owned(), roles)))
     });
     roles.collect()
 }
@@ -197,13 +182,13 @@ fn platforms(
     path: &Path,
     run: &RunDirectory,
     bag: &BagReader,
-    roles: &BTreeMap<String, (String, Role)>,
+    roles: &BTreeMap<String, (String, Vec<Role>)>,
     asked: Option<&str>,
 ) -> Result<Vec<String>, RecordingError> {
     let moves = |platform: &str| {
-        roles.iter().any(|(topic, (owner, role))| {
+        roles.iter().any(|(topic, (owner, roles))| {
             owner == platform
-                && role.is_measured_motion()
+                && roles.iter().any(|role| role.is_measured_motion())
                 && bag.topic(topic).is_some_and(|topic| topic.message_count > 0)
         })
     };

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
-use whorl_bag::{BagReader, BagTopic};
+use whorl_bag::{BagReader, BagTopic, Channel, Form};
 use whorl_params::{ParameterErrors, ParameterTree, Reader};
 
 use super::roles::Role;
@@ -21,13 +21,11 @@ pub(super) struct TopicMap {
     /// Name of the platform, if it is given.
     pub platform: Option<String>,
     /// Topic -> what it holds.
-    pub roles: BTreeMap<String, Role>,
+    pub roles: BTreeMap<String, Vec<Role>>,
     /// Of each vector sensor.
     pub references: Vec<Option<Unit<Vector3<f64>>>>,
-    /// Joints that are the wheels, in their order; empty: all joints of the message.
-    pub wheel_joints: Vec<String>,
-    /// The same for the command; empty: as in the wheels' state.
-    pub command_joints: Vec<String>,
+    /// Joints that are the wheels, in their order, for each of the wheels' channels that names some.
+    pub joints: BTreeMap<Channel, Vec<String>>,
     /// Whether the efforts of the wheels' state are the torques that were commanded.
     pub effort_is_command: bool,
     pub closed_loop: Option<bool>,
@@ -44,55 +42,17 @@ impl TopicMap {
 
     fn read(r: &mut Reader<'_>, bag: &BagReader) -> Self {
         let mut map = Self::default();
-        let mut add = |r: &mut Reader<'_>, key: &str, role: Role| {
-            if let Some(topic) = topic(r, key, role, bag) {
-                map.roles.insert(topic, role);
+        for channel in Channel::ALL {
+            let info = channel.info();
+            match info.form {
+                Form::Directions => map.read_sensors(r, *channel, bag),
+                _ => map.add(r, info.topic_key, Role::Measured(*channel, 0), bag),
             }
-        };
-        add(r, "imu", Role::Imu);
-        add(r, "wheel_state", Role::WheelState);
-        add(r, "wheel_torque_command", Role::WheelCommand);
-        add(r, "thrusters", Role::Thrusters);
-        add(r, "actuator_command", Role::ActuatorCommand);
-        add(r, "body_torque", Role::BodyTorque);
-        add(r, "ballast_moment", Role::BallastMoment);
-        add(r, "bus_voltage", Role::BusVoltage);
-        add(r, "tank_pressure", Role::TankPressure);
-        add(r, "temperature", Role::Temperature);
-        add(r, "truth", Role::Truth);
-        let mut sensors: Vec<String> = vec!["vector".to_owned()];
-        let several = r.parameters().children("vectors");
-        sensors.extend(several.into_iter().map(|name| format!("vectors.{name}")));
-        let sensors = sensors.into_iter().filter(|key| r.has(key)).collect::<Vec<_>>();
-        for (index, key) in sensors.iter().enumerate() {
-            add(r, key, Role::Vector(index));
-            let reference = r.has(&format!("{key}.reference_world")).then(|| {
-                r.direction(
-                    &format!("{key}.reference_world"),
-                    "direction that the sensor sees, in the world (east, north, up)",
-                )
-            });
-            map.references.push(reference);
+            if matches!(info.form, Form::Wheels { .. }) && r.has(info.topic_key) {
+                map.read_joints(r, *channel);
+            }
         }
-        if r.has("wheel_state") {
-            map.wheel_joints = r.string_array_or(
-                "wheel_state.joints",
-                &[],
-                "names of the joints that are the wheels, in the order of the platform's parameters",
-            );
-            map.effort_is_command = r.bool_or(
-                "wheel_state.effort_is_command",
-                false,
-                "whether the efforts are the torques that were commanded, and not measured ones",
-            );
-        }
-        if r.has("wheel_torque_command") {
-            map.command_joints = r.string_array_or(
-                "wheel_torque_command.joints",
-                &[],
-                "names of the joints that are the wheels, in their order; left out: as in wheel_state",
-            );
-        }
+        map.add(r, "actuator_command", Role::ActuatorCommand, bag);
         map.platform = r.optional_string("platform", "name of the platform");
         map.closed_loop =
             r.has("closed_loop").then(|| r.bool("closed_loop", "whether a controller was running"));
@@ -108,6 +68,56 @@ impl TopicMap {
             "whether the jets were off: no valve opened during the run, although no topic says so",
         );
         map
+    }
+
+    /// Takes up the topic of a key.
+    fn add(&mut self, r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) {
+        if let Some(topic) = topic(r, key, role, bag) {
+            self.roles.entry(topic).or_default().push(role);
+        }
+    }
+
+    /// One sensor (`vector`), or several by names of their own (`vectors.<name>`).
+    fn read_sensors(&mut self, r: &mut Reader<'_>, channel: Channel, bag: &BagReader) {
+        let mut sensors: Vec<String> = vec![channel.info().topic_key.to_owned()];
+        let several = r.parameters().children("vectors");
+        sensors.extend(several.into_iter().map(|name| format!("vectors.{name}")));
+        let sensors = sensors.into_iter().filter(|key| r.has(key)).collect::<Vec<_>>();
+        for (index, key) in sensors.iter().enumerate() {
+            self.add(r, key, Role::Measured(channel, index), bag);
+            let reference = r.has(&format!("{key}.reference_world")).then(|| {
+                r.direction(
+                    &format!("{key}.reference_world"),
+                    "direction that the sensor sees, in the world (east, north, up)",
+                )
+            });
+            self.references.push(reference);
+        }
+    }
+
+    /// Which joints of a message are the wheels.
+    fn read_joints(&mut self, r: &mut Reader<'_>, channel: Channel) {
+        let key = channel.info().topic_key;
+        let is_state = channel == Channel::WheelSpeed;
+        let joints = r.string_array_or(
+            &format!("{key}.joints"),
+            &[],
+            if is_state {
+                "names of the joints that are the wheels, in the order of the platform's parameters"
+            } else {
+                "names of the joints that are the wheels, in their order; left out: as in wheel_state"
+            },
+        );
+        if !joints.is_empty() {
+            self.joints.insert(channel, joints);
+        }
+        if is_state {
+            self.effort_is_command = r.bool_or(
+                &format!("{key}.effort_is_command"),
+                false,
+                "whether the efforts are the torques that were commanded, and not measured ones",
+            );
+        }
     }
 }
 
@@ -126,7 +136,7 @@ fn topic(r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) -> Option<S
         return None;
     };
     if !fits(topic, role) {
-        let also = if matches!(role, Role::Vector(_)) { " or sensor_msgs/msg/MagneticField" } else { "" };
+        let also = if sees_direction(role) { " or sensor_msgs/msg/MagneticField" } else { "" };
         let (given, needed) = (&topic.type_name, role.message_type().name());
         r.reject(&full, format!("its messages are {given}; allowed: {needed}{also}"));
         return None;
@@ -136,5 +146,9 @@ fn topic(r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) -> Option<S
 
 fn fits(topic: &BagTopic, role: Role) -> bool {
     topic.message_type() == Some(role.message_type())
-        || matches!(role, Role::Vector(_)) && topic.encoding == "cdr" && topic.type_name == MAGNETIC_FIELD
+        || sees_direction(role) && topic.encoding == "cdr" && topic.type_name == MAGNETIC_FIELD
+}
+
+fn sees_direction(role: Role) -> bool {
+    matches!(role, Role::Measured(Channel::Vector, _))
 }

@@ -4,9 +4,12 @@ use std::f64::consts::PI;
 
 /// SI value = `factor` * number + `offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Unit {
+pub struct Unit {
+    /// Its name in maps.
     pub name: &'static str,
+    /// SI units per unit.
     pub factor: f64,
+    /// SI value of a zero.
     pub offset: f64,
 }
 
@@ -20,6 +23,9 @@ const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
 /// The first of each is the default. [rad/s]
 pub(crate) const RATE: &[Unit] =
     &[unit("rad/s", 1.0), unit("deg/s", PI / 180.0), unit("mrad/s", 1e-3), unit("mdeg/s", PI / 180e3)];
+/// \[rad\]
+pub(crate) const ANGLE: &[Unit] = &[unit("rad", 1.0), unit("deg", PI / 180.0)];
+
 /// [m/s^2]
 pub(crate) const SPECIFIC_FORCE: &[Unit] =
     &[unit("m/s^2", 1.0), unit("g", STANDARD_GRAVITY_M_S2), unit("mg", STANDARD_GRAVITY_M_S2 * 1e-3)];
