@@ -5,18 +5,11 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 use whorl_msgs::Topic;
 
+use crate::layout::BAG_DIRECTORY;
 use crate::manifest::{MANIFEST_FILE, Manifest, RunDescription, RunState};
-use crate::metadata::replace_file;
-use crate::run_writer::{expected_rate_hz, manifest_summary};
-use crate::statistics::TopicStatistics;
+use crate::statistics::{TopicStatistics, expected_rate_hz};
+use crate::summary::{manifest_summary, read_summary, update_summary};
 use crate::{BagError, BagReader, BagTopic, METADATA_FILE, Recovery, recover};
-
-/// The bag in a run directory.
-pub const BAG_DIRECTORY: &str = "bag";
-/// The parameter files in a run directory.
-pub const PARAMETER_DIRECTORY: &str = "params";
-/// Headline numbers in a run directory.
-pub const SUMMARY_FILE: &str = "summary.json";
 
 /// A run directory, or a plain bag taken for one.
 #[derive(Debug, Clone, PartialEq)]
@@ -207,22 +200,4 @@ fn complete_from_bag(manifest: &mut Manifest, reader: &BagReader) -> Result<(), 
     manifest.topics = statistics.iter().map(|(t, _, s)| s.summary(&t.name, &t.type_name)).collect();
     manifest.bag_bytes = reader.bytes();
     Ok(())
-}
-
-fn read_summary(run: &Path) -> Result<Map<String, Value>, BagError> {
-    let path = run.join(SUMMARY_FILE);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Map::new()),
-        Err(e) => return Err(BagError::io("cannot read", &path, e)),
-    };
-    serde_json::from_str(&text).map_err(|e| BagError::Metadata { path, reason: e.to_string() })
-}
-
-pub(crate) fn update_summary(run: &Path, entries: &Map<String, Value>) -> Result<(), BagError> {
-    let mut summary = read_summary(run)?;
-    summary.extend(entries.iter().map(|(key, value)| (key.clone(), value.clone())));
-    let mut text = format!("{:#}", Value::Object(summary));
-    text.push('\n');
-    replace_file(&run.join(SUMMARY_FILE), text.as_bytes())
 }

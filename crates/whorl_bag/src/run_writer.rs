@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
 use sha2::{Digest, Sha256};
-use whorl_msgs::{Message, Route, Topic};
+use whorl_msgs::{Message, Route};
 use whorl_node::Timestamp;
 
+use crate::layout::{BAG_DIRECTORY, PARAMETER_DIRECTORY};
 use crate::manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
-use crate::run_directory::{BAG_DIRECTORY, PARAMETER_DIRECTORY, update_summary};
-use crate::statistics::{TopicStatistics, WriterId};
+use crate::statistics::{TopicStatistics, WriterId, expected_rate_hz};
+use crate::summary::{manifest_summary, update_summary};
 use crate::utc::utc;
 use crate::{BagError, BagOptions, BagWriter, Sample, SequenceCounts, TopicHandle, offered_qos_profiles};
 
@@ -352,31 +352,6 @@ impl RunWriter {
         }
         result
     }
-}
-
-/// The part of `summary.json` that the recording knows.
-pub(crate) fn manifest_summary(manifest: &Manifest) -> serde_json::Map<String, serde_json::Value> {
-    let value = json!({
-        "experiment": manifest.description.experiment,
-        "state": manifest.state.name(),
-        "start_utc": utc(manifest.start_utc),
-        "duration_s": manifest.duration_s(),
-        "messages": manifest.message_count(),
-        "lost": manifest.lost(),
-        "bag_bytes": manifest.bag_bytes,
-        "seed": manifest.description.seed,
-    });
-    match value {
-        serde_json::Value::Object(map) => map,
-        _ => serde_json::Map::new(),
-    }
-}
-
-/// The rate at which a topic is sent periodically; `None` for those that are sent when something happens.
-pub(crate) fn expected_rate_hz(topic: Topic) -> Option<f64> {
-    // Diagnostics come from every node, and /tf from every estimator: no single period. Excitations are called for
-    // in some steps only.
-    (!matches!(topic, Topic::Diagnostics | Topic::Tf | Topic::Excitation)).then(|| topic.info().rate_hz)
 }
 
 /// The message's own sequence number, for the types that carry one.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use whorl_msgs::Topic;
 use whorl_node::Timestamp;
 
 use crate::{SequenceCounts, SequenceTracker};
@@ -127,6 +128,13 @@ impl TopicStatistics {
             sequence: self.counted.then(|| self.sequence_counts()),
         }
     }
+}
+
+/// The rate at which a topic is sent periodically; `None` for those that are sent when something happens.
+pub(crate) fn expected_rate_hz(topic: Topic) -> Option<f64> {
+    // Diagnostics come from every node, and /tf from every estimator: no single period. Excitations are called for
+    // in some steps only.
+    (!matches!(topic, Topic::Diagnostics | Topic::Tf | Topic::Excitation)).then(|| topic.info().rate_hz)
 }
 
 #[cfg(test)]
