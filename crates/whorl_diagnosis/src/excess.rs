@@ -37,7 +37,7 @@ impl Power {
 pub(crate) fn powers(whitened: &Whitened, residual: &[f64], duration_s: f64) -> [Power; WINDOWS_S.len()] {
     let mut powers = [Power::default(); WINDOWS_S.len()];
     let node_s = duration_s / whitened.nodes.max(1) as f64;
-    for rows in whitened.rows_by_channel() {
+    for rows in whitened.rows_by_reading() {
         for (power, window_s) in powers.iter_mut().zip(WINDOWS_S) {
             let per_window = window_s / node_s;
             let (mut index, mut sum, mut count) = (usize::MAX, 0.0, 0.0);

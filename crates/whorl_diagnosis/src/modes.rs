@@ -7,6 +7,7 @@
 //! the drive count, so that a mode is seen long before its line stands out of the spectrum.
 
 use nalgebra::{Complex, Matrix3, SymmetricEigen, Vector3};
+use whorl_recording::Channel;
 use whorl_trajectory::spectrum::Fourier;
 
 use crate::hypothesis::Hypothesis;
@@ -52,10 +53,10 @@ fn spectra(search: &Search<'_>, of: &Hypothesis) -> Vec<Spectra> {
             let nodes = run.nodes();
             let mut left = vec![Vector3::zeros(); nodes];
             let residual = whitened.residual(&estimate);
-            for ((e, channel), node) in residual.iter().zip(&whitened.channel).zip(&whitened.node) {
-                if let (0..3, Some(slot)) = (usize::from(*channel), left.get_mut(*node as usize)) {
+            for ((e, reading), node) in residual.iter().zip(&whitened.reading).zip(&whitened.node) {
+                if let (Channel::Gyro, Some(slot)) = (reading.channel, left.get_mut(*node as usize)) {
                     // The edge of a jet is no resonance.
-                    slot[usize::from(*channel)] = e.clamp(-5.0, 5.0);
+                    slot[reading.index()] = e.clamp(-5.0, 5.0);
                 }
             }
             let step_s = (run.time(nodes - 1) - run.time(0)) / (nodes - 1) as f64;

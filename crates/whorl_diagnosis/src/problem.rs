@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use whorl_recording::{Mounting, Recording};
+use whorl_recording::{Channel, Mounting, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
@@ -208,12 +208,13 @@ impl Problem {
                 let settings = Settings { rate_walk: FREE_RATE_WALK, ..self.settings(r) };
                 let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
                 let gains = system.gains(system.linear());
-                let vectors = 6 + 2 * run.vectors.len();
                 let attitude: Vec<f64> = gains
                     .whitened
                     .iter()
                     .zip(&gains.linear.rows)
-                    .filter(|(_, row)| (3..vectors).contains(&usize::from(row.channel)))
+                    .filter(|(_, row)| {
+                        matches!(row.reading.channel, Channel::Accelerometer | Channel::Vector)
+                    })
                     .map(|(e, _)| e * e)
                     .collect();
                 (!attitude.is_empty()).then(|| attitude.iter().sum::<f64>() / attitude.len() as f64)
@@ -336,7 +337,7 @@ impl Problem {
             .map(|(run, linear)| Whitened {
                 groups: Vec::new(),
                 y: linear.gains.whitened.clone(),
-                channel: linear.gains.channels(),
+                reading: linear.gains.readings(),
                 node: linear.gains.nodes(),
                 nodes: run.nodes(),
             })
@@ -388,7 +389,7 @@ impl Problem {
                 .map(|slot| {
                     let residual = slot.residual(&value);
                     let colours: Vec<Colour> = slot
-                        .rows_by_channel()
+                        .rows_by_reading()
                         .iter()
                         .map(|rows| {
                             let series: Vec<f64> =

@@ -1,9 +1,11 @@
 //! The whitened regression: normal equations by blocks of time, coloured noise, evidence.
 
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use whorl_math::statistics::median;
+use whorl_recording::Component;
 
 use crate::columns::{LANES, Lanes};
 
@@ -28,7 +30,7 @@ pub(crate) struct Whitened {
     /// Groups of columns, each rows x lanes.
     pub groups: Vec<Vec<Lanes>>,
     pub y: Vec<f64>,
-    pub channel: Vec<u8>,
+    pub reading: Vec<Component>,
     pub node: Vec<u32>,
     pub nodes: usize,
 }
@@ -154,28 +156,25 @@ impl Whitened {
         e
     }
 
-    /// Rows of each channel, in order of time.
-    pub fn rows_by_channel(&self) -> Vec<Vec<usize>> {
-        let channels = self.channel.iter().map(|c| usize::from(*c) + 1).max().unwrap_or(0);
-        let mut rows = vec![Vec::new(); channels];
-        for (row, channel) in self.channel.iter().enumerate() {
-            if let Some(list) = rows.get_mut(usize::from(*channel)) {
-                list.push(row);
-            }
+    /// Rows of each component that was read, in order of time; components in their own order.
+    pub fn rows_by_reading(&self) -> Vec<Vec<usize>> {
+        let mut rows: BTreeMap<Component, Vec<usize>> = BTreeMap::new();
+        for (row, reading) in self.reading.iter().enumerate() {
+            rows.entry(*reading).or_default().push(row);
         }
-        rows
+        rows.into_values().collect()
     }
 
     /// Passes everything through the filter of coloured noise.
     pub fn colour(&mut self, colours: &[Colour], threads: usize) {
-        let rows_by_channel = self.rows_by_channel();
-        for (rows, colour) in rows_by_channel.iter().zip(colours) {
+        let rows_by_reading = self.rows_by_reading();
+        for (rows, colour) in rows_by_reading.iter().zip(colours) {
             colour.whiten(rows, &mut self.y, |y, x, factor| *y += factor * x, |y, factor| *y *= factor);
         }
         let groups: Vec<Mutex<&mut Vec<Lanes>>> = self.groups.iter_mut().map(Mutex::new).collect();
         crate::threads::map(threads, &groups, |group| {
             let mut group = group.lock().unwrap_or_else(PoisonError::into_inner);
-            for (rows, colour) in rows_by_channel.iter().zip(colours) {
+            for (rows, colour) in rows_by_reading.iter().zip(colours) {
                 colour.whiten(
                     rows,
                     &mut group,

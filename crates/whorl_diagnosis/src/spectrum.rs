@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_math::statistics::median;
+use whorl_recording::Channel;
 use whorl_trajectory::spectrum::Fourier;
 
 use crate::candidates::Lines;
@@ -54,22 +55,18 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
         }
         let mut series = vec![Vector3::zeros(); run.nodes()];
         let mut speeds = vec![vec![0.0; run.nodes()]; wheels];
-        let first_wheel = 6 + 2 * run.vectors.len();
-        for ((e, channel), node) in
-            whitened.residual(&estimate).iter().zip(&whitened.channel).zip(&whitened.node)
+        for ((e, reading), node) in
+            whitened.residual(&estimate).iter().zip(&whitened.reading).zip(&whitened.node)
         {
-            let (channel, node) = (usize::from(*channel), *node as usize);
-            let e = e.clamp(-6.0, 6.0);
-            if channel < 3 {
-                if let Some(slot) = series.get_mut(node) {
-                    slot[channel] = e;
+            let slot = match reading.channel {
+                Channel::Gyro => series.get_mut(*node as usize).and_then(|v| v.get_mut(reading.index())),
+                Channel::WheelSpeed => {
+                    speeds.get_mut(reading.index()).and_then(|list| list.get_mut(*node as usize))
                 }
-            } else if let Some(slot) = channel
-                .checked_sub(first_wheel)
-                .and_then(|j| speeds.get_mut(j))
-                .and_then(|list| list.get_mut(node))
-            {
-                *slot = e;
+                _ => None,
+            };
+            if let Some(slot) = slot {
+                *slot = e.clamp(-6.0, 6.0);
             }
         }
         residuals.push(Residual { run: r, rate: series, speeds });

@@ -59,7 +59,7 @@ pub(crate) fn describe(search: &Search<'_>, only_sensors: bool) -> Option<Follow
         .map(|w| Whitened {
             groups: Vec::new(),
             y: Vec::new(),
-            channel: w.channel.clone(),
+            reading: w.reading.clone(),
             node: w.node.clone(),
             nodes: w.nodes,
         })
@@ -71,13 +71,13 @@ pub(crate) fn describe(search: &Search<'_>, only_sensors: bool) -> Option<Follow
     // Cross products with the base's columns, run by run.
     let mut joint = Normal::zeros(base.len() + total);
     for (run_index, slot) in whitened.iter_mut().enumerate() {
-        slot.y = vec![0.0; slot.channel.len()];
+        slot.y = vec![0.0; slot.reading.len()];
         slot.colour(search.data.colours.get(run_index)?, search.problem.threads);
         let old = search.data.whitened.get(run_index)?;
         let mut combined = Whitened {
             groups: old.selected(base),
             y: old.y.clone(),
-            channel: slot.channel.clone(),
+            reading: slot.reading.clone(),
             node: slot.node.clone(),
             nodes: slot.nodes,
         };

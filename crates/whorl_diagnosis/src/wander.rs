@@ -89,7 +89,7 @@ pub(crate) fn wander(search: &Search<'_>) -> Option<Wander> {
             let mut slot = Whitened {
                 groups: groups.into_iter().flatten().collect(),
                 y: vec![0.0; old.y.len()],
-                channel: old.channel.clone(),
+                reading: old.reading.clone(),
                 node: old.node.clone(),
                 nodes: old.nodes,
             };

@@ -6,6 +6,7 @@
 //! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back. What can be measured is the
 //! table of [`Channel`]: all of these walk over it.
 
+mod component;
 mod consistency;
 mod csv;
 mod error;
@@ -19,6 +20,7 @@ mod series;
 mod tests;
 mod write;
 
+pub use component::Component;
 pub use csv::{ExportedCsv, ImportedCsv, export_csv, platform_parts, read_csv};
 pub use error::RecordingError;
 pub use model::{KnownPlatform, read_model};

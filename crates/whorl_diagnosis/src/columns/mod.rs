@@ -9,6 +9,7 @@ pub(crate) use moved::Moved;
 
 use nalgebra::Vector3;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_recording::{Channel, Component};
 
 use crate::DiagnosisError;
 use crate::filter::{Gains, RATE, System, WHEEL, across};
@@ -145,7 +146,6 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
     let gains = &linearised.gains;
     let n = gains.linear.n;
     let wheels = linearised.mechanics.model().wheels().len();
-    let vectors = run.vectors.len();
     let mut out: Vec<Vec<Lanes>> = (0..L / LANES).map(|_| Vec::with_capacity(gains.whitened.len())).collect();
     let mut s = vec![[0.0; L]; n];
     let mut next = vec![[0.0; L]; n];
@@ -157,10 +157,14 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
         let now = tile.node(k);
         for row in gains.linear.rows_of(k) {
             let measurement = &gains.linear.rows[row];
-            let channel = usize::from(measurement.channel);
-            let mut v = match now.get(READING + channel) {
-                Some(reading) if channel < 6 => *reading,
-                _ => direct(changes, channel, k, vectors, &linearised.prediction),
+            let reading = measurement.reading;
+            let of_tile = |part: usize| now.get(part + reading.index()).copied().unwrap_or([0.0; L]);
+            let mut v = match reading.channel {
+                Channel::Gyro => of_tile(GYRO),
+                Channel::Accelerometer => of_tile(ACCELEROMETER),
+                Channel::Vector => direct(changes, reading, k, &linearised.prediction),
+                // A wheel's speed is told by the motion alone.
+                _ => [0.0; L],
             };
             for (state, h) in measurement.parts() {
                 add_scaled(&mut v, h, &s[state]);
@@ -187,7 +191,7 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
         }
         std::mem::swap(&mut s, &mut next);
         let h = run.length(k);
-        for (i, rate) in now.iter().take(READING).enumerate() {
+        for (i, rate) in now.iter().take(GYRO).enumerate() {
             for (slot, x) in s[RATE + i].iter_mut().zip(rate) {
                 *slot += x * h;
             }
@@ -210,7 +214,8 @@ const TILE: usize = 32;
 
 /// What of a node's changes comes where: accelerations of the body first, then readings of gyro and accelerometer, then
 /// accelerations of the wheels.
-const READING: usize = 3;
+const GYRO: usize = 3;
+const ACCELEROMETER: usize = 6;
 const WHEELS: usize = 9;
 
 /// Changes of some nodes, those of all columns side by side: one by one they could not be read as fast as they are used.
@@ -231,7 +236,7 @@ impl<const L: usize> Tile<L> {
         self.first = first;
         self.values.fill([0.0; L]);
         for (lane, change) in changes.iter().enumerate().take(L) {
-            let vectors = [(0, &change.omega_dot), (READING, &change.gyro), (READING + 3, &change.accel)];
+            let vectors = [(0, &change.omega_dot), (GYRO, &change.gyro), (ACCELEROMETER, &change.accel)];
             for (part, list) in vectors {
                 let nodes = self.values.chunks_exact_mut(self.width);
                 for (slots, x) in nodes.zip(list.iter().skip(first)) {
@@ -260,19 +265,18 @@ impl<const L: usize> Tile<L> {
 #[inline(always)]
 fn direct<const L: usize>(
     changes: &[Change],
-    channel: usize,
+    reading: Component,
     k: usize,
-    vectors: usize,
     prediction: &Prediction,
 ) -> [f64; L] {
     let mut lanes = [0.0; L];
-    if !(6..6 + 2 * vectors).contains(&channel) || changes.iter().all(|change| change.vectors.is_empty()) {
+    if changes.iter().all(|change| change.vectors.is_empty()) {
         return lanes;
     }
-    let (sensor, axis) = ((channel - 6) / 2, (channel - 6) % 2);
+    let sensor = reading.sensor();
     if let Some(seen) = prediction.vectors.get(sensor).and_then(|l| l.get(k)) {
         let (e1, e2) = across(seen);
-        let e = if axis == 0 { e1 } else { e2 };
+        let e = if reading.index() == 0 { e1 } else { e2 };
         for (lane, change) in lanes.iter_mut().zip(changes) {
             *lane = change.vectors.get(sensor).and_then(|l| l.get(k)).map_or(0.0, |v| v.dot(&e));
         }

@@ -2,6 +2,7 @@
 
 use nalgebra::Matrix3;
 use whorl_math::{GRAVITY_M_S2, skew, vertical_b};
+use whorl_recording::{Channel, Component};
 
 use super::{ACCEL_BIAS, ANGLE, GYRO_BIAS, RATE, System, WHEEL, across};
 
@@ -11,7 +12,7 @@ const MOST_PARTS: usize = 7;
 /// One scalar measurement.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Row {
-    pub channel: u8,
+    pub reading: Component,
     pub node: u32,
     /// Reading less prediction.
     pub residual: f64,
@@ -22,9 +23,9 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    fn new(channel: usize, node: usize, residual: f64, variance: f64, parts: &[(usize, f64)]) -> Self {
+    fn new(reading: Component, node: usize, residual: f64, variance: f64, parts: &[(usize, f64)]) -> Self {
         let mut row = Self {
-            channel: channel as u8,
+            reading,
             node: node as u32,
             residual,
             variance,
@@ -52,8 +53,11 @@ impl System<'_> {
     /// Measurements at node `k`.
     pub(super) fn rows(&self, k: usize, rows: &mut Vec<Row>) {
         let (run, noise) = (self.run, &self.run.noise);
-        let mut push = |channel: usize, residual, variance, parts: &[(usize, f64)]| {
-            rows.push(Row::new(channel, k, residual, variance, parts));
+        let mut push = |(channel, sensor, index): (Channel, usize, usize),
+                        residual,
+                        variance,
+                        parts: &[(usize, f64)]| {
+            rows.push(Row::new(Component::new(channel, sensor, index), k, residual, variance, parts));
         };
         if !run.clamped {
             let (Some(q), Some(omega)) = (self.motion.q.get(k), self.motion.omega.get(k)) else { return };
@@ -67,7 +71,7 @@ impl System<'_> {
                     let scale = if clips { 0.0 } else { 1.0 + sensors.gyro.errors.scale[i] };
                     let parts = [(RATE + i, scale), (GYRO_BIAS + i, 1.0)];
                     let variance = noise.gyro[i].powi(2) / mean.count;
-                    push(i, mean.value[i] - predicted[i], variance, &parts);
+                    push((Channel::Gyro, 0, i), mean.value[i] - predicted[i], variance, &parts);
                 }
             }
             let up = vertical_b(q);
@@ -87,7 +91,7 @@ impl System<'_> {
                     }
                     parts[6] = (ACCEL_BIAS + i, 1.0);
                     let variance = noise.accel[i].powi(2) / mean.count;
-                    push(3 + i, mean.value[i] - predicted[i], variance, &parts);
+                    push((Channel::Accelerometer, 0, i), mean.value[i] - predicted[i], variance, &parts);
                 }
             }
             for (v, vector) in run.vectors.iter().enumerate() {
@@ -114,7 +118,7 @@ impl System<'_> {
                         (RATE + 2, h.z * late),
                     ];
                     let variance = vector.noise_rad.powi(2) / mean.count;
-                    push(6 + 2 * v + axis, difference.dot(&e), variance, &parts);
+                    push((Channel::Vector, v, axis), difference.dot(&e), variance, &parts);
                 }
             }
         }
@@ -127,7 +131,7 @@ impl System<'_> {
                 let edge = self.prediction.edge_speed.get(k).map_or(0.0, |e| e[j]);
                 let residual = speeds[j] - predicted[j] - rate[j] * late_s - edge;
                 let variance = noise.wheel.powi(2) / count;
-                push(6 + 2 * run.vectors.len() + j, residual, variance, &[(WHEEL + j, 1.0)]);
+                push((Channel::WheelSpeed, 0, j), residual, variance, &[(WHEEL + j, 1.0)]);
             }
         }
     }

@@ -12,6 +12,7 @@ mod smoother;
 mod square;
 
 use nalgebra::Vector3;
+use whorl_recording::Component;
 
 use crate::mechanics::{Mechanics, Prediction};
 use crate::motion::Motion;
@@ -102,9 +103,9 @@ pub(crate) struct Gains {
 }
 
 impl Gains {
-    /// Channel of each row.
-    pub fn channels(&self) -> Vec<u8> {
-        self.linear.rows.iter().map(|row| row.channel).collect()
+    /// What each row reads.
+    pub fn readings(&self) -> Vec<Component> {
+        self.linear.rows.iter().map(|row| row.reading).collect()
     }
 
     /// Node of each row.
