@@ -108,7 +108,7 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
         (
             MAP.replace("unit: rpm", "unit: rps"),
             csv.clone(),
-            "map.yaml:9: wheel_speed.unit = rps: allowed: one of rad/s, rpm, rev/s, deg/s (unit of these columns)",
+            "map.yaml:9: wheel_speed.unit = rps: allowed: one of rad/s, rpm, rev/s, deg/s (unit of these columns); did you mean rpm?",
         ),
         (
             MAP.replace("[n1, n2, n3]", "[n1, n2]"),
