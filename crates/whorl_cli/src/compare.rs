@@ -88,8 +88,8 @@ fn print_errors(comparison: &Comparison) {
         let name = h.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{s} s"));
         headings.extend([format!("#RMS {name}"), "#/noise".to_owned(), "#fit %".to_owned()]);
     }
-    let row = |channel: &whorl_validation::comparison::Channel| {
-        let (unit, factor) = channel.quantity.display();
+    let row = |channel: &whorl_validation::comparison::ChannelErrors| {
+        let (unit, factor) = channel.quantity.shown_unit();
         let source = match channel.floor_source {
             FloorSource::StillSegments => format!("still {:.0} s", channel.still_s),
             FloorSource::SensorParameters => "parameters".to_owned(),

@@ -123,7 +123,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     while let Some(row) = rows.next_row()? {
         let start_ns = *first_ns.get_or_insert(row.time_ns);
         last_ns = row.time_ns;
-        let (Some(gyro), Some(force)) = (row.axes(Channel::Gyro), row.axes(Channel::Accelerometer)) else { continue };
+        let (Some(gyro), Some(force)) = (row.axes(Channel::Gyro), row.axes(Channel::Accelerometer)) else {
+            continue;
+        };
         samples += 1;
         filter.imu(row.time_ns, gyro, force);
         if let Some(field) = field(&row)

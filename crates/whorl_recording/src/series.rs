@@ -65,6 +65,9 @@ impl<T> FromIterator<(f64, T)> for Series<T> {
 /// A value as plain numbers, in the order of [`whorl_bag::Form`].
 trait Numbers: Sized {
     fn numbers(&self) -> Vec<f64>;
+    fn number(&self, index: usize) -> Option<f64> {
+        self.numbers().get(index).copied()
+    }
     /// `None` where their number is another than the value's.
     fn of(numbers: Vec<f64>) -> Option<Self>;
 }
@@ -82,6 +85,9 @@ impl Numbers for Vec<f64> {
     fn numbers(&self) -> Vec<f64> {
         self.clone()
     }
+    fn number(&self, index: usize) -> Option<f64> {
+        self.get(index).copied()
+    }
     fn of(numbers: Vec<f64>) -> Option<Self> {
         Some(numbers)
     }
@@ -90,6 +96,9 @@ impl Numbers for Vec<f64> {
 impl Numbers for Vector3<f64> {
     fn numbers(&self) -> Vec<f64> {
         self.as_slice().to_vec()
+    }
+    fn number(&self, index: usize) -> Option<f64> {
+        self.get(index).copied()
     }
     fn of(numbers: Vec<f64>) -> Option<Self> {
         (numbers.len() == 3).then(|| Self::from_column_slice(&numbers))
@@ -115,6 +124,8 @@ pub trait ChannelSeries {
     fn time_s(&self) -> &[f64];
     /// The numbers of sample `k`, in SI units; empty behind the last.
     fn numbers(&self, k: usize) -> Vec<f64>;
+    /// One of them.
+    fn number(&self, k: usize, index: usize) -> Option<f64>;
     /// Replaces the samples: times \[s\] and numbers, in order of time. One that is not in order, or has another
     /// number of numbers than the channel, is left out.
     fn fill(&mut self, samples: &mut dyn Iterator<Item = (f64, Vec<f64>)>);
@@ -126,6 +137,9 @@ impl<T: Numbers> ChannelSeries for Series<T> {
     }
     fn numbers(&self, k: usize) -> Vec<f64> {
         self.value.get(k).map_or_else(Vec::new, Numbers::numbers)
+    }
+    fn number(&self, k: usize, index: usize) -> Option<f64> {
+        self.value.get(k)?.number(index)
     }
     fn fill(&mut self, samples: &mut dyn Iterator<Item = (f64, Vec<f64>)>) {
         *self = samples.filter_map(|(time_s, numbers)| Some((time_s, T::of(numbers)?))).collect();

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_math::allan_deviation;
-use whorl_recording::{Recording, Series};
+use whorl_recording::{Channel, Component, Recording, Series};
 use whorl_trajectory::line::Line;
 
 use crate::prediction::Prediction;
@@ -92,6 +92,24 @@ impl NoiseFloors {
             vector: by_parameters(sensors.vector.map_or(f64::NAN, |v| v.noise_stddev_rad)),
             wheel_speed: by_parameters(speed),
         }
+    }
+}
+
+impl NoiseFloors {
+    /// Of one component; all wheels, and all vector sensors, have the same.
+    ///
+    /// For channels that no model predicts there is none: NaN.
+    #[must_use]
+    pub fn of_component(&self, component: Component) -> NoiseFloor {
+        let of_axis = |axes: &[NoiseFloor; 3]| axes.get(component.index()).copied();
+        let floor = match component.channel {
+            Channel::Gyro => of_axis(&self.gyro),
+            Channel::Accelerometer => of_axis(&self.accelerometer),
+            Channel::Vector => Some(self.vector),
+            Channel::WheelSpeed => Some(self.wheel_speed),
+            _ => None,
+        };
+        floor.unwrap_or_else(|| by_parameters(f64::NAN))
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel};
 use whorl_math::quaternion_exp;
-use whorl_recording::{Mounting, Recording, Series};
+use whorl_recording::{Channel, Mounting, Recording, Series};
 use whorl_trajectory::line::Line;
 
 use whorl_trajectory::commands::{Commands, ns};
@@ -23,6 +23,34 @@ pub struct Prediction {
     pub vectors: Vec<Vec<Vector3<f64>>>,
     /// Wheel speeds [rad/s].
     pub wheel_speed_rad_s: Vec<Vec<f64>>,
+}
+
+/// The channels and sensors that a model predicts, where they can be held against a recording: the speeds of wheels
+/// whose torques were not recorded follow the recording by themselves.
+pub(crate) fn predicted_channels(recording: &Recording) -> impl Iterator<Item = (Channel, usize)> {
+    let sensors = recording.vectors.len();
+    let commanded = !recording.wheel_torque_command_n_m.is_empty();
+    let all = [
+        (Channel::Gyro, 1),
+        (Channel::Accelerometer, 1),
+        (Channel::Vector, sensors),
+        (Channel::WheelSpeed, usize::from(commanded)),
+    ];
+    all.into_iter().flat_map(|(channel, sensors)| (0..sensors).map(move |sensor| (channel, sensor)))
+}
+
+impl Prediction {
+    /// A number of a channel's sample `k`: of an axis or a wheel.
+    #[must_use]
+    pub fn number(&self, channel: Channel, sensor: usize, k: usize, index: usize) -> Option<f64> {
+        match channel {
+            Channel::Gyro => self.gyro_b_rad_s.get(k)?.get(index).copied(),
+            Channel::Accelerometer => self.specific_force_b_m_s2.get(k)?.get(index).copied(),
+            Channel::Vector => self.vectors.get(sensor)?.get(k)?.get(index).copied(),
+            Channel::WheelSpeed => self.wheel_speed_rad_s.get(k)?.get(index).copied(),
+            _ => None,
+        }
+    }
 }
 
 /// Which sample is due.

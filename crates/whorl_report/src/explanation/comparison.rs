@@ -2,7 +2,7 @@
 
 use whorl_explain::ComparedRun;
 use whorl_validation::Comparison;
-use whorl_validation::comparison::{Channel, INITIAL_STATE_RULE, Overlay, Quantity};
+use whorl_validation::comparison::{Channel, ChannelErrors, INITIAL_STATE_RULE, Overlay};
 
 use super::{Facts, facts};
 use crate::document::{Document, judged, number, significant, text};
@@ -62,8 +62,8 @@ fn error_table(page: &mut Document, run: &ComparedRun) {
     page.table(&headings, &rows);
 }
 
-fn error_row(channel: &Channel) -> Vec<String> {
-    let (unit, factor) = channel.quantity.display();
+fn error_row(channel: &ChannelErrors) -> Vec<String> {
+    let (unit, factor) = channel.quantity.shown_unit();
     let source = match channel.floor_source {
         whorl_validation::FloorSource::StillSegments => format!("{:.0} s still", channel.still_s),
         whorl_validation::FloorSource::SensorParameters => "parameters".to_owned(),
@@ -111,7 +111,7 @@ fn run_section(page: &mut Document, run: &ComparedRun) {
 
 /// Ratio to the noise floor over the horizon.
 fn staircase(comparison: &Comparison) -> Figure {
-    let curve = |channel: &Channel| {
+    let curve = |channel: &ChannelErrors| {
         let points = channel.horizons.iter().map(|h| (h.horizon_s.unwrap_or(comparison.duration_s), h.ratio));
         Curve::new(channel.name.as_str(), points)
     };
@@ -128,8 +128,8 @@ fn staircase(comparison: &Comparison) -> Figure {
     }
 }
 
-fn overlay_figures(overlay: &Overlay, channels: &[Channel]) -> Vec<Figure> {
-    let (unit, factor) = overlay.quantity.display();
+fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure> {
+    let (unit, factor) = overlay.quantity.shown_unit();
     let floor = channels.iter().find(|c| c.name == overlay.name).map_or(f64::NAN, |c| c.noise_floor) * factor;
     // The longest finite horizon shows the model's error, the whole run where there is no other.
     let Some((horizon_s, predicted)) =
@@ -160,7 +160,7 @@ fn overlay_figures(overlay: &Overlay, channels: &[Channel]) -> Vec<Figure> {
     let name = overlay.name.replace('_', " ");
     let horizon = horizon_name(*horizon_s);
     let mut figures = Vec::new();
-    if overlay.quantity != Quantity::Accelerometer {
+    if overlay.quantity != Channel::Accelerometer {
         figures.push(Figure {
             title: format!("{name}: measured and predicted"),
             caption: format!("Predictions of {horizon}, one after the other."),

@@ -66,7 +66,7 @@ fn channel_table(page: &mut Document, versions: &[Version]) {
             .channels
             .iter()
             .map(|channel| {
-                let (unit, factor) = channel.quantity.display();
+                let (unit, factor) = channel.quantity.shown_unit();
                 let mut row =
                     vec![text(&channel.name), text(unit), significant(channel.noise_floor * factor)];
                 row.extend(versions.iter().map(|version| {

@@ -9,10 +9,10 @@ use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_math::quaternion_exp;
 use whorl_math::statistics::chi_squared_quantile;
-use whorl_recording::{Mounting, Recording};
+use whorl_recording::{Channel, Component, Mounting, Recording};
 
 use crate::noise_floor::NoiseFloors;
-use crate::prediction::{Prediction, Simulator};
+use crate::prediction::{Prediction, Simulator, predicted_channels};
 use crate::statistics::{
     CrossCorrelation, CumulativePeriodogram, LjungBox, cross_correlation, cumulative_periodogram, ljung_box,
 };
@@ -151,15 +151,16 @@ pub(super) fn test(
     commands: &Commands,
 ) -> Option<(Absolute, Residuals)> {
     let stretch_s = STRETCH_S.min(0.5 * recording.duration_s());
+    let wheels = model.wheels().len();
     let (rows, names) = rows(recording, model, simulator.first_s(), stretch_s);
-    let measured = whitened(recording, &measurements(recording), floors);
-    let nominal = whitened(recording, &simulator.predict(Some(stretch_s), start), floors);
-    let changes = changes(recording.mounting, model.wheels().len());
+    let measured = whitened(recording, &measurements(recording), floors, wheels);
+    let nominal = whitened(recording, &simulator.predict(Some(stretch_s), start), floors, wheels);
+    let changes = changes(recording.mounting, wheels);
     let columns: Vec<Vec<f64>> = changes
         .iter()
         .map(|change| {
             let varied = simulator.predict(Some(stretch_s), &|t| change.applied(start(t)));
-            let varied = whitened(recording, &varied, floors);
+            let varied = whitened(recording, &varied, floors, wheels);
             varied.iter().zip(&nominal).map(|(a, b)| (a - b) / change.step).collect()
         })
         .collect();
@@ -274,66 +275,53 @@ fn measurements(recording: &Recording) -> Prediction {
     }
 }
 
+/// What is tested: the free components of every predicted channel.
+fn components(recording: &Recording, wheels: usize) -> impl Iterator<Item = Component> {
+    predicted_channels(recording).flat_map(move |(channel, sensor)| Component::of(channel, sensor, wheels))
+}
+
 /// Every number over its noise, in the order of [`rows`]. Of a direction only two components are free: they
 /// are taken along two axes across the measured one.
-fn whitened(recording: &Recording, p: &Prediction, floors: &NoiseFloors) -> Vec<f64> {
+fn whitened(recording: &Recording, p: &Prediction, floors: &NoiseFloors, wheels: usize) -> Vec<f64> {
     let mut all = Vec::new();
-    for i in 0..3 {
-        all.extend(p.gyro_b_rad_s.iter().map(|v| v[i] / floors.gyro[i].sigma));
-    }
-    for i in 0..3 {
-        all.extend(p.specific_force_b_m_s2.iter().map(|v| v[i] / floors.accelerometer[i].sigma));
-    }
-    for (channel, found) in recording.vectors.iter().zip(&p.vectors) {
-        for side in 0..2 {
-            all.extend(channel.direction_b.value.iter().zip(found).map(|(measured, v)| {
+    for component in components(recording, wheels) {
+        let (channel, sensor) = (component.channel, component.sensor());
+        let sigma = floors.of_component(component).sigma;
+        if channel == Channel::Vector {
+            let (Some(measured), Some(found)) = (recording.vectors.get(sensor), p.vectors.get(sensor)) else {
+                continue;
+            };
+            all.extend(measured.direction_b.value.iter().zip(found).map(|(measured, v)| {
                 let helper = if measured.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
                 let first = whorl_math::unit_or(measured.cross(&helper), Vector3::x_axis()).into_inner();
-                let axis = if side == 0 { first } else { measured.cross(&first) };
-                v.dot(&axis) / floors.vector.sigma
+                let axis = if component.index() == 0 { first } else { measured.cross(&first) };
+                v.dot(&axis) / sigma
             }));
-        }
-    }
-    let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
-    if !recording.wheel_torque_command_n_m.is_empty() {
-        for j in 0..wheels {
-            let speed = |v: &Vec<f64>| v.get(j).copied().unwrap_or(f64::NAN) / floors.wheel_speed.sigma;
-            all.extend(p.wheel_speed_rad_s.iter().map(speed));
+        } else {
+            let samples = recording.series(channel, sensor).map_or(0, |series| series.time_s().len());
+            let number = |k| p.number(channel, sensor, k, component.index()).unwrap_or(f64::NAN);
+            all.extend((0..samples).map(|k| number(k) / sigma));
         }
     }
     all
 }
 
-/// Where each number of [`whitened`] belongs, and the channels' names.
+/// Where each number of [`whitened`] belongs, and the components' names.
 fn rows(
     recording: &Recording,
     model: &PlatformModel,
     first_s: f64,
     stretch_s: f64,
 ) -> (Vec<Row>, Vec<String>) {
+    let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
     let (mut rows, mut names) = (Vec::new(), Vec::new());
-    let mut add = |name: String, times: &[f64]| {
+    let stretch = |t: f64| ((t - first_s) / stretch_s + 1e-9).floor().max(0.0) as usize;
+    for component in components(recording, wheels.len()) {
+        let series = recording.series(component.channel, component.sensor());
+        let times = series.map_or(&[][..], |series| series.time_s());
         let channel = names.len();
-        names.push(name);
-        let stretch = |t: f64| ((t - first_s) / stretch_s + 1e-9).floor().max(0.0) as usize;
+        names.push(component.name(&wheels));
         rows.extend(times.iter().map(|t| Row { stretch: stretch(*t), channel, time_s: *t }));
-    };
-    for axis in ["x", "y", "z"] {
-        add(format!("gyro_{axis}"), &recording.gyro_b_rad_s.time_s);
-    }
-    for axis in ["x", "y", "z"] {
-        add(format!("accelerometer_{axis}"), &recording.specific_force_b_m_s2.time_s);
-    }
-    for (j, vector) in recording.vectors.iter().enumerate() {
-        for side in ["a", "b"] {
-            add(format!("vector_{}{side}", j + 1), &vector.direction_b.time_s);
-        }
-    }
-    let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
-    if !recording.wheel_torque_command_n_m.is_empty() {
-        for wheel in model.wheels().iter().take(wheels) {
-            add(format!("{}_speed", wheel.name), &recording.wheel_speed_rad_s.time_s);
-        }
     }
     (rows, names)
 }

@@ -2,47 +2,10 @@
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
-use whorl_recording::Recording;
+use whorl_recording::{Channel, Component, Form, Recording};
 
 use crate::noise_floor::{FloorSource, NoiseFloor, NoiseFloors};
-use crate::prediction::Prediction;
-
-/// What a channel measures, which decides its unit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Quantity {
-    /// Rate gyro [rad/s].
-    Gyro,
-    /// Accelerometer [m/s^2].
-    Accelerometer,
-    /// Angle between measured and predicted direction \[rad\].
-    Vector,
-    /// Wheel speed [rad/s].
-    WheelSpeed,
-}
-
-impl Quantity {
-    /// SI unit, in which all numbers are.
-    #[must_use]
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Gyro | Self::WheelSpeed => "rad/s",
-            Self::Accelerometer => "m/s^2",
-            Self::Vector => "rad",
-        }
-    }
-
-    /// Unit for people and the factor to it.
-    #[must_use]
-    pub fn display(self) -> (&'static str, f64) {
-        match self {
-            Self::Gyro => ("deg/s", whorl_math::deg_from_rad(1.0)),
-            Self::Vector => ("deg", whorl_math::deg_from_rad(1.0)),
-            Self::Accelerometer => ("m/s^2", 1.0),
-            Self::WheelSpeed => ("rad/s", 1.0),
-        }
-    }
-}
+use crate::prediction::{Prediction, predicted_channels};
 
 /// Error of one channel at one horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -59,13 +22,13 @@ pub struct HorizonError {
     pub samples: usize,
 }
 
-/// One channel.
+/// Errors of one channel, axis by axis and wheel by wheel; of a direction all together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Channel {
+pub struct ChannelErrors {
     /// Name: `gyro_x`, `accelerometer_z`, `vector_1`, `wheel_x_speed`.
     pub name: String,
     /// What it measures.
-    pub quantity: Quantity,
+    pub quantity: Channel,
     /// SI unit of the numbers.
     pub unit: &'static str,
     /// RMS error that noise alone gives.
@@ -84,7 +47,7 @@ pub struct Overlay {
     /// Channel.
     pub name: String,
     /// What it measures.
-    pub quantity: Quantity,
+    pub quantity: Channel,
     /// Time \[s\].
     pub time_s: Vec<f64>,
     /// Measured.
@@ -96,7 +59,7 @@ pub struct Overlay {
 /// A channel as plain numbers: components that are summed over, one per axis but for directions.
 struct Column {
     name: String,
-    quantity: Quantity,
+    quantity: Channel,
     time_s: Vec<f64>,
     measured: Vec<Vec<f64>>,
     predicted: Vec<Vec<Vec<f64>>>,
@@ -111,68 +74,48 @@ fn columns(
     predictions: &[Prediction],
     floors: &NoiseFloors,
 ) -> Vec<Column> {
+    let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
     let mut columns = Vec::new();
-    let axes = ["x", "y", "z"];
-    for (i, axis) in axes.iter().enumerate() {
-        columns.push(Column {
-            name: format!("gyro_{axis}"),
-            quantity: Quantity::Gyro,
-            time_s: recording.gyro_b_rad_s.time_s.clone(),
-            measured: vec![recording.gyro_b_rad_s.value.iter().map(|v| v[i]).collect()],
-            predicted: predictions
-                .iter()
-                .map(|p| vec![p.gyro_b_rad_s.iter().map(|v| v[i]).collect()])
-                .collect(),
-            floor: floors.gyro[i],
-            noise_components: 1.0,
-        });
-    }
-    for (i, axis) in axes.iter().enumerate() {
-        columns.push(Column {
-            name: format!("accelerometer_{axis}"),
-            quantity: Quantity::Accelerometer,
-            time_s: recording.specific_force_b_m_s2.time_s.clone(),
-            measured: vec![recording.specific_force_b_m_s2.value.iter().map(|v| v[i]).collect()],
-            predicted: predictions
-                .iter()
-                .map(|p| vec![p.specific_force_b_m_s2.iter().map(|v| v[i]).collect()])
-                .collect(),
-            floor: floors.accelerometer[i],
-            noise_components: 1.0,
-        });
-    }
-    for (j, vector) in recording.vectors.iter().enumerate() {
-        let component = |i: usize| vector.direction_b.value.iter().map(|v| v[i]).collect::<Vec<f64>>();
-        let of = |p: &Prediction| {
-            let found = p.vectors.get(j).cloned().unwrap_or_default();
-            (0..3).map(|i| found.iter().map(|v| v[i]).collect()).collect()
+    for (channel, sensor) in predicted_channels(recording) {
+        let Some(series) = recording.series(channel, sensor) else { continue };
+        let samples = series.time_s().len();
+        if samples == 0 {
+            continue;
+        }
+        let numbers = |number: &dyn Fn(usize) -> Option<f64>| -> Vec<f64> {
+            (0..samples).map(|k| number(k).unwrap_or(f64::NAN)).collect()
         };
-        columns.push(Column {
-            name: if recording.vectors.len() > 1 { format!("vector_{}", j + 1) } else { "vector".into() },
-            quantity: Quantity::Vector,
-            time_s: vector.direction_b.time_s.clone(),
-            measured: (0..3).map(component).collect(),
-            predicted: predictions.iter().map(of).collect(),
-            floor: floors.vector,
-            noise_components: 2.0,
-        });
+        let mut add =
+            |name: String, indices: std::ops::Range<usize>, floor: NoiseFloor, noise_components: f64| {
+                let measured = indices.clone().map(|i| numbers(&|k| series.number(k, i))).collect();
+                let of = |p: &Prediction| {
+                    indices.clone().map(|i| numbers(&|k| p.number(channel, sensor, k, i))).collect()
+                };
+                columns.push(Column {
+                    name,
+                    quantity: channel,
+                    time_s: series.time_s().to_vec(),
+                    measured,
+                    predicted: predictions.iter().map(of).collect(),
+                    floor,
+                    noise_components,
+                });
+            };
+        let components: Vec<Component> = Component::of(channel, sensor, wheels.len()).collect();
+        if channel.info().form == Form::Directions {
+            let key = channel.info().key;
+            let several = recording.vectors.len() > 1;
+            let name = if several { format!("{key}_{}", sensor + 1) } else { key.to_owned() };
+            // An angle, about two axes.
+            let floor = floors.of_component(Component::new(channel, sensor, 0));
+            add(name, 0..3, floor, components.len() as f64);
+        } else {
+            for component in components {
+                let index = component.index();
+                add(component.name(&wheels), index..index + 1, floors.of_component(component), 1.0);
+            }
+        }
     }
-    let command_known = !recording.wheel_torque_command_n_m.is_empty();
-    for (j, wheel) in model.wheels().iter().enumerate().filter(|_| command_known) {
-        let of = |values: &[Vec<f64>]| -> Vec<f64> {
-            values.iter().map(|v| v.get(j).copied().unwrap_or(f64::NAN)).collect()
-        };
-        columns.push(Column {
-            name: format!("{}_speed", wheel.name),
-            quantity: Quantity::WheelSpeed,
-            time_s: recording.wheel_speed_rad_s.time_s.clone(),
-            measured: vec![of(&recording.wheel_speed_rad_s.value)],
-            predicted: predictions.iter().map(|p| vec![of(&p.wheel_speed_rad_s)]).collect(),
-            floor: floors.wheel_speed,
-            noise_components: 1.0,
-        });
-    }
-    columns.retain(|c| !c.time_s.is_empty());
     columns
 }
 
@@ -182,7 +125,7 @@ pub(super) fn channels(
     horizons: &[Option<f64>],
     predictions: &[Prediction],
     floors: &NoiseFloors,
-) -> Vec<Channel> {
+) -> Vec<ChannelErrors> {
     let columns = columns(recording, model, predictions, floors);
     columns
         .into_iter()
@@ -198,7 +141,7 @@ pub(super) fn channels(
                     samples,
                 }
             });
-            Channel {
+            ChannelErrors {
                 horizons: errors.collect(),
                 unit: column.quantity.unit(),
                 name: column.name,
@@ -237,7 +180,7 @@ pub(super) fn overlays(
     let floors = NoiseFloors::of(recording, model, &Prediction::default());
     columns(recording, model, predictions, &floors)
         .into_iter()
-        .filter(|c| c.quantity != Quantity::Vector)
+        .filter(|c| c.quantity != Channel::Vector)
         .map(|column| Overlay {
             name: column.name,
             quantity: column.quantity,

@@ -5,7 +5,8 @@ mod channels;
 mod words;
 
 pub use absolute::{Absolute, InputCorrelation, Residuals, Whiteness};
-pub use channels::{Channel, HorizonError, Overlay, Quantity};
+pub use channels::{ChannelErrors, HorizonError, Overlay};
+pub use whorl_recording::Channel;
 
 use serde::Serialize;
 use whorl_dynamics::{Gyrostat, PlatformModel};
@@ -39,7 +40,7 @@ pub struct Comparison {
     /// Samples of the gyro (clamped platform: of the wheels) per second \[Hz\].
     pub rate_hz: f64,
     /// Errors of every channel.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<ChannelErrors>,
     /// Test against noise alone.
     pub absolute: Option<Absolute>,
     /// Whiteness of each channel's residual, initial states fitted.

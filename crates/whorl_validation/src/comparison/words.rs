@@ -1,6 +1,6 @@
 //! The answer of a comparison in a sentence or two.
 
-use super::{Channel, Comparison};
+use super::{ChannelErrors, Comparison};
 
 /// A ratio to the noise floor up to which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
@@ -29,7 +29,7 @@ impl Comparison {
         if let Some((channel, (horizon_s, rms, ratio))) =
             worst.max_by(|a, b| a.1.2.total_cmp(&b.1.2)).filter(|(_, (_, _, ratio))| *ratio > EXPLAINED)
         {
-            let (unit, factor) = channel.quantity.display();
+            let (unit, factor) = channel.quantity.shown_unit();
             text.push_str(&format!(
                 " Worst is {}: {:.3} {unit} RMS over {} s, {ratio:.1} times its noise floor of {:.3} {unit}.",
                 channel.name,
@@ -78,7 +78,7 @@ impl Comparison {
 }
 
 /// The longest finite horizon of a channel: its seconds, RMS, ratio.
-fn worst_horizon(channel: &Channel) -> Option<(f64, f64, f64)> {
+fn worst_horizon(channel: &ChannelErrors) -> Option<(f64, f64, f64)> {
     let longest = channel.horizons.iter().rev().find_map(|h| h.horizon_s.map(|s| (s, h.rms, h.ratio)));
     longest.filter(|(_, _, ratio)| ratio.is_finite())
 }

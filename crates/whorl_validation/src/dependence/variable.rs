@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_math::{azimuth_rad, vertical_b};
-use whorl_recording::{Recording, Series};
+use whorl_recording::{Channel, ChannelSeries, Component, Recording};
 
 /// A quantity at the residual's times.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +28,8 @@ impl Variable {
     }
 }
 
-/// Everything recorded, at the given times and attitudes: time, tilt, azimuth, rates, wheel speeds, tank
-/// pressure, temperature, voltage, time since the last jet edge, gas used. What was not recorded is left out.
+/// Everything recorded, at the given times and attitudes: time, tilt, azimuth, rates, every channel with a
+/// resolution (wheel speeds, tank pressure, ...), time since the last jet edge. What was not recorded is left out.
 ///
 /// `omega_wb_b_rad_s` is the body rate at those times, smoothed: noise in it would blur sharp curves. `wheel_names` are
 /// the platform's.
@@ -60,31 +60,28 @@ pub fn conditions(
     all.push(of_rate("pitch_rate", &|w| w.y));
     all.push(of_rate("yaw_rate", &|w| w.z));
     all.push(of_rate("rate_magnitude", &Vector3::norm));
-    for (j, wheel) in wheel_names.iter().enumerate() {
-        let speed = sampled(&recording.wheel_speed_rad_s, time_s, |v| v.get(j).copied());
-        all.extend(speed.map(|value| Variable::new(format!("{wheel}_speed"), "rad/s", 0.5, value)));
-    }
-    for (j, wheel) in wheel_names.iter().enumerate() {
-        let torque = sampled(&recording.wheel_torque_command_n_m, time_s, |v| v.get(j).copied());
-        all.extend(torque.map(|value| Variable::new(format!("{wheel}_torque"), "N m", 1e-3, value)));
-    }
-    let slow = [
-        ("bus_voltage", "V", 0.05, &recording.bus_voltage_v),
-        ("tank_pressure", "Pa", 1e5, &recording.tank_pressure_pa),
-        ("temperature", "K", 0.3, &recording.temperature_k),
-    ];
-    for (name, unit, resolution, series) in slow {
-        let value = sampled(series, time_s, |v| Some(*v));
-        all.extend(value.map(|value| Variable::new(name, unit, resolution, value)));
+    for channel in Channel::ALL {
+        let (Some(resolution), Some(series)) = (channel.info().resolution, recording.series(*channel, 0))
+        else {
+            continue;
+        };
+        for component in Component::of(*channel, 0, wheel_names.len()) {
+            let value = held(series, time_s, component.index());
+            let name = component.name(wheel_names);
+            all.extend(value.map(|value| Variable::new(name, channel.unit(), resolution, value)));
+        }
     }
     all.extend(time_since_jet_edge(recording, time_s));
     all
 }
 
-/// The series held at each time; `None` where it was not recorded.
-fn sampled<T>(series: &Series<T>, time_s: &[f64], f: impl Fn(&T) -> Option<f64>) -> Option<Vec<f64>> {
-    let first = series.value.first()?;
-    time_s.iter().map(|t| f(series.held_at(*t).unwrap_or(first))).collect()
+/// A number of the series held at each time, the first one before the first; `None` where it was not recorded.
+fn held(series: &dyn ChannelSeries, time_s: &[f64], index: usize) -> Option<Vec<f64>> {
+    let at = |t: &f64| {
+        let after = series.time_s().partition_point(|sample| sample <= t);
+        series.number(after.saturating_sub(1), index)
+    };
+    time_s.iter().map(at).collect()
 }
 
 /// Time since a jet last switched on or off, up to 1 s: later is all the same.

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use super::generator::{Manoeuvre, platform, record};
-use crate::comparison::Quantity;
 use crate::{FloorSource, ValidationError, compare};
 use whorl_trajectory::Refusal;
 
@@ -19,7 +18,7 @@ fn the_right_model_leaves_noise() {
         for h in channel.horizons.iter().filter(|h| h.horizon_s.is_some()) {
             assert!(h.ratio > 0.9 && h.ratio < 1.25, "{} {h:?}", channel.name);
         }
-        let gyro = channel.quantity == Quantity::Gyro;
+        let gyro = channel.quantity == whorl_recording::Channel::Gyro;
         let fit = channel.horizons[2].fit_percent;
         assert!(!gyro || fit.is_none_or(|f| f > 60.0), "{} {fit:?}", channel.name);
     }
