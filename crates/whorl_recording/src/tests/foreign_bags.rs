@@ -99,6 +99,12 @@ fn standard_messages_are_read_by_the_map() {
     let commanded = format!("{MAP}    wheel_torque_command: {{topic: /rw/command, joints: [rz, rx]}}\n");
     std::fs::write(path.join("channels.yaml"), commanded).unwrap();
     assert_eq!(read_run(&path, None).unwrap()[0].wheel_torque_command_n_m.value[0], [0.02, 0.01]);
+    // Two channels of one topic: its efforts are commands as well.
+    let shared = format!("{MAP}    wheel_torque_command: {{topic: /joint_states}}\n");
+    std::fs::write(path.join("channels.yaml"), shared).unwrap();
+    let recording = &read_run(&path, None).unwrap()[0];
+    assert_eq!(recording.wheel_torque_command_n_m.value[0], [0.1, 0.1]);
+    assert_eq!(recording.wheel_speed_rad_s.value[5], [3.0, 6.0]);
     // Two wheels are not Whorl-I's three.
     let known = whorl_1();
     let options = ReadOptions { model: Some(&known.model), ..ReadOptions::default() };
