@@ -35,6 +35,9 @@ pub(crate) const WHEEL_SPEED: &[Unit] =
 /// [N m]
 pub(crate) const TORQUE: &[Unit] =
     &[unit("N m", 1.0), unit("mN m", 1e-3), unit("uN m", 1e-6), unit("N cm", 1e-2)];
+/// \[A\]
+pub(crate) const CURRENT: &[Unit] = &[unit("A", 1.0), unit("mA", 1e-3)];
+
 /// \[s\]
 pub(crate) const ON_TIME: &[Unit] = &[unit("s", 1.0), unit("ms", 1e-3), unit("us", 1e-6)];
 /// [1]

@@ -64,6 +64,8 @@ pub struct Recording {
     pub wheel_speed_rad_s: Series<Vec<f64>>,
     /// Commanded motor torques [N m], one per wheel; each holds until the next.
     pub wheel_torque_command_n_m: Series<Vec<f64>>,
+    /// Measured motor currents \[A\], one per wheel, positive where the torque is.
+    pub wheel_current_a: Series<Vec<f64>>,
     /// Commanded pulses of each jet, in order of time; empty if the jets' commands were not recorded.
     pub jet_pulses: Vec<Vec<OnInterval>>,
     /// Known torque on the body from other actuators, body axes [N m]; each holds until the next.
@@ -95,6 +97,7 @@ macro_rules! series_of {
             Channel::Vector => &$($mutable)? $vector.direction_b,
             Channel::WheelSpeed => &$($mutable)? $recording.wheel_speed_rad_s,
             Channel::WheelTorqueCommand => &$($mutable)? $recording.wheel_torque_command_n_m,
+            Channel::WheelCurrent => &$($mutable)? $recording.wheel_current_a,
             // Pulses are no samples.
             Channel::Jets => return None,
             Channel::BodyTorque => &$($mutable)? $recording.body_torque_b_n_m,

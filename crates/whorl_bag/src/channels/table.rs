@@ -170,6 +170,18 @@ channels! {
         is_held: true,
         resolution: Some(1e-3),
     }
+    /// Measured currents of the wheels' motors \[A\], positive where the torque is.
+    WheelCurrent {
+        key: "wheel_current",
+        holds: "current of each wheel's motor, positive where its torque is",
+        form: Form::Wheels { each: "current" },
+        units: units::CURRENT,
+        column: ("wheel", "_a"),
+        place: Place::Extra("wheels/current"),
+        topic_key: "wheel_current",
+        carrier: Carrier::JointEffort,
+        resolution: Some(0.01),
+    }
     /// Commanded pulses of each jet \[s\].
     Jets {
         key: "jets",

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use whorl_bag::{Channel, CsvMap};
 
 use super::whorl_1;
-use crate::{ImportedCsv, Mounting, RecordingError, platform_parts, read_csv};
+use crate::{ImportedCsv, Mounting, RecordingError, export_csv, platform_parts, read_csv};
 
 struct Files {
     directory: tempfile::TempDir,
@@ -118,7 +118,7 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
         (
             MAP.replace("wheel_speed:", "wheel_sped:"),
             csv.clone(),
-            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, closed_loop, mounting, jets_off, delimiter",
+            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, wheel_current, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, closed_loop, mounting, jets_off, delimiter",
         ),
         (
             MAP.replace("u2", "torque_2"),
@@ -233,12 +233,42 @@ fn a_bench_test_needs_no_gyro() {
 }
 
 #[test]
+fn motor_currents_come_in_by_their_map_and_go_out_as_they_are() {
+    let map = "    time: {column: t}
+    wheel_speed: {columns: [n1, n2, n3]}
+    wheel_current: {columns: [i1, -i2, i3], unit: mA}
+";
+    let csv = "t,n1,n2,n3,i1,i2,i3\n0,1,2,3,250,-40,0\n0.01,1,2,3,,,\n0.02,1,2,3,125.5,0,-3000\n";
+    let files = Files::new();
+    let imported = files.import(map, csv).unwrap();
+    assert_eq!(imported.ignored, Vec::<String>::new());
+    let current = &imported.recording.wheel_current_a;
+    assert_eq!(current.time_s, [0.0, 0.02]);
+    assert_eq!(current.value, [[0.25, 0.04, 0.0], [0.1255, 0.0, -3.0]]);
+    // Out and in again, in amperes and by the wheels' names.
+    let known = whorl_1();
+    let parts = platform_parts(&known);
+    let out = files.directory.path().join("out");
+    let exported = export_csv(&imported.recording, &parts.wheels, &parts.jets, &out).unwrap();
+    let text = std::fs::read_to_string(&exported.csv).unwrap();
+    assert!(text.contains("wheel_x_a,wheel_y_a,wheel_z_a"), "{text}");
+    let again = read_csv(&exported.csv, &CsvMap::load_for(&exported.map, &parts).unwrap(), &known).unwrap();
+    assert_eq!(again.recording.wheel_current_a, *current);
+    // Two columns for three wheels.
+    assert_eq!(
+        files.error(&map.replace("[i1, -i2, i3]", "[i1, i2]"), csv),
+        "map.yaml:5: wheel_current.columns = [i1, i2]: 2 names, but whorl_1 has 3 wheels; allowed: one column for \
+         each of wheel_x, wheel_y, wheel_z, in this order"
+    );
+}
+
+#[test]
 fn the_example_in_params_maps_every_channel() {
     let known = whorl_1();
     let path = super::parameters().join("channels/whorl.yaml");
     let map = CsvMap::load_for(&path, &platform_parts(&known)).unwrap();
     assert_eq!((map.vectors.len(), map.jets.as_ref().unwrap().columns.len()), (2, 12));
-    let slow = [Channel::BusVoltage, Channel::TankPressure, Channel::Temperature];
+    let slow = [Channel::WheelCurrent, Channel::BusVoltage, Channel::TankPressure, Channel::Temperature];
     assert!(slow.into_iter().all(|channel| map.has(channel)));
 }
 

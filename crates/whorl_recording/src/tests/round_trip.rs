@@ -38,6 +38,7 @@ fn assert_same(a: &Recording, b: &Recording) {
     }
     series("wheel speed", &a.wheel_speed_rad_s, &b.wheel_speed_rad_s, list);
     series("wheel torque", &a.wheel_torque_command_n_m, &b.wheel_torque_command_n_m, list);
+    series("wheel current", &a.wheel_current_a, &b.wheel_current_a, list);
     assert_eq!(a.jet_pulses.len(), b.jet_pulses.len());
     for (a, b) in a.jet_pulses.iter().zip(&b.jet_pulses) {
         assert_eq!(a.len(), b.len(), "{a:?} {b:?}");
@@ -134,6 +135,7 @@ fn recordings() -> impl Strategy<Value = Recording> {
         proptest::collection::vec((direction(), values(direction(), 8)), 0..3),
         values(list(3), 8),
         values(list(3), 8),
+        values(list(3), 8),
         prop_oneof![Just(Vec::new()), proptest::collection::vec(pulses(), 12)],
     );
     let rest = (
@@ -146,7 +148,7 @@ fn recordings() -> impl Strategy<Value = Recording> {
         any::<bool>(),
         any::<bool>(),
     );
-    (channels, rest).prop_map(|((gyro, force, vectors, speed, torque, jets), rest)| {
+    (channels, rest).prop_map(|((gyro, force, vectors, speed, torque, current, jets), rest)| {
         let (body_torque, bus, tank, temperature, ballast, truth, closed_loop, clamped) = rest;
         let vectors = vectors.into_iter().filter(|(_, samples)| !samples.is_empty());
         let truth = truth.filter(|(q, rate)| !q.is_empty() || !rate.is_empty());
@@ -163,6 +165,7 @@ fn recordings() -> impl Strategy<Value = Recording> {
                 .collect(),
             wheel_speed_rad_s: speed,
             wheel_torque_command_n_m: torque,
+            wheel_current_a: current,
             jet_pulses: jets,
             body_torque_b_n_m: body_torque,
             bus_voltage_v: bus,
