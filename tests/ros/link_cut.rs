@@ -13,7 +13,7 @@ use whorl_ros::environment::Network;
 use crate::support::formation::{Formation, LONG_HOLD};
 use crate::support::network::Lan;
 use crate::support::watch::{Watch, route};
-use crate::support::{fast_only, measured, skipped};
+use crate::support::{measured, skipped, slow};
 
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 /// Longer than DDS's lease of 50 s: the other side is given up in it.
@@ -27,8 +27,7 @@ const LONGEST_PAUSE_S: f64 = 1.0;
 #[test]
 fn the_formation_rejoins_by_itself_after_a_cut_of_a_minute() {
     let what = "a link cut of a minute";
-    if fast_only() {
-        skipped(what, "WHORL_FAST_TESTS=1");
+    if !slow(what) {
         return;
     }
     let lan = match Lan::new(2) {

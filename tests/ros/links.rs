@@ -17,7 +17,7 @@ use crate::support::formation::{Formation, LONG_HOLD};
 use crate::support::network::Lan;
 use crate::support::relay::Quality;
 use crate::support::watch::{Watch, route};
-use crate::support::{binaries, clock, fast_only, measured, skipped};
+use crate::support::{binaries, clock, measured, skipped, slow};
 
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 /// Clocks of the platforms' computers less that of the ground [s].
@@ -44,8 +44,7 @@ struct Laboratory {
 #[test]
 fn a_formation_on_three_computers_lives_with_loss_delay_cuts_and_a_restart() {
     let what = "a poor link between three computers";
-    if fast_only() {
-        skipped(what, "WHORL_FAST_TESTS=1");
+    if !slow(what) {
         return;
     }
     let long = std::env::var("WHORL_LINKS").is_ok_and(|v| v == "long");

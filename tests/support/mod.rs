@@ -16,25 +16,16 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+pub use whorl_tests::{skipped, slow};
+
 /// The folder of the workspace.
 pub fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
-/// Whether only tests that end within a minute are wanted.
-pub fn fast_only() -> bool {
-    std::env::var("WHORL_FAST_TESTS").is_ok_and(|v| v == "1")
-}
-
 /// Whether this machine lets us make network namespaces and mounts.
 pub fn is_root() -> bool {
     rustix::process::geteuid().is_root()
-}
-
-/// Says, also when the test passes, that something could not be tested here.
-pub fn skipped(what: &str, why: &str) {
-    // Straight to the handle: libtest keeps what the macros print of tests that pass.
-    let _ = writeln!(std::io::stderr(), "\nSKIPPED {what}: {why}");
 }
 
 /// Says a measured number, also when the test passes.

@@ -47,6 +47,9 @@ fn a_friction_is_named_with_its_size() {
 /// The jets fired, and the recording does not say so.
 #[test]
 fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
+    if !whorl_tests::slow("the diagnosis of a run whose jets were not recorded") {
+        return;
+    }
     let truth = PlatformModel::whorl_1_reference();
     let mut run = record(&truth, 5, 50.0, None);
     assert!(run.jet_pulses.iter().flatten().count() > 10);
@@ -68,6 +71,9 @@ fn a_sensor_is_told_from_a_torque() {
 /// A sample and a half late: the edges of pulses lie between what is compared.
 #[test]
 fn a_long_latency_is_named_with_its_size_and_explains_the_data() {
+    if !whorl_tests::slow("the diagnosis of a long latency") {
+        return;
+    }
     let diagnosis = diagnosis_of(&[("imu_latency", &[("t_s", 0.015)])], 22, 50.0);
     assert_eq!(
         (diagnosis.verdict, &diagnosis.effects[..]),
@@ -88,6 +94,9 @@ fn diagnosis_with(extra: Extra<'_>, seed: u64) -> Diagnosis {
 
 #[test]
 fn a_torque_that_comes_and_goes_follows_time_and_has_no_name() {
+    if !whorl_tests::slow("the diagnosis of a torque that comes and goes") {
+        return;
+    }
     // On and off at odd times, as a valve that sticks now and then.
     let on = [(4.0, 9.0), (16.0, 19.0), (27.0, 35.0), (41.0, 44.0)];
     let diagnosis = diagnosis_with(
@@ -130,6 +139,9 @@ fn one_torque_under_two_names_is_left_open() {
 /// Converters clip before filters and electronics add their noise, so nothing piles up at the limit.
 #[test]
 fn a_range_below_the_noise_is_found() {
+    if !whorl_tests::slow("the diagnosis of a gyro that clips") {
+        return;
+    }
     let truth = PlatformModel::whorl_1_reference();
     let limit = 0.075;
     let runs: Vec<_> = (0..2)

@@ -104,6 +104,9 @@ fn a_rival_is_refuted_by_a_worse_fit_and_not_by_its_price() {
 
 #[test]
 fn torques_that_no_motion_tells_apart_are_both_kept() {
+    if !whorl_tests::slow("a tie from one run") {
+        return;
+    }
     // A steady torque about the vertical: from the bearing or from the air of the room.
     let mut truth = PlatformModel::whorl_1_reference();
     truth.effects = map(&[("bearing_turbine", &[("vertical_n_m", 0.01)])]);

@@ -24,6 +24,9 @@ fn stddevs(given: &whorl_dynamics::ModelPrior, fit: &Fit) -> Vec<(String, f64, f
 
 #[test]
 fn a_constant_has_one_uncertainty() {
+    if !whorl_tests::slow("the uncertainty of constants from fit to fit") {
+        return;
+    }
     let mut truth = PlatformModel::whorl_1_reference();
     truth.effects = map(&[("bearing_viscous_friction", &[("c_n_m_s", 0.3)])]);
     let run = record(&truth, 31, 40.0, None);

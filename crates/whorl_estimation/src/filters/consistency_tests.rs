@@ -143,6 +143,9 @@ impl Consistency {
 /// 100 runs of each bias filter, judged at each instant.
 #[test]
 fn bias_filters_are_consistent_at_each_instant() {
+    if !whorl_tests::slow("NEES of every filter with a bias") {
+        return;
+    }
     for kind in BIAS_FILTERS {
         let mut result = Consistency::new(30, 100);
         for run in 0..100 {
@@ -195,6 +198,9 @@ impl Body {
 /// and two of them have no state for it.
 #[test]
 fn filters_with_dynamics_are_consistent() {
+    if !whorl_tests::slow("NEES of the filters with dynamics") {
+        return;
+    }
     let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
     let torque_noise = 0.02;
     for kind in [FilterKind::QuaternionRate, FilterKind::AttitudeRate, FilterKind::Gyrostat] {

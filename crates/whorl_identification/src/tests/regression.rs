@@ -104,5 +104,21 @@ fn total_least_squares_takes_the_bias_of_noise_away() {
     }
     println!("I_zz: pseudo-inverse {plain}, total {total}, Markov {markov}");
     assert!(plain < 0.8 * 12.1, "{plain}");
+    // Weights cannot take it away: the noise stands in the matrix.
+    assert!(markov < 0.8 * 12.1, "{markov}");
     assert!((total / 12.1 - 1.0).abs() < 0.15, "{total}");
+}
+
+/// A wrong first rate is the same error in every integrated row: the weighted solution estimates it along.
+#[test]
+fn an_error_of_the_first_rate_does_not_matter_to_the_weighted_solution() {
+    let model = PlatformModel::whorl_1_reference();
+    let start = (UnitQuaternion::from_euler_angles(0.06, 0.03, 0.2), Vector3::new(0.02, 0.01, 0.1));
+    let mut series = simulate_rigid_body(&model.mass_properties, start, &torque, 0.01, 6000, 2);
+    series.samples[0].omega_wb_b_rad_s += Vector3::new(0.01, -0.01, 0.01);
+    let system = rows(&series, Method::Torque, Form::IntegratedTrapezoid);
+    let error = |weighting| largest_error(&model, &solve(&system, weighting).unwrap().estimate);
+    let (plain, weighted) =
+        (error(Weighting::PseudoInverse), error(Weighting::Markov { row_stddev: [1.0, 2.0, 3.0] }));
+    assert!(weighted < 0.01 && plain > 0.1, "{weighted} {plain}");
 }

@@ -1,0 +1,5 @@
+//! The challenge's physics against the library's, and a small fixed part of the challenge itself.
+
+mod motion;
+mod score;
+mod valves;
