@@ -23,7 +23,7 @@ fn every_experiment_runs_to_its_end_without_a_warning() {
         let (parameters, _) = whorl_params::try_read(&tree.for_node("/coordinator"), parameters::read)
             .unwrap_or_else(|e| panic!("{e}"));
         if parameters.role == parameters::Role::Observer {
-            // Each platform runs itself: `crates/whorl_sim/tests/on_platforms.rs`.
+            // Each platform runs itself: `crates/whorl_sim/tests/integration/on_platforms.rs`.
             continue;
         }
         let stem = file.file_stem().unwrap().to_string_lossy();
