@@ -4,12 +4,13 @@
 //! - `replay`: recordings through single cores, to the bit.
 //! - `ros`: the node set as real processes over DDS, one fault after the other.
 //!
-//! The processes' binaries are built once, with the profile of the tests. README.md tells of variables and
-//! of what needs root.
+//! The processes' programs are those that cargo builds with the tests. README.md tells of variables and of what needs
+//! root.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod closed_loop;
+mod doc_examples;
 mod replay;
 mod ros;
 mod support;

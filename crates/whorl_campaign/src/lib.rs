@@ -20,6 +20,8 @@ pub mod plan;
 pub mod row;
 pub mod single;
 pub mod table;
+#[cfg(test)]
+mod tests;
 pub mod work;
 
 pub use definition::Definition;

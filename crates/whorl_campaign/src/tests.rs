@@ -1,12 +1,10 @@
 //! Campaigns of short runs: the same rows whoever computes them, and after an interruption.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
-
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
-use whorl_campaign::work::{Folder, work};
-use whorl_campaign::{Plan, Row, definition, page, table};
+use crate::work::{Folder, work};
+use crate::{Plan, Row, definition, page, table};
 use whorl_params::{ParameterTree, try_read};
 
 const SMALL: &str = r#"
@@ -77,7 +75,7 @@ fn a_folder_of_another_campaign_is_refused() {
 fn a_run_that_is_refused_says_why_in_its_row() {
     let text = SMALL.replace("/simulation:link.delay_s", "/coordinator:law.kindd");
     let spec = plan(&text).unwrap().run(0).unwrap();
-    let row = whorl_campaign::single::simulate(&spec, 5.0, None);
+    let row = crate::single::simulate(&spec, 5.0, None);
     assert_eq!(row.outcome, "refused");
     assert!(row.reason.contains("law.kindd"), "{}", row.reason);
 }

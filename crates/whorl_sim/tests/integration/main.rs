@@ -1,0 +1,5 @@
+//! The node set in one process, on clocks that differ, with mass properties estimated, without a ground station.
+
+mod clocks;
+mod mass_properties;
+mod on_platforms;
