@@ -235,15 +235,35 @@ mod tests {
             .collect()
     }
 
-    /// The mean of a Bayes factor over data without the effect is 1 (Turing), whatever the effect.
+    /// What noise makes of a Bayes factor on average is how often the effect makes such data (Turing): with sizes
+    /// drawn from the prior, of data too weak to decide. (Over all data the mean is 1, but rests on the rarest.)
     #[test]
     fn evidence_of_an_imbalance_is_not_made_by_noise() {
         let mut random = Pcg64::new(9, 1);
         let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
-        let count = 3000;
-        let mean = (0..count).map(|_| one_size(&fits(0.0, &mut noise)).unwrap().0.exp()).sum::<f64>()
+        let count = 8000;
+        let power = |fits: &[Fit]| fits.iter().map(|f| f.drop).sum::<f64>();
+        let weak = |fits: &[Fit]| power(fits) < 20.0;
+        let information: f64 = fits(0.0, &mut noise).iter().map(|f| f.information).sum();
+        let by_noise = (0..count)
+            .map(|_| fits(0.0, &mut noise))
+            .filter(|f| weak(f))
+            .map(|f| one_size(&f).unwrap().0.exp())
+            .sum::<f64>()
             / f64::from(count);
-        assert!((0.05..1.3).contains(&mean), "{mean}");
+        // From where the sizes begin that are considered, to where no data are weak.
+        let (smallest, largest) = (0.1 / information.sqrt(), 12.0 / information.sqrt());
+        let by_effect = (0..count)
+            .filter(|i| {
+                let size = smallest * f64::powf(largest / smallest, (f64::from(*i) + 0.5) / f64::from(count));
+                let fits = fits(size, &mut noise);
+                let considered = 2.0 * (power(&fits).sqrt().max(1.0) / information.sqrt());
+                weak(&fits) && size < considered
+            })
+            .count() as f64
+            / f64::from(count)
+            * ((largest / smallest).ln() / SIZES_OF_IMBALANCE.ln());
+        assert!((by_noise / by_effect - 1.0).abs() < 0.05, "{by_noise} {by_effect}");
         let (evidence, size) = one_size(&fits(3.0, &mut noise)).unwrap();
         assert!(evidence > 20.0 && (size - 3.0).abs() < 1.0, "{evidence} {size}");
     }
