@@ -9,6 +9,7 @@ mod round_trip;
 mod simulated_run;
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use crate::{KnownPlatform, read_model};
 
@@ -17,6 +18,9 @@ fn parameters() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
 }
 
+/// Whorl-I, read once.
 fn whorl_1() -> KnownPlatform {
-    read_model(&parameters().join("whorl_1.yaml"), None).unwrap()
+    static KNOWN: LazyLock<KnownPlatform> =
+        LazyLock::new(|| read_model(&parameters().join("whorl_1.yaml"), None).unwrap());
+    KNOWN.clone()
 }
