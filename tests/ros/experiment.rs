@@ -146,8 +146,8 @@ fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
     measured(&format!(
         "run_experiment.sh leader_follower_short: relative error in hold {error_deg:.4} deg RMS"
     ));
-    // Accuracy is judged in simulation; here, that the chain works, also on a machine that is busy.
-    assert!(error_deg < 1.0, "{error_deg} deg; {summary:#}");
+    // Twice what is measured: accuracy is judged in simulation; here, that the chain has it too.
+    assert!(error_deg < 0.1, "{error_deg} deg; {summary:#}");
     assert_eq!(pair["from_truth"], true, "{summary:#}");
 
     let directory = RunDirectory::open(&run).unwrap();
@@ -183,9 +183,8 @@ fn ctrl_c_in_the_middle_leaves_no_process_a_readable_bag_and_a_report() {
 
 #[test]
 fn ctrl_c_at_any_moment_leaves_no_process_and_only_readable_runs() {
-    // From the first line of the script to the slew, and whenever this test happened to begin.
-    let any_s = f64::from(whorl_ros::wall_clock().0.rem_euclid(12_000) as u32) / 1000.0;
-    for after_s in [0.02, 0.3, 1.0, 2.5, any_s] {
+    // From the first line of the script to the slew.
+    for after_s in [0.02, 0.3, 1.0, 2.5, 8.7] {
         let mut script = Laboratory::experiment(&["leader_follower_short"]);
         std::thread::sleep(Duration::from_secs_f64(after_s));
         script.scripts[0].ctrl_c();

@@ -2,6 +2,7 @@
 
 mod command_silence;
 mod experiment;
+mod held;
 mod jet_failure;
 mod leader_stale;
 mod link_cut;

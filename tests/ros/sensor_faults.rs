@@ -7,16 +7,12 @@ use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus};
 use whorl_params::Value;
-use whorl_ros::{ParameterClient, Participant};
 
-use crate::support::formation::Formation;
+use super::held::{Held, NEVER_S, SOON};
 use crate::support::watch::{Watch, route};
 
-const SOON: Duration = Duration::from_secs(10);
 /// After a fault the estimator may start anew, and the platform swings back.
 const RECOVERY: Duration = Duration::from_secs(30);
-/// A fault that the test switches on and off: it never begins by itself.
-const NEVER_S: f64 = 1e9;
 
 struct SensorFault {
     kind: &'static str,
@@ -40,44 +36,31 @@ const FAULTS: [SensorFault; 7] = [
     SensorFault { kind: "vector_silent", flag: AttitudeEstimate::FLAG_VECTOR_STALE, safe_mode: false },
 ];
 
-/// Lets the driver's fault begin (at the driver's start, so: now) or end.
-fn set_start(participant: &Participant, driver: &ParameterClient, start_s: f64) {
-    driver.set(participant, "faults.sensor.start_s", &Value::Double(start_s), SOON).unwrap();
-}
-
-#[test]
-fn a_broken_sensor_is_refused_and_reported_and_taken_back() {
-    let layer = format!(
-        "/whorl_1/driver: {{ros__parameters: {{faults: {{sensor: {{kind: gyro_nan, start_s: {NEVER_S:e}}}}}}}}}"
-    );
-    let (mut formation, watch) = Formation::holding_alone(&[&layer]);
-    let participant = formation.participant();
-    let driver = ParameterClient::new(&participant, "/whorl_1/driver").unwrap();
+pub fn are_refused_and_reported_and_taken_back(held: &mut Held) {
     for fault in FAULTS {
         let kind = fault.kind;
-        driver.set(&participant, "faults.sensor.kind", &Value::String(kind.to_owned()), SOON).unwrap();
-        set_start(&participant, &driver, 0.0);
-        refused(&watch, &fault);
-        formation.check_alive();
-        set_start(&participant, &driver, NEVER_S);
-        let back = watch.wait_next::<AttitudeEstimate>(
+        held.set_driver("faults.sensor.kind", &Value::String(kind.to_owned()));
+        held.set_driver("faults.sensor.start_s", &Value::Double(0.0));
+        refused(&held.watch, &fault);
+        held.formation.check_alive();
+        held.set_driver("faults.sensor.start_s", &Value::Double(NEVER_S));
+        let back = held.watch.wait_next::<AttitudeEstimate>(
             &format!("an estimate as before {kind}"),
             route(0, Topic::AttitudeEstimate),
             RECOVERY,
             |m| m.health == AttitudeEstimate::HEALTH_OK && m.flags & fault.flag == 0,
         );
-        watch.wait(&format!("tracking after {kind}"), RECOVERY, |log| {
+        held.watch.wait(&format!("tracking after {kind}"), RECOVERY, |log| {
             log.after::<ControlStatus>(route(0, Topic::ControlStatus), back)
                 .find(|(_, m)| m.mode == ControlStatus::MODE_TRACK)
                 .map(|_| ())
         });
     }
-    for (_, m) in watch.log().of::<AttitudeEstimate>(route(0, Topic::AttitudeEstimate)) {
+    for (_, m) in held.watch.log().of::<AttitudeEstimate>(route(0, Topic::AttitudeEstimate)) {
         let rate = nalgebra::Vector3::from(m.omega_wb_b_rad_s);
         let sound = m.q_world_body.to_unit().is_some() && rate.norm() < 1.0;
         assert!(!m.usable() || sound, "a broken sensor went through: {m:?}");
     }
-    formation.stop();
 }
 
 /// The estimate tells of the fault, the estimator reports it, and control does what it can without the sensor.
