@@ -8,12 +8,13 @@ use whorl_math::statistics::median;
 use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::{Noise, level, rigid_whorl_1};
-use crate::identification::strings;
 
 /// Periods of the square wave \[s\].
 const PERIODS_S: [f64; 6] = [0.5, 2.0, 5.0, 10.0, 30.0, 100.0];
 /// Noise over the largest value of each channel \[%\].
 const NOISE_PERCENT: [f64; 9] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
+/// Error up to which an estimate is of use \[%\].
+const BEARABLE_PERCENT: f64 = 10.0;
 /// Seeds whose median is shown.
 const SEEDS: u128 = 5;
 
@@ -48,6 +49,8 @@ pub fn map() -> Reproduction {
         }
     }
     let [natural, integrated] = curves;
+    let [of_natural, of_integrated] = [&natural, &integrated]
+        .map(|curves| median(curves.iter().map(|(_, points)| noise_with_error(points, BEARABLE_PERCENT))));
     let plot = |title: &str, curves| {
         ReproducedPlot {
         title: title.to_owned(),
@@ -60,13 +63,21 @@ pub fn map() -> Reproduction {
     };
     Reproduction {
         plots: vec![plot("natural form", natural), plot("integrated form", integrated)],
-        sentences: strings(&[
-            "As printed: the natural form is as good as the numerical derivative, about 1 % of noise at best and whatever the motion; the integrated form stands some ten times more noise. Printed as a colour map over period and noise; here each period is a curve.",
-            "Periods near twice the sample time (0.2 s, the Nyquist limit) give nothing with either form, as printed.",
-            "What remains for the integrated form at high noise is bias, not scatter: noise of the rate stands in the matrix. Total least squares or the trajectory method remove it (Table 4.3).",
-        ]),
+        sentences: vec![
+            format!("As printed: the natural form is as good as the numerical derivative, whatever the motion, and the integrated form stands {:.0} times more noise: {BEARABLE_PERCENT:.0} % of error are reached at {of_natural:.2} % of noise with the natural form and at {of_integrated:.1} % with the integrated. Printed as a colour map over period and noise; here each period is a curve.", of_integrated / of_natural),
+            "Periods near twice the sample time (0.2 s, the Nyquist limit), which give nothing in print, are left out here.".to_owned(),
+            "What remains for the integrated form at high noise is bias, not scatter: noise of the rate stands in the matrix. Total least squares or the trajectory method remove it (Table 4.3).".to_owned(),
+        ],
         ..Reproduction::default()
     }
+}
+
+/// Noise at which a curve reaches an error, between its points on logarithmic axes \[%\].
+fn noise_with_error(points: &[(f64, f64)], error: f64) -> f64 {
+    points.windows(2).find(|w| w[0].1 < error && w[1].1 >= error).map_or(f64::NAN, |w| {
+        let share = (error / w[0].1).ln() / (w[1].1 / w[0].1).ln();
+        w[0].0 * (w[1].0 / w[0].0).powf(share)
+    })
 }
 
 /// White noise on rate and attitude, scaled to the largest value of each.

@@ -45,6 +45,7 @@ pub fn magnitudes() -> Reproduction {
         AREAS.iter().map(|(area, arm)| 0.5 * AIR_KG_M3 * area * (rate * arm).powi(2) * arm).sum()
     };
     let crossing = rates.iter().find(|r| drag(**r) > largest(**r, true)).copied().unwrap_or(f64::NAN);
+    let centrifugal = laboratory.rate_l_rad_s.cross(&laboratory.velocity_l_m_s).norm() / GRAVITY_M_S2;
     let plot = ReproducedPlot {
         title: "torques on Whorl-I in a flat spin".to_owned(),
         caption: "Drag in still air, constant bearing friction, and what eq. 4.25 adds for the rotation of the Earth (largest over tilts of up to 60 deg).".to_owned(),
@@ -62,8 +63,8 @@ pub fn magnitudes() -> Reproduction {
         plots: vec![plot],
         sentences: vec![
             format!("As printed, drag dominates in fast spins: at 5 rad/s it is {:.3} N m against {:.1e} N m of the Earth. Areas and bearing friction are not printed and assumed here, so only orders of magnitude compare.", drag(5.0), largest(5.0, true)),
-            format!("The printed conclusion (never model the Earth) does not hold for slow motion: below {crossing:.2} rad/s, where the platforms work, drag in still air is smaller than the Earth's torque. Both are then below 1e-4 N m and below the noise of these sensors, so the decision stands for another reason."),
-            "Eq. 4.25 as printed contains the centrifugal acceleration of the laboratory, a constant torque of 0.2 % of the gravity offset; a vertical taken from a plumb line or an accelerometer has it already.".to_owned(),
+            format!("The printed conclusion (never model the Earth) does not hold for slow motion: below {crossing:.2} rad/s, where the platforms work, drag in still air is smaller than the Earth's torque. Both are then about {:.0e} N m, below the noise of these sensors, so the decision stands for another reason.", largest(crossing, true)),
+            format!("Eq. 4.25 as printed contains the centrifugal acceleration of the laboratory, a constant torque of {:.1} % of the gravity offset; a vertical taken from a plumb line or an accelerometer has it already.", 100.0 * centrifugal),
             strings(&["Eq. 4.25 was checked against Lagrange's equations (4.26-4.38): whorl_reproduce::rotating_earth."]).concat(),
         ],
         ..Reproduction::default()
