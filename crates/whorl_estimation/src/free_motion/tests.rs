@@ -123,14 +123,15 @@ fn usual() -> Conditions {
 fn a_perfect_sensor_is_followed_but_for_its_own_acceleration() {
     let perfect = Conditions { motion: 1.0, ..Conditions::default() };
     let ([total, ..], _) = run(&record(60.0, &perfect, 1));
-    assert!(total < 0.8, "{total}");
+    // Measured 0.53: swings of 0.3 m at 2 rad/s are a tenth of gravity, which the filter cannot tell from a tilt.
+    assert!(total < 0.6, "{total}");
 }
 
 #[test]
 fn brisk_motion_with_a_usual_sensor() {
     let ([_, heading, inclination], estimator) = run(&record(90.0, &usual(), 2));
     // The accelerometer's bias is 0.2 deg of inclination at the start; the motion itself makes as much.
-    assert!(inclination < 0.6, "inclination {inclination}");
+    assert!(inclination < 0.52, "inclination {inclination}");
     assert!(heading < 1.0, "heading {heading}");
     let estimate = estimator.estimate().expect("running");
     assert!((estimate.gyro_bias_rad_s - usual().gyro_bias).norm() < 1e-3, "{}", estimate.gyro_bias_rad_s);
@@ -140,16 +141,18 @@ fn brisk_motion_with_a_usual_sensor() {
 #[test]
 fn a_magnet_on_the_sensor_is_found_and_taken_away() {
     // The last is stronger than the Earth's field and turns the first heading by half a turn.
-    for magnet in
-        [Vector3::new(3.0, -2.0, 3.0), Vector3::new(12.0, -8.0, 9.0), Vector3::new(10.0, -40.0, 20.0)]
-    {
+    for (magnet, within_deg) in [
+        (Vector3::new(3.0, -2.0, 3.0), 1.2),
+        (Vector3::new(12.0, -8.0, 9.0), 2.1),
+        (Vector3::new(10.0, -40.0, 20.0), 4.2),
+    ] {
         let (_, estimator) = run(&record(60.0, &Conditions { magnet, ..usual() }, 3));
         assert!(estimator.is_magnetised(), "{magnet}");
         let estimate = estimator.estimate().expect("running");
         assert!((estimate.iron - magnet).norm() < 1.0, "{magnet}: {}", estimate.iron);
         let truth = attitude(60.0 - 1.0 / RATE_HZ, 1.0);
         let [_, heading, _] = crate::orientation_error::orientation_error(&estimate.q_world_body, &truth);
-        assert!(heading.to_degrees().abs() < 5.0, "{magnet}: {}", heading.to_degrees());
+        assert!(heading.to_degrees().abs() < within_deg, "{magnet}: {}", heading.to_degrees());
     }
 }
 
@@ -158,7 +161,7 @@ fn the_heading_is_that_of_the_start_where_the_field_is_another() {
     // The steel of a table: 8 deg of azimuth, a tenth of the length.
     let elsewhere = Vector3::new(-2.5, 2.5, -3.0);
     let ([_, heading, _], estimator) = run(&record(90.0, &Conditions { elsewhere, ..usual() }, 7));
-    assert!(heading < 2.5, "heading {heading}");
+    assert!(heading < 0.5, "heading {heading}");
     assert!(!estimator.is_magnetised());
 }
 
@@ -166,7 +169,7 @@ fn the_heading_is_that_of_the_start_where_the_field_is_another() {
 fn a_magnet_passed_by_hardly_turns_the_heading() {
     // 15 uT to the east turn the field by 40 deg.
     let ([_, heading, _], _) = run(&record(90.0, &Conditions { passing_magnet: 15.0, ..usual() }, 4));
-    assert!(heading < 3.0, "heading {heading}");
+    assert!(heading < 1.1, "heading {heading}");
 }
 
 #[test]
@@ -180,7 +183,7 @@ fn without_a_magnetometer_the_inclination_is_as_good() {
         }
     }
     let [_, _, inclination] = errors.root_mean_square_rad().expect("scored").map(f64::to_degrees);
-    assert!(inclination < 0.7, "{inclination}");
+    assert!(inclination < 0.65, "{inclination}");
 }
 
 /// Behind the platforms' interface its samples are not gated by a filter that expects a fixed pivot.
@@ -198,7 +201,7 @@ fn the_estimator_of_the_node_is_as_good() {
         }
     }
     let [_, heading, inclination] = errors.root_mean_square_rad().expect("scored").map(f64::to_degrees);
-    assert!(inclination < 0.6 && heading < 1.5, "inclination {inclination}, heading {heading}");
+    assert!(inclination < 0.4 && heading < 0.65, "inclination {inclination}, heading {heading}");
 }
 
 #[test]
