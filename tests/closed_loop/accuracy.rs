@@ -9,7 +9,7 @@ const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 /// RMS of the relative pointing error over the holds of an experiment, several seeds together [deg]: eight from
 /// `first_seed` on where slow tests run, else two.
 fn hold_error_deg(experiment: &str, layers: &[&str], first_seed: u64) -> f64 {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     let tree = parameters(&PLATFORMS, experiment, layers);
     let mut all = Vec::new();
     let mut by_seed = Vec::new();

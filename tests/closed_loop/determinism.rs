@@ -10,7 +10,7 @@ use crate::support::{binaries, root};
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     // Loss and jitter too are drawn from the seed.
     let link = "/simulation: {ros__parameters: {link: {delay_s: 0.01, jitter_s: 0.01, loss: 0.05}}}";
     let tree = parameters(&["whorl_1", "whorl_2"], "leader_follower_short", &[link]);
@@ -46,7 +46,7 @@ fn command(out: &Path, seed: &str) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[test]
 fn whorl_simulate_writes_the_same_files_from_the_same_seed() {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     let folder = tempfile::tempdir().unwrap();
     let first = command(&folder.path().join("first"), "3");
     let again = command(&folder.path().join("again"), "3");

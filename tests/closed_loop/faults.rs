@@ -11,7 +11,7 @@ use crate::support::watch::route;
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 
 fn run(faults: &str) -> Run {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     let layer = format!("/whorl_1/driver: {{ros__parameters: {{faults: {{{faults}}}}}}}");
     simulate(&parameters(&PLATFORMS, "leader_follower_short", &[&layer]), 5, 200.0)
 }
@@ -53,7 +53,7 @@ fn a_frozen_gyro_is_rejected() {
 
 #[test]
 fn one_lost_jet_does_not_cost_the_hold() {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     let layer = "/whorl_1/driver: {ros__parameters: {faults: {jet: {kind: jet_stuck_closed, jet: jet_3, start_s: 0.0}}}}";
     let run = simulate(&parameters(&PLATFORMS, "leader_follower_jets", &[layer]), 6, 600.0);
     assert_eq!(last_phase(&run), FormationState::PHASE_FINISHED, "{:?}", run.lines.last());

@@ -11,7 +11,7 @@ use crate::support::watch::route;
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 
 fn run(experiment: &str, layer: &str) -> Run {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     let run = simulate(&parameters(&PLATFORMS, experiment, &[layer]), 3, 400.0);
     assert!(run.finished, "{:?}", run.lines.last());
     let last = run.states().next_back().unwrap().1.phase;

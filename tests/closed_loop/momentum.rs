@@ -27,7 +27,7 @@ const EXPERIMENT: &str = r#"
 
 #[test]
 fn jets_unload_a_fast_wheel_while_the_platform_points() {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     let run = simulate(&parameters(&["whorl_1", "whorl_2"], EXPERIMENT, &[]), 4, 300.0);
     assert!(run.finished, "{:?}", run.lines.last());
     let speeds: Vec<f64> =

@@ -74,7 +74,7 @@ fn replay(node: &str, mut core: impl NodeCore, run: &Run, recorded: &BTreeMap<Ro
 
 #[test]
 fn every_core_answers_a_recording_as_it_answered_the_simulation() {
-    let _share = Load::Light.take();
+    let _share = Load::Computation.take();
     // Lost and late messages as well. The driver answers with its simulated platform, noise and all.
     let link = "/simulation: {ros__parameters: {link: {delay_s: 0.005, jitter_s: 0.005, loss: 0.02}}}";
     let run = simulate_with_journal(&parameters(&PLATFORMS, "leader_follower_short", &[link]), 9, 60.0);

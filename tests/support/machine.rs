@@ -7,8 +7,10 @@ use rustix::process::{Pid, setpriority_process};
 /// How much of the machine a test needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Load {
-    /// A node or two, or a computation.
+    /// The nodes of one platform in real time, or fewer.
     Light,
+    /// Something that computes all the time.
+    Computation,
     /// A formation of two platforms in real time.
     Formation,
 }
@@ -24,7 +26,7 @@ impl Load {
     pub fn take(self) -> Share {
         let units = match self {
             Self::Light => 1,
-            Self::Formation => 2,
+            Self::Computation | Self::Formation => 2,
         };
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
