@@ -49,7 +49,7 @@ fn jet_pulses(states: &[(i64, ThrusterState)], jet: usize, commanded: &[PulseNs]
             None => {}
             Some(before) => between(&mut pulses, before, now, on_ns, commanded),
         }
-        if open && before.is_some_and(|b| !b.open) && on_ns < TOLERANCE_NS {
+        if open && before.is_some_and(|b| !b.open) && on_ns == 0 {
             // Opened at the stamp itself.
             pulses.push(PulseNs { on_ns: now.at_ns, off_ns: now.at_ns });
         }
@@ -64,15 +64,14 @@ fn between(pulses: &mut Vec<PulseNs>, before: Valve, now: Valve, on_ns: i64, com
     let on_ns = on_ns.min(end - start);
     // Where a command opened the valve in between.
     let opened = || commanded.iter().map(|pulse| pulse.on_ns).find(|on| (start..end).contains(on));
-    if on_ns < TOLERANCE_NS {
-        return;
-    }
+    // Messages may be closer than rounding: what a valve was at both, or since or until one of them, it was.
     match (before.open, now.open) {
         (false, true) => add(pulses, PulseNs { on_ns: end - on_ns, off_ns: end }),
         (true, false) => add(pulses, PulseNs { on_ns: start, off_ns: start + on_ns }),
         (true, true) if on_ns + TOLERANCE_NS >= end - start => {
             add(pulses, PulseNs { on_ns: start, off_ns: end })
         }
+        (false, false) | (true, true) if on_ns < TOLERANCE_NS => {}
         (true, true) => {
             // Shut and opened again in between: only after a lost message.
             let second_ns = opened().map_or(on_ns / 2, |on| (end - on).min(on_ns));
@@ -84,5 +83,38 @@ fn between(pulses: &mut Vec<PulseNs>, before: Valve, now: Valve, on_ns: i64, com
             let on = on.min(end - on_ns);
             add(pulses, PulseNs { on_ns: on, off_ns: on + on_ns });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One jet's pulses \[ns\], out of messages: stamp \[ns\], open, total on-time \[ns\].
+    fn read(messages: &[(i64, bool, i64)]) -> Vec<(i64, i64)> {
+        let state = |&(at_ns, open, total_ns): &(i64, bool, i64)| {
+            let total_on_time_s = vec![total_ns as f64 * 1e-9];
+            (at_ns, ThrusterState { valve_open: vec![open], total_on_time_s, ..ThrusterState::default() })
+        };
+        let states: Vec<_> = messages.iter().map(state).collect();
+        pulses(&states, &[]).remove(0).iter().map(|pulse| (pulse.on_ns, pulse.off_ns)).collect()
+    }
+
+    #[test]
+    fn messages_closer_than_rounding_neither_cut_nor_shift_a_pulse() {
+        let opened = [(0, false, 0), (1_000_000, true, 0), (5_000_000, true, 4_000_000)];
+        let with = |rest: &[(i64, bool, i64)]| read(&[&opened[..], rest].concat());
+        assert_eq!(
+            with(&[(5_000_117, true, 4_000_117), (9_000_000, false, 8_000_000)]),
+            [(1_000_000, 9_000_000)]
+        );
+        assert_eq!(with(&[(5_000_117, false, 4_000_117)]), [(1_000_000, 5_000_117)]);
+        // Opened 117 ns before a message.
+        assert_eq!(
+            read(&[(0, false, 0), (1_000_000, true, 117), (2_000_000, false, 500_117)]),
+            [(999_883, 1_500_000)]
+        );
+        // Rounding is no pulse.
+        assert_eq!(read(&[(0, false, 0), (1_000_000, false, 3)]), []);
     }
 }
