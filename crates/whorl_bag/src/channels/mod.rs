@@ -1,7 +1,8 @@
 //! The channels of a platform: what can be measured of it, one row each.
 //!
 //! Maps of columns and of topics, import, export, reading and writing of recordings and what explains them walk
-//! over these rows. A new quantity is a row here and a field of `whorl_recording::Recording`.
+//! over these rows. A new quantity is a row in `table.rs` and a field of `whorl_recording::Recording` (with its unit in
+//! `units.rs` and an arm of [`Carrier`], if these are new as well).
 
 mod carrier;
 mod table;
