@@ -2,6 +2,7 @@
 
 use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Options, fit};
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::find;
 
 use crate::compare::{ComparedRun, compare, prediction_error};
 use crate::{Case, ExplainError, Say, part};
@@ -78,29 +79,16 @@ pub fn versions(
 /// The fit corrects the platform's constants; a person wants to read the constants themselves, or that it is
 /// a correction.
 fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &PlatformModel) {
-    let axis = |letter: Option<char>| letter.and_then(|c| "xyz".find(c));
-    let totals = match parameter.group.as_str() {
-        "gravity_offset" => axis(parameter.name.chars().nth(4)).map(|i| {
-            let of = |model: &PlatformModel| model.mass_properties.gravity_offset_b_n_m()[i];
-            (of(before), of(after))
-        }),
-        "inertia_products" => {
-            let mut letters = parameter.name.chars().skip(1);
-            axis(letters.next()).zip(axis(letters.next())).map(|(i, j)| {
-                let of = |model: &PlatformModel| model.mass_properties.inertia_b_kg_m2()[(i, j)];
-                (of(before), of(after))
-            })
-        }
-        "wheel_inertia" | "wheel_misalignment" | "thruster_strength" | "thruster_misalignment" => {
-            if !before.effects.contains_key(&parameter.group) {
-                parameter.name.push_str(CORRECTION);
-            }
-            None
-        }
-        _ => None,
-    };
-    if let Some((before, after)) = totals {
+    let spec = find(&parameter.group)
+        .and_then(|effect| effect.parameters(before).into_iter().find(|spec| spec.name == parameter.name));
+    let base = spec.and_then(|spec| spec.base);
+    let constants = base.and_then(|base| base.constant(before).zip(base.constant(after)));
+    if let Some((before, after)) = constants {
         (parameter.before, parameter.estimate) = (before, after);
+    } else if find(&parameter.group).is_some_and(|effect| effect.is_base())
+        && !before.effects.contains_key(&parameter.group)
+    {
+        parameter.name.push_str(CORRECTION);
     }
 }
 
