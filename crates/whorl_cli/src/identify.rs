@@ -10,7 +10,7 @@ use whorl_identification::mass_parameters::{
     MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_properties, mass_vector,
 };
 use whorl_identification::regression::{self, Form, Weighting, rows, solve};
-use whorl_identification::{Determined, Finding, Identification, Settings, identify};
+use whorl_identification::{Determined, EffectParameter, Finding, Identification, Settings, identify};
 use whorl_recording::{KnownPlatform, Recording};
 
 use crate::model_file;
@@ -130,9 +130,13 @@ fn updated(known: &KnownPlatform, found: &Identification) -> anyhow::Result<(Pla
         prior.inertia_b_kg_m2[(j, i)] = stddev[n];
     }
     prior.gravity_offset_b_n_m.copy_from(&stddev.fixed_rows::<3>(6));
-    let friction = model.effects.get_mut("bearing_viscous_friction");
-    if let Some(value) = friction.and_then(|f| f.get_mut("c_n_m_s")) {
-        *value = found.friction_n_m_s.0.max(0.0);
+    for found in &found.effects {
+        // An effect that the model does not have stays out of it: adopting one is a decision of its own.
+        if let Some(effect) = model.effects.get_mut(found.effect) {
+            effect.insert(found.name.clone(), found.value);
+            let of_effect = prior.effects.entry(found.effect.to_owned()).or_default();
+            of_effect.insert(found.name.clone(), found.stddev);
+        }
     }
     Ok((model, prior))
 }
@@ -234,8 +238,9 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         ]),
         &cells,
     );
-    let (friction, friction_stddev) = found.friction_n_m_s;
-    println!("  bearing friction {friction:.5} +- {friction_stddev:.5} N m s");
+    for EffectParameter { effect, name, unit, value, stddev } in &found.effects {
+        println!("  {effect} {name}: {} +- {} {unit}", three_digits(*value), three_digits(*stddev));
+    }
     let values: Vec<String> = found.singular_values.iter().map(|v| three_digits(v.sqrt())).collect();
     println!("  singular values of the information over the prior's: {}", values.join(", "));
 }

@@ -24,4 +24,4 @@ pub mod trajectory;
 
 pub use data::{DataError, Finding};
 pub use mass_parameters::{MassCovariance, MassVector};
-pub use trajectory::{Determined, Identification, Settings, identify, predict};
+pub use trajectory::{Determined, EffectParameter, Identification, Settings, identify, predict};

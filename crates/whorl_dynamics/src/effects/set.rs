@@ -96,6 +96,20 @@ impl EffectSet {
         Ok(set)
     }
 
+    /// Effects with the values of all their parameters, in the order of [`Effect::parameters`]. Ranges are not
+    /// checked: a fit may look beyond them.
+    #[must_use]
+    pub fn with_values(
+        effects: impl IntoIterator<Item = (&'static dyn Effect, Vec<f64>)>,
+        model: &PlatformModel,
+    ) -> Self {
+        let mut set = Self::default();
+        for (effect, values) in effects {
+            set.push(effect, values, model);
+        }
+        set
+    }
+
     fn push(&mut self, effect: &'static dyn Effect, values: Vec<f64>, model: &PlatformModel) {
         let first = self.hidden_states;
         self.hidden_states += effect.hidden_states(model);

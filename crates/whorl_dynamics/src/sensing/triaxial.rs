@@ -19,15 +19,20 @@ impl TriaxialErrors {
         bias: &Vector3<f64>,
         standard_normal: &Vector3<f64>,
     ) -> Vector3<f64> {
+        let y = self.ideal(truth) + bias + self.noise_stddev.component_mul(standard_normal);
+        // `max` then `min` instead of `clamp`, which panics for a range that is not a number.
+        y.map(|x| quantised(x.max(-self.range).min(self.range), self.quantum))
+    }
+
+    /// What it reads of `truth` without bias, noise and limits: (1 + scale) * R(m)^T truth.
+    #[must_use]
+    pub fn ideal(&self, truth: &Vector3<f64>) -> Vector3<f64> {
         let seen = if self.misalignment_rad == Vector3::zeros() {
             *truth
         } else {
             quaternion_exp(&self.misalignment_rad).inverse_transform_vector(truth)
         };
-        let y =
-            seen + self.scale.component_mul(&seen) + bias + self.noise_stddev.component_mul(standard_normal);
-        // `max` then `min` instead of `clamp`, which panics for a range that is not a number.
-        y.map(|x| quantised(x.max(-self.range).min(self.range), self.quantum))
+        seen + self.scale.component_mul(&seen)
     }
 
     /// What the sensor saw, in body axes, the constant errors that are known taken out of its reading:

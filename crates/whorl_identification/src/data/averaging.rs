@@ -1,8 +1,8 @@
 //! Samples to evenly averaged points.
 
 use nalgebra::{Unit, Vector3};
-use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
+use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_math::statistics::median;
 use whorl_math::unit_or;
 use whorl_recording::{OnInterval, Recording, Series};
@@ -10,6 +10,7 @@ use whorl_trajectory::noise::second_differences;
 use whorl_trajectory::{Needs, Refusal, check};
 
 use super::checks::{DataError, Finding};
+use super::surroundings::Surroundings;
 use super::wheels::WheelHistory;
 
 /// Longest silence of the gyro that is bridged \[s\].
@@ -21,6 +22,8 @@ const NEEDS: Needs = Needs { shortest_s: 10.0, free: true, accelerometer: true }
 /// So near to the bearing's stop counts as touching it \[rad\], and for so long before and after \[s\].
 const CONTACT_MARGIN_RAD: f64 = 0.002;
 pub(crate) const CONTACT_LASTS_S: f64 = 0.3;
+/// A tail of thrust is over after so many of its time constants.
+const TAILS: f64 = 20.0;
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
 /// So often must three readings in a row be the largest of all to show an end of the range, ...
@@ -60,6 +63,8 @@ pub struct Point {
     pub body_torque_b_n_m: Vector3<f64>,
     /// Known moment of the linear mass actuators, added to the gravity offset [N m].
     pub ballast_moment_b_n_m: Vector3<f64>,
+    /// Gas, voltage, temperature, moving masses.
+    pub surroundings: Surroundings,
 }
 
 /// An uninterrupted stretch of a run.
@@ -92,14 +97,16 @@ pub struct PreparedData {
 }
 
 /// Averages the samples of each run over about `step_s`, cuts at gaps and leaves clipped samples out.
-/// Sensor latencies that the model knows are taken off the stamps.
+/// Sensor latencies that the model knows are taken off the stamps; thrust is that of its valves and nozzles. Effects of
+/// the model count.
 ///
 /// # Errors
 /// When a run cannot be used at all.
 pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Result<PreparedData, DataError> {
+    let gyrostat = Gyrostat::new(model).map_err(|error| DataError::Model(error.to_string()))?;
     let mut data = PreparedData::default();
     for (index, run) in runs.iter().enumerate() {
-        prepare_run(index, run, model, step_s, &mut data)?;
+        prepare_run(index, run, &gyrostat, step_s, &mut data)?;
     }
     Ok(data)
 }
@@ -107,10 +114,11 @@ pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Resul
 fn prepare_run(
     index: usize,
     run: &Recording,
-    model: &PlatformModel,
+    gyrostat: &Gyrostat,
     step_s: f64,
     data: &mut PreparedData,
 ) -> Result<(), DataError> {
+    let model = gyrostat.model();
     check(run, model, &NEEDS)?;
     let gyro_range = model.sensors.gyro.errors.range;
     let gyro = Samples::new(&run.gyro_b_rad_s, model.sensors.gyro.errors.latency_s, gyro_range);
@@ -135,7 +143,7 @@ fn prepare_run(
     let stretches = gyro.stretches(LONGEST_GAP_S);
     for (first, last) in &stretches {
         let stretch = gyro.kept.get(*first..*last).unwrap_or_default();
-        let points = points_of(stretch, &accelerometer, run, model, step_s);
+        let points = points_of(stretch, &accelerometer, run, gyrostat, step_s);
         let all = points.len();
         for points in free_of_contact(points, model) {
             touched_s -= points.len() as f64;
@@ -261,9 +269,10 @@ fn points_of(
     stretch: &[(f64, Vector3<f64>)],
     accelerometer: &Samples,
     run: &Recording,
-    model: &PlatformModel,
+    gyrostat: &Gyrostat,
     step_s: f64,
 ) -> Vec<Point> {
+    let model = gyrostat.model();
     let (Some((first_s, _)), Some((last_s, _))) = (stretch.first(), stretch.last()) else {
         return Vec::new();
     };
@@ -295,6 +304,7 @@ fn points_of(
         let held = |series: &Series<Vector3<f64>>| {
             series.held_at(0.5 * (time_s + until_s)).copied().unwrap_or_else(Vector3::zeros)
         };
+        let surroundings = Surroundings::at(run, gyrostat, *time_s);
         points.push(Point {
             time_s: *time_s,
             gyro_b_rad_s: *rate,
@@ -303,9 +313,10 @@ fn points_of(
             directions: directions_at(run, model, *time_s, half_s, rate),
             wheel_speed_rad_s,
             wheel_acceleration_rad_s2,
-            jet_share: jet_shares(run, model, *time_s, until_s),
+            jet_share: jet_shares(run, gyrostat, &surroundings, *time_s, until_s),
             body_torque_b_n_m: mean_held(&run.body_torque_b_n_m, *time_s, until_s),
             ballast_moment_b_n_m: held(&run.ballast_moment_b_n_m),
+            surroundings,
         });
     }
     points
@@ -347,29 +358,58 @@ fn directions_at(
     directions
 }
 
-/// Mean thrust of each jet over an interval, valve delays and tank pressure included.
-fn jet_shares(run: &Recording, model: &PlatformModel, from_s: f64, to_s: f64) -> Vec<f64> {
+/// Mean thrust of each jet over an interval: valve delays, lag of the thrust and tank pressure included.
+fn jet_shares(
+    run: &Recording,
+    gyrostat: &Gyrostat,
+    around: &Surroundings,
+    from_s: f64,
+    to_s: f64,
+) -> Vec<f64> {
+    let (model, lag) = (gyrostat.model(), gyrostat.thrust_lag());
     let factor = match run.tank_pressure_pa.held_at(from_s) {
         Some(p) => {
             (p / model.tank().reference_pressure_pa).max(0.0).powf(model.tank().thrust_pressure_exponent)
         }
         None => 1.0,
     };
+    let environment = Environment {
+        bus_voltage_v: around.bus_voltage_v,
+        tank_pressure_pa: around.tank_pressure_pa,
+        ..Environment::new(model, nalgebra::UnitQuaternion::identity(), Vector3::zeros())
+    };
+    let late = gyrostat.effects().valve_delay_s(&environment);
+    let tail_s = if lag.is_none() { 0.0 } else { TAILS * lag.tail_s.max(lag.rise_s) };
+    // Seconds of full thrust from a valve's opening until a time after it.
+    let until = |open_s: f64, since_s: f64| {
+        if since_s <= 0.0 {
+            return 0.0;
+        }
+        let reached = lag.fraction(0.0, true, open_s);
+        lag.impulse_s(0.0, true, since_s.min(open_s))
+            + lag.impulse_s(reached, false, (since_s - open_s).max(0.0))
+    };
     let open = |pulses: &[OnInterval], opening_s: f64, closing_s: f64| {
-        let first = pulses.partition_point(|p| p.off_s + closing_s <= from_s);
-        pulses
-            .iter()
-            .skip(first)
-            .take_while(|p| p.on_s + opening_s < to_s)
-            .map(|p| (p.off_s + closing_s).min(to_s) - (p.on_s + opening_s).max(from_s))
-            .filter(|overlap| *overlap > 0.0)
-            .sum::<f64>()
+        let first = pulses.partition_point(|p| p.off_s + closing_s + tail_s <= from_s);
+        let running = pulses.iter().skip(first).take_while(|p| p.on_s + opening_s < to_s);
+        if lag.is_none() {
+            return running
+                .map(|p| (p.off_s + closing_s).min(to_s) - (p.on_s + opening_s).max(from_s))
+                .filter(|overlap| *overlap > 0.0)
+                .sum::<f64>();
+        }
+        let within = |p: &OnInterval| {
+            let (on_s, open_s) = (p.on_s + opening_s, p.off_s + closing_s - p.on_s - opening_s);
+            if open_s <= 0.0 { 0.0 } else { until(open_s, to_s - on_s) - until(open_s, from_s - on_s) }
+        };
+        running.map(within).sum::<f64>()
     };
     run.jet_pulses
         .iter()
         .zip(model.jets())
         .map(|(pulses, jet)| {
-            factor * open(pulses, jet.opening_delay_s, jet.closing_delay_s) / (to_s - from_s)
+            factor * open(pulses, jet.opening_delay_s + late.0, jet.closing_delay_s + late.1)
+                / (to_s - from_s)
         })
         .collect()
 }

@@ -2,8 +2,10 @@
 
 mod averaging;
 mod checks;
+mod surroundings;
 mod wheels;
 
 pub(crate) use averaging::{CONTACT_LASTS_S, touches};
 pub use averaging::{Chain, Direction, Point, PreparedData, prepare};
 pub use checks::{DataError, Finding};
+pub use surroundings::Surroundings;

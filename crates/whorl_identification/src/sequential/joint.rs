@@ -108,6 +108,9 @@ impl JointFilter {
         q_world_body: UnitQuaternion<f64>,
     ) -> Self {
         let unknowns = Unknowns::new(model, prior, Vec::new());
+        // Effects that no platform can have are refused where the model is read.
+        let corrected = unknowns.effect_set(&unknowns.mean).adjusted(model).unwrap_or_else(|_| model.clone());
+        let model = &corrected;
         let stddev = MassVector::from_fn(|i, _| unknowns.stddev[i]);
         let gyro = &model.sensors.gyro.errors;
         let mut variance = StateVector::repeat(0.05_f64.powi(2));
@@ -189,7 +192,7 @@ impl JointFilter {
     }
 
     pub(super) fn carried(&self, mean: &Mean, last: &Point, point: &Point) -> Option<Mean> {
-        let physics = Physics::new(&self.model, &self.unknowns, &mean.values)?;
+        let physics = Physics::new(&self.unknowns, &mean.values)?;
         Some(Mean { motion: physics.step(&mean.motion, last, point), ..mean.clone() })
     }
 
@@ -219,13 +222,14 @@ impl JointFilter {
 
     /// Ideal readings.
     pub(super) fn readings(&self, mean: &Mean, point: &Point) -> Option<DVector<f64>> {
-        let physics = Physics::new(&self.model, &self.unknowns, &mean.values)?;
-        let mut z: Vec<f64> = (mean.motion.omega_wb_b_rad_s + mean.gyro_bias_rad_s).iter().copied().collect();
+        let physics = Physics::new(&self.unknowns, &mean.values)?;
+        let imu = physics.imu(&mean.motion, point);
+        let mut z: Vec<f64> = (imu.angular_velocity_b_rad_s + mean.gyro_bias_rad_s).iter().copied().collect();
         if point.specific_force_b_m_s2.is_some() {
-            z.extend(&physics.specific_force(&mean.motion, point));
+            z.extend(&imu.specific_force_b_m_s2);
         }
         for d in &point.directions {
-            z.extend(&mean.motion.q_world_body.inverse_transform_vector(&d.reference_world));
+            z.extend(&physics.seen(&mean.motion, &d.reference_world));
         }
         Some(DVector::from_vec(z))
     }

@@ -7,7 +7,7 @@ use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::{JointFilter, JointUpdate, SequentialEstimate};
-use crate::data::{CONTACT_LASTS_S, Direction, Point, touches};
+use crate::data::{CONTACT_LASTS_S, Direction, Point, Surroundings, touches};
 
 /// Samples are averaged for this long \[s\].
 const BLOCK_S: f64 = 0.05;
@@ -57,6 +57,7 @@ pub struct OnlineFilter {
     spin_inertia_kg_m2: Vec<f64>,
     jets: usize,
     tilt_limit: TiltLimit,
+    surroundings: Surroundings,
     /// Latest block at the bearing's stop \[s\].
     contact_s: f64,
     block: Block,
@@ -84,6 +85,8 @@ impl OnlineFilter {
             spin_inertia_kg_m2: model.wheels().iter().map(|w| w.spin_inertia_kg_m2).collect(),
             jets: model.jets().len(),
             tilt_limit: model.tilt_limit,
+            // What flows and cools in a run is not followed here.
+            surroundings: Surroundings::at_start(model),
             contact_s: f64::NEG_INFINITY,
             block: Block::default(),
             waiting: VecDeque::new(),
@@ -225,6 +228,7 @@ impl OnlineFilter {
             jet_share: Vec::new(),
             body_torque_b_n_m: Vector3::zeros(),
             ballast_moment_b_n_m: self.ballast_moment_b_n_m,
+            surroundings: self.surroundings,
         };
         let on = block.jet_on_time_s;
         let (mut before, on_before) = self.pending.replace((point, on.clone()))?;

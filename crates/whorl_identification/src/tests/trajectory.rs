@@ -72,7 +72,7 @@ fn print(truth: &PlatformModel, found: &Identification) {
     }
     println!(
         "chi {:.3} torque {} friction {:?} {:?}",
-        found.reduced_chi_squared, found.torque_noise_n_m_sqrt_s, found.friction_n_m_s, found.findings
+        found.reduced_chi_squared, found.torque_noise_n_m_sqrt_s, found.effects, found.findings
     );
 }
 
@@ -223,4 +223,59 @@ fn clipped_peaks_are_left_out_whatever_the_model_says_of_the_range() {
         let miss = (found.estimate[i] - t[i]) / sigma[i];
         assert!(miss.abs() < 4.0, "{}: {} true {} +- {}", NAMES[i], found.estimate[i], t[i], sigma[i]);
     }
+}
+
+/// A cable that twists and parts that stand in the wind, both adopted: the inertia is the platform's own, not what makes
+/// up for their torque.
+#[test]
+fn adopted_effects_are_no_inertia() {
+    let mut truth = PlatformModel::whorl_1_reference();
+    let mut prior = known_actuators(&truth);
+    let effects = [("harness_spring", "k_n_m_rad", 0.3, 0.05), ("air_drag_quadratic", "dz_n_m_s2", 1.0, 0.3)];
+    for (id, name, value, stddev) in effects {
+        truth.effects.insert(id.to_owned(), [(name.to_owned(), value)].into());
+        prior.effects.insert(id.to_owned(), [(name.to_owned(), stddev)].into());
+    }
+    let run = run_of(&truth, 1);
+    // Mass properties and the cable are a tenth off.
+    let mut model = wrong_model(&truth);
+    model.effects.insert("harness_spring".to_owned(), [("k_n_m_rad".to_owned(), 0.33)].into());
+    let found = identify(&[&run], &model, &prior, &Settings::default()).unwrap();
+    print(&truth, &found);
+    assert!(found.usable(), "{:?}", found.findings);
+    let t = mass_vector(&truth.mass_properties);
+    for i in [0, 3, 5] {
+        assert!((found.estimate[i] - t[i]).abs() < 0.01 * t[i], "{}", NAMES[i]);
+    }
+    // 99.9 % of chi-squared with nine degrees of freedom.
+    let error = normalised(&truth, &found);
+    assert!(error < 27.9, "{error}");
+    for (_, name, value, stddev) in effects {
+        let own = found.effects.iter().find(|p| p.name == name).unwrap();
+        assert!((own.value - value).abs() < 4.0 * own.stddev && own.stddev < 0.1 * stddev, "{own:?}");
+    }
+    // The same data without one of the two: the inertia must pay for it, if anything fits at all.
+    for (id, ..) in effects {
+        let mut poorer = model.clone();
+        poorer.effects.remove(id);
+        let wrong = identify(&[&run], &poorer, &prior, &Settings::default());
+        let without = wrong.map_or(f64::INFINITY, |wrong| normalised(&truth, &wrong));
+        assert!(without > 3.0 * error, "{id}: {without} against {error}");
+    }
+}
+
+/// What an effect adds to the platform's constants stays beside them: the file's own numbers are found.
+#[test]
+fn corrections_of_constants_are_not_counted_twice() {
+    let mut truth = PlatformModel::whorl_1_reference();
+    for (id, name, value) in [("inertia_products", "ixy_kg_m2", 0.3), ("gravity_offset", "mgr_x_n_m", 0.05)] {
+        truth.effects.insert(id.to_owned(), [(name.to_owned(), value)].into());
+    }
+    let found =
+        identify(&[&run_of(&truth, 1)], &wrong_model(&truth), &known_actuators(&truth), &Settings::default())
+            .unwrap();
+    print(&truth, &found);
+    // 99.9 % of chi-squared with nine degrees of freedom.
+    assert!(normalised(&truth, &found) < 27.9);
+    assert!((found.estimate[1] - mass_vector(&truth.mass_properties)[1]).abs() < 0.05);
 }

@@ -1,19 +1,21 @@
 //! The gyrostat between samples, with the wheels' measured speeds as input.
 //!
 //! The state is attitude and total momentum; the equation is [`whorl_dynamics::gyrostat::equation`] with the wheels'
-//! speeds known, and gravity, a friction torque -c w and the jets as torque from outside.
+//! speeds known, and gravity, the model's effects and the jets as torque from outside.
 //!
 //! Motor torques and wheel friction do not appear: what the wheels took is read from their speed. Only
-//! the vertical k_b enters the torque, never the heading.
+//! the vertical k_b enters the torque, and the heading by effects that know it alone.
+
+use std::sync::Arc;
 
 use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
-use whorl_dynamics::PlatformModel;
 use whorl_dynamics::gyrostat::RateEquation;
 use whorl_dynamics::gyrostat::equation::{gravity_torque_n_m, momentum_rate_b_n_m};
 use whorl_dynamics::sensing::specific_force_b_m_s2;
-use whorl_math::{quaternion_rate, vertical_b};
+use whorl_dynamics::{EffectSet, Environment, PlatformModel, TrueImu};
+use whorl_math::{quaternion_exp, quaternion_rate};
 
-use super::unknowns::{FRICTION, Unknowns, adjusted};
+use super::unknowns::{Unknowns, adjusted};
 use crate::data::Point;
 use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
 
@@ -22,12 +24,13 @@ use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
 pub(crate) struct Physics {
     equation: RateEquation,
     gravity_offset_b_n_m: Vector3<f64>,
-    friction_n_m_s: f64,
+    /// The platform, its constants corrected by the effects.
+    platform: Arc<PlatformModel>,
+    effects: EffectSet,
     /// A J: momentum per wheel speed.
     wheels: Vec<Vector3<f64>>,
     /// Nominal torque of every jet; those that never fire are there too.
     jets: Vec<Vector3<f64>>,
-    lever_arm_b_m: Vector3<f64>,
 }
 
 /// Motion of the body at one instant.
@@ -38,14 +41,26 @@ pub(crate) struct Motion {
 }
 
 impl Physics {
-    /// `None` if the inertia is not positive definite.
-    pub fn new(model: &PlatformModel, unknowns: &Unknowns, values: &DVector<f64>) -> Option<Self> {
+    /// `None` if no such platform can be.
+    pub fn new(unknowns: &Unknowns, values: &DVector<f64>) -> Option<Self> {
         let mass = MassVector::from_iterator(values.iter().copied());
-        let equation = RateEquation::with_known_wheel_speeds(inertia_b_kg_m2(&mass))?;
-        let wheels = model.wheels().iter().enumerate().map(|(j, wheel)| {
+        let (mut inertia, mut offset) = (inertia_b_kg_m2(&mass), gravity_offset_b_n_m(&mass));
+        let (effects, given) = (unknowns.effect_set(values), &unknowns.model);
+        let platform = if given.effects.is_empty() {
+            Arc::clone(given)
+        } else {
+            let corrected = effects.adjusted(given).ok()?;
+            // The unknowns are the model's own constants; effects that correct them stay beside them.
+            let (own, all) = (&given.mass_properties, &corrected.mass_properties);
+            inertia += all.inertia_b_kg_m2() - own.inertia_b_kg_m2();
+            offset += all.gravity_offset_b_n_m() - own.gravity_offset_b_n_m();
+            Arc::new(corrected)
+        };
+        let equation = RateEquation::with_known_wheel_speeds(inertia)?;
+        let wheels = platform.wheels().iter().enumerate().map(|(j, wheel)| {
             adjusted(&(wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2), unknowns.wheel(values, j))
         });
-        let mut jets: Vec<_> = model.jets().iter().map(|jet| jet.torque_b_n_m()).collect();
+        let mut jets: Vec<_> = platform.jets().iter().map(|jet| jet.torque_b_n_m()).collect();
         for (n, j) in unknowns.jets.iter().enumerate() {
             if let Some(torque) = jets.get_mut(*j) {
                 *torque = adjusted(torque, unknowns.jet(values, n));
@@ -53,11 +68,11 @@ impl Physics {
         }
         Some(Self {
             equation,
-            gravity_offset_b_n_m: gravity_offset_b_n_m(&mass),
-            friction_n_m_s: values[FRICTION],
+            gravity_offset_b_n_m: offset,
             wheels: wheels.collect(),
             jets,
-            lever_arm_b_m: model.sensors.accelerometer.lever_arm_b_m,
+            effects,
+            platform,
         })
     }
 
@@ -77,8 +92,32 @@ impl Physics {
         jets + point.body_torque_b_n_m
     }
 
-    fn torque(&self, vertical: &Vector3<f64>, omega: &Vector3<f64>, ballast: &Vector3<f64>) -> Vector3<f64> {
-        gravity_torque_n_m(&(self.gravity_offset_b_n_m + ballast), vertical) - omega * self.friction_n_m_s
+    /// What effects see of a motion at a point.
+    fn environment<'a>(
+        &'a self,
+        time_s: f64,
+        q: &UnitQuaternion<f64>,
+        omega: &Vector3<f64>,
+        point: &'a Point,
+    ) -> Environment<'a> {
+        let around = &point.surroundings;
+        Environment {
+            time_s,
+            wheel_speed_rad_s: &point.wheel_speed_rad_s,
+            valve_fraction: &point.jet_share,
+            tank_pressure_pa: around.tank_pressure_pa,
+            gas_used_kg: around.gas_used_kg,
+            bus_voltage_v: around.bus_voltage_v,
+            temperature_k: around.temperature_k,
+            ballast_direction: around.ballast_direction,
+            ..Environment::new(&self.platform, *q, *omega)
+        }
+    }
+
+    /// Torque of gravity and effects.
+    fn torque(&self, environment: &Environment<'_>, ballast: &Vector3<f64>) -> Vector3<f64> {
+        gravity_torque_n_m(&(self.gravity_offset_b_n_m + ballast), &environment.vertical_b)
+            + self.effects.torque_b_n_m(environment, &[])
     }
 
     /// From one point to the next: classical Runge-Kutta, wheel speeds linear between.
@@ -89,7 +128,8 @@ impl Physics {
         let applied = self.actuator_torque(at);
         let derivative = |q: &UnitQuaternion<f64>, momentum: &Vector3<f64>, share: f64| {
             let omega = self.equation.rate_b_rad_s(momentum, &wheels_0.lerp(&wheels_1, share));
-            let torque = self.torque(&vertical_b(q), &omega, &at.ballast_moment_b_n_m) + applied;
+            let environment = self.environment(at.time_s + share * h_s, q, &omega, at);
+            let torque = self.torque(&environment, &at.ballast_moment_b_n_m) + applied;
             (quaternion_rate(q, &omega), momentum_rate_b_n_m(&omega, momentum, &torque))
         };
         let q0 = from.q_world_body;
@@ -108,17 +148,38 @@ impl Physics {
         }
     }
 
-    /// What an ideal accelerometer reads at a point.
-    pub fn specific_force(&self, motion: &Motion, point: &Point) -> Vector3<f64> {
-        let vertical = vertical_b(&motion.q_world_body);
+    /// What the inertial sensors read at a point without bias and noise.
+    pub fn imu(&self, motion: &Motion, point: &Point) -> TrueImu {
         let omega = motion.omega_wb_b_rad_s;
+        let mut environment = self.environment(point.time_s, &motion.q_world_body, &omega, point);
         let wheels = self.wheel_momentum(&point.wheel_speed_rad_s);
         let momentum = self.equation.momentum_b_n_m_s(&omega, &wheels);
-        let torque =
-            self.torque(&vertical, &omega, &point.ballast_moment_b_n_m) + self.actuator_torque(point);
+        let torque = self.torque(&environment, &point.ballast_moment_b_n_m) + self.actuator_torque(point);
         let on_wheels = self.wheel_momentum(&point.wheel_acceleration_rad_s2);
         let acceleration = self.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &on_wheels);
-        specific_force_b_m_s2(&self.lever_arm_b_m, &omega, &acceleration, &vertical)
+        environment.omega_dot_wb_b_rad_s2 = acceleration;
+        let sensors = &self.platform.sensors;
+        let arm = &sensors.accelerometer.lever_arm_b_m;
+        let mut imu = TrueImu {
+            angular_velocity_b_rad_s: omega,
+            specific_force_b_m_s2: specific_force_b_m_s2(arm, &omega, &acceleration, &environment.vertical_b),
+        };
+        self.effects.measure_imu(&environment, &mut imu);
+        TrueImu {
+            angular_velocity_b_rad_s: sensors.gyro.errors.ideal(&imu.angular_velocity_b_rad_s),
+            specific_force_b_m_s2: sensors.accelerometer.errors.ideal(&imu.specific_force_b_m_s2),
+        }
+    }
+
+    /// Where a vector sensor sees a direction of the world.
+    pub fn seen(&self, motion: &Motion, direction_world: &Vector3<f64>) -> Vector3<f64> {
+        let direction_b = motion.q_world_body.inverse_transform_vector(direction_world);
+        match self.platform.sensors.vector {
+            Some(sensor) if sensor.misalignment_rad != Vector3::zeros() => {
+                quaternion_exp(&sensor.misalignment_rad).inverse_transform_vector(&direction_b)
+            }
+            _ => direction_b,
+        }
     }
 }
 
@@ -127,6 +188,7 @@ mod tests {
     use whorl_dynamics::{InitialState, ModelPrior, Plant};
 
     use super::*;
+    use crate::data::Surroundings;
 
     /// The truth plant integrates motor torques and friction at 1 kHz; here the wheels' speeds alone are
     /// given, at 20 Hz. Both must arrive at the same motion.
@@ -140,7 +202,7 @@ mod tests {
         };
         let mut plant = Plant::new(&model, &initial, 1).unwrap();
         let unknowns = Unknowns::new(&model, &ModelPrior::typical(&model), Vec::new());
-        let physics = Physics::new(&model, &unknowns, &unknowns.mean).unwrap();
+        let physics = Physics::new(&unknowns, &unknowns.mean).unwrap();
         let point = |plant: &Plant| Point {
             time_s: plant.time_s(),
             gyro_b_rad_s: Vector3::zeros(),
@@ -152,6 +214,7 @@ mod tests {
             jet_share: Vec::new(),
             body_torque_b_n_m: Vector3::zeros(),
             ballast_moment_b_n_m: Vector3::zeros(),
+            surroundings: Surroundings::at_start(&model),
         };
         let mut motion =
             Motion { q_world_body: initial.q_world_body, omega_wb_b_rad_s: initial.omega_wb_b_rad_s };

@@ -28,6 +28,7 @@ const NUMERICAL: [f64; 2] = [3e-6, 3e-6];
 
 /// A fit to be made.
 pub(crate) struct Problem<'a> {
+    /// The platform, its constants corrected by the effects of the model.
     pub model: &'a PlatformModel,
     pub data: &'a PreparedData,
     pub unknowns: Unknowns,
@@ -208,7 +209,7 @@ impl<'a> Problem<'a> {
 
     /// Total cost: measurements, links and priors.
     fn cost(&self, solution: &Solution, reject: bool) -> f64 {
-        let Some(physics) = Physics::new(self.model, &self.unknowns, &solution.values) else {
+        let Some(physics) = Physics::new(&self.unknowns, &solution.values) else {
             return f64::INFINITY;
         };
         let mut parts = Parts::default();
@@ -227,8 +228,8 @@ impl<'a> Problem<'a> {
     /// Normal equations at a solution, all states eliminated.
     pub fn linearise(&self, solution: &Solution, reject: bool) -> Result<(Elimination, Parts), DataError> {
         let impossible = || DataError::NotConverged("the inertia left the realm of the possible".to_owned());
-        let physics = Physics::new(self.model, &self.unknowns, &solution.values).ok_or_else(impossible)?;
-        let perturbed = perturbed(self.model, &self.unknowns, &solution.values).ok_or_else(impossible)?;
+        let physics = Physics::new(&self.unknowns, &solution.values).ok_or_else(impossible)?;
+        let perturbed = perturbed(&self.unknowns, &solution.values).ok_or_else(impossible)?;
         let mut parts = Parts::default();
         let mut elimination = Elimination::new(self.unknowns.len());
         for n in 0..self.unknowns.len() {

@@ -5,12 +5,16 @@
 //! result towards zero. Here rate and attitude at one instant every two seconds are unknowns like the
 //! nine parameters; the equations of motion carry them to the next ([`super::trajectory`] states them in
 //! its private `dynamics` module), and gyro, accelerometer, vector sensors and wheel speeds are compared
-//! with what they should read. Sensor biases, the bearing's friction and errors of wheels and jets are
+//! with what they should read. Sensor biases, parameters of the model's effects and errors of wheels and jets are
 //! estimated with their priors, so that the uncertainty of the result holds what they add. Torque that
 //! nothing explains is white noise between the states; its strength is chosen by the data.
 //!
-//! Heading enters nowhere but in the vector sensors: without them only the direction of gravity and the
-//! rates count.
+//! Every effect that the model has is in the equations. Its parameters are unknowns too, as far as the prior leaves
+//! them open: what they are not sure of, the mass properties are not sure of either. Effects with states of their own
+//! are left out, and said so.
+//!
+//! Heading enters nowhere but in the vector sensors and in effects that depend on it: without them only the direction of
+//! gravity and the rates count.
 //!
 //! Source of the method: H. G. Bock, "Recent advances in parameter identification techniques for ODE",
 //! 1983 (multiple shooting); A. E. Bryson and M. Frazier, 1963 (smoothing with process noise).
@@ -23,7 +27,7 @@ mod start;
 mod unknowns;
 
 use nalgebra::{DMatrix, Vector3};
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::{Gyrostat, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::data::{DataError, Finding, PreparedData, prepare};
@@ -35,7 +39,6 @@ pub(crate) use dynamics::{Motion, Physics};
 use fit::{Fitted, Problem, mean_biases};
 pub(crate) use segment::Noise;
 pub(crate) use unknowns::Unknowns;
-use unknowns::{ACTUATORS, FRICTION};
 
 /// How a fit is made.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +68,21 @@ pub enum Determined {
     No,
 }
 
+/// A parameter of an effect that was fitted beside the mass properties.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectParameter {
+    /// Id of the effect.
+    pub effect: &'static str,
+    /// Name of the parameter.
+    pub name: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Value, within the parameter's range.
+    pub value: f64,
+    /// Standard deviation.
+    pub stddev: f64,
+}
+
 /// Mass properties found, and how sure they are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
@@ -84,8 +102,8 @@ pub struct Identification {
     /// The combinations that belong to the singular values, as columns, in units of the prior's
     /// standard deviations.
     pub combinations: MassCovariance,
-    /// Viscous friction of the bearing [N m s] and its standard deviation.
-    pub friction_n_m_s: (f64, f64),
+    /// Parameters of effects: those that the model has, and those that no platform is without.
+    pub effects: Vec<EffectParameter>,
     /// Strength of each wheel over the model's, less one, with standard deviation.
     pub wheel_strength: Vec<(f64, f64)>,
     /// Strength of each jet that fired over the model's, less one: index, value, standard deviation.
@@ -135,12 +153,20 @@ pub fn identify(
     let data = prepare(runs, model, settings.step_s)?;
     let unknowns = Unknowns::new(model, prior, jets_that_fired(&data));
     let mut findings = data.findings.clone();
+    findings.extend(unknowns.left_out.iter().map(|id| {
+        Finding::warning(format!(
+            "{id} has states of its own, which are not followed here: what it does counts as torque that nothing explains, or as inertia."
+        ))
+    }));
+    // Sensors and actuators as the model's effects make them.
+    let corrected = Gyrostat::new(model).map_err(|error| DataError::Model(error.to_string()))?;
+    let corrected = corrected.model();
     let first = settings.torque_noise_n_m_sqrt_s.unwrap_or(1e-3);
     if settings.check_wheels {
-        findings.extend(check_wheels(model, &data, &unknowns, first));
+        findings.extend(check_wheels(corrected, &data, &unknowns, first));
     }
     let mut fitted = {
-        let problem = Problem::new(model, &data, unknowns.clone(), first);
+        let problem = Problem::new(corrected, &data, unknowns.clone(), first);
         problem.solve(problem.start()).map_err(|error| match findings.iter().find(|f| f.fatal) {
             // The reason is known better than "it did not converge".
             Some(finding) => DataError::Refused(finding.text.clone()),
@@ -150,7 +176,7 @@ pub fn identify(
     let mut torque_noise = first;
     if settings.torque_noise_n_m_sqrt_s.is_none() {
         for candidate in [1e-2, 3e-4, 1e-4, 3e-5] {
-            let problem = Problem::new(model, &data, unknowns.clone(), candidate);
+            let problem = Problem::new(corrected, &data, unknowns.clone(), candidate);
             match problem.solve(fitted.solution.clone()) {
                 Ok(better) if better.surprise < fitted.surprise => {
                     fitted = better;
@@ -255,7 +281,7 @@ fn conclude(
     // A model that explains the data badly is also less certain than it says.
     let inflation = reduced.max(1.0) * (1.0 + fitted.unsettled.powi(2));
     let covariance_all = inverse(&fitted.information) * inflation;
-    let known = fitted.information.view((0, 0), (ACTUATORS, ACTUATORS)).into_owned();
+    let known = fitted.information.view((0, 0), (unknowns.actuators, unknowns.actuators)).into_owned();
     let covariance_known = inverse(&known) * inflation;
     let take = |m: &DMatrix<f64>| MassCovariance::from_fn(|i, j| m[(i, j)]);
     let covariance = take(&covariance_all);
@@ -296,7 +322,20 @@ fn conclude(
         determined,
         singular_values,
         combinations,
-        friction_n_m_s: of(FRICTION),
+        effects: unknowns
+            .of_effects()
+            .into_iter()
+            .map(|(effect, spec, at)| {
+                let ((value, stddev), effect) = (of(at), effect.info().id);
+                EffectParameter {
+                    effect,
+                    value: spec.limited(value),
+                    stddev,
+                    unit: spec.unit,
+                    name: spec.name,
+                }
+            })
+            .collect(),
         wheel_strength: (0..unknowns.wheels).map(|j| of(unknowns.wheel_strength(j))).collect(),
         jet_strength: unknowns
             .jets

@@ -9,7 +9,7 @@ use super::smoother::{CrossMatrix, STATE, StateMatrix, StateVector};
 use super::unknowns::Unknowns;
 use crate::data::Point;
 
-/// Differences for derivatives, small against every quantity's uncertainty.
+/// Differences for derivatives by the state, small against its uncertainty.
 const DIFFERENCE: f64 = 1e-6;
 /// Residuals beyond this many standard deviations are left out once the fit is near.
 const OUTLIER: f64 = 6.0;
@@ -106,12 +106,13 @@ fn carry(physics: &Physics, start: &Motion, points: &[Point], own: usize) -> Vec
 fn readings(physics: &Physics, motions: &[Motion], points: &[Point], own: usize, out: &mut Vec<f64>) {
     out.clear();
     for (motion, point) in motions.iter().zip(points).take(own) {
-        out.extend(&motion.omega_wb_b_rad_s);
+        let imu = physics.imu(motion, point);
+        out.extend(&imu.angular_velocity_b_rad_s);
         if point.specific_force_b_m_s2.is_some() {
-            out.extend(&physics.specific_force(motion, point));
+            out.extend(&imu.specific_force_b_m_s2);
         }
         for d in &point.directions {
-            out.extend(&motion.q_world_body.inverse_transform_vector(&d.reference_world));
+            out.extend(&physics.seen(motion, &d.reference_world));
         }
     }
 }
@@ -141,10 +142,11 @@ pub(crate) fn fit_segment(
         let mut changed = Vec::new();
         let mut column = |at: usize, motions: &[Motion], physics: &Physics, jacobian: &mut DMatrix<f64>| {
             readings(physics, motions, points, own, &mut changed);
+            let difference = at.checked_sub(STATE).map_or(DIFFERENCE, |n| unknowns.difference(n));
             for (row, (b, a)) in changed.iter().zip(&base).enumerate() {
-                jacobian[(row, at)] = (b - a) / DIFFERENCE;
+                jacobian[(row, at)] = (b - a) / difference;
             }
-            motions.last().map(|m| end_difference(&end, m) / DIFFERENCE)
+            motions.last().map(|m| end_difference(&end, m) / difference)
         };
         for at in 0..6 {
             let mut change = StateVector::zeros();
@@ -233,16 +235,12 @@ pub(crate) fn end_difference(from: &Motion, to: &Motion) -> SMatrix<f64, 6, 1> {
 }
 
 /// Perturbed platforms, one for each unknown; `None` if one is not possible.
-pub(crate) fn perturbed(
-    model: &PlatformModel,
-    unknowns: &Unknowns,
-    values: &DVector<f64>,
-) -> Option<Vec<Physics>> {
+pub(crate) fn perturbed(unknowns: &Unknowns, values: &DVector<f64>) -> Option<Vec<Physics>> {
     (0..unknowns.len())
         .map(|n| {
             let mut changed = values.clone();
-            changed[n] += DIFFERENCE;
-            Physics::new(model, unknowns, &changed)
+            changed[n] += unknowns.difference(n);
+            Physics::new(unknowns, &changed)
         })
         .collect()
 }
