@@ -4,7 +4,8 @@
 //! filters, tracking law, identification and diagnosis share; [`Gyrostat`] is a platform with its physical effects in
 //! that equation. [`Plant`] integrates it between actuator events and samples its sensors.
 //! [`actuators`] has one folder for each kind of actuator.
-//! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate.
+//! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate; all that
+//! these uses must know of an effect stands there.
 
 pub mod actuators;
 pub mod effects;
