@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`definition`] | the campaign file |
 //! | [`plan`] | every run that follows from it |
+//! | [`run_spec`] | what one run is |
 //! | [`work`] | claims and rows in the folder |
 //! | [`single`] | one run, in memory |
 //! | [`row`] | the numbers of a run |
@@ -18,6 +19,7 @@ pub mod definition;
 pub mod page;
 pub mod plan;
 pub mod row;
+pub mod run_spec;
 pub mod single;
 pub mod table;
 #[cfg(test)]
@@ -25,5 +27,6 @@ mod tests;
 pub mod work;
 
 pub use definition::Definition;
-pub use plan::{Plan, RunSpec};
+pub use plan::Plan;
 pub use row::Row;
+pub use run_spec::RunSpec;

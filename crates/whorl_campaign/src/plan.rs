@@ -6,6 +6,7 @@ use thiserror::Error;
 use whorl_params::{Override, ParameterErrors, ParameterTree, Reader, formation, standard_layers};
 
 use crate::definition::{Axis, Definition};
+use crate::run_spec::RunSpec;
 use crate::single::check;
 
 /// More runs than this are taken for a mistake.
@@ -27,23 +28,6 @@ pub struct Plan {
     /// Parsed overrides of every choice of every axis.
     overrides: Vec<Vec<Vec<Override>>>,
     runs: u64,
-}
-
-/// One run.
-#[derive(Debug, Clone)]
-pub struct RunSpec {
-    /// Its number, from 0.
-    pub index: u64,
-    /// Name of its experiment.
-    pub experiment: String,
-    /// Seed of its noise.
-    pub seed: u64,
-    /// Label of each axis.
-    pub labels: Vec<String>,
-    /// Parameter files, lowest layer first.
-    pub layers: Vec<PathBuf>,
-    /// What differs from them.
-    pub overrides: Vec<Override>,
 }
 
 /// A campaign that cannot be planned.

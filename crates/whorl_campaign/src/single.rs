@@ -10,8 +10,8 @@ use whorl_params::ParameterTree;
 use whorl_report::RunData;
 use whorl_sim::{NodeSet, Observer};
 
-use crate::plan::RunSpec;
 use crate::row::{METRICS, Row, Traffic, metrics};
+use crate::run_spec::RunSpec;
 
 /// Keeps what the numbers need, and writes the run directory if one is wanted.
 struct Keeper {
