@@ -8,12 +8,11 @@ use anyhow::{Context, bail};
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows};
-use whorl_estimation::free_motion::{FreeMotionEstimator, FreeMotionParameters};
-use whorl_estimation::orientation_error::OrientationErrors;
 use whorl_estimation::{Estimator, FilterKind, Health, ImuSample, Parameters};
+use whorl_free_motion::{FreeMotionEstimator, FreeMotionParameters, OrientationErrors};
 
 /// The filter for sensors that do not turn about a fixed point.
-const FREE_MOTION: &str = "free_motion";
+const FREE_MOTION: &str = FilterKind::FREE_MOTION.name;
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -55,13 +54,13 @@ impl Chosen {
             return Ok(Self::FreeMotion(Box::new(filter)));
         }
         let usable =
-            || FilterKind::ALL.iter().filter(|(name, kind)| !kind.needs_body() && *name != FREE_MOTION);
-        let Some((_, kind)) = usable().find(|(known, _)| *known == name) else {
-            let names: Vec<&str> = usable().map(|(known, _)| *known).collect();
+            || FilterKind::ALL.into_iter().filter(|kind| !kind.needs_body && kind.name != FREE_MOTION);
+        let Some(kind) = usable().find(|kind| kind.name == name) else {
+            let names: Vec<&str> = usable().map(|kind| kind.name).collect();
             bail!("--filter {name}: allowed: {FREE_MOTION}, {}", names.join(", "));
         };
         let parameters = Parameters::freely_moving().with_magnetometer(std::f64::consts::FRAC_PI_2);
-        Ok(Self::Pivot(Box::new(Estimator::new(*kind, parameters, None)?)))
+        Ok(Self::Pivot(Box::new(Estimator::new(kind, parameters, None)?)))
     }
 
     fn imu(&mut self, stamp_ns: i64, gyro_rad_s: Vector3<f64>, specific_force_m_s2: Vector3<f64>) {

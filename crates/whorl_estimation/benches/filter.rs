@@ -7,8 +7,8 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Vector3};
 use std::hint::black_box;
-use whorl_estimation::free_motion::{FreeMotionEstimator, FreeMotionParameters};
-use whorl_estimation::{BodyModel, Estimator, Filter, FilterKind, ImuSample, Parameters};
+use whorl_estimation::{AttitudeBiasEstimator, BodyModel, Estimator, FilterKind, ImuSample, Parameters};
+use whorl_free_motion::{FreeMotionEstimator, FreeMotionParameters};
 
 fn sample(step: i64) -> ImuSample {
     let t = step as f64 * 0.01;
@@ -30,8 +30,8 @@ fn parameters(lever_arm: bool) -> Parameters {
     parameters
 }
 
-fn running(lever_arm: bool) -> Filter {
-    let mut filter = Filter::new(parameters(lever_arm)).expect("allowed");
+fn running(lever_arm: bool) -> AttitudeBiasEstimator {
+    let mut filter = AttitudeBiasEstimator::new(parameters(lever_arm)).expect("allowed");
     for step in 1..200 {
         filter.on_imu(&sample(step));
     }
@@ -72,8 +72,8 @@ fn filter(criterion: &mut Criterion) {
 
 /// One IMU sample through each filter with its supervision; every tenth comes with a vector sample.
 fn kinds(criterion: &mut Criterion) {
-    for (name, kind) in FilterKind::ALL {
-        criterion.bench_function(&format!("estimator_{name}"), |bencher| {
+    for kind in FilterKind::ALL {
+        criterion.bench_function(&format!("estimator_{}", kind.name), |bencher| {
             let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
             let body = BodyModel::new(inertia, Vector3::new(0.0, 0.0, -2.0));
             let mut estimator = Estimator::new(kind, parameters(false), Some(body)).expect("allowed");

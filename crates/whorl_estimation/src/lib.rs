@@ -1,37 +1,36 @@
 //! Attitude and gyro-bias estimation with consistency statistics.
 //!
-//! [`Filter`] is the attitude-error / gyro-bias filter of J. L. Schwartz, *The Distributed
+//! [`AttitudeBiasEstimator`] is the attitude-error / gyro-bias filter of J. L. Schwartz, *The Distributed
 //! Spacecraft Attitude Control System Simulator*, Virginia Tech, 2004, section 4.5.4, as a pure,
-//! allocation-free state machine. [`consistency`] judges any filter (NEES, NIS and their
+//! allocation-free state machine with all that keeps a filter right in operation (`supervision`): gates, start, late
+//! samples, restarts, health. [`Estimator`] runs any other algorithm ([`kernels`]) beside it, on the samples that it
+//! accepted. [`consistency`] judges any filter (NEES, NIS and their
 //! chi-squared bands), and [`steady_state`] gives the accuracy that an optimal filter reaches.
 //!
 //! Frames, signs and units: see `whorl_math`.
 
 mod body;
+#[cfg(any(test, feature = "conformance"))]
+pub mod conformance;
 pub mod consistency;
-mod covariance;
 mod estimate;
-mod filter;
-pub mod filters;
-pub mod free_motion;
-mod gravity_window;
-mod history;
-mod monitor;
-pub mod orientation_error;
+mod estimator;
+pub mod kernels;
 mod parameters;
 mod residual;
-mod start;
 pub mod steady_state;
-mod verdict;
+mod supervision;
 
 pub use body::BodyModel;
 pub use estimate::{Estimate, Flags, Health};
-pub use filter::{Filter, ImuSample};
-pub use filters::{Estimator, EstimatorError, FilterKind};
+pub use estimator::{Estimator, EstimatorError};
+pub use kernels::FilterKind;
 pub use parameters::{
     AccelerationRejection, GyroSampling, ParameterError, Parameters, VectorParameters, VectorUse,
 };
-pub use verdict::{FilterEvent, ImuOutcome, Rejection, RejectionCounts, Verdict};
+pub use supervision::{
+    AttitudeBiasEstimator, FilterEvent, ImuOutcome, ImuSample, Rejection, RejectionCounts, SampleOutcome,
+};
 
 #[cfg(test)]
 mod tests;

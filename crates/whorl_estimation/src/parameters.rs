@@ -61,7 +61,7 @@ pub struct AccelerationRejection {
     pub decay_s: f64,
 }
 
-/// Parameters of [`crate::Filter`]. Public because any value can be written; [`Self::check`]
+/// Parameters of [`crate::AttitudeBiasEstimator`]. Public because any value can be written; [`Self::check`]
 /// (called by the filter) says which ones are allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
-use whorl_estimation::{Filter, ImuSample, Parameters, VectorParameters, VectorUse};
+use whorl_estimation::{AttitudeBiasEstimator, ImuSample, Parameters, VectorParameters, VectorUse};
 use whorl_recording::Recording;
 
 use crate::data::{DataError, prepare};
@@ -22,7 +22,7 @@ pub fn estimated_series(
     step_s: f64,
 ) -> Result<StateSeries, DataError> {
     let prepared = prepare(&[run], model, step_s)?;
-    let mut filter = Filter::new(parameters(run, model))
+    let mut filter = AttitudeBiasEstimator::new(parameters(run, model))
         .map_err(|error| DataError::Model(format!("the filter cannot use its sensors: {error}")))?;
     let ns = |t: f64| (t * 1e9).round() as i64;
     let mut series = StateSeries {

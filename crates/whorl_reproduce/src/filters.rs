@@ -3,6 +3,7 @@
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 use whorl_dynamics::PlatformModel;
 use whorl_estimation::consistency::nees;
+use whorl_estimation::kernels::Kernel;
 use whorl_estimation::{
     BodyModel, Estimator, FilterKind, GyroSampling, ImuSample, Parameters, VectorParameters, VectorUse,
 };
@@ -12,6 +13,7 @@ use whorl_math::attitude_error;
 use whorl_recording::Recording;
 use whorl_report::{ReproducedPlot, Reproduction};
 
+use crate::comparison::{ATTITUDE_RATE, QUATERNION_RATE};
 use crate::data::{level, measured, rigid_whorl_1};
 use crate::identification::{designed, strings};
 
@@ -64,25 +66,16 @@ pub fn comparison() -> Reproduction {
         "#NEES (3)",
         "#180 deg off: within 1 deg after [s]",
     ]);
-    let (mut rows, mut curves) = (Vec::new(), Vec::new());
-    for (name, kind) in FilterKind::ALL.into_iter().filter(|(_, kind)| *kind != FilterKind::FreeMotion) {
-        let mut row = vec![name.to_owned()];
-        for (index, run) in runs.iter().enumerate() {
-            let Some(result) = filtered(kind, &model, run) else {
-                row.extend(strings(&["-", "-", "-"]));
-                continue;
-            };
-            if index < 2 {
-                row.push(format!("{:.4}", result.attitude_rms_deg));
-                row.push(format!("{:.4}", result.rate_rms_deg_s));
-                row.push(format!("{:.2}", result.nees));
-            } else {
-                row.push(format!("{:.2}", result.within_a_degree_s));
-                curves.push((name.to_owned(), result.error_deg));
-            }
-        }
-        rows.push(row);
-    }
+    let mut curves = Vec::new();
+    let rows = vec![
+        row(FilterKind::ATTITUDE_BIAS, &model, &runs, &mut curves),
+        row(FilterKind::GYROSTAT, &model, &runs, &mut curves),
+        row(QUATERNION_RATE, &model, &runs, &mut curves),
+        row(ATTITUDE_RATE, &model, &runs, &mut curves),
+        row(FilterKind::ITERATED, &model, &runs, &mut curves),
+        row(FilterKind::UNSCENTED, &model, &runs, &mut curves),
+        row(FilterKind::INVARIANT, &model, &runs, &mut curves),
+    ];
     Reproduction {
         table: Some((headings, rows)),
         plots: vec![ReproducedPlot {
@@ -100,6 +93,31 @@ pub fn comparison() -> Reproduction {
         ],
         ..Reproduction::default()
     }
+}
+
+/// A filter's line of the table; its convergence joins the curves.
+fn row<K: Kernel>(
+    kind: FilterKind<K>,
+    model: &PlatformModel,
+    runs: &[Run],
+    curves: &mut Vec<(String, Vec<(f64, f64)>)>,
+) -> Vec<String> {
+    let mut row = vec![kind.name.to_owned()];
+    for (index, run) in runs.iter().enumerate() {
+        let Some(result) = filtered(kind, model, run) else {
+            row.extend(strings(&["-", "-", "-"]));
+            continue;
+        };
+        if index < 2 {
+            row.push(format!("{:.4}", result.attitude_rms_deg));
+            row.push(format!("{:.4}", result.rate_rms_deg_s));
+            row.push(format!("{:.2}", result.nees));
+        } else {
+            row.push(format!("{:.2}", result.within_a_degree_s));
+            curves.push((kind.name.to_owned(), result.error_deg));
+        }
+    }
+    row
 }
 
 fn parameters(model: &PlatformModel) -> Parameters {
@@ -122,7 +140,7 @@ fn parameters(model: &PlatformModel) -> Parameters {
     parameters
 }
 
-fn filtered(kind: FilterKind, model: &PlatformModel, run: &Run) -> Option<Result> {
+fn filtered<K: Kernel>(kind: FilterKind<K>, model: &PlatformModel, run: &Run) -> Option<Result> {
     let mass = &model.mass_properties;
     let mut body = BodyModel::new(*mass.inertia_b_kg_m2(), *mass.gravity_offset_b_n_m());
     body.has_wheels = false;

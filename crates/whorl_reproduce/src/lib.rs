@@ -4,6 +4,7 @@
 //! Virginia Tech, 2004, chapter 4. [`reproduce`] makes one item, [`ITEMS`] lists them. Everything is
 //! computed on the spot from simulated data with fixed seeds; nothing is stored.
 
+pub mod comparison;
 mod data;
 mod filters;
 mod identification;

@@ -2,7 +2,9 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{MassProperties, PlatformModel};
-use whorl_estimation::{Filter, GyroSampling, ImuSample, Parameters, VectorParameters, VectorUse};
+use whorl_estimation::{
+    AttitudeBiasEstimator, GyroSampling, ImuSample, Parameters, VectorParameters, VectorUse,
+};
 use whorl_identification::regression::{StateSample, StateSeries};
 use whorl_identification::rigid_body::simulate_rigid_body;
 use whorl_math::{attitude_error, tilt_rad, wrap_angle_rad};
@@ -207,7 +209,9 @@ fn filtered(run: &Run) -> Traces {
     let covariance =
         nalgebra::Matrix6::from_diagonal(&nalgebra::Vector6::new(1e-6, 1e-6, 1e-6, 2.5e-7, 2.5e-7, 2.5e-7));
     let start = first.q_world_body;
-    let Ok(mut filter) = Filter::with_attitude(parameters, 0, start, Vector3::zeros(), &covariance) else {
+    let Ok(mut filter) =
+        AttitudeBiasEstimator::with_attitude(parameters, 0, start, Vector3::zeros(), &covariance)
+    else {
         return traces;
     };
     let ns = |t: f64| (t * 1e9).round() as i64;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use whorl_estimation::{Estimator, EstimatorError, FilterEvent, ImuSample, Rejection, Verdict};
+use whorl_estimation::{Estimator, EstimatorError, FilterEvent, ImuSample, Rejection, SampleOutcome};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::geometry_msgs::{Transform, TransformStamped};
 use whorl_msgs::sensor_msgs::JointState;
@@ -194,7 +194,7 @@ impl EstimatorCore {
         values.push(KeyValue {
             key: "filter".to_owned(),
             value: if runs {
-                self.parameters.kind.name()
+                self.parameters.kind.name
             } else {
                 "attitude_bias, until the chosen one can start"
             }
@@ -225,7 +225,7 @@ impl EstimatorCore {
 impl NodeCore for EstimatorCore {
     fn subscriptions(&self) -> Vec<Route> {
         let mut topics = vec![Topic::ImuRaw, Topic::VectorDirection];
-        if self.parameters.kind.needs_body() || self.identifying.is_some() {
+        if self.parameters.kind.needs_body || self.identifying.is_some() {
             topics.extend([Topic::WheelState, Topic::ThrusterState]);
         }
         if self.identifying.is_some() {
@@ -260,7 +260,7 @@ impl NodeCore for EstimatorCore {
                     specific_force_m_s2: calibration.specific_force_b_m_s2(&imu.linear_acceleration.into()),
                 };
                 let outcome = self.filter.on_imu(&sample);
-                let used = outcome.gyro == Verdict::Used && outcome.accelerometer.rejection().is_none();
+                let used = outcome.gyro == SampleOutcome::Used && outcome.accelerometer.rejection().is_none();
                 if let Some(identifying) = self.identifying.as_mut().filter(|_| used) {
                     let stamp = Timestamp(sample.stamp_ns);
                     identifying.on_imu(stamp, &sample.gyro_rad_s, &sample.specific_force_m_s2);
@@ -268,7 +268,7 @@ impl NodeCore for EstimatorCore {
                 self.note(outcome.event, outputs);
                 // A sample that brings nothing new must not make an estimate look fresh.
                 let stale = [Rejection::DuplicateStamp, Rejection::OutOfOrder];
-                if !matches!(outcome.gyro, Verdict::Rejected(r) if stale.contains(&r)) {
+                if !matches!(outcome.gyro, SampleOutcome::Rejected(r) if stale.contains(&r)) {
                     self.publish(now, outputs);
                 }
             }
@@ -282,8 +282,8 @@ impl NodeCore for EstimatorCore {
             Event::Message { message: Message::Vector3Stamped(vector), .. } => {
                 let stamp_ns = Timestamp::from(vector.header.stamp).0;
                 let direction_b = self.parameters.calibration.direction_b(&vector.vector.into());
-                let (verdict, event) = self.filter.on_vector(stamp_ns, &direction_b);
-                if let Some(identifying) = self.identifying.as_mut().filter(|_| verdict.rejection().is_none())
+                let (outcome, event) = self.filter.on_vector(stamp_ns, &direction_b);
+                if let Some(identifying) = self.identifying.as_mut().filter(|_| outcome.rejection().is_none())
                 {
                     identifying.on_direction(Timestamp(stamp_ns), &direction_b);
                 }

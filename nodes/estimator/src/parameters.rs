@@ -82,8 +82,8 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     }
     let kind = r.choice_or(
         "filter",
-        FilterKind::default().name(),
-        &FilterKind::ALL.map(|(name, _)| name),
+        FilterKind::default().name,
+        &FilterKind::ALL.map(|kind| kind.name),
         "which filter makes the estimate",
     );
     let kind = FilterKind::find(kind).unwrap_or_default();

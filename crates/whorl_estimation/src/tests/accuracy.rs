@@ -1,9 +1,9 @@
 //! Consistency and steady-state accuracy.
 
-use super::simulation::{Motion, Simulation};
+use crate::conformance::simulation::{Motion, Simulation};
 use crate::consistency::{average_band, nees};
 use crate::steady_state::{farrenkopf, riccati};
-use crate::{Estimate, Filter, Health, Parameters};
+use crate::{AttitudeBiasEstimator, Estimate, Health, Parameters};
 use nalgebra::{Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -18,7 +18,7 @@ fn consistency(parameters: Parameters, runs: u32, seconds: usize) -> (f64, f64, 
         let mut rng = Pcg64Mcg::seed_from_u64(u64::from(run) + 1000);
         let mut simulation = Simulation::new(Motion::platform(&mut rng), &parameters, u64::from(run));
         simulation.vector_delay_steps = 3;
-        let mut filter = Filter::new(parameters).expect("allowed");
+        let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
         for _ in 0..110 {
             simulation.drive(&mut filter);
         }
@@ -68,9 +68,9 @@ fn nees_stays_in_its_band_with_a_slanted_vector() {
 }
 
 /// Runs a filter on noisy data of a motion and returns the filter with the truth.
-fn run(motion: Motion, parameters: Parameters, seconds: i64) -> (Filter, Simulation) {
+fn run(motion: Motion, parameters: Parameters, seconds: i64) -> (AttitudeBiasEstimator, Simulation) {
     let mut simulation = Simulation::new(motion, &parameters, 7);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..seconds * 100 {
         simulation.drive(&mut filter);
     }
@@ -79,7 +79,7 @@ fn run(motion: Motion, parameters: Parameters, seconds: i64) -> (Filter, Simulat
 
 /// Mean of `f` over one second (ten vector updates), the phase of the sensors' cycle averaged out.
 fn mean_over_cycle(
-    filter: &mut Filter,
+    filter: &mut AttitudeBiasEstimator,
     simulation: &mut Simulation,
     f: impl Fn(&Matrix6<f64>) -> f64,
 ) -> f64 {
@@ -199,7 +199,7 @@ fn without_a_vector_the_heading_variance_grows_and_tilt_stays_bounded() {
         let mut simulation = Simulation::new(Motion::platform(&mut rng), &parameters, seed + 500);
         let nose = simulation.motion.attitude(0.01) * Vector3::x();
         parameters.initial_heading_rad = nose.y.atan2(nose.x);
-        let mut filter = Filter::new(parameters).expect("allowed");
+        let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
         let mut sigma = Vec::new();
         for step in 0..6000 {
             simulation.drive(&mut filter);

@@ -1,18 +1,20 @@
 //! Every gate refuses what it must, names it, counts it, and the estimate survives.
 
-use super::simulation::{IMU_PERIOD_NS, Motion, Simulation};
-use crate::{Filter, FilterEvent, Flags, Health, ImuSample, Parameters, Rejection, Verdict};
+use crate::conformance::simulation::{IMU_PERIOD_NS, Motion, Simulation};
+use crate::{
+    AttitudeBiasEstimator, FilterEvent, Flags, Health, ImuSample, Parameters, Rejection, SampleOutcome,
+};
 use nalgebra::Vector3;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 type Spoil = fn(&mut ImuSample);
 
-fn running() -> (Filter, Simulation) {
+fn running() -> (AttitudeBiasEstimator, Simulation) {
     let parameters = Parameters::motion_pak_ii().with_vector(Vector3::x_axis());
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let mut simulation = Simulation::new(Motion::platform(&mut rng), &parameters, 1);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..1000 {
         simulation.drive(&mut filter);
     }
@@ -21,10 +23,10 @@ fn running() -> (Filter, Simulation) {
 
 /// Feeds one spoiled sample; returns what became of gyro and accelerometer.
 fn spoil(
-    filter: &mut Filter,
+    filter: &mut AttitudeBiasEstimator,
     simulation: &mut Simulation,
     change: impl Fn(&mut ImuSample),
-) -> (Verdict, Verdict) {
+) -> (SampleOutcome, SampleOutcome) {
     let parameters = *filter.parameters();
     let mut sample = simulation.imu(&parameters);
     change(&mut sample);
@@ -32,7 +34,7 @@ fn spoil(
     (outcome.gyro, outcome.accelerometer)
 }
 
-fn assert_survives(filter: &mut Filter, simulation: &mut Simulation) {
+fn assert_survives(filter: &mut AttitudeBiasEstimator, simulation: &mut Simulation) {
     for _ in 0..100 {
         simulation.drive(filter);
     }
@@ -54,8 +56,8 @@ fn bad_gyro_samples_are_refused_and_bridged() {
     ];
     for (change, expected) in cases {
         let (gyro, accelerometer) = spoil(&mut filter, &mut simulation, change);
-        assert_eq!(gyro, Verdict::Rejected(expected));
-        assert_eq!(accelerometer, Verdict::Rejected(Rejection::NotUsable));
+        assert_eq!(gyro, SampleOutcome::Rejected(expected));
+        assert_eq!(accelerometer, SampleOutcome::Rejected(Rejection::NotUsable));
         let flags = filter.estimate(simulation.stamp_ns()).flags;
         assert!(flags.contains(Flags::GYRO_REJECTED));
         simulation.drive(&mut filter);
@@ -70,8 +72,8 @@ fn bad_gyro_samples_are_refused_and_bridged() {
 fn a_real_step_of_the_rate_is_accepted_at_its_second_sample() {
     let (mut filter, mut simulation) = running();
     let jump = |s: &mut ImuSample| s.gyro_rad_s.z += 1.5;
-    assert_eq!(spoil(&mut filter, &mut simulation, jump).0, Verdict::Rejected(Rejection::Spike));
-    assert_eq!(spoil(&mut filter, &mut simulation, jump).0, Verdict::Used);
+    assert_eq!(spoil(&mut filter, &mut simulation, jump).0, SampleOutcome::Rejected(Rejection::Spike));
+    assert_eq!(spoil(&mut filter, &mut simulation, jump).0, SampleOutcome::Used);
 }
 
 #[test]
@@ -84,10 +86,10 @@ fn bad_specific_forces_are_refused_while_the_gyro_goes_on() {
     ];
     for (change, expected) in cases {
         let (gyro, accelerometer) = spoil(&mut filter, &mut simulation, change);
-        assert_eq!((gyro, accelerometer), (Verdict::Used, Verdict::Rejected(expected)));
+        assert_eq!((gyro, accelerometer), (SampleOutcome::Used, SampleOutcome::Rejected(expected)));
     }
     let (_, accelerometer) = spoil(&mut filter, &mut simulation, |s| s.specific_force_m_s2.x += 1.0);
-    assert!(matches!(accelerometer, Verdict::Rejected(Rejection::Outlier { nis }) if nis > 27.6));
+    assert!(matches!(accelerometer, SampleOutcome::Rejected(Rejection::Outlier { nis }) if nis > 27.6));
     assert_eq!(filter.rejections()[1].of(Rejection::Outlier { nis: 0.0 }), 1);
     let flags = filter.estimate(simulation.stamp_ns()).flags;
     assert!(flags.contains(Flags::ACCELEROMETER_REJECTED) && !flags.contains(Flags::GYRO_REJECTED));
@@ -101,7 +103,7 @@ fn frozen_sensors_are_found() {
     for step in 0..60 {
         let (gyro, _) =
             spoil(&mut filter, &mut simulation, |s| s.gyro_rad_s = Vector3::new(0.01, 0.02, 0.03));
-        if gyro == Verdict::Rejected(Rejection::Frozen) {
+        if gyro == SampleOutcome::Rejected(Rejection::Frozen) {
             first_refusal.get_or_insert(step);
         }
     }
@@ -126,9 +128,9 @@ fn stamps_must_advance_and_a_clock_set_back_is_followed() {
     let before = filter.clone();
     let newest = simulation.stamp_ns();
     let duplicate = spoil(&mut filter, &mut simulation, |s| s.stamp_ns = newest);
-    assert_eq!(duplicate.0, Verdict::Rejected(Rejection::DuplicateStamp));
+    assert_eq!(duplicate.0, SampleOutcome::Rejected(Rejection::DuplicateStamp));
     let earlier = spoil(&mut filter, &mut simulation, |s| s.stamp_ns = newest - 1);
-    assert_eq!(earlier.0, Verdict::Rejected(Rejection::OutOfOrder));
+    assert_eq!(earlier.0, SampleOutcome::Rejected(Rejection::OutOfOrder));
     assert_eq!(filter.estimate(newest).q_world_body, before.estimate(newest).q_world_body);
 
     let parameters = *filter.parameters();
@@ -152,16 +154,16 @@ fn bad_vector_samples_are_refused() {
     let truth =
         |s: &Simulation, stamp_ns: i64| s.motion.attitude(stamp_ns as f64 * 1e-9).inverse() * Vector3::x();
     let good = truth(&simulation, now);
-    let refused = |outcome: (Verdict, Option<FilterEvent>)| outcome.0.rejection();
+    let refused = |outcome: (SampleOutcome, Option<FilterEvent>)| outcome.0.rejection();
     assert_eq!(refused(filter.on_vector(now, &Vector3::zeros())), Some(Rejection::NotFinite));
     assert_eq!(refused(filter.on_vector(now, &(good * f64::NAN))), Some(Rejection::NotFinite));
     assert_eq!(refused(filter.on_vector(last, &good)), Some(Rejection::DuplicateStamp));
     assert_eq!(refused(filter.on_vector(last - 1, &good)), Some(Rejection::OutOfOrder));
     assert_eq!(refused(filter.on_vector(now + 300_000_000, &good)), Some(Rejection::TooEarly));
     let outlier = filter.on_vector(now - 20_000_000, &(good + Vector3::y() * 0.1));
-    assert!(matches!(outlier.0, Verdict::Rejected(Rejection::Outlier { .. })), "{outlier:?}");
+    assert!(matches!(outlier.0, SampleOutcome::Rejected(Rejection::Outlier { .. })), "{outlier:?}");
     assert!(filter.estimate(now).flags.contains(Flags::VECTOR_REJECTED));
-    assert_eq!(filter.on_vector(now, &(good * 7.0)).0, Verdict::Used, "any length will do");
+    assert_eq!(filter.on_vector(now, &(good * 7.0)).0, SampleOutcome::Used, "any length will do");
 
     // Silence, then a sample that is too old.
     for _ in 0..100 {
@@ -176,9 +178,9 @@ fn bad_vector_samples_are_refused() {
     assert_eq!(filter.rejections()[2].total(), 7);
 
     let none = Parameters::motion_pak_ii();
-    let mut without = Filter::new(none).expect("allowed");
+    let mut without = AttitudeBiasEstimator::new(none).expect("allowed");
     assert_eq!(refused(without.on_vector(0, &good)), Some(Rejection::NotUsable));
-    let mut early = Filter::new(parameters).expect("allowed");
+    let mut early = AttitudeBiasEstimator::new(parameters).expect("allowed");
     assert_eq!(refused(early.on_vector(0, &good)), Some(Rejection::TooEarly));
 }
 
@@ -191,7 +193,7 @@ fn late_and_early_vector_samples_are_used_at_their_own_time() {
     for delay_steps in [0, 5, 15] {
         let mut simulation = Simulation::new(motion.clone(), &parameters, 4);
         simulation.vector_delay_steps = delay_steps;
-        let mut filter = Filter::new(parameters).expect("allowed");
+        let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
         for _ in 0..3000 {
             simulation.drive(&mut filter);
         }
@@ -202,16 +204,16 @@ fn late_and_early_vector_samples_are_used_at_their_own_time() {
     // Early: stamped 4 ms after the newest IMU sample.
     parameters.vector = parameters.vector.map(|v| crate::VectorParameters { noise_rad: 1e-5, ..v });
     let mut simulation = Simulation::new(motion, &parameters, 4);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     let mut deferred = 0;
     for step in 0..3000 {
         let sample = simulation.imu(&parameters);
         let outcome = filter.on_imu(&sample);
-        deferred += i32::from(matches!(outcome.vector, Some(Verdict::Used)));
+        deferred += i32::from(matches!(outcome.vector, Some(SampleOutcome::Used)));
         if step % 10 == 0 {
             let stamp_ns = simulation.stamp_ns() + 4_000_000;
             let truth = simulation.motion.attitude(stamp_ns as f64 * 1e-9).inverse() * Vector3::x();
-            assert_eq!(filter.on_vector(stamp_ns, &truth).0, Verdict::Deferred);
+            assert_eq!(filter.on_vector(stamp_ns, &truth).0, SampleOutcome::Deferred);
         }
     }
     assert!(deferred > 290, "{deferred}");

@@ -1,6 +1,7 @@
 //! Tests of the whole filter against a truth that shares no code with it.
 
 mod accuracy;
+mod all_filters;
 mod gates;
+mod optimum;
 mod recovery;
-pub(crate) mod simulation;

@@ -1,7 +1,7 @@
 //! Wrong starts, disturbances and interruptions.
 
-use super::simulation::{IMU_PERIOD_NS, Motion, Simulation};
-use crate::{Estimate, Filter, FilterEvent, Health, Parameters, VectorUse};
+use crate::conformance::simulation::{IMU_PERIOD_NS, Motion, Simulation};
+use crate::{AttitudeBiasEstimator, Estimate, FilterEvent, Health, Parameters, VectorUse};
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -18,13 +18,13 @@ fn simulation(parameters: &Parameters, seed: u64) -> Simulation {
     Simulation::new(Motion::platform(&mut rng), parameters, seed)
 }
 
-fn error_deg(simulation: &Simulation, filter: &Filter) -> f64 {
+fn error_deg(simulation: &Simulation, filter: &AttitudeBiasEstimator) -> f64 {
     let estimate = filter.estimate(simulation.stamp_ns());
     simulation.error(&estimate).fixed_rows::<3>(0).norm().to_degrees()
 }
 
 /// A filter told an attitude that is wrong by `angle` about `axis` (world), with that uncertainty.
-fn misled(simulation: &mut Simulation, axis: Vector3<f64>, angle: f64, sigma: f64) -> Filter {
+fn misled(simulation: &mut Simulation, axis: Vector3<f64>, angle: f64, sigma: f64) -> AttitudeBiasEstimator {
     let parameters = parameters();
     simulation.imu(&parameters);
     let wrong = UnitQuaternion::from_axis_angle(&nalgebra::Unit::new_normalize(axis), angle);
@@ -32,7 +32,8 @@ fn misled(simulation: &mut Simulation, axis: Vector3<f64>, angle: f64, sigma: f6
     let variance = Vector6::new(sigma * sigma, sigma * sigma, sigma * sigma, bias, bias, bias);
     let q = wrong * simulation.motion.attitude(0.01);
     let covariance = Matrix6::from_diagonal(&variance);
-    Filter::with_attitude(parameters, START_NS, q, Vector3::zeros(), &covariance).expect("allowed")
+    AttitudeBiasEstimator::with_attitude(parameters, START_NS, q, Vector3::zeros(), &covariance)
+        .expect("allowed")
 }
 
 /// Every axis, every angle up to exactly half a turn, whether the filter knows of its uncertainty
@@ -70,7 +71,7 @@ fn first_attitude_is_right_upside_down_and_in_a_fast_spin() {
         simulation.motion = Motion::still();
         simulation.motion.yaw_rate_rad_s = rate;
         simulation.motion.roll_offset_rad = roll;
-        let mut filter = Filter::new(parameters).expect("allowed");
+        let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
         let mut started = None;
         for _ in 0..60 {
             let sample = simulation.imu(&parameters);
@@ -90,7 +91,7 @@ fn vector_that_comes_after_the_start_sets_the_heading() {
     let parameters = parameters();
     let mut simulation = simulation(&parameters, 5);
     simulation.motion.yaw_start_rad = 3.0;
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..300 {
         let sample = simulation.imu(&parameters);
         filter.on_imu(&sample);
@@ -109,7 +110,7 @@ fn vector_that_comes_after_the_start_sets_the_heading() {
 fn a_moved_reference_is_refused_then_believed_and_reported() {
     let parameters = parameters();
     let mut simulation = simulation(&parameters, 6);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..1000 {
         simulation.drive(&mut filter);
     }
@@ -144,7 +145,7 @@ fn heading_use_leaves_tilt_alone() {
     let vector = parameters.vector.as_mut().expect("set");
     (vector.usage, vector.noise_rad) = (VectorUse::Heading, 0.02);
     let mut simulation = simulation(&parameters, 8);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     let dip_error = UnitQuaternion::from_scaled_axis(Vector3::x() * 0.2);
     let mut worst_tilt: f64 = 0.0;
     let mut started = None;
@@ -173,7 +174,7 @@ fn heading_use_leaves_tilt_alone() {
 fn wrong_gravity_is_refused_and_persistent_disagreement_restarts() {
     let parameters = parameters();
     let mut simulation = simulation(&parameters, 9);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..1000 {
         simulation.drive(&mut filter);
     }
@@ -196,7 +197,7 @@ fn a_gap_restarts_and_a_short_one_does_not() {
     let parameters = parameters();
     for (lost_samples, expected) in [(30, None), (60, Some(FilterEvent::RestartedAfterGap))] {
         let mut simulation = simulation(&parameters, 11);
-        let mut filter = Filter::new(parameters).expect("allowed");
+        let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
         for _ in 0..1000 {
             simulation.drive(&mut filter);
         }
@@ -222,7 +223,7 @@ fn still_start_finds_the_bias() {
     parameters.still_rate_sigma_rad_s = Some(1e-4);
     parameters.start_window_s = 2.0;
     let mut simulation_still = Simulation::new(Motion::still(), &parameters, 12);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..210 {
         simulation_still.drive(&mut filter);
     }
@@ -230,7 +231,7 @@ fn still_start_finds_the_bias() {
     assert!(error.fixed_rows::<3>(3).norm() < 5e-4, "{error}");
 
     let mut moving = simulation(&parameters, 12);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     for _ in 0..210 {
         moving.drive(&mut filter);
     }
@@ -246,7 +247,7 @@ fn restored_filter_continues_bit_for_bit() {
     let mut parameters = parameters();
     parameters.accelerometer_position_b_m = Vector3::new(0.1, 0.0, 0.2);
     let mut simulation = simulation(&parameters, 13);
-    let mut filter = Filter::new(parameters).expect("allowed");
+    let mut filter = AttitudeBiasEstimator::new(parameters).expect("allowed");
     let mut saved = None;
     let mut inputs = Vec::new();
     for step in 0..2000 {

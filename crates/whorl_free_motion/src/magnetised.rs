@@ -1,0 +1,117 @@
+//! Is there iron or a magnet on the sensor?
+
+use super::iron::IronEstimator;
+use super::{FreeMotionEstimate, FreeMotionFilter, FreeMotionParameters};
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+/// The filter for a clean sensor, and beside it an estimator of iron on the sensor.
+///
+/// A clean sensor must not doubt its field (the heading at the start would be lost); one with a magnet must. Which it is
+/// shows as soon as the sensor turns: a magnet turns with it, the world's field does not. Once the magnet is clear, its
+/// field is taken off the samples, and off those at the start, from which the heading is counted anew.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeMotionEstimator {
+    filter: FreeMotionFilter,
+    iron: Option<IronEstimator>,
+    begin: Option<Begin>,
+    /// Azimuth that the start's samples gave the heading's correction at the latest sample \[rad\].
+    azimuth_rad: Option<f64>,
+}
+
+/// The field before the sensor moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Begin {
+    /// Sensor axes into those that turn with the gyro's error only.
+    rotation: Matrix3<f64>,
+    /// In the latter axes.
+    field: Vector3<f64>,
+    samples: f64,
+    moved: bool,
+}
+
+impl FreeMotionEstimator {
+    /// An estimator that finds its first attitude from its first samples.
+    #[must_use]
+    pub fn new(parameters: FreeMotionParameters) -> Self {
+        Self { filter: FreeMotionFilter::new(parameters), iron: None, begin: None, azimuth_rad: None }
+    }
+
+    /// As [`FreeMotionFilter::on_imu`].
+    pub fn on_imu(&mut self, stamp_ns: i64, gyro_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>) {
+        self.filter.on_imu(stamp_ns, gyro_rad_s, force_m_s2);
+        if self.filter.start.is_some() && self.begin.take().is_some() {
+            // After a gap nothing is known of how the axes lie; the iron is still there.
+            self.azimuth_rad = None;
+            if let Some(iron) = &mut self.iron {
+                iron.forget_surroundings();
+            }
+        }
+    }
+
+    /// As [`FreeMotionFilter::on_magnetometer`].
+    pub fn on_magnetometer(&mut self, field: &Vector3<f64>) {
+        let known = self.iron.as_ref().filter(|iron| iron.believed());
+        let iron = known.map_or_else(Vector3::zeros, IronEstimator::iron);
+        let Some(rotation) = self.filter.on_magnetometer(&(field - iron)) else { return };
+        let p = self.filter.parameters;
+        let resting = self.filter.rest.resting(&p);
+        self.remember_begin(&rotation, field, resting);
+        let estimator = self.iron.get_or_insert_with(|| IronEstimator::new(field, p.magnetometer_sigma));
+        estimator.step(&rotation, field, p.magnetometer_interval_s, resting);
+        self.count_heading_anew();
+    }
+
+    /// Whether a magnet on the sensor is believed.
+    #[must_use]
+    pub fn is_magnetised(&self) -> bool {
+        self.iron.as_ref().is_some_and(IronEstimator::believed)
+    }
+
+    /// Covariance of the attitude error (body axes \[rad\]) and the gyro's bias error [rad/s].
+    #[must_use]
+    pub fn covariance(&self) -> Matrix6<f64> {
+        self.filter.covariance()
+    }
+
+    /// The estimate; `None` before the first attitude.
+    #[must_use]
+    pub fn estimate(&self) -> Option<FreeMotionEstimate> {
+        let mut estimate = self.filter.estimate()?;
+        if let Some(iron) = self.iron.as_ref().filter(|iron| iron.believed()) {
+            estimate.iron_magnetometer_unit += iron.iron();
+        }
+        Some(estimate)
+    }
+
+    /// The mean of the samples until the sensor moves.
+    fn remember_begin(&mut self, rotation: &Matrix3<f64>, field: &Vector3<f64>, resting: bool) {
+        let begin = self.begin.get_or_insert(Begin {
+            rotation: *rotation,
+            field: rotation * field,
+            samples: 1.0,
+            moved: false,
+        });
+        let turned = (rotation - begin.rotation).norm();
+        begin.moved = begin.moved || (turned > 0.02 && !resting);
+        if !begin.moved {
+            begin.samples += 1.0;
+            begin.field += (rotation * field - begin.field) / begin.samples;
+        }
+    }
+
+    /// The heading that the start's samples give without the iron.
+    fn count_heading_anew(&mut self) {
+        let (Some(begin), Some(iron)) = (&self.begin, self.iron.as_ref().filter(|i| i.believed())) else {
+            return;
+        };
+        let field = begin.field - begin.rotation * iron.iron();
+        let azimuth_rad = field.x.atan2(field.y);
+        let change = azimuth_rad - self.azimuth_rad.unwrap_or(0.0);
+        if self.azimuth_rad.replace(azimuth_rad).is_none() {
+            let sigma_rad = (iron.sigma() / field.xy().norm().max(1e-9)).min(1.0);
+            self.filter.restart_field(azimuth_rad, sigma_rad, &field, &iron.surroundings());
+        } else {
+            self.filter.turn_heading(whorl_math::wrap_angle_rad(change));
+        }
+    }
+}

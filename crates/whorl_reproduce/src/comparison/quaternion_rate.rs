@@ -1,0 +1,216 @@
+//! Quaternion / angular-velocity filter of section 4.5.2 (eqs. 4.54-4.60), kept to show why it is not enough.
+//!
+//! The quaternion is four free components and its update adds. Its length is then no longer one and its covariance has
+//! a direction of no meaning; both are repaired after each update (normalised; the covariance projected across the
+//! quaternion), which no derivation justifies: that is the dissertation's argument for section 4.5.3. Components are
+//! w, x, y, z (Hamilton).
+
+use super::rate_model::RateModel;
+use nalgebra::{
+    Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, Quaternion, SMatrix, SVector, Unit, UnitQuaternion,
+    Vector3,
+};
+use whorl_estimation::kernels::{
+    FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components,
+};
+use whorl_math::covariance::propagate;
+use whorl_math::skew;
+
+type Covariance = SMatrix<f64, 7, 7>;
+
+/// The filter's state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QuaternionRateFilter {
+    model: RateModel,
+    q_world_body: UnitQuaternion<f64>,
+    omega_rad_s: Vector3<f64>,
+    gyro_bias_rad_s: Vector3<f64>,
+    gyro_noise_density: f64,
+    /// Quaternion w, x, y, z; rate.
+    covariance: Covariance,
+    bias_covariance: Matrix3<f64>,
+}
+
+/// `q' = Xi(q) omega / 2`.
+fn xi(q: &Quaternion<f64>) -> Matrix4x3<f64> {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    Matrix4x3::new(-x, -y, -z, w, -z, y, z, w, -x, -y, x, w)
+}
+
+/// `q' = Omega(omega) q / 2`.
+fn omega_matrix(rate: &Vector3<f64>) -> Matrix4<f64> {
+    let (x, y, z) = (rate.x, rate.y, rate.z);
+    Matrix4::new(0.0, -x, -y, -z, x, 0.0, z, -y, y, -z, 0.0, x, z, y, -x, 0.0)
+}
+
+/// Derivative of `R(q)^T r` by the four components (eqs. 4.56-4.58 for any direction).
+fn direction_sensitivity(q: &Quaternion<f64>, r: &Vector3<f64>) -> Matrix3x4<f64> {
+    let v = Vector3::new(q.i, q.j, q.k);
+    let by_scalar = r * (2.0 * q.w) - v.cross(r) * 2.0;
+    let by_vector =
+        (v * r.transpose() - r * v.transpose() + Matrix3::identity() * v.dot(r) + skew(r) * q.w) * 2.0;
+    Matrix3x4::from_columns(&[
+        by_scalar,
+        by_vector.column(0).into(),
+        by_vector.column(1).into(),
+        by_vector.column(2).into(),
+    ])
+}
+
+impl QuaternionRateFilter {
+    /// A filter that goes on from an estimate; `None` without a body, or if its inertia is singular.
+    #[must_use]
+    pub fn new(start: &KernelStart<'_>) -> Option<Self> {
+        let (parameters, body, start) = (start.parameters, start.body?, start.solution);
+        let to_quaternion = xi(start.q_world_body.quaternion()) * 0.5;
+        let attitude: Matrix3<f64> = start.covariance.fixed_view::<3, 3>(0, 0).into();
+        let mut covariance = Covariance::zeros();
+        let quaternion = to_quaternion * attitude * to_quaternion.transpose();
+        covariance.fixed_view_mut::<4, 4>(0, 0).copy_from(&quaternion);
+        let rate = Matrix3::identity() * body.rate_sigma_rad_s.powi(2);
+        covariance.fixed_view_mut::<3, 3>(4, 4).copy_from(&rate);
+        Some(Self {
+            model: RateModel::new(body, start.wheel_momentum_b_n_m_s)?,
+            q_world_body: start.q_world_body,
+            omega_rad_s: start.omega_rad_s,
+            gyro_bias_rad_s: start.gyro_bias_rad_s,
+            gyro_noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
+            covariance,
+            bias_covariance: start.covariance.fixed_view::<3, 3>(3, 3).into(),
+        })
+    }
+
+    /// Adds a correction, then repairs length and covariance.
+    fn apply(&mut self, correction: &SVector<f64, 7>) {
+        let q = self.q_world_body.quaternion();
+        let sum = Quaternion::new(
+            q.w + correction[0],
+            q.i + correction[1],
+            q.j + correction[2],
+            q.k + correction[3],
+        );
+        if let Some(unit) = UnitQuaternion::try_new(sum, 1e-9) {
+            self.q_world_body = unit;
+        }
+        self.omega_rad_s += correction.fixed_rows::<3>(4);
+        let q = self.q_world_body.quaternion();
+        let along = nalgebra::Vector4::new(q.w, q.i, q.j, q.k);
+        let mut across = Covariance::identity();
+        across.fixed_view_mut::<4, 4>(0, 0).copy_from(&(Matrix4::identity() - along * along.transpose()));
+        self.covariance = across * self.covariance * across;
+    }
+}
+
+impl Kernel for QuaternionRateFilter {
+    fn step(&mut self, step: &FilterStep) -> Update {
+        let dt_s = step.dt_s;
+        let rate_noise = self.model.rate_noise(step);
+        let q = *self.q_world_body.quaternion();
+        let up_b = self.q_world_body.inverse() * Vector3::z();
+        let half = self.omega_rad_s + self.model.acceleration(&self.omega_rad_s, &up_b) * (0.5 * dt_s);
+        let acceleration = self.model.acceleration(&half, &up_b);
+        let rate = self.model.linearised(&half, &up_b);
+        let exchange = self.model.exchange(step);
+        let mean_rate = self.omega_rad_s + (acceleration * dt_s + exchange) * 0.5;
+        let mut f = Covariance::identity();
+        // exp(Omega dt / 2) to second order: Omega^2 = -|omega|^2.
+        let turn = omega_matrix(&mean_rate) * (0.5 * dt_s);
+        let quaternion = Matrix4::identity() * (1.0 - 0.125 * mean_rate.norm_squared() * dt_s * dt_s) + turn;
+        f.fixed_view_mut::<4, 4>(0, 0).copy_from(&quaternion);
+        f.fixed_view_mut::<4, 3>(0, 4).copy_from(&(xi(&q) * (0.5 * dt_s)));
+        let to_vertical = direction_sensitivity(&q, &Vector3::z());
+        f.fixed_view_mut::<3, 4>(4, 0).copy_from(&(rate.by_vertical * to_vertical * dt_s));
+        f.fixed_view_mut::<3, 3>(4, 4).copy_from(&(Matrix3::identity() + rate.by_rate * dt_s));
+        let mut noise = Covariance::zeros();
+        noise.fixed_view_mut::<3, 3>(4, 4).copy_from(&rate_noise);
+        propagate(&mut self.covariance, &f, &noise);
+        self.q_world_body *= whorl_math::quaternion_exp(&(mean_rate * dt_s));
+        self.q_world_body.renormalize_fast();
+        self.omega_rad_s += acceleration * dt_s + exchange;
+
+        let mut h = SMatrix::<f64, 3, 7>::zeros();
+        h.fixed_view_mut::<3, 3>(0, 4).copy_from(&Matrix3::identity());
+        let innovation = step.gyro_rad_s - self.gyro_bias_rad_s - self.omega_rad_s;
+        let (correction, update) = correct_three_components(
+            &mut self.covariance,
+            &h,
+            self.gyro_noise_density / dt_s,
+            &innovation,
+            3,
+        );
+        self.apply(&correction);
+        update
+    }
+
+    fn correct_direction(
+        &mut self,
+        direction_b: &Unit<Vector3<f64>>,
+        reference_w: &Unit<Vector3<f64>>,
+        variance: f64,
+    ) -> Update {
+        let mut h = SMatrix::<f64, 3, 7>::zeros();
+        let sensitivity = direction_sensitivity(self.q_world_body.quaternion(), reference_w);
+        h.fixed_view_mut::<3, 4>(0, 0).copy_from(&sensitivity);
+        let innovation = direction_b.into_inner() - self.q_world_body.inverse() * reference_w.into_inner();
+        let (correction, update) =
+            correct_three_components(&mut self.covariance, &h, variance, &innovation, 2);
+        self.apply(&correction);
+        update
+    }
+
+    fn solution(&self) -> Solution {
+        // Rotation vector from quaternion components: 2 Xi^T.
+        let back = xi(self.q_world_body.quaternion()).transpose() * 2.0;
+        let mut covariance = Matrix6::zeros();
+        let attitude = back * self.covariance.fixed_view::<4, 4>(0, 0) * back.transpose();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude);
+        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.bias_covariance);
+        Solution {
+            q_world_body: self.q_world_body,
+            omega_rad_s: self.omega_rad_s,
+            gyro_bias_rad_s: self.gyro_bias_rad_s,
+            covariance: (covariance + covariance.transpose()) * 0.5,
+            wheel_momentum_b_n_m_s: self.model.wheel_momentum_b_n_m_s(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sensitivities_are_the_derivatives() {
+        let q = Quaternion::new(0.5, -0.3, 0.7, 0.4);
+        let r = Vector3::new(0.2, -0.9, 0.4);
+        // R(q)^T r of a quaternion of any length, by the Hamilton product.
+        let output = |q: &Quaternion<f64>| {
+            let turned = q.conjugate() * Quaternion::from_parts(0.0, r) * q;
+            turned.vector().into_owned()
+        };
+        let sensitivity = direction_sensitivity(&q, &r);
+        for (column, step) in [
+            Quaternion::new(1e-6, 0.0, 0.0, 0.0),
+            Quaternion::new(0.0, 1e-6, 0.0, 0.0),
+            Quaternion::new(0.0, 0.0, 1e-6, 0.0),
+            Quaternion::new(0.0, 0.0, 0.0, 1e-6),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let numeric = (output(&(q + step)) - output(&(q - step))) / 2e-6;
+            assert!((numeric - sensitivity.column(column)).norm() < 1e-8, "{column}");
+        }
+    }
+
+    #[test]
+    fn kinematic_matrices_are_the_hamilton_product() {
+        let q = Quaternion::new(0.5, -0.3, 0.7, 0.4);
+        let rate = Vector3::new(0.1, -0.2, 0.3);
+        let product = q * Quaternion::from_parts(0.0, rate);
+        let expected = nalgebra::Vector4::new(product.w, product.i, product.j, product.k);
+        assert!((xi(&q) * rate - expected).norm() < 1e-15);
+        let components = nalgebra::Vector4::new(q.w, q.i, q.j, q.k);
+        assert!((omega_matrix(&rate) * components - expected).norm() < 1e-15);
+    }
+}
