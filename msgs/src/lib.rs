@@ -8,6 +8,7 @@
 //!
 //! Field documentation (unit, frame, invalid value) stands in the `.msg` files.
 
+mod actuators;
 pub mod builtin_interfaces;
 pub mod cdr;
 #[cfg(test)]

@@ -53,8 +53,8 @@ fn demands(effectors: &Effectors, mode: Mode, kind: Kind, count: usize) -> Vec<D
             };
             let mut demand = Demand::nominal(effectors, mode, along * (full * size));
             demand.jet_available = JetMask::ALL.without(case % (effectors.jets() + 1));
-            demand.wheel_weight = if case % 5 == 0 { 0.0 } else { 2.0 };
-            for desired in &mut demand.wheel_motor_torque_desired_n_m {
+            demand.motor_weight = if case % 5 == 0 { 0.0 } else { 2.0 };
+            for desired in &mut demand.motor_desired {
                 *desired = uniform(&mut rng, -0.1, 0.1);
             }
             if matches!(kind, Kind::Bounds) {
@@ -64,10 +64,10 @@ fn demands(effectors: &Effectors, mode: Mode, kind: Kind, count: usize) -> Vec<D
                         demand.jet_on_fraction_min[j] = demand.jet_on_fraction_max[j];
                     }
                 }
-                for i in 0..effectors.wheels() {
+                for i in 0..effectors.motors() {
                     let (a, b) = (uniform(&mut rng, -0.5, 0.3), uniform(&mut rng, -0.3, 0.5));
-                    demand.wheel_motor_torque_min_n_m[i] = a.min(b);
-                    demand.wheel_motor_torque_max_n_m[i] = a.max(b);
+                    demand.motor_min[i] = a.min(b);
+                    demand.motor_max[i] = a.max(b);
                 }
             }
             demand
@@ -122,7 +122,7 @@ fn compare(name: &str, effectors: &Effectors, mode: Mode, kind: Kind, count: usi
             Status::ClosedForm => {}
         }
         let jets = ours.jet_on_fraction.iter().zip(&theirs.jet_on_fraction);
-        let wheels = ours.wheel_motor_torque_n_m.iter().zip(&theirs.wheel_motor_torque_n_m);
+        let wheels = ours.motor_command.iter().zip(&theirs.motor_command);
         apart = jets.chain(wheels).map(|(a, b)| (a - b).abs()).fold(apart, f64::max);
     }
     println!(
@@ -148,9 +148,9 @@ fn allocation(criterion: &mut Criterion) {
         compare(&format!("12 jets, {word}"), &jets, Mode::Jets, kind, 5000);
         compare(&format!("8 jets, {word}"), &eight_jets(no_wheels()), Mode::Jets, kind, 3000);
         compare(&format!("6 jets + 3 wheels, {word}"), &six_jets(three_wheels()), Mode::Both, kind, 3000);
-        compare(&format!("4 wheels, {word}"), &wheels_only(&pyramid, 0.2), Mode::Wheels, kind, 3000);
+        compare(&format!("4 wheels, {word}"), &wheels_only(&pyramid, 0.2), Mode::Motors, kind, 3000);
     }
-    compare("closed form, 3 wheels", &both, Mode::Wheels, Kind::Random, 3000);
+    compare("closed form, 3 wheels", &both, Mode::Motors, Kind::Random, 3000);
 
     let mut allocator = Allocator::new(both.clone()).expect("a valid program");
     let cases = demands(&both, Mode::Both, Kind::Random, 1000);
@@ -168,7 +168,7 @@ fn allocation(criterion: &mut Criterion) {
             interior.allocate(black_box(&cases[next]))
         });
     });
-    let cases = demands(&both, Mode::Wheels, Kind::Random, 1000);
+    let cases = demands(&both, Mode::Motors, Kind::Random, 1000);
     criterion.bench_function("closed form 3 wheels", |bencher| {
         bencher.iter(|| {
             next = (next + 1) % cases.len();

@@ -9,8 +9,8 @@ use crate::demand::JetMask;
 pub struct Allocation {
     /// On-time fraction of each jet, within its bounds.
     pub jet_on_fraction: Vec<f64>,
-    /// Motor torque on each wheel about its spin axis [N m], within its bounds.
-    pub wheel_motor_torque_n_m: Vec<f64>,
+    /// Command of each motor in its unit, within its bounds.
+    pub motor_command: Vec<f64>,
     /// Share of the demanded torque that is met, 0..=1.
     pub alpha: f64,
     /// Torque on the body that the numbers above give, body axes [N m].

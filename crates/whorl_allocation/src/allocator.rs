@@ -20,7 +20,7 @@ const ALPHA_TOLERANCE: f64 = 1e-6;
 /// Miss of the torque equation, in units of full torque, above which a solution is refused.
 const TORQUE_TOLERANCE: f64 = 1e-7;
 
-/// Splits torque demands over jets and wheels. See the crate's page for the program, the unique
+/// Splits torque demands over jets and motors. See the crate's page for the program, the unique
 /// cases and the fallback.
 ///
 /// The answer depends on the demand alone, not on earlier calls; buffers are all it keeps.
@@ -67,6 +67,12 @@ impl Allocator {
     #[must_use]
     pub fn effectors(&self) -> &Effectors {
         &self.effectors
+    }
+
+    /// Changes the torque on the body per unit of command of one motor, body axes: what a gyro's gimbal gives
+    /// depends on its angle. Without effect if there is no such motor or a number is not finite.
+    pub fn set_motor_torque(&mut self, motor: usize, torque_b: &Vector3<f64>) {
+        self.effectors.set_motor_torque(motor, torque_b);
     }
 
     /// Splits one demand.
@@ -181,8 +187,8 @@ impl Allocator {
         let jets = self.effectors.jets();
         let value = |k: usize| self.problem.value(k, v[k]);
         let jet_on_fraction: Vec<f64> = (0..jets).map(value).collect();
-        let wheel_motor_torque_n_m: Vec<f64> = (jets..self.problem.len()).map(value).collect();
-        let achieved = self.effectors.torque_b_n_m(&jet_on_fraction, &wheel_motor_torque_n_m);
+        let motor_command: Vec<f64> = (jets..self.problem.len()).map(value).collect();
+        let achieved = self.effectors.torque_b_n_m(&jet_on_fraction, &motor_command);
         let mut saturated_jets = JetMask::NONE;
         for (j, &fraction) in jet_on_fraction.iter().enumerate() {
             let most = demand.jet_on_fraction_max[j];
@@ -194,7 +200,7 @@ impl Allocator {
         let gas_rate_kg_s = jet_on_fraction.iter().zip(rates).map(|(u, rate)| u * rate).sum();
         Allocation {
             jet_on_fraction,
-            wheel_motor_torque_n_m,
+            motor_command,
             alpha,
             achieved_torque_b_n_m: achieved,
             unallocated_torque_b_n_m: demand.torque_b_n_m - achieved,

@@ -37,20 +37,20 @@ impl JetMask {
 /// Which effectors may take part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// Wheels only: jets rest.
-    Wheels,
-    /// Jets only: wheels rest.
+    /// Motors only: jets rest.
+    Motors,
+    /// Jets only: motors rest.
     Jets,
-    /// Jets and wheels in one program.
+    /// Jets and motors in one program.
     Both,
 }
 
 impl Mode {
     pub(crate) fn uses_jets(self) -> bool {
-        self != Self::Wheels
+        self != Self::Motors
     }
 
-    pub(crate) fn uses_wheels(self) -> bool {
+    pub(crate) fn uses_motors(self) -> bool {
         self != Self::Jets
     }
 }
@@ -73,17 +73,17 @@ pub struct Demand {
     pub jet_on_fraction_min: Vec<f64>,
     /// Largest on-time fraction of each jet, 0..=1, not below the least.
     pub jet_on_fraction_max: Vec<f64>,
-    /// Least motor torque of each wheel at this instant [N m]; speed limits included.
-    pub wheel_motor_torque_min_n_m: Vec<f64>,
-    /// Largest motor torque of each wheel at this instant [N m]; speed limits included.
-    pub wheel_motor_torque_max_n_m: Vec<f64>,
-    /// Motor torque that momentum management would like [N m]: -k (h - h_target) pulls the
-    /// momentum h of the wheel to its target.
-    pub wheel_motor_torque_desired_n_m: Vec<f64>,
-    /// Price of missing the desired wheel torque, >= 0: a miss by the whole torque limit costs as
-    /// much as `wheel_weight / 2` of the thirstiest jet fully open. Jets join in only where that
+    /// Least command of each motor at this instant, in its unit; limits of its motion included.
+    pub motor_min: Vec<f64>,
+    /// Largest command of each motor at this instant, in its unit; limits of its motion included.
+    pub motor_max: Vec<f64>,
+    /// Command that momentum management would like of each motor, in its unit: for a wheel -k (h - h_target), which
+    /// pulls its momentum h to the target.
+    pub motor_desired: Vec<f64>,
+    /// Price of missing the desired commands, >= 0: a miss by a motor's whole limit costs as
+    /// much as `motor_weight / 2` of the thirstiest jet fully open. Jets join in only where that
     /// saves more than their gas costs, so a small miss costs no gas at all.
-    pub wheel_weight: f64,
+    pub motor_weight: f64,
     /// Price of net force, >= 0; 0 turns it off. A net force as large as the strongest jet's costs
     /// as much as `net_force_weight / 2` of the thirstiest jet fully open.
     pub net_force_weight: f64,
@@ -101,7 +101,7 @@ pub enum DemandError {
     /// A lower bound above its upper bound.
     #[error("{what} {index}: lower bound {min} above upper bound {max}")]
     Crossed {
-        /// "jet" or "wheel".
+        /// "jet" or "motor".
         what: &'static str,
         /// Which one.
         index: usize,
@@ -116,21 +116,21 @@ pub enum DemandError {
 }
 
 impl Demand {
-    /// A demand with every effector whole: jets 0..1, wheels within their torque limits, no wheel
+    /// A demand with every effector whole: jets 0..1, motors within their limits, no
     /// preference, no net-force price.
     #[must_use]
     pub fn nominal(effectors: &Effectors, mode: Mode, torque_b_n_m: Vector3<f64>) -> Self {
-        let limit = &effectors.layout().wheel_torque_limit_n_m;
+        let limit = &effectors.layout().motor_limit;
         Self {
             torque_b_n_m,
             mode,
             jet_available: JetMask::ALL,
             jet_on_fraction_min: vec![0.0; effectors.jets()],
             jet_on_fraction_max: vec![1.0; effectors.jets()],
-            wheel_motor_torque_min_n_m: limit.iter().map(|limit| -limit).collect(),
-            wheel_motor_torque_max_n_m: limit.clone(),
-            wheel_motor_torque_desired_n_m: vec![0.0; limit.len()],
-            wheel_weight: 0.0,
+            motor_min: limit.iter().map(|limit| -limit).collect(),
+            motor_max: limit.clone(),
+            motor_desired: vec![0.0; limit.len()],
+            motor_weight: 0.0,
             net_force_weight: 0.0,
         }
     }
@@ -151,16 +151,16 @@ impl Demand {
             check_list(field, values, effectors.jets(), fraction, "0..=1")?;
         }
         for (field, values) in [
-            ("wheel_motor_torque_min_n_m", &self.wheel_motor_torque_min_n_m),
-            ("wheel_motor_torque_max_n_m", &self.wheel_motor_torque_max_n_m),
-            ("wheel_motor_torque_desired_n_m", &self.wheel_motor_torque_desired_n_m),
+            ("motor_min", &self.motor_min),
+            ("motor_max", &self.motor_max),
+            ("motor_desired", &self.motor_desired),
         ] {
-            check_list(field, values, effectors.wheels(), sane, "finite, at most 1e9")?;
+            check_list(field, values, effectors.motors(), sane, "finite, at most 1e9")?;
         }
         check_order("jet", &self.jet_on_fraction_min, &self.jet_on_fraction_max)?;
-        check_order("wheel", &self.wheel_motor_torque_min_n_m, &self.wheel_motor_torque_max_n_m)?;
+        check_order("motor", &self.motor_min, &self.motor_max)?;
         let weight = |value: f64| (0.0..=1e6).contains(&value);
-        check_list("wheel_weight", &[self.wheel_weight], 1, weight, "0..=1e6")?;
+        check_list("motor_weight", &[self.motor_weight], 1, weight, "0..=1e6")?;
         check_list("net_force_weight", &[self.net_force_weight], 1, weight, "0..=1e6")?;
         if self.net_force_weight > 0.0 && effectors.layout().jet_force_b_n.is_none() {
             return Err(DemandError::NoForces);

@@ -39,8 +39,9 @@ fn build(jets: &[(Vector3<f64>, Vector3<f64>)], gas: f64, wheels: (Matrix3xX<f64
         jet_torque_b_n_m: columns(&torque),
         jet_force_b_n: (!force.is_empty()).then(|| columns(&force)),
         jet_gas_rate_kg_s: rates,
-        wheel_axis_b: wheels.0,
-        wheel_torque_limit_n_m: wheels.1,
+        // A motor that accelerates its wheel turns the body the other way.
+        motor_torque_b: -wheels.0,
+        motor_limit: wheels.1,
     })
     .expect("as many columns as limits and rates, all of them finite and none negative")
 }

@@ -1,18 +1,19 @@
-//! Thruster and wheel allocation: quadratic program, pulse modulation, exact oracle.
+//! Allocation of torque to jets and motors: quadratic program, pulse modulation, exact oracle.
 //!
 //! # The problem
 //!
-//! Jets give torque b_j u_j with on-time fractions u_j in 0..=1; wheels give -g_i w_i, where g_i is
-//! the spin axis and w_i the *motor torque on the wheel* (the body turns the other way). A demand tau
+//! Jets give torque b_j u_j with on-time fractions u_j in 0..=1; motors give g_i w_i, where w_i is the command (of
+//! a wheel the *motor torque on the wheel*, of a gimbal its rate) and g_i the torque on the body per unit of it (of
+//! a wheel its spin axis with a minus sign, the body turns the other way). A demand tau
 //! is met as far as it can be, without ever turning it:
 //!
-//! sum b_j u_j - sum g_i w_i = alpha tau,  0 <= alpha <= 1
+//! sum b_j u_j + sum g_i w_i = alpha tau,  0 <= alpha <= 1
 //!
 //! minimise  sum c_j u_j + e/2 sum u_j^2 + W/2 sum ((w_i - desired_i) / limit_i)^2
 //!           + F/2 |net force|^2 - M alpha
 //!
 //! with gas rates c_j, a curvature e so small that it costs at most 1e-4 of the gas, the price W of
-//! missing the wheel torque that momentum management desires, and (off by default, the bearing takes
+//! missing the command that momentum management desires, and (off by default, the bearing takes
 //! it) the price F of net force. [`Allocator::allocate`] answers; [`pulses`] turns fractions into
 //! valve pulses; [`zonotope`] knows the exact answer by other means.
 //!
@@ -52,7 +53,7 @@
 //! # Limits
 //!
 //! Torque is taken as proportional to on-time within a slot: valve delays, tank pressure and thrust
-//! during wheel spin-up belong to whoever builds [`Effectors`] and the bounds. With wheels and jets in
+//! during wheel spin-up belong to whoever builds [`Effectors`] and the bounds. With motors and jets in
 //! one program, jets fire for momentum only where W times the miss saves more than the gas costs.
 //!
 //! # Sources
@@ -81,6 +82,6 @@ pub mod zonotope;
 pub use allocation::{Allocation, FallbackReason, SolverOutcome, Status};
 pub use allocator::Allocator;
 pub use demand::{Demand, DemandError, JetMask, Mode};
-pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_WHEELS};
+pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_MOTORS};
 pub use list::ListError;
 pub use quadratic_program::AllocatorError;

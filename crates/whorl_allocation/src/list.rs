@@ -1,9 +1,9 @@
-//! Lists with one entry per jet, wheel or axis: counted and in range.
+//! Lists with one entry per jet, motor or axis: counted and in range.
 
 /// Why a list is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ListError {
-    /// A list does not have one entry per jet, wheel or axis.
+    /// A list does not have one entry per jet, motor or axis.
     #[error("{field} has {found} entries where {expected} are needed")]
     Count {
         /// The list.
@@ -18,7 +18,7 @@ pub enum ListError {
     Value {
         /// The list.
         field: &'static str,
-        /// Which jet, wheel or axis; 0 for a single number.
+        /// Which jet, motor or axis; 0 for a single number.
         index: usize,
         /// The offending number.
         value: f64,

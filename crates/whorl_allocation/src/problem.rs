@@ -1,6 +1,6 @@
 //! A demand in the scaled variables that solver, closed form and fallback share.
 //!
-//! Effector k runs over jets, then wheels. Its value is x = lower + width v with v in 0..=1, and
+//! Effector k runs over jets, then motors. Its value is x = lower + width v with v in 0..=1, and
 //! torque is measured in units of `scale`, the strongest free effector's reach, so that all that
 //! follows is dimensionless and of order one:
 //!
@@ -49,7 +49,7 @@ impl Problem {
     pub fn fill(&mut self, effectors: &Effectors, demand: &Demand) {
         let layout = effectors.layout();
         let jets = effectors.jets();
-        let count = jets + effectors.wheels();
+        let count = jets + effectors.motors();
         self.jets = jets;
         self.lower.clear();
         self.width.clear();
@@ -71,10 +71,10 @@ impl Problem {
                 (min, min)
             });
         }
-        let min = &demand.wheel_motor_torque_min_n_m;
-        for (&min, &max) in min.iter().zip(&demand.wheel_motor_torque_max_n_m) {
+        let min = &demand.motor_min;
+        for (&min, &max) in min.iter().zip(&demand.motor_max) {
             let rest = 0.0_f64.clamp(min, max);
-            self.push_bounds(if demand.mode.uses_wheels() { (min, max) } else { (rest, rest) });
+            self.push_bounds(if demand.mode.uses_motors() { (min, max) } else { (rest, rest) });
         }
 
         let reach = |k: usize| effectors.column(k).norm() * self.width[k];
@@ -86,7 +86,7 @@ impl Problem {
             self.columns.push(column * self.width[k]);
             self.offset += column * self.lower[k];
         }
-        // Opposite wheels at their lower bounds may cancel to rounding: that is a zero.
+        // Opposite motors at their lower bounds may cancel to rounding: that is a zero.
         let rounding = 1e-14 * self.lower.iter().map(|lower| lower.abs()).sum::<f64>();
         if self.offset.norm() * self.scale_n_m <= rounding {
             self.offset = Vector3::zeros();
@@ -101,10 +101,10 @@ impl Problem {
             let (lower, width) = (self.lower[j], self.width[j]);
             self.push_cost(width, rate / thirstiest + self.curvature_unit * lower, self.curvature_unit);
         }
-        for (i, limit) in layout.wheel_torque_limit_n_m.iter().enumerate() {
+        for (i, limit) in layout.motor_limit.iter().enumerate() {
             let (lower, width) = (self.lower[jets + i], self.width[jets + i]);
-            let weight = demand.wheel_weight + self.curvature_unit;
-            let miss = (lower - demand.wheel_motor_torque_desired_n_m[i]) / limit;
+            let weight = demand.motor_weight + self.curvature_unit;
+            let miss = (lower - demand.motor_desired[i]) / limit;
             self.push_cost(width, weight * miss / limit, weight / (limit * limit));
         }
         if let (true, Some(force)) = (demand.net_force_weight > 0.0, &layout.jet_force_b_n) {
@@ -156,8 +156,7 @@ impl Problem {
 
     /// True when every effector may be at rest and nothing is asked of any.
     pub fn asks_nothing(&self, demand: &Demand) -> bool {
-        let wanted = demand.wheel_weight > 0.0
-            && demand.wheel_motor_torque_desired_n_m.iter().any(|&torque| torque != 0.0);
+        let wanted = demand.motor_weight > 0.0 && demand.motor_desired.iter().any(|&torque| torque != 0.0);
         self.torque == Vector3::zeros()
             && !wanted
             && (0..self.len()).all(|k| self.lower[k] <= 0.0 && self.lower[k] + self.width[k] >= 0.0)

@@ -269,9 +269,9 @@ pub struct CrossCheck {
     /// |achieved - alpha tau|, in units of full torque (the strongest free effector's). For a
     /// fallback, which does not promise a share of the demand, this is no error.
     pub torque_error: f64,
-    /// Largest violation of a bound, jets as fractions and wheels in units of their torque limit.
+    /// Largest violation of a bound, jets as fractions and motors in units of their limit.
     pub bound_violation: f64,
-    /// Least gas rate for the torque that the jets were given, with the wheels as allocated [kg/s].
+    /// Least gas rate for the torque that the jets were given, with the motors as allocated [kg/s].
     pub least_gas_rate_kg_s: f64,
     /// Allocated gas rate [kg/s].
     pub gas_rate_kg_s: f64,
@@ -293,11 +293,11 @@ impl CrossCheck {
         let jets = effectors.jets();
         let layout = effectors.layout();
 
-        let torque = effectors.torque_b_n_m(&allocation.jet_on_fraction, &allocation.wheel_motor_torque_n_m);
-        let values = allocation.jet_on_fraction.iter().chain(&allocation.wheel_motor_torque_n_m);
+        let torque = effectors.torque_b_n_m(&allocation.jet_on_fraction, &allocation.motor_command);
+        let values = allocation.jet_on_fraction.iter().chain(&allocation.motor_command);
         let mut bound_violation = 0.0_f64;
         for (k, &value) in values.enumerate().take(problem.len()) {
-            let unit = if k < jets { 1.0 } else { layout.wheel_torque_limit_n_m[k - jets] };
+            let unit = if k < jets { 1.0 } else { layout.motor_limit[k - jets] };
             let below = problem.lower[k] - value;
             let above = value - problem.lower[k] - problem.width[k];
             bound_violation = bound_violation.max(below / unit).max(above / unit);

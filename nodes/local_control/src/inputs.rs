@@ -3,6 +3,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::Reference;
+use whorl_dynamics::actuators::{ActuatorKind, Actuators, Joints, KINDS, Kind, MotorChannel};
 use whorl_msgs::sensor_msgs::{Imu, JointState};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, Excitation, ThrusterState};
@@ -84,8 +85,10 @@ pub struct Inputs {
     /// Stamp, validity after it [s], name, time since its start [s].
     excitation: Option<(Timestamp, f64, String, f64)>,
     excitation_order: Order,
-    wheel_order: Order,
-    wheel_speed_rad_s: Vec<f64>,
+    /// By kind of actuator: how each is measured, and what was measured last.
+    channels: [Option<MotorChannel>; KINDS],
+    joint_orders: [Order; KINDS],
+    joints: [Joints; KINDS],
     thruster_order: Order,
     jet_failed: Vec<bool>,
     refused: Refused,
@@ -94,7 +97,11 @@ pub struct Inputs {
 
 impl Inputs {
     /// Nothing known yet.
-    pub fn new(wheels: usize, jets: usize, max_age_s: f64) -> Self {
+    pub fn new(actuators: &Actuators, max_age_s: f64) -> Self {
+        let at_rest = |kind: &dyn ActuatorKind| {
+            let parts = if kind.channel().is_some() { kind.names().len() } else { 0 };
+            Joints { position_rad: vec![0.0; parts], velocity_rad_s: vec![0.0; parts] }
+        };
         Self {
             estimate: None,
             estimate_order: Order::default(),
@@ -106,10 +113,11 @@ impl Inputs {
             reference_order: Order::default(),
             excitation: None,
             excitation_order: Order::default(),
-            wheel_order: Order::default(),
-            wheel_speed_rad_s: vec![0.0; wheels],
+            channels: actuators.kinds().map(ActuatorKind::channel),
+            joint_orders: [Order::default(); KINDS],
+            joints: actuators.kinds().map(at_rest),
             thruster_order: Order::default(),
-            jet_failed: vec![false; jets],
+            jet_failed: vec![false; actuators.jets.list.len()],
             refused: Refused::default(),
             max_age_s,
         }
@@ -221,20 +229,37 @@ impl Inputs {
         (since_s < *valid_for_s).then(|| (name.clone(), elapsed_s + since_s))
     }
 
-    /// Takes wheel speeds.
-    pub fn wheels_arrived(&mut self, now: Timestamp, message: &JointState) {
-        if message.velocity.len() != self.wheel_speed_rad_s.len() {
+    /// Takes the joint states that arrived on a topic of the platform.
+    pub fn joints_arrived(&mut self, now: Timestamp, topic: &str, message: &JointState) {
+        let measured = |channel: &Option<MotorChannel>| channel.is_some_and(|c| c.state_topic == topic);
+        let Some(kind) = self.channels.iter().position(measured) else { return };
+        let needs_position = self.channels[kind].is_some_and(|channel| channel.needs_position);
+        let joints = &mut self.joints[kind];
+        let parts = joints.velocity_rad_s.len();
+        let position: &[f64] = if needs_position { &message.position } else { &[] };
+        if message.velocity.len() != parts || (needs_position && position.len() != parts) {
             self.refused.wrong_size += 1;
-        } else if !message.velocity.iter().all(|speed| speed.is_finite()) {
+        } else if !message.velocity.iter().chain(position).all(|x| x.is_finite()) {
             self.refused.not_finite += 1;
-        } else if self.wheel_order.admit(&message.header, now, self.max_age_s, &mut self.refused).is_some() {
-            self.wheel_speed_rad_s.copy_from_slice(&message.velocity);
+        } else if self.joint_orders[kind]
+            .admit(&message.header, now, self.max_age_s, &mut self.refused)
+            .is_some()
+        {
+            joints.velocity_rad_s.copy_from_slice(&message.velocity);
+            for (slot, position) in joints.position_rad.iter_mut().zip(position) {
+                *slot = *position;
+            }
         }
+    }
+
+    /// Latest joint states by kind of actuator; zero before the first message.
+    pub fn joints(&self) -> &[Joints; KINDS] {
+        &self.joints
     }
 
     /// Latest wheel speeds [rad/s]; zero before the first message.
     pub fn wheel_speed_rad_s(&self) -> &[f64] {
-        &self.wheel_speed_rad_s
+        &self.joints[Kind::Wheels as usize].velocity_rad_s
     }
 
     /// Takes the health of the jets.

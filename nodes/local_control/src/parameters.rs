@@ -2,6 +2,7 @@
 
 mod excitations;
 
+use std::ops::Range;
 use std::time::Duration;
 
 use nalgebra::Vector3;
@@ -104,7 +105,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         &["wheels", "jets", "both"],
         "wheels: momentum wheels alone; jets: cold-gas jets alone; both: wheels, unloaded by the jets",
     ) {
-        "wheels" => Mode::Wheels,
+        "wheels" => Mode::Motors,
         "jets" => Mode::Jets,
         _ => Mode::Both,
     };
@@ -177,10 +178,10 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             format!("allowed: {wheels} numbers, one per wheel, or none"),
         );
     }
-    if actuators != Mode::Wheels && model.jets().is_empty() {
+    if actuators != Mode::Motors && model.jets().is_empty() {
         r.reject("actuators", "the model has no jets; allowed: wheels");
     }
-    if actuators != Mode::Jets && model.wheels().is_empty() {
+    if actuators != Mode::Jets && model.actuators.motor_ranges().iter().all(Range::is_empty) {
         r.reject("actuators", "the model has no wheels; allowed: jets");
     }
     for margin in ["reference_tilt_margin_rad", "safe_tilt_margin_rad"] {
@@ -199,7 +200,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             r.reject(group, error.to_string());
         }
     }
-    if balancing.is_some() && actuators != Mode::Wheels {
+    if balancing.is_some() && actuators != Mode::Motors {
         r.reject(
             "balancing.enabled",
             "allowed with actuators: wheels alone; thrust is not known well enough",

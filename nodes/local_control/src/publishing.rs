@@ -84,18 +84,22 @@ impl LocalControlCore {
 
     fn publish_command(&mut self, now: Timestamp, stamp: Timestamp, outputs: &mut Outputs) {
         let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
-        outputs.publish(
-            Route::platform(self.parameters.platform, Topic::ActuatorCommand),
-            ActuatorCommand {
-                header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
-                sequence: self.command_sequence,
-                valid_until: (now + validity).into(),
-                wheel_torque_n_m: self.actuation.wheel_torque_n_m().to_vec(),
-                jet_slot: self.actuation.slot(),
-                jet_slot_length_s: self.actuation.slot_length_s(),
-                jet_on_time_s: self.actuation.on_time_s().to_vec(),
-            },
-        );
+        let mut command = ActuatorCommand {
+            header: Header { stamp: stamp.into(), frame_id: self.frame_id.clone() },
+            sequence: self.command_sequence,
+            valid_until: (now + validity).into(),
+            jet_slot: self.actuation.slot(),
+            jet_slot_length_s: self.actuation.slot_length_s(),
+            jet_on_time_s: self.actuation.on_time_s().to_vec(),
+            ..ActuatorCommand::default()
+        };
+        for (k, kind) in self.gyrostat.model().actuators.kinds().into_iter().enumerate() {
+            let field = kind.channel().and_then(|channel| command.motor_commands_mut(channel.command_field));
+            if let Some(field) = field {
+                field.extend_from_slice(self.actuation.commands(k));
+            }
+        }
+        outputs.publish(Route::platform(self.parameters.platform, Topic::ActuatorCommand), command);
         self.command_sequence += 1;
     }
 
@@ -121,10 +125,7 @@ impl LocalControlCore {
             },
             jet_saturated: self.actuation.saturated_jets(),
             jet_failed: self.actuation.failed_jets(),
-            wheel_momentum_b_n_m_s: self
-                .actuation
-                .wheel_momentum_b_n_m_s(self.inputs.wheel_speed_rad_s())
-                .into(),
+            wheel_momentum_b_n_m_s: self.actuation.stored_momentum_b_n_m_s(self.inputs.joints()).into(),
             gas_used_kg: self.actuation.gas_used_kg(),
             tilt_rad: estimate
                 .filter(|e| e.usable)

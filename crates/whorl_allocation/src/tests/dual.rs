@@ -15,9 +15,9 @@ fn cost(effectors: &Effectors, demand: &Demand, jets: &[f64], wheels: &[f64]) ->
     let most = rates.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let gas: f64 = jets.iter().zip(rates).map(|(u, rate)| u * rate / most).sum();
     let missed =
-        wheels.iter().zip(&demand.wheel_motor_torque_desired_n_m).zip(&layout.wheel_torque_limit_n_m);
+        wheels.iter().zip(&demand.motor_desired).zip(&layout.motor_limit);
     let missed: f64 = missed.map(|((w, desired), limit)| ((w - desired) / limit).powi(2)).sum();
-    gas + 0.5 * demand.wheel_weight * missed
+    gas + 0.5 * demand.motor_weight * missed
 }
 
 /// A demand with bounds, failures and prices of every kind.
@@ -26,8 +26,8 @@ fn demand(effectors: &Effectors, mode: Mode, rng: &mut Pcg64, case: usize) -> De
     let along = if case % 3 == 0 { Vector3::ith(case % 9 / 3, 1.0) } else { direction(rng) };
     let mut demand = Demand::nominal(effectors, mode, along * (size * uniform(rng, 0.5, 1.0)));
     demand.jet_available = JetMask::ALL.without(case % (effectors.jets() + 1));
-    demand.wheel_weight = [0.0, 0.01, 2.0, 1e4][case % 4];
-    for desired in &mut demand.wheel_motor_torque_desired_n_m {
+    demand.motor_weight = [0.0, 0.01, 2.0, 1e4][case % 4];
+    for desired in &mut demand.motor_desired {
         *desired = uniform(rng, -0.2, 0.2);
     }
     if case % 2 == 0 {
@@ -37,9 +37,9 @@ fn demand(effectors: &Effectors, mode: Mode, rng: &mut Pcg64, case: usize) -> De
                 demand.jet_on_fraction_min[j] = demand.jet_on_fraction_max[j];
             }
         }
-        for i in 0..effectors.wheels() {
-            demand.wheel_motor_torque_min_n_m[i] = uniform(rng, -0.5, 0.1);
-            demand.wheel_motor_torque_max_n_m[i] = uniform(rng, 0.1, 0.5);
+        for i in 0..effectors.motors() {
+            demand.motor_min[i] = uniform(rng, -0.5, 0.1);
+            demand.motor_max[i] = uniform(rng, 0.1, 0.5);
         }
     }
     demand
@@ -55,7 +55,7 @@ fn both_ways_end_at_the_same_optimum() {
         (canted_pods(no_wheels()), Mode::Jets),
         (eight_jets(three_wheels()), Mode::Both),
         (six_jets(no_wheels()), Mode::Jets),
-        (wheels_only(&pyramid, 0.2), Mode::Wheels),
+        (wheels_only(&pyramid, 0.2), Mode::Motors),
     ] {
         let mut dual = Allocator::new(effectors.clone()).unwrap();
         let mut interior = Allocator::new(effectors.clone()).unwrap().by_interior_point();
@@ -64,7 +64,7 @@ fn both_ways_end_at_the_same_optimum() {
             let ours = dual.allocate(&demand).unwrap();
             let theirs = interior.allocate(&demand).unwrap();
             let (a, b) = [&ours, &theirs]
-                .map(|x| cost(&effectors, &demand, &x.jet_on_fraction, &x.wheel_motor_torque_n_m))
+                .map(|x| cost(&effectors, &demand, &x.jet_on_fraction, &x.motor_command))
                 .into();
             match (ours.status, theirs.status) {
                 (Status::Solved { iterations, exact }, Status::Solved { iterations: more, .. }) => {

@@ -148,8 +148,8 @@ fn bounds_on_jets_and_wheels_meet_the_oracle() {
         }
         for i in 0..3 {
             let (a, b) = (uniform(&mut rng, -0.5, 0.3), uniform(&mut rng, -0.3, 0.5));
-            demand.wheel_motor_torque_min_n_m[i] = a.min(b);
-            demand.wheel_motor_torque_max_n_m[i] = a.max(b);
+            demand.motor_min[i] = a.min(b);
+            demand.motor_max[i] = a.max(b);
         }
         let allocation = allocator.allocate(&demand).unwrap();
         let check = allocator.check(&demand, &allocation).unwrap();
@@ -183,20 +183,20 @@ fn wheels_and_jets_share_at_the_optimum() {
     for _ in 0..1000 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 0.5);
         let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
-        demand.wheel_motor_torque_min_n_m = vec![-100.0; 3];
-        demand.wheel_motor_torque_max_n_m = vec![100.0; 3];
-        demand.wheel_weight = 10.0_f64.powf(uniform(&mut rng, -1.0, 3.0));
-        for desired in &mut demand.wheel_motor_torque_desired_n_m {
+        demand.motor_min = vec![-100.0; 3];
+        demand.motor_max = vec![100.0; 3];
+        demand.motor_weight = 10.0_f64.powf(uniform(&mut rng, -1.0, 3.0));
+        for desired in &mut demand.motor_desired {
             *desired = uniform(&mut rng, -0.2, 0.2);
         }
         let allocation = allocator.allocate(&demand).unwrap();
         assert!(matches!(allocation.status, Status::Solved { .. }), "{allocation:?}");
         assert!(allocation.unallocated_torque_b_n_m.norm() < 1e-9, "{allocation:?}");
         let multiplier = Vector3::from_fn(|i, _| {
-            let miss = allocation.wheel_motor_torque_n_m[i] - demand.wheel_motor_torque_desired_n_m[i];
-            demand.wheel_weight * miss / layout.wheel_torque_limit_n_m[i].powi(2)
+            let miss = allocation.motor_command[i] - demand.motor_desired[i];
+            demand.motor_weight * miss / layout.motor_limit[i].powi(2)
         });
-        let missed: f64 = allocation.wheel_motor_torque_n_m.iter().map(|w| w.abs()).sum();
+        let missed: f64 = allocation.motor_command.iter().map(|w| w.abs()).sum();
         let tolerance = 4e-4 * (1.0 + missed);
         for (j, &u) in allocation.jet_on_fraction.iter().enumerate() {
             let gradient =
@@ -225,18 +225,18 @@ fn wheels_follow_their_desired_torque_when_it_is_dear_and_jets_make_up() {
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
     let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::new(0.05, 0.0, 0.02));
     let desired = [0.03, -0.05, 0.04];
-    demand.wheel_motor_torque_desired_n_m = desired.to_vec();
-    demand.wheel_weight = 1e5;
+    demand.motor_desired = desired.to_vec();
+    demand.motor_weight = 1e5;
     let dear = allocator.allocate(&demand).unwrap();
-    for (w, d) in dear.wheel_motor_torque_n_m.iter().zip(desired) {
+    for (w, d) in dear.motor_command.iter().zip(desired) {
         assert!((w - d).abs() < 1e-3, "{dear:?}");
     }
     assert!(dear.gas_rate_kg_s > 0.0 && dear.unallocated_torque_b_n_m.norm() < 1e-9);
-    demand.wheel_weight = 0.0;
+    demand.motor_weight = 0.0;
     let free = allocator.allocate(&demand).unwrap();
     assert_eq!(free.gas_rate_kg_s, 0.0, "wheels can do it all: {free:?}");
     // A motor that spins its wheel up about +x turns the body about -x.
-    assert!((free.wheel_motor_torque_n_m[0] + 0.05).abs() < 1e-9, "{free:?}");
+    assert!((free.motor_command[0] + 0.05).abs() < 1e-9, "{free:?}");
 }
 
 #[test]
@@ -248,10 +248,10 @@ fn three_wheels_are_unique_and_the_program_agrees() {
     let mut rng = Pcg64::new(6, 7);
     for case in 0..500 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 0.6);
-        let mut demand = Demand::nominal(&effectors, Mode::Wheels, torque);
+        let mut demand = Demand::nominal(&effectors, Mode::Motors, torque);
         if case % 2 == 1 {
-            demand.wheel_motor_torque_max_n_m[case % 3] = 0.03;
-            demand.wheel_motor_torque_min_n_m[case % 3] = -0.01;
+            demand.motor_max[case % 3] = 0.03;
+            demand.motor_min[case % 3] = -0.01;
         }
         let closed = allocator.allocate(&demand).unwrap();
         assert_eq!(closed.status, Status::ClosedForm);
@@ -259,12 +259,12 @@ fn three_wheels_are_unique_and_the_program_agrees() {
         let unlimited = inverse * torque;
         let mut alpha = 1.0_f64;
         for (i, &w) in unlimited.iter().enumerate() {
-            let most = demand.wheel_motor_torque_max_n_m[i];
-            let least = demand.wheel_motor_torque_min_n_m[i];
+            let most = demand.motor_max[i];
+            let least = demand.motor_min[i];
             alpha = alpha.min(if w > 0.0 { most / w } else { least / w });
         }
         assert!((closed.alpha - alpha).abs() < 1e-9, "{} {alpha}", closed.alpha);
-        for (w, expected) in closed.wheel_motor_torque_n_m.iter().zip((unlimited * alpha).iter()) {
+        for (w, expected) in closed.motor_command.iter().zip((unlimited * alpha).iter()) {
             assert!((w - expected).abs() < 1e-9);
         }
         let program = allocator.allocate_by_program(&demand).unwrap();
@@ -280,12 +280,12 @@ fn four_wheels_share_with_least_effort() {
     let axes = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].map(|(x, y)| Vector3::new(x, y, 1.0));
     let effectors = wheels_only(&axes, 0.2);
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let columns = -effectors.layout().wheel_axis_b.clone();
+    let columns = effectors.layout().motor_torque_b.clone();
     let inverse = columns.pseudo_inverse(1e-9).unwrap();
     let torque = Vector3::new(0.05, -0.08, 0.11);
     let demand = Demand::nominal(&effectors, Mode::Both, torque);
     let allocation = allocator.allocate(&demand).unwrap();
-    for (w, expected) in allocation.wheel_motor_torque_n_m.iter().zip((inverse * torque).iter()) {
+    for (w, expected) in allocation.motor_command.iter().zip((inverse * torque).iter()) {
         assert!((w - expected).abs() < 1e-7, "{allocation:?}");
     }
 }
@@ -319,7 +319,7 @@ fn answers_do_not_depend_on_earlier_calls() {
     for _ in 0..20 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 2.0);
         let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
-        demand.wheel_weight = uniform(&mut rng, 0.0, 5.0);
+        demand.motor_weight = uniform(&mut rng, 0.0, 5.0);
         demand.jet_available = JetMask(0xffff_ffff).without((uniform(&mut rng, 0.0, 12.0)) as usize);
         let mut fresh = Allocator::new(effectors.clone()).unwrap();
         assert_eq!(used.allocate(&demand).unwrap(), fresh.allocate(&demand).unwrap());
@@ -377,19 +377,19 @@ fn random_layouts_are_solved_exactly_or_say_why() {
             jet_torque_b_n_m: Matrix3xX::from_columns(&columns),
             jet_force_b_n: None,
             jet_gas_rate_kg_s: (0..jets).map(|_| uniform(&mut rng, 0.2, 1.0)).collect(),
-            wheel_axis_b: Matrix3xX::from_fn(wheels, |i, k| axes[k][i]),
-            wheel_torque_limit_n_m: vec![size * 10.0_f64.powf(uniform(&mut rng, -2.0, 0.5)); wheels],
+            motor_torque_b: Matrix3xX::from_fn(wheels, |i, k| -axes[k][i]),
+            motor_limit: vec![size * 10.0_f64.powf(uniform(&mut rng, -2.0, 0.5)); wheels],
         })
         .unwrap();
         let mut allocator = Allocator::new(effectors.clone()).unwrap();
-        for mode in [Mode::Jets, Mode::Both, Mode::Wheels] {
+        for mode in [Mode::Jets, Mode::Both, Mode::Motors] {
             let mut torque = direction(&mut rng) * (size * 10.0_f64.powf(uniform(&mut rng, -3.0, 1.5)));
             if flat {
                 torque.z = 0.0;
             }
             let mut demand = Demand::nominal(&effectors, mode, torque);
             demand.jet_available = JetMask(rng.next_u32() | rng.next_u32());
-            demand.wheel_weight = 10.0_f64.powf(uniform(&mut rng, -3.0, 3.0));
+            demand.motor_weight = 10.0_f64.powf(uniform(&mut rng, -3.0, 3.0));
             for j in 0..jets {
                 if uniform(&mut rng, 0.0, 1.0) < 0.2 {
                     demand.jet_on_fraction_max[j] = uniform(&mut rng, 0.0, 1.0);

@@ -27,25 +27,25 @@ fn layouts_are_refused_by_field_and_index() {
     ));
 
     let mut bad = layout();
-    bad.wheel_axis_b *= 2.0;
+    bad.motor_torque_b[(2, 0)] = f64::INFINITY;
     assert!(matches!(
         Effectors::new(bad),
-        Err(EffectorError::List(ListError::Value { field: "wheel_axis_b", index: 0, .. }))
+        Err(EffectorError::List(ListError::Value { field: "motor_torque_b", index: 0, .. }))
     ));
 
     let mut bad = layout();
-    bad.wheel_torque_limit_n_m.pop();
+    bad.motor_limit.pop();
     assert_eq!(
         Effectors::new(bad),
-        Err(EffectorError::List(ListError::Count { field: "wheel_torque_limit_n_m", found: 2, expected: 3 }))
+        Err(EffectorError::List(ListError::Count { field: "motor_limit", found: 2, expected: 3 }))
     );
 
     let jets = |count: usize| EffectorLayout {
         jet_torque_b_n_m: Matrix3xX::zeros(count),
         jet_force_b_n: None,
         jet_gas_rate_kg_s: vec![1.0; count],
-        wheel_axis_b: Matrix3xX::zeros(0),
-        wheel_torque_limit_n_m: vec![],
+        motor_torque_b: Matrix3xX::zeros(0),
+        motor_limit: vec![],
     };
     assert_eq!(Effectors::new(jets(33)), Err(EffectorError::TooManyJets(33)));
     assert!(Effectors::new(jets(32)).is_ok());
@@ -64,17 +64,17 @@ fn demands_are_refused_by_field_and_index() {
     };
     for bad in [f64::NAN, f64::INFINITY] {
         assert!(matches!(refuse(&|d| d.torque_b_n_m.y = bad), DemandError::Torque(_)));
-        assert!(matches!(refuse(&|d| d.wheel_weight = bad), DemandError::List(ListError::Value { .. })));
+        assert!(matches!(refuse(&|d| d.motor_weight = bad), DemandError::List(ListError::Value { .. })));
         assert!(matches!(
-            refuse(&|d| d.wheel_motor_torque_max_n_m[1] = bad),
-            DemandError::List(ListError::Value { field: "wheel_motor_torque_max_n_m", index: 1, .. })
+            refuse(&|d| d.motor_max[1] = bad),
+            DemandError::List(ListError::Value { field: "motor_max", index: 1, .. })
         ));
         assert!(matches!(
             refuse(&|d| d.jet_on_fraction_max[11] = bad),
             DemandError::List(ListError::Value { field: "jet_on_fraction_max", index: 11, .. })
         ));
     }
-    assert!(matches!(refuse(&|d| d.wheel_weight = -1.0), DemandError::List(ListError::Value { .. })));
+    assert!(matches!(refuse(&|d| d.motor_weight = -1.0), DemandError::List(ListError::Value { .. })));
     assert!(matches!(
         refuse(&|d| d.jet_on_fraction_min[0] = -0.1),
         DemandError::List(ListError::Value { .. })
@@ -85,8 +85,8 @@ fn demands_are_refused_by_field_and_index() {
     });
     assert_eq!(crossed, DemandError::Crossed { what: "jet", index: 3, min: 0.6, max: 0.4 });
     assert!(matches!(
-        refuse(&|d| d.wheel_motor_torque_min_n_m[2] = 0.7),
-        DemandError::Crossed { what: "wheel", index: 2, .. }
+        refuse(&|d| d.motor_min[2] = 0.7),
+        DemandError::Crossed { what: "motor", index: 2, .. }
     ));
     assert!(matches!(
         refuse(&|d| d.jet_on_fraction_min.push(0.0)),
@@ -108,12 +108,12 @@ fn net_force_needs_forces() {
 fn zero_demand_costs_nothing() {
     let effectors = canted_pods(three_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    for mode in [Mode::Jets, Mode::Both, Mode::Wheels] {
+    for mode in [Mode::Jets, Mode::Both, Mode::Motors] {
         let demand = Demand::nominal(&effectors, mode, Vector3::zeros());
         let allocation = allocator.allocate(&demand).unwrap();
         assert_eq!(allocation.alpha, 1.0);
         assert_eq!(allocation.gas_rate_kg_s, 0.0);
-        assert!(allocation.wheel_motor_torque_n_m.iter().all(|&w| w == 0.0));
+        assert!(allocation.motor_command.iter().all(|&w| w == 0.0));
         assert_eq!(allocation.status, Status::ClosedForm);
     }
 }
@@ -123,12 +123,12 @@ fn zero_torque_with_wheels_to_unload_runs_the_program() {
     let effectors = canted_pods(three_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
     let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::zeros());
-    demand.wheel_motor_torque_desired_n_m = vec![0.1, -0.1, 0.05];
-    demand.wheel_weight = 1e4;
+    demand.motor_desired = vec![0.1, -0.1, 0.05];
+    demand.motor_weight = 1e4;
     let allocation = allocator.allocate(&demand).unwrap();
     assert!(matches!(allocation.status, Status::Solved { .. }));
     assert!(allocation.achieved_torque_b_n_m.norm() < 1e-9 && allocation.gas_rate_kg_s > 0.0);
-    assert!((allocation.wheel_motor_torque_n_m[0] - 0.1).abs() < 2e-3, "{allocation:?}");
+    assert!((allocation.motor_command[0] - 0.1).abs() < 2e-3, "{allocation:?}");
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn two_wheels_keep_the_axes_they_have() {
     let effectors = wheels_only(&[Vector3::x(), Vector3::y()], 0.2);
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
     let mut allocate = |x, y, z| {
-        allocator.allocate(&Demand::nominal(&effectors, Mode::Wheels, Vector3::new(x, y, z))).unwrap()
+        allocator.allocate(&Demand::nominal(&effectors, Mode::Motors, Vector3::new(x, y, z))).unwrap()
     };
     let inside = allocate(0.1, -0.4, 0.0);
     assert_eq!(inside.status, Status::ClosedForm);

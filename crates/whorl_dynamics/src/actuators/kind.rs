@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use nalgebra::Vector3;
 use thiserror::Error;
 
-use super::Field;
+use super::{Field, Joints, Motor};
 
 /// A group of entries in parameter files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,6 +54,31 @@ pub trait ActuatorKind: fmt::Debug {
     /// # Errors
     /// The first that is not.
     fn check(&self) -> Result<(), ActuatorError>;
+
+    /// How control reaches its motors; `None` for a kind without any.
+    fn channel(&self) -> Option<MotorChannel> {
+        None
+    }
+
+    /// What its motors, one per actuator, can do now; `effects` is what effects give each part besides friction, in
+    /// the unit of its command.
+    fn motors(&self, _joints: &Joints, _effects: &[f64], _motors: &mut [Motor]) {}
+
+    /// Momentum that its moving parts have relative to the body, body axes [N m s].
+    fn momentum_b_n_m_s(&self, _joints: &Joints) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+}
+
+/// By what a kind's motors are commanded and measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MotorChannel {
+    /// Field of the actuator command message that holds one command per motor.
+    pub command_field: &'static str,
+    /// Topic of the joint states of its moving parts, in the platform's namespace.
+    pub state_topic: &'static str,
+    /// Whether the positions of these matter, besides their speeds.
+    pub needs_position: bool,
 }
 
 /// How well the actuators of one kind are known, for fits to start from: of a number the standard deviation as a

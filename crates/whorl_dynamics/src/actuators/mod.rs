@@ -7,11 +7,17 @@
 
 mod field;
 mod kind;
+mod motors;
 #[cfg(test)]
 mod tests;
 
 pub use field::{Allowed, Field, Slot};
-pub use kind::{ActuatorError, ActuatorKind, Group, KindPrior};
+pub use kind::{ActuatorError, ActuatorKind, Group, KindPrior, MotorChannel};
+pub use motors::{Joints, Motor};
+
+use std::ops::Range;
+
+use nalgebra::Vector3;
 
 macro_rules! register {
     ($($module:ident: $kind:ident, $prior:ident;)*) => {
@@ -32,6 +38,15 @@ macro_rules! register {
             $(
                 #[doc = concat!("See [`", stringify!($module), "`].")]
                 pub $module: $module::$prior,
+            )*
+        }
+
+        /// A row of the table: its place in everything that is listed by kind.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Kind {
+            $(
+                #[doc = concat!("See [`", stringify!($module), "`].")]
+                $kind,
             )*
         }
 
@@ -87,5 +102,32 @@ impl Actuators {
     /// The first that is not, in the order of the table.
     pub fn check(&self) -> Result<(), ActuatorError> {
         self.kinds().into_iter().try_for_each(ActuatorKind::check)
+    }
+
+    /// The motors of each kind among all motors of the platform.
+    #[must_use]
+    pub fn motor_ranges(&self) -> [Range<usize>; KINDS] {
+        let mut first = 0;
+        self.kinds().map(|kind| {
+            let count = if kind.channel().is_some() { kind.names().len() } else { 0 };
+            first += count;
+            first - count..first
+        })
+    }
+
+    /// What every motor can do now, in the order of the table; effects in the unit of each motor's command.
+    pub fn motors(&self, joints: &[Joints; KINDS], effects: &[f64], motors: &mut [Motor]) {
+        for ((kind, range), joints) in self.kinds().into_iter().zip(self.motor_ranges()).zip(joints) {
+            if let Some(motors) = motors.get_mut(range.clone()) {
+                kind.motors(joints, effects.get(range).unwrap_or(&[]), motors);
+            }
+        }
+    }
+
+    /// Momentum that the moving parts have relative to the body, body axes [N m s].
+    #[must_use]
+    pub fn momentum_b_n_m_s(&self, joints: &[Joints; KINDS]) -> Vector3<f64> {
+        let momentum = |(kind, joints): (&dyn ActuatorKind, &Joints)| kind.momentum_b_n_m_s(joints);
+        self.kinds().into_iter().zip(joints).map(momentum).fold(Vector3::zeros(), |sum, part| sum + part)
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_allocation::{JetMask, Mode};
+use whorl_dynamics::actuators::{Joints, KINDS, Kind};
 use whorl_dynamics::effects::ThrustLag;
 use whorl_dynamics::platform::Jet;
 use whorl_node::Timestamp;
@@ -34,26 +35,23 @@ impl Actuation {
         begins.is_some()
     }
 
-    pub(super) fn plan_jets(&mut self, torque_b_n_m: &Vector3<f64>, wheel_speed_rad_s: &[f64]) {
+    pub(super) fn plan_jets(&mut self, torque_b_n_m: &Vector3<f64>, joints: &[Joints; KINDS]) {
         if self.mode == Mode::Both {
-            let Some(wheels_alone) = self.allocate(Mode::Wheels, *torque_b_n_m) else { return };
+            let Some(motors_alone) = self.allocate(Mode::Motors, *torque_b_n_m) else { return };
+            let wheels = Kind::Wheels as usize;
             let unload = self.unloading.update(
-                &self.wheels,
-                wheel_speed_rad_s,
+                &self.actuators.wheels.0,
+                &joints[wheels].velocity_rad_s,
                 &self.wheel_target_rad_s,
-                &mut self.unload_n_m,
+                self.unload.get_mut(self.ranges[wheels].clone()).unwrap_or(&mut []),
             );
-            if !unload && wheels_alone.alpha >= ATTAINED {
+            if !unload && motors_alone.alpha >= ATTAINED {
                 self.modulator.reset();
                 self.close_jets();
                 return;
             }
-            for ((wish, need), unload) in self
-                .demand
-                .wheel_motor_torque_desired_n_m
-                .iter_mut()
-                .zip(&wheels_alone.wheel_motor_torque_n_m)
-                .zip(&self.unload_n_m)
+            for ((wish, need), unload) in
+                self.demand.motor_desired.iter_mut().zip(&motors_alone.motor_command).zip(&self.unload)
             {
                 *wish = need + unload;
             }

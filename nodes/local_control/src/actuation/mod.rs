@@ -1,6 +1,6 @@
-//! From a torque to wheel torques and jet pulses.
+//! From a torque to motor commands and jet pulses.
 //!
-//! **Wheels** follow every control step in closed form. **Jets** are planned once a slot through the
+//! **Motors**, those of wheels first of all, follow every control step in closed form. **Jets** are planned once a slot through the
 //! quadratic program and the sigma-delta modulator.
 //!
 //! With **both**, wheels do the pointing and jets only what wheels cannot: take momentum out of
@@ -12,7 +12,9 @@
 //! delays nor the wheels' torque limit matter, as they would when countering each edge.
 
 mod jets;
-mod wheels;
+mod motors;
+
+use std::ops::Range;
 
 use nalgebra::{Matrix3xX, Vector3};
 use thiserror::Error;
@@ -23,8 +25,9 @@ use whorl_allocation::{
 };
 use whorl_control::momentum::{MomentumUnloading, UnloadingError};
 use whorl_dynamics::Gyrostat;
+use whorl_dynamics::actuators::{Actuators, Joints, KINDS, Kind, Motor};
 use whorl_dynamics::effects::ThrustLag;
-use whorl_dynamics::platform::{Jet, Wheel};
+use whorl_dynamics::platform::Jet;
 use whorl_node::Timestamp;
 
 use jets::effective_on_s;
@@ -35,7 +38,7 @@ use crate::parameters::Parameters;
 /// Why the actuators cannot be used as the parameters say.
 #[derive(Debug, Error)]
 pub enum ActuationError {
-    /// Jets or wheels are not usable.
+    /// Jets or motors are not usable.
     #[error("actuators: {0}")]
     Effectors(#[from] EffectorError),
     /// No allocator.
@@ -76,7 +79,11 @@ pub struct Actuated {
 /// The actuators of a platform.
 pub struct Actuation {
     mode: Mode,
-    wheels: Vec<Wheel>,
+    actuators: Actuators,
+    /// What every motor of the platform can do now, kind by kind.
+    motors: Vec<Motor>,
+    /// Each kind's among these.
+    ranges: [Range<usize>; KINDS],
     jets: Vec<Jet>,
     lag: ThrustLag,
     gas_rate_kg_s: Vec<f64>,
@@ -85,11 +92,12 @@ pub struct Actuation {
     unloading: MomentumUnloading,
     wheel_target_rad_s: Vec<f64>,
     demand: Demand,
-    unload_n_m: Vec<f64>,
-    friction_n_m: Vec<f64>,
-    /// Torque of the model's effects on each wheel, besides bearing friction [N m].
-    wheel_effects_n_m: Vec<f64>,
-    wheel_torque_n_m: Vec<f64>,
+    /// What unloading wishes of each motor.
+    unload: Vec<f64>,
+    /// What the model's effects give each motor's part besides friction, in the unit of its command.
+    effects: Vec<f64>,
+    /// What each motor is told.
+    command: Vec<f64>,
     on_time_s: Vec<f64>,
     slot: u64,
     slot_start: Option<Timestamp>,
@@ -121,9 +129,14 @@ impl Actuation {
     /// The actuators of the gyrostat's platform.
     ///
     /// # Errors
-    /// [`ActuationError`] when a jet or wheel, the slot, or a setting is not usable.
+    /// [`ActuationError`] when a jet or motor, the slot, or a setting is not usable.
     pub fn new(parameters: &Parameters, gyrostat: &Gyrostat) -> Result<Self, ActuationError> {
-        let (wheels, jets) = (gyrostat.model().wheels().to_vec(), gyrostat.model().jets().to_vec());
+        let actuators = gyrostat.model().actuators.clone();
+        let jets = gyrostat.model().jets().to_vec();
+        let ranges = actuators.motor_ranges();
+        let count = ranges.iter().map(Range::len).sum();
+        let mut motors = vec![Motor::default(); count];
+        actuators.motors(&Default::default(), &[], &mut motors);
         let lag = gyrostat.thrust_lag();
         let gas_rate_kg_s: Vec<f64> = jets.iter().map(|jet| gyrostat.gas_rate_kg_s(jet.thrust_n)).collect();
         let columns = |vectors: Vec<Vector3<f64>>| Matrix3xX::from_columns(&vectors);
@@ -131,25 +144,26 @@ impl Actuation {
             jet_torque_b_n_m: columns(jets.iter().map(Jet::torque_b_n_m).collect()),
             jet_force_b_n: None,
             jet_gas_rate_kg_s: gas_rate_kg_s.clone(),
-            wheel_axis_b: columns(wheels.iter().map(|w| w.spin_axis_b.into_inner()).collect()),
-            wheel_torque_limit_n_m: wheels.iter().map(|w| w.max_torque_n_m).collect(),
+            motor_torque_b: columns(motors.iter().map(|motor| motor.torque_b).collect()),
+            motor_limit: motors.iter().map(|motor| motor.limit).collect(),
         })?;
         let slot_length_s = parameters.jet_slot_length_s;
         let min_on_time_s = jets.iter().map(|jet| effective_on_s(jet, lag, jet.min_on_time_s)).collect();
         let modulator = PulseModulator::new(&effectors, min_on_time_s, slot_length_s)?;
         Ok(Self {
             mode: parameters.actuators,
-            demand: Demand::nominal(&effectors, Mode::Wheels, Vector3::zeros()),
+            demand: Demand::nominal(&effectors, Mode::Motors, Vector3::zeros()),
             allocator: Allocator::new(effectors)?,
             modulator,
             unloading: MomentumUnloading::new(parameters.unloading)?,
             wheel_target_rad_s: parameters.wheel_speed_target_rad_s.clone(),
-            unload_n_m: vec![0.0; wheels.len()],
-            friction_n_m: vec![0.0; wheels.len()],
-            wheel_effects_n_m: vec![0.0; wheels.len()],
-            wheel_torque_n_m: vec![0.0; wheels.len()],
+            unload: vec![0.0; motors.len()],
+            effects: vec![0.0; motors.len()],
+            command: vec![0.0; motors.len()],
             on_time_s: vec![0.0; jets.len()],
-            wheels,
+            actuators,
+            motors,
+            ranges,
             jets,
             lag,
             gas_rate_kg_s,
@@ -171,7 +185,7 @@ impl Actuation {
     }
 
     fn with_weights(mut self, parameters: &Parameters) -> Self {
-        self.demand.wheel_weight = parameters.wheel_weight;
+        self.demand.motor_weight = parameters.wheel_weight;
         self
     }
 
@@ -190,16 +204,16 @@ impl Actuation {
         &mut self,
         stamp: Timestamp,
         torque_b_n_m: &Vector3<f64>,
-        wheel_speed_rad_s: &[f64],
+        joints: &[Joints; KINDS],
         failed_by_driver: &[bool],
     ) -> Actuated {
-        self.set_wheel_bounds(wheel_speed_rad_s);
+        self.set_motors(joints);
         self.set_available(failed_by_driver);
-        if self.mode != Mode::Wheels && self.slot_begins(stamp) {
-            self.plan_jets(torque_b_n_m, wheel_speed_rad_s);
+        if self.mode != Mode::Motors && self.slot_begins(stamp) {
+            self.plan_jets(torque_b_n_m, joints);
         }
         if self.mode == Mode::Jets {
-            self.wheel_torque_n_m.fill(0.0);
+            self.command.fill(0.0);
             return Actuated {
                 alpha: self.jet_alpha,
                 achieved_b_n_m: self.jet_torque_b_n_m,
@@ -207,14 +221,10 @@ impl Actuation {
             };
         }
         let remainder = torque_b_n_m - self.jet_torque_b_n_m;
-        let Some(allocation) = self.allocate(Mode::Wheels, remainder) else {
+        let Some(allocation) = self.allocate(Mode::Motors, remainder) else {
             return self.off();
         };
-        for ((motor, net), friction) in
-            self.wheel_torque_n_m.iter_mut().zip(&allocation.wheel_motor_torque_n_m).zip(&self.friction_n_m)
-        {
-            *motor = net + friction;
-        }
+        self.tell_motors(&allocation.motor_command);
         Actuated {
             alpha: allocation.alpha,
             achieved_b_n_m: allocation.achieved_torque_b_n_m + self.jet_torque_b_n_m,
@@ -222,7 +232,7 @@ impl Actuation {
         }
     }
 
-    /// Carries out an excitation: control's torque on the body by the wheels, if any \[N m\]; a motor torque on top
+    /// Carries out an excitation: control's torque on the body by the motors, if any \[N m\]; a motor torque on top
     /// for each wheel \[N m\]; and a jet that fires in the slot that begins now, if one does, for so long \[s\].
     /// True when that slot began.
     pub fn excite(
@@ -230,10 +240,10 @@ impl Actuation {
         stamp: Timestamp,
         torque_b_n_m: Option<&Vector3<f64>>,
         drive: &Drive,
-        wheel_speed_rad_s: &[f64],
+        joints: &[Joints; KINDS],
         failed_by_driver: &[bool],
     ) -> (Actuated, bool) {
-        self.set_wheel_bounds(wheel_speed_rad_s);
+        self.set_motors(joints);
         self.set_available(failed_by_driver);
         let begins = self.slot_begins(stamp);
         if begins {
@@ -251,23 +261,19 @@ impl Actuation {
             }
         }
         let mut actuated = Actuated { alpha: 1.0, achieved_b_n_m: self.jet_torque_b_n_m, found: Found::Off };
-        self.wheel_torque_n_m.fill(0.0);
-        if let Some(allocation) = torque_b_n_m.and_then(|torque| self.allocate(Mode::Wheels, *torque)) {
-            let motors = self.wheel_torque_n_m.iter_mut().zip(&allocation.wheel_motor_torque_n_m);
-            for ((motor, net), friction) in motors.zip(&self.friction_n_m) {
-                *motor = net + friction;
-            }
+        self.command.fill(0.0);
+        if let Some(allocation) = torque_b_n_m.and_then(|torque| self.allocate(Mode::Motors, *torque)) {
+            self.tell_motors(&allocation.motor_command);
             actuated.alpha = allocation.alpha;
             actuated.achieved_b_n_m += allocation.achieved_torque_b_n_m;
             actuated.found = found(&allocation);
         }
-        for ((motor, more), wheel) in
-            self.wheel_torque_n_m.iter_mut().zip(&drive.wheel_torque_n_m).zip(&self.wheels)
-        {
-            let before = *motor;
-            *motor = (before + more).clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m);
-            // What turns the wheel turns the body back.
-            actuated.achieved_b_n_m -= wheel.spin_axis_b.into_inner() * (*motor - before);
+        let wheels = self.ranges[Kind::Wheels as usize].clone();
+        let told = self.command.iter_mut().zip(&self.motors).skip(wheels.start).take(wheels.len());
+        for ((command, motor), more) in told.zip(&drive.wheel_torque_n_m) {
+            let before = *command;
+            *command = (before + more).clamp(-motor.limit, motor.limit);
+            actuated.achieved_b_n_m += motor.torque_b * (*command - before);
         }
         (actuated, begins)
     }
@@ -278,7 +284,7 @@ impl Actuation {
             // Only a new slot makes the driver close valves that are open.
             self.slot += 1;
         }
-        self.wheel_torque_n_m.fill(0.0);
+        self.command.fill(0.0);
         self.close_jets();
         self.slot_start = None;
         self.modulator.reset();
@@ -291,7 +297,7 @@ impl Actuation {
         self.demand.mode = mode;
         self.demand.torque_b_n_m = torque_b_n_m;
         if mode != Mode::Both {
-            self.demand.wheel_motor_torque_desired_n_m.fill(0.0);
+            self.demand.motor_desired.fill(0.0);
         }
         let allocation = self.allocator.allocate(&self.demand).ok();
         if allocation.as_ref().is_none_or(|a| matches!(a.status, Status::Fallback(_))) {

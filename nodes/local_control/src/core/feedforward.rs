@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::Environment;
+use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 
@@ -39,7 +40,7 @@ impl LocalControlCore {
             let model = self.gyrostat.model();
             let mut environment = Environment::new(model, estimate.q_world_body, estimate.omega_wb_b_rad_s);
             environment.wheel_speed_rad_s = self.inputs.wheel_speed_rad_s();
-            environment.wheel_motor_torque_n_m = self.actuation.wheel_torque_n_m();
+            environment.wheel_motor_torque_n_m = self.actuation.commands(Kind::Wheels as usize);
             self.set_supplies(&mut environment);
             if let Some(wheels) = torque_n_m.get_mut(..model.wheels().len()) {
                 self.gyrostat.effects().add_wheel_torque_n_m(&environment, wheels);

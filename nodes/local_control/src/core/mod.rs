@@ -11,6 +11,7 @@ use whorl_control::mass_balancing::BalancingError;
 use whorl_control::reference::{EnvelopeError, TiltEnvelope};
 use whorl_control::safe_mode::{SafeMode, SafeModeError, SafeState};
 use whorl_control::tracking::{TrackingError, TrackingLaw};
+use whorl_dynamics::actuators::{ActuatorKind, Actuators};
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{Gyrostat, GyrostatError};
 use whorl_msgs::sensor_msgs::Imu;
@@ -111,7 +112,7 @@ impl LocalControlCore {
             actuation: Actuation::new(&parameters, &gyrostat)?,
             excitations: Excitations::new(envelope, limits.max_rate_rad_s),
             balancing: parameters.balancing.map(|b| Balancing::new(b, &gyrostat)).transpose()?,
-            inputs: Inputs::new(adjusted.wheels().len(), adjusted.jets().len(), limits.max_message_age_s),
+            inputs: Inputs::new(&adjusted.actuators, limits.max_message_age_s),
             frame_id: format!("{}/base_link", parameters.name),
             heartbeat: Heartbeat::default(),
             mode: ControlStatus::MODE_IDLE,
@@ -204,18 +205,27 @@ impl LocalControlCore {
     }
 }
 
+/// Topics of the joint states of every kind of actuator that has motors.
+fn joint_topics() -> impl Iterator<Item = Topic> {
+    let channels = Actuators::default().kinds().map(ActuatorKind::channel);
+    channels.into_iter().flatten().filter_map(|channel| Topic::find(channel.state_topic, true))
+}
+
 impl NodeCore for LocalControlCore {
     fn subscriptions(&self) -> Vec<Route> {
         let own = [
             Topic::AttitudeEstimate,
             Topic::ImuRaw,
-            Topic::WheelState,
             Topic::ThrusterState,
             Topic::AttitudeReference,
             Topic::Excitation,
         ];
         let own = own.map(|topic| Route::platform(self.parameters.platform, topic));
-        own.into_iter().chain([Topic::FormationCommand, Topic::FormationClock].map(Route::shared)).collect()
+        let states = joint_topics().map(|topic| Route::platform(self.parameters.platform, topic));
+        own.into_iter()
+            .chain(states)
+            .chain([Topic::FormationCommand, Topic::FormationClock].map(Route::shared))
+            .collect()
     }
 
     fn publications(&self) -> Vec<Route> {
@@ -234,10 +244,12 @@ impl NodeCore for LocalControlCore {
 
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
-            Event::Message { message, .. } => match message {
+            Event::Message { route, message } => match message {
                 Message::AttitudeEstimate(estimate) => self.on_estimate(now, estimate, outputs),
                 Message::Imu(imu) => self.on_imu(now, imu, outputs),
-                Message::JointState(wheels) => self.inputs.wheels_arrived(now, wheels),
+                Message::JointState(joints) => {
+                    self.inputs.joints_arrived(now, route.topic.info().name, joints);
+                }
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
                 Message::Excitation(excitation) => self.inputs.excitation_arrived(now, excitation),

@@ -96,12 +96,8 @@ impl LocalControlCore {
             (SafeState::Damping, Some(omega)) => {
                 let inertia = self.law.equation().resisting_b_kg_m2();
                 let torque = self.safe_mode.damping_torque_b_n_m(inertia, &omega);
-                let actuated = self.actuation.apply(
-                    stamp,
-                    &torque,
-                    self.inputs.wheel_speed_rad_s(),
-                    self.inputs.jet_failed(),
-                );
+                let actuated =
+                    self.actuation.apply(stamp, &torque, self.inputs.joints(), self.inputs.jet_failed());
                 (ControlStatus::MODE_SAFE_DAMPING, torque, actuated)
             }
             _ => (ControlStatus::MODE_SAFE_COAST, Vector3::zeros(), self.actuation.off()),

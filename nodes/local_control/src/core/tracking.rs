@@ -53,10 +53,9 @@ impl LocalControlCore {
         drive: &Drive,
         pulse: Option<u64>,
     ) -> Actuated {
-        let speeds = self.inputs.wheel_speed_rad_s();
-        let failed = self.inputs.jet_failed();
+        let (joints, failed) = (self.inputs.joints(), self.inputs.jet_failed());
         let (actuated, slot_began) =
-            self.actuation.excite(estimate.stamp, torque_b_n_m, drive, speeds, failed);
+            self.actuation.excite(estimate.stamp, torque_b_n_m, drive, joints, failed);
         if slot_began {
             self.excitations.fired(pulse);
         }
@@ -79,7 +78,7 @@ impl LocalControlCore {
         }
         let tracking = match drive.hold {
             Hold::Tilt => {
-                let wheel_momentum = self.actuation.wheel_momentum_b_n_m_s(self.inputs.wheel_speed_rad_s());
+                let wheel_momentum = self.actuation.stored_momentum_b_n_m_s(self.inputs.joints());
                 let mut output = self.law.torque(&TrackingInput {
                     q_world_body: &estimate.q_world_body,
                     omega_wb_b_rad_s: &estimate.omega_wb_b_rad_s,
@@ -154,8 +153,7 @@ impl LocalControlCore {
             _ => (ControlStatus::MODE_TRACK, ControlStatus::REASON_NONE),
         };
 
-        let wheel_speed = self.inputs.wheel_speed_rad_s();
-        let wheel_momentum = self.actuation.wheel_momentum_b_n_m_s(wheel_speed);
+        let wheel_momentum = self.actuation.stored_momentum_b_n_m_s(self.inputs.joints());
         let output = self.law.torque(&TrackingInput {
             q_world_body: &estimate.q_world_body,
             omega_wb_b_rad_s: &estimate.omega_wb_b_rad_s,
@@ -169,8 +167,8 @@ impl LocalControlCore {
         let actuated = match &played {
             Played::Drive(drive) => self.excite(estimate, Some(&output.torque_b_n_m), drive, pulse),
             _ => {
-                let failed = self.inputs.jet_failed();
-                self.actuation.apply(estimate.stamp, &output.torque_b_n_m, wheel_speed, failed)
+                let (joints, failed) = (self.inputs.joints(), self.inputs.jet_failed());
+                self.actuation.apply(estimate.stamp, &output.torque_b_n_m, joints, failed)
             }
         };
         self.law.integrate(dt_s, actuated.alpha > 0.999);

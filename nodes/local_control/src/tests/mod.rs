@@ -5,6 +5,7 @@ mod balancing;
 mod determinism;
 mod exciting;
 mod gating;
+mod kinds;
 mod pointing;
 mod responses;
 mod rig;

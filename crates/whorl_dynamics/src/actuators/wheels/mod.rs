@@ -1,9 +1,11 @@
 //! Momentum wheels.
 
+mod motors;
+
 use nalgebra::{Unit, Vector3};
 
 use super::kind::{check_count, check_positive};
-use super::{ActuatorError, ActuatorKind, Allowed, Field, Group, KindPrior};
+use super::{ActuatorError, ActuatorKind, Allowed, Field, Group, Joints, KindPrior, Motor, MotorChannel};
 use crate::PlatformModel;
 
 /// Wheels the integrator holds.
@@ -129,6 +131,22 @@ impl ActuatorKind for Wheels {
                 (wheel.max_speed_rad_s, "a wheel's largest speed"),
             ]
         }))
+    }
+
+    fn channel(&self) -> Option<MotorChannel> {
+        Some(MotorChannel {
+            command_field: "wheel_torque_n_m",
+            state_topic: "wheels/state",
+            needs_position: false,
+        })
+    }
+
+    fn motors(&self, joints: &Joints, effects: &[f64], motors: &mut [Motor]) {
+        self.motors_now(joints, effects, motors);
+    }
+
+    fn momentum_b_n_m_s(&self, joints: &Joints) -> Vector3<f64> {
+        self.stored_b_n_m_s(joints)
     }
 }
 
