@@ -28,9 +28,8 @@ impl DriverCore {
     /// A driver of this hardware; [`Self::from_parameters`] makes the hardware too.
     #[must_use]
     pub fn new(parameters: Parameters, hardware: Box<dyn Hardware>) -> Self {
-        let limits = parameters.model.wheels().iter().map(|w| w.max_torque_n_m).collect();
         Self {
-            gate: Gate::new(limits, parameters.model.jets().len()),
+            gate: Gate::new(&parameters.model.actuators),
             frame_id: format!("{}/base_link", parameters.name),
             parameters,
             hardware,

@@ -4,8 +4,10 @@
 //! the rest of the system. A command holds until its `valid_until`, and never longer than
 //! [`LONGEST_VALIDITY`] after its arrival whatever it says.
 
+use std::ops::Range;
 use std::time::Duration;
 
+use whorl_dynamics::actuators::{Actuators, Kind, Motor};
 use whorl_msgs::whorl::ActuatorCommand;
 use whorl_node::Timestamp;
 
@@ -16,19 +18,19 @@ pub const LONGEST_VALIDITY: Duration = Duration::from_millis(80);
 /// What the actuators are told to do.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
-    /// Motor torque of each wheel [N m].
-    Wheels(Vec<f64>),
+    /// Commands of every motor of one kind of actuator, in the kind's unit.
+    Motors(Kind, Vec<f64>),
     /// A new slot: open each jet's valve for this long from now \[s\]; zero closes it, whatever is left of
     /// the slot before.
     Pulses(Vec<f64>),
-    /// Close all valves, no wheel torque.
+    /// Close all valves, all motor commands zero.
     AllOff,
 }
 
 /// Why a command was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
-    /// A number of wheels or jets other than the platform's.
+    /// A number of motors or jets other than the platform's.
     WrongSize,
     /// NaN or infinite.
     NotFinite,
@@ -68,12 +70,20 @@ pub struct GateCounts {
 /// The gate's state.
 #[derive(Debug, Clone)]
 pub struct Gate {
-    wheels: usize,
     jets: usize,
-    /// Largest motor torque of each wheel [N m]; commands beyond are clipped.
-    wheel_limits_n_m: Vec<f64>,
+    motors: Vec<Motors>,
     latest: Option<Latest>,
     counts: GateCounts,
+}
+
+/// The motors of one kind of actuator.
+#[derive(Debug, Clone)]
+struct Motors {
+    kind: Kind,
+    /// Field of the command that holds theirs.
+    field: &'static str,
+    /// Largest command of each; commands beyond are clipped.
+    limits: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -86,13 +96,20 @@ struct Latest {
 }
 
 impl Gate {
-    /// A gate for a platform with these wheel torque limits [N m] and number of jets.
+    /// A gate for a platform with these actuators.
     #[must_use]
-    pub fn new(wheel_limits_n_m: Vec<f64>, jets: usize) -> Self {
+    pub fn new(actuators: &Actuators) -> Self {
+        let ranges = actuators.motor_ranges();
+        let mut all = vec![Motor::default(); ranges.iter().map(Range::len).sum()];
+        actuators.motors(&Default::default(), &[], &mut all);
+        let motors = Kind::ALL.into_iter().zip(actuators.kinds()).zip(ranges);
+        let motors = motors.filter_map(|((kind, row), range)| {
+            let limits = all.get(range)?.iter().map(|motor| motor.limit).collect();
+            Some(Motors { kind, field: row.channel()?.command_field, limits })
+        });
         Self {
-            wheels: wheel_limits_n_m.len(),
-            jets,
-            wheel_limits_n_m,
+            jets: actuators.jets.list.len(),
+            motors: motors.collect(),
             latest: None,
             counts: GateCounts::default(),
         }
@@ -128,11 +145,14 @@ impl Gate {
     }
 
     fn examine(&mut self, now: Timestamp, command: &ActuatorCommand) -> Result<Vec<Action>, Refusal> {
-        if command.wheel_torque_n_m.len() != self.wheels || command.jet_on_time_s.len() != self.jets {
+        let asked = |motors: &Motors| command.motor_commands(motors.field).unwrap_or(&[]);
+        if self.motors.iter().any(|motors| asked(motors).len() != motors.limits.len())
+            || command.jet_on_time_s.len() != self.jets
+        {
             return Err(Refusal::WrongSize);
         }
-        let numbers = || command.wheel_torque_n_m.iter().chain(&command.jet_on_time_s);
-        if !numbers().all(|x| x.is_finite()) {
+        let mut numbers = self.motors.iter().flat_map(asked).chain(&command.jet_on_time_s);
+        if !numbers.all(|x| x.is_finite()) {
             return Err(Refusal::NotFinite);
         }
         let slot_s = command.jet_slot_length_s;
@@ -154,12 +174,11 @@ impl Gate {
         let restarted = self.latest.is_some_and(|l| command.sequence <= l.sequence);
         let slot_seen = if restarted { None } else { self.latest.and_then(|l| l.slot) };
 
-        let clipped = command
-            .wheel_torque_n_m
-            .iter()
-            .zip(&self.wheel_limits_n_m)
-            .map(|(u, limit)| u.clamp(-limit, *limit));
-        let mut actions = vec![Action::Wheels(clipped.collect())];
+        let clipped = |motors: &Motors| {
+            let limited = asked(motors).iter().zip(&motors.limits).map(|(u, limit)| u.clamp(-limit, *limit));
+            Action::Motors(motors.kind, limited.collect())
+        };
+        let mut actions: Vec<Action> = self.motors.iter().map(clipped).collect();
         if slot_seen.is_none_or(|seen| command.jet_slot > seen) {
             actions.push(Action::Pulses(command.jet_on_time_s.iter().map(|t| t.min(slot_s)).collect()));
         }
@@ -185,6 +204,7 @@ impl Gate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use whorl_dynamics::PlatformModel;
     use whorl_msgs::std_msgs::Header;
 
     fn at(ms: i64) -> Timestamp {
@@ -204,13 +224,16 @@ mod tests {
     }
 
     fn gate() -> Gate {
-        Gate::new(vec![0.5, 0.5], 2)
+        let mut model = PlatformModel::whorl_1_reference();
+        model.wheels_mut().truncate(2);
+        model.jets_mut().truncate(2);
+        Gate::new(&model.actuators)
     }
 
     #[test]
     fn wheels_follow_every_command_and_a_slot_fires_once() {
         let mut gate = gate();
-        let wheels = Action::Wheels(vec![0.1, -0.5]);
+        let wheels = Action::Motors(Kind::Wheels, vec![0.1, -0.5]);
         let pulses = Action::Pulses(vec![0.02, 0.1]);
         assert_eq!(gate.command(at(1), &command(0, 0, 60, 4)), Ok(vec![wheels.clone(), pulses.clone()]));
         assert_eq!(gate.command(at(11), &command(1, 10, 70, 4)), Ok(vec![wheels.clone()]));

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::actuators::{Actuators, Kind};
 use whorl_dynamics::{InitialState, JetFailure, Plant, PlantError, PlatformModel};
 use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
@@ -40,7 +41,8 @@ pub struct SimulatedHardware {
     faults: Vec<Fault>,
     /// Made when the first call says when time starts.
     running: Option<Running>,
-    wheel_names: Vec<String>,
+    /// Of each kind of actuator that has motors: the topic of its joint states, and the joints' names.
+    joint_names: Vec<(Kind, Topic, Vec<String>)>,
 }
 
 struct Running {
@@ -76,8 +78,8 @@ impl SimulatedHardware {
         // The plant proper is made at the first call, which says when time starts; one is made here
         // too, so that a platform that cannot be simulated is refused at once.
         Plant::new(&model, &initial_state(&start, Timestamp(0)), seed)?;
-        let wheel_names = model.wheels().iter().map(|w| w.name.clone()).collect();
-        Ok(Self { model, start, seed, faults, running: None, wheel_names })
+        let joint_names = joint_names(&model.actuators);
+        Ok(Self { model, start, seed, faults, running: None, joint_names })
     }
 
     fn running(&mut self, now: Timestamp) -> Option<&mut Running> {
@@ -98,6 +100,15 @@ impl SimulatedHardware {
         }
         self.running.as_mut()
     }
+}
+
+fn joint_names(actuators: &Actuators) -> Vec<(Kind, Topic, Vec<String>)> {
+    let kinds = Kind::ALL.into_iter().zip(actuators.kinds());
+    let measured = kinds.filter_map(|(kind, row)| {
+        let topic = Topic::find(row.channel()?.state_topic, true)?;
+        Some((kind, topic, row.names().into_iter().map(str::to_owned).collect()))
+    });
+    measured.collect()
 }
 
 fn initial_state(start: &Start, now: Timestamp) -> InitialState {
@@ -132,13 +143,12 @@ impl Hardware for SimulatedHardware {
     }
 
     fn apply(&mut self, now: Timestamp, action: &Action) {
-        let wheels = self.model.wheels().len();
         let min_on_time_s: Vec<f64> = self.model.jets().iter().map(|j| j.min_on_time_s).collect();
         let Some(running) = self.running(now) else { return };
         // The gate has checked sizes and numbers; pulses too short for a valve are not made.
         match action {
-            Action::Wheels(torque_n_m) => {
-                let _ = running.plant.command_wheels(torque_n_m);
+            Action::Motors(kind, command) => {
+                let _ = running.plant.command_motors(*kind, command);
             }
             Action::Pulses(on_time_s) => {
                 // A slot replaces what is left of the one before; a valve asked for again stays open.
@@ -156,7 +166,7 @@ impl Hardware for SimulatedHardware {
                 }
             }
             Action::AllOff => {
-                let _ = running.plant.command_wheels(&vec![0.0; wheels]);
+                running.plant.stop_motors();
                 running.plant.close_all_valves(now.0);
                 running.valve_closes.fill(now);
             }
@@ -173,7 +183,7 @@ impl Hardware for SimulatedHardware {
         let vector_period = self.model.sensors.vector.map(|v| Duration::from_secs_f64(1.0 / v.rate_hz));
         let initial_v = self.model.bus.initial_v;
         let sensors = self.model.sensors;
-        let (faults, wheel_names) = (self.faults.clone(), self.wheel_names.clone());
+        let (faults, names) = (self.faults.clone(), self.joint_names.clone());
         let Some(running) = self.running(now) else { return };
         if running.diverged.is_some() {
             return;
@@ -186,7 +196,9 @@ impl Hardware for SimulatedHardware {
         if spoil_imu(&mut imu, &mut running.last_good_rate, active()) {
             out.push((Topic::ImuRaw, imu.into()));
         }
-        out.push((Topic::WheelState, running.wheels(&header, wheel_names).into()));
+        for (kind, topic, name) in names {
+            out.push((topic, running.joints(kind, &header, name).into()));
+        }
         out.push((Topic::ThrusterState, running.thrusters(now, &header).into()));
         if due(&mut running.due.vector, now, vector_period) {
             let sample = running.plant.sample_vector();
@@ -253,14 +265,14 @@ impl Running {
         }
     }
 
-    fn wheels(&mut self, header: &Header, name: Vec<String>) -> JointState {
-        let samples = self.plant.sample_wheels();
+    fn joints(&mut self, kind: Kind, header: &Header, name: Vec<String>) -> JointState {
+        let sample = self.plant.sample_joints(kind);
         JointState {
             header: header.clone(),
             name,
-            position: Vec::new(),
-            velocity: samples.iter().map(|s| s.speed_rad_s).collect(),
-            effort: samples.iter().map(|s| s.motor_torque_n_m).collect(),
+            position: sample.position_rad,
+            velocity: sample.velocity_rad_s,
+            effort: sample.effort_n_m,
         }
     }
 

@@ -14,8 +14,7 @@ fn cost(effectors: &Effectors, demand: &Demand, jets: &[f64], wheels: &[f64]) ->
     let rates = &layout.jet_gas_rate_kg_s;
     let most = rates.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let gas: f64 = jets.iter().zip(rates).map(|(u, rate)| u * rate / most).sum();
-    let missed =
-        wheels.iter().zip(&demand.motor_desired).zip(&layout.motor_limit);
+    let missed = wheels.iter().zip(&demand.motor_desired).zip(&layout.motor_limit);
     let missed: f64 = missed.map(|((w, desired), limit)| ((w - desired) / limit).powi(2)).sum();
     gas + 0.5 * demand.motor_weight * missed
 }

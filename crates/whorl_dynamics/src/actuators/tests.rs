@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 use super::{Actuators, Group, Slot};
-use crate::{ModelPrior, PlatformModel};
 
 #[test]
 fn groups_and_keys_are_distinct_and_described() {
@@ -36,9 +35,12 @@ fn groups_and_keys_are_distinct_and_described() {
 
 #[test]
 fn what_fits_estimate_is_an_entry_of_its_kind_and_has_a_typical_deviation() {
-    let mut model = PlatformModel::whorl_1_reference();
-    let mut prior = ModelPrior::typical(&model).actuators;
-    for (kind, prior) in model.actuators.kinds_mut().into_iter().zip(prior.kinds_mut()) {
+    let mut actuators = Actuators::default();
+    for kind in actuators.kinds_mut() {
+        kind.add("one".to_owned());
+    }
+    let mut priors = actuators.typical_priors();
+    for (kind, prior) in actuators.kinds_mut().into_iter().zip(priors.kinds_mut()) {
         let members = kind.names().len();
         let keys: Vec<&str> = kind.fields(0, 0).iter().map(|field| field.key).collect();
         for key in prior.keys() {

@@ -70,8 +70,8 @@ fn rich_run(model: &PlatformModel) -> Record {
             .set_ballast_moment(Vector3::new((0.1 * phase).sin(), (0.13 * phase).cos(), 0.02 * phase) * 0.01);
         plant.advance_to(now_ns + 20_000_000).unwrap();
         let state = plant.state();
-        let [x, y, z, ..] = state.wheel_speed_rad_s;
-        record.0.push((state.q_world_body, state.omega_wb_b_rad_s, [x, y, z], state.gas_kg));
+        let [x, y, z, ..] = *state.wheel_speed_rad_s();
+        record.0.push((state.q_world_body, state.omega_wb_b_rad_s, [x, y, z], state.gas_kg()));
         record.1.push(plant.sample_imu());
         record.2.extend(plant.sample_vector());
         record.3.extend(plant.sample_wheels());

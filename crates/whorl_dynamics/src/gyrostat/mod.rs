@@ -37,20 +37,19 @@ pub mod equation;
 mod state;
 
 pub use crate::actuators::{jets::MAX_JETS, wheels::MAX_WHEELS};
-pub(crate) use derivative::{Derivative, Drive, JetDrive};
+pub(crate) use derivative::{Derivative, Drive};
 pub use equation::{LinearisedRate, RateEquation};
 pub use state::State;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
-use whorl_math::{GRAVITY_M_S2, vertical_b};
+use whorl_math::vertical_b;
 
-use crate::actuators::ActuatorError;
+use crate::actuators::{ActuatorError, Drives};
 use crate::effects::{EffectError, EffectSet, ThrustLag, TrueImu};
-use crate::platform::Wheel;
 use crate::sensing::specific_force_b_m_s2;
 use crate::{Environment, PlatformModel};
-use equation::{gravity_torque_n_m, without_wheels};
+use equation::gravity_torque_n_m;
 
 /// Why a platform cannot be simulated.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -101,8 +100,8 @@ impl Gyrostat {
         adjusted.actuators.check()?;
         let reaction_inertia_b_kg_m2 = effects.reaction_inertia_b_kg_m2(&adjusted);
         // With fewer free wheels the resisting inertia only grows, so all wheels free is the case to check.
-        let equation = rate_equation(&adjusted, &reaction_inertia_b_kg_m2, &[false; MAX_WHEELS])
-            .ok_or(GyrostatError::NothingLeft)?;
+        let equation =
+            rate_equation(&adjusted, &reaction_inertia_b_kg_m2, None).ok_or(GyrostatError::NothingLeft)?;
         Ok(Self {
             thrust_lag: effects.thrust_lag(),
             reaction_inertia_b_kg_m2,
@@ -130,44 +129,24 @@ impl Gyrostat {
         &self.equation
     }
 
-    /// The same with these wheels stuck: they turn with the body.
-    pub(crate) fn rate_equation_with_stuck(&self, stuck: &[bool; MAX_WHEELS]) -> RateEquation {
-        // It resists more than with all wheels free, which was checked.
-        rate_equation(&self.model, &self.reaction_inertia_b_kg_m2, stuck).unwrap_or(self.equation)
+    /// The same with the parts stuck that stick now: they turn with the body.
+    pub(crate) fn rate_equation_now(&self, drives: &Drives) -> RateEquation {
+        // It resists more than with every part free, which was checked.
+        rate_equation(&self.model, &self.reaction_inertia_b_kg_m2, Some(drives)).unwrap_or(self.equation)
+    }
+
+    /// Total momentum in a state of the plant, body axes [N m s].
+    #[must_use]
+    pub(crate) fn total_momentum_b_n_m_s(&self, state: &State) -> Vector3<f64> {
+        let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * state.omega_wb_b_rad_s;
+        self.model.actuators.add_momentum(&state.actuators, &mut momentum);
+        momentum
     }
 
     /// Lag of the jets' thrust behind their valves.
     #[must_use]
     pub fn thrust_lag(&self) -> ThrustLag {
         self.thrust_lag
-    }
-
-    /// Total angular momentum about the centre of rotation, body axes [N m s] (eq. 4.9). Wheels
-    /// without an entry in `wheel_speed_rad_s` count as stopped.
-    #[must_use]
-    pub fn momentum_b_n_m_s(
-        &self,
-        omega_wb_b_rad_s: &Vector3<f64>,
-        wheel_speed_rad_s: &[f64],
-    ) -> Vector3<f64> {
-        let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * omega_wb_b_rad_s;
-        for (wheel, speed) in self.model.wheels().iter().zip(wheel_speed_rad_s) {
-            momentum += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
-        }
-        momentum
-    }
-
-    /// Kinetic energy of platform and wheels \[J\].
-    #[must_use]
-    pub fn kinetic_energy_j(&self, omega_wb_b_rad_s: &Vector3<f64>, wheel_speed_rad_s: &[f64]) -> f64 {
-        let inertia = self.model.mass_properties.inertia_b_kg_m2();
-        let mut twice = omega_wb_b_rad_s.dot(&(inertia * omega_wb_b_rad_s));
-        for (wheel, speed) in self.model.wheels().iter().zip(wheel_speed_rad_s) {
-            // J (a.w + Om)^2 - J (a.w)^2: the locked wheel is in I already.
-            twice +=
-                wheel.spin_inertia_kg_m2 * speed * (2.0 * wheel.spin_axis_b.dot(omega_wb_b_rad_s) + speed);
-        }
-        0.5 * twice
     }
 
     /// Potential energy of the gravity offset \[J\], zero with the centre of mass level with the
@@ -183,33 +162,6 @@ impl Gyrostat {
     pub fn modelled_torque_b_n_m(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         self.effects.torque_b_n_m(environment, hidden)
             + gravity_torque_n_m(self.model.mass_properties.gravity_offset_b_n_m(), &environment.vertical_b)
-    }
-
-    /// Torque of the jets that are open now, at the present tank pressure, body axes [N m].
-    #[must_use]
-    pub fn jet_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
-        let mut torque = Vector3::zeros();
-        for (jet, fraction) in self.model.jets().iter().zip(environment.valve_fraction) {
-            if *fraction != 0.0 {
-                torque += jet.torque_b_n_m() * *fraction;
-            }
-        }
-        torque * self.thrust_factor(environment.pressure_ratio())
-    }
-
-    /// Torque on each wheel about its axis \[N m\]: motor, friction and effects; the body takes the
-    /// opposite. A wheel at zero speed is given no Coulomb friction here.
-    #[must_use]
-    pub fn wheel_torque_n_m(&self, environment: &Environment<'_>) -> [f64; MAX_WHEELS] {
-        let mut torque_n_m = [0.0; MAX_WHEELS];
-        for (j, (torque, wheel)) in torque_n_m.iter_mut().zip(self.model.wheels()).enumerate() {
-            let speed = environment.wheel_speed(j);
-            *torque = environment.wheel_motor_torque(j) + friction_n_m(wheel, speed, sign(speed));
-        }
-        if let Some(torque_n_m) = torque_n_m.get_mut(..self.model.wheels().len()) {
-            self.effects.add_wheel_torque_n_m(environment, torque_n_m);
-        }
-        torque_n_m
     }
 
     /// Accelerations with every wheel free, under what the model has and a torque that it does not have
@@ -256,40 +208,6 @@ impl Gyrostat {
         self.accelerations(environment, hidden, &Vector3::zeros()).omega_dot_wb_b_rad_s2
     }
 
-    /// A u over the wheels that are not stuck, body axes [N m].
-    #[must_use]
-    pub fn on_wheels_b_n_m(
-        &self,
-        wheel_torque_n_m: &[f64; MAX_WHEELS],
-        stuck: &[bool; MAX_WHEELS],
-    ) -> Vector3<f64> {
-        let mut sum = Vector3::zeros();
-        for ((wheel, torque), stuck) in self.model.wheels().iter().zip(wheel_torque_n_m).zip(stuck) {
-            if !stuck {
-                sum += wheel.spin_axis_b.into_inner() * *torque;
-            }
-        }
-        sum
-    }
-
-    /// dOm/dt = u / J - A^T dw/dt of the wheels that are not stuck [rad/s^2].
-    #[must_use]
-    pub fn wheel_accelerations_rad_s2(
-        &self,
-        wheel_torque_n_m: &[f64; MAX_WHEELS],
-        stuck: &[bool; MAX_WHEELS],
-        omega_dot_wb_b_rad_s2: &Vector3<f64>,
-    ) -> [f64; MAX_WHEELS] {
-        let mut acceleration = [0.0; MAX_WHEELS];
-        let wheels = self.model.wheels().iter().zip(wheel_torque_n_m).zip(stuck);
-        for (slot, ((wheel, torque), stuck)) in acceleration.iter_mut().zip(wheels) {
-            if !stuck {
-                *slot = torque / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2);
-            }
-        }
-        acceleration
-    }
-
     /// Inertia that resists angular acceleration with every wheel free, body axes [kg m^2]: I - A J A^T less what does
     /// not follow rigidly.
     #[must_use]
@@ -312,59 +230,15 @@ impl Gyrostat {
         self.effects.measure_imu(environment, &mut imu);
         imu
     }
-
-    /// Thrust over nominal thrust at this pressure over reference pressure.
-    #[must_use]
-    pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
-        let exponent = self.model.tank().thrust_pressure_exponent;
-        if pressure_ratio <= 0.0 {
-            0.0
-        } else if exponent == 0.0 {
-            1.0
-        } else if exponent == 1.0 {
-            pressure_ratio
-        } else {
-            pressure_ratio.powf(exponent)
-        }
-    }
-
-    /// Gas in the full tank \[kg\].
-    #[must_use]
-    pub fn initial_gas_kg(&self) -> f64 {
-        let tank = self.model.tank();
-        tank.initial_pressure_pa * tank.volume_m3 / (tank.gas_constant_j_kg_k * tank.temperature_k)
-    }
-
-    /// Pressure of this much gas in the tank \[Pa\], isothermal.
-    #[must_use]
-    pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
-        let tank = self.model.tank();
-        gas_kg * tank.gas_constant_j_kg_k * tank.temperature_k / tank.volume_m3
-    }
-
-    /// Gas used per second by this much thrust [kg/s].
-    #[must_use]
-    pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
-        thrust_n / (GRAVITY_M_S2 * self.model.tank().specific_impulse_s)
-    }
 }
 
 fn rate_equation(
     model: &PlatformModel,
     reaction_inertia_b_kg_m2: &Matrix3<f64>,
-    stuck: &[bool; MAX_WHEELS],
+    drives: Option<&Drives>,
 ) -> Option<RateEquation> {
     let inertia = *model.mass_properties.inertia_b_kg_m2();
-    let free = model.wheels().iter().zip(stuck).filter(|(_, stuck)| !**stuck).map(|(wheel, _)| wheel);
-    RateEquation::new(inertia, without_wheels(inertia - reaction_inertia_b_kg_m2, free))
-}
-
-/// Friction torque on a wheel [N m] for the given sense of sliding (-1, 0, 1).
-fn friction_n_m(wheel: &Wheel, speed_rad_s: f64, sense: f64) -> f64 {
-    -wheel.viscous_friction_n_m_s * speed_rad_s - wheel.coulomb_friction_n_m * sense
-}
-
-/// -1, 0 or 1.
-pub(crate) fn sign(x: f64) -> f64 {
-    if x == 0.0 { 0.0 } else { x.signum() }
+    let mut left = inertia - reaction_inertia_b_kg_m2;
+    model.actuators.take_out(drives, &mut left);
+    RateEquation::new(inertia, left)
 }

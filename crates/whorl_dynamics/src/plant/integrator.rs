@@ -2,11 +2,13 @@
 
 use super::{Plant, PlantError};
 use crate::State;
-use crate::gyrostat::{Derivative, MAX_WHEELS, sign};
+use crate::actuators::Part;
+use crate::gyrostat::Derivative;
 use crate::sensing::Snapshot;
 
-/// Times a segment may be cut where wheels come to a stop, before the rest is taken in one step.
-const MAX_STOPS_PER_SEGMENT: usize = 2 * MAX_WHEELS;
+/// Times a segment may be cut where parts come to a stop, before the rest is taken in one step: twice for each of
+/// eight.
+const MAX_STOPS_PER_SEGMENT: usize = 16;
 
 impl Plant {
     /// Moves on to `time_ns`. Valve edges due at `time_ns` itself happen at the start of the next
@@ -19,20 +21,19 @@ impl Plant {
             return Err(PlantError::BackInTime { now_ns: self.now_ns, asked_ns: time_ns });
         }
         while self.now_ns < time_ns {
-            if self.valves.next_edge_ns() <= self.now_ns {
-                self.valves.settle(self.now_ns);
-                self.drive.valve_fraction = self.valves.fractions();
-            }
+            self.gyrostat.model().actuators.settle(&mut self.drive.actuators, self.now_ns);
+            let event_ns = self.gyrostat.model().actuators.next_event_ns(&self.drive.actuators);
             // Steps keep their grid whatever events cut them, so that results depend little on when
             // the caller looks.
             let elapsed_ns = self.now_ns - self.start_ns;
             let grid_ns = self.now_ns - elapsed_ns % self.step_ns + self.step_ns;
-            let end_ns = time_ns.min(grid_ns).min(self.valves.next_edge_ns());
+            let end_ns = time_ns.min(grid_ns).min(event_ns);
             self.integrate_segment((end_ns - self.now_ns) as f64 * 1e-9);
             self.now_ns = end_ns;
         }
         let motion = self.state.q_world_body.coords.iter().chain(&self.state.omega_wb_b_rad_s);
-        if motion.chain(&self.state.wheel_speed_rad_s).copied().all(f64::is_finite) {
+        let actuators = &self.gyrostat.model().actuators;
+        if motion.copied().all(f64::is_finite) && actuators.is_finite(&self.state.actuators) {
             Ok(())
         } else {
             Err(PlantError::Diverged { time_ns })
@@ -52,21 +53,18 @@ impl Plant {
             });
         }
         for _ in 0..MAX_STOPS_PER_SEGMENT {
-            if self.release_wheels(done_s, &first) {
+            if self.release_parts(done_s, &first) {
                 first = self.derivative_after(&self.state, done_s);
             }
             let remaining_s = length_s - done_s;
             let end = self.runge_kutta(done_s, remaining_s, &first);
-            let Some((wheel, stop_s, at_stop)) = self.first_stop(done_s, remaining_s, &first, &end) else {
+            let Some((part, stop_s, at_stop)) = self.first_stop(done_s, remaining_s, &first, &end) else {
                 self.state = end;
                 self.add_hidden_noise(length_s);
                 return;
             };
             self.state = at_stop;
-            if let Some(speed) = self.state.wheel_speed_rad_s.get_mut(wheel) {
-                *speed = 0.0;
-            }
-            self.set_sliding(wheel, 0.0);
+            self.slide(part, 0.0);
             done_s += stop_s;
             first = self.derivative_after(&self.state, done_s);
         }
@@ -77,94 +75,71 @@ impl Plant {
     /// One classical Runge-Kutta step over `h_s` that begins `offset_s` after now; `k1` is the
     /// derivative there.
     fn runge_kutta(&self, offset_s: f64, h_s: f64, k1: &Derivative) -> State {
-        let (wheels, hidden) =
-            (self.gyrostat.model().wheels().len(), self.gyrostat.effects().hidden_states());
+        let actuators = &self.gyrostat.model().actuators;
+        let hidden = self.gyrostat.effects().hidden_states();
         let x = &self.state;
         let half_s = 0.5 * h_s;
-        let k2 = self.derivative_after(&x.moved(k1, half_s, wheels, hidden), offset_s + half_s);
-        let k3 = self.derivative_after(&x.moved(&k2, half_s, wheels, hidden), offset_s + half_s);
-        let k4 = self.derivative_after(&x.moved(&k3, h_s, wheels, hidden), offset_s + h_s);
-        let sum = Derivative::runge_kutta_sum(k1, &k2, &k3, &k4, wheels, hidden);
-        let mut end = x.moved(&sum, h_s / 6.0, wheels, hidden);
-        end.gas_kg = end.gas_kg.max(0.0);
+        let k2 = self.derivative_after(&x.moved(k1, half_s, actuators, hidden), offset_s + half_s);
+        let k3 = self.derivative_after(&x.moved(&k2, half_s, actuators, hidden), offset_s + half_s);
+        let k4 = self.derivative_after(&x.moved(&k3, h_s, actuators, hidden), offset_s + h_s);
+        let sum = Derivative::runge_kutta_sum([k1, &k2, &k3, &k4], actuators, hidden);
+        let mut end = x.moved(&sum, h_s / 6.0, actuators, hidden);
+        actuators.bound(&mut end.actuators);
         end.normalised()
     }
 
     fn derivative_after(&self, state: &State, offset_s: f64) -> Derivative {
-        let jets = self.valves.drive(self.now_ns, offset_s);
-        self.gyrostat.derivative(self.time_s() + offset_s, state, &self.drive, &jets)
+        self.gyrostat.derivative(&self.instant(offset_s), state, &self.drive)
     }
 
-    /// The first wheel with Coulomb friction whose speed changes sign on the way to `end`: its index,
-    /// the time until then and the state there, found by the secant method.
+    /// The first part with Coulomb friction whose speed changes sign on the way to `end`, the time until then and the
+    /// state there, found by the secant method.
     fn first_stop(
         &self,
         offset_s: f64,
         h_s: f64,
         first: &Derivative,
         end: &State,
-    ) -> Option<(usize, f64, State)> {
-        let mut found: Option<(usize, f64)> = None;
-        for (j, wheel) in self.gyrostat.model().wheels().iter().enumerate() {
-            let (sliding, from, to) =
-                (self.drive.sliding[j], self.state.wheel_speed_rad_s[j], end.wheel_speed_rad_s[j]);
-            if wheel.coulomb_friction_n_m > 0.0 && sliding * to < 0.0 && !self.drive.stuck[j] {
-                // A wheel that has just broken loose starts from zero and cannot stop at once.
-                let stop_s = if from == 0.0 { 0.0 } else { h_s * from / (from - to) };
-                if found.is_none_or(|(_, earliest_s)| stop_s < earliest_s) {
-                    found = Some((j, stop_s));
-                }
-            }
-        }
-        let (wheel, mut stop_s) = found?;
+    ) -> Option<(Part, f64, State)> {
+        let actuators = &self.gyrostat.model().actuators;
+        let (start, drives) = (&self.state.actuators, &self.drive.actuators);
+        let (part, mut stop_s) = actuators.first_stop(start, &end.actuators, drives, h_s)?;
         let mut at_stop = self.runge_kutta(offset_s, stop_s, first);
         for _ in 0..3 {
-            let (from, to) = (self.state.wheel_speed_rad_s[wheel], at_stop.wheel_speed_rad_s[wheel]);
+            let (from, to) = (actuators.speed(start, part), actuators.speed(&at_stop.actuators, part));
             if to.abs() <= 1e-12 || from == to {
                 break;
             }
             stop_s = (stop_s * from / (from - to)).clamp(0.0, h_s);
             at_stop = self.runge_kutta(offset_s, stop_s, first);
         }
-        Some((wheel, stop_s, at_stop))
+        Some((part, stop_s, at_stop))
     }
 
-    /// Lets stuck wheels go whose bearing cannot hold them; true if any did.
-    fn release_wheels(&mut self, offset_s: f64, derivative: &Derivative) -> bool {
+    /// Lets stuck parts go that are held no longer; true if any were.
+    fn release_parts(&mut self, offset_s: f64, derivative: &Derivative) -> bool {
         let mut released = false;
-        for j in 0..self.gyrostat.model().wheels().len() {
-            if !self.drive.stuck[j] {
-                continue;
-            }
-            let needed_n_m = self.gyrostat.holding_torque_n_m(
-                j,
-                self.time_s() + offset_s,
-                &self.state,
-                &self.drive,
-                &derivative.omega,
-            );
-            let limit_n_m = self.gyrostat.model().wheels().get(j).map_or(0.0, |w| w.coulomb_friction_n_m);
-            if needed_n_m.abs() > limit_n_m {
-                // Friction gives its most in the direction that holds; the wheel slips the other way.
-                self.set_sliding(j, -sign(needed_n_m));
-                released = true;
-            }
+        loop {
+            let (gyrostat, time_s) = (&self.gyrostat, self.time_s() + offset_s);
+            let actuators = &gyrostat.model().actuators;
+            let slip = actuators.first_slip(gyrostat, time_s, &self.state, &self.drive, &derivative.omega);
+            let Some((part, sense)) = slip else { return released };
+            self.slide(part, sense);
+            released = true;
         }
-        released
     }
 
-    /// Sets the sense of sliding of a wheel's bearing; 0 = stuck, if it has Coulomb friction.
-    pub(super) fn set_sliding(&mut self, wheel: usize, sense: f64) {
-        let has_friction =
-            self.gyrostat.model().wheels().get(wheel).is_some_and(|w| w.coulomb_friction_n_m > 0.0);
-        let (Some(sliding), Some(stuck)) =
-            (self.drive.sliding.get_mut(wheel), self.drive.stuck.get_mut(wheel))
-        else {
-            return;
-        };
-        *sliding = sense;
-        *stuck = has_friction && sense == 0.0;
-        self.drive.equation = self.gyrostat.rate_equation_with_stuck(&self.drive.stuck);
+    /// Lets a part slide in this sense, or stops it (0).
+    fn slide(&mut self, part: Part, sense: f64) {
+        let actuators = &self.gyrostat.model().actuators;
+        actuators.slide(&mut self.state.actuators, &mut self.drive.actuators, part, sense);
+        self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
+    }
+
+    /// Decides which parts stick, after their motion was set from outside.
+    pub(super) fn set_out(&mut self) {
+        self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
+        self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
     }
 
     fn add_hidden_noise(&mut self, length_s: f64) {

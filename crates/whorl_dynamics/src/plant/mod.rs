@@ -7,19 +7,18 @@ mod command;
 mod integrator;
 mod noise;
 mod sampling;
-mod valves;
 
+pub use crate::actuators::jets::{JetFailure, Pulse};
 pub use command::CommandError;
-pub use valves::{JetFailure, Pulse};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use crate::gyrostat::{Drive, MAX_WHEELS, sign};
+use crate::actuators::Instant;
+use crate::gyrostat::Drive;
 use crate::sensing::History;
 use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State};
 use noise::{Normal, Stream, TriaxialSensor};
-use valves::Valves;
 
 /// Largest integration step \[ns\]: 1 kHz.
 pub const DEFAULT_STEP_NS: i64 = 1_000_000;
@@ -118,20 +117,19 @@ pub struct Truth {
 /// A simulated platform. The same model, initial state, seed and calls give the same numbers.
 #[derive(Debug, Clone)]
 pub struct Plant {
-    gyrostat: Gyrostat,
+    pub(crate) gyrostat: Gyrostat,
     step_ns: i64,
     start_ns: i64,
-    now_ns: i64,
-    state: State,
-    drive: Drive,
-    valves: Valves,
+    pub(crate) now_ns: i64,
+    pub(crate) state: State,
+    pub(crate) drive: Drive,
     history: History,
     gyro: TriaxialSensor,
     accelerometer: TriaxialSensor,
     vector_noise: Normal,
-    wheel_noise: Normal,
+    pub(crate) wheel_noise: Normal,
     bus_noise: Normal,
-    pressure_noise: Normal,
+    pub(crate) pressure_noise: Normal,
     temperature_noise: Normal,
     effect_noise: Normal,
     hidden_noise_intensity: Vec<f64>,
@@ -153,11 +151,9 @@ impl Plant {
         if !numbers.copied().all(f64::is_finite) {
             return Err(PlantError::NotFinite);
         }
-        let mut state = State::at_rest(initial.q_world_body, gyrostat.initial_gas_kg()).normalised();
+        let mut state = State::at_rest(initial.q_world_body, &gyrostat.model().actuators).normalised();
         state.omega_wb_b_rad_s = initial.omega_wb_b_rad_s;
-        for (slot, speed) in state.wheel_speed_rad_s.iter_mut().zip(speeds) {
-            *slot = *speed;
-        }
+        state.set_wheel_speed_rad_s(speeds);
         let sensors = gyrostat.model().sensors;
         let latest_s = [
             sensors.gyro.errors.latency_s,
@@ -175,8 +171,7 @@ impl Plant {
             step_ns: DEFAULT_STEP_NS,
             start_ns: now_ns,
             now_ns,
-            drive: Drive::new(&gyrostat),
-            valves: Valves::new(gyrostat.model().jets(), gyrostat.thrust_lag(), now_ns),
+            drive: Drive::idle(&gyrostat, now_ns),
             history: History::new(ns_from_s(latest_s)),
             gyro: TriaxialSensor::new(sensors.gyro.errors, Normal::new(seed, Stream::Gyro), now_ns),
             accelerometer: TriaxialSensor::new(
@@ -194,10 +189,7 @@ impl Plant {
             state,
             gyrostat,
         };
-        for j in 0..wheels {
-            let speed = plant.state.wheel_speed_rad_s.get(j).copied().unwrap_or(0.0);
-            plant.set_sliding(j, sign(speed));
-        }
+        plant.set_out();
         Ok(plant)
     }
 
@@ -237,26 +229,22 @@ impl Plant {
     /// What really happens now.
     #[must_use]
     pub fn truth(&self) -> Truth {
-        let model = self.gyrostat.model();
         let environment = self.environment();
         let wheel_speed_rad_s = environment.wheel_speed_rad_s.to_vec();
-        let open_s = |jet| self.valves.open_ns(jet, self.now_ns) as f64 * 1e-9;
         Truth {
             time_ns: self.now_ns,
             q_world_body: self.state.q_world_body,
             omega_wb_b_rad_s: self.state.omega_wb_b_rad_s,
             omega_dot_wb_b_rad_s2: environment.omega_dot_wb_b_rad_s2,
-            momentum_b_n_m_s: self
-                .gyrostat
-                .momentum_b_n_m_s(&self.state.omega_wb_b_rad_s, &wheel_speed_rad_s),
+            momentum_b_n_m_s: self.gyrostat.total_momentum_b_n_m_s(&self.state),
             wheel_speed_rad_s,
             gyro_bias_rad_s: *self.gyro.bias(),
             accelerometer_bias_m_s2: *self.accelerometer.bias(),
-            gas_kg: self.state.gas_kg,
+            gas_kg: self.state.gas_kg(),
             tank_pressure_pa: environment.tank_pressure_pa,
             bus_voltage_v: environment.bus_voltage_v,
             temperature_k: environment.temperature_k,
-            valve_open_s: (0..model.jets().len()).map(open_s).collect(),
+            valve_open_s: self.valve_open_s(),
             hidden: self.state.hidden.iter().copied().take(self.gyrostat.effects().hidden_states()).collect(),
         }
     }
@@ -267,32 +255,18 @@ impl Plant {
         (self.now_ns - self.start_ns) as f64 * 1e-9
     }
 
+    fn instant(&self, offset_s: f64) -> Instant {
+        Instant { now_ns: self.now_ns, offset_s, time_s: self.time_s() + offset_s }
+    }
+
     /// Angular acceleration now, body axes [rad/s^2].
     #[must_use]
     pub fn angular_acceleration_b_rad_s2(&self) -> Vector3<f64> {
-        let jets = self.valves.drive(self.now_ns, 0.0);
-        self.gyrostat.derivative(self.time_s(), &self.state, &self.drive, &jets).omega
-    }
-}
-
-impl Drive {
-    fn new(gyrostat: &Gyrostat) -> Self {
-        Self {
-            motor_torque_n_m: [0.0; MAX_WHEELS],
-            sliding: [0.0; MAX_WHEELS],
-            stuck: [false; MAX_WHEELS],
-            equation: *gyrostat.rate_equation(),
-            valve_fraction: [0.0; crate::gyrostat::MAX_JETS],
-            ballast_moment_b_n_m: Vector3::zeros(),
-            ballast_direction: Vector3::zeros(),
-            body_torque_b_n_m: Vector3::zeros(),
-            clamped: false,
-            initial_gas_kg: gyrostat.initial_gas_kg(),
-        }
+        self.gyrostat.derivative(&self.instant(0.0), &self.state, &self.drive).omega
     }
 }
 
 /// Seconds to the nearest nanosecond; saturates.
-fn ns_from_s(seconds: f64) -> i64 {
+pub(crate) fn ns_from_s(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
 }

@@ -9,7 +9,7 @@ use crate::platform::TriaxialErrors;
 
 /// Who draws. The numbers are part of what makes a run repeatable: never reuse one.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Stream {
+pub(crate) enum Stream {
     Gyro = 1,
     Accelerometer = 2,
     Vector = 3,
@@ -22,7 +22,7 @@ pub(super) enum Stream {
 
 /// Standard normal numbers from one stream of a seed.
 #[derive(Debug, Clone)]
-pub(super) struct Normal {
+pub(crate) struct Normal {
     generator: Pcg64,
 }
 

@@ -4,7 +4,8 @@ use whorl_math::vertical_b;
 
 use super::{Plant, ns_from_s};
 use crate::TrueImu;
-use crate::sensing::{ImuSample, Snapshot, VectorSample, WheelSample};
+use crate::actuators::Kind;
+use crate::sensing::{ImuSample, JointSample, Snapshot, VectorSample};
 
 impl Plant {
     /// Reads gyro and accelerometer now.
@@ -30,30 +31,18 @@ impl Plant {
         Some(VectorSample { stamp_ns: self.now_ns, direction: sensor.reading(&then.q_world_body, &noise) })
     }
 
-    /// Reads the wheels' drives now, in the order of the model's wheels.
-    pub fn sample_wheels(&mut self) -> Vec<WheelSample> {
-        let model = self.gyrostat.model();
-        let sensor = model.sensors.wheel_speed;
-        let states = self.state.wheel_speed_rad_s.iter().zip(&self.drive.motor_torque_n_m);
-        states
-            .take(model.wheels().len())
-            .map(|(speed, torque)| WheelSample {
-                speed_rad_s: sensor.reading_rad_s(*speed, self.wheel_noise.draw()),
-                motor_torque_n_m: *torque,
-            })
-            .collect()
+    /// Reads the joints of one kind of actuator now, in the order of its actuators.
+    pub fn sample_joints(&mut self, kind: Kind) -> JointSample {
+        let sensors = &self.gyrostat.model().sensors;
+        let (states, drives) = (&self.state.actuators, &self.drive.actuators);
+        let noise = &mut || self.wheel_noise.draw();
+        self.gyrostat.model().actuators.sample(kind, states, drives, sensors, noise)
     }
 
     /// Reads the bus voltage now \[V\].
     pub fn sample_bus_voltage_v(&mut self) -> f64 {
         let truth = self.gyrostat.environment(self.time_s(), &self.state, &self.drive).bus_voltage_v;
         self.gyrostat.model().sensors.bus_voltage.reading(truth, self.bus_noise.draw())
-    }
-
-    /// Reads the tank pressure now \[Pa\].
-    pub fn sample_tank_pressure_pa(&mut self) -> f64 {
-        let truth = self.gyrostat.pressure_pa(self.state.gas_kg);
-        self.gyrostat.model().sensors.tank_pressure.reading(truth, self.pressure_noise.draw())
     }
 
     /// Reads the platform's temperature now \[K\].

@@ -41,6 +41,17 @@ pub struct WheelSample {
     pub motor_torque_n_m: f64,
 }
 
+/// One sample of the joints of one kind of actuator, in the order of its actuators.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct JointSample {
+    /// Positions \[rad\]; empty when they are not measured.
+    pub position_rad: Vec<f64>,
+    /// Speeds [rad/s].
+    pub velocity_rad_s: Vec<f64>,
+    /// Torques that the drives were asked for, within their limits [N m]; empty when they are not known.
+    pub effort_n_m: Vec<f64>,
+}
+
 /// Specific force at `r` from the centre of rotation, body axes [m/s^2]:
 /// dw/dt x r + w x (w x r) + g k_b (eq. 4.40 with the gravity sign of REP-145).
 #[must_use]

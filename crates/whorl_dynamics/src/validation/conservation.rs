@@ -12,7 +12,7 @@ fn torque_free_motion_keeps_momentum_in_the_world_and_energy() {
     let world = |p: &crate::Plant| p.state().q_world_body * p.truth().momentum_b_n_m_s;
     let energy = |p: &crate::Plant| {
         let s = p.state();
-        p.gyrostat().kinetic_energy_j(&s.omega_wb_b_rad_s, &s.wheel_speed_rad_s)
+        p.gyrostat().kinetic_energy_j(&s.omega_wb_b_rad_s, s.wheel_speed_rad_s())
     };
     let (momentum_0, energy_0) = (world(&p), energy(&p));
     p.advance_to(ns(60.0)).unwrap();
@@ -29,7 +29,7 @@ fn heavy_top_keeps_total_energy_and_vertical_momentum() {
     let mut p = plant(&model, &start(Vector3::new(0.3, -0.5, 0.8), &[100.0, -50.0, 30.0]));
     let invariants = |p: &crate::Plant| {
         let s = p.state();
-        let kinetic = p.gyrostat().kinetic_energy_j(&s.omega_wb_b_rad_s, &s.wheel_speed_rad_s);
+        let kinetic = p.gyrostat().kinetic_energy_j(&s.omega_wb_b_rad_s, s.wheel_speed_rad_s());
         let momentum = s.q_world_body * p.truth().momentum_b_n_m_s;
         (kinetic + p.gyrostat().potential_energy_j(&s.q_world_body), momentum.z)
     };
@@ -55,11 +55,11 @@ fn wheel_work_is_the_change_of_energy() {
     p.command_wheels(&torques).unwrap();
     let energy = |p: &crate::Plant| {
         let s = p.state();
-        p.gyrostat().kinetic_energy_j(&s.omega_wb_b_rad_s, &s.wheel_speed_rad_s)
+        p.gyrostat().kinetic_energy_j(&s.omega_wb_b_rad_s, s.wheel_speed_rad_s())
             + p.gyrostat().potential_energy_j(&s.q_world_body)
     };
     let power = |p: &crate::Plant| -> f64 {
-        let speeds = p.state().wheel_speed_rad_s;
+        let speeds = p.state().wheel_speed_rad_s();
         (0..3).map(|j| (torques[j] - 1e-3 * speeds[j] - 5e-3 * speeds[j].signum()) * speeds[j]).sum()
     };
     let (energy_0, mut work) = (energy(&p), power(&p));

@@ -40,7 +40,7 @@ fn record(model: &PlatformModel) -> Vec<Instant> {
         }
         plant.advance_to(k * STEP_NS).unwrap();
         let environment = plant.environment();
-        let [x, y, z, ..] = plant.state().wheel_speed_rad_s;
+        let [x, y, z, ..] = *plant.state().wheel_speed_rad_s();
         instants.push(Instant {
             time_s: environment.time_s,
             q: environment.q_world_body,

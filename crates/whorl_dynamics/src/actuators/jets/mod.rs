@@ -1,8 +1,15 @@
 //! On/off cold-gas jets and their gas.
 
+mod dynamics;
+mod gyrostat;
+mod plant;
 mod tank;
+mod valves;
 
+pub use dynamics::State;
+pub(crate) use dynamics::{Drive, Forces};
 pub use tank::Tank;
+pub use valves::{JetFailure, Pulse};
 
 use nalgebra::{Unit, Vector3};
 

@@ -1,5 +1,7 @@
 //! The gas supply.
 
+use whorl_math::GRAVITY_M_S2;
+
 use super::super::{ActuatorError, Allowed, Field, kind::check_positive};
 
 /// Specific gas constant of nitrogen.
@@ -43,6 +45,39 @@ impl Default for Tank {
 }
 
 impl Tank {
+    /// Gas in the full tank \[kg\].
+    #[must_use]
+    pub fn initial_gas_kg(&self) -> f64 {
+        self.initial_pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.temperature_k)
+    }
+
+    /// Pressure of this much gas \[Pa\], isothermal.
+    #[must_use]
+    pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
+        gas_kg * self.gas_constant_j_kg_k * self.temperature_k / self.volume_m3
+    }
+
+    /// Thrust over nominal thrust at this pressure over reference pressure.
+    #[must_use]
+    pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
+        let exponent = self.thrust_pressure_exponent;
+        if pressure_ratio <= 0.0 {
+            0.0
+        } else if exponent == 0.0 {
+            1.0
+        } else if exponent == 1.0 {
+            pressure_ratio
+        } else {
+            pressure_ratio.powf(exponent)
+        }
+    }
+
+    /// Gas used per second by this much thrust [kg/s].
+    #[must_use]
+    pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
+        thrust_n / (GRAVITY_M_S2 * self.specific_impulse_s)
+    }
+
     pub(super) fn fields(&mut self) -> Vec<Field<'_>> {
         use Allowed::{Between, Positive};
         vec![

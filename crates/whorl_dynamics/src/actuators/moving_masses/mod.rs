@@ -3,6 +3,11 @@
 //! Every platform may have them; they are commanded by the moment that they add to the gravity offset and have no
 //! parameters of their own yet.
 
+mod dynamics;
+
+pub use dynamics::State;
+pub(crate) use dynamics::{Drive, Forces};
+
 use super::{ActuatorError, ActuatorKind, Field, Group, KindPrior};
 
 /// The linear mass actuators of a platform.

@@ -1,6 +1,12 @@
 //! Momentum wheels.
 
+mod dynamics;
+mod gyrostat;
 mod motors;
+mod plant;
+
+pub use dynamics::State;
+pub(crate) use dynamics::{Drive, Forces};
 
 use nalgebra::{Unit, Vector3};
 

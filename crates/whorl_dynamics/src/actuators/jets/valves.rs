@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
+use super::dynamics::JetDrive;
+use super::{Jet, MAX_JETS};
 use crate::effects::ThrustLag;
-use crate::gyrostat::{JetDrive, MAX_JETS};
-use crate::platform::Jet;
 
 /// A pulse as the valve carries it out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ struct Valve {
 
 /// All valves of a platform.
 #[derive(Debug, Clone)]
-pub(super) struct Valves {
+pub(crate) struct Valves {
     valves: Vec<Valve>,
     lag: ThrustLag,
     /// What the open valves give once the lag of the thrust is over.

@@ -1,0 +1,43 @@
+//! Jets and gas in the model.
+
+use nalgebra::Vector3;
+
+use crate::{Environment, Gyrostat};
+
+impl Gyrostat {
+    /// Torque of the jets that are open now, at the present tank pressure, body axes [N m].
+    #[must_use]
+    pub fn jet_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
+        let mut torque = Vector3::zeros();
+        for (jet, fraction) in self.model().jets().iter().zip(environment.valve_fraction) {
+            if *fraction != 0.0 {
+                torque += jet.torque_b_n_m() * *fraction;
+            }
+        }
+        torque * self.thrust_factor(environment.pressure_ratio())
+    }
+
+    /// Thrust over nominal thrust at this pressure over reference pressure.
+    #[must_use]
+    pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
+        self.model().tank().thrust_factor(pressure_ratio)
+    }
+
+    /// Gas in the full tank \[kg\].
+    #[must_use]
+    pub fn initial_gas_kg(&self) -> f64 {
+        self.model().tank().initial_gas_kg()
+    }
+
+    /// Pressure of this much gas in the tank \[Pa\], isothermal.
+    #[must_use]
+    pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
+        self.model().tank().pressure_pa(gas_kg)
+    }
+
+    /// Gas used per second by this much thrust [kg/s].
+    #[must_use]
+    pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
+        self.model().tank().gas_rate_kg_s(thrust_n)
+    }
+}

@@ -1,0 +1,246 @@
+//! Wheels in motion: motors, friction, and stops where Coulomb friction holds them.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{MAX_WHEELS, Wheel, Wheels};
+use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
+use crate::effects::EffectSet;
+use crate::gyrostat::equation::without_wheels;
+use crate::platform::SensorSuite;
+use crate::sensing::JointSample;
+use crate::{Environment, Gyrostat};
+
+/// A wheel's motor loses its torque over this last share of the largest speed, as back-EMF does.
+const SPEED_LIMIT_BAND: f64 = 0.01;
+
+/// Continuous states of the wheels; entries beyond the platform's own stay zero.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct State {
+    /// Speeds relative to the body [rad/s].
+    pub speed_rad_s: [f64; MAX_WHEELS],
+}
+
+/// What holds between two events.
+#[derive(Debug, Clone)]
+pub(crate) struct Drive {
+    /// Motor torques, within the motors' limits [N m].
+    pub motor_torque_n_m: [f64; MAX_WHEELS],
+    /// Sense of sliding of each wheel's bearing, -1 or 1; 0 where Coulomb friction holds the wheel.
+    sliding: [f64; MAX_WHEELS],
+    /// Wheels held by Coulomb friction.
+    stuck: [bool; MAX_WHEELS],
+}
+
+/// Torque on each wheel about its axis: motor, friction and effects [N m].
+pub(crate) type Forces = [f64; MAX_WHEELS];
+
+// Array sizes were checked in `Gyrostat::new`: no index below can be out of bounds.
+impl KindDynamics for Wheels {
+    type State = State;
+    type Drive = Drive;
+    type Forces = Forces;
+
+    fn idle(&self, _gyrostat: &Gyrostat, _now_ns: i64) -> Drive {
+        Drive {
+            motor_torque_n_m: [0.0; MAX_WHEELS],
+            sliding: [0.0; MAX_WHEELS],
+            stuck: [false; MAX_WHEELS],
+        }
+    }
+
+    fn add_scaled(&self, state: &mut State, rate: &State, factor: f64) {
+        for (sum, x) in state.speed_rad_s.iter_mut().zip(&rate.speed_rad_s).take(self.0.len()) {
+            *sum += factor * x;
+        }
+    }
+
+    fn is_finite(&self, state: &State) -> bool {
+        state.speed_rad_s.iter().all(|speed| speed.is_finite())
+    }
+
+    fn show<'a>(&'a self, state: &'a State, drive: &'a Drive, environment: &mut Environment<'a>) -> f64 {
+        let motor_torque_n_m = drive.motor_torque_n_m.get(..self.0.len()).unwrap_or(&[]);
+        environment.wheel_speed_rad_s = state.speed_rad_s.get(..self.0.len()).unwrap_or(&[]);
+        environment.wheel_motor_torque_n_m = motor_torque_n_m;
+        motor_torque_n_m.iter().map(|u| u.abs()).sum()
+    }
+
+    fn add_momentum(&self, state: &State, sum_b_n_m_s: &mut Vector3<f64>) {
+        for (wheel, speed) in self.0.iter().zip(&state.speed_rad_s) {
+            *sum_b_n_m_s += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
+        }
+    }
+
+    fn take_out(&self, drive: Option<&Drive>, left: &mut Matrix3<f64>) {
+        let is_free = |j: &usize| drive.is_none_or(|drive| !drive.stuck[*j]);
+        let free = (0..self.0.len()).filter(is_free).filter_map(|j| self.0.get(j));
+        *left = without_wheels(*left, free);
+    }
+
+    fn act(
+        &self,
+        _at: &Instant,
+        state: &State,
+        drive: &Drive,
+        _omega_wb_b_rad_s: &Vector3<f64>,
+        _body: &mut OnBody,
+    ) -> Forces {
+        let mut torque_n_m = [0.0; MAX_WHEELS];
+        for (j, wheel) in self.0.iter().enumerate() {
+            let speed = state.speed_rad_s[j];
+            torque_n_m[j] =
+                available_motor_torque_n_m(drive.motor_torque_n_m[j], speed, wheel.max_speed_rad_s)
+                    + friction_n_m(wheel, speed, drive.sliding[j]);
+        }
+        torque_n_m
+    }
+
+    fn add_effects(
+        &self,
+        effects: &EffectSet,
+        environment: &Environment<'_>,
+        _state: &State,
+        torque_n_m: &mut Forces,
+    ) {
+        effects.add_wheel_torque_n_m(environment, &mut torque_n_m[..self.0.len()]);
+    }
+
+    fn add_reaction(&self, drive: &Drive, torque_n_m: &Forces, sum_b_n_m: &mut Vector3<f64>) {
+        for ((wheel, torque), stuck) in self.0.iter().zip(torque_n_m).zip(&drive.stuck) {
+            if !stuck {
+                *sum_b_n_m += wheel.spin_axis_b.into_inner() * *torque;
+            }
+        }
+    }
+
+    fn rate(
+        &self,
+        _state: &State,
+        drive: &Drive,
+        torque_n_m: &Forces,
+        omega_dot_wb_b_rad_s2: &Vector3<f64>,
+    ) -> State {
+        let mut rate = State::default();
+        let wheels = self.0.iter().zip(torque_n_m).zip(&drive.stuck);
+        for (slot, ((wheel, torque), stuck)) in rate.speed_rad_s.iter_mut().zip(wheels) {
+            if !stuck {
+                *slot = torque / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2);
+            }
+        }
+        rate
+    }
+
+    fn set_out(&self, state: &State, drive: &mut Drive) {
+        for j in 0..self.0.len() {
+            self.set_sliding(drive, j, sign(state.speed_rad_s[j]));
+        }
+    }
+
+    /// A wheel slips that its bearing cannot hold: friction gives its most in the direction that holds, and the wheel
+    /// goes the other way.
+    fn first_slip(
+        &self,
+        gyrostat: &Gyrostat,
+        time_s: f64,
+        state: &crate::State,
+        drive: &crate::gyrostat::Drive,
+        omega_dot_wb_b_rad_s2: &Vector3<f64>,
+    ) -> Option<(usize, f64)> {
+        let own = &drive.actuators.wheels;
+        if !own.stuck.contains(&true) {
+            return None;
+        }
+        let mut torque_n_m = own.motor_torque_n_m;
+        if !gyrostat.effects().is_empty() {
+            let environment = gyrostat.environment(time_s, state, drive);
+            gyrostat.effects().add_wheel_torque_n_m(&environment, &mut torque_n_m[..self.0.len()]);
+        }
+        self.0.iter().enumerate().filter(|(j, _)| own.stuck[*j]).find_map(|(j, wheel)| {
+            let needed_n_m =
+                wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2) - torque_n_m[j];
+            (needed_n_m.abs() > wheel.coulomb_friction_n_m).then(|| (j, -sign(needed_n_m)))
+        })
+    }
+
+    fn first_stop(&self, from: &State, to: &State, drive: &Drive, h_s: f64) -> Option<(usize, f64)> {
+        let mut found: Option<(usize, f64)> = None;
+        for (j, wheel) in self.0.iter().enumerate() {
+            let (sliding, from, to) = (drive.sliding[j], from.speed_rad_s[j], to.speed_rad_s[j]);
+            if wheel.coulomb_friction_n_m > 0.0 && sliding * to < 0.0 && !drive.stuck[j] {
+                // A wheel that has just broken loose starts from zero and cannot stop at once.
+                let stop_s = if from == 0.0 { 0.0 } else { h_s * from / (from - to) };
+                if found.is_none_or(|(_, earliest_s)| stop_s < earliest_s) {
+                    found = Some((j, stop_s));
+                }
+            }
+        }
+        found
+    }
+
+    fn speed(&self, state: &State, wheel: usize) -> f64 {
+        state.speed_rad_s.get(wheel).copied().unwrap_or(0.0)
+    }
+
+    fn slide(&self, state: &mut State, drive: &mut Drive, wheel: usize, sense: f64) {
+        if sense == 0.0
+            && let Some(speed) = state.speed_rad_s.get_mut(wheel)
+        {
+            *speed = 0.0;
+        }
+        self.set_sliding(drive, wheel, sense);
+    }
+
+    fn sample(
+        &self,
+        state: &State,
+        drive: &Drive,
+        sensors: &SensorSuite,
+        noise: &mut dyn FnMut() -> f64,
+    ) -> JointSample {
+        let speeds = state.speed_rad_s.iter().take(self.0.len());
+        JointSample {
+            position_rad: Vec::new(),
+            velocity_rad_s: speeds
+                .map(|speed| sensors.wheel_speed.reading_rad_s(*speed, noise()))
+                .collect(),
+            effort_n_m: drive.motor_torque_n_m.iter().take(self.0.len()).copied().collect(),
+        }
+    }
+
+    fn command(&self, drive: &mut Drive, torque_n_m: &[f64]) {
+        for ((slot, wheel), asked) in drive.motor_torque_n_m.iter_mut().zip(&self.0).zip(torque_n_m) {
+            *slot = asked.max(-wheel.max_torque_n_m).min(wheel.max_torque_n_m);
+        }
+    }
+}
+
+impl Wheels {
+    /// Sets the sense of sliding of a wheel's bearing; 0 = stuck, if it has Coulomb friction.
+    fn set_sliding(&self, drive: &mut Drive, wheel: usize, sense: f64) {
+        let has_friction = self.0.get(wheel).is_some_and(|w| w.coulomb_friction_n_m > 0.0);
+        if let (Some(sliding), Some(stuck)) = (drive.sliding.get_mut(wheel), drive.stuck.get_mut(wheel)) {
+            *sliding = sense;
+            *stuck = has_friction && sense == 0.0;
+        }
+    }
+}
+
+/// Friction torque on a wheel [N m] for the given sense of sliding (-1, 0, 1).
+pub(crate) fn friction_n_m(wheel: &Wheel, speed_rad_s: f64, sense: f64) -> f64 {
+    -wheel.viscous_friction_n_m_s * speed_rad_s - wheel.coulomb_friction_n_m * sense
+}
+
+/// -1, 0 or 1.
+pub(crate) fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
+/// What the motor can give at this speed of what it was asked: less and less torque that would
+/// exceed the largest speed.
+fn available_motor_torque_n_m(asked_n_m: f64, speed_rad_s: f64, max_speed_rad_s: f64) -> f64 {
+    if asked_n_m * speed_rad_s <= 0.0 {
+        return asked_n_m;
+    }
+    let band = SPEED_LIMIT_BAND * max_speed_rad_s;
+    asked_n_m * ((max_speed_rad_s - speed_rad_s.abs()) / band).clamp(0.0, 1.0)
+}
