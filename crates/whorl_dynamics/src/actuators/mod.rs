@@ -12,7 +12,7 @@
 //!
 //! To add a kind: write a folder beside the others and name it in `register!` below. A kind with motors needs a
 //! field in `ActuatorCommand.msg`, named in `whorl_msgs`' `motor_commands`, and a topic; a test of local control says
-//! which is missing.
+//! which is missing. `control_moment_gyros` is the example.
 
 mod dynamics;
 mod field;
@@ -328,6 +328,9 @@ register! {
     wheels: Wheels, WheelPriors;
     jets: Jets, JetPriors;
     moving_masses: MovingMasses, MovingMassPriors;
+    // The proof that a kind is its folder and a row: it flies in this crate's tests alone.
+    #[cfg(test)]
+    control_moment_gyros: ControlMomentGyros, GyroPriors;
 }
 
 /// One moving part of a kind.

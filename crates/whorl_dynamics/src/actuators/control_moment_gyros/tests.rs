@@ -1,0 +1,117 @@
+//! Gyros against closed forms.
+
+use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
+
+use super::{ControlMomentGyros, Gyro};
+use crate::actuators::{ActuatorKind, Joints, Kind, Motor};
+use crate::{InitialState, MassProperties, Plant, PlatformModel};
+
+fn gyro(gimbal_axis: Vector3<f64>, spin_axis: Vector3<f64>) -> Gyro {
+    Gyro {
+        name: "gyro".to_owned(),
+        gimbal_axis_b: Unit::new_normalize(gimbal_axis),
+        spin_axis_b: Unit::new_normalize(spin_axis),
+        rotor_momentum_n_m_s: 1.5,
+        gimbal_inertia_kg_m2: 0.05,
+        max_rate_rad_s: 0.4,
+        max_angle_rad: 1.2,
+        time_constant_s: 0.005,
+    }
+}
+
+/// A balanced platform with these gyros and nothing else.
+fn plant(inertia_b_kg_m2: Matrix3<f64>, gyros: Vec<Gyro>, omega: Vector3<f64>) -> Plant {
+    let mut model = PlatformModel::whorl_1_reference();
+    model.wheels_mut().clear();
+    model.mass_properties = MassProperties::new(inertia_b_kg_m2, Vector3::zeros(), 100.0).unwrap();
+    model.actuators.control_moment_gyros = ControlMomentGyros(gyros);
+    model.tilt_limit = crate::platform::TiltLimit::Cone { max_rad: 3.1 };
+    let initial = InitialState {
+        q_world_body: UnitQuaternion::from_euler_angles(0.2, -0.1, 0.3),
+        omega_wb_b_rad_s: omega,
+        ..InitialState::default()
+    };
+    Plant::new(&model, &initial, 1).unwrap()
+}
+
+/// Two gyros that turn against each other: all momentum stays along one axis of the body, so that
+/// I w = -2 h0 sin(gamma) whatever the gimbals' motion.
+#[test]
+fn a_scissored_pair_turns_the_body_by_the_momentum_it_stores() {
+    let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
+    let (x, y) = (Vector3::x(), Vector3::y());
+    let mut plant = plant(inertia, vec![gyro(-y, x), gyro(y, -x)], Vector3::zeros());
+    plant.command_motors(Kind::ControlMomentGyros, &[9.0, 9.0]).unwrap();
+    for second in 1..=4_i64 {
+        plant.advance_to(second * 500_000_000).unwrap();
+        let gimbals = plant.state().actuators.control_moment_gyros;
+        // 0.4 rad/s is the limit; the rate control's lag and the body's own rate (the gyro's load) take a little.
+        assert!(gimbals.rate_rad_s[0] > 0.2 && gimbals.rate_rad_s[0] < 0.45, "{gimbals:?}");
+        let expected = -2.0 * 1.5 * gimbals.angle_rad[0].sin() / 12.0;
+        let omega = plant.state().omega_wb_b_rad_s;
+        assert!((omega.z - expected).abs() < 1e-9, "{} {expected}", omega.z);
+        assert!(omega.xy().norm() < 1e-12 && expected.abs() > 0.02, "{omega:?} {expected}");
+    }
+}
+
+/// A tumbling platform whose gyros swing freely about skew axes keeps its momentum in the world, and its Jacobi
+/// integral 1/2 w.I w + 1/2 J_g gamma'^2 + J_g gamma' g.w: with the rotors' speed held and no motor torque it is
+/// conserved, whatever the rotors store.
+#[test]
+fn momentum_and_the_jacobi_integral_of_free_gimbals_stay() {
+    let inertia = Matrix3::new(6.2, -0.9, -0.2, -0.9, 7.5, 0.1, -0.2, 0.1, 12.1);
+    let mut gyros = vec![
+        gyro(Vector3::new(0.3, 1.0, -0.2), Vector3::new(1.0, 0.1, 0.4)),
+        gyro(Vector3::new(-0.5, 0.2, 1.0), Vector3::new(0.2, 1.0, 0.1)),
+    ];
+    for gyro in &mut gyros {
+        // A motor so slow that it gives no torque.
+        gyro.time_constant_s = 1e12;
+        gyro.gimbal_inertia_kg_m2 = 0.3;
+    }
+    let mut plant = plant(inertia, gyros.clone(), Vector3::new(0.3, -0.2, 0.25));
+    let world_momentum = |plant: &Plant| {
+        let truth = plant.truth();
+        truth.q_world_body * truth.momentum_b_n_m_s
+    };
+    let jacobi = |plant: &Plant| {
+        let (omega, gimbals) =
+            (plant.state().omega_wb_b_rad_s, plant.state().actuators.control_moment_gyros);
+        gyros.iter().zip(gimbals.rate_rad_s).fold(0.5 * omega.dot(&(inertia * omega)), |sum, (gyro, rate)| {
+            sum + gyro.gimbal_inertia_kg_m2 * rate * (0.5 * rate + gyro.gimbal_axis_b.dot(&omega))
+        })
+    };
+    let (momentum, integral) = (world_momentum(&plant), jacobi(&plant));
+    assert!(momentum.norm() > 3.0);
+    let mut swung = 0.0_f64;
+    for second in 1..=20_i64 {
+        plant.advance_to(second * 1_000_000_000).unwrap();
+        assert!((world_momentum(&plant) - momentum).norm() < 1e-8, "{second} s");
+        assert!((jacobi(&plant) - integral).abs() < 1e-9, "{second} s");
+        swung = swung.max(plant.state().actuators.control_moment_gyros.angle_rad[0].abs());
+    }
+    assert!(swung > 0.3, "the gimbals really swing: {swung}");
+}
+
+#[test]
+fn the_allocation_column_is_the_torque_that_the_plant_gives() {
+    let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
+    let gyros = vec![gyro(Vector3::y(), Vector3::x())];
+    let mut plant = plant(inertia, gyros.clone(), Vector3::zeros());
+    plant.command_motors(Kind::ControlMomentGyros, &[0.3]).unwrap();
+    plant.advance_to(1_000_000_000).unwrap();
+    let gimbals = plant.state().actuators.control_moment_gyros;
+    let sample = plant.sample_joints(Kind::ControlMomentGyros);
+    let joints = Joints { position_rad: sample.position_rad, velocity_rad_s: sample.velocity_rad_s };
+    let mut motors = [Motor::default()];
+    ControlMomentGyros(gyros).motors(&joints, &[], &mut motors);
+    // The gimbal's acceleration acts about y alone.
+    let truth = plant.truth();
+    let given = inertia * truth.omega_dot_wb_b_rad_s2
+        + truth.omega_wb_b_rad_s.cross(&truth.momentum_b_n_m_s);
+    let expected = motors[0].torque_b * gimbals.rate_rad_s[0];
+    assert!((given - expected).xz().norm() < 1e-9 && expected.norm() > 0.3, "{given:?} {expected:?}");
+    let stopped = Joints { position_rad: vec![1.3], velocity_rad_s: vec![0.0] };
+    plant.gyrostat().model().actuators.control_moment_gyros.motors(&stopped, &[], &mut motors);
+    assert_eq!((motors[0].min, motors[0].max), (-0.4, 0.0), "beyond its largest angle only back");
+}
