@@ -13,7 +13,7 @@ use whorl_recording::Recording;
 use crate::bins::{Bins, Mean3};
 use crate::commands::Commands;
 use crate::refusal::{Needs, Refusal, check};
-use crate::smoothing::smooth;
+use crate::smoothing::{back, smooth};
 
 /// Gyro samples are averaged over this long \[s\].
 const BIN_S: f64 = 0.1;
@@ -142,14 +142,10 @@ fn smoothed(steps: &[Step]) -> Vec<(f64, f64)> {
     let mut found = vec![(x[1], p[(1, 1)].max(0.0).sqrt())];
     for (step, next) in steps.iter().zip(steps.iter().skip(1)).rev() {
         let (mean, covariance) = step.updated;
-        let Some(inverse) = next.predicted.1.try_inverse() else {
-            found.push((mean[1], covariance[(1, 1)].max(0.0).sqrt()));
-            (x, p) = (mean, covariance);
-            continue;
+        (x, p) = match back(&covariance, &next.transition, &next.predicted.1, &p) {
+            Some((gain, smoothed)) => (mean + gain * (x - next.predicted.0), smoothed),
+            None => (mean, covariance),
         };
-        let gain = covariance * next.transition.transpose() * inverse;
-        x = mean + gain * (x - next.predicted.0);
-        p = covariance + gain * (p - next.predicted.1) * gain.transpose();
         found.push((x[1], p[(1, 1)].max(0.0).sqrt()));
     }
     found.reverse();

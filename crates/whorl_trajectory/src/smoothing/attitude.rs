@@ -1,8 +1,7 @@
 //! Attitude and biases by a forward filter and a backward smoother, gyro-driven.
 //!
 //! Error state: rotation (body axes), gyro bias, accelerometer bias. The backward pass is that of Rauch, Tung and
-//! Striebel on the error state (J. Crassidis and J. Junkins, *Optimal Estimation of Dynamic Systems*, 2nd
-//! ed., section 6.2). Nodes lie a fifth of a second apart; each takes the mean of the samples around it.
+//! Striebel on the error state. Nodes lie a fifth of a second apart; each takes the mean of the samples around it.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
@@ -11,6 +10,7 @@ use whorl_math::covariance;
 use whorl_math::{GRAVITY_M_S2, quaternion_exp, rotation_vector, skew, unit_or, vertical_b};
 use whorl_recording::Recording;
 
+use super::backward::back;
 use super::sensors::{NODE_S, Sensors, one_sample, rate_between};
 use super::start::start_attitude;
 
@@ -312,16 +312,10 @@ fn backward(steps: &[Step]) -> Vec<Node> {
     let mut smoothed = vec![last.updated];
     for (step, next) in steps.iter().zip(steps.iter().skip(1)).rev() {
         let Some(after) = smoothed.last().copied() else { break };
-        let Some(factor) = next.predicted.p.cholesky() else {
-            smoothed.push(step.updated);
-            continue;
-        };
-        // G = P F^T P_predicted^-1.
-        let gain = factor.solve(&(next.transition * step.updated.p)).transpose();
-        let mut node = step.updated.moved(&(gain * next.predicted.to(&after)));
-        node.p = step.updated.p + gain * (after.p - next.predicted.p) * gain.transpose();
-        node.p = (node.p + node.p.transpose()) * 0.5;
-        smoothed.push(node);
+        smoothed.push(match back(&step.updated.p, &next.transition, &next.predicted.p, &after.p) {
+            Some((gain, p)) => Node { p, ..step.updated.moved(&(gain * next.predicted.to(&after))) },
+            None => step.updated,
+        });
     }
     smoothed.reverse();
     smoothed

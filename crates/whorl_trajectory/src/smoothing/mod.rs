@@ -7,10 +7,12 @@
 //! attitude of those who linearise about a motion and smooth it themselves.
 
 mod attitude;
+mod backward;
 mod motion;
 mod sensors;
 mod start;
 
 pub use attitude::{Attitudes, smooth_attitude};
+pub(crate) use backward::back;
 pub use motion::{HALF_WIDTH_S, Motion, SmoothedMotion, smooth};
 pub use start::{pull, start_attitude};
