@@ -14,21 +14,27 @@ pub struct ComparedRun {
     pub held_out: bool,
 }
 
-/// Compares every run with the model as it is, training runs first.
+/// Compares every run with the model as it is, training runs first, each on a thread of its own.
 ///
 /// # Errors
 /// When a run cannot be compared, with what would help.
 pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, ExplainError> {
     let training = case.training.iter().map(|run| (run, false));
     let all: Vec<(&Recording, bool)> = training.chain(case.held_out.iter().map(|run| (run, true))).collect();
-    let count = all.len().max(1) as f64;
-    all.into_iter()
-        .enumerate()
-        .map(|(k, (run, held_out))| {
-            say(k as f64 / count, &format!("comparing {}", run.name));
-            Ok(ComparedRun { comparison: whorl_validation::compare(run, case.model)?, held_out })
-        })
-        .collect()
+    let names: Vec<&str> = all.iter().map(|(run, _)| run.name.as_str()).collect();
+    say(0.0, &format!("comparing {}", names.join(", ")));
+    std::thread::scope(|scope| {
+        let compared = |(run, held_out): (&Recording, bool)| -> Result<ComparedRun, ExplainError> {
+            let comparison = whorl_validation::compare(run, case.model)?;
+            Ok(ComparedRun { comparison, held_out })
+        };
+        let threads: Vec<_> = all.into_iter().map(|run| scope.spawn(move || compared(run))).collect();
+        // A panic in there is a defect here: it goes on.
+        threads
+            .into_iter()
+            .map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    })
 }
 
 /// Prediction error of a model in times the noise, over the training or the held-out runs together; `None` where no

@@ -2,6 +2,8 @@
 
 mod rehearsal;
 mod tables;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 

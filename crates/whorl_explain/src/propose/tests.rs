@@ -1,10 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use whorl_node::Timestamp;
-use whorl_params::{ParameterTree, standard_layers};
-use whorl_sim::NodeSet;
-
-use super::{Envelope, Manoeuvre, Step, family, yaml};
+use super::{Envelope, Manoeuvre, Step, family};
 
 fn parameters() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
@@ -15,25 +11,6 @@ fn manoeuvres(platform: &str, scale: f64) -> (Envelope, Vec<Manoeuvre>) {
     let envelope = Envelope::of(&known.model, scale);
     let all = family(&envelope);
     (envelope, all)
-}
-
-#[test]
-fn every_manoeuvre_is_an_experiment_that_the_nodes_accept() {
-    let directory = tempfile::tempdir().unwrap();
-    for platform in ["whorl_1", "whorl_2"] {
-        let (envelope, all) = manoeuvres(platform, 1.0);
-        assert_eq!(all.len(), 10);
-        for manoeuvre in &all {
-            let text = yaml(manoeuvre.name, platform, &envelope, manoeuvre, &["why: because".to_owned()]);
-            let file = directory.path().join(format!("{}.yaml", manoeuvre.name));
-            std::fs::write(&file, text).unwrap();
-            let layers = standard_layers(&parameters(), &[platform], Some(&file));
-            let tree = ParameterTree::load(&layers, &[]).unwrap();
-            let set = NodeSet::build(&tree, 1, Timestamp(0))
-                .unwrap_or_else(|error| panic!("{platform} {}: {error}", manoeuvre.name));
-            assert_eq!(set.platforms, [platform]);
-        }
-    }
 }
 
 /// Whorl-I's bearing stops at 5 deg, and it balances 2.1 deg from the vertical (Table 4.1).
