@@ -4,6 +4,7 @@ use whorl_diagnosis::{Diagnosis, Options, Progress};
 use whorl_trajectory::{ResidualTorque, residual_torque};
 
 use crate::adopt::{Version, versions};
+use crate::locate::believed;
 use crate::{Case, ExplainError, Say, part};
 
 /// A verdict with what it rests on.
@@ -19,7 +20,7 @@ pub struct Explanation {
 }
 
 /// The torque that a model leaves unexplained in one run, without and with the effects that were named; the platform's
-/// own parameters are refitted in both.
+/// own parameters are refitted in both, unless they would have to move beyond belief.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnexplainedTorque {
     /// Name of the run.
@@ -47,14 +48,17 @@ pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result
     Ok(Explanation { diagnosis, versions, torque })
 }
 
-/// What fitted versions leave of the first run.
+/// What the refitted model, and the one with effects, leave of the first run.
 fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorque> {
     let recording = case.training.first()?;
-    let left = |with_effects: bool| {
-        let version = versions.iter().find(|v| v.fit.is_some() && v.effects.is_empty() != with_effects)?;
-        residual_torque(recording, &version.fit.as_ref()?.model).ok()
+    let fit = |with_effects: bool| {
+        versions.iter().filter(|v| v.effects.is_empty() != with_effects).find_map(|v| v.fit.as_ref())
     };
-    Some(UnexplainedTorque { run: recording.name.clone(), before: left(false)?, after: left(true) })
+    // Bent beyond belief, the platform's own parameters would hide or feign what is missing.
+    let base = fit(false).filter(|fit| believed(case, fit).is_ok()).map_or(case.model, |fit| &fit.model);
+    let before = residual_torque(recording, base).ok()?;
+    let after = fit(true).and_then(|fit| residual_torque(recording, &fit.model).ok());
+    Some(UnexplainedTorque { run: recording.name.clone(), before, after })
 }
 
 impl Explanation {

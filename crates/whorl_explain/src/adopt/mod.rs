@@ -1,6 +1,6 @@
 //! What a physical effect brings, and the parameters with which it enters a platform's model.
 
-mod belief;
+pub(crate) mod belief;
 mod changes;
 mod versions;
 mod words;

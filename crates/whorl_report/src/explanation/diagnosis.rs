@@ -78,7 +78,7 @@ fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
             .collect();
         Figure {
             title: format!("{}: torque about body {} that is not explained", torque.run, ["x", "y", "z"][i]),
-            caption: "The platform's own parameters refitted both times; bands of two standard deviations. What stays in the band about zero is explained.".to_owned(),
+            caption: "The platform's own parameters refitted both times, unless without the effects they would have to move beyond belief; bands of two standard deviations. What stays in the band about zero is explained.".to_owned(),
             y_label: "torque [mN m]".to_owned(),
             curves: both.iter().map(|(name, r)| curve(name, r, 0.0)).collect(),
             bands: both.iter().map(|(name, r)| (curve(name, r, -1.0), curve(name, r, 1.0))).collect(),
