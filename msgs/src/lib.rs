@@ -2,24 +2,25 @@
 //! topics.
 //!
 //! `msg/` and `srv/` are a real ROS 2 interface package: build it with colcon to use the messages
-//! from C++ or Python. `standard/` holds the field lists of the standard messages in use, so that
-//! recordings carry complete schemas. A test parses every definition and compares it with the Rust
-//! type field by field.
+//! from C++ or Python. `standard/` holds the standard messages in use, so that recordings carry
+//! complete schemas. From these files `build.rs` makes the Rust types, [`definitions::DEFINITIONS`]
+//! and the list behind [`Message`]: a new message is its file, and a row in [`topics`].
 //!
-//! Field documentation (unit, frame, invalid value) stands in the `.msg` files.
+//! Unit, frame and invalid value of every field stand in its definition, and are its documentation here.
+
+include!(concat!(env!("OUT_DIR"), "/packages.rs"));
 
 mod actuators;
-pub mod builtin_interfaces;
 pub mod cdr;
 #[cfg(test)]
 mod conformity;
 pub mod definitions;
-pub mod diagnostic_msgs;
-pub mod geometry_msgs;
-pub mod sensor_msgs;
-pub mod std_msgs;
-pub mod tf2_msgs;
+mod extensions;
+#[cfg(test)]
+#[path = "../build/parse.rs"]
+mod parse;
+#[cfg(test)]
+mod parse_tests;
 pub mod topics;
-pub mod whorl;
 
 pub use topics::{Message, MessageType, PlatformId, Route, Service, Topic};

@@ -2,7 +2,7 @@
 //! simulation and replay.
 
 use crate::cdr::{self, CdrError};
-use crate::{diagnostic_msgs, geometry_msgs, sensor_msgs, tf2_msgs, whorl};
+use crate::whorl::srv::StartExperimentResponse;
 
 /// Index of a platform in the configured list of platform names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -72,12 +72,13 @@ pub struct TopicInfo {
 
 macro_rules! messages {
     ($($variant:ident($ty:ty) $name:literal;)+) => {
-        /// A message of any type in use.
+        /// A message of any type that has a definition.
         #[derive(Debug, Clone, PartialEq)]
+        #[cfg_attr(test, derive(serde::Serialize))]
         #[allow(missing_docs)]
         pub enum Message { $($variant($ty)),+ }
 
-        /// The types in use.
+        /// The types that have a definition.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[allow(missing_docs)]
         pub enum MessageType { $($variant),+ }
@@ -131,27 +132,7 @@ macro_rules! messages {
     };
 }
 
-messages! {
-    Imu(sensor_msgs::Imu) "sensor_msgs/msg/Imu";
-    Vector3Stamped(geometry_msgs::Vector3Stamped) "geometry_msgs/msg/Vector3Stamped";
-    JointState(sensor_msgs::JointState) "sensor_msgs/msg/JointState";
-    ThrusterState(whorl::ThrusterState) "whorl_msgs/msg/ThrusterState";
-    BatteryState(sensor_msgs::BatteryState) "sensor_msgs/msg/BatteryState";
-    FluidPressure(sensor_msgs::FluidPressure) "sensor_msgs/msg/FluidPressure";
-    Temperature(sensor_msgs::Temperature) "sensor_msgs/msg/Temperature";
-    ActuatorCommand(whorl::ActuatorCommand) "whorl_msgs/msg/ActuatorCommand";
-    AttitudeEstimate(whorl::AttitudeEstimate) "whorl_msgs/msg/AttitudeEstimate";
-    AttitudeReference(whorl::AttitudeReference) "whorl_msgs/msg/AttitudeReference";
-    ClockReply(whorl::ClockReply) "whorl_msgs/msg/ClockReply";
-    ClockRequest(whorl::ClockRequest) "whorl_msgs/msg/ClockRequest";
-    ControlStatus(whorl::ControlStatus) "whorl_msgs/msg/ControlStatus";
-    Excitation(whorl::Excitation) "whorl_msgs/msg/Excitation";
-    FormationCommand(whorl::FormationCommand) "whorl_msgs/msg/FormationCommand";
-    FormationState(whorl::FormationState) "whorl_msgs/msg/FormationState";
-    ParameterEstimate(whorl::ParameterEstimate) "whorl_msgs/msg/ParameterEstimate";
-    DiagnosticArray(diagnostic_msgs::DiagnosticArray) "diagnostic_msgs/msg/DiagnosticArray";
-    TFMessage(tf2_msgs::TFMessage) "tf2_msgs/msg/TFMessage";
-}
+include!(concat!(env!("OUT_DIR"), "/messages.rs"));
 
 macro_rules! topics {
     ($($(#[$doc:meta])* $topic:ident $name:literal $scope:ident $ty:ident $qos:ident $rate:literal;)+) => {
@@ -183,19 +164,20 @@ macro_rules! topics {
 }
 
 topics! {
-    /// Gyro and accelerometer, from the driver.
+    /// Gyro: angular rate \[rad/s\]; accelerometer: specific force \[m/s^2\], +9.81 on z at rest (REP-145). There is
+    /// no orientation: `orientation_covariance[0]` is -1. From the driver.
     ImuRaw "imu/data_raw" platform Imu STREAM 100.0;
     /// Direction to the vector sensor's target in body axes, from the driver.
     VectorDirection "vector_sensor/direction" platform Vector3Stamped STREAM 10.0;
-    /// Wheel speeds and motor torques, from the driver.
+    /// Wheels: `velocity` is the speed \[rad/s\], `effort` the motor torque \[N m\]. From the driver.
     WheelState "wheels/state" platform JointState STREAM 100.0;
     /// Valve on-times, from the driver.
     ThrusterState "thrusters/state" platform ThrusterState STREAM 100.0;
-    /// Bus voltage, from the driver.
+    /// Bus voltage \[V\], from the driver.
     Battery "battery" platform BatteryState STREAM 10.0;
-    /// Tank pressure, from the driver.
+    /// Absolute tank pressure \[Pa\], from the driver.
     TankPressure "tank_pressure" platform FluidPressure STREAM 10.0;
-    /// Platform temperature, from the driver.
+    /// Platform temperature in degrees Celsius, from the driver.
     Temperature "temperature" platform Temperature STREAM 1.0;
     /// Wheel torques and jet on-times, from local control.
     ActuatorCommand "actuators/command" platform ActuatorCommand STREAM 100.0;
@@ -248,7 +230,10 @@ impl Topic {
     }
 }
 
-/// Services of the coordinator. Each takes one string and answers with success and a sentence.
+/// What both services of the coordinator answer: success and a sentence.
+pub type ExperimentResponse = StartExperimentResponse;
+
+/// Services of the coordinator. Each takes one string and answers with an [`ExperimentResponse`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Service {
     /// `whorl_msgs/srv/StartExperiment` on `/coordinator/start`.

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use whorl_msgs::diagnostic_msgs::DiagnosticArray;
 use whorl_msgs::tf2_msgs::TFMessage;
-use whorl_msgs::topics::{Service, Topic};
-use whorl_msgs::whorl::srv::{AbortExperimentRequest, ExperimentResponse, StartExperimentRequest};
+use whorl_msgs::topics::{ExperimentResponse, Service, Topic};
+use whorl_msgs::whorl::srv::{AbortExperimentRequest, StartExperimentRequest};
 use whorl_msgs::whorl::{ControlStatus, FormationState};
 use whorl_params::Value;
 use whorl_ros::{EndpointQos, NodeList, ParameterClient, ParameterClientError, Participant, ServiceClient};

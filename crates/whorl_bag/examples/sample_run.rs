@@ -130,6 +130,8 @@ fn message(topic: Topic, sequence: u64, now: Timestamp) -> Message {
             transform.transform.translation = vector;
             m.transforms = vec![transform; 2];
         }
+        // Types that are parts of others.
+        _ => {}
     }
     message
 }

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use whorl_msgs::topics::{Message, Route};
 use whorl_node::Timestamp;
 
-use crate::run_writer::{RawSample, RunWriter, sequence_of};
+use crate::run_writer::{RawSample, RunWriter};
 use crate::{BagError, Manifest};
 
 /// Bytes after which a batch is handed over: large enough that handing over costs nothing.
@@ -75,7 +75,7 @@ impl BackgroundRunWriter {
             .encode_into(&mut self.encoded)
             .map_err(|source| BagError::Encode { topic: route.topic.info().name.to_owned(), source })?;
         self.batch.bytes.extend_from_slice(&self.encoded);
-        let (sequence, end) = (sequence_of(message), self.batch.bytes.len());
+        let (sequence, end) = (message.sequence(), self.batch.bytes.len());
         self.batch.messages.push(Recorded { route, log_time, sequence, end });
         if end >= BATCH_BYTES { self.hand_over() } else { Ok(()) }
     }

@@ -47,26 +47,5 @@ pub fn measurements(
 /// `/tf`, which has one per frame.
 #[must_use]
 pub fn stamp_of(message: &Message) -> Option<Timestamp> {
-    let header = match message {
-        Message::Imu(m) => &m.header,
-        Message::Vector3Stamped(m) => &m.header,
-        Message::JointState(m) => &m.header,
-        Message::ThrusterState(m) => &m.header,
-        Message::BatteryState(m) => &m.header,
-        Message::FluidPressure(m) => &m.header,
-        Message::Temperature(m) => &m.header,
-        Message::ActuatorCommand(m) => &m.header,
-        Message::AttitudeEstimate(m) => &m.header,
-        Message::AttitudeReference(m) => &m.header,
-        Message::ControlStatus(m) => &m.header,
-        Message::FormationCommand(m) => &m.header,
-        Message::Excitation(m) => &m.header,
-        Message::ClockRequest(m) => &m.header,
-        Message::ClockReply(m) => &m.header,
-        Message::FormationState(m) => &m.header,
-        Message::ParameterEstimate(m) => &m.header,
-        Message::DiagnosticArray(m) => &m.header,
-        Message::TFMessage(_) => return None,
-    };
-    Some(header.stamp.into())
+    message.header().map(|header| header.stamp.into())
 }

@@ -240,7 +240,7 @@ impl RunWriter {
             .encode_into(&mut encoded)
             .map_err(|source| BagError::Encode { topic: self.name(handle).to_owned(), source })
             .and_then(|()| {
-                let origin = sequence_of(message).map(|sequence| (0, sequence));
+                let origin = message.sequence().map(|sequence| (0, sequence));
                 self.write_raw(handle, RawSample { log_time, publish_time: log_time, origin, cdr: &encoded })
             });
         self.encoded = encoded;
@@ -351,32 +351,6 @@ impl RunWriter {
             let _ = self.manifest.write(&self.path);
         }
         result
-    }
-}
-
-/// The message's own sequence number, for the types that carry one.
-#[must_use]
-pub fn sequence_of(message: &Message) -> Option<u64> {
-    match message {
-        Message::ThrusterState(m) => Some(m.sequence),
-        Message::ActuatorCommand(m) => Some(m.sequence),
-        Message::AttitudeEstimate(m) => Some(m.sequence),
-        Message::AttitudeReference(m) => Some(m.sequence),
-        Message::ControlStatus(m) => Some(m.sequence),
-        Message::FormationCommand(m) => Some(m.sequence),
-        Message::Excitation(m) => Some(m.sequence),
-        Message::ClockRequest(m) => Some(m.sequence),
-        Message::ClockReply(m) => Some(m.sequence),
-        Message::FormationState(m) => Some(m.sequence),
-        Message::ParameterEstimate(m) => Some(m.sequence),
-        Message::Imu(_)
-        | Message::Vector3Stamped(_)
-        | Message::JointState(_)
-        | Message::BatteryState(_)
-        | Message::FluidPressure(_)
-        | Message::Temperature(_)
-        | Message::DiagnosticArray(_)
-        | Message::TFMessage(_) => None,
     }
 }
 

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use anyhow::bail;
 use serde::Serialize;
-use whorl_msgs::topics::Service;
-use whorl_msgs::whorl::srv::{AbortExperimentRequest, ExperimentResponse, StartExperimentRequest};
+use whorl_msgs::topics::{ExperimentResponse, Service};
+use whorl_msgs::whorl::srv::{AbortExperimentRequest, StartExperimentRequest};
 use whorl_ros::environment::Network;
 use whorl_ros::{Participant, ServiceClient};
 

@@ -21,14 +21,6 @@ pub(crate) struct Plan {
     pub rosout: bool,
 }
 
-/// ROS type of a service of Whorl.
-pub(crate) fn service_type(service: Service) -> &'static str {
-    match service {
-        Service::StartExperiment => "whorl_msgs/srv/StartExperiment",
-        Service::AbortExperiment => "whorl_msgs/srv/AbortExperiment",
-    }
-}
-
 /// One of the parameter services.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ParameterService {
@@ -101,7 +93,7 @@ impl Endpoints {
         }
         let mut services = Vec::new();
         for (service, name) in &plan.services {
-            services.push((*service, ServiceServer::new(participant, name, service_type(*service))?));
+            services.push((*service, ServiceServer::new(participant, name, service.type_name())?));
         }
         let mut parameters = Vec::new();
         for service in ParameterService::ALL {

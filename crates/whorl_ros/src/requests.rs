@@ -4,7 +4,7 @@ use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces as rcl;
 use serde::{Serialize, de::DeserializeOwned};
 use whorl_msgs::cdr;
-use whorl_msgs::whorl::srv::ExperimentResponse;
+use whorl_msgs::topics::ExperimentResponse;
 use whorl_node::{Configurable, Event, LogLevel, Response};
 use whorl_params::NodeParameters;
 

@@ -11,7 +11,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
-use whorl_msgs::whorl::srv::{AbortExperimentRequest, ExperimentResponse, StartExperimentRequest};
+use whorl_msgs::topics::ExperimentResponse;
+use whorl_msgs::whorl::srv::{AbortExperimentRequest, StartExperimentRequest};
 use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate};
 use whorl_msgs::{Message, MessageType, PlatformId, Route, Topic};
 use whorl_params::Value;

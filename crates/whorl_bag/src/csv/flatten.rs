@@ -61,7 +61,7 @@ impl Layout {
     }
 
     fn of_definition(definition: Definition) -> Option<Self> {
-        let fields = definition.fields().map(|field| {
+        let fields = definition.fields.iter().map(|field| {
             let (element, length) = match field.ty.split_once('[') {
                 None => (field.ty, None),
                 Some((element, "]")) => (element, Some(None)),

@@ -1,16 +1,14 @@
-//! `geometry_msgs`.
-#![allow(missing_docs)]
+//! What messages can do besides being sent: conversions, and questions to their content.
 
-use serde::{Deserialize, Serialize};
+use crate::geometry_msgs::{Quaternion, Vector3};
+use crate::whorl::AttitudeEstimate;
 
-use crate::std_msgs::Header;
-
-/// A vector in the frame and unit that the containing message says.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Vector3 {
-    pub x: f64,
-    pub y: f64,
-    pub z: f64,
+impl AttitudeEstimate {
+    /// Whether attitude and rate may be used for control.
+    #[must_use]
+    pub fn usable(&self) -> bool {
+        matches!(self.health, Self::HEALTH_OK | Self::HEALTH_DEGRADED)
+    }
 }
 
 impl From<[f64; 3]> for Vector3 {
@@ -23,41 +21,6 @@ impl From<Vector3> for [f64; 3] {
     fn from(v: Vector3) -> Self {
         [v.x, v.y, v.z]
     }
-}
-
-/// A Hamilton quaternion, vector part first.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Quaternion {
-    pub x: f64,
-    pub y: f64,
-    pub z: f64,
-    pub w: f64,
-}
-
-impl Default for Quaternion {
-    /// The identity, as in the message's definition.
-    fn default() -> Self {
-        Self { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
-    }
-}
-
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Vector3Stamped {
-    pub header: Header,
-    pub vector: Vector3,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Transform {
-    pub translation: Vector3,
-    pub rotation: Quaternion,
-}
-
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct TransformStamped {
-    pub header: Header,
-    pub child_frame_id: String,
-    pub transform: Transform,
 }
 
 impl From<nalgebra::Vector3<f64>> for Vector3 {
