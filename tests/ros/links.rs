@@ -10,7 +10,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{AttitudeEstimate, ClockRequest, ControlStatus, FormationState};
-use whorl_node::Timestamp;
+use whorl_node::{Node, Timestamp};
 use whorl_ros::environment::Network;
 
 use crate::support::formation::{Formation, LONG_HOLD};
@@ -207,8 +207,8 @@ impl Laboratory {
     /// Power fails and comes back on the computer of Whorl-II.
     fn restart_of_a_computer(&mut self) {
         self.lan.cut();
-        for node in ["driver", "estimator", "local_control"] {
-            self.formation.kill(&format!("/whorl_2/{node}"));
+        for node in Node::of_platform(false) {
+            self.formation.kill(&format!("/whorl_2/{}", node.name()));
         }
         let state = route(0, Topic::FormationState);
         self.watch.wait_next::<FormationState>("the loss of Whorl-II", state, SOON, |m| !m.link_ok[1]);

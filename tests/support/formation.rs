@@ -7,6 +7,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use tempfile::TempDir;
+use whorl_node::Node;
 use whorl_ros::Participant;
 use whorl_ros::environment::Network;
 
@@ -157,8 +158,8 @@ impl Formation {
 
     /// Driver, estimator and local control of one platform.
     pub fn start_platform(&mut self, platform: &str) {
-        for node in ["driver", "estimator", "local_control"] {
-            self.start(&format!("/{platform}/{node}"));
+        for node in Node::of_platform(false) {
+            self.start(&format!("/{platform}/{}", node.name()));
         }
     }
 
@@ -177,7 +178,7 @@ impl Formation {
         file(parameters.join("common.yaml"));
         for own in self.platforms.iter().filter(|p| platform.is_none_or(|wanted| wanted == **p)) {
             file(parameters.join(format!("{own}.yaml")));
-            if program == "driver" {
+            if Node::find(program).is_some_and(|node| node.info().reads_truth) {
                 file(parameters.join("truth").join(format!("{own}.yaml")));
             }
         }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use whorl_params::{Override, ParameterErrors, ParameterTree, Reader, formation, standard_layers};
+use whorl_params::{Override, ParameterErrors, layers_of_experiment};
 
 use crate::definition::{Axis, Definition};
 use crate::run_spec::RunSpec;
@@ -67,10 +67,7 @@ impl Plan {
             if !file.is_file() {
                 return Err(PlanError::NoExperiment(file));
             }
-            let tree = ParameterTree::load(&standard_layers(parameters, &[], Some(&file)), &[])?;
-            let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
-            let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
-            layers.push(standard_layers(parameters, &names, Some(&file)));
+            layers.push(layers_of_experiment(parameters, &file)?);
         }
         let parse = |axis: &str, text: &String| {
             Override::parse(text)

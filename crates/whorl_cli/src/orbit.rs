@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 use whorl_coordinator::parameters::{self, CoObservation, StepKind};
-use whorl_params::{Override, ParameterTree, Reader, formation, standard_layers, try_read};
+use whorl_params::{Override, ParameterTree, layers_of_experiment, try_read};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -35,12 +35,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let beside = experiment.parent().and_then(Path::parent).map(Path::to_owned);
     let folder = arguments.params.clone().or(beside).context("name the parameter folder with --params")?;
-    let tree = ParameterTree::load(&standard_layers(&folder, &[], Some(experiment)), &[])?;
-    let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
-    let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
     let overrides =
         arguments.overrides.iter().map(|text| Override::parse(text)).collect::<Result<Vec<_>, _>>()?;
-    let tree = ParameterTree::load(&standard_layers(&folder, &names, Some(experiment)), &overrides)?;
+    let tree = ParameterTree::load(&layers_of_experiment(&folder, experiment)?, &overrides)?;
     let (parameters, _) = try_read(&tree.for_node("/coordinator"), parameters::read)?;
     let mut out = std::io::stdout().lock();
     let mut found = false;

@@ -9,7 +9,7 @@ use clap::Args;
 use whorl_bag::{BackgroundRunWriter, BagError, BagOptions, RunDescription, RunWriter};
 use whorl_msgs::topics::{Message, Route};
 use whorl_node::{LogLevel, LogLine, Timestamp};
-use whorl_params::{Override, ParameterTree, Reader, formation, standard_layers};
+use whorl_params::{Override, ParameterTree, layers_of_experiment};
 use whorl_sim::{NodeSet, Observer, run as run_simulation};
 
 use crate::report;
@@ -159,11 +159,7 @@ fn layers(arguments: &Arguments) -> anyhow::Result<Vec<PathBuf>> {
                 format!("{} is not in a folder experiments/ beside a common.yaml; name the parameter folder with --params", experiment.display())
             })?,
     };
-    // The platforms decide which further files there are.
-    let tree = ParameterTree::load(&standard_layers(&folder, &[], Some(experiment)), &[])?;
-    let platforms = formation(&mut Reader::new(&tree.for_node("/coordinator"))).platforms;
-    let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
-    Ok(standard_layers(&folder, &names, Some(experiment)))
+    Ok(layers_of_experiment(&folder, experiment)?)
 }
 
 fn open_run(

@@ -3,11 +3,13 @@
 //! A core is a state machine: [`NodeCore::step`] takes the time and one [`Event`] and appends
 //! messages and log lines to [`Outputs`]. It knows no ROS, clock, file, thread or randomness.
 //! Three shells run the same cores unchanged: `whorl_ros` (DDS, real time), `whorl_sim`
-//! (one process, simulated time) and replay.
+//! (one process, simulated time) and replay. [`nodes`] is the table of the nodes that there are.
 
+pub mod nodes;
 mod outputs;
 mod timestamp;
 
+pub use nodes::{Node, NodeInfo, NodeInstance, Place, node_set};
 pub use outputs::{LogLevel, LogLine, Outputs, Publication, Response};
 pub use timestamp::Timestamp;
 pub use whorl_msgs::topics::{Message, Route, Service, Topic};

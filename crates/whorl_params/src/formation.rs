@@ -1,7 +1,15 @@
 //! The shared group `formation`: which platforms there are.
 
+use whorl_node::{NodeInstance, node_set};
+
+use crate::error::ParameterErrors;
 use crate::node_pattern::is_ros_name;
 use crate::reader::Reader;
+use crate::tree::ParameterTree;
+use crate::value::Value;
+
+/// The coordinator of the formation.
+const COORDINATOR: &str = "/coordinator";
 
 /// The platforms of the laboratory.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -73,18 +81,41 @@ pub fn own_platform(r: &mut Reader<'_>) -> Option<(u16, String)> {
     Some((u16::try_from(index).ok()?, formation.platforms.get(index)?.clone()))
 }
 
-/// Nodes of every platform, below its namespace.
-pub const PLATFORM_NODES: [&str; 3] = ["driver", "estimator", "local_control"];
+/// Key of the coordinator's parameter by which every platform runs the law in a coordinator of its own.
+pub const LAW_ON_PLATFORMS: &str = "law.on_platforms";
 
-/// Nodes that exist once.
-pub const FORMATION_NODES: [&str; 3] = ["coordinator", "recorder", "simulation"];
+impl ParameterTree {
+    /// The platforms, as the coordinator sees them. What is wrong with them is reported when it reads its
+    /// parameters.
+    #[must_use]
+    pub fn formation(&self) -> Formation {
+        formation(&mut Reader::new(&self.for_node(COORDINATOR)))
+    }
 
-/// Fully qualified names of all nodes, for [`crate::ParameterTree::check_sections`].
-#[must_use]
-pub fn node_names(formation: &Formation) -> Vec<String> {
-    let own = formation
-        .platforms
-        .iter()
-        .flat_map(|platform| PLATFORM_NODES.iter().map(move |node| format!("/{platform}/{node}")));
-    own.chain(FORMATION_NODES.iter().map(|node| format!("/{node}"))).collect()
+    /// Whether every platform has a coordinator of its own.
+    #[must_use]
+    pub fn law_on_platforms(&self) -> bool {
+        self.for_node(COORDINATOR).get(LAW_ON_PLATFORMS).is_some_and(|entry| entry.value == Value::Bool(true))
+    }
+
+    /// Every node that these parameters call for.
+    #[must_use]
+    pub fn node_set(&self) -> Vec<NodeInstance> {
+        node_set(&self.formation().platforms, self.law_on_platforms())
+    }
+
+    /// Refuses sections that are for none of these nodes; see [`Self::check_sections`].
+    ///
+    /// # Errors
+    /// One for each such section.
+    pub fn check_nodes(&self) -> Result<(), ParameterErrors> {
+        let nodes = self.node_set();
+        self.check_sections(nodes.iter().map(|instance| instance.name.as_str()))
+    }
+
+    /// The parameters of every node that these files call for, after layering, as one ROS 2 parameter file.
+    #[must_use]
+    pub fn effective_yaml(&self) -> String {
+        self.node_set().iter().map(|instance| self.for_node(&instance.name).to_yaml()).collect()
+    }
 }

@@ -180,3 +180,14 @@ pub fn standard_layers(directory: &Path, platforms: &[&str], experiment: Option<
     files.extend(experiment.map(Path::to_path_buf));
     files
 }
+
+/// [`standard_layers`] of an experiment: with the files of the platforms that it or `common.yaml` names.
+///
+/// # Errors
+/// As [`ParameterTree::load`].
+pub fn layers_of_experiment(directory: &Path, experiment: &Path) -> Result<Vec<PathBuf>, ParameterErrors> {
+    let platforms =
+        ParameterTree::load(&standard_layers(directory, &[], Some(experiment)), &[])?.formation().platforms;
+    let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
+    Ok(standard_layers(directory, &names, Some(experiment)))
+}

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::process::ExitCode;
 
 use whorl_msgs::PlatformId;
-use whorl_node::{Configurable, Timestamp};
+use whorl_node::{Configurable, Node, Timestamp};
 use whorl_params::{NodeParameters, Override, ParameterTree, Reader, formation, read_shared};
 
 use crate::arguments::{Arguments, HELP};
@@ -28,6 +28,13 @@ pub struct NodeOptions {
 }
 
 impl NodeOptions {
+    /// Options of a node of Whorl.
+    #[must_use]
+    pub fn of(node: Node) -> Self {
+        let info = node.info();
+        Self::new(info.name, info.purpose)
+    }
+
     /// Options of a node that takes ROS arguments only.
     #[must_use]
     pub fn new(name: &'static str, description: &'static str) -> Self {

@@ -1,15 +1,15 @@
 //! The whole node set from one parameter tree.
 
+use std::fmt::Display;
 use std::time::Duration;
 
 use thiserror::Error;
 use whorl_coordinator::CoordinatorCore;
-use whorl_coordinator::parameters::Role;
 use whorl_driver::{Backend, DriverCore, DriverError};
 use whorl_estimator::EstimatorCore;
 use whorl_local_control::LocalControlCore;
 use whorl_msgs::topics::PlatformId;
-use whorl_node::Timestamp;
+use whorl_node::{Node, NodeCore, NodeInstance, Timestamp};
 use whorl_params::{
     Formation, NodeParameters, ParameterError, ParameterErrors, ParameterTree, Reader, Value, effective_yaml,
     formation, non_negative, range, try_read,
@@ -157,69 +157,60 @@ impl Builder<'_> {
     }
 }
 
+/// Makes the core of a node whose parameters have been read.
+type Start = Box<dyn FnOnce() -> Result<Box<dyn NodeCore>, NodeSetError>>;
+
 impl NodeSet {
-    /// Builds driver, estimator and local control of every platform and the coordinator. `seed`
-    /// takes the place of every driver's seed and drives the link.
+    /// Builds every node of the table that runs in a simulation. `seed` takes the place of every driver's seed and
+    /// drives the link.
     ///
     /// # Errors
     /// Everything that is wrong with the parameters of any node; or why a node cannot start.
     pub fn build(tree: &ParameterTree, seed: u64, start: Timestamp) -> Result<Self, NodeSetError> {
         let mut builder = Builder { tree, effective: String::new(), errors: Vec::new() };
-        let coordinator = builder.read("/coordinator", whorl_coordinator::parameters::read);
-        let on_platforms = coordinator.as_ref().is_some_and(|c| c.role == Role::Observer);
-        let simulation = builder.read("/simulation", read_simulation);
-        let Formation { platforms } = formation(&mut Reader::new(&tree.for_node("/coordinator")));
+        let Formation { platforms } = tree.formation();
         let seed_value = Value::Integer(i64::try_from(seed).unwrap_or(i64::MAX));
-        let mut sets = Vec::new();
-        let mut own_coordinators = Vec::new();
-        for platform in &platforms {
-            let own = tree.for_node(&format!("/{platform}/driver")).with("seed", seed_value.clone());
-            let driver = builder.read_from(&own, whorl_driver::parameters::read);
-            let estimator =
-                builder.read(&format!("/{platform}/estimator"), whorl_estimator::parameters::read);
-            let control =
-                builder.read(&format!("/{platform}/local_control"), whorl_local_control::parameters::read);
-            if on_platforms {
-                let own =
-                    builder.read(&format!("/{platform}/coordinator"), whorl_coordinator::parameters::read);
-                own_coordinators.extend(own);
-            }
-            sets.extend(driver.zip(estimator).zip(control));
+        let mut simulation = None;
+        let mut starts: Vec<(String, Host, Start)> = Vec::new();
+        for NodeInstance { node, platform, name } in tree.node_set() {
+            let host = platform.map_or(Host::Ground, |index| Host::Platform(PlatformId(index)));
+            let core = match node {
+                Node::Driver => {
+                    let own = tree.for_node(&name).with("seed", seed_value.clone());
+                    let read = builder.read_from(&own, whorl_driver::parameters::read);
+                    read.map(|parameters| start_driver(name.clone(), parameters))
+                }
+                Node::Estimator => {
+                    let read = builder.read(&name, whorl_estimator::parameters::read);
+                    read.map(|parameters| start_node(&name, move || EstimatorCore::new(parameters)))
+                }
+                Node::LocalControl => {
+                    let read = builder.read(&name, whorl_local_control::parameters::read);
+                    read.map(|parameters| start_node(&name, move || LocalControlCore::new(parameters)))
+                }
+                Node::Coordinator => {
+                    let read = builder.read(&name, whorl_coordinator::parameters::read);
+                    read.map(|parameters| start_node(&name, move || CoordinatorCore::new(parameters)))
+                }
+                Node::Simulation => {
+                    simulation = builder.read(&name, read_simulation);
+                    None
+                }
+                // Whoever runs the simulation sees, and may record, all that passes over the bus.
+                Node::Recorder => None,
+            };
+            starts.extend(core.map(|core| (name, host, core)));
         }
         ParameterErrors::check(std::mem::take(&mut builder.errors))?;
-        let names = whorl_params::node_names(&Formation { platforms: platforms.clone() });
-        tree.check_sections(names.iter().map(String::as_str))?;
-        // Without errors both were read.
-        let (Some(coordinator), Some(simulation)) = (coordinator, simulation) else {
-            return Err(NodeSetError::Node {
-                node: "/coordinator".into(),
-                reason: "incomplete parameters".into(),
-            });
+        tree.check_nodes()?;
+        // Without errors it was read.
+        let Some(simulation) = simulation else {
+            return Err(failed("/simulation", "incomplete parameters"));
         };
         let mut bus = Bus::new(start, platforms.len(), simulation.local_delay, simulation.link, seed);
-        for (index, ((driver, estimator), control)) in (0u16..).zip(sets) {
-            let host = Host::Platform(PlatformId(index));
-            let name = driver.name.clone();
-            let node = |kind: &str| format!("/{name}/{kind}");
-            if !matches!(driver.backend, Backend::Simulated { .. }) {
-                return Err(NodeSetError::Backend { node: node("driver") });
-            }
-            let core = DriverCore::from_parameters(&driver, Vec::new(), |_| false)
-                .map_err(|source| NodeSetError::Driver { node: node("driver"), source })?;
-            bus.add(node("driver"), host, Box::new(core), Duration::ZERO);
-            let core = EstimatorCore::new(estimator).map_err(|e| failed(node("estimator"), e))?;
-            bus.add(node("estimator"), host, Box::new(core), Duration::ZERO);
-            let core = LocalControlCore::new(control).map_err(|e| failed(node("local_control"), e))?;
-            bus.add(node("local_control"), host, Box::new(core), Duration::ZERO);
+        for (name, host, start) in starts {
+            bus.add(name, host, start()?, Duration::ZERO);
         }
-        for (index, own) in (0u16..).zip(own_coordinators) {
-            let Some(platform) = platforms.get(usize::from(index)) else { break };
-            let name = format!("/{platform}/coordinator");
-            let core = CoordinatorCore::new(own).map_err(|e| failed(name.clone(), e))?;
-            bus.add(name, Host::Platform(PlatformId(index)), Box::new(core), Duration::ZERO);
-        }
-        let core = CoordinatorCore::new(coordinator).map_err(|e| failed("/coordinator".into(), e))?;
-        bus.add("/coordinator", Host::Ground, Box::new(core), Duration::ZERO);
         for (platform, offset_s) in simulation.clocks {
             bus.set_clock(Host::Platform(platform), offset_s);
         }
@@ -227,6 +218,29 @@ impl NodeSet {
     }
 }
 
-fn failed(node: String, reason: impl std::fmt::Display) -> NodeSetError {
-    NodeSetError::Node { node, reason: reason.to_string() }
+fn start_driver(node: String, parameters: whorl_driver::Parameters) -> Start {
+    Box::new(move || {
+        if !matches!(parameters.backend, Backend::Simulated { .. }) {
+            return Err(NodeSetError::Backend { node });
+        }
+        match DriverCore::from_parameters(&parameters, Vec::new(), |_| false) {
+            Ok(core) => Ok(Box::new(core)),
+            Err(source) => Err(NodeSetError::Driver { node, source }),
+        }
+    })
+}
+
+fn start_node<C: NodeCore + 'static, E: Display>(
+    node: &str,
+    core: impl FnOnce() -> Result<C, E> + 'static,
+) -> Start {
+    let node = node.to_owned();
+    Box::new(move || match core() {
+        Ok(core) => Ok(Box::new(core)),
+        Err(error) => Err(failed(&node, error)),
+    })
+}
+
+fn failed(node: &str, reason: impl Display) -> NodeSetError {
+    NodeSetError::Node { node: node.to_owned(), reason: reason.to_string() }
 }

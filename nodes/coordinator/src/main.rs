@@ -3,9 +3,10 @@
 use std::process::ExitCode;
 
 use whorl_coordinator::{CoordinatorCore, parameters};
+use whorl_node::Node;
 use whorl_ros::{NodeOptions, run_node};
 
 fn main() -> ExitCode {
-    let options = NodeOptions::new("coordinator", "commands the formation through an experiment");
+    let options = NodeOptions::of(Node::Coordinator);
     run_node(options, parameters::read, |_, parameters| CoordinatorCore::new(parameters))
 }

@@ -14,7 +14,7 @@ pub use law::LawSettings;
 pub use step::{Axis, Excite, PartialAngles, Scan, Slew, Step, StepKind};
 
 use whorl_control::formation::{self, ReferenceLimits, RegisteredLaw};
-use whorl_params::{Reader, positive, range};
+use whorl_params::{LAW_ON_PLATFORMS, Reader, positive, range};
 
 /// Everything a coordinator is built with.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,7 +175,7 @@ fn read_role(r: &mut Reader<'_>, platforms: &[String], law: Option<&LawSettings>
     let on_platforms =
         law.and_then(|law| formation::find(law.name())).is_some_and(RegisteredLaw::runs_on_platforms)
             && r.bool_or(
-                "law.on_platforms",
+                LAW_ON_PLATFORMS,
                 false,
                 "each platform runs the law itself, in a coordinator of its own; this one then only observes",
             );

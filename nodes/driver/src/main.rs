@@ -6,11 +6,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use whorl_driver::{Backend, DriverCore, Parameters, parameters};
+use whorl_node::Node;
 use whorl_ros::{NodeOptions, run_node};
 
 fn main() -> ExitCode {
-    let options =
-        NodeOptions::new("driver", "drives one platform: simulated hardware, a recording, real hardware");
+    let options = NodeOptions::of(Node::Driver);
     run_node(options, parameters::read, |_, parameters: Parameters| {
         let recording = match &parameters.backend {
             Backend::Replay { source, channels } => {

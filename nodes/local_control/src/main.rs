@@ -3,12 +3,10 @@
 use std::process::ExitCode;
 
 use whorl_local_control::{LocalControlCore, parameters};
+use whorl_node::Node;
 use whorl_ros::{NodeOptions, run_node};
 
 fn main() -> ExitCode {
-    let options = NodeOptions::new(
-        "local_control",
-        "Tracks the attitude reference of one platform with wheels and jets.",
-    );
+    let options = NodeOptions::of(Node::LocalControl);
     run_node(options, parameters::read, |_, parameters| LocalControlCore::new(parameters))
 }

@@ -5,12 +5,13 @@ mod recording;
 use std::process::ExitCode;
 
 use whorl_recorder::{Parameters, ReportingCore, parameters};
+use whorl_node::Node;
 use whorl_ros::{NodeOptions, run_node};
 
 use crate::recording::Recording;
 
 fn main() -> ExitCode {
-    let options = NodeOptions::new("recorder", "Records every topic into a run directory.");
+    let options = NodeOptions::of(Node::Recorder);
     let mut recording = None;
     let code = run_node(options, parameters::read, |context, parameters: Parameters| {
         let started = recording.insert(Recording::start(context, &parameters)?);

@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow, bail};
 use whorl_bag::{Manifest, RawSample, RunDescription, RunWriter};
 use whorl_node::Timestamp;
-use whorl_params::{Value, formation, node_names, read_shared};
+use whorl_params::Value;
 use whorl_recorder::{Parameters, RecordedTopic, RecorderCore, Status};
 use whorl_ros::recovery::{Action, Recovery, RecoveryTimes};
 use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, RosError, monotonic, wall_clock};
@@ -122,9 +122,7 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
     for file in &context.arguments().parameter_files {
         run.add_parameter_file(file)?;
     }
-    let formation = read_shared(&context.parameters(), formation)?;
-    let nodes = node_names(&formation);
-    let effective: String = nodes.iter().map(|node| context.tree().for_node(node).to_yaml()).collect();
+    let effective = context.tree().effective_yaml();
     run.add_parameters("effective.yaml", "all files and -p arguments of the recorder", effective.as_bytes())?;
     Ok(run)
 }

@@ -9,8 +9,7 @@ use whorl_dynamics::PlatformModel;
 
 use super::params_directory;
 use crate::{
-    FORMATION_NODES, ParameterTree, formation, node_names, platform_model, read_shared, standard_layers,
-    truth_model,
+    ParameterTree, formation, layers_of_experiment, platform_model, read_shared, standard_layers, truth_model,
 };
 
 fn layers(experiment: Option<&Path>) -> Vec<PathBuf> {
@@ -50,10 +49,11 @@ fn every_file_loads_for_every_node() {
         let platform_names: Vec<&str> = platforms.platforms.iter().map(String::as_str).collect();
         assert!(["whorl_1", "whorl_2"].starts_with(&platform_names), "{experiment:?}: {platform_names:?}");
         let tree = load(&platform_names);
-        let names = node_names(&platforms);
-        assert_eq!(names.len(), platform_names.len() * 3 + FORMATION_NODES.len());
-        tree.check_sections(names.iter().map(String::as_str)).unwrap_or_else(|errors| panic!("{errors}"));
-        for name in &names {
+        let nodes = tree.node_set();
+        let on_platforms = if tree.law_on_platforms() { platform_names.len() } else { 0 };
+        assert_eq!(nodes.len(), platform_names.len() * 3 + on_platforms + 3);
+        tree.check_nodes().unwrap_or_else(|errors| panic!("{errors}"));
+        for name in nodes.iter().map(|instance| &instance.name) {
             let node = tree.for_node(name);
             read_shared(&node, formation).unwrap_or_else(|errors| panic!("{name}:\n{errors}"));
             if platforms.platform_of_node(name).is_some() {
@@ -67,6 +67,38 @@ fn every_file_loads_for_every_node() {
             }
         }
     }
+}
+
+/// The coordinator that runs on a platform has a section of its own where there is such a coordinator.
+#[test]
+fn a_platforms_own_coordinator_is_a_node_where_the_law_runs_on_platforms() {
+    let own = "/whorl_1/coordinator:\n  ros__parameters:\n    waiting: {healthy_for_s: 2.5}\n";
+    let tree = |experiment: &str| {
+        let experiment = params_directory().join("experiments").join(experiment);
+        let mut texts: Vec<(String, String)> = layers_of_experiment(&params_directory(), &experiment)
+            .unwrap()
+            .iter()
+            .map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()))
+            .collect();
+        texts.push(("own.yaml".into(), own.into()));
+        let texts: Vec<(&str, &str)> =
+            texts.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
+        ParameterTree::from_texts(&texts, &[]).unwrap()
+    };
+    let decentralised = tree("decentralised_on_platforms.yaml");
+    decentralised.check_nodes().unwrap();
+    let effective = decentralised.effective_yaml();
+    let section = effective.split("/whorl_1/coordinator:\n").nth(1).unwrap();
+    assert!(section.split("\n/").next().unwrap().contains("2.5"), "{section}");
+    assert!(effective.contains("/whorl_2/coordinator:\n"));
+
+    let central = tree("leader_follower_short.yaml");
+    let error = central.check_nodes().unwrap_err().to_string();
+    assert!(
+        error.contains("own.yaml:2") && error.contains("/whorl_1/coordinator matches no node"),
+        "{error}"
+    );
+    assert!(!central.effective_yaml().contains("/whorl_1/coordinator"));
 }
 
 #[test]

@@ -11,7 +11,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_msgs::whorl::{ControlStatus, FormationCommand, FormationState};
 use whorl_node::{Event, LogLine, Timestamp};
-use whorl_params::{Override, ParameterTree, standard_layers};
+use whorl_params::{Override, ParameterTree, layers_of_experiment, standard_layers};
 use whorl_sim::{NodeSet, Observer, run};
 
 #[derive(Default)]
@@ -104,4 +104,36 @@ fn a_platform_that_is_cut_off_goes_on_alone_and_finds_back() {
             .all(|(_, _, mode)| matches!(*mode, ControlStatus::MODE_TRACK | ControlStatus::MODE_HOLD))
     };
     assert!(tracked(0) && tracked(1));
+}
+
+/// A section for the coordinator on one platform is read by that one.
+#[test]
+fn a_platforms_own_coordinator_has_a_section_of_its_own() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params");
+    let build = |experiment: &str| {
+        let experiment = folder.join("experiments").join(experiment);
+        let layers = layers_of_experiment(&folder, &experiment).unwrap();
+        let mut texts: Vec<_> = layers
+            .iter()
+            .map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()))
+            .collect();
+        let own = "/whorl_1/coordinator:\n  ros__parameters:\n    waiting: {healthy_for_s: 2.5}\n";
+        texts.push(("own.yaml".to_owned(), own.to_owned()));
+        let texts: Vec<_> = texts.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
+        NodeSet::build(&ParameterTree::from_texts(&texts, &[]).unwrap(), 3, Timestamp(0))
+    };
+    let set = build("decentralised_on_platforms.yaml").unwrap_or_else(|e| panic!("{e}"));
+    let section = |node: &str| {
+        let rest = set.effective_parameters.split(&format!("{node}:\n")).nth(1).unwrap();
+        rest.split("\n/").next().unwrap().to_owned()
+    };
+    assert!(section("/whorl_1/coordinator").contains("healthy_for_s: 2.5"));
+    assert!(!section("/whorl_2/coordinator").contains("healthy_for_s: 2.5"));
+
+    // Where no coordinator runs on a platform, it is a mistake.
+    let Err(error) = build("leader_follower_short.yaml") else { panic!("accepted") };
+    assert!(
+        error.to_string().contains("own.yaml:2: section /whorl_1/coordinator matches no node"),
+        "{error}"
+    );
 }
