@@ -21,16 +21,21 @@ minutes; everything goes to a folder of its own. DDS stays on this machine, in a
 TXT
 }
 
+need_value() {
+    if [ $# -lt 2 ] || [ -z "$2" ]; then die "$1 needs a value"; fi
+}
+
 seed=
 keep=
 effect=
+build=--build
 while [ $# -gt 0 ]; do
     case $1 in
         -h | --help) usage; exit 0 ;;
         --effect) need_value "$@"; effect=$2; shift 2 ;;
         --seed) need_value "$@"; seed=$2; shift 2 ;;
         --out) need_value "$@"; keep=$2; shift 2 ;;
-        --no-build) build=no; shift ;;
+        --no-build) build=--no-build; shift ;;
         *) usage >&2; die "unknown option $1" ;;
     esac
 done
@@ -45,8 +50,7 @@ esac
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_LOCALHOST_ONLY=1
 export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-$((50 + $$ % 50))}
 
-build_nodes
-check_binaries driver estimator local_control coordinator recorder whorl
+build_programs "$build"
 
 if [ -n "$keep" ]; then
     mkdir -p "$keep"

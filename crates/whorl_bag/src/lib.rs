@@ -52,7 +52,7 @@ pub use qos::offered_qos_profiles;
 pub use reader::{BagReader, MessageFilter, Messages, RecordedMessage};
 pub use recover::{Recovery, recover};
 pub use run_directory::{RunDirectory, recover_runs};
-pub use run_writer::{RawSample, RunTopicHandle, RunWriter};
+pub use run_writer::{RawSample, RunTopicHandle, RunWriter, new_run_directory};
 pub use scan::Integrity;
 pub use sequence::{Arrival, SequenceCounts, SequenceTracker};
 pub use statistics::{GAP_PERIODS, TopicStatistics, TopicSummary, WriterId};

@@ -65,9 +65,7 @@ impl RunWriter {
         start_utc: Timestamp,
         options: BagOptions,
     ) -> Result<Self, BagError> {
-        std::fs::create_dir_all(parent).map_err(|e| BagError::io("cannot create", parent, e))?;
-        let stem = format!("{}_{}", utc(start_utc).replace(':', "-"), file_name_of(&description.experiment));
-        let path = create_numbered(parent, &stem)?;
+        let path = new_run_directory(parent, &description.experiment, start_utc)?;
         Self::create_at(path, description, start_utc, options)
     }
 
@@ -370,6 +368,17 @@ fn file_name_of(experiment: &str) -> String {
         .map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' })
         .collect();
     if name.is_empty() { "run".into() } else { name }
+}
+
+/// Creates an empty directory for a run, named after its start and its experiment, that nobody else has: for
+/// [`RunWriter::create_in`] and what else belongs to the run.
+///
+/// # Errors
+/// [`BagError::Io`].
+pub fn new_run_directory(parent: &Path, experiment: &str, start_utc: Timestamp) -> Result<PathBuf, BagError> {
+    std::fs::create_dir_all(parent).map_err(|e| BagError::io("cannot create", parent, e))?;
+    let stem = format!("{}_{}", utc(start_utc).replace(':', "-"), file_name_of(experiment));
+    create_numbered(parent, &stem)
 }
 
 fn create_numbered(parent: &Path, stem: &str) -> Result<PathBuf, BagError> {

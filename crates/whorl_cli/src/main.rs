@@ -23,12 +23,14 @@ mod import;
 mod model_file;
 mod monitor;
 mod next;
+mod nodes;
 mod orbit;
 mod platforms;
 mod progress;
 mod provenance;
 mod report;
 mod reproduce;
+mod run;
 mod runs;
 mod simulate;
 mod table;
@@ -36,6 +38,8 @@ mod where_;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Parser, Subcommand};
 
@@ -49,6 +53,11 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Runs an experiment over DDS on this machine, from start to report: every node a process.
+    Run(run::Arguments),
+    /// Starts and stops single nodes on this machine: one platform's, the coordinator, the recorder.
+    #[command(subcommand)]
+    Nodes(nodes::Command),
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
     /// Simulates many runs over parameters, seeds, faults and links; goes on where it was interrupted.
@@ -112,12 +121,16 @@ enum Command {
 
 fn main() -> ExitCode {
     // `whorl ... | head` ends quietly when nobody reads on, as every filter does.
+    let ends_with_its_reader = Arc::new(AtomicBool::new(true));
     let _ = signal_hook::flag::register_conditional_shutdown(
         signal_hook::consts::SIGPIPE,
         0,
-        std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true)),
+        Arc::clone(&ends_with_its_reader),
     );
     let result = match Arguments::parse().command {
+        // Who has started processes stays to end them.
+        Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
+        Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Estimate(arguments) => estimate::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),

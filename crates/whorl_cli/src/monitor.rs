@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -48,16 +49,22 @@ struct PlatformView {
 
 /// Carries out `whorl monitor`. Fails when the experiment was aborted.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    watch(&arguments.platforms, arguments.stay, &AtomicBool::new(false))
+}
+
+/// Shows the formation until the experiment ends (unless it shall `stay`), or until it is told to stop. Fails when the
+/// experiment was aborted.
+pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Result<()> {
     let network = Network::from_environment()?;
-    let mut formation = Listener::new(&network, &arguments.platforms)?;
+    let mut formation = Listener::new(&network, platforms)?;
     let mut view = View::default();
     let mut screen = Screen::new();
     let mut last_rates = Instant::now();
-    loop {
+    while !stop.load(Ordering::Relaxed) {
         std::thread::sleep(LOOK);
         // DDS's threads do not survive everything, such as hours of a stopped process.
         if !formation.participant.is_alive() {
-            formation = Listener::new(&network, &arguments.platforms)?;
+            formation = Listener::new(&network, platforms)?;
         }
         for (route, reader) in &formation.readers {
             reader.drain_notifications();
@@ -76,17 +83,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             });
             last_rates = Instant::now();
         }
-        screen.show(&view.lines(&arguments.platforms));
+        screen.show(&view.lines(platforms));
         match view.formation.as_ref().map(|f| f.phase) {
-            Some(FormationState::PHASE_FINISHED) if !arguments.stay => {
+            Some(FormationState::PHASE_FINISHED) if !stay => {
                 return Ok(());
             }
-            Some(FormationState::PHASE_ABORTED) if !arguments.stay => {
+            Some(FormationState::PHASE_ABORTED) if !stay => {
                 bail!("the experiment was aborted; the coordinator's log says why");
             }
             _ => {}
         }
     }
+    Ok(())
 }
 
 /// What the monitor listens to.

@@ -1,0 +1,326 @@
+//! `whorl run`: an experiment over DDS on this machine, every node a process, from start to report.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, ExitStatus};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
+use whorl_ros::environment::Network;
+
+use crate::{monitor, report};
+
+/// Exit status when nothing was started.
+const NOT_STARTED: u8 = 2;
+/// Exit status after Ctrl-C, as shells give it.
+const INTERRUPTED: u8 = 130;
+/// Time between two looks at the processes.
+const LOOK: Duration = Duration::from_millis(100);
+/// Time that the monitor has to report the end of an experiment after the first node has finished.
+const LAST_LOOK: Duration = Duration::from_secs(2);
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A name in params/experiments/, or a file.
+    experiment: Option<String>,
+    /// Platforms, e.g. "whorl_1 whorl_2" [default: those of the parameter files].
+    #[arg(long, value_name = "\"A B\"", value_parser = names)]
+    platforms: Option<Names>,
+    /// What a driver drives, for one platform or all: sim, replay or hardware [default: sim].
+    #[arg(long, value_name = "[PLATFORM=]KIND", value_parser = backend)]
+    backend: Vec<(Option<String>, Backend)>,
+    /// Recording that a replaying platform is fed from: run, bag or CSV.
+    #[arg(long, value_name = "PLATFORM=FILE", value_parser = of_platform)]
+    source: Vec<(String, PathBuf)>,
+    /// Which column of a CSV recording is what, as params/channels/broad.yaml.
+    #[arg(long, value_name = "PLATFORM=FILE", value_parser = of_platform)]
+    channels: Vec<(String, PathBuf)>,
+    /// Folder of run directories [default: runs/].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Seed of the simulated hardware.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    folders: Folders,
+}
+
+/// Where parameters are.
+#[derive(Debug, Args)]
+pub struct Folders {
+    /// Parameter folder [default: params/].
+    #[arg(long, value_name = "DIR")]
+    params: Option<PathBuf>,
+    /// Folder that params/ and runs/ are in, and of whose commit the run keeps note.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    root: PathBuf,
+}
+
+impl Folders {
+    /// What the options say so far.
+    pub fn options(&self, experiment: &str) -> SetupOptions {
+        let params_of_whorl = self.root.join("params");
+        SetupOptions {
+            experiment: experiment.to_owned(),
+            params: self.params.clone().unwrap_or_else(|| params_of_whorl.clone()),
+            params_of_whorl,
+            ..SetupOptions::default()
+        }
+    }
+
+    /// Creates the directory of a run that begins now.
+    pub fn new_run(&self, out: Option<&Path>, setup: &Setup) -> anyhow::Result<PathBuf> {
+        let runs = out.map_or_else(|| self.root.join("runs"), Path::to_owned);
+        Ok(whorl_bag::new_run_directory(&runs, &setup.experiment_name(), whorl_ros::wall_clock())?)
+    }
+}
+
+/// Names of platforms in one argument.
+#[derive(Debug, Clone)]
+pub struct Names(pub Vec<String>);
+
+/// Reads `"A B"`.
+pub fn names(text: &str) -> Result<Names, String> {
+    let names: Vec<String> = text.split_whitespace().map(str::to_owned).collect();
+    if names.is_empty() { Err("it names no platform".to_owned()) } else { Ok(Names(names)) }
+}
+
+fn backend(text: &str) -> Result<(Option<String>, Backend), String> {
+    match text.split_once('=') {
+        Some((platform, kind)) => Ok((Some(platform.to_owned()), kind.parse()?)),
+        None => Ok((None, text.parse()?)),
+    }
+}
+
+fn of_platform(text: &str) -> Result<(String, PathBuf), String> {
+    let (platform, file) = text.split_once('=').ok_or("it takes PLATFORM=FILE")?;
+    Ok((platform.to_owned(), PathBuf::from(file)))
+}
+
+/// Carries out `whorl run`. The exit status is 0 when the experiment came to its end, 1 when it or a node failed, 2 when
+/// nothing was started, and 130 when it was interrupted.
+pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
+    exit_code(try_run(arguments, ends_with_its_reader))
+}
+
+/// The exit status; an error means that nothing was started.
+pub fn exit_code(result: anyhow::Result<u8>) -> ExitCode {
+    result.map_or_else(
+        |error| {
+            tell(format_args!("error: {error:#}"));
+            ExitCode::from(NOT_STARTED)
+        },
+        ExitCode::from,
+    )
+}
+
+fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
+    let folders = &arguments.folders;
+    let Some(experiment) = &arguments.experiment else {
+        // What there is, is in the error.
+        Setup::new(folders.options("")).context("which experiment?")?;
+        bail!("which experiment?");
+    };
+    let setup = Setup::new(options(arguments, experiment))?;
+    let domain = this_domain()?;
+    let programs = Programs::beside_this_one()?;
+    for process in setup.everything(Path::new(""), None) {
+        programs.path(process.node)?;
+    }
+    let _lease = domain.take()?;
+    let interrupted = Interrupted::new()?;
+    ends_with_its_reader.store(false, Ordering::Relaxed);
+    let run = folders.new_run(arguments.out.as_deref(), &setup)?;
+    domain.remember_supervisor(EXPERIMENT);
+
+    let mut supervisor = Supervisor::new(domain.clone());
+    let mut started = Ok(());
+    for process in setup.everything(&run, git_commit(&folders.root).as_deref()) {
+        if started.is_ok() && !interrupted.yes() {
+            started = supervisor.start(&programs, process, &run.join("logs"));
+        }
+    }
+    let mut monitor = Monitor::start(setup.platforms.clone());
+    let status = match started {
+        Ok(()) => watch(&mut supervisor, Some(&mut monitor), &interrupted),
+        Err(error) => {
+            tell(format_args!("error: {error}"));
+            1
+        }
+    };
+    monitor.stop();
+    stop(&mut supervisor);
+    domain.forget_supervisor(EXPERIMENT);
+    ends_with_its_reader.store(true, Ordering::Relaxed);
+    // The report says how far the run came, also when it was ended early.
+    if run.join("bag").is_dir()
+        && let Err(error) = report::run(std::slice::from_ref(&run), None)
+    {
+        tell(format_args!("error: {error:#}"));
+    }
+    Ok(status)
+}
+
+const EXPERIMENT: &str = "experiment";
+
+fn options(arguments: &Arguments, experiment: &str) -> SetupOptions {
+    let mut options = arguments.folders.options(experiment);
+    options.seed = arguments.seed;
+    options.platforms = arguments.platforms.clone().map(|Names(names)| names);
+    let mut drivers = BTreeMap::<String, DriverSource>::new();
+    let mut of_all = Backend::default();
+    for (platform, backend) in &arguments.backend {
+        match platform {
+            Some(platform) => drivers.entry(platform.clone()).or_default().backend = *backend,
+            None => of_all = *backend,
+        }
+    }
+    for (platform, file) in &arguments.source {
+        drivers.entry(platform.clone()).or_default().source = Some(file.clone());
+    }
+    for (platform, file) in &arguments.channels {
+        drivers.entry(platform.clone()).or_default().channels = Some(file.clone());
+    }
+    let named = |platform: &String| arguments.backend.iter().any(|(p, _)| p.as_ref() == Some(platform));
+    for (_, driver) in drivers.iter_mut().filter(|(platform, _)| !named(platform)) {
+        driver.backend = of_all;
+    }
+    options.drivers = drivers;
+    options.backend_of_others = of_all;
+    options
+}
+
+/// The domain that the environment chooses.
+pub fn this_domain() -> anyhow::Result<Domain> {
+    Ok(Domain::new(Network::from_environment()?.domain_id))
+}
+
+fn git_commit(root: &Path) -> Option<String> {
+    let output = Command::new("git").arg("-C").arg(root).args(["rev-parse", "HEAD"]).output().ok()?;
+    let commit = String::from_utf8(output.stdout).ok()?.trim().to_owned();
+    (output.status.success() && !commit.is_empty()).then_some(commit)
+}
+
+/// Watches processes until one ends, the experiment is over, or somebody interrupts; returns the exit status.
+pub fn watch(
+    supervisor: &mut Supervisor,
+    mut monitor: Option<&mut Monitor>,
+    interrupted: &Interrupted,
+) -> u8 {
+    let mut until: Option<Instant> = None;
+    loop {
+        if interrupted.yes() {
+            return INTERRUPTED;
+        }
+        match supervisor.ended() {
+            // The coordinator at the end of the experiment, which the monitor is about to report, or a driver at the
+            // end of its recording.
+            Some(Ended { label, status, .. }) if status.success() => {
+                say(format_args!("{label} has finished"));
+                if monitor.is_none() {
+                    return 0;
+                }
+                until.get_or_insert(Instant::now() + LAST_LOOK);
+            }
+            Some(ended) => {
+                let Ended { label, status, log } = &ended;
+                tell(format_args!(
+                    "error: {label} ended with status {}. Its log, {}, says:\n{}",
+                    shell_status(*status),
+                    log.display(),
+                    ended.last_words()
+                ));
+                return 1;
+            }
+            None => {}
+        }
+        if let Some(status) = monitor.as_mut().and_then(|monitor| monitor.status()) {
+            return status;
+        }
+        if until.is_some_and(|until| Instant::now() >= until) {
+            return 0;
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// As a shell says it: 128 and the signal's number for a process that a signal ended.
+fn shell_status(status: ExitStatus) -> i32 {
+    use std::os::unix::process::ExitStatusExt;
+    status.code().or_else(|| status.signal().map(|signal| 128 + signal)).unwrap_or(1)
+}
+
+/// Stops everything and names what had to be killed.
+pub fn stop(supervisor: &mut Supervisor) {
+    for label in supervisor.stop() {
+        tell(format_args!("warning: {label} did not stop, killed it"));
+    }
+}
+
+/// Ctrl-C, SIGTERM or a terminal that went away. Further ones change nothing: everything is being stopped.
+pub struct Interrupted(Arc<AtomicBool>);
+
+impl Interrupted {
+    /// From now on signals are noted and end nothing by themselves.
+    pub fn new() -> anyhow::Result<Self> {
+        let flag = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            signal_hook::flag::register(signal, Arc::clone(&flag)).context("cannot handle signals")?;
+        }
+        Ok(Self(flag))
+    }
+
+    fn yes(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The live status, in a thread: joining the network may take seconds, which nothing else waits for.
+pub struct Monitor {
+    thread: Option<JoinHandle<anyhow::Result<()>>>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Monitor {
+    fn start(platforms: Vec<String>) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || monitor::watch(&platforms, false, &stopped));
+        Self { thread: Some(thread), stop }
+    }
+
+    /// The exit status that its end means, once it has ended.
+    fn status(&mut self) -> Option<u8> {
+        let thread = self.thread.take_if(|thread| thread.is_finished())?;
+        match thread.join() {
+            Ok(Ok(())) => Some(0),
+            Ok(Err(error)) => {
+                tell(format_args!("error: {error:#}"));
+                Some(1)
+            }
+            Err(_) => Some(1),
+        }
+    }
+
+    fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// To the standard output, if anybody reads it: with or without, processes are to be watched.
+pub fn say(text: impl Display) {
+    let _ = writeln!(std::io::stdout(), "{text}");
+}
+
+/// To the standard error, likewise.
+pub fn tell(text: impl Display) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}

@@ -1,0 +1,222 @@
+//! A ROS domain on this machine: who has it, and which of our processes run in it.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rustix::io::FdFlags;
+use rustix::process::{Pid, Signal, kill_process, test_kill_process};
+use whorl_node::Node;
+
+use crate::error::LaunchError;
+
+/// Time that processes have to end after they were asked to.
+const NODES_END: Duration = Duration::from_secs(3);
+/// The recorder's: it closes its files.
+const RECORDER_ENDS: Duration = Duration::from_secs(5);
+/// Whoever watches processes stops them, one group after the other.
+const SUPERVISOR_ENDS: Duration = Duration::from_secs(10);
+
+/// A ROS domain on this machine.
+#[derive(Debug, Clone)]
+pub struct Domain {
+    id: u16,
+    /// One file for each process of this user.
+    folder: PathBuf,
+    /// Locked by whoever runs nodes in this domain; of all users.
+    lock: PathBuf,
+}
+
+/// The right to run nodes in a domain. Nodes inherit it: as long as one lives, the domain is in use.
+#[derive(Debug)]
+pub struct Lease {
+    _locks: Vec<File>,
+}
+
+impl Domain {
+    /// The domain of this number.
+    #[must_use]
+    pub fn new(id: u16) -> Self {
+        let runtime =
+            std::env::var_os("XDG_RUNTIME_DIR").map_or_else(|| PathBuf::from("/tmp"), PathBuf::from);
+        let user = rustix::process::getuid().as_raw();
+        Self::at(id, runtime.join(format!("whorl-{user}-domain-{id}")), &std::env::temp_dir())
+    }
+
+    pub(crate) fn at(id: u16, folder: PathBuf, locks: &Path) -> Self {
+        Self { id, folder, lock: locks.join(format!("whorl-domain-{id}.lock")) }
+    }
+
+    /// Where logs go of what is started by hand.
+    #[must_use]
+    pub fn logs(&self) -> PathBuf {
+        self.folder.join("logs")
+    }
+
+    /// Takes the domain for an experiment, which shares it with nobody.
+    ///
+    /// # Errors
+    /// [`LaunchError::DomainTaken`].
+    pub fn take(&self) -> Result<Lease, LaunchError> {
+        self.create_folder()?;
+        Ok(Lease {
+            _locks: vec![self.lock(&self.lock, File::try_lock, "another experiment or other nodes")?],
+        })
+    }
+
+    /// Takes a piece of the domain (a platform's nodes, the coordinator, the recorder), which is there once. Other
+    /// pieces may be taken, an experiment may not run.
+    ///
+    /// # Errors
+    /// [`LaunchError::DomainTaken`].
+    pub fn share(&self, piece: &str) -> Result<Lease, LaunchError> {
+        self.create_folder()?;
+        let own = self.folder.join(format!("{piece}.lock"));
+        let shared = self.lock(&self.lock, File::try_lock_shared, "an experiment")?;
+        let own = self.lock(&own, File::try_lock, &format!("another {piece}"))?;
+        Ok(Lease { _locks: vec![shared, own] })
+    }
+
+    fn lock(
+        &self,
+        path: &Path,
+        lock: impl Fn(&File) -> Result<(), TryLockError>,
+        by: &str,
+    ) -> Result<File, LaunchError> {
+        // It may be another user's: only he may write to it, but everybody may lock it.
+        let file = File::open(path)
+            .or_else(|_| OpenOptions::new().create(true).truncate(false).write(true).open(path))
+            .map_err(LaunchError::io("cannot open", path))?;
+        match lock(&file) {
+            Ok(()) => {
+                rustix::io::fcntl_setfd(&file, FdFlags::empty())
+                    .map_err(|error| LaunchError::io("cannot keep", path)(error.into()))?;
+                Ok(file)
+            }
+            Err(TryLockError::WouldBlock) => {
+                let labels: Vec<String> =
+                    self.nodes().into_iter().chain(self.supervisors()).map(|process| process.label).collect();
+                let known =
+                    if labels.is_empty() { String::new() } else { format!(" ({})", labels.join(", ")) };
+                Err(LaunchError::DomainTaken { domain: self.id, by: format!("{by}{known}") })
+            }
+            Err(TryLockError::Error(error)) => Err(LaunchError::io("cannot lock", path)(error)),
+        }
+    }
+
+    fn create_folder(&self) -> Result<(), LaunchError> {
+        std::fs::create_dir_all(&self.folder).map_err(LaunchError::io("cannot create", &self.folder))
+    }
+
+    /// Remembers a node, for [`Self::stop`].
+    pub(crate) fn remember(&self, label: &str, pid: u32) {
+        self.write(&format!("{label}.pid"), pid);
+    }
+
+    /// Remembers that this process watches others, for [`Self::stop`].
+    pub fn remember_supervisor(&self, label: &str) {
+        self.write(&format!("{label}.supervisor"), std::process::id());
+    }
+
+    /// Remembers this process, which is about to become a node.
+    pub fn remember_self(&self, label: &str) {
+        self.remember(label, std::process::id());
+    }
+
+    /// A file that cannot be written only makes [`Self::stop`] miss the process.
+    fn write(&self, name: &str, pid: u32) {
+        let _ = std::fs::create_dir_all(&self.folder);
+        let _ = std::fs::write(self.folder.join(name), format!("{pid}\n"));
+    }
+
+    pub(crate) fn forget(&self, label: &str) {
+        let _ = std::fs::remove_file(self.folder.join(format!("{label}.pid")));
+    }
+
+    /// Forgets a supervisor, and the folder once nothing is in it.
+    pub fn forget_supervisor(&self, label: &str) {
+        let _ = std::fs::remove_file(self.folder.join(format!("{label}.supervisor")));
+        let _ = std::fs::remove_dir(&self.folder);
+    }
+
+    /// Stops everything that runs in this domain and was started by this user on this machine, the recorder last.
+    /// Returns how many nodes those were.
+    #[must_use]
+    pub fn stop(&self) -> usize {
+        let nodes = self.nodes();
+        // Whoever watches nodes ends them in order, and writes the report.
+        end(&self.supervisors(), SUPERVISOR_ENDS);
+        let (recorders, others): (Vec<_>, Vec<_>) =
+            nodes.iter().cloned().partition(|process| process.label == Node::Recorder.name());
+        end(&others, NODES_END);
+        end(&recorders, RECORDER_ENDS);
+        let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        for path in files.filter(|path| path.extension().is_some_and(|e| e == "pid" || e == "supervisor")) {
+            let _ = std::fs::remove_file(path);
+        }
+        let _ = std::fs::remove_dir(&self.folder);
+        nodes.len()
+    }
+
+    /// Nodes that run.
+    fn nodes(&self) -> Vec<Running> {
+        let is_node = |program: &str| Node::find(program).is_some_and(|node| node.info().is_program);
+        self.running("pid", is_node)
+    }
+
+    /// Commands that watch nodes.
+    fn supervisors(&self) -> Vec<Running> {
+        self.running("supervisor", |program| program == "whorl")
+    }
+
+    fn running(&self, extension: &str, is_ours: impl Fn(&str) -> bool) -> Vec<Running> {
+        let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        let mut running: Vec<Running> = files
+            .filter(|path| path.extension().is_some_and(|e| e == extension))
+            .filter_map(|path| {
+                let pid: i32 = std::fs::read_to_string(&path).ok()?.trim().parse().ok()?;
+                let label = path.file_stem()?.to_string_lossy().into_owned();
+                let process = Running { label, pid: Pid::from_raw(pid)? };
+                // A process id may have been given to another program since.
+                process.program().is_some_and(|program| is_ours(&program)).then_some(process)
+            })
+            .collect();
+        running.sort_by(|a, b| a.label.cmp(&b.label));
+        running
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Running {
+    label: String,
+    pid: Pid,
+}
+
+impl Running {
+    fn program(&self) -> Option<String> {
+        let path = std::fs::read_link(format!("/proc/{}/exe", self.pid.as_raw_nonzero())).ok()?;
+        let name = path.file_name()?.to_string_lossy().into_owned();
+        // Of a program that was built anew meanwhile.
+        Some(name.strip_suffix(" (deleted)").unwrap_or(&name).to_owned())
+    }
+}
+
+/// Asks processes that are no children of this one to end, and kills those that have not after some time.
+fn end(processes: &[Running], within: Duration) {
+    for process in processes {
+        let _ = kill_process(process.pid, Signal::TERM);
+    }
+    let began = Instant::now();
+    let mut left = processes.to_vec();
+    while began.elapsed() < within {
+        left.retain(|process| test_kill_process(process.pid).is_ok() && process.program().is_some());
+        if left.is_empty() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    for process in left {
+        eprintln!("warning: {} did not stop, killing it", process.label);
+        let _ = kill_process(process.pid, Signal::KILL);
+    }
+}

@@ -1,0 +1,70 @@
+//! Why something cannot be started.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+use whorl_params::ParameterErrors;
+
+/// Why something cannot be started.
+#[derive(Debug, Error)]
+pub enum LaunchError {
+    /// Not a file, and not in the parameter folder.
+    #[error("no experiment '{name}': not a file, and not one of {}", known.join(" "))]
+    NoExperiment {
+        /// What was asked for.
+        name: String,
+        /// Names of the experiments that there are.
+        known: Vec<String>,
+    },
+    /// A platform without a file.
+    #[error("no parameter file {} for platform '{platform}'", file.display())]
+    NoPlatform {
+        /// The platform.
+        platform: String,
+        /// The file that is not there.
+        file: PathBuf,
+    },
+    /// A platform that is not started.
+    #[error("no platform '{name}' among: {}", platforms.join(" "))]
+    UnknownPlatform {
+        /// The platform.
+        name: String,
+        /// Those that are started.
+        platforms: Vec<String>,
+    },
+    /// Parameter files are wrong.
+    #[error(transparent)]
+    Parameters(#[from] ParameterErrors),
+    /// A program that has not been built.
+    #[error("{} is not there: build with 'cargo build --release', or run without --no-build", .0.display())]
+    NoProgram(PathBuf),
+    /// The domain is taken.
+    #[error(
+        "ROS domain {domain} is in use on this machine by {by}: end it (launch_scripts/stop_all.sh), or choose \
+         another domain with ROS_DOMAIN_ID"
+    )]
+    DomainTaken {
+        /// Its number.
+        domain: u16,
+        /// By what.
+        by: String,
+    },
+    /// The operating system refuses.
+    #[error("{what} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        what: &'static str,
+        /// With which file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+impl LaunchError {
+    /// For `map_err`.
+    pub(crate) fn io(what: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::Io { what, path, source }
+    }
+}

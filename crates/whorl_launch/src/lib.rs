@@ -1,0 +1,22 @@
+//! Starts, watches and stops the processes of an experiment on this machine.
+//!
+//! - [`Setup`]: which experiment, platforms and parameter files; checked before anything starts.
+//! - [`Process`]: what is started, with its arguments, as data made by [`Setup`] from the table of nodes.
+//! - [`Domain`]: the ROS domain on this machine: who has it, and which processes run in it.
+//! - [`Supervisor`]: the processes once they run; stops them, the recorder last.
+//!
+//! What the user sees of it, `whorl run` and `whorl nodes`, is in the command line.
+
+mod domain;
+mod error;
+mod process;
+mod setup;
+mod supervisor;
+#[cfg(test)]
+mod tests;
+
+pub use domain::{Domain, Lease};
+pub use error::LaunchError;
+pub use process::{Process, Programs};
+pub use setup::{Backend, DriverSource, Setup, SetupOptions};
+pub use supervisor::{Ended, Supervisor, become_node};

@@ -1,0 +1,217 @@
+use std::collections::BTreeMap;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use whorl_node::Node;
+
+use super::*;
+
+fn params() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
+}
+
+fn options(experiment: &str) -> SetupOptions {
+    SetupOptions {
+        experiment: experiment.into(),
+        params: params(),
+        params_of_whorl: params(),
+        seed: 7,
+        ..SetupOptions::default()
+    }
+}
+
+/// Arguments with the parameter folder left out of the paths.
+fn words(process: &Process) -> String {
+    let folder = format!("{}/", params().display());
+    let words: Vec<String> =
+        process.arguments.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+    words.join(" ").replace(&folder, "")
+}
+
+#[test]
+fn an_experiment_starts_the_recorder_first_and_the_coordinator_last() {
+    let setup = Setup::new(options("leader_follower_short")).unwrap();
+    let processes = setup.everything(Path::new("runs/x"), Some("123"));
+    let labels: Vec<&str> = processes.iter().map(|p| p.label.as_str()).collect();
+    assert_eq!(
+        labels,
+        [
+            "recorder",
+            "whorl_1_driver",
+            "whorl_1_estimator",
+            "whorl_1_local_control",
+            "whorl_2_driver",
+            "whorl_2_estimator",
+            "whorl_2_local_control",
+            "coordinator"
+        ]
+    );
+    assert_eq!(
+        words(&processes[0]),
+        "--ros-args --params-file common.yaml --params-file whorl_1.yaml --params-file truth/whorl_1.yaml \
+         --params-file whorl_2.yaml --params-file truth/whorl_2.yaml --params-file \
+         experiments/leader_follower_short.yaml -p formation.platforms:=[whorl_1,whorl_2] -p \
+         run_directory:=runs/x -p seed:=7 -p git_commit:='123'"
+    );
+    // Truth is the driver's alone; who commands does not know it.
+    assert_eq!(
+        words(&processes[4]),
+        "--ros-args -r __ns:=/whorl_2 --params-file common.yaml --params-file whorl_2.yaml --params-file \
+         truth/whorl_2.yaml --params-file experiments/leader_follower_short.yaml -p backend:=sim -p seed:=7"
+    );
+    for process in processes.iter().filter(|p| !matches!(p.node, Node::Driver | Node::Recorder)) {
+        assert!(!words(process).contains("truth/"), "{}", words(process));
+    }
+}
+
+#[test]
+fn each_platform_gets_a_coordinator_where_the_law_runs_on_platforms() {
+    let setup = Setup::new(options("decentralised_on_platforms")).unwrap();
+    let own: Vec<String> = setup.platform("whorl_2").into_iter().map(|p| p.label).collect();
+    let expected =
+        ["driver", "estimator", "local_control", "coordinator"].map(|node| format!("whorl_2_{node}"));
+    assert_eq!(own, expected);
+}
+
+#[test]
+fn drivers_are_told_what_they_drive() {
+    let replayed = DriverSource { backend: Backend::Replay, source: Some("a.csv".into()), channels: None };
+    let drivers = BTreeMap::from([("whorl_1".to_owned(), replayed)]);
+    let options =
+        SetupOptions { drivers, backend_of_others: Backend::Hardware, ..options("leader_follower_short") };
+    let setup = Setup::new(options).unwrap();
+    let driver = |platform: &str| words(&setup.platform(platform)[0]);
+    assert!(driver("whorl_1").ends_with("-p backend:=replay -p seed:=7 -p replay.source:=a.csv"));
+    assert!(driver("whorl_2").ends_with("-p backend:=hardware -p seed:=7"));
+}
+
+#[test]
+fn what_is_not_there_is_named_before_anything_starts() {
+    let refused = |options: SetupOptions| Setup::new(options).unwrap_err().to_string();
+    let text = refused(options("nothing"));
+    assert!(text.contains("'nothing'") && text.contains("leader_follower_short"), "{text}");
+    let platforms = Some(vec!["whorl_9".to_owned()]);
+    let text = refused(SetupOptions { platforms, ..options("swing") });
+    assert!(text.contains("'whorl_9'") && text.contains("whorl_9.yaml"), "{text}");
+    let drivers = BTreeMap::from([("whorl_7".to_owned(), DriverSource::default())]);
+    let text = refused(SetupOptions { drivers, ..options("leader_follower_short") });
+    assert!(text.contains("'whorl_7' among: whorl_1 whorl_2"), "{text}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mistyped.yaml");
+    let experiment =
+        std::fs::read_to_string(params().join("experiments/leader_follower_short.yaml")).unwrap();
+    std::fs::write(&file, experiment.replace("/whorl_2/driver:", "/whorl_2/drivr:")).unwrap();
+    let text = refused(options(file.to_str().unwrap()));
+    assert!(text.contains("section /whorl_2/drivr matches no node; did you mean /whorl_2/driver?"), "{text}");
+}
+
+/// An experiment with one of its platforms only: what it says of the other is no mistake.
+#[test]
+fn a_platform_may_be_left_out() {
+    let platforms = Some(vec!["whorl_1".to_owned()]);
+    let setup = Setup::new(SetupOptions { platforms, ..options("leader_follower_short") }).unwrap();
+    assert_eq!(setup.everything(Path::new("x"), None).len(), 5);
+}
+
+#[test]
+fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let domain = || Domain::at(3, folder.path().join("state"), folder.path());
+    let experiment = domain().take().unwrap();
+    let text = domain().take().unwrap_err().to_string();
+    assert!(text.contains("ROS domain 3") && text.contains("stop_all.sh"), "{text}");
+    assert!(domain().share("whorl_1").unwrap_err().to_string().contains("an experiment"));
+    drop(experiment);
+    let _first = domain().share("whorl_1").unwrap();
+    let _second = domain().share("whorl_2").unwrap();
+    assert!(domain().share("whorl_1").unwrap_err().to_string().contains("another whorl_1"));
+    assert!(domain().take().is_err());
+    // Another domain is another matter.
+    Domain::at(4, folder.path().join("other"), folder.path()).take().unwrap();
+}
+
+/// Programs that write down when they start and end.
+fn programs(folder: &Path, text: &str) -> Programs {
+    for node in [Node::Driver, Node::Recorder] {
+        let path = folder.join(node.name());
+        let text = text.replace("NAME", node.name()).replace("FOLDER", &folder.display().to_string());
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    Programs::in_folder(folder)
+}
+
+fn started(folder: &Path, text: &str) -> Supervisor {
+    let programs = programs(folder, text);
+    let mut supervisor = Supervisor::new(Domain::at(1, folder.join("state"), folder));
+    for node in [Node::Recorder, Node::Driver] {
+        let process = Process { label: node.name().to_owned(), node, arguments: Vec::new() };
+        supervisor.start(&programs, process, &folder.join("logs")).unwrap();
+    }
+    supervisor
+}
+
+fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !condition() {
+        assert!(began.elapsed() < Duration::from_secs(20), "waited for {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn the_recorder_is_stopped_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        "trap 'sleep 0.2; echo NAME >>FOLDER/order; exit 0' TERM; echo up; while :; do sleep 0.01; done";
+    let mut supervisor = started(folder.path(), text);
+    let log = |name: &str| {
+        std::fs::read_to_string(folder.path().join(format!("logs/{name}.log"))).unwrap_or_default()
+    };
+    wait_for("both", || log("driver") == "up\n" && log("recorder") == "up\n");
+    assert!(folder.path().join("state/driver.pid").is_file());
+    assert!(supervisor.ended().is_none());
+    assert_eq!(supervisor.stop(), Vec::<String>::new());
+    assert_eq!(std::fs::read_to_string(folder.path().join("order")).unwrap(), "driver\nrecorder\n");
+    assert!(!folder.path().join("state/driver.pid").exists());
+}
+
+#[test]
+fn what_does_not_stop_is_killed_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut supervisor =
+        started(folder.path(), "[ NAME = recorder ] || trap '' TERM; echo up; while :; do sleep 0.01; done");
+    wait_for("the driver", || {
+        std::fs::read_to_string(folder.path().join("logs/driver.log")).is_ok_and(|text| text == "up\n")
+    });
+    assert_eq!(supervisor.stop(), ["driver"]);
+}
+
+#[test]
+fn a_process_that_fails_is_reported_once_with_its_last_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[ NAME = driver ] && { seq 1 30; echo no device >&2; exit 3; }; exec sleep 60";
+    let mut supervisor = started(folder.path(), text);
+    let mut ended = None;
+    wait_for("its end", || {
+        ended = supervisor.ended();
+        ended.is_some()
+    });
+    let ended = ended.unwrap();
+    assert_eq!((ended.label.as_str(), ended.status.code()), ("driver", Some(3)));
+    let words = ended.last_words();
+    assert!(words.starts_with("12\n") && words.ends_with("30\nno device"), "{words}");
+    assert!(supervisor.ended().is_none());
+}
+
+#[test]
+fn stopping_a_domain_ends_nodes_of_other_supervisors_and_no_other_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let domain = Domain::at(1, folder.path().join("state"), folder.path());
+    // This test is no node: its id may stand in a file of a node that has ended long ago.
+    domain.remember_self("recorder");
+    assert_eq!(domain.stop(), 0);
+    assert!(!folder.path().join("state").exists());
+}
