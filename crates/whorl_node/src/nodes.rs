@@ -118,8 +118,11 @@ pub fn node_set<S: AsRef<str>>(platforms: &[S], law_on_platforms: bool) -> Vec<N
             })
         })
     };
-    let of_formation = Node::of_formation()
-        .map(|node| NodeInstance { node, platform: None, name: format!("/{}", node.name()) });
+    let of_formation = Node::of_formation().map(|node| NodeInstance {
+        node,
+        platform: None,
+        name: format!("/{}", node.name()),
+    });
     on_platforms(Place::Platform).chain(on_platforms(Place::Either)).chain(of_formation).collect()
 }
 
@@ -132,7 +135,14 @@ mod tests {
         let names = |law_on_platforms| -> Vec<String> {
             node_set(&["a", "b"], law_on_platforms).into_iter().map(|instance| instance.name).collect()
         };
-        let own = ["/a/driver", "/a/estimator", "/a/local_control", "/b/driver", "/b/estimator", "/b/local_control"];
+        let own = [
+            "/a/driver",
+            "/a/estimator",
+            "/a/local_control",
+            "/b/driver",
+            "/b/estimator",
+            "/b/local_control",
+        ];
         let formation = ["/coordinator", "/recorder", "/simulation"];
         assert_eq!(names(false), [&own[..], &formation].concat());
         assert_eq!(names(true), [&own[..], &["/a/coordinator", "/b/coordinator"], &formation].concat());
@@ -159,5 +169,8 @@ mod tests {
             Node::ALL.iter().filter(|node| node.info().is_program).map(|node| node.name()).collect();
         programs.sort_unstable();
         assert_eq!(folders, programs);
+        for name in programs {
+            assert!(nodes.join(name).join("README.md").is_file(), "{name} has no README.md");
+        }
     }
 }
