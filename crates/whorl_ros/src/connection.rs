@@ -9,7 +9,8 @@ use crate::endpoints::{Endpoints, Plan, Readable};
 use crate::environment::Network;
 use crate::error::RosError;
 use crate::nudge::Nudge;
-use crate::participant::{Participant, PeerEvent};
+use crate::participant::Participant;
+use crate::peers::PeerEvent;
 use crate::raw::EndpointId;
 use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
 
@@ -68,7 +69,7 @@ impl Connection {
             } else {
                 RecoveryTimes::default()
             }),
-            nudge: Nudge::new(&participant)?,
+            nudge: Nudge::new(participant.network(), participant.participant_number())?,
             generation,
             plan,
             participant,

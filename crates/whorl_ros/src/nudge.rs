@@ -15,8 +15,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddrV4, UdpSocket};
 
 use crate::environment::{Network, interface_addresses};
 use crate::error::RosError;
-use crate::participant::Participant;
-use crate::recovery::ParticipantPrefix;
+use crate::peers::ParticipantPrefix;
 
 /// First bytes of the ids that are made here. 0x01 0x?? are the vendors of real participants.
 const MARK: [u8; 8] = *b"\x00\x00whorl\x00";
@@ -62,8 +61,8 @@ pub(crate) struct Nudge {
 }
 
 impl Nudge {
-    pub(crate) fn new(participant: &Participant) -> Result<Self, RosError> {
-        let network = participant.network();
+    /// For the participant of this number on a network.
+    pub(crate) fn new(network: &Network, own: u16) -> Result<Self, RosError> {
         let nudge = Self {
             to_ourselves: socket(Ipv4Addr::LOCALHOST).map_err(RosError::io("opening a socket"))?,
             // The kernel sends multicast from the interface whose address a socket is bound to. An
@@ -77,10 +76,9 @@ impl Nudge {
             let locators: Vec<_> = nudge.ports_of_peer().map(|port| SocketAddrV4::new(*peer, port)).collect();
             let id = prefix(u32::MAX - u32::try_from(index).unwrap_or(0));
             let message = announcement(id, 1, INFINITE_S, READS_ANNOUNCEMENTS, &locators);
-            nudge.deliver(participant.participant_number(), &message);
+            nudge.deliver(own, &message);
         }
         if network.is_localhost() {
-            let own = participant.participant_number();
             for other in (TOLD_BY_RUSTDDS..PARTICIPANTS_HERE).filter(|other| *other != own) {
                 // Of the loopback addresses of a participant RustDDS takes the first: one id for each.
                 let place = SocketAddrV4::new(Ipv4Addr::LOCALHOST, announcement_port(nudge.domain_id, other));

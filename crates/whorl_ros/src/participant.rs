@@ -17,6 +17,7 @@ use crate::environment::Network;
 use crate::error::RosError;
 use crate::names;
 use crate::nudge::Nudge;
+use crate::peers::PeerEvent;
 use crate::raw::{EndpointId, RawCdr, RawReader, RawWriter};
 use crate::worker::{Kept, LONGEST_CREATION, Worker};
 
@@ -87,35 +88,6 @@ impl DiscoveredEndpoint {
     pub fn type_name(&self) -> Option<String> {
         names::ros_type(&self.dds_type)
     }
-}
-
-/// A change among the other processes on the network.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PeerEvent {
-    /// A participant was seen for the first time, or again after it had been given up.
-    Discovered([u8; 12]),
-    /// A participant said goodbye.
-    Left([u8; 12]),
-    /// A participant was silent for longer than its lease.
-    TimedOut([u8; 12]),
-    /// One of our writers found a reader.
-    ReaderMatched {
-        /// Ours.
-        writer: EndpointId,
-        /// Theirs.
-        reader: EndpointId,
-    },
-    /// One of our readers found a writer.
-    WriterMatched {
-        /// Ours.
-        reader: EndpointId,
-        /// Theirs.
-        writer: EndpointId,
-    },
-    /// A reader is gone.
-    ReaderLost(EndpointId),
-    /// A writer is gone.
-    WriterLost(EndpointId),
 }
 
 /// So often another participant is made, for one that DDS got stuck in. It happens to one in some hundred, on a

@@ -15,10 +15,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use crate::participant::PeerEvent;
-
-/// A participant's id.
-pub type ParticipantPrefix = [u8; 12];
+use crate::peers::{ParticipantPrefix, PeerEvent};
 
 /// What to do now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,9 +8,9 @@ use whorl_node::{Configurable, Event, LogLevel, NodeCore};
 
 use crate::clock::{Schedule, monotonic};
 use crate::connection::{Connection, Notice};
+use crate::context::NodeContext;
 use crate::endpoints::{Plan, Readable};
 use crate::error::RosError;
-use crate::node::NodeContext;
 use crate::parameters::ParameterSet;
 use crate::recovery::Reason;
 use crate::shell::{Read, Shell};

@@ -8,17 +8,7 @@ use std::time::Duration;
 use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
 
-use crate::link::{Link, LinkParameters};
-
-/// Where a node runs. Messages between nodes of one host take the local delay; all others cross
-/// the radio link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Host {
-    /// On a platform's own computer.
-    Platform(PlatformId),
-    /// On the ground computer: coordinator.
-    Ground,
-}
+use crate::link::{Host, Link, LinkParameters};
 
 /// Sees everything that happens, in order of time.
 pub trait Observer {

@@ -8,7 +8,7 @@ mod link;
 mod node_set;
 mod run;
 
-pub use bus::{Bus, Host, Observer};
-pub use link::{Cut, LinkParameters};
+pub use bus::{Bus, Observer};
+pub use link::{Cut, Host, LinkParameters};
 pub use node_set::{NodeSet, NodeSetError};
 pub use run::{Outcome, run};

@@ -7,7 +7,15 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 use whorl_msgs::topics::PlatformId;
 use whorl_node::Timestamp;
 
-use crate::bus::Host;
+/// Where a node runs. Messages between nodes of one host take the local delay; all others cross
+/// the radio link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Host {
+    /// On a platform's own computer.
+    Platform(PlatformId),
+    /// On the ground computer: coordinator.
+    Ground,
+}
 
 /// A time in which nothing passes.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,8 +15,8 @@ use whorl_params::{
     formation, non_negative, range, try_read,
 };
 
-use crate::bus::{Bus, Host};
-use crate::link::{Cut, LinkParameters};
+use crate::bus::Bus;
+use crate::link::{Cut, Host, LinkParameters};
 
 /// Why a node set cannot be built.
 #[derive(Debug, Error)]

@@ -14,6 +14,7 @@ use crate::link::PlatformLink;
 use crate::parameters::{AtEnd, Parameters, Role};
 use crate::report;
 use crate::run::{Progress, Run, Sight};
+use crate::stage::Stage;
 
 /// The timer; everything is published at whole multiples of it.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -25,38 +26,6 @@ const DIAGNOSTICS_TICKS: u64 = 100;
 const LATEST_S: f64 = 0.1;
 /// The end is published for this long before the node ends \[s\].
 const END_FOR_S: f64 = 1.0;
-
-/// What the coordinator is doing.
-#[derive(Debug)]
-pub(crate) enum Stage {
-    /// For estimates and controllers of all platforms.
-    Waiting {
-        /// Since when.
-        since: Timestamp,
-        /// Since when all platforms are well.
-        well_since: Option<Timestamp>,
-    },
-    /// For the start.
-    Ready,
-    /// An experiment runs.
-    Running(Box<Run>),
-    /// The last step is over.
-    Finished {
-        /// The run, for its last references.
-        run: Box<Run>,
-        /// When.
-        at: Timestamp,
-    },
-    /// It ended early.
-    Aborted {
-        /// The run, when there was one.
-        run: Option<Box<Run>>,
-        /// When.
-        at: Timestamp,
-        /// Why.
-        reason: String,
-    },
-}
 
 /// The coordinator.
 #[derive(Debug)]
@@ -439,18 +408,6 @@ impl Configurable for CoordinatorCore {
         }
         self.parameters = parameters.clone();
         Ok(())
-    }
-}
-
-impl Stage {
-    /// Whether it is `Running` or holds what was left of a run.
-    pub(crate) fn run(&self) -> Option<&Run> {
-        match self {
-            Self::Running(run) | Self::Finished { run, .. } | Self::Aborted { run: Some(run), .. } => {
-                Some(run)
-            }
-            _ => None,
-        }
     }
 }
 

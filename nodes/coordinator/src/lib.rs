@@ -13,6 +13,7 @@ pub mod parameters;
 mod pause;
 mod report;
 mod run;
+mod stage;
 
 pub use crate::core::CoordinatorCore;
 pub use parameters::Parameters;

@@ -7,10 +7,10 @@ use whorl_msgs::whorl::{AttitudeReference, ClockRequest, Excitation, FormationCo
 use whorl_node::Timestamp;
 
 use crate::clock::ClockOffset;
-use crate::core::Stage;
 use crate::link::PlatformLink;
 use crate::parameters::Parameters;
 use crate::run::{Leg, Run};
+use crate::stage::Stage;
 
 fn header(stamp: Timestamp, frame_id: &str) -> Header {
     Header { stamp: stamp.into(), frame_id: frame_id.to_owned() }

@@ -4,8 +4,8 @@ mod recording;
 
 use std::process::ExitCode;
 
-use whorl_recorder::{Parameters, ReportingCore, parameters};
 use whorl_node::Node;
+use whorl_recorder::{Parameters, ReportingCore, parameters};
 use whorl_ros::{NodeOptions, run_node};
 
 use crate::recording::Recording;

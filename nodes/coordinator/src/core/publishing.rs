@@ -5,11 +5,12 @@ use std::time::Duration;
 use whorl_msgs::topics::{PlatformId, Route, Topic};
 use whorl_node::{Outputs, Timestamp};
 
-use super::{CoordinatorCore, Stage};
+use super::CoordinatorCore;
 use crate::link::PlatformLink;
 use crate::parameters::{Role, StepKind};
 use crate::report;
 use crate::run::REFERENCE_PERIOD_S;
+use crate::stage::Stage;
 
 impl CoordinatorCore {
     pub(super) fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {

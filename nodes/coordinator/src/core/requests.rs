@@ -3,10 +3,11 @@
 use whorl_msgs::topics::{Route, Topic};
 use whorl_node::{Outputs, Timestamp};
 
-use super::{CoordinatorCore, PERIOD, Stage};
+use super::{CoordinatorCore, PERIOD};
 use crate::clock::ticks_between_requests;
 use crate::parameters::Role;
 use crate::report;
+use crate::stage::Stage;
 
 impl CoordinatorCore {
     /// Asks every platform's computer for its time, and tells what is known of it.

@@ -1,0 +1,49 @@
+//! What the coordinator is doing.
+
+use whorl_node::Timestamp;
+
+use crate::run::Run;
+
+/// What the coordinator is doing.
+#[derive(Debug)]
+pub(crate) enum Stage {
+    /// For estimates and controllers of all platforms.
+    Waiting {
+        /// Since when.
+        since: Timestamp,
+        /// Since when all platforms are well.
+        well_since: Option<Timestamp>,
+    },
+    /// For the start.
+    Ready,
+    /// An experiment runs.
+    Running(Box<Run>),
+    /// The last step is over.
+    Finished {
+        /// The run, for its last references.
+        run: Box<Run>,
+        /// When.
+        at: Timestamp,
+    },
+    /// It ended early.
+    Aborted {
+        /// The run, when there was one.
+        run: Option<Box<Run>>,
+        /// When.
+        at: Timestamp,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl Stage {
+    /// Whether it is `Running` or holds what was left of a run.
+    pub(crate) fn run(&self) -> Option<&Run> {
+        match self {
+            Self::Running(run) | Self::Finished { run, .. } | Self::Aborted { run: Some(run), .. } => {
+                Some(run)
+            }
+            _ => None,
+        }
+    }
+}
