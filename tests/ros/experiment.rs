@@ -172,6 +172,10 @@ fn ctrl_c_in_the_middle_leaves_no_process_a_readable_bag_and_a_report() {
         let bag = script.run()?.join("bag/bag_0.mcap");
         (std::fs::metadata(bag).ok()?.len() > 3_000_000).then_some(())
     });
+    // The domain has its experiment: a second one does not mix with it.
+    let second = script.command("run_experiment.sh", &["leader_follower_short"]).output().unwrap();
+    let text = String::from_utf8_lossy(&second.stderr);
+    assert!(second.status.code() == Some(2) && text.contains("in use"), "{:?}: {text}", second.status);
     script.scripts[0].signal(Signal::INT);
     let code = script.finish(Duration::from_secs(60));
     assert_eq!(code, Some(130), "{}", script.log());
