@@ -1,4 +1,4 @@
-//! `whorl balance`: which mass actuator to move by how much.
+//! `whorl balance`: how far to move which balance mass.
 
 use anyhow::{Context, bail};
 use nalgebra::{Unit, Vector3};
@@ -14,11 +14,11 @@ use crate::runs::RunArguments;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
-    /// A mass that can be moved, as NAME:AXIS:WEIGHT_N:TRAVEL_MM with AXIS x, y, z or three numbers, e.g.
+    /// Movable mass, as NAME:AXIS:WEIGHT_N:TRAVEL_MM with AXIS x, y, z or three numbers, e.g.
     /// battery:1,1,0:30:50; may be given several times [default: x, y and z with 20 N and +-100 mm each].
     #[arg(long, value_name = "BALLAST")]
     ballast: Vec<String>,
-    /// Offset wanted about z [N m]; negative is stable.
+    /// Desired gravity offset about z [N m]; negative is stable.
     #[arg(long, allow_negative_numbers = true, value_name = "N_M")]
     target_z: Option<f64>,
 }
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let found = identify(&recordings, &runs.known.model, &runs.known.prior, &Settings::default())?;
     print_findings(&found.findings);
     if !found.usable() {
-        bail!("these runs do not say where the centre of mass is");
+        bail!("these runs do not determine the centre of mass");
     }
     let offset = gravity_offset_b_n_m(&found.estimate);
     let covariance = found.covariance.fixed_view::<3, 3>(6, 6).into_owned();

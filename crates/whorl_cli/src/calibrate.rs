@@ -1,4 +1,4 @@
-//! `whorl calibrate imu`: sensor errors from still stretches and turns, into the platform's file.
+//! `whorl calibrate imu`: estimates sensor errors from still stretches and turns, and writes them into the platform's file.
 
 use std::path::PathBuf;
 
@@ -34,13 +34,13 @@ enum What {
 struct Imu {
     #[command(flatten)]
     runs: RunArguments,
-    /// Turns about the vertical were by multiples of this angle [deg].
+    /// Turns about the vertical were multiples of this angle [deg].
     #[arg(long, value_name = "DEG")]
     known_turn_deg: Option<f64>,
-    /// How exactly they were [deg].
+    /// Standard deviation of the known turns [deg].
     #[arg(long, value_name = "DEG", default_value_t = 0.3)]
     turn_error_deg: f64,
-    /// How level each face lay [deg].
+    /// Standard deviation of the levelling of each face [deg].
     #[arg(long, value_name = "DEG", default_value_t = 0.5)]
     level_error_deg: f64,
     /// Parameter file to write into [default: --model].
@@ -94,7 +94,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Key, value and comment of everything that was determined on all axes.
+/// Key, value and comment of each quantity that was determined on all axes.
 fn entries(found: &ImuCalibration) -> Vec<(String, Value, String)> {
     let mut entries = Vec::new();
     let sensors =

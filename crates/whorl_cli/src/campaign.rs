@@ -16,20 +16,20 @@ pub struct Arguments {
     /// Campaign file, e.g. params/campaigns/compare_laws.yaml.
     #[arg(value_name = "FILE")]
     campaign: PathBuf,
-    /// Folder of the campaign; an interrupted one goes on, several machines may share it [default:
+    /// Folder of the campaign; an interrupted campaign is resumed, and several machines may share the folder [default:
     /// campaigns/<name of the file>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Parameter folder [default: the campaign file's ../, which is params/].
     #[arg(long, value_name = "DIR")]
     params: Option<PathBuf>,
-    /// Runs at the same time [default: one for each core].
+    /// Number of runs in parallel [default: one for each core].
     #[arg(long, short = 'j', value_name = "N")]
     threads: Option<usize>,
-    /// Seeds, instead of what the file says.
+    /// Number of seeds, instead of the file's.
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
-    /// Only say what would be run.
+    /// Only list the runs.
     #[arg(long)]
     dry_run: bool,
 }
@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     finish(&folder, &plan, before, here.into_inner(), began.elapsed())
 }
 
-/// What the campaign runs, so that a folder is not continued with another one: plan and parameter files.
+/// Fingerprint of the plan and the parameter files, so that a folder is not continued with another campaign.
 fn fingerprint(plan: &Plan) -> anyhow::Result<String> {
     let mut text = format!("whorl {}\n", env!("CARGO_PKG_VERSION"));
     let first_of_each = plan.len().div_euclid(plan.definition.experiments.len().max(1) as u64).max(1);
@@ -149,7 +149,7 @@ fn finish(folder: &Folder, plan: &Plan, before: u64, here: u64, elapsed: Duratio
     println!(
         "{here} runs here in {:.1} s{}; {} of {} runs are done, {:.0} s simulated in all",
         elapsed.as_secs_f64(),
-        if before > 0 { format!(", {before} were there") } else { String::new() },
+        if before > 0 { format!(", {before} were already done") } else { String::new() },
         rows.len(),
         plan.len(),
         simulated_s

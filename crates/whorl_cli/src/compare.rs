@@ -10,7 +10,7 @@ use crate::explain::ExplainArguments;
 use crate::progress;
 use crate::table::print;
 
-/// Version of the JSON form.
+/// Version of the JSON output.
 const SCHEMA: u32 = 1;
 
 /// Arguments of `whorl compare`.

@@ -67,7 +67,7 @@ fn as_json(found: &Explanation) -> anyhow::Result<serde_json::Value> {
 
 fn print_candidates(diagnosis: &Diagnosis) {
     let headings =
-        ["effect", "#log evidence", "#held out", "#of excess %", "#lambda", "#base takes %", "estimate"]
+        ["effect", "#log evidence", "#held out", "#of excess %", "#lambda", "#absorbed %", "estimate"]
             .map(str::to_owned);
     let rows: Vec<Vec<String>> = diagnosis
         .candidates

@@ -12,13 +12,13 @@ use crate::table::print;
 /// Arguments of `whorl effects`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Effects to explain; none: a list of all.
+    /// Effects to explain; without any, all are listed.
     #[arg(value_name = "ID")]
     ids: Vec<String>,
-    /// Explains all of them.
+    /// Explains all effects.
     #[arg(long, conflicts_with = "ids")]
     all: bool,
-    /// The platform whose wheels and jets the parameters are named after [default: Whorl-I as published].
+    /// Parameter file of the platform, for the names of wheels and jets [default: Whorl-I as published].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
 }
@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Effects whose ids share a word with what was asked for.
+/// Effects whose ids share a word with the requested one.
 fn hint(id: &str) -> String {
     let words: Vec<&str> = id.split('_').filter(|w| w.len() > 2).collect();
     let alike: Vec<&str> = catalogue()

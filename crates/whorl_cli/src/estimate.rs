@@ -19,14 +19,14 @@ pub struct Arguments {
     /// Recording of gyro, accelerometer and, if there is one, magnetometer: CSV, also with gzip.
     #[arg(value_name = "FILE")]
     recording: PathBuf,
-    /// Which column of the file is what; see params/channels/.
+    /// Map of the file's columns; see params/channels/.
     #[arg(long, value_name = "MAP")]
     channels: PathBuf,
-    /// free_motion: a sensor in a hand, on a limb, on a trolley. Others: a sensor that turns about a fixed point, with
-    /// the filters of the estimator node that need no model of the body.
+    /// Filter. free_motion: for a sensor in a hand, on a limb or on a trolley. The others are filters of the estimator
+    /// node that need no model of the body, for a sensor that turns about a fixed point.
     #[arg(long, default_value = FREE_MOTION)]
     filter: String,
-    /// Where the attitudes go: time, quaternion (sensor to east-north-up), gyro bias, standard deviations.
+    /// File for the attitudes: time, quaternion (sensor to east-north-up), gyro bias, standard deviations.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
     /// Azimuth of magnetic north, from true north towards east [deg]; added to the estimate's heading.
@@ -154,12 +154,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let duration_s = (last_ns - first_ns.unwrap_or(last_ns)) as f64 * 1e-9;
     println!("{samples} samples, {duration_s:.1} s, filter {}", arguments.filter);
     if map.vectors.is_empty() {
-        println!("no magnetometer: the heading is that of the first attitude, and drifts");
+        println!("no magnetometer: the heading is relative to the first attitude, and drifts");
     }
     if let Chosen::FreeMotion(filter) = &filter
         && filter.is_magnetised()
     {
-        println!("there is iron or a magnet on the sensor; its field is estimated and taken away");
+        println!("there is iron or a magnet on the sensor; its field is estimated and removed");
     }
     match errors.root_mean_square_rad() {
         Some(rms) => {
@@ -178,7 +178,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The magnetometer's sample with its length, which tells of disturbances.
+/// The magnetometer's sample with its length, which reveals disturbances.
 fn field(row: &CsvRow) -> Option<Vector3<f64>> {
     let direction = row.vectors_b.first().copied().flatten()?;
     Some(direction.into_inner() * row.vector_lengths.first().copied().flatten()?)

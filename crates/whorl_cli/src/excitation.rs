@@ -1,4 +1,4 @@
-//! `whorl excitation`: what an experiment will determine, before it is run.
+//! `whorl excitation`: predicts what an experiment will determine.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ pub struct Arguments {
     /// Experiment file, e.g. params/experiments/identify.yaml.
     #[arg(value_name = "EXPERIMENT")]
     experiment: PathBuf,
-    /// Platforms to look at [default: all of the formation].
+    /// Platforms to analyse [default: the whole formation].
     #[arg(long, value_name = "NAME")]
     platform: Vec<String>,
     /// Parameter folder [default: the experiment file's ../, which is params/].
@@ -27,7 +27,7 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// Carries out `whorl excitation`: simulates the experiment and takes the Fisher information of its motion.
+/// Carries out `whorl excitation`: simulates the experiment and computes the Fisher information of its motion.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let folder = std::env::temp_dir().join(format!("whorl_excitation_{}", std::process::id()));
     let out = folder.join("run");
@@ -77,10 +77,10 @@ fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// How near the experiment comes to what the wheels can do, and how long the jets fire.
+/// How close the experiment comes to the limits of the wheels, and how long the jets fire.
 fn limits(known: &KnownPlatform, recording: &Recording) {
     let wheels = known.model.wheels();
-    // Of each sample the wheel that is nearest to its limit, as a share of it.
+    // For each sample, the wheel nearest to its limit, as a share of the limit.
     let shares = |samples: &[Vec<f64>], limit: &dyn Fn(&Wheel) -> f64| -> Vec<f64> {
         samples
             .iter()
@@ -103,7 +103,7 @@ fn limits(known: &KnownPlatform, recording: &Recording) {
         let at_limit = shares.iter().filter(|s| **s > 0.99).count();
         if at_limit * 100 > shares.len() {
             println!(
-                "note: A wheel is at its largest {what} for {:.0} % of the time: the motion is not the one that was designed. Move less.",
+                "note: A wheel is at its largest {what} for {:.0} % of the time, so the motion is not the designed one. Reduce the amplitude.",
                 100.0 * at_limit as f64 / shares.len() as f64
             );
         }

@@ -1,4 +1,4 @@
-//! What the commands that explain data share: their arguments, and the case that they make of them.
+//! Arguments shared by the commands that explain data, and the case built from them.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use whorl_explain::Case;
 
 use crate::runs::{OutputArguments, RunArguments, Runs};
 
-/// Runs to explain, and where the answer goes besides the terminal.
+/// Runs to explain, and output files for the answer.
 #[derive(Debug, clap::Args)]
 pub struct ExplainArguments {
     #[command(flatten)]
@@ -18,33 +18,33 @@ pub struct ExplainArguments {
 }
 
 impl ExplainArguments {
-    /// Writes what `value` makes as JSON, if it was asked for.
+    /// Writes the JSON that `value` returns, if requested.
     pub fn write_json<T: Serialize>(&self, value: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<()> {
         self.output.write_json(value)
     }
 
-    /// Writes the page; says where.
+    /// Writes the page and returns its path.
     pub fn write_page(&self, name: &str, html: &str) -> anyhow::Result<PathBuf> {
         self.output.write_page(&self.runs, name, html)
     }
 }
 
-/// How effects are looked for.
+/// Options of the search for effects.
 #[derive(Debug, clap::Args)]
 pub struct SearchArguments {
-    /// An effect that is not to be considered, by its id; may be given several times.
+    /// Effect to exclude, by its id; may be given several times.
     #[arg(long, value_name = "EFFECT")]
     exclude: Vec<String>,
 }
 
 impl SearchArguments {
-    /// As the search takes them, on all processors.
+    /// Options of the search, on all processors.
     pub fn options(&self) -> Options {
         Options { exclude: self.exclude.clone(), ..options() }
     }
 }
 
-/// On all processors.
+/// Default options, on all processors.
 pub fn options() -> Options {
     Options {
         threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
@@ -53,7 +53,7 @@ pub fn options() -> Options {
 }
 
 impl Runs {
-    /// What is explained.
+    /// The case to explain.
     pub fn case(&self) -> Case<'_> {
         Case {
             training: &self.training,

@@ -15,7 +15,7 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Form {
-    /// Writes what was measured of each platform as CSV, with the map that `whorl import csv` reads it with.
+    /// Writes the measurements of each platform as CSV, with the channel map for `whorl import csv`.
     Csv(CsvArguments),
 }
 
@@ -26,10 +26,10 @@ struct CsvArguments {
     /// Only this platform [default: all].
     #[arg(long, value_name = "NAME", conflicts_with = "topics")]
     platform: Option<String>,
-    /// Folder for the files; created if need be.
+    /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Instead: one file for each topic, with every field of its messages.
+    /// Writes one file for each topic instead, with all fields of its messages.
     #[arg(long)]
     topics: bool,
 }
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return topics(arguments);
     }
     for recording in read_run(&arguments.run, arguments.platform.as_deref())? {
-        // A plain bag has no parameters: its columns are numbered then.
+        // A plain bag has no parameters: its columns are numbered.
         let names = read_model(&arguments.run, Some(&recording.platform))
             .map_or_else(|_| PlatformParts::default(), |known| platform_parts(&known));
         let exported = export_csv(&recording, &names.wheels, &names.jets, &arguments.out)?;

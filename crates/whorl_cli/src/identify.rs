@@ -22,27 +22,27 @@ use whorl_math::three_digits;
 pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
-    /// How: `trajectory` integrates the equations of motion between samples and is the one to trust;
+    /// Method: `trajectory` integrates the equations of motion between samples and is recommended;
     /// the others are the dissertation's regressions, for comparison.
     #[arg(long, value_enum, default_value_t = Method::Trajectory)]
     method: Method,
     /// Steps between the rows of the momentum integral.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=100))]
     shift: u8,
-    /// Regressions: with derivatives of the rate, or integrated.
+    /// Regressions: differential form (with derivatives of the rate) or integral form.
     #[arg(long, value_enum, default_value_t = FormChoice::Integrated)]
     form: FormChoice,
-    /// Regressions: how equations are weighed.
+    /// Regressions: weights of the equations.
     #[arg(long, value_enum, default_value_t = WeightingChoice::PseudoInverse)]
     weighting: WeightingChoice,
     /// Regressions: step between equations [s].
     #[arg(long, default_value_t = 0.1, value_name = "SECONDS")]
     step: f64,
-    /// Widens what is known of the mass properties beforehand by this factor: 1 trusts the model's
-    /// uncertainties, 100 lets the runs alone speak.
+    /// Widens the prior of the mass properties by this factor: 1 uses the model's uncertainties, 100 makes
+    /// the prior negligible.
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     prior_scale: f64,
-    /// Parameter file to write the result into; a copy of the model's file when it does not exist.
+    /// Parameter file for the result; created as a copy of the model's file if it does not exist.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -118,7 +118,7 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
     Ok(())
 }
 
-/// Model and prior after an identification: parameters that were not determined stay as they were.
+/// Model and prior after an identification; parameters that were not determined keep their values.
 fn updated(known: &KnownPlatform, found: &Identification) -> anyhow::Result<(PlatformModel, ModelPrior)> {
     let (mut model, mut prior) = (known.model.clone(), known.prior.clone());
     let mass_kg = model.mass_properties.mass_kg();
@@ -131,7 +131,7 @@ fn updated(known: &KnownPlatform, found: &Identification) -> anyhow::Result<(Pla
     }
     prior.gravity_offset_b_n_m.copy_from(&stddev.fixed_rows::<3>(6));
     for found in &found.effects {
-        // An effect that the model does not have stays out of it: adopting one is a decision of its own.
+        // Effects that are not in the model are not added: adopting one is a separate decision.
         if let Some(effect) = model.effects.get_mut(found.effect) {
             effect.insert(found.name.clone(), found.value);
             let of_effect = prior.effects.entry(found.effect.to_owned()).or_default();
@@ -194,7 +194,7 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
         })
         .collect();
     table::print(&headings(&["", "#model", "#found", "#singular value", "unit"]), &cells);
-    println!("Regressions are biased by noise in what was hardly excited; `--method trajectory` is not.");
+    println!("Regressions are biased by noise where the excitation is weak; `--method trajectory` is not.");
     Ok(())
 }
 

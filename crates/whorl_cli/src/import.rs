@@ -21,26 +21,26 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Source {
-    /// Makes a run directory of a CSV file, plain or compressed with gzip.
+    /// Imports a CSV file, plain or compressed with gzip.
     Csv(SourceArguments),
-    /// Makes a run directory of a rosbag2 bag with topics of other names.
+    /// Imports a rosbag2 bag whose topics have other names.
     Bag(SourceArguments),
 }
 
 #[derive(Debug, Args)]
 struct SourceArguments {
-    /// The file (or bag directory) that was recorded.
+    /// Recorded file (or bag directory).
     file: PathBuf,
-    /// Which column or topic is what, in which unit and order: docs/recordings.md.
+    /// Map of columns or topics with their units and order: docs/recordings.md.
     #[arg(long, value_name = "MAP.yaml")]
     channels: PathBuf,
-    /// Parameter file of the platform that was measured, e.g. params/whorl_1.yaml.
+    /// Parameter file of the measured platform, e.g. params/whorl_1.yaml.
     #[arg(long, value_name = "PLATFORM.yaml")]
     platform: PathBuf,
     /// Run directory to write; must not hold a run yet.
     #[arg(long, value_name = "RUN")]
     out: PathBuf,
-    /// The body was clamped, and only the wheels moved.
+    /// The body was clamped and only the wheels moved.
     #[arg(long)]
     clamped: bool,
     /// A controller was running.
@@ -48,7 +48,7 @@ struct SourceArguments {
     closed_loop: bool,
 }
 
-/// So many ignored columns are listed.
+/// Largest number of ignored columns to list.
 const MOST_NAMES: usize = 20;
 
 /// Carries out `whorl import`.

@@ -53,30 +53,30 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Runs an experiment over DDS on this machine, from start to report: every node a process.
+    /// Runs an experiment over DDS on this machine, from start to report, with a process for every node.
     Run(run::Arguments),
-    /// Starts and stops single nodes on this machine: one platform's, the coordinator, the recorder.
+    /// Starts and stops single parts on this machine: the nodes of a platform, the coordinator, the recorder.
     #[command(subcommand)]
     Nodes(nodes::Command),
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
-    /// Simulates many runs over parameters, seeds, faults and links; goes on where it was interrupted.
+    /// Simulates many runs over parameters, seeds, faults and links; resumes an interrupted campaign.
     Campaign(campaign::Arguments),
-    /// Checks the orbits of an experiment and shows where its platforms will have to point.
+    /// Checks the orbits of an experiment and shows where its platforms have to point.
     Orbit(orbit::Arguments),
-    /// Writes a parameter folder with as many platforms as wanted.
+    /// Writes a parameter folder for any number of platforms.
     Platforms(platforms::Arguments),
-    /// Estimates the attitude of a recorded sensor: gyro, accelerometer, magnetometer in, quaternions out.
+    /// Estimates quaternions from the recording of a gyro, an accelerometer and a magnetometer.
     Estimate(estimate::Arguments),
-    /// Starts the experiment that the coordinator was loaded with.
+    /// Starts the experiment that the coordinator has loaded.
     Start {
-        /// Its name as a check; left out: whichever is loaded.
+        /// Name of the experiment, as a check; without it, whichever is loaded is started.
         #[arg(default_value = "")]
         experiment: String,
     },
     /// Ends the running experiment: every platform goes to its safe mode.
     Abort {
-        /// For the log.
+        /// Reason, for the log.
         #[arg(default_value = "")]
         reason: String,
     },
@@ -87,40 +87,40 @@ enum Command {
         /// Run directories or rosbag2 directories.
         #[arg(required = true, value_name = "RUN")]
         runs: Vec<PathBuf>,
-        /// Where the page goes; with one RUN only [default: RUN/report.html].
+        /// Path of the HTML page; with one RUN only [default: RUN/report.html].
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
     },
-    /// Makes a run directory of measurements of another system: CSV, or a bag with other topics.
+    /// Imports measurements of another system (CSV, or a bag with other topics) as a run directory.
     Import(import::Arguments),
     /// Writes the measurements of a run as CSV.
     Export(export::Arguments),
-    /// How far off the model is: errors of every channel and horizon against the noise.
+    /// How far off the model is: prediction errors by channel and horizon, relative to the noise.
     Compare(compare::Arguments),
-    /// Where the model fails: the quantities that the unexplained torque follows.
+    /// Where the model fails: the quantities that the unexplained torque depends on.
     Where(where_::Arguments),
     /// Which physical effect the model lacks: a verdict in words, then every effect tested.
     Diagnose(diagnose::Arguments),
-    /// Adds physical effects to a platform's model, refits it, and shows the errors before and after.
+    /// Adds physical effects to a platform's model, refits it and shows the errors before and after.
     Adopt(adopt::Arguments),
-    /// The manoeuvre that separates what is still confounded, written as an experiment.
+    /// Writes the manoeuvre that best separates the remaining explanations as an experiment.
     Next(next::Arguments),
     /// Lists and explains the physical effects that can be simulated, fitted and compensated.
     Effects(effects::Arguments),
-    /// Identifies mass properties from runs, with uncertainty, and says what was not excited.
+    /// Identifies mass properties from runs, with uncertainties, and reports insufficient excitation.
     Identify(identify::Arguments),
-    /// What an experiment will determine of the mass properties, and how well, before it is run.
+    /// Predicts how well an experiment will determine the mass properties.
     Excitation(excitation::Arguments),
-    /// Says which mass actuator to move by how much, from runs in which the platform swung freely.
+    /// Computes how far to move which balance mass, from runs in which the platform swung freely.
     Balance(balance::Arguments),
     /// Calibrates sensors from recordings and writes the result into the platform's file.
     Calibrate(calibrate::Arguments),
-    /// Computes figures and tables of the dissertation anew, beside the printed values.
+    /// Recomputes figures and tables of the dissertation and compares them with the printed values.
     Reproduce(reproduce::Arguments),
 }
 
 fn main() -> ExitCode {
-    // `whorl ... | head` ends quietly when nobody reads on, as every filter does.
+    // `whorl ... | head` ends quietly when the pipe is closed, as other programs do.
     let ends_with_its_reader = Arc::new(AtomicBool::new(true));
     let _ = signal_hook::flag::register_conditional_shutdown(
         signal_hook::consts::SIGPIPE,
@@ -128,7 +128,7 @@ fn main() -> ExitCode {
         Arc::clone(&ends_with_its_reader),
     );
     let result = match Arguments::parse().command {
-        // Who has started processes stays to end them.
+        // A command that has started processes must live to end them.
         Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
         Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
         Command::Simulate(arguments) => simulate::run(&arguments),

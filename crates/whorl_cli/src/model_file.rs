@@ -6,7 +6,7 @@ use anyhow::Context;
 use whorl_explain::adopt::Change;
 use whorl_params::set_in_file;
 
-/// Writes the changes into a copy of the file, then puts the copy in its place: all of them or none.
+/// Writes the changes into a copy of the file, then replaces the file by the copy: all changes or none.
 pub fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
     let mut beside = file.as_os_str().to_owned();
     beside.push(".adopting");
@@ -21,7 +21,7 @@ pub fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<
         std::fs::rename(&beside, file).with_context(|| format!("cannot write {}", file.display()))
     };
     edit().inspect_err(|_| {
-        // The file itself is untouched; only the leftover goes.
+        // The file itself is untouched; only the copy is removed.
         let _ = std::fs::remove_file(&beside);
     })
 }

@@ -16,7 +16,7 @@ use whorl_report::phase_name;
 use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawReader};
 
-/// Time between two looks.
+/// Update interval.
 const LOOK: Duration = Duration::from_millis(100);
 /// Time between two lines when the output is not a terminal.
 const LINE: Duration = Duration::from_secs(2);
@@ -26,12 +26,12 @@ pub struct Arguments {
     /// Names of the platforms.
     #[arg(default_values_t = ["whorl_1".to_owned(), "whorl_2".to_owned()], value_name = "PLATFORM")]
     platforms: Vec<String>,
-    /// Do not end when the experiment ends.
+    /// Keep running after the end of the experiment.
     #[arg(long)]
     stay: bool,
 }
 
-/// What is known now.
+/// Current state.
 #[derive(Debug, Default)]
 struct View {
     formation: Option<FormationState>,
@@ -52,7 +52,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     watch(&arguments.platforms, arguments.stay, &AtomicBool::new(false))
 }
 
-/// Shows the formation until the experiment ends (unless it shall `stay`), or until it is told to stop. Fails when the
+/// Shows the formation until the experiment ends (unless `stay` is set) or until it is told to stop. Fails when the
 /// experiment was aborted.
 pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Result<()> {
     let network = Network::from_environment()?;
@@ -62,14 +62,14 @@ pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Res
     let mut last_rates = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         std::thread::sleep(LOOK);
-        // DDS's threads do not survive everything, such as hours of a stopped process.
+        // DDS's threads may fail, for example after the process was stopped for hours.
         if !formation.participant.is_alive() {
             formation = Listener::new(&network, platforms)?;
         }
         for (route, reader) in &formation.readers {
             reader.drain_notifications();
             while let Some(sample) = reader.take()? {
-                // What cannot be decoded is counted by the nodes it was meant for.
+                // Messages that cannot be decoded are counted by the nodes that receive them.
                 if let Ok(message) = Message::decode(route.topic.info().message_type, &sample.bytes) {
                     view.take(*route, message);
                 }
@@ -97,7 +97,7 @@ pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Res
     Ok(())
 }
 
-/// What the monitor listens to.
+/// Topics of the monitor.
 struct Listener {
     readers: Vec<(Route, RawReader)>,
     participant: Participant,
@@ -190,7 +190,7 @@ impl PlatformView {
     }
 }
 
-/// Lines that are written over on a terminal; one line now and then elsewhere.
+/// Lines that are overwritten on a terminal; elsewhere a line from time to time.
 struct Screen {
     terminal: bool,
     last: Option<Instant>,
@@ -203,7 +203,7 @@ impl Screen {
 
     fn show(&mut self, lines: &[String]) {
         let mut out = std::io::stdout();
-        // If nobody reads the status any more, the experiment goes on.
+        // A closed output does not stop the experiment.
         if self.terminal {
             // Back to the first line of the last view. Long lines are cut at the edge: wrapped ones
             // would not be written over.

@@ -18,9 +18,9 @@ pub enum Command {
     Coordinator(Coordinator),
     /// The recorder: every topic into a run directory.
     Recorder(Recorder),
-    /// Stops what runs on this machine in this ROS domain (ROS_DOMAIN_ID).
+    /// Stops all nodes on this machine in this ROS domain (ROS_DOMAIN_ID).
     Stop,
-    /// Lists the nodes that there are.
+    /// Lists all nodes.
     List,
 }
 
@@ -28,13 +28,13 @@ pub enum Command {
 pub struct Platform {
     /// Name of the platform, which is the namespace of its nodes: whorl_1, whorl_2, ...
     platform: String,
-    /// What the driver drives: sim, replay or hardware.
+    /// Backend of the driver: sim, replay or hardware.
     #[arg(long, value_name = "KIND", default_value = "sim", value_parser = str::parse::<Backend>)]
     backend: Backend,
     /// Recording for --backend replay: run directory, bag or CSV.
     #[arg(long, value_name = "FILE")]
     source: Option<PathBuf>,
-    /// Which column of a CSV recording is what, as params/channels/broad.yaml.
+    /// Map of the columns of a CSV recording, such as params/channels/broad.yaml.
     #[arg(long, value_name = "FILE")]
     channels: Option<PathBuf>,
     /// Seed of the simulated hardware.
@@ -68,7 +68,7 @@ pub struct Recorder {
     parameters: Parameters,
 }
 
-/// Whose parameters apply.
+/// Where the parameters come from.
 #[derive(Debug, Args)]
 pub struct Parameters {
     /// Experiment: a name in params/experiments/, or a file.
@@ -86,7 +86,7 @@ impl Parameters {
     }
 }
 
-/// Carries out `whorl nodes`. The exit status is as that of `whorl run`.
+/// Carries out `whorl nodes`. The exit status is that of `whorl run`.
 pub fn run(command: &Command, ends_with_its_reader: &AtomicBool) -> ExitCode {
     exit_code(match command {
         Command::Platform(arguments) => platform(arguments, ends_with_its_reader),

@@ -1,4 +1,4 @@
-//! `whorl orbit`: the passes of an experiment, as they would be shown.
+//! `whorl orbit`: the passes of an experiment as the laboratory would reproduce them.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ pub struct Arguments {
     /// Parameter folder [default: the experiment file's ../, which is params/].
     #[arg(long, value_name = "DIR")]
     params: Option<PathBuf>,
-    /// A parameter above the files: -p /coordinator:steps.observe.time_ratio:=2.0; may be repeated.
+    /// Overrides a parameter of the files: -p /coordinator:steps.observe.time_ratio:=2.0; may be repeated.
     #[arg(short = 'p', value_name = "NODE:KEY:=VALUE")]
     overrides: Vec<String>,
     /// Time between two lines of the table, in the laboratory [s].

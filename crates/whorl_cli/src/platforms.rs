@@ -18,9 +18,8 @@ pub struct Arguments {
     params: PathBuf,
 }
 
-/// Carries out `whorl platforms`: platforms are called whorl_1 to whorl_N; odd ones are like whorl_1, even ones like
-/// whorl_2, and so are their sections of every experiment. Experiments over a chain, a tree and two parallel leaders are
-/// written besides.
+/// Carries out `whorl platforms`. Platforms are called whorl_1 to whorl_N; odd ones copy whorl_1, even ones whorl_2,
+/// and so do their sections of every experiment. Experiments over a chain, a tree and two parallel leaders are added.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (count, from, out) = (arguments.count, &arguments.params, &arguments.out);
     if count < 2 {
@@ -69,7 +68,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let pair = read(&out.join("experiments/leader_follower_short.yaml"))?;
     for graph in [Graph::Chain, Graph::Tree, Graph::ParallelLeaders] {
         let text = graph.experiment(&pair, &names).with_context(|| {
-            format!("leader_follower_short.yaml in {} is not as it was", experiments.display())
+            format!(
+                "leader_follower_short.yaml in {} does not have the expected content",
+                experiments.display()
+            )
         })?;
         write(&out.join(format!("experiments/{}.yaml", graph.name())), &text)?;
     }
@@ -77,12 +79,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Who leads whom in the experiments that are written besides those of two platforms.
+/// Graph of leaders and followers in the added experiments.
 #[derive(Debug, Clone, Copy)]
 enum Graph {
-    /// Each follows the one before it.
+    /// Each platform follows the one before it.
     Chain,
-    /// Each leads two.
+    /// Each platform leads two others.
     Tree,
     /// The first two lead, and every other one follows one of them.
     ParallelLeaders,
@@ -105,7 +107,7 @@ impl Graph {
         }
     }
 
-    /// Whom a platform follows, counted from 0.
+    /// Leader of a platform, counted from 0.
     fn leader(self, platform: usize) -> Option<usize> {
         match self {
             Self::Chain => platform.checked_sub(1),
@@ -114,7 +116,7 @@ impl Graph {
         }
     }
 
-    /// The experiment of a pair, with all platforms on this graph; `None` when it is not one.
+    /// The experiment of a pair, extended to all platforms on this graph; `None` if the text is no such experiment.
     fn experiment(self, pair: &str, names: &[String]) -> Option<String> {
         let mut text = format!("# Written by `whorl platforms`: leader-follower over a {}.\n", self.words());
         let mut replaced = false;
@@ -148,7 +150,7 @@ fn pattern(index: usize) -> &'static str {
     if index.is_multiple_of(2) { "whorl_1" } else { "whorl_2" }
 }
 
-/// `text` with `from` replaced by `to` where it stands as a whole name.
+/// `text` with `from` replaced by `to` wherever it is a whole name.
 fn renamed(text: &str, from: &str, to: &str) -> String {
     let mut result = String::with_capacity(text.len() + 64);
     let mut rest = text;
@@ -164,7 +166,7 @@ fn renamed(text: &str, from: &str, to: &str) -> String {
     result
 }
 
-/// Top-level sections of a parameter file, each with its name and what stands below it.
+/// Top-level sections of a parameter file, each with its name and its content.
 fn sections(text: &str) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     for line in text.lines() {

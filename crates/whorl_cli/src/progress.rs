@@ -1,11 +1,11 @@
-//! Shows what is being done, how far it is and how long it may still take, when it takes over a second and a
-//! person is watching: on a terminal, never into a pipe or file.
+//! Progress of computations that take more than a second: the current step, the share done and the time left. Shown
+//! on a terminal only, never written into a pipe or file.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-/// What takes less is not announced.
+/// Shorter computations show no progress.
 const WORTH_SAYING: Duration = Duration::from_secs(1);
 
 /// Time between two drawings.
@@ -14,12 +14,12 @@ const TICK: Duration = Duration::from_millis(200);
 /// Characters of the bar.
 const WIDTH: usize = 24;
 
-/// Does `work`, which cannot say how far it is.
+/// Runs `work`, which cannot report its progress.
 pub fn during<T>(what: &str, work: impl FnOnce() -> T) -> T {
     watched(what, |_| work())
 }
 
-/// Does `work`, which says now and then how far it is (0 to 1) and what it is doing; first it does `what`.
+/// Runs `work`, which reports its progress (0 to 1) and its current step from time to time; the first step is `what`.
 pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T) -> T {
     if !std::io::stderr().is_terminal() {
         return work(&mut |_, _| {});
@@ -46,7 +46,7 @@ pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T)
             }
         });
         let mut say = |share: f64, doing: &str| {
-            // Nobody listens any more only if the other thread has failed; the work goes on.
+            // Sending fails only if the other thread has failed; the work goes on.
             let _ = said.send((share, doing.to_owned()));
         };
         let result = work(&mut say);
@@ -58,11 +58,11 @@ pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T)
 /// Replaces the line on the terminal.
 fn draw(line: &str) {
     let mut terminal = std::io::stderr().lock();
-    // A terminal that is gone is no reason to stop.
+    // The work goes on if the terminal is closed.
     let _ = write!(terminal, "\r\x1b[K{line}").and_then(|()| terminal.flush());
 }
 
-/// Bar, share, what is being done, and how long it may still take.
+/// Bar, share done, current step and time left.
 fn line(share: f64, doing: &str, elapsed: Duration) -> String {
     let elapsed_s = elapsed.as_secs_f64();
     if share <= 0.0 {

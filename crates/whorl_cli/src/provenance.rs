@@ -1,4 +1,4 @@
-//! Where adopted numbers are from.
+//! Provenance of adopted numbers.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use crate::runs::RunArguments;
 
-/// Which data and which command: names with the hash of their measurements.
+/// Data and command: names of the runs with the hash of their measurements.
 pub fn provenance(arguments: &RunArguments, command: &str) -> anyhow::Result<String> {
     let mut runs = Vec::new();
     for path in &arguments.runs {

@@ -1,4 +1,4 @@
-//! `whorl report`: from a recorded run to its page and numbers.
+//! `whorl report`: page and numbers of a recorded run.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use whorl_report::{Description, RunData, Summary, TopicRow};
 /// Carries out `whorl report`.
 pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
     if html.is_some() && runs.len() > 1 {
-        bail!("--html goes with one RUN; {} were given", runs.len());
+        bail!("--html needs exactly one RUN; {} were given", runs.len());
     }
     for path in runs {
         let (page, summary) = write(path, html)?;
@@ -42,10 +42,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summa
     }
     if data.platforms.is_empty() {
         if bag.topics().iter().any(|topic| topic.name.ends_with("/imu/data_raw")) {
-            bail!(
-                "{} holds no message of any platform: none was heard while it was recorded",
-                path.display()
-            );
+            bail!("{} holds no message of any platform: none was received during recording", path.display());
         }
         bail!(
             "{} holds none of Whorl's topics (such as /whorl_1/imu/data_raw); it holds: {}",
@@ -59,7 +56,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summa
     if recovery.is_some() {
         description
             .warnings
-            .push("The recorder was killed; this is the run up to its last second.".to_owned());
+            .push("The recorder was killed; the report covers the run up to its last second.".to_owned());
     }
     if let RunState::Stopped(reason) = &manifest.state {
         description.warnings.push(format!("The recording ended early: {reason}"));
@@ -117,7 +114,7 @@ fn describe(path: &Path, manifest: &Manifest) -> Description {
     }
 }
 
-/// The numbers a person looks for first.
+/// The headline numbers.
 pub fn print_headline(summary: &Summary) {
     println!(
         "{} ({}): {} after {:.1} s",
@@ -125,14 +122,14 @@ pub fn print_headline(summary: &Summary) {
     );
     for pair in &summary.pairs {
         println!(
-            "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); of it estimators {:.4}, control {:.4}{}",
+            "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); estimators' share {:.4}, control's share {:.4}{}",
             pair.follower,
             pair.leader,
             deg_from_rad(pair.relative_error_rms_rad),
             deg_from_rad(pair.relative_error_max_rad),
             deg_from_rad(pair.estimator_error_rms_rad),
             deg_from_rad(pair.control_error_rms_rad),
-            if pair.from_truth { "" } else { " (from the estimates: there is no truth)" },
+            if pair.from_truth { "" } else { " (from the estimates, without truth)" },
         );
     }
     for platform in &summary.platforms {
@@ -141,7 +138,7 @@ pub fn print_headline(summary: &Summary) {
             ("gas", platform.gas_used_kg * 1e3, 2, "g"),
             ("sensor to command", platform.sensor_to_command_p99_s * 1e3, 2, "ms (99 %)"),
         ];
-        // What the run has nothing to compute from is left out.
+        // Numbers that the run does not provide are left out.
         let known = numbers.iter().filter(|(_, value, ..)| value.is_finite());
         let known = known.map(|(label, value, digits, unit)| format!("{label} {value:.digits$} {unit}"));
         println!("  {}: {}", platform.name, known.collect::<Vec<_>>().join(", "));

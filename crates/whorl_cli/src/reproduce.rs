@@ -11,13 +11,13 @@ use crate::table;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// What to reproduce, e.g. fig_4_16 or table_4_3; left out: lists what there is.
+    /// Items to reproduce, e.g. fig_4_16 or table_4_3; without any, all are listed.
     #[arg(value_name = "ITEM")]
     items: Vec<String>,
-    /// Everything.
+    /// Reproduces all items.
     #[arg(long, conflicts_with = "items")]
     all: bool,
-    /// Where the page goes.
+    /// Path of the HTML page.
     #[arg(long, value_name = "FILE", default_value = "reproduction.html")]
     html: PathBuf,
 }
@@ -33,7 +33,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return Ok(());
     }
     if let Some(unknown) = arguments.items.iter().find(|item| !known.contains(&item.as_str())) {
-        bail!("`{unknown}` is nothing that can be reproduced; allowed: {}", known.join(", "));
+        bail!("there is no item `{unknown}`; allowed: {}", known.join(", "));
     }
     let names: Vec<&str> =
         if arguments.all { known } else { arguments.items.iter().map(String::as_str).collect() };

@@ -1,4 +1,4 @@
-//! `whorl run`: an experiment over DDS on this machine, every node a process, from start to report.
+//! `whorl run`: an experiment over DDS on this machine, from start to report, with a process for every node.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -22,7 +22,7 @@ use crate::{monitor, report};
 const NOT_STARTED: u8 = 2;
 /// Exit status after Ctrl-C, as shells give it.
 const INTERRUPTED: u8 = 130;
-/// Time between two looks at the processes.
+/// Interval at which the processes are polled.
 const LOOK: Duration = Duration::from_millis(100);
 /// Time that the monitor has to report the end of an experiment after the first node has finished.
 const LAST_LOOK: Duration = Duration::from_secs(2);
@@ -34,13 +34,13 @@ pub struct Arguments {
     /// Platforms, e.g. "whorl_1 whorl_2" [default: those of the parameter files].
     #[arg(long, value_name = "\"A B\"", value_parser = names)]
     platforms: Option<Names>,
-    /// What a driver drives, for one platform or all: sim, replay or hardware [default: sim].
+    /// Backend of the drivers, for one platform or all: sim, replay or hardware [default: sim].
     #[arg(long, value_name = "[PLATFORM=]KIND", value_parser = backend)]
     backend: Vec<(Option<String>, Backend)>,
-    /// Recording that a replaying platform is fed from: run, bag or CSV.
+    /// Recording for a platform with the replay backend: run, bag or CSV.
     #[arg(long, value_name = "PLATFORM=FILE", value_parser = of_platform)]
     source: Vec<(String, PathBuf)>,
-    /// Which column of a CSV recording is what, as params/channels/broad.yaml.
+    /// Map of the columns of a CSV recording, such as params/channels/broad.yaml.
     #[arg(long, value_name = "PLATFORM=FILE", value_parser = of_platform)]
     channels: Vec<(String, PathBuf)>,
     /// Folder of run directories [default: runs/].
@@ -59,13 +59,13 @@ pub struct Folders {
     /// Parameter folder [default: params/].
     #[arg(long, value_name = "DIR")]
     params: Option<PathBuf>,
-    /// Folder that params/ and runs/ are in, and of whose commit the run keeps note.
+    /// Folder of params/ and runs/; the run records its git commit.
     #[arg(long, value_name = "DIR", default_value = ".")]
     root: PathBuf,
 }
 
 impl Folders {
-    /// What the options say so far.
+    /// Options of the launch.
     pub fn options(&self, experiment: &str) -> SetupOptions {
         let params_of_whorl = self.root.join("params");
         SetupOptions {
@@ -76,7 +76,7 @@ impl Folders {
         }
     }
 
-    /// Creates the directory of a run that begins now.
+    /// Creates the directory of a new run.
     pub fn new_run(&self, out: Option<&Path>, setup: &Setup) -> anyhow::Result<PathBuf> {
         let runs = out.map_or_else(|| self.root.join("runs"), Path::to_owned);
         Ok(whorl_bag::new_run_directory(&runs, &setup.experiment_name(), whorl_ros::wall_clock())?)
@@ -125,7 +125,7 @@ pub fn exit_code(result: anyhow::Result<u8>) -> ExitCode {
 fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
     let folders = &arguments.folders;
     let Some(experiment) = &arguments.experiment else {
-        // What there is, is in the error.
+        // The error lists the existing experiments.
         Setup::new(folders.options("")).context("which experiment?")?;
         bail!("which experiment?");
     };
@@ -160,7 +160,7 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     stop(&mut supervisor);
     domain.forget_supervisor(EXPERIMENT);
     ends_with_its_reader.store(true, Ordering::Relaxed);
-    // The report says how far the run came, also when it was ended early.
+    // The report is written even for a run that was ended early.
     if run.join("bag").is_dir()
         && let Err(error) = report::run(std::slice::from_ref(&run), None)
     {
@@ -209,7 +209,7 @@ fn git_commit(root: &Path) -> Option<String> {
     (output.status.success() && !commit.is_empty()).then_some(commit)
 }
 
-/// Watches processes until one ends, the experiment is over, or somebody interrupts; returns the exit status.
+/// Watches the processes until one ends, the experiment is over or the user interrupts; returns the exit status.
 pub fn watch(
     supervisor: &mut Supervisor,
     mut monitor: Option<&mut Monitor>,
@@ -252,24 +252,24 @@ pub fn watch(
     }
 }
 
-/// As a shell says it: 128 and the signal's number for a process that a signal ended.
+/// Exit status as in a shell: 128 plus the signal's number for a process that a signal ended.
 fn shell_status(status: ExitStatus) -> i32 {
     use std::os::unix::process::ExitStatusExt;
     status.code().or_else(|| status.signal().map(|signal| 128 + signal)).unwrap_or(1)
 }
 
-/// Stops everything and names what had to be killed.
+/// Stops everything and reports processes that had to be killed.
 pub fn stop(supervisor: &mut Supervisor) {
     for label in supervisor.stop() {
         tell(format_args!("warning: {label} did not stop, killed it"));
     }
 }
 
-/// Ctrl-C, SIGTERM or a terminal that went away. Further ones change nothing: everything is being stopped.
+/// Ctrl-C, SIGTERM or a closed terminal. Further signals have no effect: everything is already being stopped.
 pub struct Interrupted(Arc<AtomicBool>);
 
 impl Interrupted {
-    /// From now on signals are noted and end nothing by themselves.
+    /// From now on signals are only recorded.
     pub fn new() -> anyhow::Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
@@ -283,7 +283,7 @@ impl Interrupted {
     }
 }
 
-/// The live status, in a thread: joining the network may take seconds, which nothing else waits for.
+/// The live status, in its own thread: joining the network may take seconds, and nothing else must wait for it.
 pub struct Monitor {
     thread: Option<JoinHandle<anyhow::Result<()>>>,
     stop: Arc<AtomicBool>,
@@ -297,7 +297,7 @@ impl Monitor {
         Self { thread: Some(thread), stop }
     }
 
-    /// The exit status that its end means, once it has ended.
+    /// The resulting exit status, once the monitor has ended.
     fn status(&mut self) -> Option<u8> {
         let thread = self.thread.take_if(|thread| thread.is_finished())?;
         match thread.join() {
@@ -315,12 +315,12 @@ impl Monitor {
     }
 }
 
-/// To the standard output, if anybody reads it: with or without, processes are to be watched.
+/// Prints to the standard output; a closed output is ignored, since the processes must still be watched.
 pub fn say(text: impl Display) {
     let _ = writeln!(std::io::stdout(), "{text}");
 }
 
-/// To the standard error, likewise.
+/// Prints to the standard error, likewise.
 pub fn tell(text: impl Display) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

@@ -1,4 +1,4 @@
-//! Runs and the model that they are explained with: arguments that several commands share.
+//! Runs and their model: arguments that several commands share.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use whorl_recording::{
     KnownPlatform, ReadOptions, Recording, platform_parts, read_csv, read_model, read_run_with,
 };
 
-/// Runs, and what they are read and judged with.
+/// Runs, with the options for reading and testing them.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RunArguments {
     /// Run directories, rosbag2 directories, .mcap files, or CSV files with --channels.
@@ -18,33 +18,33 @@ pub struct RunArguments {
     pub context: RunContext,
 }
 
-/// What runs are read and judged with.
+/// Options for reading and testing runs.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RunContext {
-    /// A run that takes part in no fit; may be given several times.
+    /// Held-out run: used to test, never to fit; may be given several times.
     #[arg(long, value_name = "RUN")]
     pub held_out: Vec<PathBuf>,
     /// The platform's parameter file [default: the parameters saved in the first run].
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// The platform, where runs or parameters hold several.
+    /// Name of the platform, where runs or parameters hold several.
     #[arg(long, value_name = "NAME")]
     pub platform: Option<String>,
-    /// Which topic or column holds what, for runs that are not Whorl's own.
+    /// Map of topics or columns, for runs that Whorl did not record.
     #[arg(long, value_name = "FILE")]
     pub channels: Option<PathBuf>,
 }
 
-/// What the arguments name, read.
+/// The runs and the model, read from their files.
 #[derive(Debug)]
 pub struct Runs {
     /// The platform.
     pub known: KnownPlatform,
-    /// Runs that may be fitted.
+    /// Training runs: used to fit.
     pub training: Vec<Recording>,
-    /// Runs that may not.
+    /// Held-out runs: never used to fit.
     pub held_out: Vec<Recording>,
-    /// For pages: what was compared.
+    /// Facts for the pages: platform, model, runs.
     pub facts: Vec<(String, String)>,
 }
 
@@ -53,7 +53,7 @@ impl RunArguments {
     pub fn read(&self) -> anyhow::Result<Runs> {
         let first = self.runs.first().context("no run was given")?;
         let source = self.context.model.as_deref().unwrap_or(first);
-        // Its errors name the file.
+        // Errors of the reader name the file.
         let known = match read_model(source, self.context.platform.as_deref()) {
             Err(_) if self.context.model.is_none() && is_csv(first) => {
                 bail!(
@@ -120,19 +120,19 @@ impl RunArguments {
     }
 }
 
-/// Where answers go besides the terminal.
+/// Output files for the answer.
 #[derive(Debug, Clone, clap::Args)]
 pub struct OutputArguments {
     /// Writes all numbers as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Where the page goes [default: into the first run's directory, under the command's name].
+    /// Path of the HTML page [default: the first run's directory, named after the command].
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
 }
 
 impl OutputArguments {
-    /// Writes what `value` makes, if it was asked for.
+    /// Writes the JSON that `value` returns, if requested.
     pub fn write_json<T: serde::Serialize>(
         &self,
         value: impl FnOnce() -> anyhow::Result<T>,
@@ -141,7 +141,7 @@ impl OutputArguments {
         write(path, &serde_json::to_string_pretty(&value()?)?)
     }
 
-    /// Writes the page: where `--html` says, else into the first run's directory, else beside its file. Says where.
+    /// Writes the page to `--html`, else into the first run's directory, else beside its file. Returns the path.
     pub fn write_page(&self, runs: &RunArguments, name: &str, html: &str) -> anyhow::Result<PathBuf> {
         let first = runs.runs.first().map_or(Path::new(""), PathBuf::as_path);
         let beside = || if first.is_dir() { first.join(name) } else { first.with_file_name(name) };
@@ -152,7 +152,7 @@ impl OutputArguments {
 }
 
 impl Runs {
-    /// Which of the runs have gaps, in sentences.
+    /// Sentences about gaps in the runs.
     pub fn gaps(&self) -> impl Iterator<Item = String> {
         self.training.iter().chain(&self.held_out).filter_map(Recording::gaps)
     }
@@ -169,7 +169,7 @@ fn effects_of(known: &KnownPlatform) -> String {
     if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
 }
 
-/// Writes a file whole.
+/// Writes a file.
 pub fn write(path: &Path, content: &str) -> anyhow::Result<()> {
     std::fs::write(path, content).with_context(|| format!("cannot write {}", path.display()))
 }

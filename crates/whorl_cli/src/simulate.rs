@@ -28,13 +28,13 @@ pub struct Arguments {
     /// Parameter folder [default: the experiment file's ../, which is params/].
     #[arg(long, value_name = "DIR")]
     params: Option<PathBuf>,
-    /// A parameter above the files, as the nodes take it: -p /coordinator:law.kind:=decentralised; may be repeated.
+    /// Overrides a parameter of the files, as for the nodes: -p /coordinator:law.kind:=decentralised; may be repeated.
     #[arg(short = 'p', value_name = "NODE:KEY:=VALUE")]
     overrides: Vec<String>,
     /// Longest simulated time [s]; an experiment normally ends by itself.
     #[arg(long, value_name = "SECONDS", default_value_t = 3600.0)]
     longest: f64,
-    /// Do not record: only simulate and say how fast.
+    /// Do not record: only simulate and report the speed.
     #[arg(long, conflicts_with = "out")]
     no_record: bool,
     /// Do not write the report.
@@ -43,7 +43,7 @@ pub struct Arguments {
     /// Print the nodes' log lines.
     #[arg(long, short)]
     verbose: bool,
-    /// Says nothing about the run: it is a step of another command.
+    /// Prints nothing about the run: it is a step of another command.
     #[arg(skip)]
     quiet: bool,
 }
@@ -68,7 +68,7 @@ impl Observer for Recording {
 
     fn logged(&mut self, now: Timestamp, node: &str, line: &LogLine) {
         if self.verbose || line.level == LogLevel::Error {
-            // A lost line of a log is no reason to stop.
+            // The simulation goes on if a log line cannot be written.
             let _ = writeln!(std::io::stderr(), "[{:9.3} s] {node}: {}", now.seconds(), line.text);
         }
     }
@@ -101,7 +101,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if shown.is_some() {
         eprintln!();
     }
-    // Closed also when the simulation ended with an error, which is most often the recording's own.
+    // Closed even when the simulation failed, most often because of the recording itself.
     if let Some(writer) = recording.writer {
         writer.finish(utc_now())?;
     }
@@ -127,7 +127,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Simulates an experiment into a run directory without a word or a report, for a look at its motion.
+/// Simulates an experiment into a run directory without messages or a report, to analyse its motion.
 pub fn record_quietly(experiment: &Path, params: Option<&Path>, out: &Path, seed: u64) -> anyhow::Result<()> {
     run(&Arguments {
         experiment: experiment.to_owned(),
@@ -192,7 +192,7 @@ fn open_run(
     Ok(writer)
 }
 
-/// Simulated time so far, on a terminal, from the first second of waiting on.
+/// Shows the simulated time so far on a terminal, after one second.
 fn progress(shown: &mut Option<Instant>, began: Instant, simulated_s: f64) {
     let now = Instant::now();
     let due = shown.map_or(began + Duration::from_secs(1), |last| last + Duration::from_millis(200));

@@ -1,7 +1,7 @@
 //! Tables in plain text.
 
-/// Prints rows under headings, columns as wide as needed; headings that begin with `#` and their cells are
-/// set to the right.
+/// Prints rows under headings, columns as wide as needed; columns whose heading begins with `#` are
+/// right-aligned.
 pub fn print(headings: &[String], rows: &[Vec<String>]) {
     let width = |column: usize, heading: &str| {
         let cells = rows.iter().filter_map(|row| row.get(column));

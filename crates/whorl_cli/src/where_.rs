@@ -9,7 +9,7 @@ use crate::explain::{ExplainArguments, options};
 use crate::progress;
 use crate::table::print;
 
-/// Version of the JSON form.
+/// Version of the JSON output.
 const SCHEMA: u32 = 2;
 /// Quantities listed in the table.
 const LISTED: usize = 12;

@@ -24,13 +24,13 @@ pub struct Arguments {
     /// Runs to fit, then the effects to adopt.
     #[arg(required = true, value_name = "RUN... EFFECT")]
     items: Vec<String>,
-    /// The parameter file that is changed.
+    /// Parameter file to change.
     #[arg(long, value_name = "FILE", required_unless_present = "try_")]
     out: Option<PathBuf>,
-    /// Compares rivals side by side and writes nothing; `+` joins effects to a set: a,b+c.
+    /// Compares candidates side by side and writes nothing; `+` joins effects to a set: a,b+c.
     #[arg(long = "try", value_name = "A,B", value_delimiter = ',')]
     try_: Vec<String>,
-    /// Writes even if the held-out runs are predicted worse, or a mass property moves beyond belief.
+    /// Writes even if the held-out runs are predicted worse, or a mass property moves implausibly far.
     #[arg(long)]
     anyway: bool,
     #[command(flatten)]
@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let run_arguments = RunArguments {
         runs: run_paths.iter().map(PathBuf::from).collect(),
         context: RunContext {
-            // The effect is added to what the file says already.
+            // The effect is added to the file's present content.
             model: arguments
                 .context
                 .model
@@ -82,7 +82,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let answer = adoption.answer();
     let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
     let provenance = provenance(&run_arguments, &command)?;
-    // Before anything is printed: whoever reads may close the pipe after a few lines.
+    // Before anything is printed: the reader may close the pipe after a few lines.
     let written = if arguments.try_.is_empty() {
         write(arguments.out.as_deref(), arguments.anyway, &runs, &adoption, &provenance)
     } else {

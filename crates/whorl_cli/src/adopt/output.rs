@@ -5,7 +5,7 @@ use whorl_explain::Version;
 
 use crate::runs::Runs;
 
-/// Version of the JSON form.
+/// Version of the JSON output.
 const SCHEMA: u32 = 2;
 
 pub fn as_json(

@@ -7,7 +7,7 @@ use whorl_math::three_digits;
 
 use crate::table::print;
 
-/// A correction of more standard deviations than this is listed.
+/// A correction is listed if it exceeds this many standard deviations.
 const TOLD_STDDEVS: f64 = 2.0;
 
 pub fn print_versions(versions: &[Version]) {
@@ -37,7 +37,7 @@ pub fn print_versions(versions: &[Version]) {
 pub fn print_parameters(version: &Version) {
     let Some(fit) = &version.fit else { return };
     println!("\nParameters {}", version.name);
-    // Corrections of wheels and jets that the data do not ask for would only hide the others.
+    // Insignificant corrections of wheels and jets would only hide the others.
     let is_told = |p: &&FittedParameter| {
         !p.name.ends_with(CORRECTION) || (p.estimate - p.before).abs() > TOLD_STDDEVS * p.stddev
     };
@@ -63,7 +63,7 @@ pub fn print_parameters(version: &Version) {
     let others = fit.estimates.len() - rows.len();
     if others > 0 {
         println!(
-            "  and {others} corrections of wheels and jets, each within {TOLD_STDDEVS} standard deviations of none"
+            "  and {others} corrections of wheels and jets, each within {TOLD_STDDEVS} standard deviations of zero"
         );
     }
 }

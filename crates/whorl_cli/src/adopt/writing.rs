@@ -1,4 +1,4 @@
-//! The parameter file with the effect, where nothing speaks against it.
+//! Writes the parameter file with the effect, unless there is an objection.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use whorl_explain::Adoption;
 use crate::model_file;
 use crate::runs::Runs;
 
-/// Writes the last version into the parameter file and says so.
+/// Writes the last version into the parameter file and reports it.
 pub fn write(
     out: Option<&Path>,
     anyway: bool,
@@ -19,7 +19,7 @@ pub fn write(
     let Some(out) = out else { bail!("name the file to write with --out") };
     let case = runs.case();
     if let Some(objection) = adoption.objection(&case).filter(|_| !anyway) {
-        bail!("{objection}. Nothing was written; --anyway writes all the same");
+        bail!("{objection}. Nothing was written; --anyway overrides this");
     }
     let changes = adoption.changes(&case, provenance);
     if changes.is_empty() {

@@ -1,4 +1,4 @@
-//! `whorl next`: the manoeuvre that tells most about what is still in doubt.
+//! `whorl next`: the manoeuvre that best separates the remaining explanations.
 
 mod rehearsal;
 mod tables;
@@ -21,7 +21,7 @@ use crate::progress;
 use crate::runs::{Runs, write};
 use crate::table::print;
 
-/// Version of the JSON form.
+/// Version of the JSON output.
 const SCHEMA: u32 = 1;
 
 /// Arguments of `whorl next`.
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let out = &arguments.out;
     let name = match out.file_stem().map(|s| s.to_string_lossy().into_owned()) {
         Some(name) if out.extension().is_some_and(|e| e == "yaml" || e == "yml") => name,
-        _ => bail!("--out {} is no experiment file; its name must end in .yaml", out.display()),
+        _ => bail!("--out {}: an experiment file's name must end in .yaml", out.display()),
     };
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let options = arguments.search.options();
@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     println!();
     print(&tables::HEADINGS.map(str::to_owned), &tables::rows(&proposal));
     for (name, reason) in &proposal.left_out {
-        println!("note: {name} is left out: even made smaller it {reason}");
+        println!("note: {name} is left out: even scaled down it {reason}");
     }
     println!("\nexperiment: {}", out.display());
     let of_folder = folder
@@ -100,8 +100,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What `whorl diagnose` says of the next run: the best manoeuvre, where explanations are left or the data could not
-/// have shown any. `None` where nothing needs to be separated, or no manoeuvre can be rehearsed.
+/// What `whorl diagnose` recommends as the next run: the best manoeuvre, if several explanations remain or the data
+/// could not have shown any. `None` if nothing needs to be separated or no manoeuvre can be simulated.
 pub fn suggestion(runs: &Runs, diagnosis: &Diagnosis, options: &Options) -> Option<NextManoeuvre> {
     if !matches!(diagnosis.verdict, Verdict::Confounded | Verdict::NotEnoughInformation) {
         return None;
@@ -118,7 +118,7 @@ pub fn suggestion(runs: &Runs, diagnosis: &Diagnosis, options: &Options) -> Opti
     })
 }
 
-/// Rehearses the manoeuvres on the platform as the data say, and judges them. `common` is the parameter file that all
+/// Simulates the manoeuvres on the fitted platform and evaluates them. `common` is the parameter file that all
 /// nodes share.
 fn proposal(
     runs: &Runs,

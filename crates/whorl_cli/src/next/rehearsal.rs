@@ -1,4 +1,4 @@
-//! Manoeuvres in simulation, before they are proposed.
+//! Simulation of manoeuvres before they are proposed.
 
 use std::path::{Path, PathBuf};
 
@@ -10,8 +10,8 @@ use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_run_with};
 
 use crate::simulate;
 
-/// A folder of parameters in which the simulated platform is as the data say, and control knows the model
-/// as given. Removed at the end.
+/// A parameter folder in which the simulated platform is the fitted one, and control has the model as given.
+/// Removed at the end.
 pub struct Stage {
     folder: PathBuf,
     platform: String,
@@ -19,7 +19,7 @@ pub struct Stage {
 
 impl Drop for Stage {
     fn drop(&mut self) {
-        // Only what this command has made.
+        // Only files that this command has created.
         let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
@@ -55,7 +55,7 @@ impl Stage {
         Ok(stage)
     }
 
-    /// Simulates an experiment and reads what was measured.
+    /// Simulates an experiment and reads its measurements.
     pub fn rehearse(&self, name: &str, yaml: &str, model: &PlatformModel) -> anyhow::Result<Recording> {
         let experiment = self.folder.join("experiments").join(format!("{name}.yaml"));
         std::fs::write(&experiment, yaml)
@@ -64,7 +64,7 @@ impl Stage {
         simulate::record_quietly(&experiment, Some(&self.folder), &run, 1)?;
         let options = ReadOptions { platform: Some(&self.platform), model: Some(model), channels: None };
         let recording = read_run_with(&run, &options)?.into_iter().next().context("nothing was measured")?;
-        // Space for the next one.
+        // Makes room for the next run.
         let _ = std::fs::remove_dir_all(&run);
         Ok(recording)
     }
@@ -81,7 +81,7 @@ fn own_file(known: &KnownPlatform) -> anyhow::Result<PathBuf> {
     named.or(known.files.last()).cloned().context("there is no parameter file of the platform")
 }
 
-/// As a parameter file writes it.
+/// A value in the notation of a parameter file.
 fn scalar(value: &Value) -> Option<String> {
     // A YAML 1.1 reader takes 1e-7 for a word and 1.0e-7 for a number.
     let number = |x: &f64| {

@@ -15,7 +15,7 @@ pub const HEADINGS: [&str; 8] = [
     "#gas [%]",
 ];
 
-/// A row for each manoeuvre, best first, after what the data at hand say.
+/// A row for each manoeuvre, best first, after a row for the data at hand.
 pub fn rows(proposal: &Proposal) -> Vec<Vec<String>> {
     let odds = |o: Option<f64>| o.map_or_else(|| "-".to_owned(), log_odds_in_words);
     let mut rows = vec![vec![
@@ -39,7 +39,7 @@ pub fn rows(proposal: &Proposal) -> Vec<Vec<String>> {
     rows
 }
 
-/// Broken into lines of at most `width` characters, at spaces.
+/// Text broken into lines of at most `width` characters, at spaces.
 pub fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {

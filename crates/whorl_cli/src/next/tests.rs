@@ -1,4 +1,4 @@
-//! What is proposed can be run.
+//! Proposed experiments can be run.
 
 use std::path::{Path, PathBuf};
 
