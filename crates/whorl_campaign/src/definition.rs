@@ -15,7 +15,7 @@ pub struct Definition {
     pub first_seed: u64,
     /// How many seeds.
     pub seeds: u64,
-    /// What is swept; every combination is run with every seed.
+    /// Axes of the sweep; every combination is run with every seed.
     pub axes: Vec<Axis>,
     /// Overrides of all runs, `node:key:=value`.
     pub always: Vec<String>,
@@ -27,7 +27,7 @@ pub struct Definition {
     pub plots: Vec<String>,
 }
 
-/// One thing that is swept.
+/// One swept quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     /// Its name, a column of the table.
@@ -39,7 +39,7 @@ pub struct Axis {
 /// One value of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// What stands in the table.
+    /// Label in the table.
     pub label: String,
     /// Overrides, `node:key:=value`.
     pub overrides: Vec<String>,
@@ -47,7 +47,7 @@ pub struct Choice {
 
 /// Reads a campaign. Errors stay in the reader.
 pub fn read(r: &mut Reader<'_>) -> Definition {
-    let name = r.string_or("name", "campaign", "what the campaign is called");
+    let name = r.string_or("name", "campaign", "name of the campaign");
     let experiments =
         r.string_array("experiments", "names of experiments in the parameter folder's experiments/");
     if experiments.is_empty() && r.has("experiments") {
@@ -81,7 +81,7 @@ pub fn read(r: &mut Reader<'_>) -> Definition {
                 "keep_every",
                 0,
                 range(0..),
-                "every so many runs one is recorded as a run directory; 0: none",
+                "one in this many runs is recorded as a run directory; 0: none",
             )
             .unsigned_abs(),
         plots,

@@ -1,14 +1,14 @@
 //! Campaigns: many simulated runs of one or more experiments over parameters, seeds, faults and links.
 //!
-//! A campaign is a folder. Its plan says which runs there are; a run is claimed by creating a file, and done when its
-//! row is there. So threads, processes, machines that share the folder and a campaign that goes on after an
-//! interruption all work by the same rule, and rows are the same whoever computes them.
+//! A campaign is a folder. Its plan lists the runs. A run is claimed by creating a file, and done when its row
+//! exists. Threads, processes, machines that share the folder and resumed campaigns all follow this rule, and
+//! the rows do not depend on who computes them.
 //!
 //! | module | what |
 //! |---|---|
 //! | [`definition`] | the campaign file |
 //! | [`plan`] | every run that follows from it |
-//! | [`run_spec`] | what one run is |
+//! | [`run_spec`] | specification of one run |
 //! | [`work`] | claims and rows in the folder |
 //! | [`single`] | one run, in memory |
 //! | [`row`] | the numbers of a run |

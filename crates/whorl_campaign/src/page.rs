@@ -32,7 +32,7 @@ pub fn html(plan: &Plan, groups: &[Group]) -> String {
     page
 }
 
-/// What a group differs in from the others: the experiment only where there are several.
+/// Label of a group: what distinguishes it from the others; the experiment only if there are several.
 fn label(group: &Group, groups: &[Group]) -> String {
     let several = groups.iter().any(|other| other.experiment != group.experiment);
     let experiment = (several || group.labels.is_empty()).then_some(group.experiment.as_str());

@@ -9,12 +9,12 @@ use crate::definition::{Axis, Definition};
 use crate::run_spec::RunSpec;
 use crate::single::check;
 
-/// More runs than this are taken for a mistake.
+/// More runs than this are refused as a mistake.
 const MOST_RUNS: u64 = 10_000_000;
 
-/// Combinations that are looked at before a campaign begins.
+/// Number of combinations that are checked before a campaign begins.
 const MOST_CHECKED: u64 = 300;
-/// Of those that cannot begin so many are told of.
+/// Largest number of refused combinations to report.
 const MOST_TOLD: usize = 3;
 
 /// All runs, in the order of the table.
@@ -33,13 +33,13 @@ pub struct Plan {
 /// A campaign that cannot be planned.
 #[derive(Debug, Error)]
 pub enum PlanError {
-    /// An experiment that is not there.
+    /// An experiment file does not exist.
     #[error("no experiment file {0}")]
     NoExperiment(PathBuf),
-    /// Parameters or overrides that are wrong.
+    /// Invalid parameters or overrides.
     #[error(transparent)]
     Parameters(#[from] ParameterErrors),
-    /// An override that is none.
+    /// An invalid override.
     #[error("sweep.{axis}: {problem}")]
     Override {
         /// Which axis.
@@ -59,7 +59,7 @@ impl Plan {
     /// From a definition and the parameter folder.
     ///
     /// # Errors
-    /// Files that are not there, parameters that cannot be loaded, overrides that are none.
+    /// Missing files, parameters that cannot be loaded, invalid overrides.
     pub fn new(definition: Definition, parameters: &Path) -> Result<Self, PlanError> {
         let mut layers = Vec::with_capacity(definition.experiments.len());
         for name in &definition.experiments {
@@ -86,20 +86,20 @@ impl Plan {
         Ok(Self { definition, layers, always, overrides, runs })
     }
 
-    /// How many runs.
+    /// Number of runs.
     #[must_use]
     pub fn len(&self) -> u64 {
         self.runs
     }
 
-    /// Whether there is none.
+    /// Whether there are no runs.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.runs == 0
     }
 
-    /// Whether every combination can begin: the first run of each, or of as many as can be looked at in a few
-    /// seconds.
+    /// Whether every combination can begin: the first run of each is checked, or of as many as can be checked in
+    /// a few seconds.
     ///
     /// # Errors
     /// The first combinations that cannot, and why.

@@ -3,7 +3,7 @@
 use whorl_msgs::whorl::FormationState;
 use whorl_report::{RunData, Summary};
 
-/// Relative errors below this count as settled \[rad\]: five times what the estimators leave.
+/// Relative errors below this count as settled \[rad\]: five times the estimators' error.
 const SETTLED_RAD: f64 = 0.25 * std::f64::consts::PI / 180.0;
 
 /// Names of the metrics, in the order of the table.
@@ -26,7 +26,7 @@ pub const METRICS: [&str; 16] = [
     "broadcasts_per_s",
 ];
 
-/// What each of [`METRICS`] is.
+/// Description of each of [`METRICS`].
 pub const MEANINGS: [&str; METRICS.len()] = [
     "simulated time [s]",
     "relative pointing error in hold, RMS, of the worst pair [deg]",
@@ -35,11 +35,11 @@ pub const MEANINGS: [&str; METRICS.len()] = [
     "the estimators' share of the relative error in hold, RMS [deg]",
     "relative error while the formation moves, largest, by the estimates [deg]",
     "longest time from the beginning of a movement until relative errors stay below 0.25 deg [s]",
-    "pointing error to the own reference in hold, RMS, of the worst platform [deg]",
+    "pointing error to its own reference in hold, RMS, of the worst platform [deg]",
     "gas used by all platforms together [g]",
-    "how evenly gas was used: 1 alike, 0 by one alone",
+    "how evenly gas was used: 1 equally by all platforms, 0 by one alone",
     "largest wheel speed [rad/s]",
-    "smallest attainable share of an asked torque",
+    "smallest attainable share of the requested torque",
     "time not tracking, of all platforms together [s]",
     "largest age of an estimate at the coordinator [s]",
     "messages from one computer to another, each receiver counted [1/s]",
@@ -57,15 +57,15 @@ pub struct Row {
     pub seed: u64,
     /// Its label on each axis.
     pub labels: Vec<String>,
-    /// Finished, aborted, the phase it was in; or `refused` or `failed`.
+    /// Finished, aborted, the phase at the end; or `refused` or `failed`.
     pub outcome: String,
     /// Why it was refused, failed or aborted; empty when it finished.
     pub reason: String,
-    /// Values of [`METRICS`]; NaN where a run has none.
+    /// Values of [`METRICS`]; NaN where not available.
     pub metrics: Vec<f64>,
 }
 
-/// What crossed the links of a run.
+/// Traffic over the links of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Traffic {
     /// Messages that were sent from one computer to another.
@@ -104,7 +104,7 @@ pub fn metrics(data: &RunData, summary: &Summary, simulated_s: f64, traffic: &Tr
 }
 
 /// How evenly something is spread: the entropy of its shares over that of equal shares (R. W. Beard, F. Y.
-/// Hadaegh). 1: even; 0: one has all; NaN: there is nothing.
+/// Hadaegh). 1: even; 0: one has everything; NaN: the total is zero.
 #[must_use]
 pub fn evenness(amounts: &[f64]) -> f64 {
     let total: f64 = amounts.iter().sum();

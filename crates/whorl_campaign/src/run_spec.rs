@@ -1,4 +1,4 @@
-//! What one run of a campaign is.
+//! Specification of one run of a campaign.
 
 use std::path::PathBuf;
 
@@ -17,6 +17,6 @@ pub struct RunSpec {
     pub labels: Vec<String>,
     /// Parameter files, lowest layer first.
     pub layers: Vec<PathBuf>,
-    /// What differs from them.
+    /// Overrides of the files' parameters.
     pub overrides: Vec<Override>,
 }

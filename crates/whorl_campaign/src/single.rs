@@ -13,7 +13,7 @@ use whorl_sim::{NodeSet, Observer};
 use crate::row::{METRICS, Row, Traffic, metrics};
 use crate::run_spec::RunSpec;
 
-/// Keeps what the numbers need, and writes the run directory if one is wanted.
+/// Keeps the messages for the numbers, and writes the run directory if requested.
 struct Keeper {
     names: Vec<String>,
     data: RunData,
@@ -22,7 +22,7 @@ struct Keeper {
     writer: Option<RunWriter>,
 }
 
-/// Topics that no metric looks at.
+/// Topics that no metric uses.
 fn unused(topic: Topic) -> bool {
     matches!(
         topic,
@@ -67,14 +67,14 @@ impl Observer for Keeper {
 /// Whether a run can begin.
 ///
 /// # Errors
-/// Why not: what is wrong with its parameters.
+/// If the parameters are invalid, with the reason.
 pub fn check(spec: &RunSpec) -> Result<(), String> {
     let tree = ParameterTree::load(&spec.layers, &spec.overrides).map_err(|e| e.to_string())?;
     NodeSet::build(&tree, spec.seed, Timestamp(0)).map(|_| ()).map_err(|e| e.to_string())
 }
 
-/// Simulates a run. What goes wrong with it is in its row: a campaign does not end because a run does.
-/// With `keep`, the run directory is written there.
+/// Simulates a run. A failure is noted in its row and does not end the campaign. With `keep`, the run directory
+/// is written there.
 #[must_use]
 pub fn simulate(spec: &RunSpec, longest_s: f64, keep: Option<&Path>) -> Row {
     let row = |outcome: &str, reason: String, metrics: Vec<f64>| Row {
@@ -128,7 +128,7 @@ fn open(spec: &RunSpec, set: &NodeSet, folder: &Path) -> Result<RunWriter, BagEr
         platforms: set.platforms.clone(),
         ..RunDescription::default()
     };
-    // Begun again after an interruption: what is there is half a run.
+    // Restarted after an interruption: the directory holds a partial run.
     if folder.join("bag").exists() {
         std::fs::remove_dir_all(folder).map_err(|source| BagError::Io {
             action: "cannot remove",

@@ -17,7 +17,7 @@ fn csv_error(error: impl std::fmt::Display) -> io::Error {
 /// A row as a line of CSV.
 pub(crate) fn row_text(row: &Row) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    // Writing to memory does not fail.
+    // Writing to memory cannot fail.
     let _ = writer.write_record(record(row));
     let bytes = writer.into_inner().unwrap_or_default();
     String::from_utf8(bytes).unwrap_or_default()
@@ -26,7 +26,7 @@ pub(crate) fn row_text(row: &Row) -> String {
 fn record(row: &Row) -> Vec<String> {
     let head = [row.index.to_string(), row.experiment.clone(), row.seed.to_string()];
     let outcome = [row.outcome.clone(), row.reason.clone()];
-    // Shortest text that reads back to the same number; nothing for none.
+    // Shortest text that reads back to the same number; empty for NaN.
     let number = |v: &f64| if v.is_nan() { String::new() } else { format!("{v:?}") };
     head.into_iter()
         .chain(row.labels.iter().cloned())
@@ -80,20 +80,20 @@ pub fn csv_text(plan: &Plan, rows: &[Row]) -> String {
     String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default()
 }
 
-/// Runs that differ in nothing but their seed.
+/// Runs that differ only in their seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
     /// Their experiment.
     pub experiment: String,
     /// Their label on each axis.
     pub labels: Vec<String>,
-    /// How many runs.
+    /// Number of runs.
     pub runs: usize,
-    /// How many finished.
+    /// Number of finished runs.
     pub finished: usize,
-    /// How the others ended and why, of the first of them; empty when all finished.
+    /// Outcome and reason of the first run that did not finish; empty if all finished.
     pub otherwise: String,
-    /// Per metric: [`PERCENTILES`] over the runs that have it; NaN for none.
+    /// Per metric: [`PERCENTILES`] over the runs that have it; NaN if none has.
     pub percentiles: Vec<[f64; 3]>,
 }
 

@@ -1,4 +1,4 @@
-//! Campaigns of short runs: the same rows whoever computes them, and after an interruption.
+//! Campaigns of short runs: the rows do not depend on who computes them, nor on interruptions.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
@@ -46,7 +46,7 @@ fn rows_are_the_same_with_one_thread_with_three_and_after_an_interruption() {
     assert_eq!(alone.lines().count(), 5);
     assert!(three.path().join("runs/00000003/bag").is_dir());
 
-    // A worker that died left a claim without a row; another machine's claim is young: it is left alone.
+    // A dead worker left a claim without a row. A recent claim of another machine is respected.
     let folder = open(&broken);
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
     std::fs::write(broken.path().join("claims/00000001"), format!("{} 4194305\n", host.trim())).unwrap();

@@ -1,8 +1,8 @@
 //! Claims and rows: how threads, processes and machines share one campaign folder.
 //!
 //! A worker takes a run by creating `claims/<run>` (only one can), simulates it, and moves its row to
-//! `rows/<run>.csv`. A claim without a row belongs to a worker that lives, or to one that was interrupted: on the
-//! same machine its process is asked for, elsewhere a claim counts as left behind after ten minutes.
+//! `rows/<run>.csv`. A claim without a row belongs to a running worker or to an interrupted one. On the
+//! same machine its process is checked; a claim of another machine counts as abandoned after ten minutes.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ use crate::row::Row;
 use crate::single::simulate;
 use crate::table::{parse_row, row_text};
 
-/// A claim of another machine that is older than this was left behind.
+/// A claim of another machine that is older than this is abandoned.
 const LEFT_BEHIND: Duration = Duration::from_secs(600);
 
 /// A campaign's folder.
@@ -26,8 +26,8 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Creates the folder, or opens it to go on. `text` is the campaign: one that differs from what the folder
-    /// was begun with is refused.
+    /// Creates the folder, or opens it to resume. `text` describes the campaign; one that differs from the
+    /// folder's is refused.
     ///
     /// # Errors
     /// The file system's, or a folder that holds another campaign.
@@ -74,13 +74,13 @@ impl Folder {
         self.path.join("claims").join(format!("{index:08}"))
     }
 
-    /// Where a kept run goes.
+    /// Directory of a run that is kept.
     #[must_use]
     pub fn run_path(&self, index: u64) -> PathBuf {
         self.path.join("runs").join(format!("{index:08}"))
     }
 
-    /// Takes a run; false when it is done or another worker has it.
+    /// Claims a run; false if it is done or claimed by another worker.
     ///
     /// # Errors
     /// The file system's.
@@ -100,7 +100,7 @@ impl Folder {
                     if !self.left_behind(&path) {
                         return Ok(false);
                     }
-                    // Of several workers that find it, one removes it, and one then creates it anew.
+                    // If several workers find it, one removes it and one creates it again.
                     let _ = fs::remove_file(&path);
                 }
                 Err(error) => return Err(error),
@@ -117,7 +117,7 @@ impl Folder {
         {
             return !Path::new("/proc").join(process).exists();
         }
-        // Another machine's, or one that is being written.
+        // A claim of another machine, or one that is being written.
         let age = claim
             .metadata()
             .and_then(|m| m.modified())
@@ -137,7 +137,7 @@ impl Folder {
         fs::rename(&unfinished, path)
     }
 
-    /// Rows that are there, in the order of runs.
+    /// Finished rows, in the order of runs.
     ///
     /// # Errors
     /// The file system's, or a row that cannot be read.
@@ -153,7 +153,7 @@ impl Folder {
         Ok(rows)
     }
 
-    /// How many rows are there.
+    /// Number of finished rows.
     ///
     /// # Errors
     /// The file system's.
@@ -163,7 +163,7 @@ impl Folder {
     }
 }
 
-/// Works until no run is left that nobody has. `progress` counts the runs done here.
+/// Works until every run is claimed. `progress` counts the runs done here.
 ///
 /// # Errors
 /// The file system's, of any thread.

@@ -16,7 +16,7 @@ use whorl_msgs::whorl::{
 pub struct Recorded<T> {
     /// Recorder's clock \[s\].
     pub log_time_s: f64,
-    /// The message's own stamp on the same time line \[s\]; a platform's clock that was found to be off is put right.
+    /// The message's own stamp on the same time line \[s\], corrected for the measured offset of the platform's clock.
     pub stamp_s: f64,
     /// The message.
     pub message: T,
@@ -49,7 +49,7 @@ pub struct PlatformData {
     pub reference: Vec<Recorded<AttitudeReference>>,
     /// Controller status.
     pub control: Vec<Recorded<ControlStatus>>,
-    /// Truth of simulated hardware, or of a recording that has it.
+    /// Truth of simulated hardware or of a recording that contains it.
     pub truth: Vec<Recorded<AttitudeEstimate>>,
 }
 
@@ -62,7 +62,7 @@ pub struct RunData {
     pub formation: Vec<Recorded<FormationState>>,
     /// Authority heartbeat.
     pub authority: Vec<Recorded<FormationCommand>>,
-    /// What the formation's coordinator knew of the platforms' clocks.
+    /// Clock offsets of the platforms as measured by the formation's coordinator.
     pub clocks: Vec<Recorded<ClockRequest>>,
     /// Diagnostics of all nodes.
     pub diagnostics: Vec<Recorded<DiagnosticArray>>,
@@ -71,7 +71,7 @@ pub struct RunData {
     /// Messages on topics that the report does not use.
     pub other_messages: u64,
     first_log_time_ns: Option<i64>,
-    /// By which each platform's clock is ahead of the coordinator's, as it applied it latest \[s\].
+    /// Offset of each platform's clock ahead of the coordinator's, as last applied \[s\].
     clock_ahead_s: BTreeMap<String, f64>,
 }
 
@@ -135,7 +135,7 @@ impl RunData {
                 let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
                 self.authority.push(Recorded { log_time_s, stamp_s, message });
             }
-            // Platforms' own coordinators ask as well, by their own clocks.
+            // The platforms' own coordinators publish offsets too, relative to their own clocks.
             (Topic::FormationClock, Message::ClockRequest(message))
                 if message.header.frame_id == "coordinator" =>
             {
@@ -158,7 +158,7 @@ fn seconds(ns: i64) -> f64 {
     ns as f64 * 1e-9
 }
 
-/// `None` for the zero stamp of a message that goes back to no measurement.
+/// `None` for the zero stamp of a message that derives from no measurement.
 fn stamp_s(stamp: whorl_msgs::builtin_interfaces::Time, first_ns: i64) -> Option<f64> {
     let ns = i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec);
     (ns != 0).then(|| seconds(ns - first_ns))

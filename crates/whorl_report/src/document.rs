@@ -1,4 +1,4 @@
-//! What every page is made of: head, style, tables, figures.
+//! Building blocks of every page: head, style, tables, figures.
 
 use std::fmt::Write as _;
 
@@ -23,7 +23,7 @@ p.answer { font-size: 1.15rem; margin: 0.5rem 0; } p.rule { color: #555; font-si
 /// Ends a page.
 pub(crate) const END: &str = "</body></html>\n";
 
-/// A page that is being written.
+/// A page under construction.
 #[derive(Debug, Clone)]
 pub(crate) struct Document {
     html: String,
@@ -42,7 +42,7 @@ impl Document {
         Self { html, figures: 0 }
     }
 
-    /// What there is so far.
+    /// The HTML so far.
     pub fn into_body(self) -> String {
         self.html
     }
@@ -52,13 +52,13 @@ impl Document {
         self.html + END
     }
 
-    /// A heading below the page's own.
+    /// A subheading.
     pub fn heading(&mut self, text: &str) {
         // Writing to a String cannot fail.
         let _ = writeln!(self.html, "<h2>{}</h2>", escaped(text));
     }
 
-    /// A paragraph of a class (`answer`, `rule`, `warning`), or of none.
+    /// A paragraph of a class (`answer`, `rule`, `warning`; empty for none).
     pub fn paragraph(&mut self, class: &str, text: &str) {
         let _ = writeln!(self.html, "<p class=\"{class}\">{}</p>", escaped(text));
     }
@@ -75,8 +75,8 @@ impl Document {
         self.html.push_str("</ul>\n");
     }
 
-    /// A table of cells that are HTML already ([`text`], [`number`]), with headings as plain text; numbers'
-    /// headings begin with `#`.
+    /// A table of HTML cells ([`text`], [`number`]) with plain-text headings; headings of numeric columns
+    /// begin with `#`.
     pub fn table(&mut self, headings: &[&str], rows: &[Vec<String>]) {
         self.html.push_str("<div class=wide><table><tr>");
         for heading in headings {

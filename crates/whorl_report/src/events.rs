@@ -1,4 +1,4 @@
-//! What happened: changes of phase, mode, health, link and diagnostics, in order of time.
+//! Events of a run: changes of phase, mode, health, link and diagnostics, in order of time.
 
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus};
@@ -68,10 +68,10 @@ pub fn happenings(run: &RunData) -> Vec<Happening> {
             Some((s.stamp_s, *s.message.applied_s.get(index)?))
         });
         changes(clock, |t, ahead_s| {
-            // The first one says nothing yet.
+            // The first value is not a change.
             if ahead_s != 0.0 {
                 let what =
-                    format!("clock offset {:+.1} ms found: stamps are translated by it", ahead_s * 1e3);
+                    format!("clock offset of {:+.1} ms measured: stamps are corrected by it", ahead_s * 1e3);
                 add(t, name, what, false);
             }
         });
@@ -118,7 +118,7 @@ fn mode_name(mode: u8) -> &'static str {
         ControlStatus::MODE_HOLD => "holding the last reference",
         ControlStatus::MODE_SAFE_DAMPING => "safe, damping the rate",
         ControlStatus::MODE_SAFE_COAST => "safe, coasting",
-        ControlStatus::MODE_EXCITE => "excited, the reference left alone",
+        ControlStatus::MODE_EXCITE => "excited, the reference is ignored",
         _ => "unknown mode",
     }
 }
@@ -132,7 +132,7 @@ fn reason_name(reason: u8) -> &'static str {
         ControlStatus::REASON_TILT_LIMIT => " (tilt near its stop)",
         ControlStatus::REASON_ABORT => " (abort)",
         ControlStatus::REASON_RATE_LIMIT => " (rate too high)",
-        ControlStatus::REASON_EXCITATION_LIMIT => " (the excitation came to a limit)",
+        ControlStatus::REASON_EXCITATION_LIMIT => " (the excitation reached a limit)",
         ControlStatus::REASON_EXCITATION_UNKNOWN => " (no excitation of that name)",
         _ => "",
     }

@@ -1,4 +1,4 @@
-//! One figure, drawn by Plotly. The only file that knows it.
+//! A figure, drawn by Plotly. No other file depends on Plotly.
 
 use plotly::common::{Anchor, Font, Line, Mode, Orientation, Title};
 use plotly::configuration::DisplayModeBar;
@@ -8,18 +8,18 @@ use plotly::{Configuration, Layout, Plot, Scatter};
 use crate::metrics::Interval;
 use crate::series::Curve;
 
-/// Points per curve beyond which it is thinned.
+/// Largest number of points per curve; longer curves are thinned.
 const POINTS: usize = 2400;
 
 /// Height of a figure without its legend.
 const HEIGHT_PX: usize = 280;
 const LEGEND_ROW_PX: usize = 20;
-/// Width that a legend's row surely has, of its line and gap, and of a letter.
+/// Minimum width of a legend's row, width of its line and gap, and width of a letter.
 const LEGEND_WIDTH_PX: usize = 800;
 const LEGEND_LINE_PX: usize = 50;
 const LETTER_PX: usize = 7;
 
-/// Line colours and dashes that stay apart in grey and for colour-blind readers (Okabe-Ito).
+/// Line colours and dashes that can be distinguished in grey and by colour-blind readers (Okabe-Ito).
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#999933"];
 
@@ -44,8 +44,8 @@ pub struct Figure {
     pub log: bool,
     /// Logarithmic horizontal axis.
     pub log_x: bool,
-    /// The vertical axis is fitted to what comes after this time \[s\], so that a first transient does
-    /// not flatten the rest; zooming out shows it all.
+    /// The vertical axis is scaled to the data after this time \[s\], so that an initial transient does
+    /// not flatten the rest; zooming out shows everything.
     pub fitted_from_s: Option<f64>,
 }
 
@@ -55,10 +55,10 @@ impl Figure {
         self.curves.iter().chain(&self.dashed).all(|c| c.time_s.is_empty())
     }
 
-    /// Rows that the legend takes.
+    /// Number of rows of the legend.
     fn legend_rows(&self) -> usize {
         let shown = || self.curves.iter().chain(&self.dashed).filter(|c| !c.time_s.is_empty());
-        // Entries stand in columns as wide as the widest.
+        // Entries are laid out in columns as wide as the widest entry.
         let widest = shown().map(|c| c.name.chars().count() * LETTER_PX + LEGEND_LINE_PX).max().unwrap_or(1);
         shown().count().div_ceil((LEGEND_WIDTH_PX / widest).max(1))
     }
@@ -146,7 +146,7 @@ impl Figure {
                     Legend::new()
                         .orientation(Orientation::Horizontal)
                         .font(Font::new().size(11))
-                        // Upwards from the plot, whose margin it widens: it never lies over curves.
+                        // Placed above the plot, in its margin, so that it never covers curves.
                         .y_anchor(Anchor::Bottom)
                         .y(1.02)
                         .x(0.),
@@ -164,14 +164,14 @@ impl Figure {
 
 /// The script that draws the figures, for embedding once in a page.
 ///
-/// The library's sources also bring a typesetter for formulas, which is half of their size and of
-/// no use here.
+/// The library's sources also contain a typesetter for formulas, which is half of their size and not
+/// needed here.
 pub fn script() -> String {
     let sources = Plot::offline_js_sources();
     sources.split_once("</script>").map_or(sources.clone(), |(plotly, _)| format!("{plotly}</script>"))
 }
 
-/// Six significant digits: what a plot can show, at a third of the size.
+/// Six significant digits: enough for a plot, at a third of the size.
 fn rounded(values: Vec<f64>) -> Vec<f64> {
     values
         .into_iter()

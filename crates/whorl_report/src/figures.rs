@@ -1,4 +1,4 @@
-//! Which figures a report has.
+//! The figures of a report.
 
 use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad, rpm_from_rad_s};
@@ -10,8 +10,8 @@ use crate::series::{AttitudeSeries, Curve, components};
 
 const XYZ: [&str; 3] = ["x", "y", "z"];
 
-/// From the first usable estimate to where a figure's vertical axis is fitted [s]: the filter has
-/// then forgotten how it began.
+/// Time from the first usable estimate to where the scaling of a figure's vertical axis begins [s]: by then the
+/// filter's initial transient has decayed.
 const FILTER_SETTLING_S: f64 = 2.0;
 
 /// Relative error of a pair and the links.
@@ -23,8 +23,8 @@ pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> V
         Figure {
             title: format!("Relative pointing error of {follower} to {leader}"),
             caption:
-                "Angle between the relative attitude and the commanded one, and its two parts: what the \
-                      estimators got wrong, and what the controllers left over. Grey: hold."
+                "Angle between the relative attitude and the commanded one, and its two parts: the error \
+                      of the estimators and the error of the controllers. Grey: hold."
                     .to_owned(),
             y_label: "angle [deg]".to_owned(),
             curves: vec![
@@ -57,7 +57,7 @@ pub fn link_figure(run: &RunData) -> Figure {
     });
     Figure {
         title: "Link age".to_owned(),
-        caption: "Age of each platform's newest estimate when the coordinator looked.".to_owned(),
+        caption: "Age of each platform's newest estimate whenever the coordinator used it.".to_owned(),
         y_label: "age [ms]".to_owned(),
         curves: curves.collect(),
         ..Figure::default()
@@ -69,7 +69,7 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
     let mut figures = attitude_figures(attitudes);
     figures.push(Figure {
         title: "Control error".to_owned(),
-        caption: "Rotation from reference to estimated attitude, body axes, as the controller saw it."
+        caption: "Rotation from reference to estimated attitude, body axes, as used by the controller."
             .to_owned(),
         y_label: "error [deg]".to_owned(),
         curves: components(
@@ -111,7 +111,7 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
         title: "Torque".to_owned(),
         caption:
             "Achieved by the actuators' model (solid) and asked for by the controller (dashed), body axes. \
-                  They part where the actuators are at their limits."
+                  They differ where the actuators are at their limits."
                 .to_owned(),
         y_label: "torque [mN m]".to_owned(),
         curves: torque(data, XYZ, |c| c.torque_achieved_b_n_m),
@@ -124,7 +124,7 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
     figures
 }
 
-/// How the mass properties converge that were estimated while the platform moved: three figures of three.
+/// Convergence of the mass properties estimated in motion: three figures with three curves each.
 fn mass_property_figures(data: &PlatformData) -> Vec<Figure> {
     let groups = [
         ("Moments of inertia", [0, 3, 5], "change [kg m^2]"),
@@ -158,7 +158,7 @@ fn mass_property_figures(data: &PlatformData) -> Vec<Figure> {
         .collect()
 }
 
-/// When the filter has settled, if there is an estimate.
+/// Time when the filter has settled, if there is an estimate.
 fn settled_s(attitudes: &Attitudes) -> Option<f64> {
     attitudes.estimate.iter().next().map(|(t, _)| t + FILTER_SETTLING_S)
 }
@@ -213,7 +213,7 @@ fn wheel_speeds(data: &PlatformData) -> Vec<Curve> {
 
 fn jet_figures(data: &PlatformData) -> Vec<Figure> {
     let jets = data.thrusters.last().map_or(0, |t| t.message.total_on_time_s.len());
-    // A run without a pulse needs no figure of pulses.
+    // A run without pulses needs no figure of pulses.
     let fired = data.thrusters.last().is_some_and(|t| t.message.total_on_time_s.iter().any(|s| *s > 0.0));
     let on_time = (0..if fired { jets } else { 0 }).map(|i| {
         let total =
@@ -223,14 +223,14 @@ fn jet_figures(data: &PlatformData) -> Vec<Figure> {
     vec![
         Figure {
             title: "Jets".to_owned(),
-            caption: "Time for which each valve was open so far.".to_owned(),
+            caption: "Accumulated open time of each valve.".to_owned(),
             y_label: "on-time [s]".to_owned(),
             curves: on_time.collect(),
             ..Figure::default()
         },
         Figure {
             title: "Gas".to_owned(),
-            caption: "Used so far, by the controller's model.".to_owned(),
+            caption: "Gas used so far, by the controller's model.".to_owned(),
             y_label: "gas [g]".to_owned(),
             curves: if fired {
                 vec![Curve::new(

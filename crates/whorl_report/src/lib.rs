@@ -1,8 +1,8 @@
 //! The HTML report of a run, and the numbers in it.
 //!
-//! [`RunData`] takes recorded messages, [`summarise`] computes the numbers, [`html`] draws the page:
+//! [`RunData`] collects recorded messages, [`summarise`] computes the numbers, [`html`] writes the page:
 //! one file that opens offline. The pages that explain data ([`comparison_html`], [`whereabouts_html`],
-//! [`diagnosis_html`], [`adoption_html`]) are of the same make.
+//! [`diagnosis_html`], [`adoption_html`]) are built in the same way.
 
 mod data;
 mod document;

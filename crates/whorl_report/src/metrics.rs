@@ -11,7 +11,7 @@ use crate::series::{AttitudeSeries, maximum, rms};
 /// Longest gap over which attitudes are interpolated \[s\].
 const GAP_S: f64 = 0.2;
 
-/// The numbers of a run. NaN (null in JSON): the run has nothing to compute it from.
+/// The numbers of a run. NaN (null in JSON): cannot be computed from this run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Version of this structure.
@@ -20,11 +20,11 @@ pub struct Summary {
     pub experiment: String,
     /// Relative-attitude law.
     pub law: String,
-    /// How the run ended: finished, aborted, or the phase it was in.
+    /// How the run ended: finished, aborted, or the last phase.
     pub outcome: String,
     /// Time between the first and the last message \[s\].
     pub duration_s: f64,
-    /// Per platform that follows another.
+    /// One entry per following platform.
     pub pairs: Vec<PairSummary>,
     /// Per platform.
     pub platforms: Vec<PlatformSummary>,
@@ -44,13 +44,13 @@ pub struct PairSummary {
     pub hold_s: f64,
     /// RMS angle between the true relative attitude and the commanded one \[rad\].
     pub relative_error_rms_rad: f64,
-    /// Its largest value \[rad\].
+    /// Largest angle between the true relative attitude and the commanded one \[rad\].
     pub relative_error_max_rad: f64,
     /// RMS angle between the true and the estimated relative attitude \[rad\].
     pub estimator_error_rms_rad: f64,
     /// RMS angle between the estimated relative attitude and the commanded one \[rad\].
     pub control_error_rms_rad: f64,
-    /// Whether the true attitude was there; if not, the relative error is from the estimates.
+    /// Whether the true attitude was recorded; if not, the relative error is computed from the estimates.
     pub from_truth: bool,
 }
 
@@ -63,9 +63,9 @@ pub struct PlatformSummary {
     pub pointing_error_rms_rad: f64,
     /// RMS angle between the true attitude and the estimate, whole run \[rad\].
     pub estimator_error_rms_rad: f64,
-    /// Of that, about the vertical \[rad\].
+    /// Part of the estimator error about the vertical \[rad\].
     pub estimator_heading_error_rms_rad: f64,
-    /// Of that, across the vertical \[rad\].
+    /// Part of the estimator error across the vertical \[rad\].
     pub estimator_inclination_error_rms_rad: f64,
     /// Gas used, by the controller's model \[kg\].
     pub gas_used_kg: f64,
@@ -73,7 +73,7 @@ pub struct PlatformSummary {
     pub jet_on_time_s: f64,
     /// Largest wheel speed [rad/s].
     pub wheel_speed_max_rad_s: f64,
-    /// Smallest share of an asked torque that was attainable.
+    /// Smallest attainable share of the requested torque.
     pub alpha_min: f64,
     /// Allocation problems that were not solved.
     pub allocation_fallbacks: u64,
@@ -85,9 +85,9 @@ pub struct PlatformSummary {
     pub link_age_max_s: f64,
     /// Clock of its computer less the coordinator's, as measured last \[s\].
     pub clock_offset_s: f64,
-    /// That is not further off than this \[s\].
+    /// Bound on the error of the clock offset \[s\].
     pub clock_uncertainty_s: f64,
-    /// Sensor samples that the estimator refused.
+    /// Sensor samples that the estimator rejected.
     pub rejected_samples: u32,
     /// Time in a mode other than tracking, after start \[s\].
     pub not_tracking_s: f64,
@@ -96,7 +96,7 @@ pub struct PlatformSummary {
 /// A stretch of time \[s\].
 pub type Interval = (f64, f64);
 
-/// When the formation was in its hold phases.
+/// Time spans of the hold phases.
 #[must_use]
 pub fn hold_intervals(run: &RunData) -> Vec<Interval> {
     let mut intervals: Vec<Interval> = Vec::new();
@@ -178,7 +178,7 @@ pub fn relative_errors(
             next += 1;
         }
         let Some((since, command)) = commanded.get(next).filter(|(t, _)| *t <= time_s) else { continue };
-        // A formation state older than this says nothing about what is commanded now.
+        // An older formation state does not tell the current command.
         if time_s - since > 1.0 {
             continue;
         }
@@ -276,7 +276,7 @@ pub fn phase_name(phase: u8) -> &'static str {
     }
 }
 
-/// Relative error below which pointing counts as acquired, and for how long it must be.
+/// Relative error below which pointing counts as acquired, and for how long it must stay there.
 const ACQUIRED: (f64, f64) = (0.1 * std::f64::consts::PI / 180.0, 1.0);
 
 /// NaN: never.
@@ -324,7 +324,7 @@ pub(crate) fn estimator_errors(attitudes: &Attitudes) -> Vec<(f64, Vector3<f64>)
         .collect()
 }
 
-/// Latest known value of a platform's clock; NaN when nobody measured it.
+/// Latest known offset of a platform's clock; NaN if it was not measured.
 fn last_clock(run: &RunData, name: &str, values: fn(&ClockRequest) -> &Vec<f64>) -> f64 {
     let of_platform = |clocks: &ClockRequest| {
         let index = clocks.platforms.iter().position(|p| p == name)?;
@@ -346,7 +346,7 @@ fn summarise_platform(
         .iter()
         .filter(|(t, _)| within(hold, *t))
         .filter_map(|(t, reference)| Some(attitudes.truth.at(t, GAP_S)?.angle_to(&reference)));
-    // Before the start the controller idles; its numbers would only blur the run's.
+    // Before the start the controller idles; its numbers are not part of the run's.
     let started =
         run.formation.iter().find(|s| s.message.run_elapsed_s > 0.0).map_or(f64::INFINITY, |s| s.stamp_s);
     let ended = run.formation.iter().find(|s| s.message.phase >= FormationState::PHASE_FINISHED);
@@ -362,7 +362,7 @@ fn summarise_platform(
         .windows(2)
         .filter(|w| w[0].message.mode != ControlStatus::MODE_TRACK)
         .map(|w| w[1].stamp_s - w[0].stamp_s)
-        // Not sum(), whose sum of nothing is minus zero.
+        // Not sum(), which returns minus zero for an empty sequence.
         .fold(0.0, |total, dt| total + dt);
     PlatformSummary {
         name: name.to_owned(),

@@ -1,4 +1,4 @@
-//! The page.
+//! The report page.
 
 use std::fmt::Write as _;
 
@@ -11,7 +11,7 @@ use crate::figure::Figure;
 use crate::figures::{link_figure, pair_figures, platform_figures};
 use crate::metrics::{Attitudes, Summary, hold_intervals, relative_errors};
 
-/// What the page says beyond the data.
+/// Contents of the page besides the data.
 #[derive(Debug, Clone, Default)]
 pub struct Description {
     /// Heading.
@@ -68,7 +68,7 @@ fn summary_tables(summary: &Summary) -> String {
     if !summary.pairs.is_empty() {
         html.push_str(
             "<table><tr><th>relative pointing in hold</th><th class=n>RMS [deg]</th><th class=n>largest [deg]</th>\
-             <th class=n>of it estimators, RMS [deg]</th><th class=n>of it control, RMS [deg]</th><th class=n>hold [s]</th><th class=n>acquired after [s]</th></tr>",
+             <th class=n>estimators' share, RMS [deg]</th><th class=n>control's share, RMS [deg]</th><th class=n>hold [s]</th><th class=n>acquired after [s]</th></tr>",
         );
         for pair in &summary.pairs {
             let _ = writeln!(
@@ -76,7 +76,7 @@ fn summary_tables(summary: &Summary) -> String {
                 "<tr><td>{} to {}{}</td>{}{}{}{}{}{}</tr>",
                 escaped(&pair.follower),
                 escaped(&pair.leader),
-                if pair.from_truth { "" } else { " (from the estimates: no truth)" },
+                if pair.from_truth { "" } else { " (from the estimates, without truth)" },
                 angle(pair.relative_error_rms_rad),
                 angle(pair.relative_error_max_rad),
                 angle(pair.estimator_error_rms_rad),
@@ -96,12 +96,12 @@ fn summary_tables(summary: &Summary) -> String {
     let rows: [(&str, Cell); 15] = [
         ("pointing error to the reference in hold, RMS [deg]", |p| angle(p.pointing_error_rms_rad)),
         ("estimator error, RMS [deg]", |p| angle(p.estimator_error_rms_rad)),
-        ("of it heading [deg]", |p| angle(p.estimator_heading_error_rms_rad)),
-        ("of it inclination [deg]", |p| angle(p.estimator_inclination_error_rms_rad)),
+        ("estimator error, heading part [deg]", |p| angle(p.estimator_heading_error_rms_rad)),
+        ("estimator error, inclination part [deg]", |p| angle(p.estimator_inclination_error_rms_rad)),
         ("gas used [g]", |p| number(p.gas_used_kg * 1e3, 3)),
         ("jet on-time, all jets [s]", |p| number(p.jet_on_time_s, 2)),
         ("largest wheel speed [rpm]", |p| number(whorl_math::rpm_from_rad_s(p.wheel_speed_max_rad_s), 0)),
-        ("smallest attainable share of an asked torque", |p| number(p.alpha_min, 3)),
+        ("smallest attainable share of the requested torque", |p| number(p.alpha_min, 3)),
         ("allocation fallbacks", |p| number(p.allocation_fallbacks as f64, 0)),
         ("sensor stamp to command, median [ms]", |p| number(p.sensor_to_command_p50_s * 1e3, 2)),
         ("sensor stamp to command, 99th percentile [ms]", |p| number(p.sensor_to_command_p99_s * 1e3, 2)),

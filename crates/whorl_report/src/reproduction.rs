@@ -7,15 +7,15 @@ use crate::series::Curve;
 /// One figure or table of a publication, reproduced.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Reproduction {
-    /// Name on the command line, as `table_4_3`.
+    /// Name on the command line, such as `table_4_3`.
     pub name: String,
     /// Heading.
     pub title: String,
-    /// Headings and rows of its table, if it has one; numbers' headings begin with `#`.
+    /// Headings and rows of its table, if it has one; headings of numeric columns begin with `#`.
     pub table: Option<(Vec<String>, Vec<Vec<String>>)>,
     /// Its plots.
     pub plots: Vec<ReproducedPlot>,
-    /// What differs from print, and why: a sentence each.
+    /// Differences from the printed values and their reasons, one sentence each.
     pub sentences: Vec<String>,
 }
 

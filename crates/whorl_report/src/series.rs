@@ -11,7 +11,7 @@ pub struct AttitudeSeries {
 }
 
 impl AttitudeSeries {
-    /// From samples; those that are no rotation or do not advance in time are left out.
+    /// From samples; invalid rotations and samples that do not advance in time are left out.
     pub fn new(samples: impl IntoIterator<Item = (f64, Quaternion)>) -> Self {
         let mut series = Self::default();
         for (time_s, q) in samples {
@@ -24,7 +24,7 @@ impl AttitudeSeries {
         series
     }
 
-    /// Whether there is no sample.
+    /// Whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }
@@ -51,18 +51,18 @@ impl AttitudeSeries {
     }
 }
 
-/// Root of the mean square; NaN for none.
+/// Root mean square; NaN without values.
 pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) = values.into_iter().fold((0.0, 0u64), |(s, n), x| (s + x * x, n + 1));
     (sum / count as f64).sqrt()
 }
 
-/// Largest value; NaN for none.
+/// Largest value; NaN without values.
 pub fn maximum(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(f64::NAN, f64::max)
 }
 
-/// A curve to plot.
+/// A curve of a plot.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Curve {
     /// Legend.

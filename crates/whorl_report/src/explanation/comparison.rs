@@ -9,7 +9,7 @@ use crate::document::{Document, judged, number, significant, text};
 use crate::figure::Figure;
 use crate::series::Curve;
 
-/// A ratio to the noise floor that is shown as good.
+/// Largest ratio to the noise floor that is shown as good.
 const GOOD_RATIO: f64 = 1.1;
 
 /// Name of the run, and whether it was held out.
@@ -131,7 +131,7 @@ fn staircase(comparison: &Comparison) -> Figure {
 fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure> {
     let (unit, factor) = overlay.quantity.shown_unit();
     let floor = channels.iter().find(|c| c.name == overlay.name).map_or(f64::NAN, |c| c.noise_floor) * factor;
-    // The longest finite horizon shows the model's error, the whole run where there is no other.
+    // The longest finite horizon shows the model's error; the whole run is the fallback.
     let Some((horizon_s, predicted)) =
         overlay.predicted.iter().rev().find(|(h, _)| h.is_some()).or(overlay.predicted.last())
     else {
@@ -250,7 +250,7 @@ fn periodograms(comparison: &Comparison) -> Figure {
     Figure {
         title: "Cumulative periodogram of the gyro's residual".to_owned(),
         caption: "Share of the residual's power below each frequency. White residuals stay in the band (99 %) about the diagonal; a \
-                  step is an oscillation, a bulge above it slow errors."
+                  step indicates an oscillation, a bulge above the diagonal slow errors."
             .to_owned(),
         x_label: "frequency [Hz]".to_owned(),
         y_label: "share of power".to_owned(),
@@ -260,7 +260,7 @@ fn periodograms(comparison: &Comparison) -> Figure {
     }
 }
 
-/// The channels' correlations with the inputs that tell something.
+/// Correlations of the channels with the significant inputs.
 fn cross_correlations(comparison: &Comparison) -> Vec<Figure> {
     let figure = |w: &whorl_validation::comparison::Whiteness| {
         let inputs: Vec<_> = w.inputs.iter().filter(|i| i.significant).take(3).collect();

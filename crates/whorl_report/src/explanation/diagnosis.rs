@@ -23,7 +23,7 @@ pub fn diagnosis_html(found: &Explanation, about: &Facts) -> String {
         page.paragraph(
             "warning",
             &format!(
-                "Next: {} (expected log odds between the explanations left: {:.1}).",
+                "Next: {} (expected log odds between the remaining explanations: {:.1}).",
                 next.manoeuvre, next.expected_log_odds
             ),
         );
@@ -51,8 +51,8 @@ fn slow_residual(page: &mut Document, diagnosis: &Diagnosis) {
     page.heading("Slow residual before and after");
     page.paragraph(
         "rule",
-        "RMS of the whitened residual summed over stretches of 1 and 8 s, in times what noise gives. It grows with the length of the \
-         stretch where a slow torque is missing, so it is larger than the prediction error. The platform's own parameters are refitted \
+        "RMS of the whitened residual summed over stretches of 1 and 8 s, relative to noise alone. If a slow torque is missing, it grows with \
+         the length of the stretch, so it is larger than the prediction error. The platform's own parameters are refitted \
          in both columns.",
     );
     let mut rows = vec![vec![text("training runs"), number(slow.before, 3), number(slow.after, 3)]];
@@ -62,7 +62,7 @@ fn slow_residual(page: &mut Document, diagnosis: &Diagnosis) {
     page.table(&["", "#before", "#after"], &rows);
 }
 
-/// A figure for each axis on which there is something to see, the largest first.
+/// A figure for each axis with a visible torque, the largest first.
 fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
     let size = |r: &ResidualTorque, i: usize| r.torque_b_n_m.iter().map(|g| g[i] * g[i]).sum::<f64>();
     let mut axes = [0, 1, 2];
@@ -77,8 +77,8 @@ fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
             .chain(torque.after.as_ref().map(|after| ("with the effects named", after)))
             .collect();
         Figure {
-            title: format!("{}: torque about body {} that is not explained", torque.run, ["x", "y", "z"][i]),
-            caption: "The platform's own parameters refitted both times, unless without the effects they would have to move beyond belief; bands of two standard deviations. What stays in the band about zero is explained.".to_owned(),
+            title: format!("{}: unexplained torque about body {}", torque.run, ["x", "y", "z"][i]),
+            caption: "The platform's own parameters are refitted in both cases, unless without the effects they would have to move implausibly far. Bands: two standard deviations. A curve that stays within the band about zero is explained.".to_owned(),
             y_label: "torque [mN m]".to_owned(),
             curves: both.iter().map(|(name, r)| curve(name, r, 0.0)).collect(),
             bands: both.iter().map(|(name, r)| (curve(name, r, -1.0), curve(name, r, 1.0))).collect(),
@@ -124,7 +124,7 @@ fn candidates(page: &mut Document, diagnosis: &Diagnosis) {
             "#log evidence",
             "#held out",
             "#explains [%]",
-            "#swallowed [%]",
+            "#absorbed [%]",
             "#detectability",
             "estimates",
         ],

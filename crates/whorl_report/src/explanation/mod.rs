@@ -1,5 +1,5 @@
-//! Pages that explain data: how far off a model is, where it fails, what is missing, what adopting it brings, what
-//! to do next.
+//! Pages that explain data: how far off a model is, where it fails, what is missing, how adopting it improves the
+//! model, and what to do next.
 
 mod adoption;
 mod comparison;
@@ -16,7 +16,7 @@ pub use whereabouts::whereabouts_html;
 
 use crate::document::Document;
 
-/// What a page says about itself: label and value, in order (model, command, versions, ...).
+/// Facts about a page: label and value, in order (model, command, versions, ...).
 pub type Facts = [(String, String)];
 
 fn facts(page: &mut Document, facts: &Facts) {

@@ -22,12 +22,12 @@ pub struct PlannedMotion {
     pub wheel_speed_rad_s: Vec<Vec<f64>>,
 }
 
-/// What the page shows.
+/// Contents of the page.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct NextPage {
     /// The answer, one paragraph each.
     pub answer: Vec<String>,
-    /// Headings of the table of manoeuvres; numbers' headings begin with `#`.
+    /// Headings of the table of manoeuvres; headings of numeric columns begin with `#`.
     pub headings: Vec<String>,
     /// Its rows.
     pub rows: Vec<Vec<String>>,
@@ -45,8 +45,8 @@ pub fn next_html(next: &NextPage, about: &Facts) -> String {
     page.heading("Manoeuvres that were compared");
     page.paragraph(
         "rule",
-        "Log odds: how far the true explanation is expected to lead over the best of the others, data at hand included. \
-         Effects shown: how many would show at their ordinary size.",
+        "Log odds: expected lead of the true explanation over the best of the others, including the data at hand. \
+         Effects shown: number of effects that would be detected at their ordinary size.",
     );
     let headings: Vec<&str> = next.headings.iter().map(String::as_str).collect();
     let rows: Vec<Vec<String>> = next

@@ -1,4 +1,4 @@
-//! Versions of a model side by side: what `whorl diagnose` and `whorl adopt` show alike.
+//! Versions of a model side by side, as shown by `whorl diagnose` and `whorl adopt`.
 
 use whorl_explain::Version;
 
@@ -7,7 +7,7 @@ use crate::document::{Document, judged, significant, text};
 use crate::figure::Figure;
 use crate::series::Curve;
 
-/// Prediction errors of every version: each run, all runs together, channels, horizons.
+/// Prediction errors of every version: by run, over all runs, by channel and by horizon.
 pub(super) fn versions(page: &mut Document, versions: &[Version]) {
     page.heading("Prediction error of the versions of the model");
     page.paragraph(

@@ -97,7 +97,7 @@ fn display(unit: &str) -> (&str, f64) {
 }
 
 fn shape(d: &Dependence) -> Figure {
-    // Wheels turn fast: degrees would not help.
+    // Wheel speeds are large, so they are not converted to degrees.
     let (unit, factor) =
         if d.variable.starts_with("wheel") { (d.unit.as_str(), 1.0) } else { display(&d.unit) };
     let at = |values: &[f64]| -> Vec<(f64, f64)> {
@@ -116,7 +116,7 @@ fn shape(d: &Dependence) -> Figure {
         title: format!("Residual torque over {name} ({:.0} % of the excess)", d.share * 100.0),
         caption: format!(
             "About {} axes, with bands of two standard deviations.",
-            if d.frame == Frame::Body { "the body's" } else { "the room's" }
+            if d.frame == Frame::Body { "body" } else { "world" }
         ),
         x_label: format!("{name} [{unit}]"),
         y_label: "torque [mN m]".to_owned(),
@@ -139,11 +139,11 @@ fn over_time(torque: &ResidualTorque) -> [Figure; 2] {
             let points = torque.time_s.iter().zip(&values).zip(&torque.stddev_b_n_m);
             Curve::new(axes(frame)[i], points.map(|((t, g), s)| (*t, (g[i] + sign * 2.0 * s[i]) * 1e3)))
         };
-        let name = if frame == Frame::Body { "platform" } else { "room" };
+        let name = if frame == Frame::Body { "body" } else { "world" };
         Figure {
-            title: format!("Residual torque over time, axes of the {name}"),
-            caption: "Torque that the model does not explain, smoothed, with two standard deviations. Whatever is steadier in one of the two \
-                      frames belongs to it."
+            title: format!("Residual torque over time, {name} axes"),
+            caption: "Torque that the model does not explain, smoothed, with two standard deviations. A torque that is steadier in one of the two \
+                      frames is fixed to that frame."
                 .to_owned(),
             y_label: "torque [mN m]".to_owned(),
             curves: (0..3).map(|i| curve(i, 0.0)).collect(),
