@@ -24,7 +24,7 @@ pub struct Arguments {
 /// Carries out `whorl where`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
-    let found = progress::watched("looking into the runs", |say| locate(&runs.case(), &options(), say))?;
+    let found = progress::watched("analysing the runs", |say| locate(&runs.case(), &options(), say))?;
     for where_ in std::iter::once(&found.pooled).chain(&found.runs) {
         for (k, sentence) in where_.answer().iter().enumerate() {
             println!("{}{sentence}", if k > 0 { "  " } else { "" });

@@ -1,4 +1,4 @@
-//! What adopting an effect brings: `cargo run -p whorl_explain --example adopt [RUN_DIRECTORY...]`.
+//! How much adopting an effect improves the model: `cargo run -p whorl_explain --example adopt [RUN_DIRECTORY...]`.
 
 mod support;
 

@@ -14,7 +14,7 @@ pub struct ComparedRun {
     pub held_out: bool,
 }
 
-/// Compares every run with the model as it is, training runs first, each on a thread of its own.
+/// Compares every run with the given model, training runs first, each on its own thread.
 ///
 /// # Errors
 /// When a run cannot be compared, with what would help.
@@ -29,7 +29,7 @@ pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, E
             Ok(ComparedRun { comparison, held_out })
         };
         let threads: Vec<_> = all.into_iter().map(|run| scope.spawn(move || compared(run))).collect();
-        // A panic in there is a defect here: it goes on.
+        // A panic in the thread is a defect and is passed on.
         threads
             .into_iter()
             .map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
@@ -37,16 +37,16 @@ pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, E
     })
 }
 
-/// Prediction error of a model in times the noise, over the training or the held-out runs together; `None` where no
-/// run could be tested. 1 is nothing but noise.
+/// Prediction error of a model relative to the noise, over all training or all held-out runs; `None` if no run could be
+/// tested. 1 = noise alone.
 ///
 /// It is the root of the mean square, per degree of freedom, of the whitened prediction errors:
 ///
 /// - **samples**: every sample of gyro, accelerometer, vector sensors and wheel speeds;
-/// - **horizon**: stretches of 10 s (half the run for shorter ones), each predicted from its own initial state, which is
-///   fitted to the stretch, by the model and the recorded commands alone;
-/// - **noise**: each channel's noise floor, measured where the platform is still, else by the sensor's parameters;
-/// - **model**: as it is given to [`compare`]; whether the platform's own parameters were refitted is said by the
+/// - **horizon**: stretches of 10 s (half the run for shorter ones), each predicted by the model and the recorded
+///   commands alone from its own initial state, which is fitted to the stretch;
+/// - **noise**: each channel's noise floor, measured where the platform is still, else from the sensor's parameters;
+/// - **model**: the one given to [`compare`]; whether the platform's own parameters were refitted is in the
 ///   version's name ("as given", "base refitted", "with ...").
 #[must_use]
 pub fn prediction_error(runs: &[ComparedRun], held_out: bool) -> Option<f64> {

@@ -7,27 +7,27 @@ use crate::adopt::{Version, versions};
 use crate::locate::believed;
 use crate::{Case, ExplainError, Say, part};
 
-/// A verdict with what it rests on.
+/// A verdict with the numbers behind it.
 #[derive(Debug, Clone)]
 pub struct Explanation {
     /// The verdict.
     pub diagnosis: Diagnosis,
-    /// The model as given, with its own parameters refitted, and with the effects that were named, each compared with
-    /// all runs as [`crate::compare`] does. What could not be fitted is left out.
+    /// The model as given, with its own parameters refitted, and with the named effects, each compared with
+    /// all runs by [`crate::compare`]. Versions that could not be fitted are left out.
     pub versions: Vec<Version>,
-    /// What the model leaves of the first run; `None` for a clamped one.
+    /// Unexplained torque of the first run; `None` for a clamped one.
     pub torque: Option<UnexplainedTorque>,
 }
 
-/// The torque that a model leaves unexplained in one run, without and with the effects that were named; the platform's
-/// own parameters are refitted in both, unless they would have to move beyond belief.
+/// The unexplained torque of one run, without and with the named effects. The platform's own parameters are refitted
+/// in both cases, unless they would have to move implausibly far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnexplainedTorque {
     /// Name of the run.
     pub run: String,
-    /// Without.
+    /// Without the named effects.
     pub before: ResidualTorque,
-    /// With; `None` when no effect was named.
+    /// With the named effects; `None` if there are none.
     pub after: Option<ResidualTorque>,
 }
 
@@ -48,13 +48,13 @@ pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result
     Ok(Explanation { diagnosis, versions, torque })
 }
 
-/// What the refitted model, and the one with effects, leave of the first run.
+/// Unexplained torque of the first run with the refitted model, and with the effects added.
 fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorque> {
     let recording = case.training.first()?;
     let fit = |with_effects: bool| {
         versions.iter().filter(|v| v.effects.is_empty() != with_effects).find_map(|v| v.fit.as_ref())
     };
-    // Bent beyond belief, the platform's own parameters would hide or feign what is missing.
+    // Parameters moved implausibly far would hide or imitate the missing effect.
     let base = fit(false).filter(|fit| believed(case, fit).is_ok()).map_or(case.model, |fit| &fit.model);
     let before = residual_torque(recording, base).ok()?;
     let after = fit(true).and_then(|fit| residual_torque(recording, &fit.model).ok());

@@ -38,7 +38,7 @@ pub enum ExplainError {
         /// Why not.
         reason: String,
     },
-    /// Every manoeuvre goes too far.
+    /// Every manoeuvre exceeds the platform's limits.
     #[error("no manoeuvre stays within the platform's limits: {0}")]
     NoManoeuvre(String),
 }

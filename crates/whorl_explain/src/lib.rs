@@ -1,18 +1,18 @@
-//! Explaining data, as functions that return data.
+//! Explains data: functions with typed results.
 //!
-//! A [`Case`] is what is explained: runs of one platform, its model, and how well that is known.
+//! A [`Case`] is the input: runs of one platform, its model, and the model's prior.
 //!
 //! | question | function | answer |
 //! |---|---|---|
-//! | how far off is the model? | [`compare`] | [`ComparedRun`] for each run |
+//! | how far off is the model? | [`compare`] | a [`ComparedRun`] for each run |
 //! | where does it fail? | [`locate`] | [`Located`] |
 //! | which effect is missing? | [`diagnose`] | [`Explanation`] |
-//! | which manoeuvre would tell more? | [`propose`] | [`Proposal`] |
-//! | what does an effect bring? | [`adopt`] | [`Adoption`] |
+//! | which manoeuvre is most informative? | [`propose`] | [`Proposal`] |
+//! | how much does an effect improve the model? | [`adopt`] | [`Adoption`] |
 //!
 //! Nothing here reads or writes files or prints. The `whorl` command, the pages and other programs call the same
-//! functions, so that a number with the same name is the same statistic everywhere; the one that all of them share is
-//! the [`prediction_error`].
+//! functions, so a number with the same name is the same statistic everywhere. All of them report the
+//! [`prediction_error`].
 
 pub mod adopt;
 mod compare;
@@ -36,13 +36,13 @@ pub use propose::{Proposal, propose};
 /// Runs of one platform with its model.
 #[derive(Debug, Clone, Copy)]
 pub struct Case<'a> {
-    /// Runs that may be fitted.
+    /// Training runs: used to fit.
     pub training: &'a [Recording],
-    /// Runs that judge and never fit.
+    /// Held-out runs: used to test, never to fit.
     pub held_out: &'a [Recording],
-    /// The platform as it is known, adopted effects included.
+    /// The model of the platform, including adopted effects.
     pub model: &'a PlatformModel,
-    /// How well it is known.
+    /// The prior: how well the model is known.
     pub prior: &'a ModelPrior,
 }
 
@@ -57,10 +57,10 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Is told how far a long computation is (0 to 1) and what it is doing.
+/// Receives the progress (0 to 1) and the current step of a long computation.
 pub type Say<'a> = dyn FnMut(f64, &str) + 'a;
 
-/// A part of a progress: from `from` to `to` of the whole.
+/// Progress of a part of a computation, mapped to `from` to `to` of the whole.
 fn part<'a>(say: &'a mut Say<'_>, from: f64, to: f64) -> impl FnMut(f64, &str) + 'a {
     move |share, doing| say(from + (to - from) * share, doing)
 }

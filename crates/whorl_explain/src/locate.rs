@@ -8,8 +8,8 @@ use whorl_validation::{Whereabouts, explain_where};
 use crate::adopt::belief::farthest;
 use crate::{Case, ExplainError, Say};
 
-/// Standard deviations of what is known of them by which own parameters may move to explain a run. A fit that asks for
-/// more bends them for something else that is missing.
+/// Prior standard deviations by which the platform's own parameters may move to explain a run. If a fit asks for more,
+/// they compensate for something else that is missing.
 const MOST_STDDEVS: f64 = 5.0;
 
 /// Where a model fails.
@@ -19,15 +19,17 @@ pub struct Located {
     pub pooled: Whereabouts,
     /// Each run by itself, training runs first; empty where there is only one.
     pub runs: Vec<Whereabouts>,
-    /// The model whose residual torque this is: the platform's own parameters refitted to the training runs.
+    /// The model of the residual torque: the platform's own parameters refitted to the training runs.
     pub model: PlatformModel,
-    /// Why the platform's own parameters were not refitted; the model is as given then.
+    /// Why the platform's own parameters were not refitted, if so; then the model is the given one.
     pub not_refitted: Option<String>,
 }
 
-/// Finds the recorded quantities on which the torque that the model does not explain depends: first the platform's own
-/// parameters are refitted to the training runs, as a diagnosis does, because what a wrong inertia does is no missing
-/// torque (where they would have to move beyond belief, something else is missing, and they stay as given); then all runs together are looked at, and each by itself.
+/// Finds the recorded quantities on which the unexplained torque depends.
+///
+/// First the platform's own parameters are refitted to the training runs, as in a diagnosis, because the error of a
+/// wrong inertia is no missing torque. If they would have to move implausibly far, something else is missing, and they
+/// stay as given. Then all runs are analysed together, and each by itself.
 ///
 /// # Errors
 /// When a run holds no residual torque: clamped, too short, without a gyro.
@@ -43,21 +45,21 @@ pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<L
         Err(reason) => (case.model.clone(), Some(reason)),
     };
     let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
-    say(0.5, "looking into the runs");
+    say(0.5, "analysing the runs");
     let pooled = explain_where(&all, &model)?;
     let mut runs = Vec::new();
     for (k, run) in all.iter().enumerate().filter(|_| all.len() > 1) {
-        say(0.6 + 0.4 * k as f64 / all.len() as f64, &format!("looking into {}", run.name));
+        say(0.6 + 0.4 * k as f64 / all.len() as f64, &format!("analysing {}", run.name));
         runs.push(explain_where(std::slice::from_ref(run), &model)?);
     }
     Ok(Located { pooled, runs, model, not_refitted })
 }
 
-/// Whether the platform's own parameters have moved within what is known of them; if not, which one has not.
+/// Checks that the platform's own parameters have moved within their priors; if not, names the worst one.
 pub(crate) fn believed(case: &Case<'_>, fitted: &Fit) -> Result<(), String> {
     match farthest(case.model, case.prior, &fitted.model) {
         Some((name, stddevs)) if stddevs > MOST_STDDEVS => Err(format!(
-            "a refit would move {name} by {stddevs:.0} standard deviations of what is known of it; more than the platform's own parameters is missing"
+            "a refit would move {name} by {stddevs:.0} of its prior's standard deviations; the platform's own parameters alone cannot explain the data"
         )),
         _ => Ok(()),
     }

@@ -1,4 +1,4 @@
-//! What every example explains: the runs named as arguments, else one that it simulates itself.
+//! Runs for every example: those named as arguments, else a simulated one.
 
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 #[allow(dead_code, reason = "each example uses a part of it")]
@@ -20,8 +20,8 @@ pub struct Material {
 }
 
 impl Material {
-    /// Of the run directories named as arguments; without any, two minutes of a platform with friction in its bearing,
-    /// which the model does not know.
+    /// Reads the run directories named as arguments; without any, simulates two minutes of a platform with friction in its
+    /// bearing that the model does not include.
     pub fn read() -> anyhow::Result<Self> {
         let paths: Vec<String> = std::env::args().skip(1).collect();
         let Some(first) = paths.first() else { return Ok(Self::simulated()) };
@@ -44,7 +44,7 @@ impl Material {
         Self { runs: vec![run(1), run(2)], model, prior }
     }
 
-    /// The last run judges and is never fitted, where there are several.
+    /// If there are several runs, the last one is held out.
     pub fn case(&self) -> Case<'_> {
         let fitted = if self.runs.len() > 1 { self.runs.len() - 1 } else { self.runs.len() };
         let (training, held_out) = self.runs.split_at(fitted);

@@ -1,13 +1,13 @@
-//! Fits that no platform of this model can have.
+//! Fits that are implausible for a platform of this model.
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::three_digits;
 
-/// Standard deviations of its prior beyond which no mass property is.
+/// Prior standard deviations beyond which a mass property is implausible.
 const BEYOND_BELIEF: f64 = 12.0;
 
-/// The own parameter of a platform that a fit has moved farthest, of mass properties, wheels and jets: its name, and how
-/// many standard deviations of what was known of it.
+/// The parameter of mass properties, wheels and jets that a fit has moved farthest: its name, and the change in prior
+/// standard deviations.
 pub fn farthest(model: &PlatformModel, prior: &ModelPrior, fitted: &PlatformModel) -> Option<(String, f64)> {
     let mut moved: Vec<(String, f64)> = mass_properties(model, prior, fitted)
         .into_iter()
@@ -35,7 +35,7 @@ pub fn farthest(model: &PlatformModel, prior: &ModelPrior, fitted: &PlatformMode
     moved.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The mass property that a fit has moved beyond belief, in a sentence.
+/// A sentence about a mass property that a fit has moved implausibly far.
 pub fn strangest(model: &PlatformModel, prior: &ModelPrior, fitted: &PlatformModel) -> Option<String> {
     let parts = mass_properties(model, prior, fitted);
     let sigmas = |part: &(String, f64, f64, f64)| (part.2 - part.1).abs() / part.3;
@@ -43,7 +43,7 @@ pub fn strangest(model: &PlatformModel, prior: &ModelPrior, fitted: &PlatformMod
     (sigmas(&worst) > BEYOND_BELIEF).then(|| {
         format!(
             "the fit asks for {} = {}, and the model says {} +- {}: {:.0} standard deviations. Are these data of \
-             another platform? Or is there too little motion in them to fit it: take in a livelier run",
+             another platform? Or is the excitation too weak to estimate it: add a run with more motion",
             worst.0,
             three_digits(worst.2),
             three_digits(worst.1),
@@ -53,8 +53,7 @@ pub fn strangest(model: &PlatformModel, prior: &ModelPrior, fitted: &PlatformMod
     })
 }
 
-/// Name, value before and after, and standard deviation of what was known, of every mass property of which something
-/// was.
+/// Name, value before and after, and prior standard deviation of every mass property that has a prior.
 fn mass_properties(
     model: &PlatformModel,
     prior: &ModelPrior,

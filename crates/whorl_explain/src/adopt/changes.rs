@@ -1,4 +1,4 @@
-//! What a fit has changed in a platform's model, as entries of its parameter file.
+//! Changes of a platform's model by a fit, as entries of its parameter file.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::three_digits;
 use whorl_params::Value;
 
-/// One entry to be written.
+/// One entry to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
     /// Key below the platform's section.
@@ -66,14 +66,14 @@ fn differs(before: f64, after: f64) -> bool {
     (before - after).abs() > 1e-12 * before.abs().max(after.abs())
 }
 
-/// Digits down to a hundredth of the standard deviation: more would only pretend.
+/// Digits down to a hundredth of the standard deviation; more would be meaningless.
 fn rounded(value: f64, stddev: f64) -> f64 {
     if !(stddev > 0.0 && stddev.is_finite() && value.is_finite()) {
         return value;
     }
     let step = 10f64.powf((stddev * 0.01).log10().floor());
     let steps = (value / step).round();
-    // Through text, so that the file does not show the binary fraction.
+    // Rounded via text, so that the file shows no binary rounding error.
     let digits = usize::try_from((-step.log10()).round().max(0.0) as i64).unwrap_or(0).min(15);
     format!("{:.digits$}", steps * step).parse().unwrap_or(value)
 }
@@ -82,8 +82,8 @@ fn short(value: f64) -> String {
     three_digits(value)
 }
 
-/// Everything in which `after` differs from `before`: mass properties, actuators, effects, and how well they
-/// are known. `provenance` says where the numbers are from.
+/// All differences between `after` and `before`: mass properties, actuators, effects, and their standard
+/// deviations. `provenance` names the source of the numbers.
 #[must_use]
 pub fn changes(
     (before, after): (&PlatformModel, &PlatformModel),
@@ -129,7 +129,7 @@ fn mass_properties(
     }
 }
 
-/// What fits estimate of each actuator, of every kind.
+/// The estimated parameters of all actuators of every kind.
 fn actuators(
     c: &mut Changes<'_>,
     before: &PlatformModel,
@@ -137,7 +137,7 @@ fn actuators(
     prior_before: &ModelPrior,
     prior: &ModelPrior,
 ) {
-    // The entries lend their values to be changed, so they are asked of copies.
+    // The entries give mutable access to their values, so copies are used.
     let (mut old, mut new) = (before.actuators.clone(), after.actuators.clone());
     let kinds = old.kinds_mut().into_iter().zip(new.kinds_mut());
     let priors = prior_before.actuators.kinds().into_iter().zip(prior.actuators.kinds());
@@ -166,7 +166,7 @@ fn actuators(
     }
 }
 
-/// One entry of one actuator; of a number the standard deviations are shares of its value.
+/// One entry of one actuator; standard deviations of numbers are relative to the value.
 fn entry(c: &mut Changes<'_>, group: &str, was: &Field<'_>, is: &Field<'_>, (before, after): (f64, f64)) {
     let key = format!("{group}.{}", is.key);
     let comment = || format!("+- {} rad, adopted", short(after));

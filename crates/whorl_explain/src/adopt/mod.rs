@@ -1,4 +1,4 @@
-//! What a physical effect brings, and the parameters with which it enters a platform's model.
+//! Improvement of the model by a physical effect, and the parameters with which the effect is adopted.
 
 pub(crate) mod belief;
 mod changes;
@@ -12,15 +12,15 @@ pub use versions::{BASE, CORRECTION, Version, versions};
 
 use crate::{Case, ExplainError, Say};
 
-/// A held-out error this much above that before counts as worse.
+/// A held-out error that exceeds the previous one by this factor counts as worse.
 pub const WORSE: f64 = 1.005;
 
 /// The same runs with the model as given, refitted, and with effects.
 #[derive(Debug, Clone)]
 pub struct Adoption {
-    /// The model as given first, the one to adopt last.
+    /// All versions: the model as given first, the one to adopt last.
     pub versions: Vec<Version>,
-    /// Rivals that cannot be fitted, with the reason.
+    /// Candidates that cannot be fitted, with the reason.
     pub left_out: Vec<(String, DiagnosisError)>,
 }
 
@@ -28,7 +28,7 @@ pub struct Adoption {
 ///
 /// # Errors
 /// When a run cannot be compared; when a version cannot be fitted, unless it is an effect that these data do not show
-/// and there are rivals.
+/// and there are other candidates.
 pub fn adopt(
     case: &Case<'_>,
     sets: &[Vec<String>],
@@ -45,8 +45,8 @@ pub fn adopt(
 }
 
 impl Adoption {
-    /// What speaks against adopting the last version, in a sentence: held-out runs are predicted worse, or a mass
-    /// property has moved beyond belief.
+    /// An objection to adopting the last version, as a sentence: held-out runs are predicted worse, or a mass
+    /// property has moved implausibly far.
     #[must_use]
     pub fn objection(&self, case: &Case<'_>) -> Option<String> {
         let (first, last) = (self.versions.first()?, self.versions.last()?);
@@ -60,8 +60,8 @@ impl Adoption {
         belief::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
     }
 
-    /// Entries of the parameter file in which the last version differs from the model as given; `provenance` says where
-    /// the numbers are from.
+    /// Entries of the parameter file in which the last version differs from the model as given; `provenance` names
+    /// the source of the numbers.
     #[must_use]
     pub fn changes(&self, case: &Case<'_>, provenance: &str) -> Vec<Change> {
         let fit = self.versions.last().and_then(|v| v.fit.as_ref());

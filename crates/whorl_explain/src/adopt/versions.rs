@@ -7,17 +7,17 @@ use whorl_dynamics::effects::find;
 use crate::compare::{ComparedRun, compare, prediction_error};
 use crate::{Case, ExplainError, Say, part};
 
-/// Ends the names of corrections.
+/// Suffix of the names of corrections.
 pub const CORRECTION: &str = " (correction)";
-/// Name of the version whose own parameters alone were refitted.
+/// Name of the version in which only the platform's own parameters were refitted.
 pub const BASE: &str = "base refitted";
 
-/// A version of the model with how well it predicts.
+/// A version of the model with its prediction errors.
 #[derive(Debug, Clone)]
 pub struct Version {
     /// "as given", "base refitted", "with ...".
     pub name: String,
-    /// Effects that it has beyond the model given, by their ids.
+    /// Effects added to the given model, by their ids.
     pub effects: Vec<String>,
     /// The fit; `None` for the model as given.
     pub fit: Option<Fit>,
@@ -34,7 +34,7 @@ impl Version {
 }
 
 /// The model as given, with its own parameters refitted, and with each set of effects (ids of the catalogue).
-/// What cannot be fitted comes second, with the reason.
+/// Sets that cannot be fitted are returned second, with the reason.
 ///
 /// # Errors
 /// When a run cannot be compared.
@@ -76,8 +76,8 @@ pub fn versions(
     Ok((versions, left_out))
 }
 
-/// The fit corrects the platform's constants; a person wants to read the constants themselves, or that it is
-/// a correction.
+/// The fit estimates corrections of the platform's constants. They are shown as constants, or marked as
+/// corrections.
 fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &PlatformModel) {
     let spec = find(&parameter.group)
         .and_then(|effect| effect.parameters(before).into_iter().find(|spec| spec.name == parameter.name));

@@ -1,4 +1,4 @@
-//! Before and after, in words.
+//! Comparison of before and after in words.
 
 use whorl_math::three_digits;
 
@@ -6,7 +6,7 @@ use super::versions::worst_gyro;
 use super::{Adoption, BASE, WORSE};
 
 impl Adoption {
-    /// What each set of effects brings, in words.
+    /// Improvement by each set of effects, in words.
     #[must_use]
     pub fn answer(&self) -> Vec<String> {
         let versions = &self.versions;
@@ -47,7 +47,7 @@ impl Adoption {
             }) && b > a / WORSE
             {
                 answer.push(format!(
-                "Refitting inertia, centre of mass and actuators alone does as well ({a:.3} against {b:.3}): these data do not call for {}.",
+                "Refitting inertia, centre of mass and actuators alone does as well ({a:.3} against {b:.3}): these data do not support {}.",
                 version.effects.join(" and ")
             ));
             }

@@ -1,4 +1,4 @@
-//! What a manoeuvre does to tilt, wheels and gas.
+//! Demands of a manoeuvre on tilt, wheels and gas.
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
@@ -12,7 +12,7 @@ const TILT_MOST: f64 = 0.92;
 /// Largest share of the time during which a wheel may be at its torque limit.
 const SATURATED_MOST: f64 = 0.02;
 
-/// What a manoeuvre does.
+/// Demands of a manoeuvre.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Demand {
     /// Length \[s\].
@@ -32,7 +32,7 @@ pub struct Demand {
 }
 
 impl Demand {
-    /// Of a simulated run.
+    /// From a simulated run.
     #[must_use]
     pub fn of(recording: &Recording, model: &PlatformModel) -> Self {
         let (limit, pitch_only) = match model.tilt_limit {
@@ -79,7 +79,7 @@ impl Demand {
         }
     }
 
-    /// What speaks against it, if anything.
+    /// The exceeded limit, if any.
     #[must_use]
     pub fn objection(&self) -> Option<String> {
         if self.tilt_deg > TILT_MOST * self.tilt_limit_deg {
@@ -87,7 +87,7 @@ impl Demand {
         } else if self.wheel_speed_share > WHEELS_MOST {
             Some(format!("brings a wheel to {:.0} % of its speed", 100.0 * self.wheel_speed_share))
         } else if self.saturated_share > SATURATED_MOST {
-            Some(format!("asks a wheel for all its torque {:.0} % of the time", 100.0 * self.saturated_share))
+            Some(format!("saturates a wheel's torque for {:.0} % of the time", 100.0 * self.saturated_share))
         } else if self.gas_share > GAS_MOST {
             Some(format!("uses {:.0} % of a full tank", 100.0 * self.gas_share))
         } else {

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use super::family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step};
 
-/// How long the platform settles at balance first \[s\].
+/// Initial time for settling at balance \[s\].
 const SETTLE_S: f64 = 8.0;
 
-/// The experiment, with `comments` as its head, one line each.
+/// The experiment file, with `comments` at its top, one line each.
 pub fn yaml(
     name: &str,
     platform: &str,
@@ -102,7 +102,7 @@ fn excitation(excitation: &Excitation) -> String {
     format!("      {name}: {{hold: {hold}{rest}}}\n")
 }
 
-/// Into -180 to 180.
+/// Wrapped to -180 to 180.
 fn wrapped_deg(angle: f64) -> f64 {
     (angle + 180.0).rem_euclid(360.0) - 180.0
 }

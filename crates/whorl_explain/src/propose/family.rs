@@ -1,28 +1,28 @@
-//! The manoeuvres that compete: what each does, as steps of an experiment.
+//! The competing manoeuvres, as steps of an experiment.
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
 use whorl_math::deg_from_rad;
 
-/// Kept free of the tilt limit for control errors \[deg\].
+/// Margin to the tilt limit for control errors \[deg\].
 const TILT_MARGIN_DEG: f64 = 1.0;
 /// Largest tilt about balance \[deg\].
 const TILT_MOST_DEG: f64 = 2.5;
 /// Fastest yaw rate \[deg/s\].
 const RATE_MOST_DEG_S: f64 = 16.0;
 
-/// Gravity brings a platform back from a few degrees if it is stiffer than this [N m].
+/// Above this stiffness, gravity brings a platform back from a few degrees [N m].
 const STABLE_N_M: f64 = 0.5;
 /// A wheel whose axis is nearer to the vertical than 45 deg turns the platform in yaw.
 const YAW_AXIS: f64 = 0.707;
 /// Lengths of a long and a short pulse, and the longest that a jet slot holds \[s\].
 const PULSES_S: [f64; 2] = [0.09, 0.03];
 const LONGEST_PULSE_S: f64 = 0.1;
-/// From pulse to pulse, and for how long the platform coasts \[s\].
+/// Time from pulse to pulse, and duration of coasting \[s\].
 const PULSE_EVERY_S: f64 = 2.0;
 const COAST_S: f64 = 30.0;
 
-/// Which actuators control uses.
+/// Actuators used by control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Actuators {
     /// Wheels alone: their momentum is measured, thrust is not.
@@ -34,7 +34,7 @@ pub enum Actuators {
 /// One step of the experiment; angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Step {
-    /// Turns to angles within rate and acceleration limits; what is not given stays.
+    /// Turns to angles within rate and acceleration limits; angles that are not given stay.
     Slew {
         /// Heading; `None` leaves it.
         yaw_deg: Option<f64>,
@@ -76,21 +76,21 @@ pub enum Step {
     },
 }
 
-/// What the platform's own control plays, whatever the platform does.
+/// An excitation: signals that the platform's own control plays in open loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Excitation {
     /// Its name.
     pub name: &'static str,
-    /// What control goes on holding: attitude, tilt or nothing.
+    /// What control keeps holding meanwhile: attitude, tilt or nothing.
     pub hold: &'static str,
     /// What is driven.
     pub drive: Drive,
 }
 
-/// What an excitation drives.
+/// Actuators driven by an excitation.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drive {
-    /// Nothing: it coasts.
+    /// None: the platform coasts.
     Nothing,
     /// Wheels, with a signal.
     Wheels {
@@ -121,13 +121,13 @@ pub enum Drive {
 pub struct Manoeuvre {
     /// Short name.
     pub name: &'static str,
-    /// What is done, to complete "the platform ...".
+    /// Description, to complete "the platform ...".
     pub words: &'static str,
     /// With which actuators.
     pub actuators: Actuators,
-    /// What is done, after settling at balance.
+    /// Its steps, after settling at balance.
     pub steps: Vec<Step>,
-    /// What its steps play.
+    /// Excitations played by its steps.
     pub excitations: Vec<Excitation>,
 }
 
@@ -149,12 +149,12 @@ impl Manoeuvre {
     }
 }
 
-/// What a platform can do, as far as manoeuvres need it.
+/// Limits of a platform that matter for manoeuvres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Envelope {
     /// Attitude at which it balances: pitch, roll \[deg\].
     pub balance_deg: (f64, f64),
-    /// Tilt about balance that is free \[deg\].
+    /// Available tilt about balance \[deg\].
     pub tilt_deg: f64,
     /// Yaw rate [deg/s] and acceleration [deg/s^2] with the wheels.
     pub wheels: Option<(f64, f64)>,
@@ -164,7 +164,7 @@ pub struct Envelope {
     torque_n_m: f64,
     inertia_kg_m2: f64,
     stiffness_n_m: f64,
-    /// Whether gravity brings it back when it is let go.
+    /// Whether gravity brings it back when released.
     stable: bool,
     /// Names of all wheels, and of those that turn it in yaw.
     wheel_names: Vec<String>,
@@ -177,7 +177,7 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// Of a platform; `scale` shrinks every motion.
+    /// Limits of a platform; `scale` shrinks every motion.
     pub fn of(model: &PlatformModel, scale: f64) -> Self {
         let mgr = model.mass_properties.gravity_offset_b_n_m();
         let up = if mgr.z < -1e-3 { -mgr / mgr.norm() } else { nalgebra::Vector3::z() };
@@ -250,7 +250,7 @@ impl Envelope {
     }
 }
 
-/// How long a turn takes \[s\]: a smooth one needs half as long again to gain and lose speed as a sudden one.
+/// Duration of a turn \[s\]: a smooth one needs 50 % more time to gain and lose speed than an abrupt one.
 fn turn_s(angle_deg: f64, rate_deg_s: f64, acceleration_deg_s2: f64) -> f64 {
     let angle = angle_deg.abs();
     let gain_s = 1.5 * rate_deg_s / acceleration_deg_s2;
@@ -261,7 +261,7 @@ fn turn_s(angle_deg: f64, rate_deg_s: f64, acceleration_deg_s2: f64) -> f64 {
     }
 }
 
-/// A plan that is being written, with where the yaw is.
+/// A plan under construction, with the current yaw.
 struct Plan<'a> {
     envelope: &'a Envelope,
     acceleration_deg_s2: f64,
@@ -281,7 +281,7 @@ impl<'a> Plan<'a> {
         self.yaw_deg = to_deg;
     }
 
-    /// A turn that goes on while the next steps run.
+    /// A turn that continues during the next steps.
     fn yaw_meanwhile(&mut self, to_deg: f64, rate_deg_s: f64) -> f64 {
         let whole_s = turn_s(to_deg - self.yaw_deg, rate_deg_s, self.acceleration_deg_s2);
         self.steps.push(self.turn(Some(to_deg), None, rate_deg_s, 4.0));
@@ -345,7 +345,7 @@ impl<'a> Plan<'a> {
         self.stop();
     }
 
-    /// Comes to rest at balance, from whatever rate.
+    /// Comes to rest at balance, from any rate.
     fn stop(&mut self) {
         let (pitch, roll) = self.envelope.balance_deg;
         let (rate, _) = self.envelope.wheels.unwrap_or((1.0, 0.0));
@@ -354,10 +354,10 @@ impl<'a> Plan<'a> {
         self.steps.push(step);
     }
 
-    /// Spins up in yaw with the wheels and lets go.
+    /// Spins up in yaw with the wheels, then coasts.
     fn spin_up_and_coast(&mut self, name: &'static str, sign: f64) {
         let Some((rate_deg_s, acceleration_deg_s2)) = self.envelope.wheels else { return };
-        // Half of all yaw wheels' torque is what `acceleration_deg_s2` is of.
+        // `acceleration_deg_s2` is based on half the torque of all yaw wheels.
         let torque_n_m = self.envelope.wheel_torque_n_m * sign;
         let drive = Drive::Wheels {
             names: self.envelope.yaw_wheels.clone(),
@@ -377,7 +377,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// All manoeuvres that the platform has the actuators for.
+/// All manoeuvres for which the platform has the actuators.
 pub fn family(envelope: &Envelope) -> Vec<Manoeuvre> {
     let mut all = Vec::new();
     if let Some((rate, acceleration)) = envelope.wheels {

@@ -1,4 +1,4 @@
-//! The manoeuvre that tells most about what is still in doubt.
+//! The manoeuvre that best separates the remaining explanations.
 
 mod demand;
 mod experiment;
@@ -21,39 +21,39 @@ pub use words::log_odds_in_words;
 
 use crate::{Case, ExplainError, Say};
 
-/// How often a manoeuvre that goes too far is made smaller, and by how much each time.
+/// How often a manoeuvre beyond the limits is scaled down, and by how much each time.
 const ATTEMPTS: usize = 4;
 const SMALLER: f64 = 0.75;
-/// Steps in the probability of telling explanations apart that are worth more than a shorter run.
+/// Increase of the probability of separating explanations that outweighs a shorter run.
 const STEPS: f64 = 20.0;
 
-/// A manoeuvre with what it would bring.
+/// A manoeuvre with its expected information.
 #[derive(Debug, Clone)]
 pub struct Judged {
-    /// What the platform does.
+    /// The manoeuvre.
     pub manoeuvre: Manoeuvre,
-    /// The room that it has for it.
+    /// The limits within which it is planned.
     pub envelope: Envelope,
-    /// What it asks of the platform.
+    /// Its demands on the platform.
     pub demand: Demand,
-    /// What it would bring.
+    /// Its expected information.
     pub prospect: Prospect,
     /// Its motion in simulation.
     pub motion: Recording,
 }
 
-/// What is proposed, and what else was looked at.
+/// The proposal and the alternatives.
 #[derive(Debug, Clone)]
 pub struct Proposal {
-    /// The sets of effects that are to be told apart; an empty set is the model as it is.
+    /// The sets of effects to separate; the empty set is the current model.
     pub explanations: Vec<Vec<String>>,
-    /// What the data at hand say.
+    /// Information in the data at hand.
     pub now: Prospect,
     /// All manoeuvres within the limits, best first.
     pub judged: Vec<Judged>,
     /// Manoeuvres beyond the limits, with the reason.
     pub left_out: Vec<(String, String)>,
-    /// Whether explanations are to be separated; else more effects are to be shown.
+    /// Whether the aim is to separate explanations; otherwise it is to show more effects.
     pub separates: bool,
 }
 
@@ -65,12 +65,11 @@ impl Proposal {
     }
 }
 
-/// Simulates an experiment, given by name and as the text of its file, on a platform that is as
-/// [`leading_explanation`] says, and reads what was measured; else why it cannot be simulated.
+/// Simulates an experiment, given by its name and the text of its file, on the platform of [`leading_explanation`], and
+/// returns the recording, or the reason why it cannot be simulated.
 pub type Rehearse<'a> = dyn Fn(&str, &str) -> Result<Recording, String> + Sync + 'a;
 
-/// The platform as the data say, for rehearsals: the explanation that leads, fitted; the model as given where no fit is
-/// possible.
+/// The platform for rehearsals: the fit of the leading explanation, or the model as given if it cannot be fitted.
 #[must_use]
 pub fn leading_explanation(case: &Case<'_>, diagnosis: &Diagnosis, options: &Options) -> PlatformModel {
     let ids: Vec<&str> = diagnosis.effects.iter().map(String::as_str).collect();
@@ -78,7 +77,8 @@ pub fn leading_explanation(case: &Case<'_>, diagnosis: &Diagnosis, options: &Opt
     fitted.map_or_else(|_| case.model.clone(), |fitted| fitted.model)
 }
 
-/// Rehearses every manoeuvre of the family on `platform`, and judges what each would tell beside the data at hand.
+/// Rehearses every manoeuvre of the family on `platform`, and evaluates the information that each would add to the data
+/// at hand.
 ///
 /// # Errors
 /// For a clamped platform, one that cannot make any of the manoeuvres within its limits, and where a manoeuvre cannot
@@ -101,7 +101,7 @@ pub fn propose(
         let reasons: Vec<String> = left_out.iter().map(|(name, reason)| format!("{name} {reason}")).collect();
         return Err(ExplainError::NoManoeuvre(reasons.join("; ")));
     }
-    say(0.5, "judging what each manoeuvre would tell");
+    say(0.5, "evaluating the manoeuvres");
     let further: Vec<Recording> = tried.iter().map(|(_, _, motion, _)| motion.clone()).collect();
     let found = prospects(case.training, &further, case.model, case.prior, &explanations, options)?;
     let mut judged: Vec<Judged> = tried
@@ -132,16 +132,16 @@ pub fn propose(
 
 type Tried = (Manoeuvre, Envelope, Recording, Demand);
 
-/// A manoeuvre within the limits, or why it is not.
+/// A manoeuvre within the limits, or the exceeded limit.
 enum Rehearsed {
     Fits(Box<Tried>),
     GoesTooFar(String),
 }
 
-/// Manoeuvres that fit, and the names of those that do not, with the reason.
+/// Manoeuvres within the limits, and the names of the others with the reason.
 type Sorted = (Vec<Tried>, Vec<(String, String)>);
 
-/// Simulates each manoeuvre, smaller if need be.
+/// Simulates each manoeuvre, scaled down if necessary.
 fn rehearse_all(
     rehearse: &Rehearse<'_>,
     platform: &str,

@@ -5,10 +5,10 @@ use whorl_dynamics::effects::find;
 
 use super::{Judged, Proposal};
 
-/// Log odds from which an explanation counts as told apart.
+/// Log odds above which an explanation counts as decided.
 const DECIDED: f64 = 6.0;
 
-/// Log odds; digits of large ones mean nothing.
+/// Log odds; the digits of large ones are meaningless.
 #[must_use]
 pub fn log_odds_in_words(odds: f64) -> String {
     if odds > 1000.0 { "> 1000".to_owned() } else { format!("{odds:.1}") }
@@ -16,14 +16,14 @@ pub fn log_odds_in_words(odds: f64) -> String {
 
 fn title(set: &[String]) -> String {
     if set.is_empty() {
-        return "the model as it is".to_owned();
+        return "the current model".to_owned();
     }
     let one = |id: &String| find(id).map_or_else(|| id.clone(), |e| format!("{} ({id})", e.info().title));
     set.iter().map(one).collect::<Vec<_>>().join(" with ")
 }
 
 impl Proposal {
-    /// What is proposed, why, and what it asks of the platform.
+    /// The proposal, the reasons, and the demands on the platform.
     #[must_use]
     pub fn answer(&self, best: &Judged, verdict: Verdict, platform: &str) -> Vec<String> {
         let design = self;
@@ -40,7 +40,7 @@ impl Proposal {
             sets.first().map_or("", String::as_str),
             sets.get(1).map_or("none", String::as_str)
         ),
-        Verdict::Unknown => "Something is missing that no effect explains: the more effects a run can show, the more of them it rules out.".to_owned(),
+        Verdict::Unknown => "Something is missing that no effect explains. A run that can show more effects can rule out more of them.".to_owned(),
         Verdict::NothingMissing => format!(
             "Nothing is missing as far as the data can say; {} of {} effects would have shown.",
             design.now.shown.len(),
@@ -61,7 +61,7 @@ impl Proposal {
             text.push(if odds >= DECIDED {
             format!("{worth}, which decides.")
         } else if odds > 0.5 {
-            format!("{worth}. Once does not decide; {:.0} times would.", (DECIDED / odds).ceil())
+            format!("{worth}. One run does not decide; {:.0} would.", (DECIDED / odds).ceil())
         } else {
             format!("{worth}. No manoeuvre of the family separates them on this platform: at their present size they predict the same.")
         });

@@ -36,7 +36,7 @@ fn the_prediction_error_is_the_same_in_comparison_diagnosis_and_adoption() {
             assert!(errors.0.is_some() && errors.0 == errors.1, "{}: {errors:?}", diagnosed.name);
         }
         assert_eq!(found.versions[0].prediction_error(held_out), Some(given));
-        // With the effect nothing is left but noise, without it something is: comparing with the fitted model says so too.
+        // Only with the effect is the residual pure noise; a comparison with the fitted model must agree.
         let fitted = &found.versions[2].fit.as_ref().unwrap().model;
         let with = prediction_error(&compare(&case.with_model(fitted), &mut |_, _| {}).unwrap(), held_out);
         assert_eq!(found.versions[2].prediction_error(held_out), with);
@@ -48,7 +48,7 @@ fn the_prediction_error_is_the_same_in_comparison_diagnosis_and_adoption() {
     let degrees: usize = tests.iter().map(|t| t.degrees).sum();
     let pooled = prediction_error(&compared, false).unwrap();
     assert!((pooled - (squares / degrees as f64).sqrt()).abs() < 1e-12);
-    // Words say the same number.
+    // The sentences state the same number.
     let number = format!("{pooled:.2}");
     assert!(found.answer().iter().any(|s| s.contains(&format!("as given {number}"))), "{:?}", found.answer());
     assert!(adoption.answer()[0].contains(&format!("runs {number} -> ")), "{:?}", adoption.answer());

@@ -8,8 +8,8 @@ use whorl_dynamics::{MassProperties, ModelPrior};
 use super::generator::{Manoeuvre, platform, record, turning};
 use crate::{Case, locate};
 
-/// A centre of mass that is off pulls all the time: refitted, nothing is left to locate. As given, the model leaves a
-/// constant torque.
+/// A wrong centre of mass causes a constant torque. After the refit nothing is left to locate; the model as given
+/// leaves that torque.
 #[test]
 fn a_wrong_centre_of_mass_is_no_missing_torque() {
     let truth = platform();
@@ -41,7 +41,7 @@ fn runs_are_pooled_and_told_one_by_one() {
     let prior = ModelPrior::typical(&model);
     let case = Case { training: &training, held_out: &held_out, model: &model, prior: &prior };
     let found = locate(&case, &Options::default(), &mut |_, _| {}).unwrap();
-    // The constants would have to bend far beyond what is known of them: what is missing is none of them.
+    // The constants would have to move far beyond their priors: the missing effect is none of them.
     let reason = found.not_refitted.unwrap();
     assert!(reason.contains("standard deviations"), "{reason}");
     assert_eq!(found.pooled.run, "run_1, run_2");

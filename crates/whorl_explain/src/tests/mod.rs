@@ -1,4 +1,4 @@
-//! On simulated runs, of which the answer is known.
+//! Tests on simulated runs with a known answer.
 
 mod agreement;
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
