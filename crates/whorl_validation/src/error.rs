@@ -6,13 +6,13 @@ use whorl_trajectory::Refusal;
 
 use crate::dependence::DependenceError;
 
-/// Why a recording cannot be compared with a model, and what would help.
+/// Why a recording cannot be compared with a model, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ValidationError {
     /// The recording cannot be used.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// The residual torque is too short to depend on anything.
+    /// The residual torque is too short for a regression.
     #[error("{run}: {error}; record a longer run")]
     Dependence {
         /// Name of the run.
@@ -20,7 +20,7 @@ pub enum ValidationError {
         /// Why not.
         error: DependenceError,
     },
-    /// The model cannot exist.
+    /// The model is not physical.
     #[error("the model cannot be simulated: {0}")]
     Model(#[from] GyrostatError),
     /// The model cannot be simulated.

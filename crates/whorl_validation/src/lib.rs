@@ -1,8 +1,8 @@
-//! How far a model is from the data, against which noise, and on what the difference depends.
+//! Comparison of a model with data: prediction errors, noise floors, and the quantities that the errors depend on.
 //!
-//! [`compare`] predicts a recording from smoothed initial states at several horizons and tests what is left.
-//! [`dependence`] finds the recorded quantity on which a residual torque depends, and [`explain_where`] says so in
-//! words.
+//! [`compare`] predicts a recording from smoothed initial states at several horizons and tests the residuals.
+//! [`dependence`] finds the recorded quantities on which a residual torque depends, and [`explain_where`] puts the
+//! result into words.
 
 pub mod comparison;
 pub mod dependence;

@@ -1,4 +1,4 @@
-//! What the sensors' noise alone gives: from stretches where the platform is still, else from the model.
+//! Noise floors of the sensors: from stretches where the platform is still, else from the model.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -9,14 +9,14 @@ use whorl_trajectory::line::Line;
 
 use crate::prediction::Prediction;
 
-/// Length of the stretches that are looked at \[s\].
+/// Length of the tested stretches \[s\].
 const STRETCH_S: f64 = 2.0;
 /// Still: the predicted motion, but for a straight line, is below this share of the noise.
 const STILL: f64 = 0.3;
-/// So much still time is needed \[s\].
+/// Minimum still time \[s\].
 const STILL_NEEDED_S: f64 = 6.0;
 
-/// Where a noise floor comes from.
+/// Source of a noise floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FloorSource {
@@ -31,12 +31,12 @@ pub enum FloorSource {
 pub struct NoiseFloor {
     /// Standard deviation of one sample, in the channel's unit.
     pub sigma: f64,
-    /// Where it comes from.
+    /// Source of the value.
     pub source: FloorSource,
-    /// The same by the model's sensor parameters.
+    /// Standard deviation according to the model's sensor parameters.
     pub by_parameters: f64,
-    /// Allan deviation at one sample time over `sigma`: near 1 for white noise, below for noise with a
-    /// memory. `None` without still segments.
+    /// Allan deviation at one sample time over `sigma`: near 1 for white noise, below 1 for coloured
+    /// noise. `None` without still segments.
     pub whiteness: Option<f64>,
     /// Still time that was found \[s\].
     pub still_s: f64,
@@ -66,8 +66,8 @@ fn by_parameters(sigma: f64) -> NoiseFloor {
 }
 
 impl NoiseFloors {
-    /// From the still segments of a recording; `predicted` is the model's prediction, which says where the
-    /// platform moves.
+    /// From the still segments of a recording; `predicted` is the model's prediction, from which motion
+    /// is detected.
     #[must_use]
     pub fn of(recording: &Recording, model: &PlatformModel, predicted: &Prediction) -> Self {
         let sensors = &model.sensors;
@@ -96,9 +96,9 @@ impl NoiseFloors {
 }
 
 impl NoiseFloors {
-    /// Of one component; all wheels, and all vector sensors, have the same.
+    /// Noise floor of one component; all wheels have the same, and so have all vector sensors.
     ///
-    /// For channels that no model predicts there is none: NaN.
+    /// NaN for channels that no model predicts.
     #[must_use]
     pub fn of_component(&self, component: Component) -> NoiseFloor {
         let of_axis = |axes: &[NoiseFloor; 3]| axes.get(component.index()).copied();
@@ -159,7 +159,7 @@ fn still_noise(
     })
 }
 
-/// What is left of the values about their straight line.
+/// Residuals of the values about their straight line.
 fn about_line(time_s: &[f64], value: &[f64]) -> Vec<f64> {
     let samples = || time_s.iter().copied().zip(value.iter().copied());
     Line::through(samples()).map_or_else(Vec::new, |line| samples().map(|(t, y)| y - line.at(t)).collect())

@@ -1,4 +1,4 @@
-//! Simulating a recording.
+//! Simulates a recording.
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel};
@@ -9,10 +9,10 @@ use whorl_trajectory::line::Line;
 use whorl_trajectory::commands::{Commands, ns};
 use whorl_trajectory::smoothing::Motion;
 
-/// Largest integration step \[ns\]: the motion between samples is slow, edges of valves are met exactly.
+/// Largest integration step \[ns\]: the motion between samples is slow, and valve edges are integration points.
 const STEP_NS: i64 = 2_500_000;
 
-/// Predicted measurements, one for each recorded one; NaN where nothing could be predicted.
+/// Predicted measurements, one for each recorded one; NaN where no prediction was possible.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Prediction {
     /// Gyro [rad/s].
@@ -25,8 +25,8 @@ pub struct Prediction {
     pub wheel_speed_rad_s: Vec<Vec<f64>>,
 }
 
-/// The channels and sensors that a model predicts, where they can be held against a recording: the speeds of wheels
-/// whose torques were not recorded follow the recording by themselves.
+/// The channels and sensors for which a prediction can be compared with the recording. Speeds of wheels without recorded
+/// torques are excluded, since the model's wheels are driven along the recorded speeds.
 pub(crate) fn predicted_channels(recording: &Recording) -> impl Iterator<Item = (Channel, usize)> {
     let sensors = recording.vectors.len();
     let commanded = !recording.wheel_torque_command_n_m.is_empty();
@@ -53,7 +53,7 @@ impl Prediction {
     }
 }
 
-/// Which sample is due.
+/// The next sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Sample {
     Gyro(usize),
@@ -62,7 +62,7 @@ enum Sample {
     Wheels(usize),
 }
 
-/// Simulates a recording again and again from other starts.
+/// Simulates a recording repeatedly from different initial states.
 #[derive(Debug, Clone)]
 pub struct Simulator<'a> {
     recording: &'a Recording,
@@ -74,7 +74,7 @@ pub struct Simulator<'a> {
     first_ns: i64,
 }
 
-/// The model without noise, with supplies as they were in this run.
+/// The model without noise, with the supplies of this run.
 fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
     let mut quiet = model.clone();
     let sensors = &mut quiet.sensors;
@@ -164,8 +164,8 @@ impl<'a> Simulator<'a> {
         self.samples.last().map_or(0.0, |(t, _)| *t as f64 * 1e-9)
     }
 
-    /// Predicts every sample, starting anew from `start(time)` every `horizon_s` (`None`: once). Where the
-    /// simulation runs away, the rest of the stretch is NaN.
+    /// Predicts every sample, restarting from `start(time)` every `horizon_s` (`None`: once). If the simulation
+    /// diverges, the rest of the stretch is NaN.
     #[must_use]
     pub fn predict(&self, horizon_s: Option<f64>, start: &dyn Fn(f64) -> Motion) -> Prediction {
         let nan = Vector3::repeat(f64::NAN);
@@ -202,7 +202,7 @@ impl<'a> Simulator<'a> {
         prediction
     }
 
-    /// Moves on, telling the plant what it was told.
+    /// Advances the plant with the recorded commands.
     fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64, lost: &mut bool) {
         while let Some(due_ns) = self.commands.event_ns(*event).filter(|t| *t <= time_ns) {
             advance(plant, due_ns.max(plant.now_ns()), lost);
@@ -245,13 +245,13 @@ impl<'a> Simulator<'a> {
 fn advance(plant: &mut Plant, time_ns: i64, lost: &mut bool) {
     if plant.advance_to(time_ns).is_err() {
         *lost = true;
-        // Somewhere finite, so that the plant can go on until the next start.
+        // A finite state, so that the plant can continue until the next restart.
         let wheels = plant.gyrostat().model().wheels().len();
         let _ = plant.set_motion(&UnitQuaternion::identity(), &Vector3::zeros(), &vec![0.0; wheels]);
     }
 }
 
-/// What a vector sensor of this reference sees, the model's misalignment included.
+/// Reading of a vector sensor with this reference, including the model's misalignment.
 fn direction(plant: &Plant, reference: &Unit<Vector3<f64>>) -> Vector3<f64> {
     let misalignment =
         plant.gyrostat().model().sensors.vector.map_or(Vector3::zeros(), |v| v.misalignment_rad);

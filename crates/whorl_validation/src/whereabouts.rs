@@ -13,12 +13,12 @@ use whorl_trajectory::{ResidualTorque, residual_torque};
 const LEAST_EXCESS: f64 = 0.05;
 /// Quantities named in words.
 const NAMED: usize = 3;
-/// A share of the excess below which a quantity is not worth naming.
+/// Share of the excess below which a quantity is not named.
 const WORTH_NAMING: f64 = 0.15;
-/// Any slow torque is a smooth function of time: time is named only if it explains this much more than
-/// every other quantity.
+/// Time is named only if it explains this much more than every other quantity, because any slow torque is a smooth
+/// function of time.
 const TIME_MARGIN: f64 = 0.25;
-/// A constant torque that explains within this share of the best curve is the simpler explanation.
+/// A constant torque is preferred as simpler if its share is within this margin of the best curve's.
 const CONSTANT_MARGIN: f64 = 0.07;
 
 /// Where a model fails in one run, or in several together.
@@ -28,16 +28,16 @@ pub struct Whereabouts {
     pub run: String,
     /// RMS residual torque about each body axis [N m].
     pub rms_b_n_m: [f64; 3],
-    /// Typical standard deviation of it about each body axis [N m].
+    /// Typical standard deviation of the residual torque about each body axis [N m].
     pub stddev_b_n_m: [f64; 3],
-    /// What it depends on.
+    /// Its dependence on recorded quantities.
     pub dependences: Dependences,
     /// The residual itself, run by run, for plots.
     #[serde(skip)]
     pub residuals: Vec<ResidualTorque>,
 }
 
-/// Finds in which regime `model` fails, in all of these runs together.
+/// Finds in which regime `model` fails, over all of these runs.
 ///
 /// # Errors
 /// As [`residual_torque`]; also for runs too short to see anything.
@@ -74,13 +74,13 @@ pub fn explain_where(
 }
 
 impl Whereabouts {
-    /// Whether there is anything to locate: below, shares are shares of noise.
+    /// Whether there is anything to locate; otherwise the shares would describe noise.
     #[must_use]
     pub fn is_anything_left(&self) -> bool {
         self.dependences.excess >= LEAST_EXCESS
     }
 
-    /// The answer in words: a heading sentence, then one for each quantity named.
+    /// The answer in words: a summary, then one sentence for each named quantity.
     #[must_use]
     pub fn answer(&self) -> Vec<String> {
         let found = &self.dependences;
@@ -88,7 +88,7 @@ impl Whereabouts {
         let stddev = self.stddev_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
         if !self.is_anything_left() {
             return vec![format!(
-                "{}: the residual torque ({rms:.2} mN m RMS) is no more than noise ({stddev:.2} mN m): there is nothing to locate.",
+                "{}: the residual torque ({rms:.2} mN m RMS) is consistent with noise ({stddev:.2} mN m): there is nothing to locate.",
                 self.run
             )];
         }
@@ -124,7 +124,7 @@ impl Whereabouts {
             ));
         }
         if answer.len() == 1 {
-            answer.push("No recorded quantity explains more than 15 % of it: it varies with something that was not measured.".to_owned());
+            answer.push("No recorded quantity explains more than 15 % of the excess: it depends on something that was not measured.".to_owned());
         }
         answer
     }

@@ -1,8 +1,9 @@
 //! The absolute test: are the residuals no more than noise?
 //!
 //! The run is cut into stretches. In each, the initial state is fitted to the stretch's own measurements
-//! (linearised about the smoothed one), so that nothing but the model's errors and noise is left; sums of
-//! squares then follow a chi-squared law with as many degrees of freedom as samples less fitted numbers.
+//! (linearised about the smoothed one), so that only model errors and noise remain. Without
+//! model errors, the sum of squares has a chi-squared distribution with the number of samples less the number of fitted
+//! values as degrees of freedom.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::Serialize;
@@ -23,7 +24,7 @@ use whorl_trajectory::smoothing::Motion;
 const STRETCH_S: f64 = 10.0;
 /// Steps by which the initial state is varied: attitude \[rad\], rate and wheel speed [rad/s].
 const STEPS: [f64; 3] = [1e-4, 1e-4, 1e-2];
-/// Prior standard deviation of the fitted changes, the same units: wide, it only keeps fits regular.
+/// Prior standard deviation of the fitted changes, in the same units: wide, only for regularisation.
 const SPREAD: [f64; 3] = [0.02, 0.02, 2.0];
 /// Lags of the whiteness tests.
 const LAGS: usize = 25;
@@ -33,7 +34,7 @@ const LAGS: usize = 25;
 pub struct Absolute {
     /// Sum of squares of the whitened residuals over their degrees of freedom; 1 = noise.
     pub chi_squared_per_degree: f64,
-    /// 99 % band of that for noise alone.
+    /// 99 % band of this ratio for noise alone.
     pub band_99: (f64, f64),
     /// Degrees of freedom.
     pub degrees: usize,
@@ -42,13 +43,13 @@ pub struct Absolute {
 }
 
 impl Absolute {
-    /// The prediction error in times the noise: root of chi-squared per degree of freedom; 1 = noise.
+    /// The prediction error relative to the noise: root of chi-squared per degree of freedom; 1 = noise.
     #[must_use]
     pub fn prediction_error(&self) -> f64 {
         self.chi_squared_per_degree.sqrt()
     }
 
-    /// Whether the residuals are no more than the stated noise.
+    /// Whether the residuals are consistent with noise alone.
     #[must_use]
     pub fn is_noise(&self) -> bool {
         self.chi_squared_per_degree <= self.band_99.1
@@ -64,7 +65,7 @@ pub struct Whiteness {
     pub rms: f64,
     /// Test of the first autocorrelations.
     pub ljung_box: Option<LjungBox>,
-    /// Power over frequency.
+    /// Cumulative power over frequency.
     pub periodogram: Option<CumulativePeriodogram>,
     /// Correlations with inputs, the largest first.
     pub inputs: Vec<InputCorrelation>,
@@ -75,18 +76,18 @@ pub struct Whiteness {
 pub struct InputCorrelation {
     /// The input.
     pub input: String,
-    /// Whether the input explains something of the residual, at 99 % over all lags. With a controller
+    /// Whether the correlation is significant at 99 % over all lags. With a controller
     /// running only lags >= 0 count.
     pub significant: bool,
     /// Lag of the largest correlation, samples.
     pub lag: i64,
     /// The largest correlation.
     pub value: f64,
-    /// All of it.
+    /// The correlation at all lags.
     pub correlation: CrossCorrelation,
 }
 
-/// Whitened residuals, initial states fitted.
+/// Whitened residuals after fitting the initial states.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Residuals {
     /// Channel, times \[s\], values.
@@ -185,7 +186,7 @@ pub(super) fn test(
         let Some(factor) = normal.clone().cholesky() else { continue };
         let best = factor.solve(&(jacobian.transpose() * &left));
         let left = left - jacobian * &best;
-        // The numbers really fitted: those that the data, not the prior, decide.
+        // Effective number of fitted values: those determined by the data, not by the prior.
         let prior: f64 =
             changes.iter().enumerate().map(|(i, c)| factor.inverse()[(i, i)] * c.spread.powi(-2)).sum();
         let fitted = (changes.len() as f64 - prior).round().max(0.0) as usize;
@@ -226,7 +227,7 @@ pub(super) fn test(
     Some((absolute, Residuals { channels, inputs }))
 }
 
-/// One way in which an initial state may be wrong.
+/// One component of the error of an initial state.
 struct Change {
     index: usize,
     kind: usize,
@@ -275,13 +276,13 @@ fn measurements(recording: &Recording) -> Prediction {
     }
 }
 
-/// What is tested: the free components of every predicted channel.
+/// The tested values: the free components of every predicted channel.
 fn components(recording: &Recording, wheels: usize) -> impl Iterator<Item = Component> {
     predicted_channels(recording).flat_map(move |(channel, sensor)| Component::of(channel, sensor, wheels))
 }
 
-/// Every number over its noise, in the order of [`rows`]. Of a direction only two components are free: they
-/// are taken along two axes across the measured one.
+/// Every value divided by its noise, in the order of [`rows`]. A direction has only two free components; they
+/// are taken along two axes perpendicular to the measured direction.
 fn whitened(recording: &Recording, p: &Prediction, floors: &NoiseFloors, wheels: usize) -> Vec<f64> {
     let mut all = Vec::new();
     for component in components(recording, wheels) {
@@ -306,7 +307,7 @@ fn whitened(recording: &Recording, p: &Prediction, floors: &NoiseFloors, wheels:
     all
 }
 
-/// Where each number of [`whitened`] belongs, and the components' names.
+/// Channel and component of each value of [`whitened`], with names.
 fn rows(
     recording: &Recording,
     model: &PlatformModel,

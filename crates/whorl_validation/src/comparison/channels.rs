@@ -10,7 +10,7 @@ use crate::prediction::{Prediction, predicted_channels};
 /// Error of one channel at one horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct HorizonError {
-    /// How long each prediction runs \[s\]; `None`: the whole run.
+    /// Length of each prediction \[s\]; `None`: the whole run.
     pub horizon_s: Option<f64>,
     /// Root mean square of measured less predicted, over all predictions.
     pub rms: f64,
@@ -22,7 +22,7 @@ pub struct HorizonError {
     pub samples: usize,
 }
 
-/// Errors of one channel, axis by axis and wheel by wheel; of a direction all together.
+/// Errors of one channel: of one axis or one wheel; for a direction, of all axes together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChannelErrors {
     /// Name: `gyro_x`, `accelerometer_z`, `vector_1`, `wheel_x_speed`.
@@ -31,11 +31,11 @@ pub struct ChannelErrors {
     pub quantity: Channel,
     /// SI unit of the numbers.
     pub unit: &'static str,
-    /// RMS error that noise alone gives.
+    /// RMS error due to noise alone.
     pub noise_floor: f64,
-    /// Where the noise floor comes from.
+    /// Source of the noise floor.
     pub floor_source: FloorSource,
-    /// Still time behind it \[s\].
+    /// Still time from which it was estimated \[s\].
     pub still_s: f64,
     /// By horizon, shortest first, the whole run last.
     pub horizons: Vec<HorizonError>,
@@ -56,7 +56,7 @@ pub struct Overlay {
     pub predicted: Vec<(Option<f64>, Vec<f64>)>,
 }
 
-/// A channel as plain numbers: components that are summed over, one per axis but for directions.
+/// A channel as plain numbers: the components to sum over, one per axis except for directions.
 struct Column {
     name: String,
     quantity: Channel,
@@ -64,7 +64,7 @@ struct Column {
     measured: Vec<Vec<f64>>,
     predicted: Vec<Vec<Vec<f64>>>,
     floor: NoiseFloor,
-    /// Independent noise components that make up the error.
+    /// Number of independent noise components in the error.
     noise_components: f64,
 }
 
@@ -106,7 +106,7 @@ fn columns(
             let key = channel.info().key;
             let several = recording.vectors.len() > 1;
             let name = if several { format!("{key}_{}", sensor + 1) } else { key.to_owned() };
-            // An angle, about two axes.
+            // The error is an angle about two axes.
             let floor = floors.of_component(Component::new(channel, sensor, 0));
             add(name, 0..3, floor, components.len() as f64);
         } else {

@@ -1,4 +1,4 @@
-//! How far predictions are from measurements, channel by channel, horizon by horizon.
+//! Prediction errors by channel and horizon.
 
 mod absolute;
 mod channels;
@@ -19,16 +19,16 @@ use whorl_trajectory::commands::Commands;
 use whorl_trajectory::smoothing::{Motion, SmoothedMotion, smooth};
 use whorl_trajectory::{Needs, check};
 
-/// Horizons of prediction \[s\]; the whole run comes on top.
+/// Prediction horizons \[s\], in addition to the whole run.
 pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
-/// Shortest recording that is compared \[s\].
+/// Shortest recording that can be compared \[s\].
 pub const SHORTEST_S: f64 = 5.0;
 
-/// The rule by which every prediction starts, for printing beside the numbers.
+/// How the initial state of every prediction is determined, to be printed with the numbers.
 pub const INITIAL_STATE_RULE: &str = "each prediction starts from the smoothed state at its first instant: attitude by \
      gyro, accelerometer and vector sensor of the whole run (no torques of the model), rate and wheel speeds by \
-     averaging half a second to either side what the model does not explain of their change; gyro and accelerometer \
-     biases estimated once per run; then the model runs with the recorded commands alone";
+     removing the change that the model predicts and averaging over half a second to either side; gyro and accelerometer \
+     biases estimated once per run; from there on, the model is driven by the recorded commands alone";
 
 /// A recording against a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -43,13 +43,13 @@ pub struct Comparison {
     pub channels: Vec<ChannelErrors>,
     /// Test against noise alone.
     pub absolute: Option<Absolute>,
-    /// Whiteness of each channel's residual, initial states fitted.
+    /// Whiteness of each channel's residual after fitting the initial states.
     pub whiteness: Vec<Whiteness>,
     /// Whether a controller was running.
     pub closed_loop: bool,
     /// Gyro bias beyond the model's, as estimated [rad/s].
     pub gyro_bias_rad_s: [f64; 3],
-    /// What missing channels cost, and other remarks, one sentence each.
+    /// Consequences of missing channels, and other remarks, one sentence each.
     pub remarks: Vec<String>,
     /// Curves for plots; not part of the JSON.
     #[serde(skip)]
@@ -62,7 +62,7 @@ pub struct Comparison {
 /// Compares a recording with a model.
 ///
 /// # Errors
-/// When nothing can be said, with what would help: see [`ValidationError`].
+/// If no comparison is possible, with advice: see [`ValidationError`].
 pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Comparison, ValidationError> {
     check(recording, model, &Needs { shortest_s: SHORTEST_S, free: false, accelerometer: false })?;
     let gyrostat = Gyrostat::new(model)?;
@@ -123,20 +123,20 @@ fn remarks(
         );
     }
     if !clamped && recording.wheel_speed_rad_s.is_empty() && !recording.wheel_torque_command_n_m.is_empty() {
-        say("The wheels' speeds were not recorded: they are taken to start at rest.");
+        say("The wheels' speeds were not recorded: they are assumed to start at rest.");
     }
     if !clamped && recording.specific_force_b_m_s2.is_empty() {
         say(
-            "The accelerometer was not recorded: the platform is taken to stay about balance, so tilt, and with it the gravity torque, is poorly known.",
+            "The accelerometer was not recorded: the platform is assumed to stay near balance, so tilt, and with it the gravity torque, is poorly known.",
         );
     }
     if !clamped && !motion.attitude.heading_measured {
         say(
-            "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be told apart by heading.",
+            "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be distinguished by heading.",
         );
     }
     if recording.jet_pulses.is_empty() && !clamped {
-        say("The jets' commands were not recorded: firings would look like unknown torques.");
+        say("The jets' commands were not recorded: firings would appear as unknown torques.");
     }
     let gyro = &floors.gyro;
     let worst = gyro.iter().map(|f| f.sigma / f.by_parameters).fold(0.0, f64::max);
@@ -148,7 +148,7 @@ fn remarks(
     }
     if let Some(whiteness) = gyro.iter().filter_map(|f| f.whiteness).reduce(f64::min).filter(|w| *w < 0.8) {
         remarks.push(format!(
-            "The gyro's noise has a memory (Allan deviation of one sample {whiteness:.2} of the standard deviation): tests for whiteness will fail for that reason alone."
+            "The gyro's noise is coloured (Allan deviation of one sample {whiteness:.2} of the standard deviation): tests for whiteness will fail for that reason alone."
         ));
     }
     remarks

@@ -1,10 +1,10 @@
-//! The answer of a comparison in a sentence or two.
+//! The result of a comparison in one or two sentences.
 
 use super::{ChannelErrors, Comparison};
 
-/// A ratio to the noise floor up to which a channel counts as explained.
+/// Largest ratio to the noise floor at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
-/// Findings that are put into words.
+/// Largest number of findings to report.
 const FINDINGS: usize = 3;
 
 impl Comparison {
@@ -41,10 +41,10 @@ impl Comparison {
         text
     }
 
-    /// What the tests of whiteness say, one sentence each, the clearest first.
+    /// Findings of the whiteness tests, one sentence each, the most significant first.
     #[must_use]
     pub fn findings(&self) -> Vec<String> {
-        // With how clear each is: power of a line or correlation over its band.
+        // With the significance of each: power of a line, or correlation over its band.
         let mut findings: Vec<(f64, String)> = Vec::new();
         for w in &self.whiteness {
             if let Some(line) = w.periodogram.as_ref().filter(|p| !p.is_white()).and_then(|p| p.line_hz) {
@@ -54,7 +54,7 @@ impl Comparison {
             }
             if let Some(input) = w.inputs.first().filter(|i| i.significant) {
                 let text = format!(
-                    "{}: the residual follows {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
+                    "{}: the residual correlates with {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
                     w.channel, input.input, input.value, input.lag, input.correlation.joint_band_99
                 );
                 findings.push((input.value.abs() / input.correlation.joint_band_99, text));
@@ -64,13 +64,13 @@ impl Comparison {
         findings.into_iter().take(FINDINGS).map(|(_, text)| text).collect()
     }
 
-    /// The prediction error over all channels in times the noise; `None` where that could not be tested.
+    /// The prediction error over all channels, relative to the noise; `None` if it could not be tested.
     #[must_use]
     pub fn prediction_error(&self) -> Option<f64> {
         self.absolute.as_ref().map(super::Absolute::prediction_error)
     }
 
-    /// Whether the residuals are no more than noise; `None` where that could not be tested.
+    /// Whether the residuals are consistent with noise; `None` if this could not be tested.
     #[must_use]
     pub fn is_noise(&self) -> Option<bool> {
         self.absolute.as_ref().map(super::Absolute::is_noise)

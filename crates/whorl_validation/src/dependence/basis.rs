@@ -5,7 +5,7 @@ const INTERVALS: usize = 12;
 /// Intervals of a periodic curve.
 const PERIODIC_INTERVALS: usize = 12;
 
-/// Functions that are not zero at one place.
+/// Number of functions that are non-zero at a point.
 pub(super) const SUPPORT: usize = 4;
 
 /// A basis of smooth curves over a range.
@@ -18,7 +18,7 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// Over `low..high`; periodic with `high - low` if told so.
+    /// A basis over `low..high`, with period `high - low` if `periodic`.
     pub fn new(low: f64, high: f64, periodic: bool) -> Self {
         let intervals = if periodic { PERIODIC_INTERVALS } else { INTERVALS };
         Self { low, width: (high - low) / intervals as f64, intervals, periodic }
@@ -34,7 +34,7 @@ impl Basis {
         if self.periodic { self.intervals } else { self.intervals + SUPPORT - 1 }
     }
 
-    /// Index and value of the functions that are not zero at `x`. Beyond an open range: at its end.
+    /// Index and value of the functions that are non-zero at `x`. Beyond an open range, those at its end.
     pub fn at(&self, x: f64) -> [(usize, f64); SUPPORT] {
         let mut place = (x - self.low) / self.width;
         if self.periodic {

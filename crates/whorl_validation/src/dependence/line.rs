@@ -1,4 +1,4 @@
-//! A torque that oscillates by itself: a line in the spectrum.
+//! A periodic torque: a line in the spectrum.
 
 use serde::Serialize;
 use whorl_trajectory::ResidualTorque;
@@ -6,7 +6,7 @@ use whorl_trajectory::spectrum::Fourier;
 
 use super::{Frame, seen_in};
 
-/// Share of an axis' power that a line must hold to be reported.
+/// Minimum share of an axis' power for a line to be reported.
 const LEAST_SHARE: f64 = 0.25;
 /// Probability that noise alone shows a line this strong.
 const FALSE_ALARM: f64 = 1e-3;
@@ -18,7 +18,7 @@ pub struct SpectralLine {
     pub frequency_hz: f64,
     /// Amplitude [N m].
     pub amplitude_n_m: f64,
-    /// The axes in which it is strongest.
+    /// The frame in which it is strongest.
     pub frame: Frame,
     /// The axis: 0, 1, 2 for x, y, z.
     pub axis: usize,
@@ -27,7 +27,7 @@ pub struct SpectralLine {
 }
 
 /// The strongest line of a residual sampled at (nearly) equal times, if Fisher's test (R. A. Fisher, Tests
-/// of significance in harmonic analysis, Proc. R. Soc. A 125, 1929) says that it is none of chance.
+/// of significance in harmonic analysis, Proc. R. Soc. A 125, 1929) shows that it is significant.
 /// The lowest two frequencies are left out: they are trends.
 #[must_use]
 pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
@@ -44,7 +44,7 @@ pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
             let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
             let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
             let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));
-            // At most so many frequencies: lines of interest lie well below the sampling rate.
+            // The number of frequencies is limited: lines of interest lie well below the sampling rate.
             let highest = (n / 2).min(4000);
             for (k, x) in spectrum.iter().enumerate().take(highest).skip(3) {
                 let frequency_hz = k as f64 / length_s;

@@ -1,9 +1,9 @@
-//! On what a residual torque depends.
+//! Dependence of a residual torque on recorded quantities.
 //!
 //! The residual is regressed on a smooth curve of one recorded quantity at a time, once in body and
-//! once in world axes, and judged on stretches of time that were left out of the fit: the share of
-//! its excess (mean square beyond the noise) that the curve predicts there. So a curve with many bends
-//! gains nothing, and quantities of different kinds can be ranked.
+//! once in world axes, and cross-validated on stretches of time that were left out of the fit: the score
+//! is the share of the excess (mean square beyond the noise) that the curve predicts there. Overfitting
+//! therefore gains nothing, and quantities of different kinds can be ranked.
 //!
 //! Curves are penalised cubic B-splines (P. Eilers and B. Marx, Flexible smoothing with B-splines and
 //! penalties, Statistical Science 11, 1996), periodic for angles.
@@ -24,14 +24,14 @@ use whorl_trajectory::ResidualTorque;
 
 use regression::Regression;
 
-/// Least number of values of a residual.
+/// Minimum number of values of a residual.
 pub const FEWEST_VALUES: usize = 20;
 /// Folds of the cross-validation.
 const FOLDS: usize = 5;
 /// How much more a world-frame curve must explain than the body-frame one to be preferred.
 const FRAME_MARGIN: f64 = 0.02;
 
-/// Axes in which a torque is seen.
+/// Axes in which a torque is resolved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
@@ -44,7 +44,7 @@ pub enum Frame {
 /// Why a residual cannot be analysed.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum DependenceError {
-    /// Too little data.
+    /// Too few values.
     #[error("{given} values of the residual torque; at least {FEWEST_VALUES} are needed")]
     TooFewValues {
         /// Values given.
@@ -62,9 +62,9 @@ pub struct Dependence {
     pub variable: String,
     /// Its unit.
     pub unit: String,
-    /// The axes in which the curve explains most.
+    /// The frame in which the curve explains most.
     pub frame: Frame,
-    /// Share of the excess that the curve predicts where it was not fitted, 0..1.
+    /// Share of the excess that the curve predicts on data left out of its fit, 0..1.
     pub share: f64,
     /// The axis on which the curve varies most: 0, 1, 2 for x, y, z.
     pub axis: usize,
@@ -72,18 +72,18 @@ pub struct Dependence {
     pub axis_share: [f64; 3],
     /// Symmetry of the curve on that axis.
     pub parity: Parity,
-    /// How it grows.
+    /// Growth of the curve on that axis.
     pub growth: Growth,
     /// The curves with their bands.
     pub shape: Shape,
 }
 
-/// What a residual depends on.
+/// Dependence of a residual.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Dependences {
     /// Mean square of the whitened residual; 1 = noise.
     pub mean_square_whitened: f64,
-    /// Excess over that of noise, as a share of the mean square, 0..1.
+    /// Excess over noise, as a share of the mean square, 0..1.
     pub excess: f64,
     /// Share of the excess that is a constant torque fixed to the body.
     pub constant_body_share: f64,
@@ -93,13 +93,13 @@ pub struct Dependences {
     pub mean_b_n_m: [f64; 3],
     /// Mean residual, world axes [N m].
     pub mean_world_n_m: [f64; 3],
-    /// By share, largest first.
+    /// The quantities by share, largest first.
     pub ranked: Vec<Dependence>,
     /// The strongest oscillation in time, if one stands out.
     pub line: Option<SpectralLine>,
 }
 
-/// Number of values of a residual, if all is in order.
+/// Number of values of a residual, after validation.
 fn checked(residual: &ResidualTorque) -> Result<usize, DependenceError> {
     let count = residual.time_s.len();
     let lengths = [residual.torque_b_n_m.len(), residual.stddev_b_n_m.len(), residual.q_world_body.len()];
@@ -138,9 +138,9 @@ fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
     axes
 }
 
-/// Finds what a residual torque depends on, in one run or in several that are taken together: one curve for all. For
-/// each run its variables; those that hardly vary, that not every run has, or whose values do not match the residual
-/// in number, are left out.
+/// Finds the quantities that a residual torque depends on, in one run or in several that are pooled: one curve for all.
+/// Variables that hardly vary, that are missing in a run, or whose number of values differs from the residual's are
+/// left out.
 ///
 /// # Errors
 /// See [`DependenceError`].
@@ -192,7 +192,7 @@ pub fn dependences(
         found.push((variable, frame, fit.explained, shape));
     }
 
-    // What is explained was there: noise estimated too high must not make shares above one.
+    // The explained part cannot exceed the total: an overestimated noise must not cause shares above one.
     let most = found
         .iter()
         .map(|(_, _, explained, _)| explained.iter().sum())
@@ -202,8 +202,7 @@ pub fn dependences(
         .into_iter()
         .map(|(variable, frame, explained, shape)| {
             let axis_share = explained.map(|e| (e / excess).clamp(-1.0, 1.0));
-            // A torque that stands still is no function of anything: the axis is the one on which the curve bends or
-            // slopes.
+            // A constant torque depends on nothing: the axis is the one on which the curve varies most.
             let still = if frame == Frame::World { constants_world } else { constants_body };
             let varies = |i: usize| explained[i] - still[i];
             let axis = (0..3).max_by(|a, b| varies(*a).total_cmp(&varies(*b))).unwrap_or(0);
@@ -246,13 +245,13 @@ fn together(runs: &[Vec<Variable>]) -> Vec<Variable> {
     joined.flatten().collect()
 }
 
-/// Of all runs, the line that holds the largest share of its axis' power.
+/// The line with the largest share of its axis' power, among all runs.
 fn strongest_line(residuals: &[ResidualTorque]) -> Option<SpectralLine> {
     let lines = residuals.iter().filter_map(spectral_line);
     lines.max_by(|a, b| a.share.total_cmp(&b.share))
 }
 
-/// The fold of each value: stretches of time, dealt out in turn, so that each fold sees all of the run.
+/// The fold of each value: stretches of time, assigned in turn, so that each fold covers the whole run.
 fn folds(count: usize) -> Vec<usize> {
     let stretches = (count / 4).clamp(FOLDS, 8 * FOLDS);
     (0..count).map(|i| (i * stretches / count) % FOLDS).collect()

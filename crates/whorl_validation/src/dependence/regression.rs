@@ -1,4 +1,4 @@
-//! Penalised regression on one quantity, judged by cross-validation.
+//! Penalised regression on one quantity, with cross-validation.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,7 +7,7 @@ use super::{FOLDS, Variable};
 
 /// Penalties on bending that are tried, relative to the data's weight per function.
 const PENALTIES: [f64; 6] = [1e-3, 1e-2, 1e-1, 1.0, 1e2, 1e4];
-/// Tiny ridge that keeps functions without data at zero, relative to the data's weight.
+/// Small ridge that keeps functions without data at zero, relative to the data's weight.
 const RIDGE: f64 = 1e-9;
 
 /// A quantity, ready to be regressed on.
@@ -22,7 +22,7 @@ pub(super) struct Regression {
 /// Curves for three axes.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
-    /// Drop of the whitened sum of squares where the curve was not fitted, per axis.
+    /// Drop of the whitened sum of squares on data left out of the fit, per axis.
     pub explained: [f64; 3],
     /// Penalty chosen for each axis.
     pub penalty: [f64; 3],
@@ -57,7 +57,7 @@ impl Normal {
         self.squares += weight * value * value;
     }
 
-    /// Sum of squares left by these coefficients.
+    /// Residual sum of squares of these coefficients.
     fn left(&self, coefficients: &DVector<f64>) -> f64 {
         self.squares - 2.0 * self.right.dot(coefficients) + coefficients.dot(&(&self.matrix * coefficients))
     }
@@ -78,14 +78,14 @@ impl Regression {
                 if spread < 0.05 * period {
                     return None;
                 }
-                // An angle that was not gone round is a number like others.
+                // An angle that does not cover a full turn is treated as an ordinary number.
                 if spread > 0.9 * period {
                     (-0.5 * period, 0.5 * period, true)
                 } else {
                     (*sorted.first()?, *sorted.last()?, false)
                 }
             }
-            // Without the last per mille at either end: one outlier must not stretch the curve.
+            // Without the outermost 0.1 % at either end: outliers must not stretch the range.
             None => {
                 let cut = sorted.len() / 500;
                 (*sorted.get(cut)?, *sorted.get(sorted.len() - 1 - cut)?, false)
@@ -108,7 +108,7 @@ impl Regression {
         normal
     }
 
-    /// Chooses the smoothness of each axis' curve and says what it explains.
+    /// Chooses the smoothness of each axis' curve and computes its score.
     pub fn fit(&self, axes: &[Vec<(f64, f64)>; 3]) -> Fit {
         let mut fit = Fit { explained: [0.0; 3], penalty: [1.0; 3] };
         for ((axis, explained), penalty) in axes.iter().zip(&mut fit.explained).zip(&mut fit.penalty) {
@@ -160,7 +160,7 @@ impl Regression {
     }
 
     /// The curve of one axis from all of the data: its coefficients and their covariance. `inflation`
-    /// multiplies the covariance: the scatter that is left over that of the stated noise, at least one.
+    /// multiplies the covariance: the ratio of the residual scatter to the stated noise, at least one.
     pub fn curve(&self, axis: &[(f64, f64)], penalty: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let normal = self.normal(axis, |_| true);
         let factor = self.penalised(&normal, penalty).cholesky()?;
@@ -170,7 +170,7 @@ impl Regression {
     }
 }
 
-/// Drop of the whitened sum of squares by a constant, where it was not fitted.
+/// Drop of the whitened sum of squares by a constant, on data left out of its fit.
 pub(super) fn constant_explains(axis: &[(f64, f64)], folds: &[usize]) -> f64 {
     // Per fold: weights, weighted sum.
     let mut sums = [(0.0, 0.0); FOLDS];

@@ -1,10 +1,10 @@
-//! The curve of a residual over a quantity, and what it looks like.
+//! The curve of a residual over a quantity, and its shape.
 
 use serde::Serialize;
 
 use super::regression::{Fit, Regression};
 
-/// Places at which a curve is given.
+/// Number of points of a curve.
 const PLACES: usize = 41;
 
 /// Symmetry about zero.
@@ -15,7 +15,7 @@ pub enum Parity {
     Odd,
     /// f(-x) = f(x).
     Even,
-    /// Neither, or the data lie on one side of zero only.
+    /// Neither, or the data lie on only one side of zero.
     None,
 }
 
@@ -23,13 +23,13 @@ pub enum Parity {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Growth {
-    /// Levels off, as Coulomb friction.
+    /// Saturates, as Coulomb friction.
     Saturates,
     /// In proportion, as viscous friction.
     Linear,
     /// Faster than in proportion, as drag.
     Superlinear,
-    /// None of these can be said.
+    /// Undetermined.
     Unclear,
 }
 
@@ -73,7 +73,7 @@ impl Shape {
         shape
     }
 
-    /// The curve of `axis` at `x`, linear between the places.
+    /// The curve of `axis` at `x`, interpolated linearly.
     fn at(&self, axis: usize, x: f64) -> Option<f64> {
         let curve = self.torque_n_m.get(axis)?;
         let (low, high) = (*self.x.first()?, *self.x.last()?);

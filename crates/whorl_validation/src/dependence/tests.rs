@@ -1,4 +1,4 @@
-//! Residuals made by hand, of which the answer is known.
+//! Synthetic residuals with a known answer.
 
 use std::f64::consts::TAU;
 
@@ -137,7 +137,7 @@ fn a_spring_in_yaw_is_seen_in_azimuth() {
         let yaw = (0.11 * 0.5 * k as f64).cos();
         Vector3::new(0.0, 0.0, 5e-3 * yaw)
     });
-    // The heading repeats only roughly: a torque that follows another clock is not named azimuth.
+    // The heading is only roughly periodic: a torque with a different period must not be attributed to the azimuth.
     let found = dependences_of(&residual, &run.variables()).unwrap();
     assert_ne!(found.ranked[0].variable, "azimuth");
     let heading = run.yaw_rad.clone();

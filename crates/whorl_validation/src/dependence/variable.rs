@@ -28,11 +28,11 @@ impl Variable {
     }
 }
 
-/// Everything recorded, at the given times and attitudes: time, tilt, azimuth, rates, every channel with a
-/// resolution (wheel speeds, tank pressure, ...), time since the last jet edge. What was not recorded is left out.
+/// All recorded quantities at the given times and attitudes: time, tilt, azimuth, rates, every channel with a
+/// resolution (wheel speeds, tank pressure, ...), time since the last jet edge. Quantities that were not recorded are left out.
 ///
-/// `omega_wb_b_rad_s` is the body rate at those times, smoothed: noise in it would blur sharp curves. `wheel_names` are
-/// the platform's.
+/// `omega_wb_b_rad_s` is the body rate at those times, smoothed, since noise would blur sharp curves. `wheel_names` are
+/// those of the platform.
 #[must_use]
 pub fn conditions(
     recording: &Recording,
@@ -75,7 +75,7 @@ pub fn conditions(
     all
 }
 
-/// A number of the series held at each time, the first one before the first; `None` where it was not recorded.
+/// A number of the series, held until the next sample; the first value before the first sample; `None` where it was not recorded.
 fn held(series: &dyn ChannelSeries, time_s: &[f64], index: usize) -> Option<Vec<f64>> {
     let at = |t: &f64| {
         let after = series.time_s().partition_point(|sample| sample <= t);
@@ -84,7 +84,7 @@ fn held(series: &dyn ChannelSeries, time_s: &[f64], index: usize) -> Option<Vec<
     time_s.iter().map(at).collect()
 }
 
-/// Time since a jet last switched on or off, up to 1 s: later is all the same.
+/// Time since a jet last switched on or off, limited to 1 s.
 fn time_since_jet_edge(recording: &Recording, time_s: &[f64]) -> Option<Variable> {
     let mut edges: Vec<f64> =
         recording.jet_pulses.iter().flatten().flat_map(|pulse| [pulse.on_s, pulse.off_s]).collect();

@@ -19,7 +19,7 @@ pub struct CrossCorrelation {
 }
 
 impl CrossCorrelation {
-    /// The largest value by size, and its lag; `causal`: of lags >= 0 only, as must be where a controller
+    /// The value of largest magnitude, and its lag; `causal`: among lags >= 0 only, which is necessary where a controller
     /// turns measurement noise into later inputs.
     #[must_use]
     pub fn largest(&self, causal: bool) -> Option<(i64, f64)> {
@@ -27,7 +27,7 @@ impl CrossCorrelation {
         all.filter(|(lag, _)| !causal || *lag >= 0).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
     }
 
-    /// Whether the input tells something about the residual.
+    /// Whether the correlation is significant.
     #[must_use]
     pub fn is_significant(&self, causal: bool) -> bool {
         self.largest(causal).is_some_and(|(_, value)| value.abs() > self.joint_band_99)

@@ -12,7 +12,7 @@ pub struct LjungBox {
     pub lags: u32,
     /// Q = n (n + 2) sum r_k^2 / (n - k).
     pub statistic: f64,
-    /// What Q stays below with 99 % for white residuals.
+    /// 99 % quantile of Q for white residuals.
     pub limit_99: f64,
     /// Probability of a Q this large for white residuals.
     pub p_value: f64,

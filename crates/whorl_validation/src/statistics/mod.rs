@@ -1,4 +1,4 @@
-//! Tests of residuals: are they white, and do they follow an input?
+//! Tests of residuals: are they white, and do they correlate with an input?
 
 mod correlation;
 mod ljung_box;

@@ -3,13 +3,14 @@
 use serde::Serialize;
 use whorl_trajectory::spectrum::Fourier;
 
-/// Longest stretch that is transformed at once.
+/// Longest stretch for one transform.
 const LONGEST: usize = 4096;
-/// Least number of values.
+/// Minimum number of values.
 const FEWEST: usize = 64;
-/// Lines below this are slow errors, of which the fitted initial states of short stretches make lines \[Hz\].
+/// Lines below this frequency are ignored: fitting the initial states of short stretches turns slow errors into such
+/// lines \[Hz\].
 const SLOWEST_LINE_HZ: f64 = 0.5;
-/// A line holds at least this many times the mean power of a frequency and 2 % of all.
+/// A line has at least this many times the mean power per frequency and 2 % of the total power.
 const LINE: f64 = 12.0;
 
 /// Share of a residual's power below each frequency.
@@ -23,7 +24,7 @@ pub struct CumulativePeriodogram {
     pub band_99: f64,
     /// Largest distance from the straight line, with its sign: > 0 = too much power at low frequencies.
     pub largest_deviation: f64,
-    /// Where that is \[Hz\].
+    /// Frequency of the largest distance \[Hz\].
     pub largest_deviation_hz: f64,
     /// Frequency of the strongest line, if one stands out \[Hz\].
     pub line_hz: Option<f64>,

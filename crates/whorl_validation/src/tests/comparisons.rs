@@ -49,7 +49,7 @@ fn a_missing_torque_shows_more_the_longer_the_horizon() {
     assert!(answer.contains("does not explain") && answer.contains("Worst is"), "{answer}");
     let whiteness = &comparison.whiteness[2];
     assert!(!whiteness.ljung_box.unwrap().is_white() && !whiteness.periodogram.as_ref().unwrap().is_white());
-    // With the effect in the model, it is noise again.
+    // With the effect in the model, only noise remains.
     assert!(compare(&recording, &truth).unwrap().is_noise().unwrap());
 }
 
@@ -63,7 +63,7 @@ fn a_wrong_jet_shows_as_correlation_with_its_input() {
     let recording = record(&truth, &Manoeuvre { jet_period_s: 0.5, ..Manoeuvre::default() });
     let comparison = compare(&recording, &model).unwrap();
     let found = comparison.findings();
-    assert!(found.iter().any(|f| f.contains("follows jet torque")), "{found:?}");
+    assert!(found.iter().any(|f| f.contains("correlates with jet torque")), "{found:?}");
     let right = compare(&recording, &truth).unwrap();
     assert!(right.findings().iter().all(|f| !f.contains("jet torque")), "{:?}", right.findings());
 }

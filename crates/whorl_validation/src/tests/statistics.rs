@@ -1,4 +1,4 @@
-//! Statistics against numbers of another program (`statistics_reference.py`) and closed forms.
+//! Statistics compared with numbers of another program (`statistics_reference.py`) and closed forms.
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -39,7 +39,7 @@ fn correlations_agree_with_numpy() {
     for (found, expected) in r.iter().zip(REFERENCE_AUTOCORRELATION) {
         assert!((found - expected).abs() < 1e-12, "{r:?}");
     }
-    // u is x one sample early: x follows u after one sample.
+    // u is x one sample early: x lags u by one sample.
     let c = cross_correlation(&x, &u, 5).unwrap();
     let (lag, value) = c.largest(false).unwrap();
     assert_eq!(lag, 1);
