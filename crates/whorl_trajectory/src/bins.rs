@@ -8,9 +8,9 @@ use crate::noise::typical_step_s;
 /// Mean of a channel's samples in a bin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mean<const N: usize> {
-    /// In the channel's unit; zero without samples.
+    /// Mean in the channel's unit; zero without samples.
     pub value: SVector<f64, N>,
-    /// Samples in it; 0 = none.
+    /// Number of samples in the bin.
     pub count: f64,
     /// Their mean time less the node's \[s\].
     pub late_s: f64,
@@ -19,7 +19,7 @@ pub struct Mean<const N: usize> {
 /// Mean of a three-axis channel.
 pub type Mean3 = Mean<3>;
 
-/// Where the samples of each node lie in time.
+/// Times of the nodes and of their samples.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SampleTimes {
     /// Nodes \[s\].
@@ -38,12 +38,12 @@ pub struct Bins {
 }
 
 impl Bins {
-    /// Bins from the first to the last of these stamps, at least two; `None` without stamps.
+    /// Bins spanning the first to the last of these stamps, at least two; `None` without stamps.
     #[must_use]
     pub fn new(stamps_s: &[f64], width_s: f64) -> Option<Self> {
         let (first_s, last_s) = (stamps_s.first()?, stamps_s.last()?);
         let count = (((last_s - first_s) / width_s).floor() as usize).max(2);
-        // Half a sample off, so that jitter does not move samples over a bin's edge.
+        // Offset by half a sample, so that jitter does not move samples across a bin's edge.
         let origin_s = first_s - 0.5 * typical_step_s(stamps_s).min(width_s);
         let samples_s = vec![Vec::new(); count];
         let mut bins = Self { origin_s, width_s, times: SampleTimes { node_s: vec![0.0; count], samples_s } };
@@ -67,7 +67,7 @@ impl Bins {
         (index >= 0.0 && index < self.times.samples_s.len() as f64).then_some(index as usize)
     }
 
-    /// Means of a channel whose stamps are late by `latency_s`; `read` takes the numbers out of its values.
+    /// Means of a channel whose stamps are late by `latency_s`; `read` extracts the numbers from its values.
     pub fn means_of<T, const N: usize>(
         &self,
         series: &Series<T>,
@@ -101,7 +101,7 @@ impl Bins {
         self.means_of(series, latency_s, |value| *value)
     }
 
-    /// Means that hold a clipped sample say nothing: their count becomes zero.
+    /// Discards means that contain a clipped sample: their count becomes zero.
     pub fn drop_clipped(
         &self,
         means: &mut [Mean3],
@@ -131,7 +131,7 @@ mod tests {
         let expected = [0.0625, 0.25, 0.5625];
         assert_eq!(bins.times.node_s.len(), expected.len());
         assert!(bins.times.node_s.iter().zip(expected).all(|(t, e)| (t - e).abs() < 1e-12));
-        // The same channel, stamped 30 ms late, of one value a sample.
+        // The same channel, stamped 30 ms late, with one value per sample.
         let series = Series {
             time_s: stamps_s.map(|t| t + 0.03).to_vec(),
             value: (1..7).map(|x| Vector3::repeat(f64::from(x))).collect(),
@@ -142,7 +142,7 @@ mod tests {
             [(1.5, 2.0), (3.0, 1.0), (4.5, 2.0)]
         );
         assert!(means.iter().all(|m| m.late_s.abs() < 1e-12));
-        // Not corrected, they are late by what they are late.
+        // Uncorrected, they are late by the latency.
         assert!(bins.means(&series, 0.0).iter().all(|m| (m.late_s - 0.03).abs() < 1e-12));
         bins.drop_clipped(&mut means, &series, 0.03, 5.0);
         assert_eq!(means.iter().map(|m| m.count).collect::<Vec<_>>(), [2.0, 1.0, 0.0]);

@@ -1,4 +1,4 @@
-//! What the platform was told during a run, as the model's actuators receive it.
+//! Commands of a run, as the model's actuators receive them.
 
 use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
@@ -14,9 +14,9 @@ pub struct Commands {
     body_torque_b_n_m: Series<Vector3<f64>>,
     /// Per jet: opening and closing of the flow, delays included \[s\].
     flow: Vec<Vec<(f64, f64)>>,
-    /// Everything to be told the plant, in order: time and what.
+    /// All commands to the plant in order: time and command.
     events: Vec<(i64, Event)>,
-    /// The wheels' torques were worked out from their speeds.
+    /// Whether the wheels' torques were derived from their speeds.
     pub wheel_torque_from_speed: bool,
     wheels: usize,
 }
@@ -29,22 +29,21 @@ enum Event {
     Torque(Vector3<f64>),
 }
 
-/// Means over a short stretch of time.
+/// Mean inputs over a short stretch of time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MeanDrive {
     /// Motor torques [N m].
     pub wheel_torque_n_m: Vec<f64>,
-    /// Share of the time that each jet blew.
+    /// Share of the time during which each jet was open.
     pub valve_fraction: Vec<f64>,
     /// Moment of the linear mass actuators, body axes [N m].
     pub ballast_moment_b_n_m: Vector3<f64>,
-    /// Torque from outside, body axes [N m].
+    /// External torque, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,
 }
 
 impl Commands {
-    /// Of a recording. Wheels whose torques were not recorded are driven such that they follow their measured
-    /// speeds.
+    /// Commands of a recording. Wheels without recorded torques are driven along their measured speeds.
     #[must_use]
     pub fn of(recording: &Recording, gyrostat: &Gyrostat) -> Self {
         let model = gyrostat.model();
@@ -101,7 +100,8 @@ impl Commands {
         self.events.get(event).map(|(t, _)| *t)
     }
 
-    /// Tells the plant. Refusals (a pulse too short for its valve) are what the hardware would do as well.
+    /// Passes the command to the plant. Refusals (a pulse too short for its valve) are ignored: the hardware would refuse it
+    /// too.
     pub fn tell(&self, event: usize, plant: &mut Plant) {
         let now_ns = plant.now_ns();
         match self.events.get(event) {
@@ -117,13 +117,13 @@ impl Commands {
         }
     }
 
-    /// Means over a stretch that is short against the time between commands.
+    /// Means over a stretch that is short compared with the time between commands.
     #[must_use]
     pub fn mean_between(&self, from_s: f64, to_s: f64) -> MeanDrive {
         let middle = 0.5 * (from_s + to_s);
         let length_s = (to_s - from_s).max(1e-9);
         let open = |intervals: &Vec<(f64, f64)>| {
-            // Pulses are in order: only those near the stretch matter.
+            // Pulses are sorted: only those near the stretch matter.
             let end = intervals.partition_point(|(on, _)| *on < to_s);
             let near = intervals.get(end.saturating_sub(3)..end).unwrap_or(&[]);
             near.iter().map(|(on, off)| (off.min(to_s) - on.max(from_s)).max(0.0)).sum::<f64>() / length_s
@@ -140,8 +140,8 @@ impl Commands {
         }
     }
 
-    /// What drove the platform, as named series at these times, for cross-correlation: wheel torques, jet torque
-    /// about each body axis. Those that never change are left out.
+    /// Inputs of the platform as named series at these times, for cross-correlation: wheel torques, and jet and external
+    /// torque about each body axis. Constant series are left out.
     #[must_use]
     pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
         let mut columns: Vec<(String, Vec<f64>)> =
@@ -171,7 +171,7 @@ impl Commands {
     }
 }
 
-/// Seconds to the nearest nanosecond; saturates.
+/// Seconds rounded to nanoseconds; saturates.
 #[must_use]
 pub fn ns(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64

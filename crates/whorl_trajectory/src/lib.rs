@@ -1,14 +1,14 @@
-//! What the data of a run say before anything is explained.
+//! Basic processing of a run's data, before any explanation.
 //!
-//! Comparison, identification and diagnosis stand on the same few steps; each is here once:
+//! Comparison, identification and diagnosis share the same few steps:
 //!
-//! - [`check`]: whether a recording can be used at all, and if not, what would help ([`Refusal`]);
-//! - [`noise`]: noise of one sample as the data show it, steps and jitter of the stamps;
+//! - [`check`]: whether a recording can be used, and if not, why ([`Refusal`]);
+//! - [`noise`]: noise of one sample estimated from the data, interval and jitter of the stamps;
 //! - [`bins`]: means of samples over equal stretches of time;
 //! - [`line`](mod@line): straight lines through neighbouring samples;
-//! - [`commands`]: what the platform was told, as the model's actuators receive it;
+//! - [`commands`]: commands of a run, as the model's actuators receive them;
 //! - [`smoothing`]: attitude, rate, wheel speeds and sensor biases from all of a run's data;
-//! - [`residual_torque`]: the torque that a model does not explain, over time;
+//! - [`residual_torque`]: the unexplained torque over time;
 //! - [`spectrum`]: Fourier transforms of series.
 
 pub mod bins;

@@ -3,31 +3,31 @@
 use std::iter::Sum;
 use std::ops::{Add, Mul};
 
-/// What a line can be laid through: numbers and vectors.
+/// Values that a line can be fitted to: numbers and vectors.
 pub trait Value: Copy + Add<Output = Self> + Mul<f64, Output = Self> + Sum {}
 impl<T: Copy + Add<Output = T> + Mul<f64, Output = T> + Sum> Value for T {}
 
 /// A straight line through samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line<T> {
-    /// Weighted mean of the abscissae; at the line's own mean its value is least uncertain.
+    /// Weighted mean of the abscissae, where the line's value has the smallest variance.
     pub centre: f64,
-    /// Value there.
+    /// Value at `centre`.
     pub mean: T,
-    /// Change per unit of the abscissa; zero where all samples are at one place.
+    /// Change per unit of the abscissa; zero if all abscissae are equal.
     pub slope: T,
-    /// Sum of weight times squared distance from the centre: the slope's variance is one over it where weights are
-    /// one over variances.
+    /// Sum of weight times squared distance from the centre. If weights are inverse variances, its inverse is the variance
+    /// of the slope.
     pub spread: f64,
 }
 
 impl<T: Value> Line<T> {
-    /// Through samples of equal weight; `None` without any.
+    /// Fit to samples of equal weight; `None` without samples.
     pub fn through(samples: impl IntoIterator<Item = (f64, T), IntoIter: Clone>) -> Option<Self> {
         Self::weighted(samples.into_iter().map(|(x, y)| (x, y, 1.0)))
     }
 
-    /// Through samples of place, value, weight; `None` without weight.
+    /// Fit to samples of abscissa, value, weight; `None` if the weights are zero.
     pub fn weighted(samples: impl IntoIterator<Item = (f64, T, f64), IntoIter: Clone>) -> Option<Self> {
         let samples = samples.into_iter();
         let total: f64 = samples.clone().map(|(_, _, w)| w).sum();
@@ -42,7 +42,7 @@ impl<T: Value> Line<T> {
         Some(Self { centre, mean, slope, spread })
     }
 
-    /// The line's value at a place.
+    /// The line's value at an abscissa.
     pub fn at(&self, x: f64) -> T {
         self.mean + self.slope * (x - self.centre)
     }
@@ -86,7 +86,7 @@ mod tests {
         assert_eq!((one.at(7.0), one.slope), (2.0, 0.0));
     }
 
-    /// The slope by hand, and as if the heavy sample had been taken four times.
+    /// The slope computed by hand, and with the heavy sample replaced by four equal ones.
     #[test]
     fn weights_count_as_repeated_samples() {
         let weighted = Line::weighted([(0.0, 1.0, 1.0), (1.0, 3.0, 1.0), (2.0, 4.0, 4.0)]).unwrap();

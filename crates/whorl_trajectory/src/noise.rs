@@ -1,19 +1,19 @@
-//! Noise as the data show it.
+//! Noise estimated from the data.
 
 use whorl_math::statistics::median;
 
-/// Fewest values from which noise is estimated.
+/// Minimum number of values for an estimate of noise.
 const FEWEST: usize = 30;
-/// Median of the size of a standard normal variable.
+/// Median of the absolute value of a standard normal variable.
 const NORMAL_MEDIAN: f64 = 0.6745;
-/// Where the median says less than this share of what the mean says, values are digitised too coarsely for it.
+/// If the median's estimate is below this share of the mean's, the values are digitised too coarsely for the median.
 const COARSE: f64 = 0.3;
-/// Stamps that scatter by more than this share of their step are no even samples with jitter.
+/// Stamps that scatter by more than this share of their interval are not regular samples with jitter.
 const MOST_JITTER: f64 = 0.2;
 
-/// Standard deviation of the noise of one sample, from second differences of neighbouring samples: they hold almost
-/// no motion, and the variance of x1 - 2 x2 + x3 is six times that of white noise. The median resists edges of jets,
-/// the mean resists coarse digits. `None` for fewer than 30 values, or values that never bend.
+/// Standard deviation of the noise of one sample, from second differences of neighbouring samples: they contain almost
+/// no motion, and the variance of x1 - 2 x2 + x3 is six times that of white noise. The median is robust to jet edges,
+/// the mean to coarse digitisation. `None` for fewer than 30 values, or if all second differences are zero.
 #[must_use]
 pub fn from_second_differences(values: &[f64]) -> Option<f64> {
     if values.len() < FEWEST {
@@ -26,7 +26,7 @@ pub fn from_second_differences(values: &[f64]) -> Option<f64> {
     (spread > 0.0).then_some(spread)
 }
 
-/// |x1 - 2 x2 + x3| of all neighbours.
+/// |x1 - 2 x2 + x3| of all neighbouring samples.
 pub fn second_differences(values: &[f64]) -> impl Iterator<Item = f64> + '_ {
     values.windows(3).map(|w| if let [a, b, c] = w { (c - 2.0 * b + a).abs() } else { 0.0 })
 }
@@ -38,8 +38,8 @@ pub fn typical_step_s(time_s: &[f64]) -> f64 {
     if typical.is_nan() { 0.01 } else { typical }
 }
 
-/// Standard deviation of stamps about even steps \[s\], from their second differences; the median, since samples are
-/// lost. 0 where samples do not come evenly.
+/// Standard deviation of stamps about a regular interval \[s\], from their second differences; by the median, since
+/// samples may be lost. 0 if samples are irregular.
 #[must_use]
 pub fn stamp_jitter_s(time_s: &[f64]) -> f64 {
     if time_s.len() < 12 {
@@ -53,7 +53,7 @@ pub fn stamp_jitter_s(time_s: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A generator of known spread: uniform in +-sqrt(3) sigma would have other tails, so a sum of twelve.
+    /// Normal noise of known standard deviation: a sum of twelve uniform variables, whose tails are nearly normal.
     fn noise(sigma: f64, count: i32) -> impl Iterator<Item = f64> {
         let mut seed = 7u64;
         let mut uniform = move || {
@@ -72,7 +72,7 @@ mod tests {
         let found = stamp_jitter_s(&scattered(3e-4));
         assert!((found / 3e-4 - 1.0).abs() < 0.05, "{found}");
         assert!(stamp_jitter_s(&scattered(0.0)) < 1e-12);
-        // Samples that come whenever they like are not late.
+        // Irregular samples have no jitter.
         assert_eq!(stamp_jitter_s(&scattered(2e-3)), 0.0);
     }
 

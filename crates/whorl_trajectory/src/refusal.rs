@@ -1,4 +1,4 @@
-//! Whether a recording can be used at all: what is wrong with it, said in a sentence.
+//! Whether a recording can be used at all; if not, a sentence says why.
 
 use nalgebra::Vector3;
 use thiserror::Error;
@@ -9,16 +9,16 @@ use whorl_recording::{Mounting, Recording};
 /// Fewest samples of the channel that is predicted, and the longest mean time between them \[s\].
 const FEWEST_SAMPLES: usize = 50;
 const SLOWEST_S: f64 = 0.5;
-/// RMS rate that no such platform reaches [rad/s]; also so many times the gyro's range.
+/// RMS rate that no such platform reaches [rad/s], and the limit as a multiple of the gyro's range.
 const FASTEST_RAD_S: f64 = 20.0;
 const FASTEST_RANGES: f64 = 20.0;
-/// Mean specific force of a platform on its bearing [m/s^2]: 9.81, but for what a tilt and a bad scale factor change.
+/// Plausible mean specific force of a platform on its bearing [m/s^2]: 9.81, with margins for tilt and a wrong scale factor.
 const FORCE_M_S2: std::ops::RangeInclusive<f64> = 6.0..=14.0;
 
-/// Why a recording cannot be used, and what would help.
+/// Why a recording cannot be used, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Refusal {
-    /// A channel without which nothing can be said.
+    /// An indispensable channel is missing.
     #[error("{run}: there are no {channel} data; {help}")]
     MissingChannel {
         /// Name of the run.
@@ -28,7 +28,7 @@ pub enum Refusal {
         /// What would help.
         help: &'static str,
     },
-    /// Too little time without a gap.
+    /// The recording without gaps is too short.
     #[error("{run}: {duration_s:.1} s of data are too short; record at least {needed_s:.0} s")]
     TooShort {
         /// Name of the run.
@@ -38,15 +38,13 @@ pub enum Refusal {
         /// Shortest length accepted \[s\].
         needed_s: f64,
     },
-    /// Held in a clamp where it must be free.
-    #[error(
-        "{run}: the platform was clamped, and what is asked for shows only in its motion; record it on its bearing"
-    )]
+    /// The platform was clamped but must be free.
+    #[error("{run}: the platform was clamped, but this analysis needs its motion; record it on its bearing")]
     Clamped {
         /// Name of the run.
         run: String,
     },
-    /// Another number of wheels or jets than the model has.
+    /// The number of wheels or jets differs from the model's.
     #[error(
         "{run}: {given} {what} in the data, {expected} in the model: data of another platform, or the wrong --model"
     )]
@@ -70,7 +68,7 @@ pub enum Refusal {
         /// Which channel.
         channel: String,
     },
-    /// Readings that no motion of the platform can give.
+    /// Readings that no motion of the platform can produce.
     #[error("{run}: {what}; {help}")]
     Implausible {
         /// Name of the run.
@@ -80,26 +78,26 @@ pub enum Refusal {
         /// What would help.
         help: &'static str,
     },
-    /// The model cannot exist.
+    /// The model is not physical.
     #[error("the model cannot be simulated: {0}")]
     Model(#[from] GyrostatError),
 }
 
-/// What a method needs of a recording.
+/// Requirements of a method on a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Needs {
     /// Shortest recording \[s\].
     pub shortest_s: f64,
     /// The platform must be on its bearing.
     pub free: bool,
-    /// Without the direction of gravity there is nothing to be said.
+    /// The direction of gravity must be measured.
     pub accelerometer: bool,
 }
 
-/// Refuses what no platform of this model records, and what is less than `needs`.
+/// Refuses recordings that no platform of this model can produce, and those that do not meet `needs`.
 ///
 /// # Errors
-/// With a sentence that says what would help.
+/// With a sentence that gives advice.
 pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Result<(), Refusal> {
     let run = || recording.name.clone();
     let clamped = recording.mounting == Mounting::Clamped;
@@ -118,13 +116,13 @@ pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Res
     } else if recording.gyro_b_rad_s.len() < 2 {
         return missing(
             "gyro",
-            "record imu/data_raw, or check that its values are numbers: a moving platform cannot be explained without its rates",
+            "record imu/data_raw, or check that its values are numbers: the motion cannot be analysed without rates",
         );
     }
     if needs.accelerometer && recording.specific_force_b_m_s2.is_empty() {
         return missing(
             "accelerometer",
-            "without the direction of gravity neither the gravity offset nor the bias of the gyro can be told",
+            "without the direction of gravity neither the gravity offset nor the bias of the gyro can be determined",
         );
     }
     length(recording, needs)?;
@@ -180,7 +178,7 @@ fn gyro(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
         return Err(Refusal::Implausible {
             run: recording.name.clone(),
             what: format!(
-                "the gyro reads {rms:.0} rad/s on average, more than any such platform turns (its range is {range:.2} rad/s)"
+                "the gyro reads {rms:.0} rad/s on average, more than such a platform can reach (the gyro's range is {range:.2} rad/s)"
             ),
             help: "probably deg/s were taken for rad/s; check the unit in the channel map",
         });
@@ -204,7 +202,7 @@ fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Ref
         );
     }
     let up = mean(|f| f.z);
-    // A platform that is free in pitch may lie on its side, or on its back.
+    // A platform that is free in pitch may lie on its side or upside down.
     let upright = up >= *FORCE_M_S2.start() || matches!(model.tilt_limit, TiltLimit::Pitch { .. });
     if !upright {
         return implausible(

@@ -1,10 +1,10 @@
-//! The torque that a model does not explain, smoothed from a whole recording.
+//! The unexplained torque of a model, smoothed from a whole recording.
 //!
-//! What the model leaves of the gyro's change of rate is the integral of the missing angular acceleration
-//! plus white noise: no derivative of a noisy rate is taken. The acceleration is smoothed as a random walk
+//! The measured change of rate minus the predicted one is the integral of the missing angular acceleration
+//! plus white noise, so no noisy rate is differentiated. The acceleration is modelled as a random walk
 //! (N. R. Kristensen, H. Madsen and S. B. Jorgensen, A method for systematic improvement of stochastic
-//! grey-box models, Comp. Chem. Eng. 28, 2004), each body axis by itself, with the intensity that makes the
-//! data most likely.
+//! grey-box models, Comp. Chem. Eng. 28, 2004), each body axis by itself, with the maximum-likelihood
+//! intensity.
 
 use nalgebra::{Matrix2, UnitQuaternion, Vector2, Vector3};
 use whorl_dynamics::{Gyrostat, PlatformModel};
@@ -15,16 +15,16 @@ use crate::commands::Commands;
 use crate::refusal::{Needs, Refusal, check};
 use crate::smoothing::{back, smooth};
 
-/// Gyro samples are averaged over this long \[s\].
+/// Averaging time of gyro samples \[s\].
 const BIN_S: f64 = 0.1;
-/// Intensities that are tried: angular acceleration per root second [rad/s^2/sqrt(s)].
+/// Candidate intensities: angular acceleration per root second [rad/s^2/sqrt(s)].
 const INTENSITIES: [f64; 11] = [1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2];
 /// Prior standard deviation of the acceleration at the start [rad/s^2].
 const FIRST_ACCELERATION: f64 = 0.05;
-/// What is needed of a recording: a platform that is free to move, for a few seconds.
+/// Requirements on a recording: a platform that is free to move, for a few seconds.
 const NEEDS: Needs = Needs { shortest_s: 5.0, free: true, accelerometer: false };
 
-/// Torque that a model does not explain, over time, and the motion along which it acted.
+/// Unexplained torque over time, and the motion along which it acted.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ResidualTorque {
     /// Time since the start of the run \[s\], increasing.
@@ -39,9 +39,9 @@ pub struct ResidualTorque {
     pub omega_wb_b_rad_s: Vec<Vector3<f64>>,
 }
 
-/// Smooths the torque that `model` does not explain out of a recording of a free platform, at ten times a second.
+/// Estimates the torque that `model` does not explain from a recording of a free platform, ten times per second.
 ///
-/// The model is taken as it is: what a wrong inertia does counts as torque unless the platform's own parameters were
+/// The model is not refitted: the error of a wrong inertia counts as torque unless the platform's own parameters were
 /// refitted to the run before.
 ///
 /// # Errors
@@ -72,7 +72,7 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
         let of = |f: fn((f64, f64)) -> f64| Vector3::from_fn(|i, _| f(at(&axes[i], k)));
         let (acceleration, stddev) = (of(|x| x.0), of(|x| x.1));
         let now = motion.at(*t);
-        // What is not known of the tilt (bias of the accelerometer) is not known of the weight's torque.
+        // The uncertainty of tilt (accelerometer bias) is an uncertainty of the gravity torque.
         let up = whorl_math::vertical_b(&now.q_world_body);
         let lever =
             weight.cross(&up.cross(&Vector3::x())).abs() + weight.cross(&up.cross(&Vector3::y())).abs();
@@ -98,7 +98,7 @@ fn most_likely(time_s: &[f64], value: &[f64], noise: &[f64]) -> Vec<(f64, f64)> 
     smoothed(&filtered(time_s, value, noise, best).0)
 }
 
-/// A step of the filter: (rate left, acceleration), before and after its measurement, and how it came there.
+/// A step of the filter: (residual rate, acceleration) before and after its measurement, with the transition.
 struct Step {
     predicted: (Vector2<f64>, Matrix2<f64>),
     updated: (Vector2<f64>, Matrix2<f64>),
@@ -135,7 +135,7 @@ fn filtered(time_s: &[f64], value: &[f64], noise: &[f64], intensity: f64) -> (Ve
     (steps, log_likelihood)
 }
 
-/// Backward pass of Rauch, Tung and Striebel: acceleration and standard deviation.
+/// Rauch-Tung-Striebel backward pass: acceleration and standard deviation.
 fn smoothed(steps: &[Step]) -> Vec<(f64, f64)> {
     let Some(last) = steps.last() else { return Vec::new() };
     let (mut x, mut p) = last.updated;

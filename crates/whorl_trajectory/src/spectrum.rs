@@ -15,15 +15,15 @@ pub struct Fourier {
 }
 
 impl Fourier {
-    /// For series of `length` values; the next power of two, twice over, is the usual choice where what comes at the
-    /// end must not meet the beginning.
+    /// A transform for series of `length` values. Where the end of a series must not wrap around to its beginning, use twice
+    /// the next power of two.
     #[must_use]
     pub fn of_length(length: usize) -> Self {
         Self { plan: RealFftPlanner::new().plan_fft_forward(length.max(1)) }
     }
 
     /// The transform at the frequencies 0, 1/n, ... up to half a cycle per sample (n / 2 + 1 of them) of the values,
-    /// followed by as many zeros as are missing to the length n; values beyond the length do not count.
+    /// zero-padded to the length n; further values are ignored.
     pub fn transform(&self, values: impl IntoIterator<Item = f64>) -> Vec<Complex<f64>> {
         let (mut input, mut output) = (self.plan.make_input_vec(), self.plan.make_output_vec());
         for (slot, value) in input.iter_mut().zip(values) {

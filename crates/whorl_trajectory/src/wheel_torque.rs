@@ -1,4 +1,4 @@
-//! Wheel torques of a recording that has none: from the speeds.
+//! Wheel torques derived from the speeds, for recordings without torques.
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
@@ -7,18 +7,18 @@ use whorl_recording::{Recording, Series};
 use crate::line::local_line;
 use crate::noise::typical_step_s;
 
-/// Half of the stretch over which a speed's slope is taken \[s\]: shorter than the platform's motion, long
-/// enough for a tachometer's noise.
+/// Half of the stretch over which a speed's slope is fitted \[s\]: short compared with the platform's motion, long
+/// enough to average the tachometer's noise.
 const HALF_S: f64 = 0.03;
 
-/// The torques that the wheels' motors must have given for the speeds that were measured \[N m\]:
+/// Motor torques of the wheels that explain their measured speeds \[N m\]:
 ///
 /// ```text
 /// u = J (dOmega/dt + a . domega/dt) + friction
 /// ```
 ///
 /// with the model's spin inertia J, axis a and friction, and the accelerations of wheel and body from straight lines
-/// through neighbouring samples. They stand in for the commands where those were not recorded.
+/// through neighbouring samples. They replace the commands where those were not recorded.
 #[must_use]
 pub fn from_speeds(recording: &Recording, model: &PlatformModel) -> Series<Vec<f64>> {
     let speeds = &recording.wheel_speed_rad_s;
@@ -40,7 +40,7 @@ pub fn from_speeds(recording: &Recording, model: &PlatformModel) -> Series<Vec<f
         model.wheels().iter().enumerate().map(of_wheel).collect()
     };
     let value = speeds.time_s.iter().zip(&speeds.value).map(torque_at).collect();
-    // A torque holds from its stamp on: half a step early, so that it is centred.
+    // A torque holds from its stamp on, so the stamp is half a step early to centre it.
     Series { time_s: speeds.time_s.iter().map(|t| t - 0.5 * step_s).collect(), value }
 }
 
@@ -52,7 +52,7 @@ mod tests {
 
     use super::from_speeds;
 
-    /// A wheel that speeds up by 2 rad/s2 on a body that turns faster by 0.1 rad/s2 about it.
+    /// A wheel that accelerates at 2 rad/s^2 on a body that accelerates at 0.1 rad/s^2 about its axis.
     #[test]
     fn torque_is_inertia_times_acceleration_in_space_and_friction() {
         let mut model = PlatformModel::whorl_1_reference();

@@ -1,7 +1,7 @@
 //! Attitude and biases by a forward filter and a backward smoother, gyro-driven.
 //!
-//! Error state: rotation (body axes), gyro bias, accelerometer bias. The backward pass is that of Rauch, Tung and
-//! Striebel on the error state. Nodes lie a fifth of a second apart; each takes the mean of the samples around it.
+//! Error state: rotation (body axes), gyro bias, accelerometer bias. The backward pass is a Rauch-Tung-Striebel smoother
+//! on the error state. Nodes lie a fifth of a second apart; each takes the mean of the samples around it.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
@@ -16,7 +16,7 @@ use super::start::start_attitude;
 
 /// A gap between gyro samples beyond this adds uncertainty \[s\].
 const GAP_S: f64 = 0.05;
-/// Without an accelerometer the tilt wanders about balance with this correlation time \[s\].
+/// Without an accelerometer, tilt is modelled as a random process about balance with this correlation time \[s\].
 const BALANCE_S: f64 = 20.0;
 
 type Matrix9 = SMatrix<f64, 9, 9>;
@@ -29,7 +29,7 @@ pub struct Attitudes {
     time_s: Vec<f64>,
     q_world_body: Vec<UnitQuaternion<f64>>,
     bias_rad_s: Vec<Vector3<f64>>,
-    /// Rates with the model's gyro errors taken out, bias still in, at `rate_time_s` [rad/s].
+    /// Rates corrected for the model's gyro errors but not for the bias, at `rate_time_s` [rad/s].
     rate_rad_s: Vec<Vector3<f64>>,
     rate_time_s: Vec<f64>,
     /// Gyro bias beyond the model's, mean of the run [rad/s].
@@ -40,12 +40,12 @@ pub struct Attitudes {
     pub tilt_stddev_rad: f64,
     /// Whether heading was measured, by a vector sensor; if not it starts at zero and follows the gyro.
     pub heading_measured: bool,
-    /// Whether tilt was measured; if not the run is taken to stay about balance.
+    /// Whether tilt was measured; if not, the platform is assumed to stay near balance.
     pub tilt_measured: bool,
 }
 
 impl Attitudes {
-    /// Attitude at any time: from the node before, along the gyro.
+    /// Attitude at any time: from the previous node, integrating the gyro.
     #[must_use]
     pub fn at(&self, time_s: f64) -> UnitQuaternion<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);
@@ -66,7 +66,7 @@ impl Attitudes {
         self.bias_rad_s.get(node).copied().unwrap_or_default()
     }
 
-    /// Measured rates with the model's gyro errors and the bias taken out, at their (latency-free) times.
+    /// Measured rates corrected for the model's gyro errors and the bias, at their (latency-free) times.
     pub fn rates(&self) -> impl Iterator<Item = (f64, Vector3<f64>)> + '_ {
         let raw = self.rate_time_s.iter().zip(&self.rate_rad_s);
         raw.map(|(t, rate)| (*t, rate - self.gyro_bias_at(*t)))
@@ -155,7 +155,7 @@ impl Node {
         self
     }
 
-    /// The error state that leads from here to `other`.
+    /// The error state from here to `other`.
     fn to(&self, other: &Self) -> Vector9 {
         let turn = rotation_vector(&(self.q.inverse() * other.q));
         let (bias, force) = (other.bias - self.bias, other.force_bias - self.force_bias);
@@ -240,7 +240,7 @@ fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> V
     steps
 }
 
-/// A mean measurement at a node: what is expected of x, H and R.
+/// A mean measurement at a node: expected value, H and R.
 struct Measured {
     innovation: Vector3<f64>,
     h: SMatrix<f64, 3, 9>,
@@ -267,7 +267,7 @@ fn gravity_measurement(sensors: &Sensors<'_>, time_s: f64, node: &Node) -> Optio
 }
 
 /// The vertical in body axes where the platform balances, and how far it may tilt from there in either direction:
-/// all that is known of the tilt without an accelerometer.
+/// the only information on tilt without an accelerometer.
 fn balance(model: &PlatformModel) -> (Unit<Vector3<f64>>, f64) {
     let mgr = model.mass_properties.gravity_offset_b_n_m();
     let up = if mgr.z < 0.0 { unit_or(-mgr, Vector3::z_axis()) } else { Vector3::z_axis() };
@@ -278,7 +278,7 @@ fn balance(model: &PlatformModel) -> (Unit<Vector3<f64>>, f64) {
     }
 }
 
-/// Without it the tilt would follow the gyro's bias far beyond what the bearing allows.
+/// Without this, tilt would drift with the gyro's bias far beyond the limits of the bearing.
 fn balance_measurement(model: &PlatformModel, node: &Node) -> Measured {
     let (up, stddev_rad) = balance(model);
     let expected = vertical_b(&node.q);
@@ -296,10 +296,10 @@ fn direction_measurement(sensors: &Sensors<'_>, j: usize, time_s: f64, node: &No
     Some(Measured { innovation: direction - expected, h, r: Matrix3::identity() * variance })
 }
 
-/// Kalman update; unchanged if the innovation has no covariance or is absurd.
+/// Kalman update; skipped if the innovation covariance is singular or the innovation is an outlier.
 fn updated(node: Node, measured: &Measured) -> Node {
     let mut p = node.p;
-    // Spikes: 100 is far beyond any quantile of three degrees of freedom, and harmless while starting.
+    // Outliers: 100 is far beyond any quantile of three degrees of freedom, and harmless during start-up.
     let accept = |nis| nis <= 100.0;
     match covariance::update(&mut p, &measured.h, &measured.r, &measured.innovation, accept) {
         Some(update) => Node { p, ..node.moved(&update.correction) },

@@ -1,17 +1,17 @@
-//! One step back of the smoother of Rauch, Tung and Striebel.
+//! One backward step of the Rauch-Tung-Striebel smoother.
 //!
 //! J. Crassidis and J. Junkins, *Optimal Estimation of Dynamic Systems*, 2nd ed., section 6.2.
 
 use nalgebra::SMatrix;
 
-/// The gain that carries what is learnt after a step back over it, and the smoothed covariance there:
+/// The smoother gain of a step, and the smoothed covariance before the step:
 ///
 /// ```text
 /// G = P F^T P_predicted^-1,   P_smoothed = P + G (P_after - P_predicted) G^T
 /// ```
 ///
-/// `updated` is the covariance P before the step, `transition` the step's F, `predicted` the covariance that it leads
-/// to, `after` the smoothed one there. `None` if the predicted one is not positive definite.
+/// `updated` is the covariance P before the step, `transition` the step's F, `predicted` the predicted covariance
+/// after it, `after` the smoothed one after it. `None` if the predicted one is not positive definite.
 pub(crate) fn back<const N: usize>(
     updated: &SMatrix<f64, N, N>,
     transition: &SMatrix<f64, N, N>,

@@ -1,10 +1,10 @@
 //! Attitude, rate, wheel speeds and sensor biases from all of a recording's data.
 //!
-//! The start of every prediction. **Attitude** comes from gyro, accelerometer and vector sensors of the
-//! whole run (forward filter and backward smoother), without the model's torques: an error of the
-//! model cannot hide in it. **Rate and wheel speeds** are the measured ones less what the model explains
-//! of their change, averaged over half a second to either side. [`start_attitude`] and [`pull`] are the rough first
-//! attitude of those who linearise about a motion and smooth it themselves.
+//! These are the initial states of predictions. **Attitude** comes from gyro, accelerometer and vector sensors of the
+//! whole run (forward filter and backward smoother), without the model's torques, so a model
+//! error cannot be absorbed by it. **Rate and wheel speeds** are the measured ones without the change that the model
+//! predicts, averaged over half a second to either side. [`start_attitude`] and [`pull`] give a rough initial attitude
+//! to callers that linearise about a motion and smooth it themselves.
 
 mod attitude;
 mod backward;

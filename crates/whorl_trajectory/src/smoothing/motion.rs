@@ -1,4 +1,4 @@
-//! Rate and wheel speeds, cleared of noise with the help of the model's accelerations.
+//! Rate and wheel speeds, smoothed with the help of the model's accelerations.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
@@ -9,7 +9,7 @@ use super::attitude::{Attitudes, smooth_attitude};
 use crate::commands::Commands;
 use crate::line::{Value, local_line};
 
-/// Measurements this far to either side make up a smoothed rate or speed \[s\].
+/// Half-width of the average for a smoothed rate or speed \[s\].
 pub const HALF_WIDTH_S: f64 = 0.5;
 
 /// Motion at one instant.
@@ -30,7 +30,7 @@ pub struct SmoothedMotion {
     pub attitude: Attitudes,
     clamped: bool,
     wheels: usize,
-    /// Rates less what the model explains of their change, at the gyro's times, and that change.
+    /// Rates without the change that the model predicts, at the gyro's times, and that change.
     rate_left: Series<Vector3<f64>>,
     rate_explained: Vec<Vector3<f64>>,
     wheel_time_s: Vec<f64>,
@@ -117,7 +117,7 @@ impl SmoothedMotion {
         }
     }
 
-    /// Measured rate less what the model explains of its change since the start, at the gyro's times [rad/s].
+    /// Measured rate without the change since the start that the model predicts, at the gyro's times [rad/s].
     #[must_use]
     pub fn rate_left(&self) -> &Series<Vector3<f64>> {
         &self.rate_left

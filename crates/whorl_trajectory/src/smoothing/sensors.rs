@@ -1,4 +1,4 @@
-//! What the sensors saw around a node.
+//! Sensor readings around a node.
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::PlatformModel;
@@ -11,7 +11,7 @@ use crate::line::Line;
 /// Time between nodes \[s\].
 pub(super) const NODE_S: f64 = 0.2;
 
-/// What the sensor saw, its modelled errors taken out, and when.
+/// A sensor's readings, corrected for its modelled errors, and their times.
 fn corrected(series: &Series<Vector3<f64>>, errors: &TriaxialErrors) -> (Vec<f64>, Vec<Vector3<f64>>) {
     let value = series.value.iter().map(|y| errors.corrected(y)).collect();
     (series.time_s.iter().map(|t| t - errors.latency_s).collect(), value)
@@ -35,7 +35,7 @@ fn around(times_s: &[f64], time_s: f64) -> std::ops::Range<usize> {
     first..times_s.partition_point(|t| *t < time_s + 0.5 * NODE_S).max(first)
 }
 
-/// Readings of a run with the model's errors taken out, and the times when they were true \[s\].
+/// Readings of a run, corrected for the model's sensor errors, and their latency-free times \[s\].
 pub(super) struct Sensors<'a> {
     pub model: &'a PlatformModel,
     pub gyro: (Vec<f64>, Vec<Vector3<f64>>),
@@ -43,9 +43,9 @@ pub(super) struct Sensors<'a> {
     pub vectors: Vec<Directions>,
 }
 
-/// What a vector sensor saw.
+/// Readings of a vector sensor.
 pub(super) struct Directions {
-    /// Without latency \[s\].
+    /// Times without latency \[s\].
     pub time_s: Vec<f64>,
     direction_b: Vec<Vector3<f64>>,
     pub reference_world: Unit<Vector3<f64>>,
@@ -76,7 +76,7 @@ impl<'a> Sensors<'a> {
         rate_between(&self.gyro.0, &self.gyro.1, k, time_s)
     }
 
-    /// Mean specific force around a node with what motion about the pivot adds taken out: gravity.
+    /// Mean specific force around a node without the acceleration due to motion about the pivot: gravity.
     pub fn gravity(&self, time_s: f64, bias: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
         let range = around(&self.force.0, time_s);
         let values = self.force.1.get(range).filter(|v| !v.is_empty())?;
@@ -97,7 +97,7 @@ impl<'a> Sensors<'a> {
         Some((mean - slope.cross(&arm) - omega.cross(&omega.cross(&arm)), variance))
     }
 
-    /// Mean direction seen around a node, turned to the node.
+    /// Mean direction measured around a node, rotated to the node's time.
     pub fn direction(
         &self,
         sensor: usize,

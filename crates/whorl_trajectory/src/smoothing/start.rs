@@ -1,11 +1,12 @@
-//! A rough first attitude: from two directions, then along the gyro with a pull towards what is seen.
+//! A rough initial attitude from two directions, and the correction of a gyro-driven attitude towards measured
+//! directions.
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, unit_or};
 
-/// The attitude in which the vertical is seen along `up_b`, and a vector sensor's reference along the first of
-/// `seen` (body axes; the second is the reference in world axes), as nearly as both can be (TRIAD: M. Shuster and
-/// S. Oh, J. Guidance and Control 4, 1981). Heading is zero where nothing but the vertical was seen.
+/// The attitude that best aligns the vertical with `up_b` and a vector sensor's reference with its measured direction,
+/// the first of `seen` (body axes; the second is the reference in world axes) (TRIAD: M. Shuster and
+/// S. Oh, J. Guidance and Control 4, 1981). Heading is zero if only the vertical was measured.
 #[must_use]
 pub fn start_attitude(
     up_b: Unit<Vector3<f64>>,
@@ -18,9 +19,9 @@ pub fn start_attitude(
     .unwrap_or_else(|| attitude_from_vertical(up_b, 0.0))
 }
 
-/// The rate that turns the body, per unit of gain, such that a direction of the world appears where it is seen: the
+/// The correction rate per unit gain that turns the body towards the measured direction, body axes: the
 /// innovation of the explicit complementary filter (R. Mahony, T. Hamel and J.-M. Pflimlin, IEEE Trans. Automatic
-/// Control 53, 2008). The sine of the angle that is missing, body axes.
+/// Control 53, 2008). Its size is the sine of the angle error.
 #[must_use]
 pub fn pull(
     q_world_body: &UnitQuaternion<f64>,

@@ -1,4 +1,4 @@
-//! Recordings from the truth plant.
+//! Generates recordings with the truth plant.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
 use whorl_recording::{OnInterval, Recording, Series, TrueMotion, VectorChannel};
 
-/// What is done during a run.
+/// Inputs of a run.
 pub struct Manoeuvre {
     pub duration_s: f64,
     pub seed: u64,
@@ -32,7 +32,7 @@ impl Default for Manoeuvre {
     }
 }
 
-/// Balanced near level, wide tilt limits, no random biases that a model cannot know beyond its own noise.
+/// Balanced near level, wide tilt limits, no random biases that are unknown to the model.
 pub fn platform() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
     model.tilt_limit = whorl_dynamics::platform::TiltLimit::Cone { max_rad: 0.6 };

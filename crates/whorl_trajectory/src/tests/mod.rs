@@ -1,4 +1,4 @@
-//! What is made of simulated recordings.
+//! Tests on simulated recordings.
 
 pub mod generator;
 mod refusals;

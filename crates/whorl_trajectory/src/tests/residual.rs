@@ -1,4 +1,4 @@
-//! The torque that a model lacks, found in a simulated run.
+//! Recovers a missing torque from a simulated run.
 
 use std::collections::BTreeMap;
 

@@ -26,7 +26,7 @@ fn the_smoothed_motion_is_the_true_one_to_a_tenth_of_the_noise() {
         count += 1.0;
     }
     let (turn, tilt, rate) = (f64::sqrt(turn / count), f64::sqrt(tilt / count), f64::sqrt(rate / count));
-    // The accelerometer's bias of 0.01 m/s^2 (1 mrad) is what tilt cannot know.
+    // The accelerometer's bias of 0.01 m/s^2 (1 mrad) limits the accuracy of tilt.
     assert!(tilt < 1.5e-3, "{tilt}");
     assert!(turn < 3e-3, "{turn}");
     // 1.7e-3 rad/s a sample, a hundred averaged.
@@ -51,7 +51,7 @@ fn without_vector_sensor_heading_starts_at_zero_and_that_is_known() {
     assert!(whorl_math::azimuth_rad(&motion.at(0.0).q_world_body).abs() < 5e-3);
 }
 
-/// A gyro bias of 0.2 deg/s turns by 12 deg in a minute: further than the bearing of 5 deg allows.
+/// A gyro bias of 0.2 deg/s turns by 12 deg in a minute: beyond the bearing's limit of 5 deg.
 #[test]
 fn without_an_accelerometer_the_platform_is_taken_to_stay_about_balance() {
     let mut model = platform();
@@ -70,7 +70,7 @@ fn without_an_accelerometer_the_platform_is_taken_to_stay_about_balance() {
         let tilt = whorl_math::vertical_b(&motion.at(t).q_world_body).z.acos();
         assert!(tilt < 0.12, "{t} s: {tilt}");
     }
-    // Most of the biases across the vertical is found out: two limits of tilt over a minute.
+    // Most of the bias across the vertical is estimated: twice the tilt limit over a minute.
     let error = (motion.attitude.gyro_bias_rad_s - full).xy().norm();
     assert!(error < 2.0 * 0.0873 / 60.0 && full.x > 5e-3, "{error} {full:?}");
 }
