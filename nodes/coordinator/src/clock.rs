@@ -1,18 +1,18 @@
-//! The clocks of the platforms' computers: the one place where stamps of other nodes become this node's
-//! time, and the other way round.
+//! The clocks of the platforms' computers: the only module that translates stamps of other nodes to this node's
+//! time and back.
 //!
-//! Two ways of one exchange: a request left at `asked` by this clock and arrived at `told` by the other, whose
-//! reply arrived at `now` by this one. With the offset `o` (the other clock less this one) and the times that
-//! both ways took,
+//! One exchange: a request left at `asked` by this clock and arrived at `told` by the other clock, whose
+//! reply arrived at `now` by this one. With the offset `o` (the other clock less this one) and the delays `there`
+//! and `back`,
 //!
 //! ```text
 //! told - asked = there + o,        now - told = back - o,        there, back >= 0
 //! ```
 //!
-//! so `o` lies between `-(now - told)` and `told - asked`. Delays only ever add, so the smallest of each over a
-//! window, widened with age by the clocks' drift, bound it best; between them the middle is taken, which is exact when
-//! the quickest way there takes as long as the quickest way back (Mills, RFC 5905, section 8, with the minima
-//! taken way by way).
+//! so `o` lies between `-(now - told)` and `told - asked`. Delays are never negative, so the smallest of each over a
+//! window, widened with age by the clocks' drift, give the tightest bounds. The estimate is their middle, exact when
+//! the shortest delays of both directions are equal (Mills, RFC 5905, section 8, with the minima
+//! taken for each direction separately).
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -20,25 +20,25 @@ use std::time::Duration;
 use whorl_msgs::builtin_interfaces::Time;
 use whorl_node::Timestamp;
 
-/// Exchanges count for this long \[s\]; a link that was good helps while it is poor.
+/// Exchanges are used for this long \[s\]: those of a good link still help when it becomes poor.
 const WINDOW_S: f64 = 300.0;
-/// Crystals part by at most this, and what an exchange says is worth so much less the older it is \[s/s\].
+/// Largest relative drift of two clocks: the bounds of an exchange widen by this with its age \[s/s\].
 const DRIFT: f64 = 2e-5;
-/// A reply that took longer says too little \[s\].
+/// Exchanges that took longer are not used \[s\].
 const LONGEST_EXCHANGE_S: f64 = 2.0;
-/// Clocks that agree within this are one clock \[s\]: at 5 deg/s it is worth 0.01 deg.
+/// Smaller offsets are treated as zero \[s\]: at 5 deg/s this is an error of 0.01 deg.
 const SAME_S: f64 = 2e-3;
-/// What is applied follows what is measured when it is further off than this \[s\].
+/// The applied offset is updated when it differs from the measured one by more than this \[s\].
 const FOLLOW_S: f64 = 1e-3;
-/// With fewer exchanges more are asked for quickly.
+/// With fewer exchanges, requests are sent at the higher rate.
 const ENOUGH: usize = 10;
 
-/// What is known of another clock.
+/// Estimated offset of another clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClockOffset {
     /// Other clock less this one \[s\].
     pub offset_s: f64,
-    /// It is not further off than this \[s\].
+    /// Bound on the error of the offset \[s\].
     pub uncertainty_s: f64,
 }
 
@@ -69,7 +69,7 @@ impl SenderClock {
         self.exchanges.push_back(new);
         let (mut there_s, mut back_s) = self.quickest_s(now);
         if there_s + back_s < 0.0 {
-            // No way takes less than no time: one of the clocks was set since.
+            // A negative delay: one of the clocks was set in between.
             self.exchanges.clear();
             self.exchanges.push_back(new);
             (there_s, back_s) = (new.there_s, new.back_s);
@@ -91,12 +91,12 @@ impl SenderClock {
         })
     }
 
-    /// What is known of it.
+    /// The estimated offset, if there is one.
     pub fn measured(&self) -> Option<ClockOffset> {
         self.measured
     }
 
-    /// By how much stamps are translated \[s\].
+    /// The offset by which stamps are translated \[s\].
     pub fn applied_s(&self) -> f64 {
         self.applied_s
     }
@@ -111,7 +111,7 @@ impl SenderClock {
         Timestamp(Timestamp::from(stamp).0.saturating_sub(self.applied_ns()))
     }
 
-    /// An instant of this node's time, as the other clock shows it.
+    /// An instant of this node's time, by the other clock.
     pub fn to_remote(&self, at: Timestamp) -> Timestamp {
         Timestamp(at.0.saturating_add(self.applied_ns()))
     }
@@ -121,8 +121,8 @@ impl SenderClock {
     }
 }
 
-/// Ticks of `period` between two requests: twice a second, and quickly while little is known of a platform that
-/// is there.
+/// Ticks of `period` between two requests: twice a second, and faster while there are few exchanges with a platform
+/// that is present.
 pub(crate) fn ticks_between_requests(period: Duration, hurry: bool) -> u64 {
     let every_s = if hurry { 0.1 } else { 0.5 };
     ((every_s / period.as_secs_f64()).round() as u64).max(1)

@@ -22,9 +22,9 @@ const REFERENCE_TICKS: u64 = 2;
 const COMMAND_TICKS: u64 = 5;
 const STATE_TICKS: u64 = 10;
 const DIAGNOSTICS_TICKS: u64 = 100;
-/// References are stamped on a grid; a timer later than this moves the grid \[s\].
+/// References are stamped on a grid; a timer that is later than this shifts the grid \[s\].
 const LATEST_S: f64 = 0.1;
-/// The end is published for this long before the node ends \[s\].
+/// The final state is published for this long before the node exits \[s\].
 const END_FOR_S: f64 = 1.0;
 
 /// The coordinator.
@@ -41,7 +41,7 @@ pub struct CoordinatorCore {
     problems: Vec<String>,
 }
 
-/// Counters of what was sent.
+/// Sequence counters of the messages sent.
 #[derive(Debug, Default)]
 struct Sequences {
     reference: u64,
@@ -55,7 +55,7 @@ impl CoordinatorCore {
     /// A coordinator that waits for its platforms.
     ///
     /// # Errors
-    /// Limits of a platform that cannot be.
+    /// Invalid limits of a platform.
     pub fn new(parameters: Parameters) -> Result<Self, LimitsError> {
         parameters.limits.iter().try_for_each(|limits| limits.check())?;
         Ok(Self {
@@ -73,7 +73,7 @@ impl CoordinatorCore {
     fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
         let first = self.tick_at.is_none();
         let at = self.tick_at.map_or(now, |last| last + PERIOD);
-        // A shell that was suspended, or a clock that was set: the grid moves, the motion does not jump.
+        // The shell was suspended, or the clock was set: the grid shifts, the motion does not jump.
         let at = if now.seconds_since(at).abs() > LATEST_S { now } else { at };
         self.tick_at = Some(at);
         if first && let Stage::Waiting { since, .. } = &mut self.stage {
@@ -212,7 +212,7 @@ impl CoordinatorCore {
         self.links.iter().map(sight).collect()
     }
 
-    /// What is wrong now, in words; one sentence per platform at most.
+    /// Current problems in words; at most one sentence per platform.
     fn current_problems(&self, now: Timestamp) -> Vec<String> {
         let settings = &self.parameters.link;
         let running = matches!(self.stage, Stage::Running(_));
@@ -232,7 +232,7 @@ impl CoordinatorCore {
         heard.filter_map(|(_, link)| problem(link)).collect()
     }
 
-    /// Logs platforms that became unwell, without repeating an age that grows.
+    /// Logs new problems of platforms, without repeating them when only an age has changed.
     fn log_problems(&self, problems: &[String], outputs: &mut Outputs) {
         if !matches!(self.stage, Stage::Waiting { .. } | Stage::Ready) {
             return;
@@ -259,8 +259,8 @@ impl CoordinatorCore {
         }
     }
 
-    /// What another coordinator commands, where platforms run themselves: who tracks starts the others, and an
-    /// abort of everybody is obeyed.
+    /// A command of another coordinator, when the law runs on the platforms: a tracking platform starts the others, and
+    /// an abort of all platforms is obeyed.
     fn hear_command(&mut self, now: Timestamp, command: &FormationCommand, outputs: &mut Outputs) {
         let waits = matches!(self.stage, Stage::Waiting { .. } | Stage::Ready);
         match command.command {
@@ -379,7 +379,7 @@ impl CoordinatorCore {
         report::phase(&self.parameters, &self.stage)
     }
 
-    /// Why it was aborted, if it was.
+    /// Reason for the abort, if any.
     #[must_use]
     pub fn abort_reason(&self) -> Option<&str> {
         match &self.stage {

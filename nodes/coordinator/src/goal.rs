@@ -14,7 +14,7 @@ const PLANNED_SHARE: f64 = 0.8;
 /// The motion of one leader or of the virtual structure.
 #[derive(Debug, Clone)]
 pub(crate) struct Goal {
-    /// Angles at the end of the present motion.
+    /// Angles at the end of the current motion.
     angles: YawPitchRoll,
     yaw_zero_rad: f64,
     motion: Motion,
@@ -29,12 +29,12 @@ enum Motion {
     Pass { pass: Arc<CoObservation>, platform: usize, yaw_rad: f64 },
 }
 
-/// Whose limits a slew is planned within.
+/// Limits within which a slew is planned.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Planning<'a> {
-    /// Of this platform: the goal moves along a smooth slew.
+    /// Those of this platform: the goal moves along a smooth slew.
     Smooth(&'a ReferenceLimits),
-    /// Of nobody: the law plans its own way, the goal is set at once.
+    /// None: the law plans its own motion, the goal is set at once.
     Immediate,
 }
 
@@ -45,14 +45,14 @@ impl Goal {
         Self { angles, yaw_zero_rad, motion: Motion::Rest, elapsed_s: 0.0 }
     }
 
-    /// Moves on.
+    /// Advances the motion.
     pub fn advance(&mut self, dt_s: f64) {
         self.elapsed_s += dt_s;
         let ended = match &self.motion {
             Motion::Rest => false,
             Motion::Slew { plan, .. } => self.elapsed_s >= plan.duration_s(),
             Motion::Scan(scan) => self.elapsed_s >= scan.duration_s,
-            // Its trajectory rests at its end by itself.
+            // The trajectory ends at rest.
             Motion::Pass { .. } => false,
         };
         if ended {
@@ -60,7 +60,7 @@ impl Goal {
         }
     }
 
-    /// The motion now.
+    /// The current motion.
     pub fn reference(&self) -> Reference {
         match &self.motion {
             Motion::Rest => Reference::at_rest(self.angles.attitude()),
@@ -72,7 +72,7 @@ impl Goal {
         }
     }
 
-    /// Begins a slew from where the goal is now. Returns how long it takes \[s\], where that is known.
+    /// Begins a slew from the current goal. Returns its length \[s\], if known.
     pub fn slew(&mut self, step: &parameters::Slew, planning: Planning<'_>) -> Option<f64> {
         let from = self.reference().q_world_reference;
         self.angles = step.to.over(&self.angles, self.yaw_zero_rad);
@@ -90,7 +90,7 @@ impl Goal {
         Some(duration_s)
     }
 
-    /// Goes on after a pause: what is left of a slew begins anew from `q_world_reference`.
+    /// Continues after a pause: the rest of a slew starts again from `q_world_reference`.
     pub fn resume(&mut self, q_world_reference: &UnitQuaternion<f64>, planning: Planning<'_>) {
         if let Motion::Slew { step, .. } = self.motion {
             let end = self.angles;
@@ -105,8 +105,8 @@ impl Goal {
         }
     }
 
-    /// The platform is at `q_world_body`, wherever it was meant to be: a slew starts anew from there, a scan goes on
-    /// about it, and rest is there.
+    /// Restarts the motion from the platform's attitude `q_world_body`: a slew starts again from there, a scan continues
+    /// about it, and a goal at rest is moved there.
     pub fn moved_to(&mut self, q_world_body: &UnitQuaternion<f64>, planning: Planning<'_>) {
         match &self.motion {
             Motion::Slew { .. } => self.resume(q_world_body, planning),
@@ -116,7 +116,7 @@ impl Goal {
     }
 
     /// The same goal for another platform or structure, which is turned by `q_old_new` against this one:
-    /// a scan goes on, anything else is approached from `from`, where the new one is now.
+    /// a scan continues, anything else is approached from `from`, the current attitude of the new one.
     pub fn transferred(
         &self,
         q_old_new: &UnitQuaternion<f64>,
@@ -147,7 +147,7 @@ impl Goal {
         goal
     }
 
-    /// What its yaw counts from \[rad\].
+    /// Zero of its yaw \[rad\].
     pub fn yaw_zero_rad(&self) -> f64 {
         self.yaw_zero_rad
     }

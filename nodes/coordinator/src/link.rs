@@ -1,4 +1,4 @@
-//! What is known of one platform: its latest accepted messages and how old they are.
+//! The link to one platform: its latest accepted messages and their ages.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::reference::Reference;
@@ -9,7 +9,7 @@ use whorl_node::Timestamp;
 use crate::clock::SenderClock;
 use crate::parameters::LinkSettings;
 
-/// A message from further ahead than this has a broken stamp \[s\].
+/// A message stamped further in the future than this is refused \[s\].
 const FUTURE_TOLERANCE_S: f64 = 0.1;
 
 /// Messages that were not used, by reason.
@@ -80,7 +80,7 @@ impl PlatformLink {
         let stamp = self.clock.to_local(message.header.stamp);
         let omega_wb_b_rad_s = Vector3::from(message.omega_wb_b_rad_s);
         let Some(q_world_body) = message.q_world_body.to_unit().filter(|_| finite(&omega_wb_b_rad_s)) else {
-            // An estimator that has no attitude yet says so with whatever numbers it has.
+            // An estimator that is initialising may send invalid numbers.
             if message.usable() {
                 self.dropped.invalid += 1;
                 return false;
@@ -163,7 +163,7 @@ impl PlatformLink {
         true
     }
 
-    /// The reference that another coordinator gives the platform, carried on to now; `None` unless fresh.
+    /// The reference that another coordinator gives the platform, extrapolated to now; `None` unless fresh.
     pub fn reference(&self, now: Timestamp, settings: &LinkSettings) -> Option<Reference> {
         let (stamp, reference) = self.reference.as_ref()?;
         let age_s = now.seconds_since(*stamp);
@@ -202,7 +202,7 @@ impl PlatformLink {
         self.age_s(now) <= settings.stale_s
     }
 
-    /// Attitude and rate now, carried on from the latest estimate; `None` unless fresh and healthy.
+    /// Attitude and rate now, extrapolated from the latest estimate; `None` unless fresh and healthy.
     pub fn motion(
         &self,
         now: Timestamp,
@@ -222,7 +222,7 @@ impl PlatformLink {
         self.status.map_or(ControlStatus::MODE_IDLE, |s| s.mode)
     }
 
-    /// Whether the platform's controller follows its reference, or the last one it had, or does what else it is told.
+    /// Whether the platform's controller tracks its reference, holds the last one, or plays a requested excitation.
     pub fn following(&self, now: Timestamp, settings: &LinkSettings) -> bool {
         self.status_fresh(now, settings).is_some_and(|s| {
             matches!(
@@ -232,14 +232,14 @@ impl PlatformLink {
         })
     }
 
-    /// Whether an excitation moves the platform, and not its reference.
+    /// Whether the platform plays an excitation instead of tracking its reference.
     pub fn excited(&self, now: Timestamp, settings: &LinkSettings) -> bool {
         self.status_fresh(now, settings).is_some_and(|s| {
             s.mode == ControlStatus::MODE_EXCITE || s.reason == ControlStatus::REASON_EXCITATION_LIMIT
         })
     }
 
-    /// What keeps the estimate from being used, in words.
+    /// Why the estimate cannot be used, in words.
     pub fn estimate_problem(&self, now: Timestamp, settings: &LinkSettings) -> Option<String> {
         let name = &self.name;
         let Some(estimate) = self.estimate else {
@@ -255,7 +255,7 @@ impl PlatformLink {
         }
     }
 
-    /// What keeps the controller from being commanded, in words.
+    /// Why the controller cannot be commanded, in words.
     pub fn control_problem(&self, now: Timestamp, settings: &LinkSettings) -> Option<String> {
         let name = &self.name;
         match (self.status, self.status_fresh(now, settings)) {
@@ -267,7 +267,7 @@ impl PlatformLink {
         }
     }
 
-    /// What keeps the platform from following its reference, in words.
+    /// Why the platform does not follow its reference, in words.
     pub fn following_problem(&self, now: Timestamp, settings: &LinkSettings) -> Option<String> {
         if let Some(problem) = self.control_problem(now, settings) {
             return Some(problem);

@@ -21,17 +21,17 @@ use whorl_params::{LAW_ON_PLATFORMS, Reader, positive, range};
 pub struct Parameters {
     /// Names of the platforms, in the order of `PlatformId`.
     pub platforms: Vec<String>,
-    /// Whose coordinator this is.
+    /// Role of this coordinator.
     pub role: Role,
-    /// What the experiment is called and how it starts and ends.
+    /// Name, start and end of the experiment.
     pub experiment: ExperimentSettings,
-    /// The relative-attitude law and the offsets it begins with.
+    /// The relative-attitude law and its initial offsets.
     pub law: LawSettings,
     /// The sequence; at least one step.
     pub steps: Vec<Step>,
-    /// Per platform: what its reference may do.
+    /// Per platform: limits of its reference.
     pub limits: Vec<ReferenceLimits>,
-    /// Natural frequency of every reference towards what the law demands \[rad/s\].
+    /// Natural frequency with which every reference follows the law's demand \[rad/s\].
     pub bandwidth_rad_s: f64,
     /// Links and their ages.
     pub link: LinkSettings,
@@ -56,14 +56,14 @@ impl Parameters {
         }
     }
 
-    /// Its name without the leading slash: who asks, in questions and answers between nodes.
+    /// Its name without the leading slash: the sender in clock requests and replies.
     #[must_use]
     pub fn name(&self) -> String {
         let own = if let Role::Platform(own) = self.role { self.platforms.get(own) } else { None };
         own.map_or_else(|| "coordinator".to_owned(), |platform| format!("{platform}/coordinator"))
     }
 
-    /// Whether this coordinator needs to know what the platform does.
+    /// Whether this coordinator needs the platform's messages.
     #[must_use]
     pub fn hears(&self, platform: usize) -> bool {
         match (self.role, self.law.first()) {
@@ -73,14 +73,14 @@ impl Parameters {
     }
 }
 
-/// Whose coordinator a coordinator is.
+/// Role of a coordinator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Of the whole formation.
+    /// Coordinates the whole formation.
     Formation,
-    /// Of one platform that runs the law for itself, in that platform's namespace.
+    /// Coordinates one platform, in that platform's namespace.
     Platform(usize),
-    /// Of nobody: each platform has its own, this one tells what they do.
+    /// Observes: each platform has its own coordinator, this one publishes the formation's state.
     Observer,
 }
 
@@ -93,7 +93,7 @@ pub struct LinkSettings {
     pub status_stale_s: f64,
     /// Whether the sequence waits while a platform that does not lead is stale.
     pub leader_waits: bool,
-    /// A platform that returns further than this from its reference starts anew from where it is \[rad\].
+    /// If a platform returns further than this from its reference, the reference restarts from its attitude \[rad\].
     pub rejoin_error_rad: f64,
     /// A link that stays stale for longer ends the experiment \[s\].
     pub timeout_s: f64,
@@ -102,7 +102,7 @@ pub struct LinkSettings {
 /// Waiting for the platforms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WaitingSettings {
-    /// All platforms must be well for this long \[s\].
+    /// All platforms must be ready for this long \[s\].
     pub healthy_for_s: f64,
     /// Gives up after this long \[s\]; infinite when it is 0 in the file.
     pub timeout_s: f64,
@@ -111,17 +111,17 @@ pub struct WaitingSettings {
 /// What happens when a platform does not follow its reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FaultSettings {
-    /// Whether the sequence waits for a platform that does not lead and does not follow its reference.
+    /// Whether the sequence waits for a non-leading platform that does not follow its reference.
     pub wait_for_followers: bool,
-    /// Not following for less than this is no fault \[s\].
+    /// Not following for less than this is not a fault \[s\].
     pub grace_s: f64,
     /// A fault that lasts longer ends the experiment \[s\].
     pub timeout_s: f64,
-    /// For how long an abort is published before the node ends \[s\].
+    /// How long an abort is published before the node exits \[s\].
     pub abort_for_s: f64,
 }
 
-/// Reads all parameters. `None` after errors that leave nothing to build; the reader has them all.
+/// Reads all parameters. `None` after errors that leave nothing to build; the reader holds the errors.
 pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let platforms = whorl_params::formation(r).platforms;
     let experiment = r.fixed(|r| r.group("experiment", experiment::read));

@@ -1,4 +1,4 @@
-//! Whether the sequence must wait for a platform, and for how long it may.
+//! Decides whether the sequence waits for a platform, and when the wait is too long.
 
 use whorl_node::Timestamp;
 
@@ -13,14 +13,14 @@ pub(crate) struct PlatformCondition {
     pub usable: bool,
     /// Its controller follows its reference.
     pub following: bool,
-    /// It takes its motion from the steps, or is rigid with all others.
+    /// The steps move it directly, or the law moves all platforms as one rigid structure.
     pub leads: bool,
 }
 
-/// What becomes of the sequence.
+/// State of the sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// Goes on.
+    /// Continues.
     Go,
     /// Waits.
     Wait,
@@ -52,7 +52,7 @@ impl PauseWatch {
     ) -> Verdict {
         let (mut link_down, mut fault) = (false, false);
         for (condition, since) in conditions.iter().zip(&mut self.not_following_since) {
-            // A platform that is not seen at all is a matter of its link, whatever its controller does.
+            // A platform without a fresh estimate is a link fault, regardless of its controller.
             let stopped = condition.fresh && !(condition.following && condition.usable);
             *since = if stopped { since.or(Some(now)) } else { None };
             fault |= (condition.leads || faults.wait_for_followers)

@@ -58,7 +58,7 @@ pub(crate) fn excitation(
     Excitation { header: header(at, ""), sequence, name: name.to_owned(), elapsed_s, valid_until }
 }
 
-/// A question for the time, with what is known of the platforms' clocks.
+/// A request for the time, with the estimated clock offsets of the platforms.
 pub(crate) fn clock_request(
     now: Timestamp,
     sequence: u64,
@@ -78,7 +78,7 @@ pub(crate) fn clock_request(
     }
 }
 
-/// What is known of the clock of a platform's computer, for the log.
+/// The estimated clock offset of a platform's computer, for the log.
 pub(crate) fn clock_in_words(link: &PlatformLink) -> String {
     let applied_ms = link.clock().applied_s() * 1e3;
     let uncertainty_ms = link.clock().measured().map_or(f64::NAN, |clock| clock.uncertainty_s * 1e3);

@@ -19,10 +19,10 @@ use crate::pause::{PauseWatch, PlatformCondition, Verdict};
 
 /// Period of the references \[s\].
 pub(crate) const REFERENCE_PERIOD_S: f64 = 0.02;
-/// Slower than this a platform is taken to stand when its reference starts from its motion \[rad/s\].
+/// A platform slower than this counts as at rest when its reference starts from its motion \[rad/s\].
 const STANDING_RAD_S: f64 = 0.01;
 
-/// What the run sees of one platform at one instant.
+/// State of one platform at one instant, as used by the run.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sight {
     /// Attitude and rate; `None` unless fresh and healthy.
@@ -33,7 +33,7 @@ pub(crate) struct Sight {
     pub fresh: bool,
     /// Whether its controller follows its reference.
     pub following: bool,
-    /// Whether an excitation moves it, and not its reference.
+    /// Whether it plays an excitation instead of tracking its reference.
     pub excited: bool,
     /// The reference that another coordinator gives it, if fresh.
     pub reference: Option<Reference>,
@@ -44,16 +44,16 @@ pub(crate) struct Sight {
 pub(crate) struct Leg {
     shaper: ReferenceShaper,
     offset_angles: YawPitchRoll,
-    /// How the offset moves, and for how long it has \[s\].
+    /// How the offset moves, and the time since its start \[s\].
     offset_motion: Option<(OffsetMotion, f64)>,
     /// Its own motion, for a platform that leads.
     goal: Option<Goal>,
     was_usable: bool,
-    /// Its reference goes with it because it is excited, or it was until just now.
+    /// Its reference follows the platform because it is excited, or was until just now.
     carried: bool,
     /// The reference at this instant.
     pub shaped: Shaped,
-    /// Whether it is told to come to rest.
+    /// Whether it is commanded to come to rest.
     pub holding: bool,
 }
 
@@ -62,18 +62,18 @@ pub(crate) struct Leg {
 enum OffsetMotion {
     /// It swings.
     Scan(Scan),
-    /// It is what a pass makes it.
+    /// It follows a co-observation pass.
     Pass { pass: Arc<CoObservation>, leader: usize, platform: usize },
 }
 
 /// How a tick ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Progress {
-    /// Goes on, or waits.
+    /// Continues, or waits.
     Running,
     /// The last step is over.
     Finished,
-    /// It must end; the reason.
+    /// The experiment must be aborted; the reason.
     Abort(String),
 }
 
@@ -97,7 +97,7 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Starts from where the platforms are. `Err` names a platform that is not seen.
+    /// Starts from the platforms' current attitudes. `Err` names a platform whose attitude is unknown.
     pub fn start(
         parameters: &Parameters,
         sights: &[Sight],
@@ -158,7 +158,7 @@ impl Run {
         Ok(run)
     }
 
-    /// The present step.
+    /// The current step.
     pub fn step<'p>(&self, parameters: &'p Parameters) -> Option<&'p Step> {
         parameters.steps.get(self.step)
     }
@@ -168,22 +168,22 @@ impl Run {
         self.law.name()
     }
 
-    /// What platforms told their neighbours so far, where the law counts it.
+    /// Messages between neighbours so far, if the law counts them.
     pub fn broadcasts(&self) -> Option<u64> {
         self.law.broadcasts()
     }
 
-    /// What the law asks of a platform relative to its leader.
+    /// Attitude of a platform relative to its leader that the law demands.
     pub fn relation(&self, platform: usize) -> Option<Relation> {
         self.law.relation(&self.input(), platform)
     }
 
-    /// Its error against that \[rad\].
+    /// Error against that attitude \[rad\].
     pub fn relative_error_rad(&self, platform: usize) -> Option<Vector3<f64>> {
         self.law.relative_error_rad(&self.input(), platform)
     }
 
-    /// Takes over limits that were changed while running.
+    /// Applies limits that were changed while running.
     pub fn apply_limits(&mut self, parameters: &Parameters) {
         for (leg, limits) in self.legs.iter_mut().zip(&parameters.limits) {
             // Both were checked when they were read.
@@ -239,7 +239,7 @@ impl Run {
         self.ask_law();
         for ((leg, sight), demand) in self.legs.iter_mut().zip(sights).zip(&self.demands) {
             leg.holding = *demand == Demand::Hold || sight.motion.is_none() || !sight.following;
-            // An excited platform is told nothing; its reference goes with it, ready to take over.
+            // An excited platform gets no reference; the reference follows it, ready to resume.
             let demand = if leg.holding || sight.excited { &Demand::Hold } else { demand };
             leg.shaped = leg.shaper.plan(demand, REFERENCE_PERIOD_S);
         }
@@ -289,7 +289,7 @@ impl Run {
         }
     }
 
-    /// Gathers what the law sees.
+    /// Collects the inputs of the law.
     fn look(&mut self, parameters: &Parameters, sights: &[Sight]) {
         self.members.clear();
         self.offsets.clear();
@@ -308,7 +308,7 @@ impl Run {
                 omega_wb_b_rad_s,
                 age_s: sight.age_s,
                 usable: sight.motion.is_some(),
-                // Without its reference a platform's estimated rate is all that is known of its motion.
+                // Without a reference, the estimated rate is the only information about the platform's motion.
                 tracking: sight.following && (own || sight.reference.is_some()),
                 reference,
             });
@@ -334,7 +334,7 @@ impl Run {
             following: sight.following,
             leads: self.law.needs_all() || self.law.leads(platform),
         };
-        // What others do is their own coordinators' matter.
+        // Other platforms have their own coordinators.
         let judged = |(platform, sight)| {
             if parameters.commands(platform) { condition((platform, sight)) } else { other }
         };
@@ -343,7 +343,7 @@ impl Run {
 }
 
 impl Leg {
-    /// The commanded offset now.
+    /// The current commanded offset.
     fn offset(&self) -> Offset {
         let constant = Offset::constant(self.offset_angles.attitude());
         match &self.offset_motion {
@@ -358,8 +358,8 @@ impl Leg {
         }
     }
 
-    /// A platform that does not follow, or is `exciting` itself, takes its reference with it; one that was lost from sight and
-    /// comes back far from its reference starts anew from where it is. Else nothing jumps.
+    /// The reference of a platform that does not follow, or is `exciting`, follows the platform. If a platform was lost and
+    /// returns far from its reference, the reference restarts from its attitude. Otherwise no reference jumps.
     fn rejoin(&mut self, sight: &Sight, rejoin_error_rad: f64, exciting: bool) {
         let returned = sight.motion.is_some() && !self.was_usable;
         self.was_usable = sight.motion.is_some();
@@ -368,7 +368,7 @@ impl Leg {
             let reference = self.shaper.reference().q_world_reference;
             attitude_error(&reference, &q).norm() > rejoin_error_rad
         };
-        // Where it was let go is no longer where it is wanted; a slew that has begun since starts from where it is.
+        // The old goal is obsolete; a slew that has begun since starts from the current attitude.
         if let Some(goal) = &mut self.goal {
             if sight.excited && exciting {
                 *goal = Goal::new(&q, goal.yaw_zero_rad());

@@ -7,14 +7,14 @@ use crate::run::Run;
 /// What the coordinator is doing.
 #[derive(Debug)]
 pub(crate) enum Stage {
-    /// For estimates and controllers of all platforms.
+    /// Waits for estimates and controllers of all platforms.
     Waiting {
         /// Since when.
         since: Timestamp,
-        /// Since when all platforms are well.
+        /// Since when all platforms are ready.
         well_since: Option<Timestamp>,
     },
-    /// For the start.
+    /// Waits for the start.
     Ready,
     /// An experiment runs.
     Running(Box<Run>),
@@ -37,7 +37,7 @@ pub(crate) enum Stage {
 }
 
 impl Stage {
-    /// Whether it is `Running` or holds what was left of a run.
+    /// Whether it is `Running` or still holds a run.
     pub(crate) fn run(&self) -> Option<&Run> {
         match self {
             Self::Running(run) | Self::Finished { run, .. } | Self::Aborted { run: Some(run), .. } => {

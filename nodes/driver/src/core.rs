@@ -40,7 +40,7 @@ impl DriverCore {
 
     fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
         let deadline = self.gate.deadline();
-        // The deadman acts at its own instant, not at the tick after it.
+        // The timeout acts at its own instant, not at the tick after it.
         if let Some((action, deadline)) = self.gate.watch(now).zip(deadline) {
             self.hardware.advance_to(deadline);
             self.hardware.apply(deadline, &action);
@@ -121,7 +121,7 @@ impl NodeCore for DriverCore {
                     ),
                 }
             }
-            // The masses stay where they are when nobody commands: there is nothing to time out.
+            // Without commands the masses keep their position: no timeout is needed.
             Event::Message { route, message: Message::Vector3Stamped(moment) }
                 if route.topic == Topic::BallastMoment =>
             {
@@ -147,7 +147,7 @@ impl NodeCore for DriverCore {
 impl Configurable for DriverCore {
     type Parameters = Parameters;
 
-    /// Faults may come and go while the driver runs; all else is what it was started with.
+    /// Only faults may change while the driver runs.
     fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
         let mut with_new_faults = self.parameters.clone();
         if let (Backend::Simulated { faults, .. }, Backend::Simulated { faults: new, .. }) =

@@ -1,4 +1,4 @@
-//! Faults injected into simulated hardware, for rehearsing what the system does about them.
+//! Faults injected into simulated hardware, to test the system's responses.
 
 use nalgebra::Vector3;
 use whorl_msgs::sensor_msgs::Imu;
@@ -11,7 +11,7 @@ pub enum FaultKind {
     GyroNan,
     /// Angular rates repeat the last good sample.
     GyroFrozen,
-    /// Angular rates far beyond what a gyro can measure, as from a broken cable.
+    /// Angular rates far beyond the gyro's range, as with a broken cable.
     GyroOutOfRange,
     /// Specific force is NaN.
     AccelerometerNan,
@@ -33,19 +33,19 @@ pub enum FaultKind {
     },
 }
 
-/// A fault and when it is there.
+/// A fault and the time in which it is active.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
     /// What breaks.
     pub kind: FaultKind,
     /// From the driver's start \[s\].
     pub start_s: f64,
-    /// For how long \[s\]; infinite: to the end.
+    /// Length \[s\]; infinite: to the end.
     pub length_s: f64,
 }
 
 impl Fault {
-    /// Whether it is there at this time after the driver's start.
+    /// Whether it is active at this time after the driver's start.
     #[must_use]
     pub fn active(&self, elapsed_s: f64) -> bool {
         (0.0..self.length_s).contains(&(elapsed_s - self.start_s))
@@ -64,7 +64,7 @@ const KINDS: [&str; 9] = [
     "jet_stuck_open",
 ];
 
-/// What a gyro out of range says [rad/s]; MotionPak-class gyros end below 10 rad/s.
+/// Reading of a gyro out of range [rad/s]; the range of MotionPak-class gyros is below 10 rad/s.
 const IMPOSSIBLE_RATE_RAD_S: f64 = 100.0;
 
 /// Reads the group `faults`: any number of faults under names of the user's choice.
@@ -106,7 +106,7 @@ fn read_fault(r: &mut Reader<'_>, jets: &[String]) -> Fault {
     }
 }
 
-/// Spoils an IMU message as the active faults have it; `false`: the message is not sent at all.
+/// Applies the active faults to an IMU message; `false`: the message is not sent.
 pub(crate) fn spoil_imu(
     message: &mut Imu,
     last_good_rate: &mut Option<Vector3<f64>>,

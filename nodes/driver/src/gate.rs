@@ -1,8 +1,8 @@
 //! The safety gate between commands and actuators, the same for every backend.
 //!
-//! It stands in the driver's own process, so that valves close and wheels coast whatever happens to
+//! It runs in the driver's own process, so that valves close and wheels coast whatever happens to
 //! the rest of the system. A command holds until its `valid_until`, and never longer than
-//! [`LONGEST_VALIDITY`] after its arrival whatever it says.
+//! [`LONGEST_VALIDITY`] after its arrival.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -11,17 +11,17 @@ use whorl_dynamics::actuators::{Actuators, Kind, Motor};
 use whorl_msgs::whorl::ActuatorCommand;
 use whorl_node::Timestamp;
 
-/// Everything is off 100 ms after the last command was sent. This is less by what passes until it arrives,
-/// until the driver's next tick sees its end, and while a busy computer keeps either waiting.
+/// Everything is off 100 ms after the last command was sent. This value is smaller, to allow for the link delay,
+/// the driver's tick, and scheduling delays of a busy computer.
 pub const LONGEST_VALIDITY: Duration = Duration::from_millis(80);
 
-/// What the actuators are told to do.
+/// A command to the actuators.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
     /// Commands of every motor of one kind of actuator, in the kind's unit.
     Motors(Kind, Vec<f64>),
-    /// A new slot: open each jet's valve for this long from now \[s\]; zero closes it, whatever is left of
-    /// the slot before.
+    /// A new slot: open each jet's valve for this long from now \[s\]; zero closes it, even if the previous slot is
+    /// not over.
     Pulses(Vec<f64>),
     /// Close all valves, all motor commands zero.
     AllOff,
@@ -56,14 +56,14 @@ impl Refusal {
     }
 }
 
-/// Counts of what the gate did.
+/// Counters of the gate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GateCounts {
     /// Commands carried out.
     pub accepted: u64,
     /// Commands refused.
     pub refused: u64,
-    /// Times that everything was switched off because commands fell silent.
+    /// How often everything was switched off because no commands arrived.
     pub timeouts: u64,
 }
 
@@ -80,7 +80,7 @@ pub struct Gate {
 #[derive(Debug, Clone)]
 struct Motors {
     kind: Kind,
-    /// Field of the command that holds theirs.
+    /// Field of the command that holds their values.
     field: &'static str,
     /// Largest command of each; commands beyond are clipped.
     limits: Vec<f64>,
@@ -115,7 +115,7 @@ impl Gate {
         }
     }
 
-    /// What was counted so far.
+    /// Counts so far.
     #[must_use]
     pub fn counts(&self) -> GateCounts {
         self.counts

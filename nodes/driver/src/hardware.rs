@@ -9,23 +9,23 @@ use crate::gate::Action;
 
 /// One platform's actuators and sensors.
 pub trait Hardware: Send {
-    /// Brings the hardware's own time line up to `now`. Real hardware needs nothing of the kind.
+    /// Advances simulated hardware to `now`. Real hardware does nothing here.
     fn advance_to(&mut self, now: Timestamp);
 
-    /// Carries out what the gate decided, now.
+    /// Executes the gate's decision, now.
     fn apply(&mut self, now: Timestamp, action: &Action);
 
     /// Moves the linear mass actuators: moment to add to the gravity offset from now on, body axes [N m],
     /// finite. Hardware without them ignores it.
     fn move_ballast(&mut self, _now: Timestamp, _moment_b_n_m: Vector3<f64>) {}
 
-    /// Measurements that have become due by `now`, stamped, in order of time.
+    /// Measurements due by `now`, stamped, in order of time.
     fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>);
 
     /// One sentence on its state, and whether something is wrong, for diagnostics.
     fn status(&self) -> Status;
 
-    /// Changes the injected faults; only simulated hardware can break on demand.
+    /// Changes the injected faults; only simulated hardware supports them.
     fn set_faults(&mut self, _faults: &[Fault]) {}
 
     /// Whether there is nothing left to drive (a recording has ended).

@@ -1,7 +1,7 @@
 //! Drives one platform: simulated hardware, a recording, or real hardware, behind one safety gate.
 //!
 //! Publishes measurements (`imu/data_raw`, `wheels/state`, ...), obeys `actuators/command`. When
-//! commands fall silent it closes all valves and zeroes wheel torque within 100 ms by itself.
+//! commands stop arriving it closes all valves and sets wheel torque to zero within 100 ms.
 
 pub mod core;
 pub mod faults;
@@ -51,7 +51,7 @@ pub enum DriverError {
 }
 
 impl DriverCore {
-    /// A driver of what the parameters say. `recording` is read by the caller for
+    /// A driver with the backend in the parameters. `recording` is read by the caller for
     /// [`Backend::Replay`]; `device_present` tells whether a device path exists.
     ///
     /// # Errors

@@ -29,7 +29,7 @@ pub enum Backend {
     Replay {
         /// Run directory, bag or CSV file.
         source: String,
-        /// For CSV: file that says which column is which.
+        /// For CSV: the column map.
         channels: Option<String>,
     },
     /// Real hardware: devices by what they are for.
@@ -46,7 +46,7 @@ pub struct Parameters {
     pub platform: PlatformId,
     /// The platform's name.
     pub name: String,
-    /// The platform as estimator and control see it.
+    /// The platform's model, as estimator and control use it.
     pub model: PlatformModel,
     /// What is driven.
     pub backend: Backend,
@@ -108,7 +108,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         backend: match kind {
             "replay" => Backend::Replay { source, channels },
             "hardware" => Backend::Hardware { devices },
-            // Platforms must not share their noise: spread the seed by an odd constant (2^64 / golden ratio).
+            // Platforms need independent noise: offset the seed by multiples of an odd constant (2^64 / golden ratio).
             _ => Backend::Simulated {
                 truth: Box::new(truth),
                 start,

@@ -2,7 +2,7 @@
 //!
 //! Measurements come out on the same topics, with the same spacing in time, shifted so that the
 //! recording's first message falls on the driver's start. Commands are accepted and have no effect:
-//! what was recorded has already happened.
+//! the recorded motion cannot be changed.
 
 use std::time::Duration;
 
@@ -37,7 +37,7 @@ impl Replay {
     /// Plays `recording` back; `source` names it in diagnostics.
     #[must_use]
     pub fn new(source: impl Into<String>, mut recording: Vec<RecordedMeasurement>) -> Self {
-        // Recordings are in order of arrival; what counts is when things were measured.
+        // Recordings are in order of arrival; replay is in order of measurement.
         recording.sort_by_key(|m| m.stamp);
         Self { source: source.into(), recording, next: 0, start: None }
     }

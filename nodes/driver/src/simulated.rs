@@ -33,13 +33,13 @@ pub struct Start {
     pub wheel_speed_rad_s: Vec<f64>,
 }
 
-/// A platform that exists only in numbers.
+/// A simulated platform.
 pub struct SimulatedHardware {
     model: PlatformModel,
     start: Start,
     seed: u64,
     faults: Vec<Fault>,
-    /// Made when the first call says when time starts.
+    /// Created at the first call, which gives the start time.
     running: Option<Running>,
     /// Of each kind of actuator that has motors: the topic of its joint states, and the joints' names.
     joint_names: Vec<(Kind, Topic, Vec<String>)>,
@@ -75,8 +75,8 @@ impl SimulatedHardware {
         seed: u64,
         faults: Vec<Fault>,
     ) -> Result<Self, PlantError> {
-        // The plant proper is made at the first call, which says when time starts; one is made here
-        // too, so that a platform that cannot be simulated is refused at once.
+        // The plant is created at the first call, which gives the start time; one is created here
+        // too, so that an invalid platform is refused at once.
         Plant::new(&model, &initial_state(&start, Timestamp(0)), seed)?;
         let joint_names = joint_names(&model.actuators);
         Ok(Self { model, start, seed, faults, running: None, joint_names })
@@ -84,7 +84,7 @@ impl SimulatedHardware {
 
     fn running(&mut self, now: Timestamp) -> Option<&mut Running> {
         if self.running.is_none() {
-            // `new` made a plant of the same model: this one does not fail either.
+            // `new` has created a plant of the same model: this cannot fail.
             let plant = Plant::new(&self.model, &initial_state(&self.start, now), self.seed).ok()?;
             self.running = Some(Running {
                 plant,
@@ -145,13 +145,13 @@ impl Hardware for SimulatedHardware {
     fn apply(&mut self, now: Timestamp, action: &Action) {
         let min_on_time_s: Vec<f64> = self.model.jets().iter().map(|j| j.min_on_time_s).collect();
         let Some(running) = self.running(now) else { return };
-        // The gate has checked sizes and numbers; pulses too short for a valve are not made.
+        // The gate has checked sizes and numbers; pulses too short for a valve are skipped.
         match action {
             Action::Motors(kind, command) => {
                 let _ = running.plant.command_motors(*kind, command);
             }
             Action::Pulses(on_time_s) => {
-                // A slot replaces what is left of the one before; a valve asked for again stays open.
+                // A slot replaces the rest of the previous one; a valve that is commanded again stays open.
                 if running.valve_closes.iter().any(|closes| *closes > now) {
                     running.plant.close_all_valves(now.0);
                     running.valve_closes.fill(now);
@@ -236,7 +236,7 @@ impl Hardware for SimulatedHardware {
     }
 }
 
-/// Whether a channel is due; if so, says when it is due again. A channel that fell behind is measured
+/// Whether a channel is due; if so, sets when it is due again. A channel that is behind is measured
 /// once, not several times.
 fn due(next: &mut Timestamp, now: Timestamp, period: Option<Duration>) -> bool {
     let Some(period) = period.filter(|_| *next <= now) else { return false };
@@ -303,7 +303,7 @@ impl Running {
         BatteryState {
             header: header.clone(),
             voltage: voltage as f32,
-            // What is not measured is NaN, as the message's definition asks.
+            // Unmeasured fields are NaN, as the message's definition requires.
             temperature: f32::NAN,
             current: f32::NAN,
             charge: f32::NAN,

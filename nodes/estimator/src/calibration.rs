@@ -1,4 +1,4 @@
-//! The constant sensor errors that the model knows, taken out of every sample before the filter sees it.
+//! Removes the sensor errors known from the model from every sample before the filter uses it.
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::{SensorSuite, TriaxialErrors};

@@ -15,7 +15,7 @@ use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 use crate::Parameters;
 use crate::identifying::Identifying;
 
-/// How often staleness is looked for when no IMU sample arrives.
+/// How often staleness is checked when no IMU sample arrives.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
@@ -33,10 +33,10 @@ pub struct EstimatorCore {
 }
 
 impl EstimatorCore {
-    /// An estimator that waits for its first sample.
+    /// An estimator before its first sample.
     ///
     /// # Errors
-    /// The first parameter that the filter cannot work with.
+    /// The first parameter that the filter refuses.
     pub fn new(parameters: Parameters) -> Result<Self, EstimatorError> {
         Ok(Self {
             filter: Estimator::new(parameters.kind, parameters.filter, parameters.body)?,
@@ -266,7 +266,7 @@ impl NodeCore for EstimatorCore {
                     identifying.on_imu(stamp, &sample.gyro_rad_s, &sample.specific_force_m_s2);
                 }
                 self.note(outcome.event, outputs);
-                // A sample that brings nothing new must not make an estimate look fresh.
+                // A sample without new information must not make an estimate look fresh.
                 let stale = [Rejection::DuplicateStamp, Rejection::OutOfOrder];
                 if !matches!(outcome.gyro, SampleOutcome::Rejected(r) if stale.contains(&r)) {
                     self.publish(now, outputs);
@@ -316,7 +316,7 @@ impl Configurable for EstimatorCore {
         if !same {
             let estimate = self.filter.estimate(0);
             let (kind, body) = (parameters.kind, parameters.body);
-            // A filter that has an attitude goes on from it; one that has none begins again.
+            // A filter with an attitude continues from it; one without starts again.
             self.filter = if self.last_health == AttitudeEstimate::HEALTH_INITIALISING {
                 Estimator::new(kind, parameters.filter, body)
             } else {

@@ -1,6 +1,6 @@
-//! Mass properties while the platform moves: the optional topic `parameters/estimate`.
+//! Online identification of mass properties: the optional topic `parameters/estimate`.
 //!
-//! The estimate is an output only. Nothing computes with it before a person has looked at it and written it into the
+//! The estimate is an output only. It has no effect until a person has checked it and written it into the
 //! platform's file.
 
 use std::time::Duration;
@@ -15,7 +15,7 @@ use whorl_msgs::whorl::ParameterEstimate;
 use whorl_node::Timestamp;
 use whorl_params::{PlatformPrior, Reader, range};
 
-/// What identifies, and how.
+/// Settings of the identification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
     model: PlatformModel,
@@ -68,7 +68,7 @@ pub(crate) struct Identifying {
     latest: Option<SequentialEstimate>,
     /// Of this sample is [`Self::latest`].
     latest_stamp: Timestamp,
-    /// Times in the filter count from here: seconds since 1970 would lose digits.
+    /// Zero of the filter's time: seconds since 1970 would lose digits.
     origin: Option<Timestamp>,
     next_message: Option<Timestamp>,
     sequence: u64,
@@ -91,7 +91,7 @@ impl Identifying {
         stamp.seconds_since(*self.origin.get_or_insert(stamp))
     }
 
-    /// Begins with a good attitude.
+    /// Starts once there is a usable attitude.
     pub fn begin(&mut self, q_world_body: UnitQuaternion<f64>) {
         let s = &self.settings;
         self.filter.get_or_insert_with(|| {
@@ -136,7 +136,7 @@ impl Identifying {
         }
     }
 
-    /// The message, when it is due and there is something new to say.
+    /// The message, when it is due and there is a new estimate.
     pub fn message(&mut self, now: Timestamp, platform: &str) -> Option<ParameterEstimate> {
         if self.next_message.is_some_and(|due| now < due) {
             return None;

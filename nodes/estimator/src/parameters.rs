@@ -1,7 +1,7 @@
 //! The estimator's parameters: the single definition of their names, ranges and meaning.
 //!
-//! What the sensors are (noise, lever arm, reference direction) comes from the platform's model;
-//! what is here is how the filter uses them.
+//! Sensor properties (noise, lever arm, reference direction) come from the platform's model;
+//! these parameters define how the filter uses them.
 
 mod body;
 
@@ -29,7 +29,7 @@ pub struct Parameters {
     pub kind: FilterKind,
     /// The filter's parameters.
     pub filter: FilterParameters,
-    /// The body, for filters that compute with its dynamics.
+    /// The body, for filters that use its equation of motion.
     pub body: Option<BodyModel>,
     /// Wheels, in the order of the messages.
     pub wheels: Vec<SpinningWheel>,
@@ -39,13 +39,13 @@ pub struct Parameters {
     pub calibration: Calibration,
     /// Rate of `/tf` \[Hz\]; 0: none.
     pub tf_rate_hz: f64,
-    /// Where the platform's centre of rotation stands in the world, for `/tf` alone \[m\].
+    /// Position of the platform's centre of rotation in the world, only for `/tf` \[m\].
     pub tf_position_w_m: Vector3<f64>,
     /// Whether and how mass properties are estimated while the platform moves.
     pub identification: Option<Identification>,
 }
 
-/// What the estimator needs to know of a wheel.
+/// Properties of a wheel that the estimator needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpinningWheel {
     /// Spin axis, body axes.
@@ -268,7 +268,7 @@ fn apply_model(
     filter.gyro_noise_rad_s_sqrt_hz = noise_scale * gyro.one_sample_stddev().amax() / sensors.rate_hz.sqrt();
     filter.gyro_bias_walk_rad_s2_sqrt_hz = gyro.bias_walk.amax();
     filter.gyro_range_rad_s = gyro.range;
-    // The accelerometer's bias is not estimated: what it may be counts as noise.
+    // The accelerometer's bias is not estimated: its prior standard deviation counts as noise.
     filter.accelerometer_noise_m_s2 = noise_scale * accelerometer.one_sample_stddev().amax();
     filter.accelerometer_range_m_s2 = accelerometer.range;
     filter.accelerometer_position_b_m = sensors.accelerometer.lever_arm_b_m;

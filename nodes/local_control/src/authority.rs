@@ -1,4 +1,4 @@
-//! Who may move this platform: the coordinator's heartbeat.
+//! Authority over this platform: the coordinator's heartbeat.
 
 use whorl_msgs::whorl::FormationCommand;
 use whorl_node::Timestamp;
@@ -8,14 +8,14 @@ use crate::inputs::{Order, Refused};
 /// Longest validity that a heartbeat may claim [s].
 const LONGEST_VALIDITY_S: f64 = 5.0;
 
-/// What the authority asks for now.
+/// The current command of the authority.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Authority {
-    /// Nobody has it, or it says so: actuators off.
+    /// No authority, or standby commanded: actuators off.
     None,
     /// Follow the reference.
     Track,
-    /// Hold the present reference.
+    /// Hold the current reference.
     Hold,
     /// Safe mode.
     Abort,
@@ -46,7 +46,7 @@ impl Heartbeat {
         self.latest = Some((message.command, Timestamp(now.0.saturating_add((validity_s * 1e9) as i64))));
     }
 
-    /// What it asks for now. An abort stays until another command arrives: it ends with actuators off.
+    /// The current command. An abort persists until another command arrives: it ends with actuators off.
     pub fn authority(&self, now: Timestamp) -> Authority {
         let Some((command, expires)) = self.latest else { return Authority::None };
         let lost_s = now.seconds_since(expires);
@@ -57,7 +57,7 @@ impl Heartbeat {
             }
             FormationCommand::COMMAND_TRACK => Authority::Track,
             FormationCommand::COMMAND_HOLD => Authority::Hold,
-            // STANDBY, and whatever a newer coordinator may have invented.
+            // STANDBY, and commands unknown to this version.
             _ => Authority::None,
         }
     }

@@ -1,6 +1,6 @@
 //! Automatic mass balancing while the platform tracks its reference with the wheels.
 //!
-//! The law is [`whorl_control::mass_balancing`]; here it is fed with estimates, and its moment is sent to
+//! The law is [`whorl_control::mass_balancing`]; here it gets the estimates, and its moment is sent to
 //! the linear actuators on `ballast/moment`, repeated every second, because that topic may lose messages.
 
 use std::time::Duration;
@@ -28,7 +28,7 @@ pub(crate) struct Balancing {
     balanced: bool,
 }
 
-/// What a step calls for.
+/// Result of a step.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct BalancingOutput {
     /// Moment to send [N m].
@@ -51,13 +51,13 @@ impl Balancing {
         })
     }
 
-    /// The platform is not under control: what was being measured is worthless.
+    /// The platform is not under control: the current measurement is discarded.
     pub fn interrupt(&mut self) {
         self.balancer.interrupt();
         self.latest_stamp = None;
     }
 
-    /// Torque of what the balancer knows of the offset beyond the model, body axes [N m].
+    /// Torque of the estimated gravity offset beyond the model, body axes [N m].
     pub fn torque_b_n_m(&self, estimate: &Estimate) -> Vector3<f64> {
         let offset = self.balancer.state().residual_b_n_m + self.target;
         -(offset - self.model_offset).cross(&vertical_b(&estimate.q_world_body))
@@ -69,7 +69,7 @@ impl Balancing {
         self.balancer.state().moment_b_n_m
     }
 
-    /// Takes in an estimate.
+    /// Processes an estimate.
     pub fn step(
         &mut self,
         now: Timestamp,
@@ -93,7 +93,7 @@ impl Balancing {
         BalancingOutput { moment_b_n_m: due.then(|| self.balancer.state().moment_b_n_m), sentence }
     }
 
-    /// Said once, when balance is reached or lost.
+    /// Logged once, when balance is reached or lost.
     fn sentence(&mut self, state: &BalancingState) -> Option<String> {
         if state.balanced == self.balanced {
             return None;

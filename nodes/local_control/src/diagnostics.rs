@@ -48,7 +48,7 @@ pub fn phrase(mode: u8, reason: u8) -> String {
     }
 }
 
-/// What the diagnostics tell.
+/// Content of the diagnostics.
 pub struct Summary {
     /// `ControlStatus.mode`.
     pub mode: u8,

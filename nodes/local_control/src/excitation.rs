@@ -1,5 +1,5 @@
-//! Excitations: the coordinator says when, this platform's parameters say what, and tilt, rate and wheel speed say
-//! when it is enough.
+//! Excitations: the coordinator starts them, this platform's parameters define them, and limits of tilt, rate and
+//! wheel speed end them.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::reference::{Reference, TiltEnvelope};
@@ -14,13 +14,13 @@ use crate::parameters::{Excitation, Hold};
 /// Share of the rate at which safe mode begins, and of a wheel's largest speed, at which an excitation ends.
 const RATE_SHARE: f64 = 0.8;
 const WHEEL_SPEED_SHARE: f64 = 0.9;
-/// Tilt is judged this far ahead \[s\]: control must still be able to stop it before safe mode begins, and half a
+/// Tilt is predicted this far ahead \[s\]: control must still be able to stop it before safe mode begins, and half a
 /// newton metre takes about a second for the rates at which a platform tilts.
 const AHEAD_S: f64 = 0.5;
-/// An excitation whose time goes back by more than this has begun anew \[s\].
+/// An excitation whose time goes back by more than this has been restarted \[s\].
 const BEGUN_ANEW_S: f64 = 0.5;
 
-/// What is being played.
+/// The excitation being played.
 #[derive(Debug, Clone)]
 struct Playing {
     name: String,
@@ -45,18 +45,18 @@ pub(crate) struct Drive {
     pub pulse: Option<(usize, f64)>,
 }
 
-/// Whether there is anything to play.
+/// Result of asking for the excitation to play.
 #[derive(Debug, Clone)]
 pub(crate) enum Played {
     /// Nothing was asked for.
     Nothing,
-    /// What was asked for cannot be played; `ControlStatus::REASON_*`.
+    /// The requested excitation cannot be played; `ControlStatus::REASON_*`.
     Refused(u8),
-    /// This.
+    /// Play this.
     Drive(Box<Drive>),
 }
 
-/// Limits at which excitations end, and what is being played.
+/// Limits at which excitations end, and the excitation being played.
 #[derive(Debug, Clone)]
 pub(crate) struct Excitations {
     envelope: TiltEnvelope,
@@ -70,17 +70,17 @@ impl Excitations {
         Self { envelope, rate_rad_s: RATE_SHARE * rate_rad_s, playing: None }
     }
 
-    /// Takes over limits, and goes on playing.
+    /// Applies new limits and continues playing.
     pub fn reconfigure(&mut self, fresh: Self) {
         *self = Self { playing: self.playing.take(), ..fresh };
     }
 
-    /// Nothing is played any more. True when something was.
+    /// Stops playing. True when an excitation was being played.
     pub fn stop(&mut self) -> bool {
         self.playing.take().is_some()
     }
 
-    /// Control could not go on: what was being played is over, until the next. True when something was.
+    /// Control was interrupted: ends the excitation until the next one. True when one was being played.
     pub fn interrupt(&mut self) -> bool {
         self.playing.as_mut().is_some_and(|playing| !std::mem::replace(&mut playing.over, true))
     }
@@ -92,7 +92,7 @@ impl Excitations {
         }
     }
 
-    /// The excitation `name`, for which it is `elapsed_s`, by one of `known`; with the number of its pulse.
+    /// The excitation `name` out of `known` at `elapsed_s` after its start, with the number of its pulse.
     pub fn play(
         &mut self,
         (name, elapsed_s): (&str, f64),

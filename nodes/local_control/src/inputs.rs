@@ -1,4 +1,4 @@
-//! What the node knows from its subscriptions: the latest good message of each kind, and how many
+//! Inputs from the subscriptions: the latest valid message of each kind, and how many
 //! were refused.
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -9,8 +9,8 @@ use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, Excitation, ThrusterState};
 use whorl_node::Timestamp;
 
-/// Equal consecutive gyro samples that count as a frozen sensor: noise changes every one of a
-/// working sensor's.
+/// Equal consecutive gyro samples that count as a frozen sensor: with noise, every sample of a
+/// working sensor differs.
 const FROZEN_SAMPLES: u32 = 10;
 
 /// Counts of messages that were not used.
@@ -22,7 +22,7 @@ pub struct Refused {
     pub out_of_order: u64,
     /// Older than allowed on arrival.
     pub late: u64,
-    /// Another number of wheels or jets than the platform's.
+    /// The number of wheels or jets differs from the platform's.
     pub wrong_size: u64,
 }
 
@@ -128,7 +128,7 @@ impl Inputs {
         self.max_age_s = max_age_s;
     }
 
-    /// What was refused so far.
+    /// Counts of refused messages.
     pub fn refused(&self) -> Refused {
         self.refused
     }
@@ -142,7 +142,7 @@ impl Inputs {
     pub fn estimate_arrived(&mut self, now: Timestamp, message: &AttitudeEstimate) -> bool {
         let omega = Vector3::from(message.omega_wb_b_rad_s);
         let bias = Vector3::from(message.gyro_bias_b_rad_s);
-        // An estimator that is not ready need not have numbers: that it says so is what counts.
+        // An estimator that is not ready may send invalid numbers: only its health is used.
         let q = message.q_world_body.to_unit().filter(|_| finite(&omega) && finite(&bias));
         if message.usable() && q.is_none() {
             self.refused.not_finite += 1;
@@ -181,7 +181,7 @@ impl Inputs {
         Some(stamp)
     }
 
-    /// Body rate by the gyro less the last known bias [rad/s]; `None` when stale or frozen.
+    /// Gyro rate less the last known bias [rad/s]; `None` when stale or frozen.
     pub fn gyro_rate(&self, now: Timestamp, timeout_s: f64) -> Option<Vector3<f64>> {
         let (stamp, rate) = self.gyro?;
         let fresh = now.seconds_since(stamp) <= timeout_s && self.equal_samples < FROZEN_SAMPLES;
@@ -210,7 +210,7 @@ impl Inputs {
         self.reference.as_ref()
     }
 
-    /// Takes what is to be played.
+    /// Takes a request to play an excitation.
     pub fn excitation_arrived(&mut self, now: Timestamp, message: &Excitation) {
         if !message.elapsed_s.is_finite() {
             self.refused.not_finite += 1;
@@ -222,7 +222,7 @@ impl Inputs {
         self.excitation = Some((stamp, valid_for_s, message.name.clone(), message.elapsed_s));
     }
 
-    /// What is to be played at this instant: its name, and the time since its start [s].
+    /// The excitation to play at this instant: name, and time since its start [s].
     pub fn excitation(&self, at: Timestamp) -> Option<(String, f64)> {
         let (stamp, valid_for_s, name, elapsed_s) = self.excitation.as_ref()?;
         let since_s = at.seconds_since(*stamp);

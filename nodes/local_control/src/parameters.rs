@@ -55,13 +55,13 @@ pub struct Parameters {
     pub unloading: UnloadingSettings,
     /// Wheel speeds to unload to \[rad/s\], one per wheel.
     pub wheel_speed_target_rad_s: Vec<f64>,
-    /// Price of missing a wished wheel torque in the allocation; see [`whorl_allocation::Demand`].
+    /// Weight of deviations from the desired wheel torques in the allocation; see [`whorl_allocation::Demand`].
     pub wheel_weight: f64,
     /// Automatic mass balancing; `None`: the mass actuators are left alone.
     pub balancing: Option<BalancingSettings>,
-    /// What the coordinator may call for by name.
+    /// Excitations that the coordinator may request by name.
     pub excitations: Vec<Excitation>,
-    /// Whether every allocation is compared with the exact oracle; costs as much again.
+    /// Whether every allocation is compared with the exact oracle; doubles the computing time.
     pub check_allocation: bool,
 }
 
@@ -80,7 +80,7 @@ pub struct Limits {
     pub imu_timeout_s: f64,
     /// Oldest message that is taken from another node \[s\].
     pub max_message_age_s: f64,
-    /// Angular deceleration of a reference that is left alone \[rad/s^2\].
+    /// Angular deceleration of a reference that is no longer renewed \[rad/s^2\].
     pub deceleration_rad_s2: f64,
     /// Longest time spent coming to rest after authority ended \[s\].
     pub authority_grace_s: f64,
@@ -232,7 +232,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     })
 }
 
-/// Sweeping slowly by a few degrees shows the z part as well; see [`whorl_control::mass_balancing`].
+/// Slow sweeps of a few degrees make the z component observable as well; see [`whorl_control::mass_balancing`].
 fn read_balancing(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> Option<BalancingSettings> {
     let defaults = BalancingSettings::default();
     let stable = model.map_or(0.0, |m| m.mass_properties.gravity_offset_b_n_m().z);
@@ -290,9 +290,9 @@ struct GainDefaults {
     rate_error_time_constant_s: f64,
 }
 
-/// Wheels: where, with MotionPak-class noise, more bandwidth no longer brings the platform nearer to
-/// its reference (what is left is the estimate's own error); the low-pass takes two thirds of the
-/// gyro's noise off the motors.
+/// Wheels: with MotionPak-class noise, more bandwidth does not reduce the error against the
+/// reference any further (the rest is the error of the estimate); the low-pass removes two thirds of the
+/// gyro's noise from the motor commands.
 const WHEELS: GainDefaults = GainDefaults {
     bandwidth_rad_s: 2.0,
     damping: 0.9,
@@ -300,7 +300,7 @@ const WHEELS: GainDefaults = GainDefaults {
     rate_error_time_constant_s: 0.05,
 };
 
-/// Jets answer noise with pulses: less bandwidth and a longer low-pass save gas.
+/// Jets respond to noise with pulses: less bandwidth and a longer low-pass save gas.
 const JETS: GainDefaults = GainDefaults {
     bandwidth_rad_s: 0.8,
     damping: 0.9,

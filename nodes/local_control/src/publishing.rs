@@ -1,4 +1,4 @@
-//! What the core says about its steps: command, status, diagnostics, log.
+//! Outputs of the core's steps: command, status, diagnostics, log.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use crate::inputs::Estimate;
 
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
-/// What a step did.
+/// Result of a step.
 pub(crate) struct Report {
     /// `ControlStatus.mode`.
     pub mode: u8,
@@ -27,7 +27,7 @@ pub(crate) struct Report {
     pub tracking: Option<TrackingOutput>,
     /// Torque asked of the actuators, body axes [N m].
     pub asked_b_n_m: Vector3<f64>,
-    /// What they gave.
+    /// What the actuators achieved.
     pub actuated: Actuated,
 }
 
@@ -58,7 +58,7 @@ impl LocalControlCore {
         }
     }
 
-    /// Lets the mass balancing take in an estimate and sends what it decides.
+    /// Passes an estimate to the mass balancing and sends its decision.
     pub(crate) fn balance(
         &mut self,
         now: Timestamp,

@@ -12,14 +12,14 @@ use whorl_node::Timestamp;
 const JUMP_RAD: f64 = 8.7e-3;
 /// The same for its rate [rad/s]: 0.5 deg/s.
 const JUMP_RAD_S: f64 = 8.7e-3;
-/// Closer than this the filter has done its work.
+/// Closer than this the filter is no longer needed.
 const JOINED_RAD: f64 = 2e-4;
 /// The same for its rate [rad/s].
 const JOINED_RAD_S: f64 = 2e-4;
-/// A gap between steps after which the previous target says nothing about the present one [s].
+/// A gap between steps after which the previous target is not used [s].
 const LONGEST_GAP_S: f64 = 1.0;
 
-/// What to aim at.
+/// Input of the target.
 #[derive(Debug, Clone, Copy)]
 pub enum Goal<'a> {
     /// The coordinator's reference: its stamp, validity after that [s], and value.
@@ -57,14 +57,14 @@ impl Target {
         Self { settings, deceleration_rad_s2, envelope, latest: None, hold: None, filter: None }
     }
 
-    /// Forgets what was followed: the next step starts from the body's own motion.
+    /// Resets: the next step starts from the body's own motion.
     pub fn reset(&mut self) {
         self.latest = None;
         self.hold = None;
         self.filter = None;
     }
 
-    /// Takes over new settings.
+    /// Applies new settings.
     pub fn reconfigure(&mut self, fresh: Self) {
         *self = Self { latest: self.latest, hold: self.hold, filter: self.filter.take(), ..fresh };
     }

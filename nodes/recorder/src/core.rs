@@ -5,7 +5,7 @@ use whorl_node::Timestamp;
 
 use crate::{RecordedTopic, Sink};
 
-/// Takes samples, ticks and the end; the shell brings them.
+/// Processes samples, ticks and the end of the recording, which the shell supplies.
 #[derive(Debug)]
 pub struct RecorderCore<S: Sink> {
     sink: S,
@@ -16,18 +16,18 @@ pub struct RecorderCore<S: Sink> {
     last_sample: Option<Timestamp>,
 }
 
-/// How the recording goes.
+/// Status of the recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Status {
     /// Messages recorded.
     pub recorded: u64,
     /// Messages that were not recorded, after the recording stopped or because they were unusable.
     pub refused: u64,
-    /// Why the latest of them was not.
+    /// Reason for the latest of them.
     pub last_refusal: Option<String>,
-    /// Why the recording stopped, if it did.
+    /// Reason why the recording stopped, if it did.
     pub stopped_by: Option<String>,
-    /// Bytes that would survive the end of this process.
+    /// Bytes that are safe if this process is killed.
     pub bytes_written: u64,
     /// Losses on the way to the recorder.
     pub sequence_counts: SequenceCounts,
@@ -56,7 +56,7 @@ impl<S: Sink> RecorderCore<S> {
         self.topics.iter().map(|(topic, _)| topic)
     }
 
-    /// A message arrived on topic number `topic`. What cannot be recorded is counted.
+    /// A message arrived on topic number `topic`. Messages that cannot be recorded are counted.
     pub fn sample(&mut self, topic: usize, sample: RawSample<'_>) {
         self.last_sample = Some(sample.log_time);
         let Some((_, handle)) = self.topics.get(topic) else {
@@ -79,7 +79,7 @@ impl<S: Sink> RecorderCore<S> {
         }
     }
 
-    /// How it goes.
+    /// The current status.
     #[must_use]
     pub fn status(&self) -> Status {
         Status {
@@ -93,7 +93,7 @@ impl<S: Sink> RecorderCore<S> {
         }
     }
 
-    /// The end: gives the sink back, to be closed.
+    /// Ends the recording: returns the sink, to be closed.
     #[must_use]
     pub fn finish(self) -> S {
         self.sink

@@ -2,8 +2,8 @@
 //!
 //! - [`RecorderCore`]: takes samples, ticks and the end, and writes to a [`Sink`]; knows no files, clocks,
 //!   threads or network. The sink of the program is [`whorl_bag::RunWriter`].
-//! - [`ReportingCore`]: the node that tells the others how the recording goes.
-//! - `main.rs`: the shell. A thread takes raw CDR off the wire, so that what is recorded is what was sent,
+//! - [`ReportingCore`]: the node that publishes the status of the recording.
+//! - `main.rs`: the shell. A thread receives raw CDR, so that messages are recorded exactly as they were sent,
 //!   also of types that Whorl does not know.
 
 mod core;

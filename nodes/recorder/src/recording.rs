@@ -1,4 +1,4 @@
-//! The thread that takes messages off the wire and writes them.
+//! The thread that receives messages and writes them.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,16 +14,16 @@ use whorl_recorder::{Parameters, RecordedTopic, RecorderCore, Status};
 use whorl_ros::recovery::{Action, Recovery, RecoveryTimes};
 use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, RosError, monotonic, wall_clock};
 
-/// Time between two looks at the readers. Samples carry the time of their arrival, so looking seldom costs
+/// Polling interval of the readers. Samples carry the time of their arrival, so a long interval costs
 /// no accuracy and little processor time.
 const LOOK: Duration = Duration::from_millis(10);
-/// Messages per topic that wait for a look, when writing to the disk takes long: more than a second's worth.
-/// RustDDS keeps as many in memory all the time.
+/// Queue length per topic, for slow writes to the disk: more than a second of messages.
+/// RustDDS always keeps as many in memory.
 const DEPTH: u16 = 150;
-/// Time between two ticks of the recording, and two looks after the other participants.
+/// Time between two ticks of the recording, and between two checks of the other participants.
 const TICK: Duration = Duration::from_millis(100);
 
-/// A recording that goes on.
+/// A recording in progress.
 pub struct Recording {
     run_directory: PathBuf,
     status: Arc<Mutex<Status>>,
@@ -62,7 +62,7 @@ impl Recording {
         &self.run_directory
     }
 
-    /// Tells how it goes.
+    /// The current status.
     pub fn status(&self) -> impl FnMut() -> Status + Send + use<> {
         let status = Arc::clone(&self.status);
         move || status.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -127,8 +127,8 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
     Ok(run)
 }
 
-/// Makes runs beside this one complete whose recorder was killed. In a thread of its own, which may take as
-/// long as it likes: it changes files of the past only.
+/// Completes runs in the same folder whose recorder was killed. Runs in its own thread, which may take as
+/// long as it needs: it changes only files of earlier runs.
 fn recover_earlier_runs(run_directory: &Path) -> anyhow::Result<()> {
     let Some(runs) = run_directory.parent().map(Path::to_owned) else { return Ok(()) };
     let recover = move || {
@@ -220,7 +220,7 @@ impl Worker {
     }
 
     /// After a cut of the network RustDDS needs new readers; see [`whorl_ros::recovery`]. What arrives until
-    /// they have found their writers again is lost, and counted.
+    /// they have found their writers again is lost and counted.
     fn look_after_peers(&mut self, now: Duration) {
         while let Some(event) = self.participant.peer_event() {
             self.recovery.peer(now, event);
@@ -234,7 +234,7 @@ impl Worker {
     }
 }
 
-/// Bags count from 1970; a writer without a clock says something else.
+/// Bag times count from 1970; a writer without a clock may send other values.
 fn plausible(time: Option<Timestamp>) -> Option<Timestamp> {
     time.filter(|time| time.0 > 0)
 }

@@ -1,4 +1,4 @@
-//! The node that tells the others how the recording goes.
+//! The node that publishes the status of the recording.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
 
 use crate::{Parameters, Status};
 
-/// Publishes [`Status`] once a second on `/diagnostics`, and says it in the log when the recording stops.
+/// Publishes [`Status`] once a second on `/diagnostics`, and logs when the recording stops.
 pub struct ReportingCore<F> {
     status: F,
     run: String,
@@ -17,7 +17,7 @@ pub struct ReportingCore<F> {
     stopped: bool,
 }
 
-/// A recorder that heard nothing for this long says so \[s\].
+/// A recorder that has received nothing for this long reports it \[s\].
 const SILENCE_S: f64 = 2.0;
 
 impl<F: FnMut() -> Status + Send> ReportingCore<F> {

@@ -5,7 +5,7 @@ use whorl_node::Timestamp;
 
 use crate::RecordedTopic;
 
-/// What the recorder needs of a recording.
+/// Interface that the recorder writes to.
 pub trait Sink {
     /// A topic of the recording.
     type Handle: Copy;
@@ -22,16 +22,16 @@ pub trait Sink {
     /// When it was not recorded; see [`Self::stopped_by`] for whether the recording goes on.
     fn write(&mut self, topic: Self::Handle, sample: RawSample<'_>) -> Result<(), BagError>;
 
-    /// Called a few times a second, so that what is in memory gets out in time.
+    /// Called a few times a second, so that buffered data is written in time.
     ///
     /// # Errors
-    /// When it does not.
+    /// When it cannot be written.
     fn tick(&mut self, now: Timestamp) -> Result<(), BagError>;
 
     /// Why the recording stopped, if it did.
     fn stopped_by(&self) -> Option<&str>;
 
-    /// Bytes that would survive the end of this process.
+    /// Bytes that are safe if this process is killed.
     fn bytes_written(&self) -> u64;
 
     /// Losses so far.

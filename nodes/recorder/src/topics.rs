@@ -12,7 +12,7 @@ pub struct RecordedTopic {
     pub type_name: String,
     /// How it is sent.
     pub qos: Qos,
-    /// Which of Whorl's topics it is, if it is one.
+    /// The topic of Whorl, if it is one.
     pub route: Option<Route>,
 }
 

@@ -15,7 +15,7 @@ use crate::stage::Stage;
 impl CoordinatorCore {
     pub(super) fn publish_command(&mut self, now: Timestamp, command: u8, outputs: &mut Outputs) {
         let validity = Duration::from_secs_f64(self.parameters.command_validity_s);
-        // Whom it names, and when that is by his clock; all at once while they have one clock.
+        // The platform addressed, with the time by its clock; a single message while all share one clock.
         let to: Vec<(String, Timestamp)> = match (self.parameters.role, &self.stage) {
             (Role::Formation, _) if self.links.iter().any(|link| link.clock().applied_s() != 0.0) => {
                 let remote = |link: &PlatformLink| (link.name().to_owned(), link.clock().to_remote(now));
@@ -26,7 +26,7 @@ impl CoordinatorCore {
                 let link = self.links.get(own);
                 link.map(|link| (link.name().to_owned(), link.clock().to_remote(now))).into_iter().collect()
             }
-            // An observer has no authority but to end what everybody does.
+            // An observer may only abort.
             (Role::Observer, Stage::Aborted { run: Some(_), .. }) => vec![(String::new(), now)],
             (Role::Observer, _) => return,
         };
@@ -44,7 +44,7 @@ impl CoordinatorCore {
             if !self.parameters.commands(usize::from(platform)) {
                 continue;
             }
-            // By the platform's own clock, as everything in its namespace.
+            // By the platform's own clock, like all messages in its namespace.
             let clock = self.links.get(usize::from(platform)).map(PlatformLink::clock);
             let [at, until] = [at, valid_until].map(|t| clock.map_or(t, |clock| clock.to_remote(t)));
             let message = report::reference(at, self.sequences.reference, until, leg);
@@ -53,12 +53,12 @@ impl CoordinatorCore {
         self.sequences.reference += 1;
     }
 
-    /// While a step has a platform play an excitation, and only while the experiment goes on.
+    /// Sent while a step makes a platform play an excitation, and only while the sequence does not wait.
     pub(super) fn publish_excitations(&mut self, at: Timestamp, outputs: &mut Outputs) {
         let Stage::Running(run) = &self.stage else { return };
         let Some(step) = run.step(&self.parameters).filter(|_| !run.paused) else { return };
         let StepKind::Excite(excite) = &step.kind else { return };
-        // Until the next reference comes, which may bring the next excitation.
+        // Valid until the next reference, which may come with the next excitation.
         let left_s = step.duration_s - run.step_elapsed_s + REFERENCE_PERIOD_S;
         let valid_s = self.parameters.reference_validity_s.min(left_s).max(0.0);
         for (platform, link) in (0u16..).zip(&self.links) {
@@ -79,7 +79,7 @@ impl CoordinatorCore {
         self.sequences.excitation += 1;
     }
 
-    /// The formation's state has one author; a platform's own coordinator is not it.
+    /// Only one coordinator publishes the formation's state; a platform's own coordinator does not.
     pub(super) fn publish_state(&mut self, now: Timestamp, outputs: &mut Outputs) {
         if matches!(self.parameters.role, Role::Platform(_)) {
             return;

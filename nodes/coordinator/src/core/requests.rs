@@ -1,4 +1,4 @@
-//! What is asked of the coordinator from outside: start, abort, stop. And what it asks: the time.
+//! Requests to the coordinator (start, abort, stop), and its own requests for the time.
 
 use whorl_msgs::topics::{Route, Topic};
 use whorl_node::{Outputs, Timestamp};
@@ -10,7 +10,7 @@ use crate::report;
 use crate::stage::Stage;
 
 impl CoordinatorCore {
-    /// Asks every platform's computer for its time, and tells what is known of it.
+    /// Requests the time of every platform's computer, and publishes the estimated offsets.
     pub(super) fn ask_for_time(&mut self, now: Timestamp, outputs: &mut Outputs) {
         let settings = &self.parameters.link;
         let hurry = self.links.iter().any(|link| link.clock().hardly_known() && link.fresh(now, settings));
@@ -56,7 +56,7 @@ impl CoordinatorCore {
         let running = matches!(self.stage, Stage::Running(_));
         let reason = if reason.is_empty() { "asked for by a service call" } else { reason };
         self.abort(now, reason.to_owned(), outputs);
-        // Not at the next heartbeat: now.
+        // At once, not at the next heartbeat.
         self.publish_command(now, self.command(), outputs);
         self.publish_state(now, outputs);
         let answer = if running {
@@ -69,7 +69,7 @@ impl CoordinatorCore {
 
     pub(super) fn shut_down(&mut self, now: Timestamp, outputs: &mut Outputs) {
         if self.parameters.role == Role::Observer {
-            // The platforms go on without it.
+            // The platforms continue without it.
             return;
         }
         if matches!(self.stage, Stage::Running(_)) {

@@ -13,14 +13,14 @@ use whorl_params::{Reader, positive, range};
 
 use super::refusals;
 
-/// The pass and the motions that it becomes.
+/// The pass and the resulting motions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoObservation {
     /// The pass in orbit.
     pub pass: Pass,
-    /// How it is shown.
+    /// How it is scaled to the laboratory.
     pub mapping: Mapping,
-    /// The platforms come to its first attitudes for this long before it begins \[s\].
+    /// Time for the platforms to reach its initial attitudes \[s\].
     pub settle_s: f64,
     /// The motion of each platform.
     pub trajectories: Vec<Trajectory>,
@@ -58,7 +58,7 @@ impl CoObservation {
 const MODELS: [&str; 5] = ["two_body", "j2", "nonlinear", "clohessy_wiltshire", "yamanaka_ankersen"];
 const FORMATIONS: [&str; 5] = ["chief", "in_plane", "in_track", "circular", "projected_circular"];
 
-/// Reads the pass of a step; what cannot be flown or shown is refused here, before anything moves.
+/// Reads the pass of a step; a pass that is impossible or cannot be shown is refused here, before anything moves.
 pub(super) fn read(
     r: &mut Reader<'_>,
     duration_s: f64,

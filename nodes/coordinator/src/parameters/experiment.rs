@@ -2,24 +2,24 @@
 
 use whorl_params::Reader;
 
-/// What an experiment is called and how it starts and ends.
+/// Name, start and end of an experiment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExperimentSettings {
     /// Its name.
     pub name: String,
     /// One line on what it shows; may be empty.
     pub description: String,
-    /// Whether it starts by itself as soon as all platforms are well.
+    /// Whether it starts automatically as soon as all platforms are ready.
     pub auto_start: bool,
-    /// What yaw angles count from.
+    /// Zero of yaw angles.
     pub yaw_zero: YawZero,
     /// What the platforms do after the last step.
     pub at_end: AtEnd,
-    /// Whether the coordinator ends after the experiment.
+    /// Whether the coordinator exits after the experiment.
     pub exit_when_finished: bool,
 }
 
-/// What yaw angles of the steps count from.
+/// Zero of the steps' yaw angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum YawZero {
     /// The leader's yaw when the experiment starts.
@@ -33,7 +33,7 @@ pub enum YawZero {
 pub enum AtEnd {
     /// Actuators off.
     Standby,
-    /// Hold the last reference for as long as the coordinator lives.
+    /// Hold the last reference as long as the coordinator runs.
     Hold,
 }
 

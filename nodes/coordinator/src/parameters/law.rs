@@ -10,25 +10,25 @@ use whorl_params::{Reader, range};
 
 use settings::ReaderSettings;
 
-/// The law that an experiment begins with unless it says otherwise.
+/// The default initial law of an experiment.
 const DEFAULT_KIND: &str = "leader_follower";
 
-/// The laws of an experiment and the offsets it begins with.
+/// The laws of an experiment and the initial offsets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawSettings {
-    /// The laws that the experiment uses, as they begin; the experiment begins with the first. At least one.
+    /// The laws that the experiment uses, in their initial state; the first is the initial law. At least one.
     pub laws: Vec<Box<dyn RelativeAttitudeLaw>>,
     /// Commanded angles of each platform relative to its leader, or to the virtual structure.
     pub offsets: Vec<YawPitchRoll>,
 }
 
-/// Names of the laws, as `law.kind` has them.
+/// Names of the laws in `law.kind`.
 pub(super) fn kinds() -> Vec<&'static str> {
     catalogue().iter().map(RegisteredLaw::kind).collect()
 }
 
 impl LawSettings {
-    /// The law that the experiment begins with.
+    /// The initial law.
     #[must_use]
     pub fn first(&self) -> Option<&dyn RelativeAttitudeLaw> {
         self.laws.first().map(Box::as_ref)
@@ -47,7 +47,7 @@ impl LawSettings {
     }
 }
 
-/// Reads the law that the experiment begins with, and those `others` that its steps switch to.
+/// Reads the initial law, and those `others` that steps switch to.
 pub(super) fn read(
     r: &mut Reader<'_>,
     platforms: &[String],

@@ -1,4 +1,4 @@
-//! What each platform's reference may do.
+//! Limits of each platform's reference.
 
 use whorl_control::formation::ReferenceLimits;
 use whorl_control::reference::TiltEnvelope;

@@ -1,4 +1,4 @@
-//! Reasons of the pure crates, for a user: they know platforms by number, he by name.
+//! Error texts of the pure crates with platform numbers replaced by names.
 
 /// `text` with names for numbers: "platform 1", "spacecraft 1", "platforms [0, 1]".
 pub(super) fn with_names(text: &str, platforms: &[String]) -> String {

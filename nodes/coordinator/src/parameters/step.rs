@@ -17,7 +17,7 @@ pub struct Step {
     pub name: String,
     /// What happens.
     pub kind: StepKind,
-    /// For how long \[s\].
+    /// Length \[s\].
     pub duration_s: f64,
 }
 
@@ -28,25 +28,25 @@ pub enum StepKind {
     Settle(Slew),
     /// Leaders, or the virtual structure, turn to angles.
     Slew(Slew),
-    /// Leaders, or the virtual structure, swing sinusoidally about where they are.
+    /// Leaders, or the virtual structure, swing sinusoidally about their current attitude.
     Scan(Scan),
     /// A platform's commanded offset changes.
     Offset {
-        /// Whose.
+        /// The platform.
         platform: usize,
         /// To what; angles that are not given stay.
         to: PartialAngles,
     },
-    /// A platform's commanded offset swings about where it is.
+    /// A platform's commanded offset swings about its current value.
     OffsetScan(Scan),
     /// The platforms show a pass over a common target.
     CoObserve(Arc<CoObservation>),
-    /// Another law takes over and goes on to the same goal.
+    /// Another law takes over and continues to the same goal.
     Law {
-        /// Which, of [`LawSettings::laws`].
+        /// Index into [`LawSettings::laws`].
         index: usize,
     },
-    /// A platform plays one of its own excitations, and takes its reference with it where it does not hold it.
+    /// A platform plays one of its own excitations; if it does not hold its reference, the reference follows the platform.
     Excite(Excite),
     /// Nothing changes.
     Hold,
@@ -65,7 +65,7 @@ pub struct Slew {
     pub acceleration_max_rad_s2: Option<f64>,
 }
 
-/// An excitation of the platforms' own.
+/// One of the platforms' own excitations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Excite {
     /// Which platform; `None`: all.
@@ -82,7 +82,7 @@ impl Excite {
     }
 }
 
-/// A sinusoid with smooth beginning and end.
+/// A sinusoid that starts and ends smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scan {
     /// Which platform; `None`: all that lead, or the virtual structure.
@@ -93,7 +93,7 @@ pub struct Scan {
     pub amplitude_rad: f64,
     /// Period \[s\].
     pub period_s: f64,
-    /// Length of the whole scan, its smooth beginning and end included \[s\].
+    /// Length of the whole scan, including its smooth start and end \[s\].
     pub duration_s: f64,
 }
 
@@ -108,7 +108,7 @@ pub enum Axis {
     Roll,
 }
 
-/// Angles of which some are given \[rad\].
+/// Angles, each of them optional \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PartialAngles {
     /// Yaw.
@@ -120,7 +120,7 @@ pub struct PartialAngles {
 }
 
 impl PartialAngles {
-    /// These angles, with the missing ones from `present`. Yaw counts from `yaw_zero_rad`.
+    /// These angles, with missing ones taken from `present`. Yaw counts from `yaw_zero_rad`.
     #[must_use]
     pub fn over(&self, present: &YawPitchRoll, yaw_zero_rad: f64) -> YawPitchRoll {
         YawPitchRoll {

@@ -1,4 +1,4 @@
-//! From step to step.
+//! Transitions between steps.
 
 use std::sync::Arc;
 
@@ -51,7 +51,7 @@ impl Run {
                         longest_s = longest_s.max(goal.slew(slew, Planning::Smooth(&limits)).unwrap_or(0.0));
                     }
                 }
-                // A law that takes over next finishes the slew itself.
+                // If another law takes over next, that law finishes the slew.
                 let next = parameters.steps.get(self.step + 1).map(|next| &next.kind);
                 if longest_s > step.duration_s && !matches!(next, Some(StepKind::Law { .. })) {
                     outputs.log(
@@ -98,8 +98,8 @@ impl Run {
         }
     }
 
-    /// Begins a pass: each leader, or the frame in the first platform's place, moves as its spacecraft does, and
-    /// the offsets are what the pass makes them.
+    /// Begins a pass: each leader, or the frame in place of the first platform, moves like its spacecraft, and the
+    /// offsets follow from the pass.
     fn observe(&mut self, pass: &Arc<CoObservation>, leader_of: &[usize]) {
         let goals = self.structure_goal.iter().chain(self.legs.iter().filter_map(|leg| leg.goal.as_ref()));
         // One heading for all: relative attitudes are those in orbit.
@@ -117,12 +117,12 @@ impl Run {
         }
     }
 
-    /// Another law takes over: it starts from the references as they move, and goes on to the same goal.
+    /// Another law takes over: it starts from the references' current motion, and continues to the same goal.
     fn switch_law(&mut self, index: usize, parameters: &Parameters) {
         let Some(law) = parameters.law.laws.get(index).cloned() else { return };
         let present = |leg: &Leg| leg.shaper.reference().q_world_reference;
         let place = |leg: &Leg| leg.offset_angles.attitude();
-        // Where the formation's frame is to go: as the structure was told, or as the first leader was.
+        // Goal of the formation's frame: that of the structure, or of the first leader.
         let old = self.structure_goal.take().map(|goal| (goal, UnitQuaternion::identity())).or_else(|| {
             self.legs.iter().find_map(|leg| leg.goal.clone().map(|goal| (goal, place(leg).inverse())))
         });
@@ -168,7 +168,7 @@ impl Run {
     }
 }
 
-/// What the pass leaves of pointing and thrust.
+/// Pointing and thrust errors of the pass.
 fn describe(pass: &CoObservation, platforms: &[String]) -> String {
     let errors = pass.largest_errors_rad();
     let each = platforms.iter().zip(errors).map(|(name, (boresight, thrust))| {
@@ -182,8 +182,8 @@ fn describe(pass: &CoObservation, platforms: &[String]) -> String {
     format!("{:.0} s of orbit: {}", pass.mapping.orbit_span_s(), each.collect::<Vec<_>>().join("; "))
 }
 
-/// How the goal of the whole formation moves: at once for a law that plans its own way, else smoothly
-/// within the limits of the first platform, whose place in the formation is usually the frame itself.
+/// How the goal of the whole formation moves: at once for a law that plans its own motion, otherwise smoothly
+/// within the limits of the first platform, whose offset from the frame is usually zero.
 fn structure_planning<'p>(law: &dyn RelativeAttitudeLaw, parameters: &'p Parameters) -> Planning<'p> {
     match parameters.limits.first() {
         Some(limits) if !law.plans_its_way() => Planning::Smooth(limits),

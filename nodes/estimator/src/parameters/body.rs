@@ -1,4 +1,4 @@
-//! How far the filters that compute with the body's dynamics may trust the model.
+//! Model uncertainty assumed by filters that use the body's equation of motion.
 
 use whorl_dynamics::PlatformModel;
 use whorl_estimation::BodyModel;

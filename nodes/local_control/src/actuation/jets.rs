@@ -9,7 +9,7 @@ use whorl_node::Timestamp;
 
 use super::{Actuation, Found, found};
 
-/// Shortfall of alpha that counts as none.
+/// Shortfall of alpha that is treated as zero.
 const ATTAINED: f64 = 1.0 - 1e-6;
 
 impl Actuation {
@@ -84,7 +84,7 @@ impl Actuation {
         self.jet_found = Found::Off;
     }
 
-    /// After an excitation: no pulse of it is left over.
+    /// After an excitation: discards its remaining pulses.
     pub fn end_excitation(&mut self) {
         if self.on_time_s.iter().any(|on| *on > 0.0) {
             self.slot += 1;
@@ -134,12 +134,12 @@ impl Actuation {
     }
 }
 
-/// Full thrust for how long has the impulse of a jet that is commanded on for this time [s].
+/// Duration of full thrust with the same impulse as a jet commanded on for this time [s].
 pub(super) fn effective_on_s(jet: &Jet, lag: ThrustLag, commanded_s: f64) -> f64 {
     lag.pulse_impulse_s(commanded_s - jet.opening_delay_s + jet.closing_delay_s)
 }
 
-/// The command with which a jet has the impulse of full thrust for that long [s]: zero, or from its minimum
+/// The inverse: the on-time whose impulse equals full thrust for this time [s]: zero, or from its minimum
 /// to the slot.
 fn commanded_on_s(jet: &Jet, lag: ThrustLag, effective_s: f64, slot_length_s: f64) -> f64 {
     if effective_s <= 0.0 {

@@ -1,12 +1,12 @@
 //! From a torque to motor commands and jet pulses.
 //!
-//! **Motors**, those of wheels first of all, follow every control step in closed form. **Jets** are planned once a slot through the
+//! **Motors** (mainly those of wheels) are allocated every control step in closed form. **Jets** are planned once a slot by the
 //! quadratic program and the sigma-delta modulator.
 //!
-//! With **both**, wheels do the pointing and jets only what wheels cannot: take momentum out of
-//! them, and help when they saturate. At a slot's start the program gets as its wish for each
-//! wheel what pointing needs plus what unloading wants, so that the jets' share is the unloading (and
-//! what is beyond the wheels' limits) and not the pointing's noise. Within the slot the wheels
+//! With **both**, wheels point the platform and jets do only what wheels cannot: take momentum out of
+//! them, and help when they saturate. At a slot's start the program gets as desired torque of each
+//! wheel the pointing torque plus the unloading torque, so that the jets' share is the unloading (and
+//! torque beyond the wheels' limits) and not the noise of pointing. Within the slot the wheels
 //! counter the *mean* torque of the slot's pulses: their net impulse is met exactly, the body moves by
 //! less than `T_jet t_on (slot - t_on) / (2 J)`, a few thousandths of a degree, and neither the valves'
 //! delays nor the wheels' torque limit matter, as they would when countering each edge.
@@ -61,14 +61,14 @@ pub enum Found {
     Unique,
     /// Bounded least squares.
     Fallback,
-    /// Nothing was asked.
+    /// No torque was commanded.
     Off,
 }
 
 /// The actuators' part of a step.
 #[derive(Debug, Clone)]
 pub struct Actuated {
-    /// Share of the asked torque that was attainable, 0..=1.
+    /// Share of the commanded torque that was attainable, 0..=1.
     pub alpha: f64,
     /// Torque on the body by the model, jets as their mean over the slot \[N m\].
     pub achieved_b_n_m: Vector3<f64>,
@@ -80,7 +80,7 @@ pub struct Actuated {
 pub struct Actuation {
     mode: Mode,
     actuators: Actuators,
-    /// What every motor of the platform can do now, kind by kind.
+    /// Current bounds and torque of every motor, by kind.
     motors: Vec<Motor>,
     /// Each kind's among these.
     ranges: [Range<usize>; KINDS],
@@ -92,11 +92,11 @@ pub struct Actuation {
     unloading: MomentumUnloading,
     wheel_target_rad_s: Vec<f64>,
     demand: Demand,
-    /// What unloading wishes of each motor.
+    /// Unloading torque desired of each motor.
     unload: Vec<f64>,
-    /// What the model's effects give each motor's part besides friction, in the unit of its command.
+    /// Torque of the model's effects on each motor's rotor besides friction, in the unit of its command.
     effects: Vec<f64>,
-    /// What each motor is told.
+    /// Command of each motor.
     command: Vec<f64>,
     on_time_s: Vec<f64>,
     slot: u64,
@@ -121,7 +121,7 @@ pub struct Actuation {
 pub struct AllocationChecks {
     /// Compared.
     pub compared: u64,
-    /// Of those, the ones that differ in share, torque, bounds or gas.
+    /// Those that differ in share, torque, bounds or gas.
     pub disagreed: u64,
 }
 
@@ -189,9 +189,9 @@ impl Actuation {
         self
     }
 
-    /// Goes on counting where `previous` stopped, for actuators that were reconfigured.
+    /// Continues counting where `previous` stopped, for actuators that were reconfigured.
     pub fn continuing(mut self, previous: &Self) -> Self {
-        // A new slot in any case: what the previous one had planned is no longer known here.
+        // Always a new slot: the plan of the previous one is no longer known here.
         self.slot = previous.slot + 1;
         self.gas_used_kg = previous.gas_used_kg;
         self.fallbacks = previous.fallbacks;
@@ -199,7 +199,7 @@ impl Actuation {
         self
     }
 
-    /// Asks for a torque on the body \[N m\] at `stamp`.
+    /// Commands a torque on the body \[N m\] at `stamp`.
     pub fn apply(
         &mut self,
         stamp: Timestamp,
@@ -232,8 +232,8 @@ impl Actuation {
         }
     }
 
-    /// Carries out an excitation: control's torque on the body by the motors, if any \[N m\]; a motor torque on top
-    /// for each wheel \[N m\]; and a jet that fires in the slot that begins now, if one does, for so long \[s\].
+    /// Executes an excitation: control's torque on the body by the motors, if any \[N m\]; an additional motor torque
+    /// for each wheel \[N m\]; and, if a jet fires in the slot that begins now, that jet and its on-time \[s\].
     /// True when that slot began.
     pub fn excite(
         &mut self,
@@ -292,7 +292,7 @@ impl Actuation {
         Actuated { alpha: 1.0, achieved_b_n_m: Vector3::zeros(), found: Found::Off }
     }
 
-    /// `None` only for a torque that is not finite, which the caller's gates keep out.
+    /// `None` only for a torque that is not finite, which the caller's checks exclude.
     fn allocate(&mut self, mode: Mode, torque_b_n_m: Vector3<f64>) -> Option<Allocation> {
         self.demand.mode = mode;
         self.demand.torque_b_n_m = torque_b_n_m;

@@ -1,4 +1,4 @@
-//! Motors of every kind: what they can do, and what they are told.
+//! Motors of every kind: their bounds and commands.
 
 use nalgebra::Vector3;
 use whorl_dynamics::actuators::{Joints, KINDS, Kind};
@@ -6,7 +6,7 @@ use whorl_dynamics::actuators::{Joints, KINDS, Kind};
 use super::Actuation;
 
 impl Actuation {
-    /// Bounds, torque and feed-forward of every motor in its present state.
+    /// Bounds, torque and feed-forward of every motor in its current state.
     pub(super) fn set_motors(&mut self, joints: &[Joints; KINDS]) {
         self.actuators.motors(joints, &self.effects, &mut self.motors);
         let bounds = self.demand.motor_min.iter_mut().zip(&mut self.demand.motor_max);
@@ -17,7 +17,7 @@ impl Actuation {
         }
     }
 
-    /// Gives every motor its net command, and what friction and effects take of it.
+    /// Gives every motor its net command plus compensation of friction and effects.
     pub(super) fn tell_motors(&mut self, net: &[f64]) {
         for ((command, net), motor) in self.command.iter_mut().zip(net).zip(&self.motors) {
             *command = net + motor.feedforward;
@@ -32,7 +32,7 @@ impl Actuation {
         }
     }
 
-    /// What the motors of one kind are told, in the unit of its commands.
+    /// Commands of the motors of one kind, in the unit of its commands.
     pub fn commands(&self, kind: usize) -> &[f64] {
         self.ranges.get(kind).and_then(|range| self.command.get(range.clone())).unwrap_or(&[])
     }

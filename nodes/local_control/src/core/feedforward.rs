@@ -1,4 +1,4 @@
-//! What the model says acts on platform and wheels, for control to counter.
+//! Feed-forward: torques on platform and wheels known from the model, which control compensates.
 
 use nalgebra::Vector3;
 use whorl_dynamics::Environment;

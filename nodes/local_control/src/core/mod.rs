@@ -28,13 +28,13 @@ use crate::inputs::Inputs;
 use crate::parameters::Parameters;
 use crate::target::Target;
 
-/// Longest time that one step may count for [s].
+/// Upper limit of the time step [s].
 const LONGEST_STEP_S: f64 = 0.1;
 
 /// Why local control cannot start.
 #[derive(Debug, Error)]
 pub enum LocalControlError {
-    /// The model is not a possible platform.
+    /// The model is physically impossible.
     #[error("model: {0}")]
     Gyrostat(#[from] GyrostatError),
     /// Gains.
@@ -71,7 +71,7 @@ pub struct LocalControlCore {
     pub(crate) heartbeat: Heartbeat,
     pub(crate) mode: u8,
     pub(crate) reason: u8,
-    /// Reason of the present safe episode.
+    /// Reason of the current safe mode.
     pub(crate) fault: Option<u8>,
     /// Authority was lost and the platform has come to rest since.
     pub(crate) released: bool,
@@ -92,7 +92,7 @@ impl LocalControlCore {
     /// [`LocalControlError`] when model, gains, limits or actuators are not usable.
     pub fn new(parameters: Parameters) -> Result<Self, LocalControlError> {
         let mut model = parameters.model.clone();
-        // Names that no effect has are left for `Gyrostat` to refuse.
+        // Unknown effect names are refused by `Gyrostat`.
         model.effects.retain(|id, _| find(id).is_none_or(|effect| effect.is_fed_forward(&parameters.model)));
         let gyrostat = Gyrostat::new(&model)?;
         let adjusted = gyrostat.model();
@@ -175,7 +175,7 @@ impl LocalControlCore {
         let quiet_s = self.parameters.limits.estimate_timeout_s.min(0.05);
         if self.latest_step.is_none_or(|at| now.seconds_since(at) >= quiet_s) {
             let authority = self.authority(now);
-            // A command must not be stamped later than the measurements to come.
+            // A command must not be stamped later than the next measurements.
             let stamp = self.latest_stamp.unwrap_or_default();
             if authority == Authority::None {
                 self.idle(now, stamp, outputs);
@@ -253,7 +253,7 @@ impl NodeCore for LocalControlCore {
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
                 Message::Excitation(excitation) => self.inputs.excitation_arrived(now, excitation),
-                // Where every platform has a coordinator of its own, a command names whom it is for.
+                // If every platform has its own coordinator, a command names the platform it is for.
                 Message::FormationCommand(command)
                     if !["", self.parameters.name.as_str()].contains(&command.header.frame_id.as_str()) => {}
                 Message::FormationCommand(command) => {

@@ -1,4 +1,4 @@
-//! Whether the platform may point, and what it does when it may not.
+//! Decides whether the platform may point, and runs the safe modes otherwise.
 
 use nalgebra::Vector3;
 use whorl_control::safe_mode::SafeState;
@@ -40,7 +40,7 @@ impl LocalControlCore {
         if !estimate.usable {
             return Some(ControlStatus::REASON_ESTIMATE_UNHEALTHY);
         }
-        // A fault of this kind ends only clearly inside its limit.
+        // Hysteresis: a fault of this kind ends only clearly inside its limit.
         let limit = |reason: u8, limit: f64| {
             if self.fault == Some(reason) { limit * FAULT_RELEASE } else { limit }
         };
@@ -83,13 +83,13 @@ impl LocalControlCore {
         let gyro = self.inputs.gyro_rate(now, self.parameters.limits.imu_timeout_s);
         let state = self.safe_mode.step(dt_s, fault.is_some(), gyro.as_ref());
         if state == SafeState::Nominal {
-            // Recovered, or only a short silence: the next estimate tracks.
+            // Recovered, or only a short gap: tracking resumes with the next estimate.
             return;
         }
         if tracked {
             self.leave_tracking();
         }
-        // The reason stays until tracking resumes, also while recovery is being waited for.
+        // The reason is kept until tracking resumes, also while waiting for recovery.
         let reason = fault.or(self.fault).unwrap_or(ControlStatus::REASON_NONE);
         self.fault = Some(reason);
         let (mode, asked_b_n_m, actuated) = match (state, gyro) {

@@ -27,7 +27,7 @@ impl LocalControlCore {
         }
     }
 
-    /// What is to be played in this step, if anything, and the number of its pulse.
+    /// The excitation to play in this step, if any, and the number of its pulse.
     fn played(&mut self, estimate: &Estimate, authority: Authority) -> (Played, Option<u64>) {
         let asked = self.inputs.excitation(estimate.stamp).filter(|_| authority == Authority::Track);
         let Some((name, elapsed_s)) = asked else {
@@ -62,7 +62,7 @@ impl LocalControlCore {
         actuated
     }
 
-    /// An excitation that leaves the reference, or its yaw, alone.
+    /// An excitation during which the reference, or its yaw, is not tracked.
     fn let_go(
         &mut self,
         now: Timestamp,
@@ -71,7 +71,7 @@ impl LocalControlCore {
         pulse: Option<u64>,
         outputs: &mut Outputs,
     ) {
-        // Afterwards the reference is joined from where the body then is.
+        // Afterwards the reference is approached from the body's attitude at that time.
         self.target.reset();
         if let Some(balancing) = &mut self.balancing {
             balancing.interrupt();
@@ -87,7 +87,7 @@ impl LocalControlCore {
                     modelled_torque_b_n_m: &self.modelled_torque(estimate),
                     dt_s: self.step_length_s(now),
                 });
-                // Yaw gets nothing but the excitation, not even what the model would counter.
+                // Yaw gets only the excitation, without feed-forward.
                 let up = estimate.q_world_body.inverse() * Vector3::z();
                 output.torque_b_n_m -= up * up.dot(&output.torque_b_n_m);
                 Some(output)
@@ -126,7 +126,7 @@ impl LocalControlCore {
             return self.let_go(now, estimate, drive, pulse, outputs);
         }
         let dt_s = self.step_length_s(now);
-        // An excitation that came to a limit ends as hard as control can: its reference stands at once.
+        // An excitation that reached a limit is stopped at once: the reference is at rest immediately.
         let from_rate = if matches!(played, Played::Refused(_)) { 0.0 } else { 1.0 };
         let body = Reference {
             q_world_reference: estimate.q_world_body,
@@ -173,7 +173,7 @@ impl LocalControlCore {
         };
         self.law.integrate(dt_s, actuated.alpha > 0.999);
 
-        // After authority was lost: once at rest, let go.
+        // After loss of authority: once at rest, actuators off.
         let still_rad_s = self.parameters.safe_mode.coast_rate_rad_s;
         self.released = matches!(authority, Authority::Lost(_))
             && aim.reference.omega_wr_r_rad_s.norm() < 1e-9

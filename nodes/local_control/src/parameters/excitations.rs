@@ -1,27 +1,27 @@
-//! Excitations that the coordinator may call by name: the group `excitations`.
+//! Excitations that the coordinator may request by name: the group `excitations`.
 
 use whorl_allocation::Mode;
 use whorl_control::excitation::{PulseTrain, Signal, Waveform};
 use whorl_dynamics::PlatformModel;
 use whorl_params::{Reader, any, positive, range};
 
-/// What control goes on holding while an excitation is played.
+/// What control holds while an excitation is played.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hold {
-    /// The reference: the excitation comes on top.
+    /// The reference: the excitation is added.
     Attitude,
-    /// The tilt at which it began; yaw is left alone.
+    /// The tilt at its start; yaw is free.
     Tilt,
-    /// Nothing: every actuator does what the excitation says.
+    /// Nothing: all actuators follow the excitation.
     Nothing,
 }
 
-/// Wheel torques and jet pulses that are played whatever the platform does.
+/// Wheel torques and jet pulses that are played open loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Excitation {
     /// Its name.
     pub name: String,
-    /// What control goes on holding.
+    /// What control holds.
     pub hold: Hold,
     /// Wheels of the signal, as indices of the model's.
     pub wheels: Vec<usize>,

@@ -24,7 +24,7 @@ impl<'s, 'r> ReaderSettings<'s, 'r> {
         self.groups.iter().map(String::as_str).chain([key]).collect::<Vec<_>>().join(".")
     }
 
-    /// The index of a platform, after an error `None`.
+    /// The index of a platform; `None` after an error.
     fn index(&mut self, key: &str, name: &str) -> Option<usize> {
         let found = self.platforms.iter().position(|platform| platform == name);
         if found.is_none() {
