@@ -75,12 +75,12 @@ fn demands(effectors: &Effectors, mode: Mode, kind: Kind, count: usize) -> Vec<D
         .collect()
 }
 
-/// Times of one way to the answer.
+/// Times of one method.
 #[derive(Default)]
 struct Times(Vec<u128>);
 
 impl Times {
-    /// The best of three: what else the machine does is not the allocator's time.
+    /// The best of three, to exclude other load on the machine.
     fn measure(&mut self, allocator: &mut Allocator, demand: &Demand) -> Allocation {
         let (mut best, mut answer) = (u128::MAX, None);
         for _ in 0..3 {
@@ -100,7 +100,7 @@ impl Times {
     }
 }
 
-/// The dual method from nothing beside the interior point, on the same demands.
+/// The dual method without a start and the interior point, on the same demands.
 fn compare(name: &str, effectors: &Effectors, mode: Mode, kind: Kind, count: usize) {
     let mut dual = Allocator::new(effectors.clone()).expect("a valid program");
     let mut interior = Allocator::new(effectors.clone()).expect("a valid program").by_interior_point();

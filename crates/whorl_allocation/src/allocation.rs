@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::demand::JetMask;
 
-/// What each effector shall do, and what comes of it.
+/// The commands of all effectors, and the torque that results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Allocation {
     /// On-time fraction of each jet, within its bounds.
@@ -59,7 +59,7 @@ pub enum FallbackReason {
     NotSolved(SolverOutcome),
 }
 
-/// What the solver said.
+/// Outcome of the solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SolverOutcome {
     /// A certificate of infeasibility, not a solution.

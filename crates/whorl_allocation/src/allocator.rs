@@ -15,7 +15,7 @@ use crate::zonotope::{CrossCheck, Zonotope};
 /// Rewards M for meeting the demand, in units of the thirstiest jet per unit of torque, tried in
 /// turn. M must exceed the marginal price of torque; larger ones cost the solver accuracy.
 const REWARDS: [f64; 3] = [1e2, 1e3, 1e4];
-/// Shortfall of an interior point's alpha, relative, that counts as none.
+/// Relative shortfall of an interior point's alpha that counts as zero.
 const ALPHA_TOLERANCE: f64 = 1e-6;
 /// Miss of the torque equation, in units of full torque, above which a solution is refused.
 const TORQUE_TOLERANCE: f64 = 1e-7;
@@ -55,8 +55,8 @@ impl Allocator {
         Ok(Self { effectors, program, program_with_force, problem, point, dual_first: true })
     }
 
-    /// An allocator that never uses the dual method without a start from the interior point: the same answers,
-    /// later. For comparisons.
+    /// An allocator that always starts the dual method from the interior point: the same answers,
+    /// but slower. For comparisons.
     #[must_use]
     pub fn by_interior_point(mut self) -> Self {
         self.dual_first = false;
@@ -70,7 +70,7 @@ impl Allocator {
     }
 
     /// Changes the torque on the body per unit of command of one motor, body axes: what a gyro's gimbal gives
-    /// depends on its angle. Without effect if there is no such motor or a number is not finite.
+    /// depends on its angle. Does nothing if there is no such motor or a number is not finite.
     pub fn set_motor_torque(&mut self, motor: usize, torque_b: &Vector3<f64>) {
         self.effectors.set_motor_torque(motor, torque_b);
     }
@@ -78,7 +78,7 @@ impl Allocator {
     /// Splits one demand.
     ///
     /// # Errors
-    /// [`DemandError`] when the demand is not well formed. A demand that cannot be met is no
+    /// [`DemandError`] when the demand is not well formed. A demand that cannot be met is not an
     /// error: see [`Allocation::alpha`] and [`Allocation::status`].
     pub fn allocate(&mut self, demand: &Demand) -> Result<Allocation, DemandError> {
         demand.check(&self.effectors)?;

@@ -89,7 +89,7 @@ pub struct Demand {
     pub net_force_weight: f64,
 }
 
-/// Why a demand is refused.
+/// Why a demand is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DemandError {
     /// A component of the torque is NaN, infinite or beyond 1e9 N m.

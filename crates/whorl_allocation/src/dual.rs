@@ -1,4 +1,4 @@
-//! The exact optimum by its dual: three prices of torque instead of one unknown per effector.
+//! The exact optimum from the dual problem: three prices of torque instead of one unknown per effector.
 //!
 //! The share alpha that can be met is known exactly ([`crate::zonotope`]), so the torque to be met is a constant t*. When
 //! it is on a facet with normal n, every effector off the facet stands at the bound that n'a_k points to. For the others the
@@ -10,14 +10,14 @@
 //! the generalised Hessian S = sum a_k a_k' / H_k over the unclipped, and an exact line search over the breakpoints, ends in
 //! finitely many steps (Qi and Sun, Math. Programming 58, 1993; Hager and Zhang, SIAM J. Optim. 26, 2016).
 //!
-//! From nothing the curvatures H_k, tiny for jets, are first taken larger and then lowered to what they are, each optimum the
-//! start of the next: where all effectors are clipped S is zero and Newton's method is blind.
+//! Without a start, the curvatures H_k, tiny for jets, are first enlarged and then lowered to their true values, each optimum
+//! being the start of the next: where all effectors are clipped S is zero and Newton's method is blind.
 //!
 //! # Proof
 //!
 //! The program is convex, so the conditions of Karush, Kuhn and Tucker are sufficient: v in its bounds, the torque equation,
 //! and v_k = v_k(y) for every effector. [`Optimum::miss`] is the largest deviation from the last, measured on the numbers that
-//! are returned; what deviates by more than [`PROVEN`], or misses the torque by more than [`TORQUE_TOLERANCE`], is no answer.
+//! are returned; what deviates by more than [`PROVEN`], or misses the torque by more than [`TORQUE_TOLERANCE`], is rejected.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,19 +25,19 @@ use crate::problem::Problem;
 
 /// Newton steps at one curvature.
 const STEPS: usize = 60;
-/// Curvatures, relative to the effectors' own, on the way from nothing.
+/// Curvatures, relative to the effectors' own, when there is no start.
 const CURVATURES: [f64; 3] = [3000.0, 50.0, 1.0];
 /// Gradient, in units of full torque, at which to stop.
 const TARGET_ERROR: f64 = 1e-12;
-/// Gradient that is near enough at a curvature that is not the last.
+/// Gradient that is small enough at an enlarged curvature.
 const START_ERROR: f64 = 1e-3;
 /// Gradient that rounding may leave where torque is very expensive; the last step removes it.
 const ACCEPTED_ERROR: f64 = 1e-7;
 /// Miss of the torque equation after that step.
 const TORQUE_TOLERANCE: f64 = 1e-10;
-/// Deviation from the conditions of optimality, in v, that counts as none.
+/// Deviation from the conditions of optimality, in v, that counts as zero.
 const PROVEN: f64 = 1e-6;
-/// Height over a facet, relative to a generator's length, that counts as none.
+/// Height over a facet, relative to a generator's length, that counts as zero.
 const ON_FACET: f64 = 1e-12;
 
 /// Effectors at the least cost.
@@ -45,7 +45,7 @@ const ON_FACET: f64 = 1e-12;
 pub(crate) struct Optimum {
     /// v, each in 0..=1.
     pub v: Vec<f64>,
-    /// Newton steps that it took.
+    /// Number of Newton steps.
     pub steps: u32,
     /// Largest deviation of a v_k from the v_k(y) of its price: 0 at the optimum.
     pub miss: f64,
@@ -131,7 +131,7 @@ struct Newton<'a> {
 }
 
 impl Newton<'_> {
-    /// From `price` to the price at which the gradient is at most `enough`, or the best there was; with that gradient.
+    /// From `price` to the price at which the gradient is at most `enough`, or to the best one found; with its gradient.
     fn minimise(&mut self, start: Vector3<f64>, stiffer: f64, enough: f64) -> (Vector3<f64>, f64) {
         let mut price = start;
         let mut best = (price, f64::INFINITY);

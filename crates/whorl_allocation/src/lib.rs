@@ -15,7 +15,7 @@
 //! with gas rates c_j, a curvature e so small that it costs at most 1e-4 of the gas, the price W of
 //! missing the command that momentum management desires, and (off by default, the bearing takes
 //! it) the price F of net force. [`Allocator::allocate`] answers; [`pulses`] turns fractions into
-//! valve pulses; [`zonotope`] knows the exact answer by other means.
+//! valve pulses; [`zonotope`] computes the exact answer by geometry.
 //!
 //! # Which path answers
 //!
@@ -23,15 +23,15 @@
 //!    unique and linear in alpha, and no program is needed ([`Status::ClosedForm`]).
 //! 2. Otherwise, without a price of net force: the dual method. The share alpha comes from the facets of the attainable set,
 //!    so it is exact; the cost is then separable and three prices of torque decide everything. Newton's method finds them
-//!    from nothing, and the answer counts only when it satisfies the conditions of optimality ([`Status::Solved`], `exact`).
+//!    without a start, and the answer counts only when it satisfies the conditions of optimality ([`Status::Solved`], `exact`).
 //! 3. With net force priced, or when that proof fails: Clarabel solves the program, with the demand as a column of the
 //!    constraints, updated in place. Without a price of net force its price of torque is a second start for the dual method;
 //!    with one, which couples the effectors, the interior point is moved onto the torque equation (`exact: false`).
 //! 4. When there is no such allocation, or both solvers fail: the fallback.
 //!
 //! On 76,000 seeded demands over five layouts (random, along axes, with random bounds and stuck jets, saturated; with every
-//! single jet failed in turn) the dual method proved all 68,513 optima that exist; none differs from what Clarabel's start
-//! leads to by more than 7e-8 of an on-time fraction. With 12 jets and 3 wheels it takes 9 us where that takes 47 us (medians):
+//! single jet failed in turn) the dual method proved all 68,513 optima that exist; none differs from the result with Clarabel's start
+//! by more than 7e-8 of an on-time fraction. With 12 jets and 3 wheels it takes 9 us instead of 47 us (medians):
 //! `cargo bench -p whorl_allocation`.
 //!
 //! # Fallback rules

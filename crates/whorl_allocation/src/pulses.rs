@@ -1,15 +1,15 @@
 //! From on-time fractions to valve pulses: a vector sigma-delta modulator.
 //!
 //! A valve cannot open for less than its minimum on-time, so an on-time below it becomes zero or
-//! the minimum. What that gives or withholds is carried as one vector, the impulse error
+//! the minimum. The difference is carried as one vector, the impulse error
 //! e [N m s], into the next slot's demand *before* allocation:
 //!
 //! tau' = tau + e / T,   u = allocate(tau'),   on = round(u T),   e <- T B u - B on.
 //!
 //! The sum of all impulses delivered then differs from the sum of all allocated by e alone, which is
 //! bounded by the rounding of one slot: first-order noise shaping (Candy and Temes, *Oversampling
-//! Delta-Sigma Data Converters*, 1992), here in three dimensions, so that what one jet lacks any
-//! combination of others may make up. Remainders kept per jet cannot do that.
+//! Delta-Sigma Data Converters*, 1992), here in three dimensions, so that any combination of jets may make up
+//! the shortfall of another. Remainders kept per jet cannot do that.
 //!
 //! **Anti-windup.** Only what was allocated counts: the part of a demand that is out of reach is
 //! never carried. The error is also clipped to [`ERROR_LIMIT_BITS`] minimum impulse bits, which
@@ -35,7 +35,7 @@ pub const ERROR_LIMIT_BITS: f64 = 4.0;
 /// Share of a shortest pulse that the error must hold before the pulse is fired.
 pub const FIRING_SHARE: f64 = 0.7;
 
-/// Everything the modulator remembers.
+/// The state of the modulator.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PulseState {
     /// Impulse owed to the body, body axes [N m s].
@@ -131,7 +131,7 @@ impl PulseModulator {
             let min = self.min_on_time_s[j];
             if *on > 0.0 && *on < min {
                 *on = 0.0;
-                // A jet at the rounding of the solver is a jet that was allocated nothing.
+                // A fraction within the rounding of the solver counts as zero.
                 if wanted[j] > 1e-6 * min {
                     waiting.push(j);
                 }

@@ -56,7 +56,7 @@ impl Target {
     }
 }
 
-/// What the interior point ended on.
+/// The result of the interior point method.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct InteriorPoint {
     /// v, clamped to 0..=1.
@@ -222,7 +222,7 @@ fn settings() -> DefaultSettings<f64> {
     DefaultSettings {
         verbose: false,
         max_iter: MAX_ITERATIONS,
-        // Both must stay off for the data to be updated in place.
+        // Both must stay off, else the data cannot be updated in place.
         presolve_enable: false,
         input_sparse_dropzeros: false,
         // The dual method does better, for less time.
@@ -242,7 +242,7 @@ mod tests {
     use crate::layouts::{canted_pods, direction, no_wheels, uniform};
     use crate::zonotope::{LeastCost, Zonotope};
 
-    /// The bare solver, without the dual method, against the oracle: they share the scaling of the demand, and nothing else.
+    /// The bare solver, without the dual method, against the oracle: they share only the scaling of the demand.
     #[test]
     fn bare_solver_and_oracle_agree() {
         let effectors = canted_pods(no_wheels());

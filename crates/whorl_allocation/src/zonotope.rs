@@ -1,4 +1,4 @@
-//! The exact oracle: what torque is attainable, and at what least cost.
+//! The exact oracle: the attainable torques, and their least cost.
 //!
 //! Effectors with bounds, x_k = lower_k + width_k v_k, 0 <= v_k <= 1, attain the set
 //! Z = o + { sum a_k v_k }: a zonotope (Durham, "Constrained Control Allocation", J. Guidance 16(4),

@@ -1,4 +1,4 @@
-//! The dual method from nothing against the interior point: two ways to one optimum.
+//! The dual method without a start against the interior point: both must find the same optimum.
 
 use nalgebra::Vector3;
 use rand_pcg::Pcg64;
@@ -8,7 +8,7 @@ use crate::layouts::{
 };
 use crate::{Allocator, Demand, Effectors, JetMask, Mode, Status};
 
-/// Objective of the program at an allocation: gas in units of the thirstiest jet, and wheel torque that is missed.
+/// Objective of the program at an allocation: gas in units of the thirstiest jet, and missed wheel torque.
 fn cost(effectors: &Effectors, demand: &Demand, jets: &[f64], wheels: &[f64]) -> f64 {
     let layout = effectors.layout();
     let rates = &layout.jet_gas_rate_kg_s;

@@ -114,7 +114,7 @@ fn least_cost_is_the_best_basic_solution() {
 
 #[test]
 fn least_cost_in_a_plane_and_on_a_line() {
-    // Two cheap generators at right angles and a dear diagonal one: the diagonal pays below cost 2.
+    // Two cheap generators at right angles and an expensive diagonal one: the diagonal pays below cost 2.
     let plane = [Vector3::x(), Vector3::y(), Vector3::new(1.0, 1.0, 0.0)];
     let cheap = LeastCost::new(&plane, Vector3::zeros(), &[1.0, 1.0, 1.5]);
     assert!((cheap.of(&Vector3::new(0.5, 0.7, 0.0)) - (0.5 * 1.5 + 0.2)).abs() < 1e-12);

@@ -1,5 +1,5 @@
-//! The quadratic program against the oracle. Both see a demand through the same scaling, and the
-//! share alpha is the oracle's own: so that is judged by a dual program.
+//! The quadratic program against the oracle. Both use the same scaling of the demand, and the allocator takes the
+//! share alpha from the oracle, so alpha is checked by a separate dual program.
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 use rand_core::Rng;
@@ -35,7 +35,7 @@ fn jets_only_sweep(effectors: &Effectors, cases: usize, reach: f64, seed: u128) 
                 let gas = check.gas_rate_kg_s / check.least_gas_rate_kg_s.max(1e-12);
                 sweep.gas = sweep.gas.max(gas);
                 sweep.torque_error = sweep.torque_error.max(check.torque_error);
-                // What the effectors give is attainable; that nothing more is, the dual program says.
+                // What the effectors give is attainable; the dual program shows that no more is.
                 let most = largest_share(effectors, &demand);
                 let given = allocation.achieved_torque_b_n_m.dot(&torque) / torque.norm_squared();
                 sweep.alpha_error = sweep.alpha_error.max((given - most).abs());
@@ -227,11 +227,11 @@ fn wheels_follow_their_desired_torque_when_it_is_dear_and_jets_make_up() {
     let desired = [0.03, -0.05, 0.04];
     demand.motor_desired = desired.to_vec();
     demand.motor_weight = 1e5;
-    let dear = allocator.allocate(&demand).unwrap();
-    for (w, d) in dear.motor_command.iter().zip(desired) {
-        assert!((w - d).abs() < 1e-3, "{dear:?}");
+    let expensive = allocator.allocate(&demand).unwrap();
+    for (w, d) in expensive.motor_command.iter().zip(desired) {
+        assert!((w - d).abs() < 1e-3, "{expensive:?}");
     }
-    assert!(dear.gas_rate_kg_s > 0.0 && dear.unallocated_torque_b_n_m.norm() < 1e-9);
+    assert!(expensive.gas_rate_kg_s > 0.0 && expensive.unallocated_torque_b_n_m.norm() < 1e-9);
     demand.motor_weight = 0.0;
     let free = allocator.allocate(&demand).unwrap();
     assert_eq!(free.gas_rate_kg_s, 0.0, "wheels can do it all: {free:?}");
@@ -416,7 +416,7 @@ fn random_layouts_are_solved_exactly_or_say_why() {
                         !matches!(reason, FallbackReason::NotSolved(_)),
                         "{case} {mode:?} {allocation:?}\n{demand:?}"
                     );
-                    // Never worse than doing nothing, unless bounds forbid to do nothing.
+                    // Never worse than doing nothing, unless the bounds exclude that.
                     if case % 3 != 0 {
                         let left = allocation.unallocated_torque_b_n_m.norm();
                         assert!(left <= torque.norm() * (1.0 + 1e-6), "{allocation:?}");
