@@ -1,4 +1,4 @@
-//! What the filters that use dynamics know of the body.
+//! Model of the body for the filters that use dynamics.
 
 use crate::parameters::ParameterError;
 use nalgebra::{Matrix3, Vector3};
@@ -16,7 +16,7 @@ pub struct BodyModel {
     pub inertia_relative_sigma: f64,
     /// White torque noise [N m/sqrt(Hz)].
     pub torque_noise_n_m_sqrt_hz: f64,
-    /// Torque that the model lacks, fixed in the body, at the start [N m].
+    /// Initial unmodelled torque, fixed in the body [N m].
     pub torque_sigma_n_m: f64,
     /// How fast it wanders [N m/sqrt(s)].
     pub torque_walk_n_m_sqrt_s: f64,
@@ -30,7 +30,7 @@ pub struct BodyModel {
     pub accelerometer_bias_sigma_m_s2: f64,
     /// Its random walk [m/s^2/sqrt(s)].
     pub accelerometer_bias_walk_m_s2_sqrt_s: f64,
-    /// Error of the rate at the start [rad/s].
+    /// Initial error of the rate [rad/s].
     pub rate_sigma_rad_s: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Is a filter as good as it says? NEES, NIS and their chi-squared bands.
+//! Does the error of a filter match its covariance? NEES, NIS and their chi-squared bands.
 //!
 //! Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation*, Wiley, 2001, section 5.4.

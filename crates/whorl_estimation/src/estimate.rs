@@ -1,4 +1,4 @@
-//! What the filter tells the world.
+//! The estimate that the filter publishes.
 
 use nalgebra::{Matrix6, UnitQuaternion, Vector3};
 

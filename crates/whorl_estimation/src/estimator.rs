@@ -12,7 +12,7 @@ use nalgebra::{Matrix6, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::rotation_vector;
 
-/// Wheel speeds older than this are of no use to a filter that needs them \[s\].
+/// Wheel speeds older than this are not used \[s\].
 const WHEELS_MAX_AGE_S: f64 = 0.1;
 
 /// A kernel that differs from the supervising filter by more than this many standard deviations (of both
@@ -21,7 +21,7 @@ const DISAGREEMENT_SIGMAS: f64 = 8.0;
 /// ... for so many samples starts anew from it.
 const DISAGREEMENT_SAMPLES: u32 = 200;
 
-/// Why an estimator cannot be made.
+/// Why an estimator cannot be built.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum EstimatorError {
     /// A parameter is outside its range.
@@ -73,7 +73,7 @@ impl<K: Kernel> Estimator<K> {
     /// An estimator that starts from a known attitude; see [`AttitudeBiasEstimator::with_attitude`].
     ///
     /// # Errors
-    /// As [`Self::new`], and a covariance that is none.
+    /// As [`Self::new`], and an invalid covariance.
     pub fn with_attitude(
         kind: FilterKind<K>,
         parameters: Parameters,
@@ -275,8 +275,8 @@ impl<K: Kernel> Estimator<K> {
         self.disagreements = 0;
     }
 
-    /// A filter with gates of its own has a better idea of the motion than the supervising one: only what is no
-    /// measurement is kept from it.
+    /// A filter with gates of its own models the motion better than the supervising one: only samples that are not
+    /// measurements at all are kept from it.
     fn ungated_step(&mut self, sample: &ImuSample, outcome: &ImuOutcome) {
         let broken = |outcome: &SampleOutcome| {
             matches!(
@@ -309,7 +309,7 @@ impl<K: Kernel> Estimator<K> {
         }
     }
 
-    /// Drops a kernel that lost its way; it starts anew with the next sample.
+    /// Drops a diverged kernel; it restarts with the next sample.
     fn supervise(&mut self) {
         let Some(kernel) = &self.kernel else { return };
         let solution = kernel.solution();

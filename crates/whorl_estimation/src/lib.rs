@@ -2,7 +2,7 @@
 //!
 //! [`AttitudeBiasEstimator`] is the attitude-error / gyro-bias filter of J. L. Schwartz, *The Distributed
 //! Spacecraft Attitude Control System Simulator*, Virginia Tech, 2004, section 4.5.4, as a pure,
-//! allocation-free state machine with all that keeps a filter right in operation (`supervision`): gates, start, late
+//! allocation-free state machine with everything that keeps a filter reliable in operation (`supervision`): gates, start, late
 //! samples, restarts, health. [`Estimator`] runs any other algorithm ([`kernels`]) beside it, on the samples that it
 //! accepted. [`consistency`] judges any filter (NEES, NIS and their
 //! chi-squared bands), and [`steady_state`] gives the accuracy that an optimal filter reaches.

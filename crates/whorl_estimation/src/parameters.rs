@@ -1,4 +1,4 @@
-//! What the filter must know about its sensors, checked once.
+//! Parameters of the sensors, checked once.
 
 use nalgebra::{Unit, Vector3};
 use thiserror::Error;
@@ -92,13 +92,13 @@ pub struct Parameters {
     pub start_window_s: f64,
     /// How much longer the start waits for a first vector sample \[s\].
     pub start_vector_wait_s: f64,
-    /// Azimuth of body x at the start when no vector is there \[rad\].
+    /// Initial azimuth of body x without a vector sample \[rad\].
     pub initial_heading_rad: f64,
     /// Its standard deviation \[rad\].
     pub initial_heading_sigma_rad: f64,
     /// Turn-on bias, standard deviation \[rad/s\].
     pub initial_bias_sigma_rad_s: f64,
-    /// When the start looks still: how still "still" is, standard deviation \[rad/s\]. The bias then
+    /// Rate below which the start counts as still, standard deviation \[rad/s\]. The bias then
     /// starts from the mean rate. `None`: never assume it.
     pub still_rate_sigma_rad_s: Option<f64>,
     /// Probability of refusing a good measurement as an outlier.
@@ -113,7 +113,7 @@ pub struct Parameters {
     pub accelerometer_range_m_s2: f64,
     /// A specific force whose length differs from gravity by more is refused \[m/s^2\].
     pub gravity_tolerance_m_s2: f64,
-    /// So many identical samples in a row mean a frozen sensor; 0: no check.
+    /// This many identical consecutive samples mean a frozen sensor; 0: no check.
     pub frozen_samples: u32,
     /// A gap between IMU samples beyond this adds uncertainty \[s\].
     pub imu_gap_s: f64,

@@ -1,4 +1,4 @@
-//! What every filter must do, as functions that a test calls with its filter: converge from any attitude, follow a wheel,
+//! Requirements on every filter, as functions that a test calls with its filter: converge from any attitude, follow a wheel,
 //! be consistent. Truth and sensors share no code with the filters.
 
 #![expect(clippy::expect_used, reason = "a test stops at a broken precondition")]
@@ -44,7 +44,7 @@ pub(crate) fn drive<K: Kernel>(
     }
 }
 
-/// A body with wheels of which nothing is heard stops only a filter that computes with them.
+/// Missing wheel speeds stop only a filter that needs them.
 pub fn waits_for_wheels_only_if_needed<K: Kernel>(kind: FilterKind<K>) {
     let parameters = parameters();
     let mut simulation = Simulation::new(Motion::still(), &parameters, 3);
@@ -57,7 +57,7 @@ pub fn waits_for_wheels_only_if_needed<K: Kernel>(kind: FilterKind<K>) {
     assert_eq!(estimator.chosen_filter_runs(), !kind.needs_body, "{}", kind.name);
 }
 
-/// A body that follows no law (the motion is prescribed): the torque is as good as unknown.
+/// A body whose motion is prescribed, so that its torque is practically unknown.
 fn puppet() -> BodyModel {
     let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
     let mut body = BodyModel::new(inertia, Vector3::zeros());

@@ -1,4 +1,4 @@
-//! What the filters with attitude and gyro bias share: the mean, and the conversion of covariances.
+//! Common to the filters with attitude and gyro bias: the mean, and the conversion of covariances.
 
 use super::kernel::{FilterStep, Solution};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
@@ -81,7 +81,7 @@ pub(super) fn process_noise(
 mod tests {
     use super::*;
 
-    /// A constant rate is turned through, a bias of the gyro taken off.
+    /// A constant rate is integrated with the gyro bias removed.
     #[test]
     fn the_mean_turn_takes_off_the_bias() {
         let step = FilterStep {

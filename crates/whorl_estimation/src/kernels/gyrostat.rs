@@ -1,4 +1,4 @@
-//! Attitude-error / momentum filter of a gyrostat: everything that the platform knows.
+//! Attitude-error / momentum filter of a gyrostat: it uses all measurements and the model of the platform.
 //!
 //! The filter of J. L. Schwartz's section 4.5.3 (eqs. 4.61-4.68) carried over to momentum wheels, which
 //! the dissertation leaves open ("we must derive a new filter using the gyrostat equations"). Two
@@ -9,8 +9,8 @@
 //!   gyroscopic term, a wheel's torque and friction drop out, and `omega = I^-1 (R^T H - h)` is an output;
 //! - the attitude error is a rotation vector in world axes, `R_true = exp(delta) R`, as in [`crate::AttitudeBiasEstimator`].
 //!
-//! What the model does not know is a state: gyro bias b, a torque d fixed in the body (balance, leaks), and
-//! the accelerometer's bias c, which the vector sensor and turns of the platform bring to light. The accelerometer
+//! Model errors are states: gyro bias b, a torque d fixed in the body (balance, leaks), and
+//! the accelerometer's bias c, which the vector sensor and rotations of the platform make observable. The accelerometer
 //! is used as in eq. (4.40) with the model's own angular acceleration.
 
 use super::kernel::{FilterStep, Kernel, Solution, Update};
@@ -159,7 +159,7 @@ impl GyrostatFilter {
     /// One scalar measurement `z = h . error + noise`; returns its normalised innovation squared.
     fn update_scalar(&mut self, h: &Row, on: &Row, z: f64, variance: f64, correction: &mut Row) -> f64 {
         let s = h.dot(on) + variance;
-        // Of several scalars of one sample, the later ones meet what the earlier ones corrected.
+        // The later scalars of a sample are applied to the estimate corrected by the earlier ones.
         let z = z - h.dot(correction);
         let gain = correct_scalar(&mut self.covariance, on, s);
         *correction += gain * z;
@@ -282,7 +282,7 @@ impl GyrostatFilter {
         Some(filter)
     }
 
-    /// Torque that the model lacks, body axes [N m].
+    /// Unmodelled torque, body axes [N m].
     #[must_use]
     pub fn torque_b_n_m(&self) -> Vector3<f64> {
         self.torque_b_n_m

@@ -7,8 +7,8 @@
 //!
 //! `delta' = -beta`, `beta' = (R omega) x beta`
 //!
-//! depend on the estimate only through the measured rate. The output is linearised at the mean of what is measured and
-//! what is predicted, which makes its error of third order; the correction goes through the group's exponential.
+//! depend on the estimate only through the measured rate. The output is linearised at the mean of measurement and
+//! prediction, which makes its error of third order; the correction goes through the group's exponential.
 
 use super::bias_state::{BiasState, process_noise, transformed};
 use super::kernel::{FilterStep, Kernel, Solution, Update, correct_three_components};

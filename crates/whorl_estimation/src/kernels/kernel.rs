@@ -1,12 +1,12 @@
-//! What a filter algorithm is: it steps with a good sample, corrects with a direction, and knows nothing of gates,
-//! lateness, restarts or health.
+//! A filter algorithm steps with a good sample and corrects with a direction. Gates, late samples, restarts and health
+//! are the business of the supervision.
 
 use crate::body::BodyModel;
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use whorl_math::covariance;
 
-/// One accepted inertial sample, and what acted on the body since the one before.
+/// One accepted inertial sample, and what acted on the body since the previous one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterStep {
     /// Time since the previous sample \[s\], above zero.
@@ -23,7 +23,7 @@ pub struct FilterStep {
     pub jet_impulse_b_n_m_s: Vector3<f64>,
 }
 
-/// What a kernel starts from, and what it says.
+/// The estimate that a kernel starts from and returns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
     /// Attitude.
@@ -38,7 +38,7 @@ pub struct Solution {
     pub wheel_momentum_b_n_m_s: Vector3<f64>,
 }
 
-/// All that a kernel may be started with.
+/// All inputs that a kernel may start with.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelStart<'a> {
     /// Sensors and gravity.
@@ -54,7 +54,7 @@ pub struct KernelStart<'a> {
 pub struct Update {
     /// Normalised innovation squared.
     pub nis: f64,
-    /// Its degrees of freedom; 0: there was no measurement.
+    /// Its degrees of freedom; 0 without a measurement.
     pub dof: u8,
 }
 
@@ -69,7 +69,7 @@ pub trait Kernel {
         false
     }
 
-    /// Corrects with a direction measured in the present body axes; `variance` is per axis across it \[rad^2\].
+    /// Corrects with a direction measured in the current body axes; `variance` is per axis across it \[rad^2\].
     fn correct_direction(
         &mut self,
         direction_b: &Unit<Vector3<f64>>,
@@ -81,7 +81,7 @@ pub trait Kernel {
     /// ([`crate::FilterKind::own_gates`]).
     fn take_raw_vector(&mut self, _vector_b: &Vector3<f64>) {}
 
-    /// The present estimate.
+    /// The current estimate.
     fn solution(&self) -> Solution;
 }
 

@@ -28,9 +28,9 @@ pub struct FilterKind<K = AnyKernel> {
     pub name: &'static str,
     /// Whether it needs a [`crate::BodyModel`].
     pub needs_body: bool,
-    /// Whether it judges its samples itself: then only what is no measurement at all is kept from it.
+    /// Whether it gates its samples itself: then only samples that are not measurements at all are kept from it.
     pub own_gates: bool,
-    /// Starts its kernel; `None`: it is the supervising filter itself.
+    /// Starts its kernel; `None` for the supervising filter itself.
     pub start: Option<fn(&KernelStart<'_>) -> Option<K>>,
 }
 
@@ -129,7 +129,7 @@ impl FilterKind {
         start: Some(|s| Some(AnyKernel::FreeMotion(FreeMotionKernel::new(s.parameters, s.solution)))),
     };
 
-    /// All that can be chosen.
+    /// All filters that can be chosen.
     pub const ALL: [Self; 6] = [
         Self::ATTITUDE_BIAS,
         Self::GYROSTAT,
@@ -152,7 +152,7 @@ impl Default for FilterKind {
     }
 }
 
-// Derived, these would ask the same of the kernel.
+// Deriving these would require the same traits of the kernel.
 impl<K> Clone for FilterKind<K> {
     fn clone(&self) -> Self {
         *self

@@ -22,7 +22,7 @@ pub(crate) struct GravityWindow {
     force: Vector3<f64>,
     /// The latest specific force \[m/s^2\].
     latest_force: Vector3<f64>,
-    /// Integral of the rotation matrix since the begin \[s\]: what a bias error has turned.
+    /// Integral of the rotation matrix since the beginning \[s\]: the sensitivity of the rotation to a bias error.
     lever: Matrix3<f64>,
     /// Integral of `lever` \[s^2\].
     lever_integral: Matrix3<f64>,
@@ -109,7 +109,7 @@ impl GravityWindow {
         self.velocity_begin = turn * (self.velocity_begin - begin_change);
     }
 
-    /// The carried frame is another one from now on.
+    /// Changes to another carried frame.
     pub(crate) fn change_frame(&mut self, turn: &Matrix3<f64>) {
         self.force = turn * self.force;
         self.latest_force = turn * self.latest_force;
@@ -120,7 +120,7 @@ impl GravityWindow {
     }
 
     /// Mean specific force without its lever-arm part, carried frame \[m/s^2\]; `rotation` and
-    /// `omega` are those of now. Zero if nothing was added.
+    /// `omega` are the current ones. Zero if nothing was added.
     pub(crate) fn mean_force(
         &self,
         rotation: &Matrix3<f64>,
@@ -149,7 +149,7 @@ impl GravityWindow {
         let (span_s, count) = (self.elapsed_s, f64::from(self.intervals));
         let scale = 1.0 / (gravity * span_s);
 
-        // The mean error over the window is that of now, less what the bias turned since.
+        // The mean error over the window is the current one, less the rotation by the bias error since then.
         let since = self.lever - self.lever_integral / span_s;
         let mut bias = since.fixed_rows::<2>(0).transpose();
         let noise_m_s2 = parameters.accelerometer_noise_m_s2.powi(2) / count

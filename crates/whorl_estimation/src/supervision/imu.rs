@@ -74,7 +74,7 @@ impl AttitudeBiasEstimator {
             *event = Some(FilterEvent::RestartedAfterGap);
             return;
         } else if dt_s > self.parameters.imu_gap_s {
-            // What a rate that wandered between the samples may have turned.
+            // Rotation by a rate that may have wandered between the samples.
             let lost = 0.25 * self.parameters.gap_acceleration_rad_s2 * dt_s * dt_s;
             noise += lost * lost / dt_s;
         }
@@ -214,7 +214,7 @@ impl AttitudeBiasEstimator {
     }
 }
 
-/// Adds a sample to a window, or begins one.
+/// Adds a sample to a window, or starts one.
 fn extend(
     window: &mut Option<GravityWindow>,
     parameters: &Parameters,

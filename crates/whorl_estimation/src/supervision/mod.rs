@@ -31,7 +31,7 @@ const COARSE_HEADING_VARIANCE: f64 = 0.1;
 /// Heading variance of "unknown" \[rad^2\]: a uniform angle has pi^2/3; some margin.
 const UNKNOWN_HEADING_VARIANCE: f64 = 4.0;
 
-/// So many stamps in a row before the newest one mean that the clock was set back.
+/// This many consecutive stamps before the newest one mean that the clock was set back.
 const CLOCK_STEP_SAMPLES: u32 = 20;
 
 /// One sample of the inertial unit.
@@ -49,8 +49,8 @@ pub struct ImuSample {
 ///
 /// The filter of the dissertation's section 4.5.4 (eqs. 4.69-4.72): the gyro drives the
 /// attitude, its bias is a state, the accelerometer keeps its lever-arm terms (as a difference of
-/// velocities over a window, so that no rate is differentiated). Three things
-/// differ from the printed one:
+/// velocities over a window, so that no rate is differentiated). It differs from the
+/// printed one in three ways:
 ///
 /// - the attitude error is a rotation vector in world axes instead of a Gibbs vector in body
 ///   axes (equal to first order). Its transition and its sensitivities then do not depend on the
@@ -70,7 +70,7 @@ pub struct AttitudeBiasEstimator {
     start: Option<Start>,
     previous: Option<PreviousImu>,
     state: AttitudeBias,
-    /// The running average of the specific force; `None` until a good sample begins it.
+    /// The running average of the specific force; `None` until a good sample starts it.
     gravity: Option<GravityWindow>,
     /// The latest propagation interval, for the accelerometer half of the sample.
     interval: Interval,
@@ -99,7 +99,7 @@ struct PreviousImu {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Interval {
     dt_s: f64,
-    /// Rotation matrix, mean of begin and end.
+    /// Rotation matrix, mean of the start and the end of the step.
     mean_rotation: Matrix3<f64>,
 }
 
@@ -108,7 +108,7 @@ struct Interval {
 struct Constants {
     gyro_noise_density: f64,
     bias_walk_density: f64,
-    /// Nothing but gravity acts on the accelerometer: every sample is a measurement of its own.
+    /// Only gravity acts on the accelerometer: every sample is a separate measurement.
     every_sample: bool,
     gate_one: f64,
     gate_two: f64,

@@ -1,4 +1,4 @@
-//! Bookkeeping per sensor: frozen values, counts, average NIS, outliers without a break.
+//! Bookkeeping per sensor: frozen values, counts, average NIS, consecutive outliers.
 
 use super::outcome::{Rejection, RejectionCounts, SampleOutcome};
 use crate::kernels::attitude_bias::covariance::{Correction, Outlier};
@@ -65,7 +65,7 @@ impl Default for SensorMonitor {
 }
 
 impl SensorMonitor {
-    /// Books an update; true: outliers lasted for `recovery_s`, the estimate must give in.
+    /// Books an update; true: outliers lasted for `recovery_s`, so the estimate must be reset.
     pub(crate) fn record(
         &mut self,
         result: &Result<Correction, Outlier>,

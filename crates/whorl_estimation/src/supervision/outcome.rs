@@ -1,4 +1,4 @@
-//! What became of a sample, and how often.
+//! Outcomes of samples, and their counts.
 
 use nalgebra::{Unit, Vector3};
 use std::fmt;
@@ -75,7 +75,7 @@ impl fmt::Display for Rejection {
     }
 }
 
-/// What became of one sensor's sample.
+/// Outcome of one sensor's sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SampleOutcome {
     /// It corrected or propagated the estimate.
@@ -112,16 +112,16 @@ pub struct ImuOutcome {
     pub event: Option<FilterEvent>,
 }
 
-/// A direction that corrected the estimate, for a filter that runs beside.
+/// A direction that corrected the estimate, for a filter that runs in parallel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UsedDirection {
-    /// Present body axes.
+    /// Current body axes.
     pub(crate) direction_b: Unit<Vector3<f64>>,
     /// Variance about each axis across it \[rad^2\].
     pub(crate) variance: f64,
 }
 
-/// What one inertial sample gives a filter that runs beside.
+/// What a filter that runs in parallel takes from one inertial sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct UsedSample {
     /// Time since the sample before \[s\].
@@ -132,7 +132,7 @@ pub(crate) struct UsedSample {
     pub(crate) vector: Option<UsedDirection>,
 }
 
-/// Things worth a line in the log.
+/// Events worth logging.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilterEvent {
     /// The first attitude was found, with gravity and the vector sensor.

@@ -110,7 +110,7 @@ impl Start {
         self.rate_count += 1;
     }
 
-    /// The gravity window, whose first sample starts the averages anew.
+    /// The gravity window, whose first sample restarts the averages.
     pub(crate) fn gravity_mut(&mut self) -> &mut Option<GravityWindow> {
         &mut self.gravity
     }
@@ -178,7 +178,7 @@ impl Start {
         let mut turned = gravity.clone();
         turned.change_frame(first.q_world_carried.to_rotation_matrix().matrix());
         let rotation = *(first.q_world_carried * carried.q_carried_body).to_rotation_matrix().matrix();
-        // Nothing is known of the attitude at the begin: the growth within the window is no part
+        // The initial attitude is unknown, so the growth within the window is not part
         // of the covariance set up here.
         let mut vertical = turned.vertical(&rotation, &carried.omega, parameters);
         vertical.lag_variance = 0.0;
@@ -222,7 +222,7 @@ impl Start {
                     lag_variance: 0.0,
                     corrects: Vector3::z(),
                 };
-                // The heading was taken from this very average: there is nothing to gate.
+                // The heading was taken from this average, so there is nothing to gate.
                 first.covariance.update_scalar(&measurement, f64::INFINITY)
             }
             VectorUse::Direction => {
@@ -234,7 +234,7 @@ impl Start {
                     noise: Matrix2::identity() * variance,
                     lag_variance: 0.0,
                 };
-                // The angle between the two directions must be that of the world.
+                // The angle between the two directions must be the one in the world.
                 let gate = -2.0 * parameters.outlier_probability.ln();
                 first.covariance.update(&measurement, gate)
             }

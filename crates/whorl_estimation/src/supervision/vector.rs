@@ -60,7 +60,7 @@ impl AttitudeBiasEstimator {
             self.vector.samples.accept(stamp_ns);
             return (SampleOutcome::Collected, None);
         }
-        // What the bias error turned since: delta(then) = delta(now) + R age bias_error.
+        // Rotation by the bias error since then: delta(then) = delta(now) + R age bias_error.
         let age_s = seconds(imu.stamp_ns, stamp_ns);
         let now_b = self.state.q_inertial_body.inverse() * (q_inertial_then * direction_b.into_inner());
         let variance = vector.noise_rad * vector.noise_rad + self.constants.gyro_noise_density * age_s;

@@ -162,7 +162,7 @@ fn settles_at_the_riccati_optimum_in_a_spin() {
     }
 }
 
-/// The error itself, not only what the filter says of it: root mean square over time.
+/// The actual error, not only the covariance: root mean square over time.
 #[test]
 fn errors_are_as_small_as_promised() {
     let parameters = Parameters::motion_pak_ii().with_vector(Vector3::x_axis());

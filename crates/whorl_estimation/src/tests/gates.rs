@@ -184,7 +184,7 @@ fn bad_vector_samples_are_refused() {
     assert_eq!(refused(early.on_vector(0, &good)), Some(Rejection::TooEarly));
 }
 
-/// A late sample of a fast turn meets the attitude of its own time; an early one waits.
+/// A late sample during a fast turn is compared with the attitude at its stamp; an early one waits.
 #[test]
 fn late_and_early_vector_samples_are_used_at_their_own_time() {
     let mut parameters = Parameters::motion_pak_ii().with_vector(Vector3::x_axis());
@@ -221,7 +221,7 @@ fn late_and_early_vector_samples_are_used_at_their_own_time() {
     assert!(error[2].abs().to_degrees() < 0.05, "{}", error[2].to_degrees());
 }
 
-/// Anything at all goes in; nothing but finite numbers comes out, without a panic.
+/// Any input gives finite numbers and no panic.
 #[test]
 fn survives_random_garbage() {
     let (mut filter, mut simulation) = running();

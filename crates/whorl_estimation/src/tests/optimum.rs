@@ -57,7 +57,7 @@ fn optimum(
     mean
 }
 
-/// F and Q of the attitude and bias error in body axes (eq. 4.70, exact for a constant rate but for the bias's small turn).
+/// F and Q of the attitude and bias error in body axes (eq. 4.70, exact for a constant rate except for the small rotation by the bias).
 fn bias_process(parameters: &Parameters, omega: &Vector3<f64>) -> (Matrix6<f64>, Matrix6<f64>) {
     let turn = |dt: f64| *quaternion_exp(&(omega * -dt)).to_rotation_matrix().matrix();
     let mut f = Matrix6::identity();

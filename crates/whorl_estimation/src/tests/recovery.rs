@@ -23,7 +23,7 @@ fn error_deg(simulation: &Simulation, filter: &AttitudeBiasEstimator) -> f64 {
     simulation.error(&estimate).fixed_rows::<3>(0).norm().to_degrees()
 }
 
-/// A filter told an attitude that is wrong by `angle` about `axis` (world), with that uncertainty.
+/// A filter started with an attitude that is wrong by `angle` about `axis` (world), with that uncertainty.
 fn misled(simulation: &mut Simulation, axis: Vector3<f64>, angle: f64, sigma: f64) -> AttitudeBiasEstimator {
     let parameters = parameters();
     simulation.imu(&parameters);

@@ -50,7 +50,7 @@ pub(crate) struct ScalarMeasurement {
     pub(crate) corrects: Vector3<f64>,
 }
 
-/// What an update asks of the estimate.
+/// The correction that an update makes.
 pub(crate) struct Correction {
     /// Rotation, world axes \[rad\].
     pub(crate) attitude_rad: Vector3<f64>,
@@ -155,7 +155,7 @@ impl Covariance {
         self.full(&attitude, &rotation.tr_mul(&self.cross))
     }
 
-    /// Forgets the heading, and all that was correlated with it.
+    /// Forgets the heading and all correlations with it.
     pub(crate) fn forget_heading(&mut self, variance: f64) {
         for axis in 0..3 {
             self.attitude[(2, axis)] = 0.0;
@@ -172,7 +172,7 @@ impl Covariance {
         lag_variance.min(0.9 * p.m11.min(p.m22).min(p.m33))
     }
 
-    /// What a correction with this gain leaves: see [`covariance::correct`].
+    /// Covariance after a correction with this gain: see [`covariance::correct`].
     fn correct<const M: usize>(
         &mut self,
         gain: &SMatrix<f64, 6, M>,

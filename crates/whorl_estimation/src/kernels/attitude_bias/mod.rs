@@ -22,7 +22,7 @@ pub(crate) struct AttitudeBias {
 }
 
 impl AttitudeBias {
-    /// Nothing is known but how large a bias may be \[rad^2/s^2\].
+    /// Nothing is known except how large a bias may be \[rad^2/s^2\].
     pub(crate) fn unknown(bias_variance: f64) -> Self {
         Self {
             q_world_inertial: UnitQuaternion::identity(),
@@ -80,7 +80,7 @@ impl AttitudeBias {
         self.update_rotation();
     }
 
-    /// The first attitude: how the world lies to what was carried as the world until now.
+    /// The first attitude: rotation of the world relative to the frame carried as the world so far.
     pub(crate) fn begin(
         &mut self,
         q_world_carried: &UnitQuaternion<f64>,
