@@ -40,7 +40,7 @@ impl FreeMotionFilter {
         if self.heading_is_lost(azimuth * north) {
             self.forget_heading();
         }
-        // Neither inclination nor motion nor gyro bias learn from the field.
+        // The field corrects neither inclination nor motion nor gyro bias.
         let mut mask = Row::zeros();
         mask[ATTITUDE + 2] = 1.0;
         mask.fixed_rows_mut::<6>(FIELD).fill(1.0);
@@ -59,8 +59,8 @@ impl FreeMotionFilter {
         self.notice_another_place();
     }
 
-    /// Where the north and up components are others, the east component is another one as well: its variance grows by
-    /// what they have changed.
+    /// Where the north and up components have changed, the east component has changed as well: its variance grows by
+    /// their change.
     fn notice_another_place(&mut self) {
         let p = &self.parameters;
         let here = Vector2::new(self.field_relative.y, self.field_relative.z);
@@ -87,7 +87,7 @@ impl FreeMotionFilter {
             + p.disagreement_gain * self.inhomogeneity.max(moved)
     }
 
-    /// A heading and a field that were found otherwise: `azimuth_rad` is that of north in axes that only the gyro's error
+    /// Sets a heading and a field found by other means: `azimuth_rad` is that of north in axes that only the gyro's error
     /// turns, `sigma_rad` its standard deviation. The field is given at the start, and here.
     pub(super) fn restart_field(
         &mut self,
@@ -116,7 +116,7 @@ impl FreeMotionFilter {
         }
     }
 
-    /// Turns the heading without a doubt.
+    /// Turns the heading and leaves its uncertainty unchanged.
     pub(super) fn turn_heading(&mut self, angle_rad: f64) {
         self.q_world_body = rotation_about_z(angle_rad) * self.q_world_body;
         self.velocity_w_m_s = rotation_about_z(angle_rad) * self.velocity_w_m_s;
@@ -125,7 +125,7 @@ impl FreeMotionFilter {
     }
 
     /// Whether the field has pointed elsewhere for longer and by more than its inhomogeneity explains: then the heading
-    /// is wrong, and the covariance does not know.
+    /// is wrong, and the covariance does not show it.
     fn heading_is_lost(&mut self, east: f64) -> bool {
         let p = &self.parameters;
         if !self.rest.resting(p) {
@@ -135,7 +135,7 @@ impl FreeMotionFilter {
         self.east_mean.powi(2) > LOST_HEADING_SIGMAS.powi(2) * explained
     }
 
-    /// The heading, and the field's east component, start anew.
+    /// Restarts the heading and the field's east component.
     pub(super) fn forget_heading(&mut self) {
         self.east_mean = 0.0;
         for state in [ATTITUDE + 2, FIELD] {

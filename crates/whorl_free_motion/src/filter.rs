@@ -11,10 +11,10 @@ use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_e
 
 /// The covariance is carried in steps of at least this \[s\].
 const COVARIANCE_STEP_S: f64 = 0.01;
-/// A longer gap between samples starts anew \[s\].
+/// A longer gap between samples restarts the filter \[s\].
 const GAP_S: f64 = 1.0;
 
-/// What the filter says.
+/// The estimate of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeMotionEstimate {
     /// Attitude: x east, y magnetic north, z up.
@@ -41,7 +41,7 @@ pub(super) struct Start {
     /// Sum in the same axes, in the unit of the magnetometer.
     field: Vector3<f64>,
     fields: u32,
-    /// Present sensor axes in those of the start.
+    /// Current sensor axes relative to the initial ones.
     q: UnitQuaternion<f64>,
 }
 
@@ -103,7 +103,7 @@ pub struct FreeMotionFilter {
     pub(super) begin: Option<Vector2<f64>>,
     /// North and up component of the field where its changes are counted from, and for how long \[s\].
     pub(super) place: Option<(Vector2<f64>, f64)>,
-    /// Variance that the east component was given for them.
+    /// Variance added to the east component for these changes.
     pub(super) place_variance: f64,
 }
 
@@ -186,7 +186,7 @@ impl FreeMotionFilter {
         }
     }
 
-    /// One sample of the magnetometer, sensor axes, any unit; taken to be of the time of the latest inertial sample.
+    /// One sample of the magnetometer, sensor axes, any unit; taken at the time of the latest inertial sample.
     /// Gives the rotation of sensor axes into axes that only the gyro's error turns about the vertical, if the sample
     /// was used.
     pub fn on_magnetometer(&mut self, field: &Vector3<f64>) -> Option<Matrix3<f64>> {
@@ -269,7 +269,7 @@ impl FreeMotionFilter {
             self.field_relative = Vector3::new(0.0, world.x.hypot(world.y), world.z);
             self.begin = Some(Vector2::new(self.field_relative.y, self.field_relative.z));
             let north = self.field_relative.y;
-            // What iron takes from or gives to the field is in these components too.
+            // These components include the field of the iron.
             variance[FIELD] = (p.start_east_sigma * north).powi(2);
             variance[FIELD + 1] = (p.iron_sigma + p.field_east_sigma * north).powi(2);
             variance[FIELD + 2] = variance[FIELD + 1];
@@ -325,7 +325,7 @@ impl FreeMotionFilter {
         set(GYRO_BIAS, p.gyro_bias_walk_rad_s_sqrt_s.powi(2) * dt_s);
         set(FORCE_BIAS, p.accelerometer_bias_walk_m_s2_sqrt_s.powi(2) * dt_s);
         let mut east_left = 1.0;
-        // The field changes with the place: at rest not at all.
+        // The field changes with position, so it is constant at rest.
         if !self.rest.resting(p) {
             set(POSITION, p.position_walk_m_sqrt_s.powi(2) * dt_s);
             set(FIELD, p.field_walk_per_sqrt_s.powi(2) * dt_s);

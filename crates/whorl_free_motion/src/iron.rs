@@ -11,7 +11,7 @@ const FIELD_WALK_PER_SQRT_S: f64 = 0.01;
 const SAME_DEVIATION_S: f64 = 0.5;
 /// The mean square deviation is taken over \[s\].
 const DEVIATION_S: f64 = 5.0;
-/// A magnet is believed when it is so many standard deviations ...
+/// A magnet is accepted when its field is this many standard deviations ...
 const BELIEVED_SIGMAS: f64 = 7.0;
 /// ... and larger than this, relative to the field of the surroundings \[1\], ...
 const BELIEVED_SIZE: f64 = 0.06;
@@ -49,7 +49,7 @@ impl IronEstimator {
         estimator
     }
 
-    /// The axes of the surroundings are new ones.
+    /// Changes to new axes of the surroundings.
     pub(super) fn forget_surroundings(&mut self) {
         for n in 0..3 {
             self.covariance.fill_row(n, 0.0);
@@ -78,7 +78,7 @@ impl IronEstimator {
         h.fixed_view_mut::<3, 3>(0, 3).copy_from(rotation);
         let innovation = rotation * measured - h * self.state;
         let spread = h * self.covariance * h.transpose();
-        // What the state's own uncertainty explains is no deviation.
+        // The part explained by the uncertainty of the state does not count as a deviation.
         let excess = (innovation.norm_squared() - spread.trace()).max(0.0) / 3.0;
         self.deviation += (excess - self.deviation) * (interval_s / DEVIATION_S).min(1.0);
         let places = 1.0 + 2.0 * SAME_DEVIATION_S / interval_s.max(1e-3);
@@ -96,7 +96,7 @@ impl IronEstimator {
         self.state.fixed_rows::<3>(3).into_owned()
     }
 
-    /// The present field of the surroundings.
+    /// The current field of the surroundings.
     pub(super) fn surroundings(&self) -> Vector3<f64> {
         self.state.fixed_rows::<3>(0).into_owned()
     }

@@ -2,16 +2,16 @@
 //!
 //! An air-bearing platform turns about a fixed point; a sensor in a hand, on a limb or on a trolley does not, and
 //! its accelerometer shows its own acceleration beside gravity. [`FreeMotionFilter`] is an inertial navigation
-//! filter that knows four things about such motion:
+//! filter that uses four facts about such motion:
 //!
 //! - it stays in a room: the specific force is integrated to velocity and position in a frame that does not turn, and
-//!   what would carry the sensor away is an error of the inclination (Gauss-Markov motion, instead of a low-pass on
+//!   a drift away from the room shows an error of the inclination (Gauss-Markov motion, instead of a low-pass on
 //!   the vertical);
 //! - sometimes it rests: then gyro bias, velocity and the field's change are observed directly;
 //! - the magnetic field of a room is not uniform: the field's east component wanders as the sensor moves, and with it the
 //!   heading that the magnetometer shows. North is where the field points at the start. How much the components that do
 //!   not depend on the heading differ from those at the start says how far the east component may be trusted elsewhere.
-//! - iron and magnets on the sensor itself turn with it: their field is estimated and taken off the samples.
+//! - iron and magnets on the sensor itself turn with it: their field is estimated and subtracted from the samples.
 //!
 //! The attitude error is a rotation vector in world axes (x east, y magnetic north, z up).
 

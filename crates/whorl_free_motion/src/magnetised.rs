@@ -6,9 +6,9 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 
 /// The filter for a clean sensor, and beside it an estimator of iron on the sensor.
 ///
-/// A clean sensor must not doubt its field (the heading at the start would be lost); one with a magnet must. Which it is
-/// shows as soon as the sensor turns: a magnet turns with it, the world's field does not. Once the magnet is clear, its
-/// field is taken off the samples, and off those at the start, from which the heading is counted anew.
+/// A clean sensor must trust its field (the initial heading would be lost otherwise); one with a magnet must not. The two
+/// are distinguished as soon as the sensor turns: a magnet turns with it, the world's field does not. Once the magnet is found, its
+/// field is subtracted from all samples, the initial ones included, from which the heading is computed again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeMotionEstimator {
     filter: FreeMotionFilter,
@@ -40,7 +40,7 @@ impl FreeMotionEstimator {
     pub fn on_imu(&mut self, stamp_ns: i64, gyro_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>) {
         self.filter.on_imu(stamp_ns, gyro_rad_s, force_m_s2);
         if self.filter.start.is_some() && self.begin.take().is_some() {
-            // After a gap nothing is known of how the axes lie; the iron is still there.
+            // After a gap the orientation of the axes is unknown; the iron is still there.
             self.azimuth_rad = None;
             if let Some(iron) = &mut self.iron {
                 iron.forget_surroundings();
@@ -61,7 +61,7 @@ impl FreeMotionEstimator {
         self.count_heading_anew();
     }
 
-    /// Whether a magnet on the sensor is believed.
+    /// Whether a magnet on the sensor has been detected.
     #[must_use]
     pub fn is_magnetised(&self) -> bool {
         self.iron.as_ref().is_some_and(IronEstimator::believed)

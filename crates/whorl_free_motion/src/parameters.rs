@@ -1,4 +1,4 @@
-//! What is assumed of the motion, the sensors and the field.
+//! Assumptions about the motion, the sensors and the field.
 
 /// Parameters of [`super::FreeMotionFilter`]; all sigmas are standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +11,7 @@ pub struct FreeMotionParameters {
     pub gyro_scale_noise_sqrt_s: f64,
     /// Gyro scale and misalignment \[1\].
     pub gyro_matrix_sigma: f64,
-    /// Gyro bias at the start [rad/s].
+    /// Initial gyro bias [rad/s].
     pub gyro_bias_sigma_rad_s: f64,
     /// Its random walk [rad/s/sqrt(s)].
     pub gyro_bias_walk_rad_s_sqrt_s: f64,
@@ -19,7 +19,7 @@ pub struct FreeMotionParameters {
     pub accelerometer_noise_m_s2_sqrt_hz: f64,
     /// Further noise per acceleration of the sensor, for its scale [sqrt(s)].
     pub accelerometer_scale_noise_sqrt_s: f64,
-    /// Accelerometer bias at the start [m/s^2].
+    /// Initial accelerometer bias [m/s^2].
     pub accelerometer_bias_sigma_m_s2: f64,
     /// Its random walk [m/s^2/sqrt(s)].
     pub accelerometer_bias_walk_m_s2_sqrt_s: f64,
@@ -29,13 +29,13 @@ pub struct FreeMotionParameters {
     pub position_sigma_m: f64,
     /// How fast that middle wanders [m/sqrt(s)].
     pub position_walk_m_sqrt_s: f64,
-    /// After this time velocity and position are new ones \[s\].
+    /// Correlation time of velocity and position \[s\].
     pub motion_time_s: f64,
     /// East component of the field's inhomogeneity, relative to its horizontal length \[1\].
     pub field_east_sigma: f64,
     /// The same at the start, which says what north is \[1\].
     pub start_east_sigma: f64,
-    /// After this time in motion the inhomogeneity is another one \[s\].
+    /// Correlation time of the inhomogeneity, counted in motion \[s\].
     pub field_time_s: f64,
     /// How fast the field's north and up components wander in motion, relative to its length [1/sqrt(s)].
     pub field_walk_per_sqrt_s: f64,

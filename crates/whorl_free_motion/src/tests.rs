@@ -27,7 +27,7 @@ struct Conditions {
     magnet: Vector3<f64>,
     /// East component that the field gains while a magnet is near, from 40 s to 60 s.
     passing_magnet: f64,
-    /// What the field has more where the sensor moves than where it lay.
+    /// Additional field where the sensor moves, compared with where it lay.
     elsewhere: Vector3<f64>,
 }
 
@@ -232,7 +232,7 @@ fn transition_is_the_derivative_of_the_motion() {
     let (dt, steps) = (1e-3, 20);
     let gyro = |k: i32| Vector3::new(0.5, -1.0 + 0.01 * f64::from(k), 2.0);
     let force = |k: i32| Vector3::new(1.0, -2.0, 9.0 + 0.05 * f64::from(k));
-    // Strapdown with the error state applied at the begin; returns the end.
+    // Strapdown with the error state applied at the start; returns the end.
     let fly = |error: &Row| {
         let part = |at: usize| Vector3::from(error.fixed_rows::<3>(at));
         let matrix = Matrix3::from_row_iterator(error.fixed_rows::<9>(GYRO_MATRIX).iter().copied());
