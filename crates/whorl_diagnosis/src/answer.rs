@@ -253,7 +253,7 @@ impl Search<'_> {
         let adequacy = self.adequacy(&names, left, share);
         for row in &direct {
             remarks.push(format!(
-                "{}: the samples themselves show it: {}",
+                "{}: directly visible in the samples: {}",
                 row.effect,
                 row.parameters
                     .iter()
@@ -267,7 +267,7 @@ impl Search<'_> {
         let verdict = if contradiction.is_some() {
             direct.clear();
             remarks.push(
-                "accelerometer and vector sensor contradict the gyro whatever torques act: check the order, signs and units of the sensors' axes".to_owned(),
+                "accelerometer and vector sensor contradict the gyro regardless of the torques: check the order, signs and units of the sensors' axes".to_owned(),
             );
             Verdict::Unknown
         } else if !direct.is_empty() {
@@ -288,7 +288,7 @@ impl Search<'_> {
         };
         if !self.best.members.is_empty() && left > REAL_REST && !adequacy.unexplained {
             remarks.push(format!(
-                "a rest of {:.0} % of the excess is still above the noise",
+                "{:.0} % of the excess remains unexplained, above the noise",
                 100.0 * (1.0 - share)
             ));
         }

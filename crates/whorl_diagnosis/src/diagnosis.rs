@@ -1,11 +1,11 @@
-//! The answer, as people and programs read it.
+//! The result of a diagnosis.
 
 use serde::{Deserialize, Serialize};
 
-/// Version of the JSON form of [`Diagnosis`].
+/// Version of the JSON output of [`Diagnosis`].
 pub const SCHEMA: u32 = 2;
 
-/// How a diagnosis ends.
+/// The verdict of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -32,13 +32,13 @@ pub struct ParameterEstimate {
     pub estimate: f64,
     /// Standard deviation.
     pub stddev: f64,
-    /// The estimate lies at the end of the plausible range.
+    /// Whether the estimate lies at a bound of its plausible range.
     pub at_bound: bool,
-    /// The smallest value that these data would have shown clearly (five standard deviations).
+    /// The smallest value that these data would have revealed clearly (five standard deviations).
     pub smallest_detectable: f64,
 }
 
-/// One effect as an explanation of what the base model leaves.
+/// One effect as an explanation of the base model's residual.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Id in the catalogue.
@@ -49,24 +49,24 @@ pub struct Candidate {
     pub held_out_gain: f64,
     /// Share of the excess misfit that it explains alone.
     pub share_of_excess: f64,
-    /// Share of its signal that refitting the base parameters would swallow.
+    /// Share of its signal that is absorbed by refitting the base parameters.
     pub swallowed_by_base: f64,
     /// Drop of the whitened misfit that it brings, in units of noise variance.
     pub detectability: f64,
-    /// Effects that explain these data as well in its place.
+    /// Effects that explain these data equally well in its place.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub indistinguishable_from: Vec<String>,
     /// Its parameters.
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// What drives a torque, or an error of a sensor, that no effect of the catalogue explains.
+/// The driving variable of a torque or a sensor error that no effect of the catalogue explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unknown {
-    /// Recorded variable that it follows best: `time`, `yaw_rate`, `wheel_x_speed`, ...; `gyro_rate` for an error
+    /// Recorded variable that it correlates with best: `time`, `yaw_rate`, `wheel_x_speed`, ...; `gyro_rate` for an error
     /// of the gyro's readings.
     pub variable: String,
-    /// `body` or `world`: the frame in which the torque's axis stands still.
+    /// `body` or `world`: the frame in which the torque's axis is fixed.
     pub frame: String,
     /// Axis in that frame.
     pub axis: String,
@@ -78,10 +78,10 @@ pub struct Unknown {
     pub share: f64,
 }
 
-/// RMS of the whitened residual summed over stretches of 1 and 8 s, in times what noise gives.
+/// RMS of the whitened residual summed over stretches of 1 and 8 s, relative to noise alone.
 ///
-/// Where a slow torque is missing it grows with the length of the stretch: it is far more sensitive than an error of
-/// single samples, and no prediction error.
+/// If a slow torque is missing, it grows with the length of the stretch. It is far more sensitive than the error of
+/// single samples. It is not a prediction error.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SlowResidual {
     /// Base refitted, no effect added.
@@ -94,21 +94,21 @@ pub struct SlowResidual {
     pub held_out_after: Option<f64>,
 }
 
-/// What to do next.
+/// The recommended next run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextManoeuvre {
     /// In words.
     pub manoeuvre: String,
-    /// Log odds that it is expected to bring between the explanations that are left.
+    /// Expected log odds between the remaining explanations.
     pub expected_log_odds: f64,
 }
 
-/// The answer.
+/// The result of a diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
     /// [`SCHEMA`].
     pub schema: u32,
-    /// How it ends.
+    /// The verdict.
     pub verdict: Verdict,
     /// Best supported set, ids of the catalogue; empty if none.
     pub effects: Vec<String>,
@@ -116,7 +116,7 @@ pub struct Diagnosis {
     pub confounded_with: Vec<Vec<String>>,
     /// `torque`, `actuator`, `sensor` or `hidden_state`, of the first effect.
     pub kind: Option<String>,
-    /// What is known of an effect without a name.
+    /// Properties of an effect that is not in the catalogue.
     pub unknown: Option<Unknown>,
     /// Every effect of the catalogue that was tested, best first.
     pub candidates: Vec<Candidate>,
@@ -126,7 +126,7 @@ pub struct Diagnosis {
     pub odd_runs: Vec<String>,
     /// What to do next.
     pub next: Option<NextManoeuvre>,
-    /// What each missing channel costs, noise levels that differ from the model's, and other remarks,
+    /// Consequences of missing channels, noise levels that differ from the model's, and other remarks,
     /// one sentence each.
     #[serde(default)]
     pub remarks: Vec<String>,

@@ -1,20 +1,20 @@
-//! Why recordings cannot be explained.
+//! Why recordings cannot be diagnosed.
 
 use thiserror::Error;
 use whorl_dynamics::{EffectError, GyrostatError};
 use whorl_trajectory::Refusal;
 
-/// Why recordings cannot be explained, and what would help.
+/// Why recordings cannot be diagnosed, with advice.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum DiagnosisError {
-    /// None was given.
+    /// No recording was given.
     #[error("no recording was given; name at least one run")]
     NoRecording,
     /// The recording cannot be used.
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// Data of another platform.
-    #[error("{run}: {what}: these are data of another platform, or the model is; check --model")]
+    #[error("{run}: {what}: the data and the model belong to different platforms; check --model")]
     OtherPlatform {
         /// Name of the run.
         run: String,
@@ -27,16 +27,16 @@ pub enum DiagnosisError {
         /// The name given.
         id: String,
     },
-    /// The data ask for it with the wrong sign, or hold nothing that could show it.
-    #[error("{id} explains nothing in these recordings: its best size is zero, or its channels are missing")]
+    /// The data demand the wrong sign of the effect, or contain no information about it.
+    #[error("{id} explains nothing in these recordings: its estimate is zero, or its channels are missing")]
     NoEffect {
         /// The effect.
         id: String,
     },
-    /// The model cannot exist.
+    /// The model is not physical.
     #[error(transparent)]
     Model(#[from] GyrostatError),
-    /// An effect of the model cannot exist.
+    /// An effect of the model is not physical.
     #[error(transparent)]
     Effect(#[from] EffectError),
     /// Numerical trouble.

@@ -119,7 +119,7 @@ impl Search<'_> {
             let stddev = reference.prior.inertia_b_kg_m2[(axis, axis)].max(LEAST_STDDEV * given);
             (moved.abs() > BEYOND_BELIEF * stddev).then(|| {
                 format!(
-                    "it asks for a moment of inertia {name} of {:.2} kg m^2, and the model says {given:.2} +- {stddev:.2}",
+                    "the fit requires a moment of inertia {name} of {:.2} kg m^2, but the model says {given:.2} +- {stddev:.2}",
                     given + moved
                 )
             })

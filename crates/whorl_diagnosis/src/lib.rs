@@ -5,14 +5,13 @@
 //!
 //! # Method
 //!
-//! A trajectory smoothed from the measurements is the point of linearisation. Along it the model
-//! predicts every sample; what is left passes through a Kalman filter over attitude, rate, wheel
-//! speeds and sensor biases, which turns it into a sequence of white numbers of unit variance. The
-//! sensitivity of every sample to every parameter of the platform and of every candidate effect
-//! passes through the same filter. The result is one ordinary regression with white noise, in which
-//! candidates compete, with the platform's own parameters always refitted within their priors. This is
-//! the generalised least-squares form of the integrated (momentum) residual: no derivative of a noisy
-//! rate is taken.
+//! The model is linearised about a trajectory that is smoothed from the measurements. Along it, the
+//! model predicts every sample. The residuals pass through a Kalman filter over attitude, rate, wheel
+//! speeds and sensor biases, which whitens them to unit variance. The sensitivities of every sample to
+//! the parameters of the platform and of every candidate effect pass through the same filter. The
+//! result is an ordinary regression with white noise. In it the candidates compete, and the platform's
+//! own parameters are always refitted within their priors. This is the generalised least-squares form
+//! of the integrated (momentum) residual: no noisy rate is differentiated.
 
 mod adequacy;
 mod answer;
@@ -69,10 +68,10 @@ use whorl_recording::Recording;
 
 /// Finds the effect that the model lacks.
 ///
-/// `held_out` recordings judge and never fit. `progress` is called now and then from this thread.
+/// `held_out` recordings are used to test, never to fit. `progress` is called repeatedly from this thread.
 ///
 /// # Errors
-/// When the recordings cannot be explained at all: see [`DiagnosisError`].
+/// If the recordings cannot be analysed: see [`DiagnosisError`].
 pub fn diagnose(
     training: &[Recording],
     held_out: &[Recording],
@@ -86,7 +85,7 @@ pub fn diagnose(
         let mut diagnosis = Diagnosis::not_enough_information();
         diagnosis.remarks = problem.runs.iter().flat_map(|r| r.remarks.clone()).collect();
         diagnosis.remarks.push(format!(
-            "{}: the gyro alone, with wheels whose speed nobody measured, cannot tell a missing effect from the wheels' momentum and the tilt; record the wheel speeds, the accelerometer or a vector sensor",
+            "{}: the gyro alone, without measured wheel speeds, cannot distinguish a missing effect from the wheels' momentum and the tilt; record the wheel speeds, the accelerometer or a vector sensor",
             run.name
         ));
         return Ok(diagnosis);
@@ -102,8 +101,8 @@ pub fn diagnose(
     Ok(if is_late { second.diagnosis } else { first.diagnosis })
 }
 
-/// A search, and another one if a gyro whose bias wanders more than the model says looks like something that is missing,
-/// or hides behind a sensor effect.
+/// A search, repeated if a gyro bias that wanders more than the model says may look like a missing effect, or may be
+/// hidden by a sensor effect.
 fn search_allowing_for_bias(
     problem: &mut problem::Problem,
     mut held: Option<&mut problem::Problem>,
@@ -143,14 +142,14 @@ fn search_allowing_for_bias(
     }
 }
 
-/// Lets the gyro's bias walk by this much [rad/s/sqrt(s)].
+/// Sets the gyro's bias walk [rad/s/sqrt(s)].
 fn expect_walk(walk: f64, problem: &mut problem::Problem, held_out: Option<&mut problem::Problem>) {
     for problem in std::iter::once(problem).chain(held_out) {
         problem.gyro_bias_walk = walk;
     }
 }
 
-/// What a search found.
+/// Result of a search.
 struct Answer {
     diagnosis: Diagnosis,
     /// Where the search ended.
@@ -206,15 +205,15 @@ fn answer(
     Ok(Searched::Answered(Box::new(Answer { diagnosis, point: search.point, late })))
 }
 
-/// Log evidence of a member that no noise of a plausible gyro could make.
+/// Log evidence of a member that no plausible gyro noise could cause.
 pub(crate) const BEYOND_NOISE: f64 = 300.0;
 
-/// Whether each named effect is beyond what noise could make.
+/// Whether each named effect exceeds what noise could cause.
 fn is_strong(diagnosis: &Diagnosis) -> bool {
     matches!(diagnosis.verdict, Verdict::Named | Verdict::Confounded) && !is_faint(diagnosis)
 }
 
-/// Whether noise of another kind than the model's could have made a verdict.
+/// Whether noise of another kind than the model's could have caused the verdict.
 fn is_faint(diagnosis: &Diagnosis) -> bool {
     match diagnosis.verdict {
         Verdict::Unknown => true,
@@ -226,8 +225,8 @@ fn is_faint(diagnosis: &Diagnosis) -> bool {
     }
 }
 
-/// Checks everything and lays the recordings out, stamps of inertial units late by `late_s` if that is not what the
-/// model says.
+/// Checks the inputs and divides the recordings into bins. `late_s` is the latency of the inertial units' stamps, if it
+/// differs from the model's.
 fn prepare(
     training: &[Recording],
     held_out: &[Recording],
@@ -248,7 +247,7 @@ fn prepare(
     }
     let mut reference = parameters::Reference::new(model, prior);
     reference.late_s = late_s.unwrap_or(reference.late_s);
-    // All runs, held-out ones as well, in bins of one width: so many that there are not too many nodes.
+    // All runs, including held-out ones, use bins of the same width, chosen to limit the number of nodes.
     let recordings = training.iter().chain(held_out);
     let total_s: f64 = recordings.map(Recording::duration_s).sum();
     let problem = problem::Problem::new(training, reference.clone(), total_s, options.threads)?;
@@ -265,7 +264,7 @@ fn prepare(
 pub struct Fit {
     /// The platform with base parameters and effects at their estimates.
     pub model: PlatformModel,
-    /// How well they are known after the fit.
+    /// Standard deviations after the fit.
     pub prior: ModelPrior,
     /// Every fitted parameter of the base model and of the effects.
     pub estimates: Vec<FittedParameter>,
@@ -282,13 +281,13 @@ pub struct FittedParameter {
     pub name: String,
     /// Unit, "1" for none.
     pub unit: String,
-    /// Value in the model that was given (for an effect that it did not have: the neutral value).
+    /// Value in the given model (for an effect that it does not have: the neutral value).
     pub before: f64,
     /// Estimate.
     pub estimate: f64,
     /// Standard deviation of the estimate.
     pub stddev: f64,
-    /// The estimate lies at the end of its plausible range.
+    /// Whether the estimate lies at a bound of its plausible range.
     pub at_bound: bool,
 }
 

@@ -1,13 +1,13 @@
-//! What a caller may choose.
+//! Options of a diagnosis.
 
-/// Choices of a diagnosis; [`Options::default`] is right for most.
+/// Options of a diagnosis; [`Options::default`] suits most cases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Effects that are not to be considered, ids of the catalogue.
+    /// Effects to exclude, by their ids.
     pub exclude: Vec<String>,
-    /// Threads used; results do not depend on it.
+    /// Number of threads; results do not depend on it.
     pub threads: usize,
-    /// Most effects that are named together.
+    /// Largest number of effects that are named together.
     pub largest_set: usize,
 }
 
@@ -17,11 +17,11 @@ impl Default for Options {
     }
 }
 
-/// How far a diagnosis is.
+/// Progress of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// 0 to 1.
+    /// Share done, 0 to 1.
     pub share: f64,
-    /// What is being done.
+    /// The current step.
     pub doing: &'static str,
 }

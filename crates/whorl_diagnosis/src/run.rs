@@ -231,13 +231,13 @@ impl Run {
         if !self.clamped {
             if recording.specific_force_b_m_s2.is_empty() {
                 missing.push(if recording.vectors.len() < 2 {
-                    "no accelerometer: tilt is known only through the gyro, so gravity torques, gyro bias and sensor effects are harder to tell apart"
+                    "no accelerometer: tilt is known only through the gyro, so gravity torques, gyro bias and sensor effects are harder to distinguish"
                 } else {
-                    "no accelerometer: tilt is known by the vector sensors"
+                    "no accelerometer: tilt is known from the vector sensors"
                 });
             }
             if recording.vectors.is_empty() {
-                missing.push("no vector sensor: heading drifts with the gyro's bias, so torques fixed in the room and gyro errors about the vertical are weakly seen");
+                missing.push("no vector sensor: heading drifts with the gyro's bias, so torques fixed in the room and gyro errors about the vertical are weakly observable");
             }
             if self.jets_unrecorded {
                 missing.push(
@@ -247,11 +247,11 @@ impl Run {
         }
         let has_actuators = !model.wheels().is_empty() || !model.jets().is_empty();
         if !has_actuators && recording.body_torque_b_n_m.is_empty() {
-            missing.push("no body torque, and the model has no wheels or jets: whatever drove the platform looks like a missing torque");
+            missing.push("no body torque, and the model has no wheels or jets: any torque on the platform appears as a missing torque");
         }
         if !model.wheels().is_empty() {
             if recording.wheel_speed_rad_s.is_empty() {
-                missing.push("no wheel speeds: they are predicted from the commands, so wheel friction and inertia are weakly seen");
+                missing.push("no wheel speeds: they are predicted from the commands, so wheel friction and inertia are weakly observable");
             }
             if recording.wheel_torque_command_n_m.is_empty() {
                 missing.push("no wheel torque commands: friction, windage and supply voltage of the wheels cannot be tested");
@@ -264,7 +264,7 @@ impl Run {
             missing.push("no temperature: gyro_temperature cannot be tested");
         }
         if has_actuators && recording.bus_voltage_v.is_empty() {
-            missing.push("no bus voltage: it is predicted from the model's discharge, so supply_voltage is weakly tested");
+            missing.push("no bus voltage: it is predicted from the model's discharge, so supply_voltage is weakly observable");
         }
         self.remarks = missing.into_iter().map(|text| format!("{}: {text}", self.name)).collect();
         let noise = self.noise;
@@ -275,7 +275,7 @@ impl Run {
         ] {
             if is_in && ratio.is_finite() && !(0.77..=1.3).contains(&ratio) {
                 self.remarks.push(format!(
-                    "{}: the {name}'s noise is {ratio:.2} times what the model says; the measured level is used",
+                    "{}: the {name}'s noise is {ratio:.2} times the model's; the measured level is used",
                     self.name
                 ));
             }

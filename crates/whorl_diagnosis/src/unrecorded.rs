@@ -80,7 +80,7 @@ pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisErr
     }
     Ok(looks_like_pulses(&scales).then(|| {
         format!(
-            "{}: the body was pushed in short pulses that no channel explains, and the platform has jets whose commands are not in the recording: a verdict on torques would be a guess; record the valves' pulses, or say jets_off: true in the map of channels if no jet fired",
+            "{}: the body was pushed in short pulses that no channel explains, and the platform has jets whose commands are not in the recording: a verdict on torques would be a guess; record the valves' pulses, or set jets_off: true in the channel map if no jet fired",
             names.join(", ")
         )
     }))

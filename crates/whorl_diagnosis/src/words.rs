@@ -44,23 +44,23 @@ impl Diagnosis {
             }
             Verdict::Confounded => {
                 text.push(format!(
-                    "The model lacks {}, or an effect that these data cannot tell from it.",
+                    "The model lacks {}, or an effect that these data cannot distinguish from it.",
                     list(&self.effects)
                 ));
                 let shown: Vec<String> =
                     self.confounded_with.iter().take(MOST_SETS).map(|set| list(set)).collect();
                 let more = self.confounded_with.len() - shown.len();
                 let more = if more > 0 { format!("; and {more} more sets") } else { String::new() };
-                text.push(format!("As well supported: {}{more}.", shown.join("; ")));
+                text.push(format!("Equally well supported: {}{more}.", shown.join("; ")));
             }
             Verdict::Unknown => {
                 text.push("Something is missing that no effect of the catalogue explains.".to_owned());
                 if let Some(u) = &self.unknown {
                     let line = u.frequency_hz.map_or_else(String::new, |f| format!(", a line at {f:.3} Hz"));
                     let parity =
-                        if u.parity == "none" { String::new() } else { format!(", {} in it", u.parity) };
+                        if u.parity == "none" { String::new() } else { format!(", {} symmetry", u.parity) };
                     text.push(format!(
-                        "What is unexplained follows {} best{parity}{line}: about {} of the {} frame; this explains {:.0} % of the excess.",
+                        "The residual correlates best with {}{parity}{line}, about {} of the {} frame; this explains {:.0} % of the excess.",
                         u.variable, u.axis, u.frame, 100.0 * u.share
                     ));
                 }
@@ -79,7 +79,7 @@ impl Diagnosis {
                 }
             }
             Verdict::NotEnoughInformation => {
-                text.push("These data cannot say whether an effect is missing.".to_owned());
+                text.push("These data cannot show whether an effect is missing.".to_owned());
             }
         }
         for id in &self.effects {
