@@ -43,7 +43,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         print(&item);
         items.push(item);
     }
-    let introduction = "J. L. Schwartz, The Distributed Spacecraft Attitude Control System Simulator, Ph.D. dissertation, Virginia Tech, 2004, chapter 4: computed anew, beside the printed values, with a sentence on what differs. Errors found in the document: docs/errata.md.";
+    let introduction = "J. L. Schwartz, The Distributed Spacecraft Attitude Control System Simulator, Ph.D. dissertation, Virginia Tech, 2004, chapter 4: recomputed, with the printed values and a comment on each difference. Errors found in the document: docs/errata.md.";
     let page = reproduction_html("The dissertation, reproduced", introduction, &items);
     write(&arguments.html, &page)?;
     println!("page: {}", arguments.html.display());

@@ -100,8 +100,8 @@ impl Commands {
         self.events.get(event).map(|(t, _)| *t)
     }
 
-    /// Passes the command to the plant. Refusals (a pulse too short for its valve) are ignored: the hardware would refuse it
-    /// too.
+    /// Passes the command to the plant. Refusals (a pulse too short for its valve) are ignored: the hardware would
+    /// refuse it too.
     pub fn tell(&self, event: usize, plant: &mut Plant) {
         let now_ns = plant.now_ns();
         match self.events.get(event) {

@@ -12,7 +12,8 @@ const SLOWEST_S: f64 = 0.5;
 /// RMS rate that no such platform reaches [rad/s], and the limit as a multiple of the gyro's range.
 const FASTEST_RAD_S: f64 = 20.0;
 const FASTEST_RANGES: f64 = 20.0;
-/// Plausible mean specific force of a platform on its bearing [m/s^2]: 9.81, with margins for tilt and a wrong scale factor.
+/// Plausible mean specific force of a platform on its bearing [m/s^2]: 9.81, with margins for tilt and a wrong scale
+/// factor.
 const FORCE_M_S2: std::ops::RangeInclusive<f64> = 6.0..=14.0;
 
 /// Why a recording cannot be used, with advice.

@@ -15,8 +15,8 @@ pub struct Fourier {
 }
 
 impl Fourier {
-    /// A transform for series of `length` values. Where the end of a series must not wrap around to its beginning, use twice
-    /// the next power of two.
+    /// A transform for series of `length` values. Where the end of a series must not wrap around to its beginning,
+    /// use twice the next power of two.
     #[must_use]
     pub fn of_length(length: usize) -> Self {
         Self { plan: RealFftPlanner::new().plan_fft_forward(length.max(1)) }

@@ -29,7 +29,8 @@ impl Variable {
 }
 
 /// All recorded quantities at the given times and attitudes: time, tilt, azimuth, rates, every channel with a
-/// resolution (wheel speeds, tank pressure, ...), time since the last jet edge. Quantities that were not recorded are left out.
+/// resolution (wheel speeds, tank pressure, ...), time since the last jet edge. Quantities that were not
+/// recorded are left out.
 ///
 /// `omega_wb_b_rad_s` is the body rate at those times, smoothed, since noise would blur sharp curves. `wheel_names` are
 /// those of the platform.
@@ -75,7 +76,8 @@ pub fn conditions(
     all
 }
 
-/// A number of the series, held until the next sample; the first value before the first sample; `None` where it was not recorded.
+/// A number of the series, held until the next sample; the first value before the first sample; `None` where it
+/// was not recorded.
 fn held(series: &dyn ChannelSeries, time_s: &[f64], index: usize) -> Option<Vec<f64>> {
     let at = |t: &f64| {
         let after = series.time_s().partition_point(|sample| sample <= t);
