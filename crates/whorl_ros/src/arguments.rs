@@ -18,7 +18,7 @@ pub enum ArgumentError {
         /// What should follow.
         expected: &'static str,
     },
-    /// A flag that is none of ROS's.
+    /// A flag that ROS does not define.
     #[error("`{flag}` is not a ROS argument; known are -r, -p, --params-file, --log-level, -e and --")]
     Unknown {
         /// The flag.
@@ -60,7 +60,7 @@ pub struct NameRemap {
     pub to: String,
 }
 
-/// A command line, taken apart.
+/// A parsed command line.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Arguments {
     /// `-r __ns:=`.
@@ -77,7 +77,7 @@ pub struct Arguments {
     pub log_level: Option<LevelFilter>,
     /// Whether log lines go to `/rosout`.
     pub rosout: bool,
-    /// What does not belong to ROS.
+    /// Arguments that do not belong to ROS.
     pub other: Vec<String>,
     /// `--help` was given.
     pub help: bool,
@@ -86,7 +86,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// Takes a command line apart; `arguments` without the program's name. Arguments outside
+    /// Parses a command line; `arguments` without the program's name. Arguments outside
     /// `--ros-args ... [--]` go to [`Arguments::other`].
     ///
     /// # Errors

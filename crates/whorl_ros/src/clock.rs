@@ -5,14 +5,14 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use whorl_node::Timestamp;
 
-/// Time for a core: the wall clock, held still while it is set back (NTP, an operator).
+/// Time for a core: the wall clock, held constant after it has been set back (NTP, an operator).
 #[derive(Debug, Default)]
 pub struct Clock {
     last: Timestamp,
 }
 
 impl Clock {
-    /// The time now; never earlier than the time told before.
+    /// The current time; never earlier than at the previous call.
     pub fn now(&mut self) -> Timestamp {
         self.advance(wall_clock())
     }
@@ -30,7 +30,7 @@ pub fn wall_clock() -> Timestamp {
     Timestamp(i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX))
 }
 
-/// Time of the monotonic clock, which nobody sets, since an arbitrary origin.
+/// Time of the monotonic clock, which is never set, since an arbitrary origin.
 #[must_use]
 pub fn monotonic() -> Duration {
     let Timespec { tv_sec, tv_nsec } = clock_gettime(ClockId::Monotonic);

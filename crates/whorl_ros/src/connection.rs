@@ -14,7 +14,7 @@ use crate::peers::PeerEvent;
 use crate::raw::EndpointId;
 use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
 
-/// The old endpoints are dropped at the latest this long after the new ones were created.
+/// The old endpoints are dropped this long after the new ones were created at the latest.
 const OVERLAP: Duration = Duration::from_secs(1);
 
 /// How long the end of a node waits for acknowledgements.
@@ -81,7 +81,7 @@ impl Connection {
         self.participant.is_alive()
     }
 
-    /// The same endpoints in a new participant, for one whose background threads are gone.
+    /// The same endpoints in a new participant, after the background threads of the old one have ended.
     pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
         Self::with_generation(self.participant.network(), self.plan.clone(), registry, self.generation + 1)
     }
@@ -127,7 +127,7 @@ impl Connection {
         self.participant.discovered_writers().into_iter().map(|w| w.endpoint).collect()
     }
 
-    /// Looks after the peers; to be called a few times a second, and every 10 ms while renewing.
+    /// Checks the peers; to be called a few times a second, and every 10 ms while renewing.
     pub(crate) fn look_after(
         &mut self,
         now: Duration,
@@ -193,7 +193,7 @@ impl Connection {
         let Some((incoming, since)) = &self.incoming else { return Ok(false) };
         let peers = |id: EndpointId| self.matched.get(&id).map_or(0, HashSet::len);
         let found_all = self.current.ids().zip(incoming.ids()).all(|(old, new)| peers(new) >= peers(old));
-        // A peer that was given up is still in the count of a reader that did not notice: do not
+        // A dropped peer may still be in the count of a reader that has not noticed: do not
         // wait for ever.
         if !(found_all || now.saturating_sub(*since) >= OVERLAP) {
             return Ok(false);
@@ -214,7 +214,7 @@ impl Connection {
     pub(crate) fn close(self) -> Result<(), RosError> {
         let deadline = Instant::now() + LAST_WORDS;
         for writer in self.current.reliable_writers() {
-            // Not worth more than the time: a reader that is stuck or gone never acknowledges.
+            // The wait is limited: a reader that is stuck or gone never acknowledges.
             let _ = writer.flush(deadline.saturating_duration_since(Instant::now()));
         }
         self.current.announce(&self.participant, &self.plan.node, false)?;

@@ -1,4 +1,4 @@
-//! Where a node finds itself: from its command line and environment.
+//! Context of a node, from its command line and environment.
 
 use std::process::ExitCode;
 
@@ -13,7 +13,7 @@ use crate::error::RosError;
 use crate::log;
 use crate::names::NodeName;
 
-/// What a program says of its node.
+/// Properties of a program's node.
 #[derive(Debug, Clone, Copy)]
 pub struct NodeOptions {
     /// Name of the node, unless `-r __node:=` gives another.
@@ -39,7 +39,7 @@ impl NodeOptions {
     }
 }
 
-/// Where a node finds itself: its name, its platform, the parameters of everybody.
+/// Context of a node: its name, its platform, the parameters of all nodes.
 #[derive(Debug, Clone)]
 pub struct NodeContext {
     name: NodeName,
@@ -71,7 +71,7 @@ impl NodeContext {
             .collect::<Result<Vec<_>, _>>()?;
         let tree = ParameterTree::load(&arguments.parameter_files, &overrides)?;
         let own = tree.for_node(&name.full());
-        // What else is wrong with the node's parameters is told when it reads them itself.
+        // Other errors of the node's parameters are reported when it reads them itself.
         let formation = read_shared(&own, formation)?;
         let platform = formation
             .platform_of_node(&name.full())
@@ -148,7 +148,7 @@ impl NodeContext {
     }
 }
 
-/// Reads command line and environment of this process and sets up the log; or says that the
+/// Reads command line and environment of this process and sets up the log; or reports that the
 /// program is done (`--help`, or an error, which has been printed).
 ///
 /// # Errors

@@ -11,7 +11,7 @@ use crate::participant::{EndpointQos, Participant};
 use crate::raw::{EndpointId, RawReader, RawWriter};
 use crate::services::ServiceServer;
 
-/// What a node needs, with the names as they are on the network.
+/// Endpoints that a node needs, with their names on the network.
 #[derive(Debug, Clone)]
 pub(crate) struct Plan {
     pub node: NodeName,
@@ -171,7 +171,7 @@ impl Endpoints {
         readers.chain(self.writers.iter().map(|(_, writer)| writer.id()))
     }
 
-    /// Writers whose last words somebody waits for.
+    /// Reliable writers whose last messages must be acknowledged.
     pub(crate) fn reliable_writers(&self) -> impl Iterator<Item = &RawWriter> {
         let services = self.services.iter().map(|(_, server)| &server.responses);
         let parameters = self.parameters.iter().map(|(_, server)| &server.responses);

@@ -7,7 +7,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use thiserror::Error;
 
-/// An environment variable that cannot be followed.
+/// An environment variable with an invalid value.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EnvironmentError {
     /// Not 0 to 232.
@@ -19,7 +19,7 @@ pub enum EnvironmentError {
         /// What it is set to.
         value: String,
     },
-    /// Not a range of ROS 2.
+    /// Not a discovery range of ROS 2.
     #[error("ROS_AUTOMATIC_DISCOVERY_RANGE={value} is none of LOCALHOST, SUBNET, OFF, SYSTEM_DEFAULT")]
     Range {
         /// What it is set to.
@@ -50,7 +50,7 @@ pub enum EnvironmentError {
     Interface {
         /// The part that is wrong.
         value: String,
-        /// What there is.
+        /// The interfaces that exist.
         known: String,
     },
 }
@@ -62,7 +62,7 @@ pub struct Network {
     pub domain_id: u16,
     /// Interfaces by address; `None` for all.
     pub interfaces: Option<Vec<IpAddr>>,
-    /// Machines that are told of us by unicast.
+    /// Machines to which we announce ourselves by unicast.
     pub static_peers: Vec<Ipv4Addr>,
 }
 
@@ -117,7 +117,7 @@ impl Network {
             None => by_range,
             Some(value) if value == "1" => true,
             Some(value) if value == "0" => match range {
-                // `0` is what many setups carry along; it widens nothing by itself when a range is given.
+                // Many setups set `0`; it does not widen the range when one is given.
                 Some(_) => by_range,
                 None => false,
             },
@@ -163,7 +163,7 @@ fn choose_interfaces(chosen: &str, addresses: &[InterfaceAddress]) -> Result<Vec
     Ok(interfaces)
 }
 
-/// The IPv4 addresses of this machine, as far as the operating system tells.
+/// The IPv4 addresses of this machine, as reported by the operating system.
 #[must_use]
 pub fn interface_addresses() -> Vec<InterfaceAddress> {
     netdev::get_interfaces()

@@ -22,13 +22,13 @@ pub enum RosError {
         /// What DDS said.
         reason: String,
     },
-    /// DDS does not come back.
+    /// A call of DDS does not return.
     #[error("DDS got stuck {doing}")]
     Stuck {
         /// What was being done.
         doing: String,
     },
-    /// Bytes to send that are not little-endian CDR.
+    /// The bytes to send are not little-endian CDR.
     #[error("{topic}: the bytes do not begin with the header of little-endian CDR (00 01 00 00)")]
     NotLittleEndianCdr {
         /// DDS name of the topic.
@@ -70,7 +70,7 @@ pub enum RosError {
         /// The platforms, for reading.
         platforms: String,
     },
-    /// A core that names a platform which is not in the list.
+    /// A core names a platform that is not in the list.
     #[error("the node uses platform number {index}, but only {count} platforms are configured")]
     Platform {
         /// Index, from 0.

@@ -22,7 +22,7 @@ pub(crate) fn writer(participant: &Participant) -> Result<RawWriter, RosError> {
     participant.dds_writer(ros_discovery::TOPIC_NAME, ros_discovery::TYPE_NAME, EndpointQos::DISCOVERY_INFO)
 }
 
-/// Tells the others what this process consists of: one node, or none.
+/// Announces the node of this process, or that there is none.
 pub(crate) fn announce(
     writer: &RawWriter,
     participant: EndpointId,
@@ -44,14 +44,14 @@ pub(crate) fn announce(
     writer.publish(&cdr::encode(TYPE, &info)?)
 }
 
-/// Reads who else is there, for `whorl`'s own list of nodes.
+/// Reads the other nodes on the network, for `whorl`'s list of nodes.
 pub struct NodeList {
     reader: RawReader,
     by_participant: HashMap<Gid, Vec<String>>,
 }
 
 impl NodeList {
-    /// Begins to listen.
+    /// Starts listening.
     ///
     /// # Errors
     /// When DDS refuses.
@@ -64,20 +64,20 @@ impl NodeList {
         Ok(Self { reader, by_participant: HashMap::new() })
     }
 
-    /// Full names of the nodes that are there, sorted.
+    /// Full names of the nodes on the network, sorted.
     ///
     /// # Errors
     /// When DDS fails.
     pub fn nodes(&mut self, participant: &Participant) -> Result<Vec<String>, RosError> {
         self.reader.drain_notifications();
         while let Some(sample) = self.reader.take()? {
-            // What another vendor writes here that we cannot read is no node of ours to list.
+            // Samples of other vendors that we cannot read are not listed.
             if let Ok(info) = cdr::decode::<ParticipantEntitiesInfo>(TYPE, &sample.bytes) {
                 let names = info.nodes().iter().map(NodeEntitiesInfo::fully_qualified_name).collect();
                 self.by_participant.insert(info.gid(), names);
             }
         }
-        // A process that was killed did not say goodbye; DDS notices in time.
+        // A killed process did not say goodbye; DDS notices after its lease.
         let mut alive: HashSet<_> =
             participant.discovered_writers().iter().map(|w| w.endpoint.participant()).collect();
         alive.insert(participant.id().participant());

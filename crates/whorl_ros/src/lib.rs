@@ -16,8 +16,8 @@
 //! services, the six parameter services, `/rosout`, `/parameter_events`, `/diagnostics`,
 //! `ros_discovery_info`, SIGINT and SIGTERM. It needs Linux.
 //!
-//! [`Participant`], [`RawReader`] and [`RawWriter`] are for programs that are no cores: the
-//! recorder and `whorl` itself. [`recovery`] says what happens after a cut of the network.
+//! [`Participant`], [`RawReader`] and [`RawWriter`] are for programs that are not cores: the
+//! recorder and `whorl` itself. [`recovery`] describes what happens after a network cut.
 
 pub mod arguments;
 mod clock;

@@ -22,8 +22,8 @@ struct Log<'a> {
     line: u32,
 }
 
-/// Sends log lines to stderr. `RUST_LOG` chooses what; else `level`, else info. The DDS library
-/// speaks only of errors, unless `RUST_LOG` names it.
+/// Sends log lines to stderr. `RUST_LOG` sets the filter; otherwise `level`, otherwise info. The DDS library
+/// logs only errors, unless `RUST_LOG` names it.
 pub fn to_stderr(level: Option<LevelFilter>) {
     let default = format!("{},rustdds=off,ros2_client=off", level.unwrap_or(LevelFilter::INFO));
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));

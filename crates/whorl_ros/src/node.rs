@@ -12,8 +12,8 @@ use crate::parameters;
 use crate::runner::Runner;
 
 /// Runs a core as a ROS 2 node until it has finished or SIGINT or SIGTERM comes: the whole
-/// `main` of a node. `read` is the single definition of the node's parameters; `build` makes the
-/// core of them.
+/// `main` of a node. `read` is the single definition of the node's parameters; `build` creates the
+/// core from them.
 ///
 /// Exit code 0 after a clean end, 2 for a wrong command line, environment or parameter, 1 when
 /// the network fails.

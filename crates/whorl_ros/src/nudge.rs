@@ -1,13 +1,13 @@
-//! Makes participants announce themselves now.
+//! Makes participants announce themselves at once.
 //!
-//! RustDDS announces a participant every 10 s, and nobody can ask it to hurry. But every DDS
-//! implementation answers the announcement of a participant that it did not know at once, to
-//! everybody. So we send the announcement of one that has no endpoints and is forgotten after a
+//! RustDDS announces a participant every 10 s, and has no function to do so earlier. But every DDS
+//! implementation answers the announcement of a new participant at once, to
+//! all. So we send the announcement of a dummy participant without endpoints, which expires after a
 //! second: to our own participant, and, unless everything stays on this machine, to all others.
 //!
 //! With an address of another machine in it, the same announcement makes RustDDS tell that machine
-//! of us by unicast: so `ROS_STATIC_PEERS` works where a wireless LAN does not carry multicast. With more addresses
-//! of this machine, it lets more than twelve participants of one machine meet.
+//! about us by unicast, so that `ROS_STATIC_PEERS` works where a wireless LAN does not carry multicast. With more addresses
+//! of this machine, more than twelve participants on one machine find each other.
 //!
 //! Wire format: OMG DDSI-RTPS 2.5, 8.5.3 (SPDP), 9.4 (messages), 9.6.2.3 (ports).
 
@@ -20,33 +20,33 @@ use crate::peers::ParticipantPrefix;
 /// First bytes of the ids that are made here. 0x01 0x?? are the vendors of real participants.
 const MARK: [u8; 8] = *b"\x00\x00whorl\x00";
 
-/// Ids in turn: each is forgotten (after at most 4 s) when its turn comes again.
+/// Ids are used in turn: each has expired (after at most 4 s) when it is used again.
 const IDS: u32 = 8;
 
-/// Lease of a participant that is only there to be answered [s].
+/// Lease of a dummy participant [s].
 const NUDGE_LEASE_S: i32 = 1;
 /// For ever, in the sense of DDS.
 const INFINITE_S: i32 = i32::MAX;
 
-/// Bit of `BuiltinEndpointSet_t` that says: I read announcements.
+/// Bit of `BuiltinEndpointSet_t`: reads announcements.
 const READS_ANNOUNCEMENTS: u32 = 2;
 
-/// A machine of `ROS_STATIC_PEERS` may run so many participants (RTPS counts them from 0).
+/// Largest number of participants on a machine of `ROS_STATIC_PEERS` (RTPS counts them from 0).
 const PARTICIPANTS_PER_PEER: u16 = 12;
 
-/// RustDDS announces itself to so many participants of this machine (`SPDP_LOCALHOST_PEER_COUNT`), where the
+/// RustDDS announces itself to this many participants of this machine (`SPDP_LOCALHOST_PEER_COUNT`), where the
 /// loopback interface carries no multicast; two that both have a higher number would never meet.
 const TOLD_BY_RUSTDDS: u16 = 12;
 
-/// So many participants may run on one machine: ten platforms with three nodes each, and a few more.
+/// Largest number of participants on one machine: ten platforms with three nodes each, and a few more.
 const PARTICIPANTS_HERE: u16 = 36;
 
-/// Where a participant hears announcements: RTPS 9.6.2.3.
+/// Where a participant receives announcements: RTPS 9.6.2.3.
 fn announcement_port(domain_id: u16, participant: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant
 }
 
-/// Where everybody hears announcements, at port 7400 + 250 * domain.
+/// Where all participants receive announcements, at port 7400 + 250 * domain.
 const EVERYBODY: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 
 /// Sends announcements.
@@ -66,7 +66,7 @@ impl Nudge {
         let nudge = Self {
             to_ourselves: socket(Ipv4Addr::LOCALHOST).map_err(RosError::io("opening a socket"))?,
             // The kernel sends multicast from the interface whose address a socket is bound to. An
-            // address that is going away just now is not worth an error.
+            // address that is just disappearing is not an error.
             to_others: outward_addresses(network).into_iter().filter_map(|a| socket(a).ok()).collect(),
             static_peers: network.static_peers.clone(),
             domain_id: network.domain_id,
@@ -95,7 +95,7 @@ impl Nudge {
         (0..PARTICIPANTS_PER_PEER).map(move |p| announcement_port(domain_id, p))
     }
 
-    /// Whether an id was made here, in this or another process: no participant has it.
+    /// Whether an id belongs to a dummy participant of this or another process.
     pub(crate) fn made(id: &ParticipantPrefix) -> bool {
         id.starts_with(&MARK)
     }

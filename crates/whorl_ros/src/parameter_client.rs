@@ -16,12 +16,12 @@ use crate::services::ServiceClient;
 /// What can go wrong with the parameters of another node.
 #[derive(Debug, Error)]
 pub enum ParameterClientError {
-    /// The node said no.
+    /// The node refused the change.
     #[error("{name} is refused: {reason}")]
     Refused {
         /// The parameter.
         name: String,
-        /// What the node said.
+        /// The node's reason.
         reason: String,
     },
     /// The answer does not belong to the question.
@@ -32,7 +32,7 @@ pub enum ParameterClientError {
     Ros(#[from] RosError),
 }
 
-/// What a node tells of one of its parameters.
+/// A node's description of one of its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterDescription {
     /// Full key.
@@ -128,7 +128,7 @@ impl ParameterClient {
         }
     }
 
-    /// What the node tells of some of its parameters.
+    /// Descriptions of some of the node's parameters.
     ///
     /// # Errors
     /// When the node does not answer within `timeout`.

@@ -1,4 +1,4 @@
-//! The process on the DDS network: creates readers and writers, and tells who else is there.
+//! The process on the DDS network: creates readers and writers, and lists the other participants.
 
 use std::net::IpAddr;
 use std::time::Duration;
@@ -63,14 +63,14 @@ impl EndpointQos {
     }
 }
 
-/// A topic that somebody on the network writes or reads.
+/// A topic that an endpoint on the network writes or reads.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct DiscoveredEndpoint {
     /// DDS name of the topic (`rt/...` for ROS topics).
     pub dds_topic: String,
     /// DDS name of the type.
     pub dds_type: String,
-    /// Who it is.
+    /// Id of the endpoint.
     pub endpoint: EndpointId,
     /// Whether it offers or asks for reliable transport.
     pub reliable: bool,
@@ -90,8 +90,8 @@ impl DiscoveredEndpoint {
     }
 }
 
-/// So often another participant is made, for one that DDS got stuck in. It happens to one in some hundred, on a
-/// machine that is very busy.
+/// How often creation is repeated when DDS gets stuck. This happens to about one participant in a hundred on a
+/// very busy machine.
 const ATTEMPTS: usize = 5;
 /// How long DDS may take to join the network: RustDDS itself gives its threads 10 s to begin.
 const LONGEST_JOINING: Duration = Duration::from_secs(12);
@@ -250,7 +250,7 @@ impl Participant {
         list
     }
 
-    /// Addresses at which the others receive messages, as they announce them.
+    /// Announced addresses at which the others receive messages.
     #[must_use]
     pub fn addresses_of_peers(&self) -> Vec<IpAddr> {
         if self.worker.is_stuck() {
@@ -310,7 +310,7 @@ impl Participant {
         self.entities.participant.assert_liveliness().is_ok()
     }
 
-    /// Who we are on the network.
+    /// Our id on the network.
     #[must_use]
     pub fn id(&self) -> EndpointId {
         use ros2_client::dds::rustdds::RTPSEntity;

@@ -8,7 +8,7 @@ pub type ParticipantPrefix = [u8; 12];
 /// A change among the other processes on the network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PeerEvent {
-    /// A participant was seen for the first time, or again after it had been given up.
+    /// A participant was seen for the first time, or again after it had been dropped.
     Discovered(ParticipantPrefix),
     /// A participant said goodbye.
     Left(ParticipantPrefix),

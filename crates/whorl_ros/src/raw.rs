@@ -51,12 +51,12 @@ impl std::fmt::Display for EndpointId {
     }
 }
 
-/// One message as it came off the wire.
+/// One message as received.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RawSample {
     /// CDR with its 4-byte header, as [`whorl_msgs::Message::decode`] takes it and bags store it.
     pub bytes: Vec<u8>,
-    /// Who wrote it.
+    /// Its writer.
     pub writer: EndpointId,
     /// The writer's count of its messages, from 1: a gap is a message lost on the way.
     pub sequence_number: i64,
@@ -129,7 +129,7 @@ impl RawReader {
     /// The next message, or `None` when there is none now.
     ///
     /// # Errors
-    /// When a sample is no plain CDR, or DDS fails. The sample is then skipped.
+    /// When a sample is not plain CDR, or DDS fails. The sample is then skipped.
     pub fn take(&self) -> Result<Option<RawSample>, RosError> {
         match self.reader.try_take_one() {
             Ok(None) => Ok(None),
@@ -145,7 +145,7 @@ impl RawReader {
         }
     }
 
-    /// Forgets past wake-ups; call it before taking, or new ones may not come.
+    /// Clears past wake-ups; call it before taking samples, or new wake-ups may be missed.
     pub fn drain_notifications(&self) {
         self.reader.drain_read_notifications();
     }
@@ -214,7 +214,7 @@ impl RawWriter {
     }
 
     /// Waits until every reliable reader has what was written, at most `timeout`; false if it ran
-    /// out. Best-effort readers do not say what they have.
+    /// out. Best-effort readers do not acknowledge.
     #[must_use]
     pub fn flush(&self, timeout: Duration) -> bool {
         self.writer.wait_for_acknowledgments(timeout).unwrap_or(false)

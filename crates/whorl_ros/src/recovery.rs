@@ -1,15 +1,15 @@
 //! When to renew our endpoints after the network was cut. Pure: time and events come in.
 //!
-//! RustDDS 0.15 gives up a participant that was silent for its lease (50 s). When it is heard of
+//! RustDDS 0.15 drops a participant that was silent for its lease (50 s). When it is heard
 //! again, RustDDS restores what it knew of its endpoints but does not match them with ours, and
 //! takes their repeated announcements for duplicates: data never flows again between the two
 //! (RustDDS `discovery_db.rs`, "attic"; `dds_cache.rs`, `add_change`). A *new* endpoint, on the
-//! other hand, is matched with all that is known and is announced under a new number. So: when a
-//! participant returns that had been given up, all our endpoints are created anew, and the old
+//! other hand, is matched with all known endpoints and announced under a new number. So, when a
+//! dropped participant returns, all our endpoints are created again, and the old
 //! ones are dropped once the new ones have found their peers. Either side doing this suffices.
 //!
-//! To return soon, the participants must hear of each other soon: they announce themselves every
-//! 10 s. While somebody is missing, we make everybody announce himself twice a second (see
+//! For a fast recovery the participants must hear of each other soon, but they announce themselves every
+//! 10 s. While a participant is missing, we make all others announce themselves twice a second (see
 //! `nudge.rs`). Measured: data flows again 0.25 to 0.8 s after the end of cuts of 48 to 120 s.
 
 use std::collections::HashMap;
@@ -20,16 +20,16 @@ use crate::peers::{ParticipantPrefix, PeerEvent};
 /// What to do now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// Create all endpoints anew.
+    /// Create all endpoints again.
     Renew(Reason),
-    /// Make everybody announce himself.
+    /// Make all participants announce themselves.
     Announce,
 }
 
 /// Why endpoints are renewed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
-    /// A participant that had been given up is back.
+    /// A dropped participant has returned.
     PeerReturned,
     /// A subscription is silent although its writer is on the network.
     Silence,
@@ -42,12 +42,12 @@ pub struct RecoveryTimes {
     pub settle: Duration,
     /// Shortest time between two renewals.
     pub pause: Duration,
-    /// Time between announcements while somebody is missing.
+    /// Time between announcements while a participant is missing.
     pub announce_period: Duration,
-    /// After this time without a return, the missing one is taken for dead: it is no longer
+    /// After this time a missing participant is considered dead: it is no longer
     /// called, but still known should it return.
     pub give_up: Duration,
-    /// Silence of a subscription, whose writer is known, that calls for a renewal; doubles with
+    /// Silence of a subscription with a known writer that triggers a renewal; doubles with
     /// every renewal that did not help.
     pub silence: Duration,
 }
@@ -66,17 +66,17 @@ impl Default for RecoveryTimes {
 }
 
 impl RecoveryTimes {
-    /// For a network that is this machine alone: it cannot be cut, so that who is missing is dead.
+    /// For a network of this machine only: it cannot be cut, so a missing participant is dead.
     #[must_use]
     pub fn localhost() -> Self {
         Self { give_up: Duration::ZERO, ..Self::default() }
     }
 }
 
-/// So many participants that are gone are remembered.
+/// Number of departed participants that are remembered.
 const REMEMBERED: usize = 256;
 
-/// Who is missing, and what was done about it.
+/// Missing participants, and the actions taken.
 #[derive(Debug)]
 pub struct Recovery {
     times: RecoveryTimes,
@@ -90,7 +90,7 @@ pub struct Recovery {
 }
 
 impl Recovery {
-    /// A recovery that knows of nobody.
+    /// A recovery without any known participant.
     #[must_use]
     pub fn new(times: RecoveryTimes) -> Self {
         Self {
@@ -105,7 +105,7 @@ impl Recovery {
         }
     }
 
-    /// Takes note of a change among the peers at monotonic time `now`.
+    /// Records a change among the peers at monotonic time `now`.
     pub fn peer(&mut self, now: Duration, event: PeerEvent) {
         match event {
             PeerEvent::TimedOut(peer) => {
@@ -169,7 +169,7 @@ impl Recovery {
         Action::Renew(reason)
     }
 
-    /// How many participants are missing and not yet taken for dead.
+    /// How many participants are missing and not yet considered dead.
     #[must_use]
     pub fn missing(&self) -> usize {
         self.called

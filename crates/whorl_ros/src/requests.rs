@@ -1,4 +1,4 @@
-//! What others ask of a node: its services and its parameters.
+//! Requests to a node: its services and its parameters.
 
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces as rcl;

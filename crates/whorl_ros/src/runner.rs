@@ -20,10 +20,10 @@ const SIGNALS: Token = Token(0);
 const ALARM: Token = Token(1);
 const CONTINUED: Token = Token(2);
 
-/// How often the shell looks after peers and diagnostics; and while endpoints are being renewed.
+/// How often the shell checks peers and diagnostics; and while endpoints are being renewed.
 const HOUSEKEEPING: Duration = Duration::from_millis(100);
 const HOUSEKEEPING_WHILE_RENEWING: Duration = Duration::from_millis(10);
-/// How often the shell looks for silent subscriptions, which needs a copy of the discovery data.
+/// How often the shell checks for silent subscriptions, which needs a copy of the discovery data.
 const SILENCE_CHECK: Duration = Duration::from_secs(5);
 const DIAGNOSTICS: Duration = Duration::from_secs(1);
 /// Why a connection is rebuilt after the process was stopped and continued.
@@ -192,7 +192,7 @@ impl<C: Configurable> Runner<C> {
     }
 }
 
-/// What the core needs, with the names as the command line wants them.
+/// Endpoints of the core, with the names set on the command line.
 fn plan<C: NodeCore>(context: &NodeContext, core: &C) -> Result<Plan, RosError> {
     let node = context.name();
     let remapped = |name: String| {

@@ -147,7 +147,7 @@ impl ServiceClient {
             && others(participant.discovered_writers(), self.responses.topic(), self.responses.id())
     }
 
-    /// Asks, waiting for the server and for its answer up to `timeout`.
+    /// Calls the service; waits for the server and its answer up to `timeout`.
     ///
     /// # Errors
     /// [`RosError::NoAnswer`], or when DDS fails.
@@ -166,7 +166,7 @@ impl ServiceClient {
             }
             std::thread::sleep(pause);
         }
-        // The server may see us a moment later than we see it; what is sent before is lost to it.
+        // The server may discover us a moment later than we discover it; requests sent before are lost.
         std::thread::sleep(Duration::from_millis(50));
         let bytes = cdr::encode("service request", request)?;
         let identity = self.requests.write(&bytes, None)?;

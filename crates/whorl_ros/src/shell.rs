@@ -1,4 +1,4 @@
-//! The core and what surrounds it: messages in, messages and log lines out.
+//! The shell around a core: messages in, messages and log lines out.
 
 use std::collections::HashSet;
 use std::time::Duration;
@@ -69,7 +69,7 @@ impl<C: Configurable> Shell<C> {
         self.core.timer_period()
     }
 
-    /// One step of the core, and everything that it wants done.
+    /// One step of the core, and execution of its outputs.
     pub(crate) fn step(&mut self, connection: &Connection, event: Event<'_>) -> Option<Response> {
         let now = self.clock.now();
         self.outputs.clear();
@@ -168,7 +168,7 @@ impl<C: Configurable> Shell<C> {
     fn undecodable(&mut self, connection: &Connection, index: usize, error: &RosError) {
         let Some((topic, counts)) = self.statistics.subscriptions.get_mut(index) else { return };
         counts.undecodable += 1;
-        // The first one is told; /diagnostics counts the others.
+        // The first one is logged; /diagnostics counts the others.
         if counts.undecodable == 1 {
             let text = format!("{topic}: a message is dropped: {error}");
             self.say(connection, LogLevel::Warn, text);

@@ -1,4 +1,4 @@
-//! What the shell counts and reports in `/diagnostics`.
+//! Counts of the shell, reported in `/diagnostics`.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use whorl_node::Timestamp;
 
 use crate::raw::EndpointId;
 
-/// What became of one sample.
+/// Verdict on one sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Arrival {
     /// To be delivered.
@@ -32,7 +32,7 @@ pub(crate) struct SubscriptionCounts {
 }
 
 impl SubscriptionCounts {
-    /// Takes note of a sample by its writer's count.
+    /// Records a sample by its writer's count.
     pub(crate) fn arrival(&mut self, now: Duration, writer: EndpointId, number: i64) -> Arrival {
         self.last = Some(now);
         match self.last_number.insert(writer, number) {
@@ -96,9 +96,9 @@ impl Statistics {
         }
     }
 
-    /// Takes note of writers that are gone, and forgets those that have been for a while: a peer
+    /// Records departed writers, and forgets those that left some time ago: a peer
     /// that restarts often must not fill memory, but a new reader may be served from DDS's cache
-    /// what a writer that is gone said at its end.
+    /// the last messages of a departed writer.
     pub(crate) fn writers_gone(&mut self, now: Duration, writers: impl IntoIterator<Item = EndpointId>) {
         self.gone.extend(writers.into_iter().map(|writer| (now, writer)));
         let Self { gone, subscriptions, .. } = self;

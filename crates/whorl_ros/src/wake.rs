@@ -1,4 +1,4 @@
-//! What wakes the event loop besides messages: a precise timer, and signals. Linux.
+//! Wake-ups of the event loop besides messages: a precise timer, and signals. Linux only.
 
 use std::io::Read;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};

@@ -1,4 +1,4 @@
-//! A thread for each participant that does what may never return.
+//! A thread for each participant that makes the calls which may never return.
 //!
 //! RustDDS 0.15 can lock up while endpoints are created as other participants are discovered: its discovery thread
 //! sends to its event loop with the table of endpoints locked for reading, the creation waits to write that table,
@@ -48,7 +48,7 @@ impl Worker {
         }
         let (done, result) = channel();
         let job: Job = Box::new(move || {
-            // Nobody waits any longer: what was made is dropped here.
+            // The caller no longer waits: the result is dropped here.
             let _ = done.send(work());
         });
         self.jobs.send(job).ok()?;
@@ -68,7 +68,7 @@ impl Worker {
     }
 }
 
-/// A value of which the drop may take for ever: a [`Worker`] does it.
+/// A value whose drop may never return: a [`Worker`] drops it.
 pub(crate) struct Kept<T: Send + 'static> {
     /// `None` only while it is dropped.
     value: Option<T>,
