@@ -10,9 +10,9 @@ use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
 
 use crate::link::{Host, Link, LinkParameters};
 
-/// Sees everything that happens, in order of time.
+/// Observes all events, in order of time.
 pub trait Observer {
-    /// Why it could not take what it saw.
+    /// Error of the observer.
     type Error;
 
     /// A node published a message.
@@ -33,7 +33,7 @@ struct Node {
     host: Host,
     core: Box<dyn NodeCore>,
     timer_period: Option<Duration>,
-    /// What its clock shows beyond simulated time \[ns\].
+    /// Offset of its clock from simulated time \[ns\].
     ahead_ns: i64,
 }
 
@@ -67,7 +67,7 @@ impl Ord for Entry {
     }
 }
 
-/// A set of node cores and the queue of what will happen to them.
+/// A set of node cores and the queue of their events.
 pub struct Bus {
     nodes: Vec<Node>,
     /// Subscribers of each route, by [`Bus::route_index`].
@@ -123,7 +123,7 @@ impl Bus {
         self.nodes.push(Node { name: name.into(), host, core, timer_period, ahead_ns: 0 });
     }
 
-    /// Sets the clock of a computer: ahead of simulated time by this \[s\]. For nodes that were added before.
+    /// Sets the clock offset of a computer against simulated time \[s\], for nodes that were added before.
     pub fn set_clock(&mut self, host: Host, ahead_s: f64) {
         for node in self.nodes.iter_mut().filter(|node| node.host == host) {
             node.ahead_ns = (ahead_s * 1e9).round() as i64;
@@ -148,7 +148,7 @@ impl Bus {
         self.nodes.iter().any(|n| n.name == name && n.core.finished())
     }
 
-    /// Delivers everything that happens up to and including `until`.
+    /// Delivers all events up to and including `until`.
     ///
     /// # Errors
     /// The observer's.

@@ -63,7 +63,7 @@ pub struct NodeSet {
 struct SimulationParameters {
     local_delay: Duration,
     link: LinkParameters,
-    /// Computers whose clocks are off, and by how much \[s\].
+    /// Computers whose clocks have an offset, and the offsets \[s\].
     clocks: Vec<(PlatformId, f64)>,
 }
 
@@ -126,7 +126,7 @@ fn read_cut_platform(r: &mut Reader<'_>, platforms: &[String]) -> Option<Platfor
     found.and_then(|index| u16::try_from(index).ok()).map(PlatformId)
 }
 
-/// Collects what each node's parameters came to.
+/// Collects the parameters in force of each node.
 struct Builder<'a> {
     tree: &'a ParameterTree,
     effective: String,
@@ -165,7 +165,7 @@ impl NodeSet {
     /// drives the link.
     ///
     /// # Errors
-    /// Everything that is wrong with the parameters of any node; or why a node cannot start.
+    /// All errors in the parameters of any node; or why a node cannot start.
     pub fn build(tree: &ParameterTree, seed: u64, start: Timestamp) -> Result<Self, NodeSetError> {
         let mut builder = Builder { tree, effective: String::new(), errors: Vec::new() };
         let Formation { platforms } = tree.formation();
@@ -196,14 +196,14 @@ impl NodeSet {
                     simulation = builder.read(&name, read_simulation);
                     None
                 }
-                // Whoever runs the simulation sees, and may record, all that passes over the bus.
+                // The caller observes, and may record, all messages on the bus.
                 Node::Recorder => None,
             };
             starts.extend(core.map(|core| (name, host, core)));
         }
         ParameterErrors::check(std::mem::take(&mut builder.errors))?;
         tree.check_nodes()?;
-        // Without errors it was read.
+        // Present, since there were no errors.
         let Some(simulation) = simulation else {
             return Err(failed("/simulation", "incomplete parameters"));
         };

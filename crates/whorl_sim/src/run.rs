@@ -16,10 +16,10 @@ pub struct Outcome {
     pub simulated_s: f64,
 }
 
-/// Time that passes between two looks at progress.
+/// Simulated time between two progress reports.
 const SLICE: Duration = Duration::from_millis(500);
 
-/// Runs until the coordinator has finished, at most `longest` of simulated time. `progress` is told
+/// Runs until the coordinator has finished, at most `longest` of simulated time. `progress` gets
 /// the simulated time so far.
 ///
 /// # Errors
