@@ -1,4 +1,4 @@
-//! A ROS domain on this machine: who has it, and which of our processes run in it.
+//! A ROS domain on this machine: which experiment uses it, and which of our processes run in it.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
@@ -10,11 +10,11 @@ use whorl_node::Node;
 
 use crate::error::LaunchError;
 
-/// Time that processes have to end after they were asked to.
+/// Time for processes to end after they were asked to.
 const NODES_END: Duration = Duration::from_secs(3);
-/// The recorder's: it closes its files.
+/// The same for the recorder, which closes its files.
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
-/// Whoever watches processes stops them, one group after the other.
+/// The same for a supervisor, which stops its processes one group after the other.
 const SUPERVISOR_ENDS: Duration = Duration::from_secs(10);
 
 /// A ROS domain on this machine.
@@ -23,7 +23,7 @@ pub struct Domain {
     id: u16,
     /// One file for each process of this user.
     folder: PathBuf,
-    /// Locked by whoever runs nodes in this domain; of all users.
+    /// Locked by the process that runs nodes in this domain; shared by all users.
     lock: PathBuf,
 }
 
@@ -47,13 +47,13 @@ impl Domain {
         Self { id, folder, lock: locks.join(format!("whorl-domain-{id}.lock")) }
     }
 
-    /// Where logs go of what is started by hand.
+    /// Folder for the logs of nodes started by hand.
     #[must_use]
     pub fn logs(&self) -> PathBuf {
         self.folder.join("logs")
     }
 
-    /// Takes the domain for an experiment, which shares it with nobody.
+    /// Takes the domain exclusively for an experiment.
     ///
     /// # Errors
     /// [`LaunchError::DomainTaken`].
@@ -64,8 +64,8 @@ impl Domain {
         })
     }
 
-    /// Takes a piece of the domain (a platform's nodes, the coordinator, the recorder), which is there once. Other
-    /// pieces may be taken, an experiment may not run.
+    /// Takes one part of the domain (a platform's nodes, the coordinator, the recorder), which may run once. Other
+    /// parts may be taken, but no experiment may run.
     ///
     /// # Errors
     /// [`LaunchError::DomainTaken`].
@@ -83,7 +83,7 @@ impl Domain {
         lock: impl Fn(&File) -> Result<(), TryLockError>,
         by: &str,
     ) -> Result<File, LaunchError> {
-        // It may be another user's: only he may write to it, but everybody may lock it.
+        // It may belong to another user: only the owner may write to it, but all users may lock it.
         let file = File::open(path)
             .or_else(|_| OpenOptions::new().create(true).truncate(false).write(true).open(path))
             .map_err(LaunchError::io("cannot open", path))?;
@@ -144,7 +144,7 @@ impl Domain {
     #[must_use]
     pub fn stop(&self) -> usize {
         let nodes = self.nodes();
-        // Whoever watches nodes ends them in order, and writes the report.
+        // Supervisors end their nodes in order, and write the report.
         end(&self.supervisors(), SUPERVISOR_ENDS);
         let (recorders, others): (Vec<_>, Vec<_>) =
             nodes.iter().cloned().partition(|process| process.label == Node::Recorder.name());
@@ -158,7 +158,7 @@ impl Domain {
         nodes.len()
     }
 
-    /// Nodes that run.
+    /// Running nodes.
     fn nodes(&self) -> Vec<Running> {
         let is_node = |program: &str| Node::find(program).is_some_and(|node| node.info().is_program);
         self.running("pid", is_node)
@@ -196,12 +196,12 @@ impl Running {
     fn program(&self) -> Option<String> {
         let path = std::fs::read_link(format!("/proc/{}/exe", self.pid.as_raw_nonzero())).ok()?;
         let name = path.file_name()?.to_string_lossy().into_owned();
-        // Of a program that was built anew meanwhile.
+        // The program has been rebuilt since.
         Some(name.strip_suffix(" (deleted)").unwrap_or(&name).to_owned())
     }
 }
 
-/// Asks processes that are no children of this one to end, and kills those that have not after some time.
+/// Asks processes that are not children of this one to end, and kills the remaining ones after some time.
 fn end(processes: &[Running], within: Duration) {
     for process in processes {
         let _ = kill_process(process.pid, Signal::TERM);

@@ -13,7 +13,7 @@ pub enum LaunchError {
     NoExperiment {
         /// What was asked for.
         name: String,
-        /// Names of the experiments that there are.
+        /// Names of the existing experiments.
         known: Vec<String>,
     },
     /// A platform without a file.
@@ -46,7 +46,7 @@ pub enum LaunchError {
     DomainTaken {
         /// Its number.
         domain: u16,
-        /// By what.
+        /// What uses it.
         by: String,
     },
     /// The operating system refuses.
@@ -54,7 +54,7 @@ pub enum LaunchError {
     Io {
         /// What was tried.
         what: &'static str,
-        /// With which file.
+        /// The file.
         path: PathBuf,
         /// Why not.
         source: std::io::Error,

@@ -2,10 +2,10 @@
 //!
 //! - [`Setup`]: which experiment, platforms and parameter files; checked before anything starts.
 //! - [`Process`]: what is started, with its arguments, as data made by [`Setup`] from the table of nodes.
-//! - [`Domain`]: the ROS domain on this machine: who has it, and which processes run in it.
-//! - [`Supervisor`]: the processes once they run; stops them, the recorder last.
+//! - [`Domain`]: the ROS domain on this machine: which experiment uses it, and which processes run in it.
+//! - [`Supervisor`]: the running processes; stops them, the recorder last.
 //!
-//! What the user sees of it, `whorl run` and `whorl nodes`, is in the command line.
+//! The user's commands, `whorl run` and `whorl nodes`, are in the command line crate.
 
 mod domain;
 mod error;

@@ -45,14 +45,14 @@ impl FromStr for Backend {
     }
 }
 
-/// What one driver is told beyond its parameter files.
+/// Arguments of one driver besides its parameter files.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct DriverSource {
     /// What it drives.
     pub backend: Backend,
-    /// Recording that it is fed from: run, bag or CSV.
+    /// Recording to replay: run, bag or CSV.
     pub source: Option<PathBuf>,
-    /// Which column of a CSV recording is what.
+    /// Column map of a CSV recording.
     pub channels: Option<PathBuf>,
 }
 
@@ -67,15 +67,15 @@ pub struct SetupOptions {
     pub params_of_whorl: PathBuf,
     /// Platforms; `None`: those that the parameter files name.
     pub platforms: Option<Vec<String>>,
-    /// What drivers drive that are named.
+    /// Backends of individual platforms.
     pub drivers: BTreeMap<String, DriverSource>,
-    /// What all others drive.
+    /// Backend of all other platforms.
     pub backend_of_others: Backend,
     /// Seed of the simulated hardware.
     pub seed: u64,
 }
 
-/// What is going to be started: every file is there, every platform known, every section for somebody.
+/// A checked setup: every file exists, every platform is known, every section matches a node.
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The experiment's file.
@@ -90,11 +90,11 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Finds the files and checks what can be known before anything runs. Types and ranges of parameters are checked
+    /// Finds the files and checks everything that can be checked before a start. Types and ranges of parameters are checked
     /// by the nodes that read them.
     ///
     /// # Errors
-    /// Files and platforms that are not there; parameter files that do not load; sections for no node.
+    /// Missing files or platforms; parameter files that do not load; sections that match no node.
     pub fn new(options: SetupOptions) -> Result<Self, LaunchError> {
         let SetupOptions { experiment, params, params_of_whorl, platforms, drivers, backend_of_others, seed } =
             options;
@@ -117,7 +117,7 @@ impl Setup {
         files.push(experiment.clone());
         let tree = ParameterTree::load(&files, &[])?;
         let law_on_platforms = tree.law_on_platforms();
-        // An experiment may say something of a platform that is left out this time.
+        // An experiment may have sections for a platform that is left out this time.
         let mut known = in_files;
         known.extend(platforms.iter().cloned());
         let nodes = node_set(&known, law_on_platforms);
@@ -181,14 +181,14 @@ impl Setup {
         }
     }
 
-    /// The recorder, into this run directory. It keeps all files with the run, also what simulated hardware takes
-    /// for true.
+    /// The recorder, into this run directory. It keeps all files with the run, including the truth of simulated
+    /// hardware.
     #[must_use]
     pub fn recorder(&self, run: &Path, seed: Option<u64>, git_commit: Option<&str>) -> Process {
         let mut arguments = self.of_formation(true);
         arguments.parameter("run_directory", run.display());
         seed.iter().for_each(|seed| arguments.parameter("seed", seed));
-        // In quotes: it may consist of digits only.
+        // Quoted: it may consist of digits only.
         git_commit.iter().for_each(|commit| arguments.parameter("git_commit", format!("'{commit}'")));
         Process {
             label: Node::Recorder.name().to_owned(),
@@ -197,7 +197,7 @@ impl Setup {
         }
     }
 
-    /// Arguments of what knows all platforms.
+    /// Arguments of nodes that need the files of all platforms.
     fn of_formation(&self, with_truth: bool) -> Arguments {
         let mut arguments = Arguments::default();
         arguments.file(self.params.join("common.yaml"));

@@ -1,4 +1,4 @@
-//! Processes that run.
+//! Running processes.
 
 use std::fs::File;
 use std::os::unix::process::CommandExt;
@@ -13,14 +13,14 @@ use crate::domain::Domain;
 use crate::error::LaunchError;
 use crate::process::{Process, Programs};
 
-/// Nodes run ahead of other programs where the machine allows it: as root, or with a limit on nice in
+/// Nodes get a higher priority than other programs if the machine allows it: as root, or with a limit on nice in
 /// /etc/security/limits.conf.
 const NICE: i32 = -10;
-/// Time that nodes have to end after they were asked to.
+/// Time for nodes to end after they were asked to.
 const NODES_END: Duration = Duration::from_secs(3);
-/// The recorder's: it closes its files.
+/// The same for the recorder, which closes its files.
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
-/// Lines of a log that are shown of a process that failed.
+/// Number of log lines shown for a failed process.
 const LAST_LINES: usize = 20;
 
 /// Processes that were started here. They end when this is dropped.
@@ -46,7 +46,7 @@ pub struct Ended {
     pub label: String,
     /// How.
     pub status: ExitStatus,
-    /// Where it wrote what it had to say.
+    /// Its log file.
     pub log: PathBuf,
 }
 
@@ -68,7 +68,7 @@ impl Supervisor {
         Self { children: Vec::new(), domain }
     }
 
-    /// Starts a process that writes what it prints to `LOGS/LABEL.log`.
+    /// Starts a process whose output goes to `LOGS/LABEL.log`.
     ///
     /// # Errors
     /// When the program, or the log, cannot be opened.
@@ -81,7 +81,7 @@ impl Supervisor {
         let program = programs.path(node)?;
         let mut command = Command::new(&program);
         command.args(arguments).stdin(Stdio::null()).stdout(file).stderr(errors);
-        // Ctrl-C goes to the group of the terminal: to whoever watches, who ends the nodes in order.
+        // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
         command.process_group(0);
         let child = ahead(|| command.spawn()).map_err(LaunchError::io("cannot start", &program))?;
         self.domain.remember(&label, child.id());
@@ -98,8 +98,8 @@ impl Supervisor {
         })
     }
 
-    /// Ends everything, the recorder last, so that it records how the others end. What does not end in time is killed,
-    /// and named.
+    /// Ends everything, the recorder last, so that it records how the others end. Processes that do not end in time are
+    /// killed and named.
     pub fn stop(&mut self) -> Vec<String> {
         let (mut recorders, mut others): (Vec<Running>, Vec<Running>) =
             self.children.drain(..).partition(|running| running.node == Node::Recorder);
@@ -139,8 +139,8 @@ pub fn become_node(programs: &Programs, process: Process) -> Result<std::convert
     Err(LaunchError::io("cannot start", program)(error))
 }
 
-/// Terminates these processes and kills what is still there after a time. Not with INT, which a process ignores that
-/// was started in the background of a script.
+/// Terminates these processes and kills the remaining ones after a time. INT is not used, because a process ignores it
+/// when it was started in the background of a script.
 fn end(processes: &mut [Running], within: Duration) -> Vec<String> {
     let began = Instant::now();
     for running in processes.iter_mut() {
@@ -170,7 +170,7 @@ fn has_ended(running: &mut Running) -> bool {
     running.ended
 }
 
-/// Only to a child that has not been waited for: its id is still its own.
+/// Only for a child that has not been waited for, so that its id cannot belong to another process.
 fn send(running: &Running, signal: Signal) {
     let _ = kill_process(Pid::from_child(&running.child), signal);
 }
