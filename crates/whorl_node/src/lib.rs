@@ -3,7 +3,7 @@
 //! A core is a state machine: [`NodeCore::step`] takes the time and one [`Event`] and appends
 //! messages and log lines to [`Outputs`]. It knows no ROS, clock, file, thread or randomness.
 //! Three shells run the same cores unchanged: `whorl_ros` (DDS, real time), `whorl_sim`
-//! (one process, simulated time) and replay. [`nodes`] is the table of the nodes that there are.
+//! (one process, simulated time) and replay. [`nodes`] is the table of all nodes.
 
 pub mod nodes;
 mod outputs;
@@ -59,7 +59,7 @@ pub trait NodeCore: Send {
     /// Advances the state machine by one event. `now` never decreases.
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs);
 
-    /// True once the node has done all it was started for; a shell may then stop it.
+    /// True once the node has finished its task; a shell may then stop it.
     fn finished(&self) -> bool {
         false
     }

@@ -1,4 +1,4 @@
-//! The table of nodes: what there is to run, and where it runs.
+//! The table of nodes: which nodes exist, and where they run.
 //!
 //! Launching, simulation, recording and the check of parameter files read it.
 
@@ -13,7 +13,7 @@ pub enum Place {
     Either,
 }
 
-/// What the table says of a node.
+/// Row of a node in the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeInfo {
     /// Name of the node and of its program; the last part of its section in parameter files.
@@ -22,7 +22,7 @@ pub struct NodeInfo {
     pub purpose: &'static str,
     /// Where it runs.
     pub place: Place,
-    /// Whether it is a program. What is none is part of another, and has its parameters only.
+    /// Whether it is a program. Otherwise it is part of another program and has only parameters of its own.
     pub is_program: bool,
     /// Whether it is given the simulated hardware's parameters (`params/truth/`).
     pub reads_truth: bool,

@@ -1,4 +1,4 @@
-//! What a step of a core produces.
+//! Outputs of a step of a core.
 
 use whorl_msgs::topics::{Message, Route};
 
@@ -42,7 +42,7 @@ pub struct Response {
     pub message: String,
 }
 
-/// Collects what a step produces. The shell clears and reuses it between steps.
+/// Collects the outputs of a step. The shell clears and reuses it between steps.
 #[derive(Debug, Default)]
 pub struct Outputs {
     /// Messages, in the order they are to be sent.
