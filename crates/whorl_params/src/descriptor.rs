@@ -1,4 +1,4 @@
-//! What a node's parameters are: for the ROS 2 parameter services and for the record of a run.
+//! Descriptions of a node's parameters, for the ROS 2 parameter services and for the record of a run.
 
 use crate::value::{Kind, Value};
 

@@ -1,4 +1,4 @@
-//! Where a value came from, and what was wrong with it.
+//! Origin of a value, and errors in it.
 
 use std::fmt;
 use std::sync::Arc;
@@ -104,7 +104,7 @@ impl ParameterErrors {
         self.0.len()
     }
 
-    /// Never true for a value that this crate returns.
+    /// Always false for a value returned by this crate.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

@@ -63,7 +63,7 @@ pub fn formation(r: &mut Reader<'_>) -> Formation {
 }
 
 /// Index and name of the platform that the reading node belongs to, by the node's namespace. `None`,
-/// with the reason left in the reader, when that namespace is no platform of the formation.
+/// with the reason in the reader, when that namespace is not a platform of the formation.
 pub fn own_platform(r: &mut Reader<'_>) -> Option<(u16, String)> {
     let formation = formation(r);
     let node = r.parameters().node().to_owned();
@@ -81,11 +81,11 @@ pub fn own_platform(r: &mut Reader<'_>) -> Option<(u16, String)> {
     Some((u16::try_from(index).ok()?, formation.platforms.get(index)?.clone()))
 }
 
-/// Key of the coordinator's parameter by which every platform runs the law in a coordinator of its own.
+/// Key of the coordinator's parameter that makes every platform run the law in its own coordinator.
 pub const LAW_ON_PLATFORMS: &str = "law.on_platforms";
 
 impl ParameterTree {
-    /// The platforms, as the coordinator sees them. What is wrong with them is reported when it reads its
+    /// The platforms, as the coordinator sees them. Errors in them are reported when it reads its
     /// parameters.
     #[must_use]
     pub fn formation(&self) -> Formation {
@@ -98,13 +98,13 @@ impl ParameterTree {
         self.for_node(COORDINATOR).get(LAW_ON_PLATFORMS).is_some_and(|entry| entry.value == Value::Bool(true))
     }
 
-    /// Every node that these parameters call for.
+    /// Every node that these parameters define.
     #[must_use]
     pub fn node_set(&self) -> Vec<NodeInstance> {
         node_set(&self.formation().platforms, self.law_on_platforms())
     }
 
-    /// Refuses sections that are for none of these nodes; see [`Self::check_sections`].
+    /// Refuses sections that match none of these nodes; see [`Self::check_sections`].
     ///
     /// # Errors
     /// One for each such section.
@@ -113,7 +113,7 @@ impl ParameterTree {
         self.check_sections(nodes.iter().map(|instance| instance.name.as_str()))
     }
 
-    /// The parameters of every node that these files call for, after layering, as one ROS 2 parameter file.
+    /// The parameters of every node that these files define, after layering, as one ROS 2 parameter file.
     #[must_use]
     pub fn effective_yaml(&self) -> String {
         self.node_set().iter().map(|instance| self.for_node(&instance.name).to_yaml()).collect()

@@ -78,7 +78,7 @@ impl Limits<f64> {
         }
     }
 
-    /// Something allowed, to go on with after an error: near 1 if possible.
+    /// An allowed value to continue with after an error: near 1 if possible.
     pub(crate) fn placeholder(&self) -> f64 {
         let (lower, upper) = self.ends();
         1.0_f64.min(upper).max(lower)

@@ -45,7 +45,7 @@ pub(crate) fn sections_for(
     let parsed = document::parse(file, text);
     let root = match &parsed {
         Ok(Some(Node { content: Content::Map(root), .. })) if !root.iter().any(names_parameters) => root,
-        // Written as any other, and whatever is wrong with it is reported as for any other.
+        // Written like any other file, with the same errors.
         _ => return sections_in(file, parsed, errors),
     };
     let (line, keys) = match root.as_slice() {

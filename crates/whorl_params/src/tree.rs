@@ -130,7 +130,7 @@ impl ParameterTree {
         found
     }
 
-    /// Refuses sections that match none of the nodes that exist: a mistyped node name would
+    /// Refuses sections that match no existing node: a mistyped node name would
     /// otherwise be ignored in silence.
     ///
     /// # Errors

@@ -41,14 +41,14 @@ pub fn set_in_file(
         std::fs::rename(&beside, path)
     };
     write().map_err(|error| {
-        // The original is untouched; only the leftover goes.
+        // The original is unchanged; only the temporary file is removed.
         let _ = std::fs::remove_file(&beside);
         io("written", error)
     })
 }
 
 /// The text of a parameter file with one value set: replaced where the key stands in the section of
-/// this name, else added to the innermost group that exists, else in a new section at the end.
+/// this name, otherwise added to the innermost existing group, otherwise in a new section at the end.
 /// `comment` replaces the comment at the end of that line; `None` keeps it.
 ///
 /// # Errors
@@ -100,7 +100,7 @@ pub fn set_in_text(
             }
         },
     };
-    // The text operations above are simple; this is what makes them safe.
+    // This check makes the simple text operations above safe.
     let after = sections_of(&file, &edited)?;
     let expected_differs =
         |at: usize, entry: &str| after.get(at).is_some_and(|s| s.pattern == pattern) && entry == key;

@@ -13,7 +13,7 @@ pub(super) fn read(r: &mut Reader<'_>) -> Actuators {
         for (g, group) in kind.groups().iter().enumerate() {
             match group {
                 Group::Members { name, defaults } => members(r, kind, g, name, defaults),
-                // Left out, it is as the kind has it.
+                // If left out, the kind's default applies.
                 Group::One { name } if r.has(name) => r.group(name, |r| {
                     for field in kind.fields(g, 0) {
                         let key = field.key;
@@ -46,7 +46,7 @@ fn members(r: &mut Reader<'_>, kind: &mut dyn ActuatorKind, group: usize, name: 
 }
 
 /// The member's own value, else the shared one. The overlay decides between model and truth for each of the two
-/// keys, so a model's own value of one member stands above a shared value of the truth.
+/// keys, so a member's own value in the model overrides a shared value of the truth.
 fn shared(r: &mut Reader<'_>, field: &Field<'_>, own: &str, common: &str) -> f64 {
     let (limits, doc) = (limits(field.allowed), field.description());
     if let Some(default) = field.default

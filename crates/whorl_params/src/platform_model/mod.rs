@@ -1,4 +1,4 @@
-//! The shared groups `model` and `truth`: what a platform is made of.
+//! The shared groups `model` and `truth`: the description of a platform.
 
 mod actuators;
 mod effects;

@@ -22,13 +22,13 @@ const TEXT: &str = "tilt_limit.kind";
 /// How well a platform is known, and from where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlatformPrior {
-    /// For fits: what the file gives, and what is typical for the rest.
+    /// For fits: priors of the file, and typical ones for the rest.
     pub prior: ModelPrior,
-    /// What the file gives, in its order.
+    /// Priors of the file, in its order.
     pub entries: Vec<PriorEntry>,
 }
 
-/// One standard deviation out of a parameter file.
+/// One standard deviation from a parameter file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorEntry {
     /// Key of the parameter below `model`; `wheel_defaults` and `jet_defaults` stand for all wheels and jets.
@@ -39,7 +39,7 @@ pub struct PriorEntry {
     pub source: Option<String>,
 }
 
-/// Reads the group's entries once the model has been read, so that the parameters that exist are known.
+/// Reads the group's entries after the model, so that the existing parameters are known.
 pub(super) fn read(r: &mut Reader<'_>, model_is_whole: bool) -> Vec<PriorEntry> {
     let prefix = format!("{PRIOR_GROUP}.");
     let keys: Vec<String> = r
@@ -89,7 +89,7 @@ pub(super) fn read(r: &mut Reader<'_>, model_is_whole: bool) -> Vec<PriorEntry> 
     entries
 }
 
-/// What a text says the source of.
+/// Parameter or group that a source text refers to.
 #[derive(Debug, PartialEq, Eq)]
 enum Source {
     Group(String),
@@ -182,7 +182,7 @@ fn exists(r: &Reader<'_>, key: &str, model_is_whole: bool) -> bool {
                 .is_some_and(|first| asked(&format!("{members}.{first}.{name}")))
         })
     };
-    // Effects are read last, and not at all when the rest is wrong: no second error for that.
+    // Effects are read last, and not at all when the rest is invalid: no second error for that.
     asked(key) && key != TEXT
         || member_groups().any(|(members, defaults)| of_members(&format!("{defaults}."), members))
         || !model_is_whole && key.starts_with("effects.")
@@ -206,7 +206,7 @@ fn hint(r: &Reader<'_>, key: &str) -> String {
     }
 }
 
-/// The prior of a model: its entries, and [`ModelPrior::typical`] for what none is given of.
+/// The prior of a model: its entries, and [`ModelPrior::typical`] for parameters without one.
 pub(super) fn prior(model: &PlatformModel, entries: &[PriorEntry]) -> ModelPrior {
     let mut prior = ModelPrior::typical(model);
     let one = |key: &str| {

@@ -1,5 +1,5 @@
-//! Sensors and their errors. Only what no sensor is without must be given: a rate, a noise, the bias of a
-//! turn-on. An error that is left out is none.
+//! Sensors and their errors. Only properties that every sensor has are required: a rate, a noise, the bias of a
+//! turn-on. An error that is left out is zero.
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::{
@@ -9,12 +9,12 @@ use whorl_dynamics::platform::{
 use crate::limits::{any, non_negative, positive, range};
 use crate::reader::Reader;
 
-/// 2000 deg/s and 16 g: the widest ranges that are usual; a platform comes nowhere near.
+/// 2000 deg/s and 16 g: the widest usual ranges, far beyond the motion of a platform.
 const USUAL_GYRO_RANGE_RAD_S: f64 = 35.0;
 const USUAL_ACCELEROMETER_RANGE_M_S2: f64 = 157.0;
 
 /// Noise of a wheel's speed. Counting the 4096 edges a turn of a 1024-line encoder for 10 ms resolves 0.15 rad/s,
-/// and the error of a count is a third of that. None at all would make every fit believe each reading.
+/// and the error of a count is a third of that. Zero noise would make every fit trust each reading exactly.
 const USUAL_TACHOMETER_RAD_S: f64 = 0.05;
 
 /// 20 degC.
@@ -133,7 +133,7 @@ fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_range: f64) -> T
 fn vector(r: &mut Reader<'_>) -> VectorSensor {
     let reference_direction_world =
         r.direction("reference_direction", "direction the sensor sees, world axes (east, north, up)");
-    // The accelerometer already gives the vertical: a vertical reference would leave yaw unseen.
+    // The accelerometer already measures the vertical: with a vertical reference yaw would not be observable.
     if reference_direction_world.xy().norm() < 0.1 {
         r.reject(
             "reference_direction",

@@ -29,14 +29,14 @@ pub struct Reader<'a> {
     overlay: Option<(String, String)>,
     descriptors: Vec<Descriptor>,
     described: HashMap<String, usize>,
-    /// Every key that a read asked for, full.
+    /// Full keys of all reads.
     known: BTreeSet<String>,
     /// Shared groups that this node reads in full, with their final dot.
     claimed: Vec<String>,
     errors: Vec<ParameterError>,
 }
 
-/// What a read asks for.
+/// Properties of a read.
 pub(crate) struct Request<'r> {
     pub key: &'r str,
     pub kind: Kind,
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
         set(&full) || self.overlaid(&full).is_some_and(|key| set(&key))
     }
 
-    /// Reports a parameter that is wrong in a way that its range cannot say, such as a minimum
+    /// Reports a parameter that is invalid in a way that its range cannot express, such as a minimum
     /// above its maximum. `problem` says what is wrong and what is allowed.
     pub fn reject(&mut self, key: &str, problem: impl Into<String>) {
         let full = self.full(key);
@@ -137,7 +137,7 @@ impl<'a> Reader<'a> {
         self.errors.push(error);
     }
 
-    /// As [`Self::reject`] for a whole group; its keys are not reported as unknown as well.
+    /// As [`Self::reject`] for a whole group; its keys are then not reported as unknown.
     pub fn reject_group(&mut self, key: &str, problem: impl Into<String>) {
         let full = self.full(key);
         for group in self.overlaid(&full).into_iter().chain([full]) {
@@ -155,7 +155,7 @@ impl<'a> Reader<'a> {
         self.errors.len()
     }
 
-    /// Makes every key below a shared group one that must be known to this node.
+    /// Requires that this node knows every key below a shared group.
     pub fn claim_group(&mut self, group: &str) {
         self.claimed.push(format!("{group}."));
     }
@@ -233,7 +233,7 @@ impl<'a> Reader<'a> {
         names
     }
 
-    /// Keys below a group that were asked for so far, relative to it.
+    /// Keys below a group that were read so far, relative to it.
     pub(crate) fn known_below(&self, group: &str) -> impl Iterator<Item = &str> + Clone {
         let dot = format!("{group}.");
         let below = self.known.range(dot.clone()..).take_while({
@@ -359,7 +359,7 @@ pub fn read<T>(
 }
 
 /// Reads shared groups only ([`crate::SHARED_GROUPS`]): keys of the node itself are neither read nor
-/// refused. For those who need to know the formation or a model before, or without, being the node.
+/// refused. For callers that need the formation or a model but are not the node.
 ///
 /// # Errors
 /// Everything that was wrong with these groups.
