@@ -1,4 +1,4 @@
-//! Recording beside the program that has something to record.
+//! Recording in the background.
 
 use std::mem::take;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -12,7 +12,7 @@ use crate::{BagError, Manifest};
 
 /// Bytes after which a batch is handed over: large enough that handing over costs nothing.
 const BATCH_BYTES: usize = 256 << 10;
-/// Batches on their way; then the sender waits for the disk.
+/// Queue of batches; when it is full, the sender waits for the disk.
 const BATCHES: usize = 4;
 
 /// Encoded messages in order.
@@ -51,7 +51,7 @@ impl BackgroundRunWriter {
         let thread = std::thread::spawn(move || {
             let result = to_write.iter().try_for_each(|mut batch| {
                 batch.write(&mut writer)?;
-                // Nobody waits for the last ones.
+                // No one waits for the last batches.
                 let _ = give_back.try_send(batch);
                 Ok(())
             });
@@ -89,7 +89,7 @@ impl BackgroundRunWriter {
     /// Writes what is left and closes the run, as [`RunWriter::finish`].
     ///
     /// # Errors
-    /// The first error of any message, after closing the run as far as it came; then that of closing.
+    /// The first error of any message, after closing the partial run; otherwise that of closing.
     pub fn finish(mut self, stop_utc: Timestamp) -> Result<Manifest, BagError> {
         // If the thread has ended, it says why below.
         let _ = self.hand_over();

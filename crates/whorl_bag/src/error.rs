@@ -32,7 +32,7 @@ pub enum BagError {
         /// The file.
         path: PathBuf,
     },
-    /// Somebody is writing the file.
+    /// Another process is writing the file.
     #[error("{} is being recorded at this moment", path.display())]
     InUse {
         /// The file.
@@ -125,7 +125,7 @@ pub enum BagError {
         /// The type.
         type_name: String,
     },
-    /// Bytes that are not the message that the bag says they are.
+    /// Bytes that do not match the message type stated in the bag.
     #[error("message on {topic} at {log_time_ns} ns: {source}")]
     Decode {
         /// The topic.

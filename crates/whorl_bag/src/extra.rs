@@ -1,8 +1,8 @@
-//! Topics that only recordings have: what was measured elsewhere and imported. No node sends them.
+//! Topics that only imported recordings have. No node sends them.
 //!
 //! All are in a platform's namespace. Names that end in `_<n>` count sensors from 2.
 
-/// Motor torques in force from the stamp on (`sensor_msgs/JointState`, `effort` [N m]): what was commanded to
+/// Motor torques in force from the stamp on (`sensor_msgs/JointState`, `effort` [N m]), as commanded to
 /// the drives, each until the next.
 pub const WHEEL_COMMAND: &str = "wheels/command";
 

@@ -1,4 +1,4 @@
-//! What is where in a run directory.
+//! Layout of a run directory.
 
 /// The bag in a run directory.
 pub const BAG_DIRECTORY: &str = "bag";

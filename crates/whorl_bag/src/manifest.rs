@@ -19,7 +19,7 @@ pub enum RunState {
     /// It is being recorded, or its recorder was killed.
     #[default]
     Recording,
-    /// It ended as it should.
+    /// It ended normally.
     Complete,
     /// It ended early, and why.
     Stopped(String),
@@ -51,7 +51,7 @@ pub struct ParameterFile {
     pub sha256: String,
 }
 
-/// What is said about a run when it begins.
+/// Information about a run that is known at its start.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RunDescription {
     /// Name of the experiment.

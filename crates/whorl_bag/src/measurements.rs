@@ -1,4 +1,4 @@
-//! What a platform's hardware would have sent, out of a recording.
+//! A platform's measurements from a recording, as its hardware would have sent them.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Making a bag complete whose writer was killed.
+//! Completes a bag whose writer was killed.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -19,15 +19,15 @@ pub struct Recovery {
     pub files: usize,
     /// Messages in them.
     pub messages: u64,
-    /// Bytes of half-written records that had to go.
+    /// Bytes of half-written records that were removed.
     pub bytes_cut_off: u64,
-    /// Damaged chunks that had to go.
+    /// Damaged chunks that were removed.
     pub damaged_chunks: u64,
 }
 
 /// Rewrites the incomplete files of a bag with index and footer, and `metadata.yaml`, so that every reader
-/// can open it. Complete bags are not touched. Each file is replaced in one step: whatever happens, the old
-/// or the new one is there. Needs as much free space as the file is long.
+/// can open it. Complete bags are not changed. Each file is replaced in one step: at any time either the old
+/// or the new one exists. Needs as much free space as the file is long.
 ///
 /// # Errors
 /// [`BagError::InUse`] while the bag is being recorded; [`BagError::DiskFull`]; as [`crate::BagReader::open`].

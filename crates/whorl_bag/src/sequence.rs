@@ -1,6 +1,6 @@
-//! Counting what was lost, from sequence numbers.
+//! Counts losses from sequence numbers.
 
-/// What one sequence number says.
+/// Meaning of one sequence number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrival {
     /// The first of this writer: what came before is not known and not counted.
@@ -72,7 +72,7 @@ impl SequenceTracker {
     pub const WINDOW: u64 = 64;
     /// A jump ahead of more than this is another writer's numbering, not a loss.
     pub const LARGEST_GAP: u64 = 10_000_000;
-    /// So many duplicates in ascending order are a restart.
+    /// This many duplicates in ascending order are a restart.
     pub const RESTART_RUN: u64 = 3;
 
     /// For numbers of 64 bits: DDS writers and the `sequence` fields of messages.
@@ -93,7 +93,7 @@ impl SequenceTracker {
         self.counts
     }
 
-    /// Takes note of an arrival.
+    /// Records an arrival.
     pub fn observe(&mut self, sequence: u64) -> Arrival {
         let sequence = sequence & self.mask;
         self.counts.received += 1;

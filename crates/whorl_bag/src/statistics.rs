@@ -10,7 +10,7 @@ use crate::{SequenceCounts, SequenceTracker};
 /// Which writer a message came from: a DDS GUID, or 0 where there is only one.
 pub type WriterId = u128;
 
-/// What is known of one topic of a recording.
+/// Statistics of one topic of a recording.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TopicSummary {
     /// Full topic name.
@@ -37,7 +37,7 @@ pub struct TopicSummary {
     pub sequence: Option<SequenceCounts>,
 }
 
-/// An interval of more than so many expected periods is a gap.
+/// An interval of more than this many expected periods is a gap.
 pub const GAP_PERIODS: f64 = 3.0;
 
 /// Gathers a [`TopicSummary`]. Pure: times are arguments.

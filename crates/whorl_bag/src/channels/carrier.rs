@@ -9,7 +9,7 @@ use whorl_msgs::{Message, MessageType};
 /// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
 const CELSIUS_ZERO_K: f64 = 273.15;
 
-/// A first covariance that says that there is no such measurement (`sensor_msgs/Imu`).
+/// First element of a covariance that marks a missing measurement (`sensor_msgs/Imu`).
 const NOT_MEASURED: f64 = -1.0;
 
 /// A field of a message that holds the numbers of a channel.
@@ -55,7 +55,7 @@ impl Carrier {
         }
     }
 
-    /// The numbers that a message carries, finite or not, in SI units; `None` where it says that there are none, or
+    /// The numbers in a message, finite or not, in SI units; `None` where it marks them as not measured, or
     /// is of another type.
     #[must_use]
     pub fn read(self, message: &Message) -> Option<Vec<f64>> {
@@ -78,7 +78,7 @@ impl Carrier {
             (Self::Attitude, Message::AttitudeEstimate(m)) => {
                 m.q_world_body.to_unit().map(|q| vec![q.w, q.i, q.j, q.k])
             }
-            // A truth that knows attitudes only has no rates.
+            // A truth with attitudes only has no rates.
             (Self::Rate, Message::AttitudeEstimate(m)) => {
                 axes(m.omega_wb_b_rad_s).filter(|rate| rate.iter().all(|x| x.is_finite()))
             }
@@ -121,7 +121,7 @@ impl Carrier {
 
 const UNKNOWN: Vector3 = Vector3 { x: f64::NAN, y: f64::NAN, z: f64::NAN };
 
-/// A message that says of everything that it was not measured, to be filled by [`Carrier::write`].
+/// A message with all fields marked as not measured, to be filled by [`Carrier::write`].
 #[must_use]
 pub fn blank(message_type: MessageType, header: Header, sequence: u64) -> Message {
     let mut none = [0.0; 9];

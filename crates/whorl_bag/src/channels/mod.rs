@@ -1,6 +1,6 @@
 //! The channels of a platform: what can be measured of it, one row each.
 //!
-//! Maps of columns and of topics, import, export, reading and writing of recordings and what explains them walk
+//! Maps of columns and topics, import, export, reading, writing and analysis of recordings all iterate
 //! over these rows. A new quantity is a row in `table.rs` and a field of `whorl_recording::Recording` (with its unit in
 //! `units.rs` and an arm of [`Carrier`], if these are new as well).
 
@@ -24,7 +24,7 @@ impl Channel {
         Self::ALL.iter().copied().find(|channel| channel.info().key == key)
     }
 
-    /// How many of it a platform may have: sensors of their own, each with its topic.
+    /// How many sensors of it a platform may have, each with its own topic.
     #[must_use]
     pub fn most_sensors(self) -> usize {
         if self.info().form == Form::Directions { extra::MAX_VECTOR_SENSORS } else { 1 }
@@ -36,7 +36,7 @@ impl Channel {
         self.info().units.first().map_or("1", |unit| unit.name)
     }
 
-    /// Unit in which people are told of it, and the factor to it.
+    /// Unit in which it is shown to people, and the factor to it.
     #[must_use]
     pub fn shown_unit(self) -> (&'static str, f64) {
         let info = self.info();
@@ -60,7 +60,7 @@ impl Channel {
         }
     }
 
-    /// The topic that has it, if nodes send it; else only recordings do.
+    /// The topic that carries it, if nodes send it; `None` if only recordings have it.
     #[must_use]
     pub fn topic(self, sensor: usize) -> Option<Topic> {
         Topic::find(&self.topic_name(sensor), true)
@@ -77,7 +77,7 @@ impl Channel {
         carried
     }
 
-    /// What is said of one of its numbers: `gyro_x`, `wheel_x_speed`, `bus_voltage`. `wheels` names the platform's
+    /// Name of one of its components: `gyro_x`, `wheel_x_speed`, `bus_voltage`. `wheels` names the platform's
     /// wheels.
     #[must_use]
     pub fn component_name<S: AsRef<str>>(self, index: usize, wheels: &[S]) -> String {

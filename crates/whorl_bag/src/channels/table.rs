@@ -49,7 +49,7 @@ pub struct ChannelInfo {
     pub form: Form,
     /// Units of columns, the SI unit first.
     pub units: &'static [Unit],
-    /// The unit of these in which people are told of it, if it is not the SI unit.
+    /// The unit in which it is shown to people, if not the SI unit.
     pub shown_unit: Option<&'static str>,
     /// Stem and end of the columns that an export writes; between them stands the axis. Wheels and jets have their
     /// names for a stem.
@@ -62,10 +62,10 @@ pub struct ChannelInfo {
     pub carrier: Carrier,
     /// Whether a sample holds until the next, as commands do.
     pub is_held: bool,
-    /// Whether it tells of motion: a platform is known by one of these at least.
+    /// Whether it measures motion: a recording needs at least one such channel.
     pub is_motion: bool,
-    /// Spread below which it counts as constant where a residual is held against it; `None`: it is not, for the
-    /// smoothed motion says the same better.
+    /// Spread below which it counts as constant when residuals are correlated with it; `None`: not used, because the
+    /// smoothed motion gives the same information with less noise.
     pub resolution: Option<f64>,
 }
 

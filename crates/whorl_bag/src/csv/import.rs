@@ -1,4 +1,4 @@
-//! Measurements from CSV files, as a driver would have sent them: for replay.
+//! Measurements from CSV files, as a driver would have sent them, for replay.
 
 use std::path::{Path, PathBuf};
 
@@ -15,13 +15,13 @@ use super::rows::{CsvRow, CsvRows};
 use crate::channels::{Channel, blank};
 use crate::measurements::Measurement;
 
-/// A CSV file of measurements that was read once and found to be good.
+/// A CSV file of measurements that was read once and found valid.
 ///
 /// Line by line, at time `t - t_first` after the start:
 /// - `imu/data_raw` where all six numbers are there;
 /// - `vector_sensor/direction` of the first vector sensor, of length 1, where all three are there and differ
 ///   from those of the line before: files often repeat the last value of a slower sensor, and a repeated value
-///   is no measurement (unless the map says that it is);
+///   is not a measurement (unless the map says otherwise);
 /// - `wheels/state`, `battery`, `tank_pressure`, `temperature` where there are numbers;
 /// - `truth/state` where all four numbers are there. Gyro bias is NaN, and the rate if the file does not have it.
 ///   Its health is `HEALTH_OK`, or `HEALTH_DEGRADED` in lines that are not to be scored.
@@ -158,7 +158,7 @@ impl CsvSamples {
                     Channel::TrueAttitude => row.q_world_body.map(|q| vec![q.w, q.i, q.j, q.k]),
                     _ => row.numbers.get(&channel).cloned(),
                 };
-                // Few files know the true rate, and a truth without it is one all the same.
+                // Few files have the true rate; a truth without it is still valid.
                 if numbers.is_none() && channel == Channel::TrueRate {
                     continue;
                 }

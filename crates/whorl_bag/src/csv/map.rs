@@ -1,4 +1,4 @@
-//! Which column is what: a YAML file for each form of CSV.
+//! The column map: a YAML file for each form of CSV.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ use super::jets::{JetMap, JetQuantity, Slot};
 use crate::channels::{Channel, Form};
 use crate::units::{self, Unit as ColumnUnit};
 
-/// Which column is what, in which unit, in which order of axes; read from a parameter file. `docs/recordings.md`
+/// Assigns columns to channels, with units and order of axes; read from a parameter file. `docs/recordings.md`
 /// explains every key:
 ///
 /// ```yaml
@@ -80,7 +80,7 @@ pub struct VectorMap {
     /// [`super::CsvRecording::vector_reference_world`].
     pub reference_world: Option<Unit<Vector3<f64>>>,
     /// Whether a value that is the same as in the line before is a measurement of its own. Files often repeat
-    /// the last value of a slower sensor: by default it is none.
+    /// the last value of a slower sensor: by default such a value is ignored.
     pub repeats: bool,
 }
 
@@ -95,7 +95,7 @@ pub struct TruthMap {
     pub scored_column: Option<String>,
 }
 
-/// Of what a platform has several; their order is that of its parameter file.
+/// Names of the platform's wheels and jets, in the order of its parameter file.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct PlatformParts {
     /// Name of the platform.
@@ -360,7 +360,7 @@ fn unit(r: &mut Reader<'_>, table: &[ColumnUnit], doc: &str) -> ColumnUnit {
     found.unwrap_or(ColumnUnit { name: "", factor: 1.0, offset: 0.0 })
 }
 
-/// As many names as the platform has of these.
+/// Reads column names and checks that there are as many as the platform has wheels or jets.
 fn counted(r: &mut Reader<'_>, doc: &str, members: Option<Members<'_>>) -> Vec<String> {
     let columns = r.string_array("columns", doc);
     if let Some(Members { of, what, names }) = members
