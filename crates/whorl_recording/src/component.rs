@@ -1,11 +1,11 @@
-//! The numbers of which samples consist, one by one.
+//! Components of samples.
 
 use whorl_bag::{Channel, Form};
 
-/// One number of a channel's samples: an axis, a wheel. Residuals are told by components.
+/// One component of a channel's samples: an axis, a wheel. Residuals are reported per component.
 ///
 /// Components are in the order of the channels, then of the sensors, then of their own. Of a direction only two
-/// components are free: they lie across it, and which way is up to who tells residuals.
+/// components are free: they lie across it, along axes that the caller chooses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Component {
     /// The channel.
@@ -42,7 +42,7 @@ impl Component {
             Form::Directions => 2,
             Form::Wheels { .. } => wheels,
             Form::Scalar => 1,
-            // What rotates has no components by themselves, and pulses are no samples.
+            // Attitudes have no separate components, and pulses are not samples.
             Form::Attitude | Form::Pulses => 0,
         };
         (0..count).map(move |index| Self::new(channel, sensor, index))

@@ -1,4 +1,4 @@
-//! What no motion can have measured: channels that contradict themselves or each other.
+//! Consistency checks: channels that contradict themselves or each other.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
@@ -9,17 +9,17 @@ use crate::{Mounting, Recording, Series};
 const FEW: usize = 10;
 /// Readings that come faster than this have a wrong time [Hz].
 const FASTEST_HZ: f64 = 20_000.0;
-/// And those that come slower, which no motion on a bearing could be told by \[Hz\].
+/// Readings slower than this cannot resolve the motion on a bearing \[Hz\].
 const SLOWEST_HZ: f64 = 0.5;
 /// Time over which turns are compared \[s\].
 const WINDOW_S: f64 = 0.5;
-/// Turns or speeds that differ by more than this factor are no scale error of a sensor.
+/// Turns or speeds that differ by more than this factor cannot be a scale error of a sensor.
 const FACTOR: f64 = 5.0;
 /// Windows below which nothing is compared.
 const LEAST_WINDOWS: usize = 10;
-/// Correlation from which a factor between two channels is believed.
+/// Correlation above which a factor between two channels is considered significant.
 const CORRELATED: f64 = 0.8;
-/// A turn that the gyro claims in a window and no other sensor sees \[rad\].
+/// A turn in a window that the gyro indicates and no other sensor confirms \[rad\].
 const CLAIMED_RAD: f64 = 0.05;
 
 impl Recording {
@@ -59,7 +59,7 @@ impl Recording {
         })
     }
 
-    /// Compares how far the gyro says that directions turned with how far they did.
+    /// Compares the turns of measured directions with those from the gyro.
     fn gyro_unit(&self) -> Option<String> {
         let force = averaged(&self.specific_force_b_m_s2, 0.1);
         let seen = self.vectors.iter().map(|v| (&v.direction_b, "vector sensor"));
@@ -165,7 +165,7 @@ impl Turns {
                 break;
             };
             from = to.max(from + 1);
-            // Across a gap nothing is known of the motion.
+            // The motion across a gap is unknown.
             if end - start > 3.0 * WINDOW_S {
                 continue;
             }

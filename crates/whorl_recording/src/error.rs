@@ -85,7 +85,7 @@ pub enum RecordingError {
         /// Lines with a time.
         rows: u64,
     },
-    /// Times that cannot be meant.
+    /// Implausible times.
     #[error(
         "{}: from the first to the last line it is {length_s:.0} s: is the time column's unit right?", path.display()
     )]
@@ -95,7 +95,7 @@ pub enum RecordingError {
         /// From first to last line \[s\].
         length_s: f64,
     },
-    /// A vector sensor of which nobody says what it sees.
+    /// A vector sensor without a reference direction.
     #[error(
         "{}: vector sensor {sensor}: the direction that it sees in the world is not known: give reference_world in \
          the map", path.display()

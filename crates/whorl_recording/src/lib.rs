@@ -1,4 +1,4 @@
-//! What was measured of one platform in one run, as series over time.
+//! Measurements of one platform in one run, as time series.
 //!
 //! [`Recording`] is the one input of everything that explains data: comparison, diagnosis,
 //! identification, calibration, estimation after the fact. [`read_run`] makes it of run directories and

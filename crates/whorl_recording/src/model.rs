@@ -1,4 +1,4 @@
-//! What is known of a platform before its data are explained.
+//! Prior knowledge of a platform: its model and priors.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Facts about a run that its manifest notes, beside what its messages say.
+//! Facts about a run that are stored in its manifest and not in its messages.
 
 use whorl_bag::RunDirectory;
 

@@ -1,4 +1,4 @@
-//! What a recording lacks, what that costs, and what looks wrong in it: in words.
+//! Missing channels of a recording, what cannot be identified without them, and suspicious data, in words.
 
 use nalgebra::Vector3;
 use whorl_bag::{Channel, Form};
@@ -16,11 +16,11 @@ const GAP_STEPS: f64 = 8.0;
 /// Standard gravity [m/s^2].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// What cannot be said without a channel.
+/// What cannot be identified without a channel.
 struct Cost {
     /// The channel, and those that make up for it.
     any_of: &'static [Channel],
-    /// Whether it tells of the body, which does not move when it is clamped.
+    /// Whether it measures the body, which does not move when it is clamped.
     is_of_body: bool,
     /// Whether such a platform has it at all.
     matters: fn(&PlatformModel) -> bool,
@@ -115,7 +115,7 @@ impl Recording {
         Ok(())
     }
 
-    /// One sentence for each channel that was not recorded, of what the platform has: what cannot be said without it.
+    /// One sentence for each missing channel of the platform: what cannot be identified without it.
     #[must_use]
     pub fn missing_channels(&self, model: &PlatformModel) -> Vec<String> {
         let recorded = |channel: &Channel| match channel {
@@ -129,8 +129,8 @@ impl Recording {
         missing.map(|cost| cost.sentence.to_owned()).collect()
     }
 
-    /// One sentence for each thing that looks wrong: a channel that never changes, a unit that cannot be, a run
-    /// too short. The recording may be right all the same.
+    /// One sentence for each suspicious finding: a channel that never changes, an implausible unit, a run
+    /// that is too short. The recording may still be correct.
     #[must_use]
     pub fn suspicions(&self, model: Option<&PlatformModel>) -> Vec<String> {
         let mut found = Vec::new();

@@ -34,7 +34,7 @@ pub struct VectorChannel {
     pub direction_b: Series<Vector3<f64>>,
 }
 
-/// True motion, where it is known (simulation, motion capture). Judges use it; no fit may.
+/// True motion, where it is known (simulation, motion capture). Used for scoring only, never in fits.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TrueMotion {
     /// Attitude, v_world = q v_body.
@@ -83,7 +83,7 @@ pub struct Recording {
     pub closed_loop: bool,
     /// True motion, where it is known.
     pub truth: Option<TrueMotion>,
-    /// What reading it met that a person should know, one sentence each: messages dropped, channels unusable.
+    /// Warnings from reading it, one sentence each: messages dropped, channels unusable.
     pub remarks: Vec<String>,
 }
 
@@ -140,7 +140,7 @@ impl Recording {
             .filter(|(.., series)| !series.time_s().is_empty())
     }
 
-    /// Whether anything tells of motion: without, nothing can be explained.
+    /// Whether any channel measures motion; without one, nothing can be explained.
     #[must_use]
     pub fn has_motion(&self) -> bool {
         self.sampled().any(|(channel, ..)| channel.info().is_motion)

@@ -13,7 +13,7 @@ use crate::model::KnownPlatform;
 use crate::recording::{Mounting, OnInterval, Recording, VectorChannel};
 use crate::series::{Series, seconds};
 
-/// So many pulse slots are a mistake in the time column.
+/// More pulse slots than this indicate an error in the time column.
 const MOST_SLOTS: i64 = 10_000_000;
 
 /// A CSV file, read.

@@ -1,4 +1,4 @@
-//! What the driver did about the commands that were sent to it.
+//! Reconstructs how the driver executed the commands sent to it.
 //!
 //! The rules are those of the driver's gate: a command holds until the next, at most until its
 //! `valid_until` and never longer than 0.1 s; then everything is off. A jet slot fires once, at the first
@@ -24,14 +24,14 @@ pub(super) struct PulseNs {
     pub off_ns: i64,
 }
 
-/// What followed from a sequence of commands.
+/// Actuator inputs that result from a sequence of commands.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Applied {
     /// Motor torques [N m] and since when.
     pub wheel_torque_n_m: Vec<(i64, Vec<f64>)>,
     /// Pulses of each jet, in order of time, apart from each other.
     pub pulses: Vec<Vec<PulseNs>>,
-    /// Commands that no driver would have obeyed.
+    /// Commands that the driver would have refused.
     pub refused: usize,
 }
 
@@ -77,7 +77,7 @@ pub(super) fn apply(sent: &[Sent], limits: &Limits) -> Applied {
                 .is_none_or(|l| stamp > l.stamp || (stamp == l.stamp && command.sequence > l.sequence));
         if !obeyed {
             applied.refused += 1;
-            // What held goes on holding; what had ended stays off.
+            // A valid command stays valid; an expired one stays off.
             if let Some(before) = latest.as_mut().filter(|before| before.ends_ns <= at_ns) {
                 before.ends_ns = i64::MAX;
             }

@@ -1,4 +1,4 @@
-//! Which topic of a bag holds what.
+//! Roles of the topics of a bag.
 
 use whorl_bag::{BagTopic, Channel, extra};
 use whorl_msgs::{MessageType, Topic};

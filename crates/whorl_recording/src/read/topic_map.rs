@@ -1,4 +1,4 @@
-//! Which topic of a bag holds what, for bags of other systems: a YAML file, see docs/recordings.md.
+//! The topic map for bags of other systems: a YAML file, see docs/recordings.md.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! When the valves were switched, from what the driver says of them.
+//! Switching times of the valves, from the driver's messages.
 //!
 //! A `ThrusterState` tells the valve's state at its stamp and the on-time since the message before. A valve
 //! that was shut then and is open now was opened an on-time before now; one that was open and is shut now was

@@ -1,4 +1,4 @@
-//! Which motor torque was in force when.
+//! Motor torque in force over time.
 //!
 //! The driver's `wheels/state` carries the torque in force at its stamp; the commands say when, between two
 //! such messages, it changed.
