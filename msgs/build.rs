@@ -1,7 +1,7 @@
 //! Makes the Rust types, the table of definitions and the list of messages from the `.msg` and `.srv` files.
 //!
-//! What lies in `msg/`, `srv/` and `standard/PACKAGE/` when the crate is built is what there is: no list names
-//! the files again.
+//! All files in `msg/`, `srv/` and `standard/PACKAGE/` are used when the crate is built: no list repeats
+//! their names.
 
 #[path = "build/generate.rs"]
 mod generate;

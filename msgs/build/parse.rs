@@ -1,7 +1,7 @@
 //! Reads `.msg` and `.srv` files (<https://docs.ros.org/en/jazzy/Concepts/Basic/About-Interfaces.html>).
 //!
-//! Of the language are left out, with an error that says so: bounded strings and sequences, `wstring`, string
-//! constants, defaults of arrays. No message in use has them.
+//! Not supported, and refused with an error: bounded strings and sequences, `wstring`, string
+//! constants, defaults of arrays. No message in use needs them.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Test: the Rust types are what other implementations make of the same definitions.
+//! Test: the Rust types agree with other implementations of the same definitions.
 //!
 //! The truth is `golden/cdr.json`, written by `tests/interop/golden_cdr.py` with rosbags and Eclipse Cyclone DDS:
 //! messages whose fields all differ, with their CDR bytes, and the constants. A message that was added since is

@@ -1,4 +1,4 @@
-//! What messages can do besides being sent: conversions, and questions to their content.
+//! Conversions and queries of messages.
 
 use crate::geometry_msgs::{Quaternion, Vector3};
 use crate::whorl::AttitudeEstimate;
@@ -46,7 +46,7 @@ impl Quaternion {
     pub const NORM_TOLERANCE: f64 = 1e-3;
 
     /// The rotation. `None` when a component is not finite or the norm is off by more than
-    /// [`Self::NORM_TOLERANCE`]: then the sender is broken and nothing should be made of it.
+    /// [`Self::NORM_TOLERANCE`]: the message is then invalid and must not be used.
     #[must_use]
     pub fn to_unit(self) -> Option<nalgebra::UnitQuaternion<f64>> {
         let q = nalgebra::Quaternion::new(self.w, self.x, self.y, self.z);

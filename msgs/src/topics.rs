@@ -1,4 +1,4 @@
-//! The table of topics: name, type, who has it, how it is sent. One place for nodes, recorder,
+//! The table of topics: name, type, namespace, quality of service. Shared by nodes, recorder,
 //! simulation and replay.
 
 use crate::cdr::{self, CdrError};
@@ -55,7 +55,7 @@ pub struct Qos {
 const STREAM: Qos = Qos { reliable: false, depth: 10 };
 const RARE: Qos = Qos { reliable: true, depth: 10 };
 
-/// What the table says of a topic.
+/// Row of a topic in the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TopicInfo {
     /// Name relative to the platform's namespace, or to `/` for a shared topic.
@@ -197,7 +197,7 @@ topics! {
     FormationState "formation/state" shared FormationState STREAM 10.0;
     /// Authority heartbeat, from the coordinator.
     FormationCommand "formation/command" shared FormationCommand STREAM 20.0;
-    /// Asks for the time of every platform's computer and tells what is known of it, from the coordinator.
+    /// Requests the time of every platform's computer and gives the estimated offsets, from the coordinator.
     FormationClock "formation/clock" shared ClockRequest STREAM 2.0;
     /// The time of the platform's computer, from local control.
     Clock "clock" platform ClockReply STREAM 2.0;
@@ -205,13 +205,13 @@ topics! {
     Diagnostics "diagnostics" shared DiagnosticArray RARE 1.0;
     /// Frames `<platform>/base_link` in `world`, from the estimators.
     Tf "tf" shared TFMessage RARE 20.0;
-    /// Moment that the linear mass actuators shall add to the gravity offset, body axes \[N m\], from local
+    /// Moment that the linear mass actuators must add to the gravity offset, body axes \[N m\], from local
     /// control while it balances the platform; holds until the next.
     BallastMoment "ballast/moment" platform Vector3Stamped STREAM 1.0;
 }
 
 impl Topic {
-    /// What a driver publishes: all that is known of a platform from outside.
+    /// Topics that a driver publishes.
     pub const FROM_DRIVER: [Self; 8] = [
         Self::ImuRaw,
         Self::VectorDirection,
@@ -230,7 +230,7 @@ impl Topic {
     }
 }
 
-/// What both services of the coordinator answer: success and a sentence.
+/// Response of both services of the coordinator: success and a sentence.
 pub type ExperimentResponse = StartExperimentResponse;
 
 /// Services of the coordinator. Each takes one string and answers with an [`ExperimentResponse`].
