@@ -144,7 +144,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         "reference_validity_s",
         0.3,
         range(0.04..=2.0),
-        "how long a platform may carry a reference on before it brakes to rest [s]",
+        "how long a platform may extrapolate a reference before it brakes to rest [s]",
     );
     let command_validity_s = r.f64_or(
         "command_validity_s",
@@ -231,7 +231,7 @@ fn read_link(r: &mut Reader<'_>) -> LinkSettings {
             "timeout_s",
             300.0,
             positive(),
-            "a link that stays stale for longer ends the experiment [s]",
+            "the experiment ends when a link stays stale for longer [s]",
         ),
     }
 }
@@ -241,14 +241,14 @@ fn read_waiting(r: &mut Reader<'_>) -> WaitingSettings {
         "timeout_s",
         60.0,
         range(0.0..),
-        "gives up when not all platforms are well after this long; 0: never [s]",
+        "gives up when not all platforms are ready after this time; 0: never [s]",
     );
     WaitingSettings {
         healthy_for_s: r.f64_or(
             "healthy_for_s",
             1.0,
             range(0.0..=60.0),
-            "all platforms must be well for this long before the experiment is ready [s]",
+            "all platforms must be ready for this long before the start [s]",
         ),
         timeout_s: if timeout_s > 0.0 { timeout_s } else { f64::INFINITY },
     }
@@ -266,7 +266,7 @@ fn read_faults(r: &mut Reader<'_>) -> FaultSettings {
             "grace_s",
             1.0,
             range(0.1..=30.0),
-            "a platform that does not follow its reference for less than this is no fault [s]",
+            "not following the reference for less than this is not a fault [s]",
         ),
         timeout_s: r.f64_or(
             "timeout_s",
@@ -278,7 +278,7 @@ fn read_faults(r: &mut Reader<'_>) -> FaultSettings {
             "abort_for_s",
             10.0,
             range(0.5..=600.0),
-            "for how long an abort is sent before the coordinator ends [s]",
+            "how long an abort is sent before the coordinator exits [s]",
         ),
     }
 }

@@ -41,7 +41,7 @@ impl Identification {
                 "filter",
                 "extended",
                 &["extended", "iterated", "unscented"],
-                "how the joint filter of motion and mass properties takes measurements in",
+                "measurement update of the joint filter of motion and mass properties",
             ) {
                 "iterated" => JointUpdate::Iterated { iterations: 3 },
                 "unscented" => JointUpdate::Unscented,
@@ -51,7 +51,7 @@ impl Identification {
                 "forgetting_per_s",
                 1.0,
                 range(0.5..=1.0),
-                "forgetting factor over one second; 1: never. What is not excited is not forgotten beyond its prior",
+                "forgetting factor over one second; 1: never. No standard deviation grows beyond its prior",
             );
             let rate_hz = r.f64_or("rate_hz", 1.0, range(0.01..=20.0), "rate of parameters/estimate [Hz]");
             (enabled, update, forgetting, rate_hz)

@@ -84,7 +84,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         "filter",
         FilterKind::default().name,
         &FilterKind::ALL.map(|kind| kind.name),
-        "which filter makes the estimate",
+        "the filter that computes the estimate",
     );
     let kind = FilterKind::find(kind).unwrap_or_default();
     let body = body::read(r, model.as_ref());
@@ -163,7 +163,7 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
             "initial_heading_deg",
             0.0,
             range(-360.0..=360.0),
-            "yaw at the start when no vector sensor tells it [deg]",
+            "initial yaw without a vector sensor [deg]",
         )),
         initial_heading_sigma_rad: rad_from_deg(r.f64_or(
             "initial_heading_sigma_deg",
@@ -187,7 +187,7 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
             "recovery_s",
             d.recovery_s,
             range(0.01..=600.0),
-            "after accelerometer outliers for this long without a break the attitude starts anew [s]",
+            "after uninterrupted accelerometer outliers for this long the attitude is initialised again [s]",
         ),
         gravity_tolerance_m_s2: r.f64_or(
             "gravity_tolerance_m_s2",
@@ -199,7 +199,7 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
             "frozen_samples",
             i64::from(d.frozen_samples),
             range(0..=10_000),
-            "so many identical samples in a row mean a frozen sensor; 0: no check",
+            "number of identical consecutive samples that indicate a frozen sensor; 0: no check",
         ))
         .unwrap_or(0),
         imu_gap_s: r.f64_or("imu_gap_s", d.imu_gap_s, range(0.001..=10.0), "an IMU gap beyond this adds uncertainty [s]"),
@@ -207,7 +207,7 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
             "imu_timeout_s",
             d.imu_timeout_s,
             range(0.01..=60.0),
-            "without IMU for this long the estimate is stale, and starts anew when it returns [s]",
+            "without IMU for this long the estimate is stale, and is initialised again when samples return [s]",
         ),
         unhealthy_tilt_sigma_rad: rad_from_deg(r.f64_or(
             "unhealthy_tilt_sigma_deg",
@@ -246,7 +246,7 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
             "recovery_s",
             1.0,
             range(0.01..=600.0),
-            "after outliers for this long the sensor is believed [s]",
+            "after outliers for this long the heading is initialised again from the sensor [s]",
         );
         (usage, stale_after_s, max_age_s, recovery_s)
     });

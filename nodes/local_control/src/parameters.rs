@@ -153,7 +153,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "wheel_weight",
             200.0,
             range(0.0..=1e6),
-            "price of a wished wheel torque that is missed, against gas: how willingly jets help out [1]",
+            "weight of deviations from the desired wheel torque against gas: larger values use the jets more [1]",
         )
     });
     let balancing = r.group("balancing", |r| read_balancing(r, model.as_ref()));

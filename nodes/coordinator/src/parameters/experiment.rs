@@ -39,18 +39,18 @@ pub enum AtEnd {
 
 pub(super) fn read(r: &mut Reader<'_>) -> ExperimentSettings {
     ExperimentSettings {
-        name: r.string_or("name", "unnamed", "what the experiment is called"),
+        name: r.string_or("name", "unnamed", "name of the experiment"),
         description: r.string_or("description", "", "one line on what it shows"),
         auto_start: r.bool_or(
             "auto_start",
             true,
-            "start as soon as all platforms are well; false: wait for the service /coordinator/start",
+            "start as soon as all platforms are ready; false: wait for the service /coordinator/start",
         ),
         yaw_zero: match r.choice_or(
             "yaw_from",
             "start",
             &["start", "world"],
-            "what yaw_deg of the steps counts from: the leader's yaw at the start, or east",
+            "zero of yaw_deg in the steps: the leader's yaw at the start, or east",
         ) {
             "world" => YawZero::World,
             _ => YawZero::Start,
@@ -67,7 +67,7 @@ pub(super) fn read(r: &mut Reader<'_>) -> ExperimentSettings {
         exit_when_finished: r.bool_or(
             "exit_when_finished",
             true,
-            "whether the coordinator ends after the experiment; false: it can be started again",
+            "whether the coordinator exits after the experiment; false: it can be started again",
         ),
     }
 }

@@ -60,7 +60,7 @@ fn read_one(
         "hold",
         "nothing",
         &["attitude", "tilt", "nothing"],
-        "what control goes on holding meanwhile, with the wheels; tilt: yaw is left alone",
+        "what control still holds with the wheels; tilt: yaw is free",
     ) {
         "attitude" => Hold::Attitude,
         "tilt" => Hold::Tilt,
@@ -106,7 +106,7 @@ fn read_signal(r: &mut Reader<'_>, wheels: &[usize], model: &PlatformModel) -> O
     let waveform = match r.choice(
         "signal",
         &["constant", "multisine", "prbs", "sweep"],
-        "how the torque moves: not at all, a sum of sines, a binary sequence, or one sine that gets faster, wheel after wheel",
+        "signal of the torque: constant, a sum of sines, a binary sequence, or a sine of rising frequency, wheel after wheel",
     ) {
         "constant" => Waveform::Constant,
         "prbs" => Waveform::Prbs,
