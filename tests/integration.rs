@@ -1,7 +1,7 @@
 //! Whorl as a whole.
 //!
 //! - `closed_loop`: the node set in one simulated process: accuracy, determinism, links, faults.
-//! - `replay`: recordings through single cores, to the bit.
+//! - `replay`: single cores reproduce recordings, bit for bit.
 //! - `ros`: the node set as real processes over DDS, one fault after the other.
 //!
 //! The processes' programs are those that cargo builds with the tests. README.md tells of variables and of what needs

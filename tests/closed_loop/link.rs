@@ -45,7 +45,7 @@ fn a_poor_link_costs_little_accuracy() {
 
 #[test]
 fn after_a_cut_in_the_slew_the_formation_goes_on_and_holds_as_well_as_ever() {
-    // The slew is from 17 to 37 s. In the cut both platforms are let go, and swing.
+    // The slew is from 17 to 37 s. In the cut the actuators of both platforms are off, and they swing.
     let run = run("leader_follower", &cut(25.0, 15.0));
     let ages: Vec<f64> = run
         .states()

@@ -42,7 +42,7 @@ fn recorded(run: &Run) -> BTreeMap<Route, Vec<Message>> {
     by_route
 }
 
-/// Feeds a core what the journal says, with messages from the bag, and compares what it says.
+/// Feeds a core the events of the journal, with messages from the bag, and compares its outputs.
 fn replay(node: &str, mut core: impl NodeCore, run: &Run, recorded: &BTreeMap<Route, Vec<Message>>) {
     let steps = &run.journal[node];
     let (mut outputs, mut compared) = (Outputs::default(), 0usize);

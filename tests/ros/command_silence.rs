@@ -1,4 +1,4 @@
-//! Fault row: commands fall silent. The driver closes all valves and zeroes wheel torque within 100 ms,
+//! Fault row: commands stop arriving. The driver closes all valves and sets wheel torque to zero within 100 ms,
 //! in its own process.
 
 use std::time::Duration;
@@ -113,7 +113,7 @@ fn actuators_go_off_when_local_control_is_killed_or_stopped_and_it_tracks_again_
     let tracks = |m: &ControlStatus| m.mode == ControlStatus::MODE_TRACK;
     watch.wait_next("tracking after the restart", route(0, Topic::ControlStatus), TRACKING, tracks);
 
-    // Alive, but saying nothing.
+    // Alive, but not sending.
     formation.node("/whorl_1/local_control").signal(Signal::STOP);
     watch.during(Duration::from_secs(1));
     let last = last_command(&watch);

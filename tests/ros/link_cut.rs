@@ -16,7 +16,7 @@ use crate::support::watch::{Watch, route};
 use crate::support::{measured, skipped, slow};
 
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
-/// Longer than DDS's lease of 50 s: the other side is given up in it.
+/// Longer than DDS's lease of 50 s, so that the other side is dropped.
 const CUT: Duration = Duration::from_secs(65);
 const SOON: Duration = Duration::from_secs(5);
 /// Half a second and one and a half are usual; without renewed endpoints it would be never.
@@ -39,7 +39,7 @@ fn the_formation_rejoins_by_itself_after_a_cut_of_a_minute() {
     };
     let mut formation = Formation::new(&PLATFORMS, &[LONG_HOLD])
         .in_namespaces(&lan.hosts[0], &[&lan.hosts[0], &lan.hosts[1]]);
-    // One observer on each side: what crosses the link must not be judged by who sits beyond it.
+    // One observer on each side, so that messages are observed without crossing the link.
     let network = Network { domain_id: formation.domain(), interfaces: None, static_peers: Vec::new() };
     let watches = [0, 1].map(|host| lan.on_host(host, || Watch::on(network.clone(), &PLATFORMS)));
     formation.start_all();

@@ -23,7 +23,7 @@ const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 /// Clocks of the platforms' computers less that of the ground [s].
 const CLOCKS_S: [f64; 2] = [0.05, -0.05];
 const SOON: Duration = Duration::from_secs(10);
-/// What is promised is 2 s; a test also runs on a machine that is busy with others.
+/// The requirement is 2 s; this limit allows for a busy machine.
 const REJOIN: Duration = Duration::from_secs(6);
 /// `coordinator` `reference_validity_s`, and a period of the estimates besides.
 const OLDEST_REFERENCE_S: f64 = 0.3 + 0.02;
@@ -152,7 +152,7 @@ impl Laboratory {
         for platform in 0..2 {
             let log = self.watch.log();
             for (_, m) in log.after::<ControlStatus>(route(platform, Topic::ControlStatus), since) {
-                // Its own sensors and estimates cross no link: without them it is the machine that is busy.
+                // Its own sensors and estimates cross no link: if they are missing, the machine is too busy.
                 let own = [ControlStatus::REASON_ESTIMATE_STALE, ControlStatus::REASON_ESTIMATE_UNHEALTHY];
                 let busy = own.contains(&m.reason);
                 assert!(busy || m.mode < ControlStatus::MODE_SAFE_DAMPING, "safe mode on a poor link: {m:?}");
@@ -172,7 +172,7 @@ impl Laboratory {
             (delay_s + jitter_s) * 1e3,
             share * 100.0
         ));
-        // Long enough that nothing of the good link before is left in what is known of the clocks.
+        // Long enough that the clock estimate no longer uses exchanges over the good link before.
         if time > Duration::from_secs(35) {
             self.clocks_are_known("on that link", 0.02);
         }
@@ -192,7 +192,7 @@ impl Laboratory {
         self.lan.restore();
         let restored = whorl_ros::wall_clock();
         let rejoined_s = self.wait_until_whole(restored, REJOIN);
-        // Let go in a long cut, a platform has swung to its balance, and must come back from there.
+        // In a long cut the platform, with its actuators off, has swung to its equilibrium and must come back from there.
         let points_s = self.watch.wait("the follower to point again", 3 * SOON, |log| {
             log.after::<FormationState>(route(0, Topic::FormationState), restored)
                 .find(|(_, m)| Vector3::from(m.relative_error_rad[1]).norm() < POINTS_RAD)

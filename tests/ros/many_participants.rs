@@ -5,7 +5,7 @@ use whorl_ros::Participant;
 
 use crate::support::formation::{Formation, LONG_HOLD_ALONE};
 
-/// Those beyond this number are on no participant's list.
+/// RustDDS does not announce itself to participants beyond this number.
 const TOLD_BY_RUSTDDS: u16 = 12;
 
 #[test]

@@ -12,7 +12,7 @@ use crate::support::watch::{Watch, route};
 
 const SOON: Duration = Duration::from_secs(5);
 const RECOVERY: Duration = Duration::from_secs(30);
-/// The follower, which is the one that suffers; the leader goes on.
+/// The follower, whose nodes are killed; the leader continues.
 const FOLLOWER: u16 = 1;
 
 /// The follower tracks again, and the sequence goes on.

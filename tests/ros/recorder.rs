@@ -1,4 +1,4 @@
-//! Fault rows of the recorder: kill -9, and a full disk. What was written stays readable; nobody else suffers.
+//! Fault rows of the recorder: kill -9, and a full disk. Written data stays readable; other nodes are not affected.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! A recording takes the place of the hardware: the estimator runs on it as on the real thing.
+//! A recording replaces the hardware: the estimator runs on it as on real hardware.
 
 use std::process::Command;
 use std::time::Duration;

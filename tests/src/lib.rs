@@ -1,4 +1,4 @@
-//! What tests of every crate share. The integration tests themselves are in `integration.rs`.
+//! Helpers for the tests of all crates. The integration tests themselves are in `integration.rs`.
 
 use std::io::Write;
 use std::path::Path;

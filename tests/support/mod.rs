@@ -1,4 +1,4 @@
-//! What the tests stand on: binaries, processes, domains, an observer on the network, simulations.
+//! Helpers of the tests: binaries, processes, domains, an observer on the network, simulations.
 
 pub mod binaries;
 pub mod clock;

@@ -1,4 +1,4 @@
-//! The air between computers: Ethernet frames that are passed on, late or not at all.
+//! A simulated radio link between computers: relays Ethernet frames with delay and loss.
 //!
 //! It stands where `tc qdisc ... netem` would, which many kernels are built without, and does the same: each frame is
 //! lost with a probability, or waits for a delay of its own. Frames may overtake one another.

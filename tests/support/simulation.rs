@@ -1,4 +1,4 @@
-//! The node set in one process, with everything kept that was said.
+//! The node set in one process, with all outputs kept.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;

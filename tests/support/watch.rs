@@ -75,7 +75,7 @@ impl Watch {
                 for platform in 0..if info.per_platform { count } else { 1 } {
                     let route = route(platform, topic);
                     let name = route.name(platforms).unwrap();
-                    // Deep: an observer that is kept waiting by the machine must not lose what it judges by.
+                    // A deep queue: an observer on a busy machine must not lose messages.
                     let qos = EndpointQos { depth: 1000, ..EndpointQos::from(info.qos) };
                     readers.push((route, participant.reader(&name, info.message_type.name(), qos)?));
                 }
