@@ -1,7 +1,7 @@
-//! Excitations: torques and jet pulses that are played whatever the platform does, so that a recording shows what
+//! Excitations: torques and jet pulses that are played regardless of the motion, so that a recording shows what
 //! tracking a reference hides (a controller answers every disturbance, and its answer looks like the disturbance).
 //!
-//! Signals of several wheels at once are orthogonal over a period, so that each wheel's effect can be told from the
+//! Signals of several wheels at once are orthogonal over a period, so that each wheel's effect can be separated from the
 //! others': harmonics dealt out in turn (Morelli, AIAA 2003-5639), the same binary sequence shifted (Godfrey,
 //! Perturbation Signals for System Identification, 1993), or one wheel after the other.
 
@@ -17,7 +17,7 @@ const SWEEP_FROM: f64 = 0.1;
 /// How a wheel's torque moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Waveform {
-    /// The same all the time; the only one that may be negative. Period and highest frequency are not used.
+    /// Constant; the only one that may be negative. Period and highest frequency are not used.
     Constant,
     /// Harmonics of the period up to the highest frequency, in Schroeder's phases (IEEE Trans. Information Theory 16,
     /// 1970), which keep the peak low.

@@ -5,10 +5,10 @@
 //! | module | what for | used by |
 //! |---|---|---|
 //! | [`mod@reference`] | moving references, slews, command filter, tilt envelope | coordinator, local control |
-//! | [`excitation`] | torque signals and pulses that show what a platform is like | local control |
+//! | [`excitation`] | torque signals and pulses for identification | local control |
 //! | [`formation`] | relative-attitude laws | coordinator |
 //! | [`tracking`] | the quaternion tracking law | local control |
-//! | [`mass_balancing`] | moving the linear actuators until the gravity offset is right | local control |
+//! | [`mass_balancing`] | moving the linear actuators until the gravity offset is at its target | local control |
 //! | [`momentum`] | unloading of the wheels by the jets | local control |
 //! | [`safe_mode`] | rate damping, then coasting | local control |
 

@@ -1,4 +1,4 @@
-//! Automatic mass balancing: the linear actuators move until the gravity offset is what it should be.
+//! Automatic mass balancing: the linear actuators move until the gravity offset is at its target.
 //!
 //! While the platform holds or moves slowly under control, momentum balance in body axes over a window is
 //! linear in the gravity offset m g r_cg (eq. 4.83 with the wheels' momentum measured):
@@ -82,9 +82,9 @@ pub struct BalancingInput {
 /// Where balancing stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BalancingState {
-    /// Moment that the actuators should have now [N m].
+    /// Wanted moment of the actuators [N m].
     pub moment_b_n_m: Vector3<f64>,
-    /// Offset that is left, less the target [N m].
+    /// Remaining offset, less the target [N m].
     pub residual_b_n_m: Vector3<f64>,
     /// Its standard deviation [N m].
     pub residual_stddev_n_m: Vector3<f64>,
@@ -100,13 +100,13 @@ pub struct Balancer {
     settings: BalancingSettings,
     inertia_b_kg_m2: Matrix3<f64>,
     moment: Vector3<f64>,
-    /// Offset with the present moment, and its covariance.
+    /// Offset with the current moment, and its covariance.
     offset: Vector3<f64>,
     covariance: Matrix3<f64>,
     window: Option<Window>,
 }
 
-/// Sums over a window; unknowns are the offset and the error of the momentum at its start.
+/// Sums over a window; unknowns are the offset and the error of the initial momentum.
 #[derive(Debug, Clone)]
 struct Window {
     elapsed_s: f64,
@@ -193,7 +193,7 @@ impl Balancer {
         window.elapsed_s += input.dt_s;
         window.explained += momentum_rate_b_n_m(&omega, &momentum, &input.known_torque_b_n_m) * input.dt_s;
         window.lever += skew(&vertical_b(&input.q_world_body)) * input.dt_s;
-        // momentum - start - explained = lever * offset + error at the start.
+        // momentum - start - explained = lever * offset + initial error.
         let value = momentum - window.start - window.explained;
         let lever = window.lever;
         let (lt, identity) = (lever.transpose(), Matrix3::identity());
@@ -221,7 +221,7 @@ impl Balancer {
     fn update(&mut self, window: &Window) {
         let weight = self.settings.momentum_noise_n_m_s.powi(-2);
         let (normal, right) = (window.normal * weight, window.right * weight);
-        // The start's error is eliminated; its own scatter is that of one sample.
+        // The initial error is eliminated; its scatter is that of one sample.
         let corner = normal.fixed_view::<3, 3>(3, 3) + Matrix3::identity() * weight;
         let Some(inverse) = corner.try_inverse() else { return };
         let cross = normal.fixed_view::<3, 3>(0, 3) * inverse;
@@ -257,7 +257,7 @@ mod tests {
     use whorl_dynamics::{InitialState, MassProperties, Plant, PlatformModel};
     use whorl_math::attitude_error;
 
-    /// Whorl-I balanced but for an error of 30 N mm.
+    /// Whorl-I balanced except for an error of 30 N mm.
     fn nearly_balanced(offset: Vector3<f64>) -> PlatformModel {
         let mut model = PlatformModel::whorl_1_reference();
         let inertia = *model.mass_properties.inertia_b_kg_m2();
@@ -275,7 +275,7 @@ mod tests {
         let model = nearly_balanced(offset);
         let mut plant = Plant::new(&model, &InitialState::default(), seed).unwrap();
         let inertia = *model.mass_properties.inertia_b_kg_m2();
-        // The inertia that the balancer knows is 3 % off.
+        // The inertia in the balancer is 3 % off.
         let mut balancer =
             Balancer::new(settings, inertia * 1.03, Vector3::zeros(), Vector3::zeros()).unwrap();
         let mut done = None;
@@ -320,7 +320,7 @@ mod tests {
             let left = offset + balancer.state().moment_b_n_m;
             println!("{offset:?} left {left:?} {:?} after {done:?}", balancer.state());
             assert!(left.norm() < 1e-3, "{left}");
-            // What it says of itself is true, but for what the wrong inertia adds to z.
+            // Its covariance is consistent, except for the error that the wrong inertia adds to z.
             let state = balancer.state();
             let misses = (left - state.residual_b_n_m).component_div(&state.residual_stddev_n_m);
             assert!(misses.xy().amax() < 4.0, "{misses}");

@@ -2,7 +2,7 @@
 //!
 //! Wheels only store momentum. A constant torque on the body drives one of them to its speed limit;
 //! then it can give no more torque in that direction. The jets can take the momentum out: a wheel
-//! torque `u_j = -(h_j - h_target,j)/T` is wished for, and the allocation lets the jets balance it on
+//! torque `u_j = -(h_j - h_target,j)/T` is desired, and the allocation lets the jets balance it on
 //! the body. Because every pulse of a jet disturbs the pointing and costs gas, unloading starts
 //! only when a wheel has strayed far from its target and ends when all are close (hysteresis).
 //!
@@ -74,7 +74,7 @@ impl MomentumUnloading {
         self.active = false;
     }
 
-    /// Updates the decision and writes the motor torque \[N m\] that unloading wishes for each wheel:
+    /// Updates the decision and writes the motor torque \[N m\] that unloading desires of each wheel:
     /// zero while inactive, never beyond the motor's limit. Slices in the order of `wheels`; speeds
     /// relative to the body \[rad/s\]. Missing or non-finite speeds count as on target.
     pub fn update(

@@ -1,4 +1,4 @@
-//! What a platform does when it may not point: stop turning, then let go.
+//! Safe mode, when a platform may not point: damp the rate, then coast.
 //!
 //! ```text
 //!            fault                    rate low for dwell_s, time used up, or no gyro
@@ -21,7 +21,7 @@ use thiserror::Error;
 pub struct SafeModeSettings {
     /// Time constant T of the damping \[s\], > 0.
     pub damping_time_constant_s: f64,
-    /// Rate below which damping has done its work \[rad/s\], > 0.
+    /// Rate below which damping ends \[rad/s\], > 0.
     pub coast_rate_rad_s: f64,
     /// Time constant of the low-pass before rates are compared with limits \[s\], >= 0: a single
     /// noisy sample decides nothing.

@@ -100,7 +100,7 @@ pub enum TrackingError {
         /// What is allowed, in words.
         allowed: &'static str,
     },
-    /// Integral action faster than the loop can bear.
+    /// Integral action too fast for the loop to be stable.
     #[error(
         "integral time {time_s} s is unstable: it must exceed 1/(2 damping bandwidth) = {bound_s} s on every axis"
     )]
@@ -115,7 +115,7 @@ pub enum TrackingError {
     Inertia,
 }
 
-/// What the law needs to know at one instant.
+/// Inputs of the law at one instant.
 #[derive(Debug, Clone, Copy)]
 pub struct TrackingInput<'a> {
     /// Attitude of the body.
@@ -132,7 +132,7 @@ pub struct TrackingInput<'a> {
     pub dt_s: f64,
 }
 
-/// What the law asks, and the errors that it saw.
+/// The torque demanded by the law, and the errors that it is based on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackingOutput {
     /// Torque on the body, body axes \[N m\].
@@ -154,7 +154,7 @@ pub struct TrackingLaw {
     sign: f64,
     /// 2 sgn(q_0) q_v of the latest step [rad].
     error: Vector3<f64>,
-    /// Rate error behind its low-pass [rad/s]; none before the first step.
+    /// Low-passed rate error [rad/s]; none before the first step.
     filtered_rate_error: Option<Vector3<f64>>,
 }
 

@@ -1,9 +1,9 @@
-//! Behavioural: each platform's motion is the weighted sum of what several behaviours ask.
+//! Behavioural: each platform's motion is the weighted sum of several behaviours.
 //!
 //! # Equations
 //!
 //! Each platform has a commanded motion `(q, omega)` with unit inertia. With `e` the rotation vector from its
-//! goal to it, `e_j` that from where neighbour j would have it (its own place relative to j), in own axes:
+//! goal to it, `e_j` that from its place relative to neighbour j, in own axes:
 //!
 //! ```text
 //! omega' = sat_a( - k_g sat_s(e)                  goal-seeking        k_g = w_g^2
@@ -239,7 +239,7 @@ impl RelativeAttitudeLaw for Behavioural {
         demands.clear();
         for (platform, member) in input.members.iter().enumerate() {
             if !member.usable {
-                // It begins again from where its reference came to rest.
+                // It starts again from where its reference came to rest.
                 self.commanded[platform] = None;
                 demands.push(Demand::Hold);
                 continue;

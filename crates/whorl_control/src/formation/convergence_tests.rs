@@ -14,7 +14,7 @@ fn yaw(angle_rad: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle_rad)
 }
 
-/// A platform whose attitude follows its reference with a bandwidth of its own.
+/// A platform whose attitude follows its reference with its own bandwidth.
 struct Platform {
     shaper: ReferenceShaper,
     q: UnitQuaternion<f64>,
@@ -186,7 +186,7 @@ proptest! {
         let mut lab = Laboratory::new(boxed(&law, n), &offsets, delay_steps);
         lab.goals.formation = Reference::at_rest(quaternion_exp(&Vector3::from(goal)));
         let mut fastest = 0.0_f64;
-        // Information takes its way through the graph: 1/(1 - rho) of the shaper's time and of the delay.
+        // Information propagates through the graph: 1/(1 - rho) of the shaper's time and of the delay.
         let tau_s = (1.0 + delay_steps as f64 * DT_S) / (1.0 - radius);
         let steps = ((30.0 + 14.0 * tau_s) / DT_S) as usize;
         for _ in 0..steps {

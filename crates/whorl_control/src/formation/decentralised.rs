@@ -1,12 +1,12 @@
-//! Decentralised: each platform takes the mean of what its neighbours do; nobody commands the others.
+//! Decentralised: each platform follows the mean of its neighbours; none commands the others.
 //!
 //! # Equations
 //!
-//! The formation has a frame that nobody owns. Platform j, at its offset, implies where that frame is:
+//! The formation has a frame without an owner. Platform j, at its offset, implies where that frame is:
 //! `F_j = x_j o_j^-1`, with attitude, rate and acceleration. Platform i is asked for
 //!
 //! ```text
-//! q_i = F_i o_i,   F_i = F exp( a_i0 log(F^-1 G) + sum_j a_ij log(F^-1 F_j) ),   F: its own present frame
+//! q_i = F_i o_i,   F_i = F exp( a_i0 log(F^-1 G) + sum_j a_ij log(F^-1 F_j) ),   F: its own current frame
 //! omega_i, omega'_i: the same weighted means of rates and accelerations, in the axes of F_i
 //! ```
 //!
@@ -54,7 +54,7 @@ use crate::reference::Reference;
 const LOOP_PEAK: f64 = 1.3;
 /// Share of a neighbour's acceleration that is passed on.
 const ECHO: f64 = 0.9;
-/// Spectral radii below this count as none: a forest.
+/// Spectral radii below this count as zero: a forest.
 const FOREST_RADIUS: f64 = 0.05;
 /// Share of the proven bound of `c` that is its default.
 const ERROR_SHARE_OF_BOUND: f64 = 0.5;
@@ -66,7 +66,7 @@ pub struct DecentralisedSettings {
     pub graph: NeighbourGraph,
     /// Share of a neighbour's pointing error that is followed: `c`, 0 to 1.
     pub error_share: f64,
-    /// A cap on what platforms tell each other; `None`: always everything.
+    /// A cap on the broadcasts of platforms; `None`: no cap.
     pub traffic: Option<TrafficCap>,
 }
 
@@ -82,7 +82,7 @@ impl Decentralised {
     /// A law over this graph.
     ///
     /// # Errors
-    /// A share beyond its proven bound, or a traffic cap that cannot be.
+    /// A share beyond its proven bound, or an invalid traffic cap.
     pub fn new(settings: DecentralisedSettings) -> Result<Self, LawError> {
         let bound = Self::error_share_bound(&settings.graph);
         let value = settings.error_share;

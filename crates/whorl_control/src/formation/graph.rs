@@ -11,7 +11,7 @@ pub struct LeaderGraph {
     order: Vec<usize>,
 }
 
-/// A graph that is none. Platforms are named by their index.
+/// An invalid graph. Platforms are named by their index.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum GraphError {
     /// The leader does not exist.

@@ -1,5 +1,5 @@
 //! The whole closed loop with rigid bodies: leader-follower, shaper, tracking law and nonlinear rotation, for random
-//! inertias that the controllers know badly, random gains in their allowed ranges, momentum in the wheels,
+//! inertias that the controllers know inaccurately, random gains in their allowed ranges, momentum in the wheels,
 //! disturbing torques and delays.
 
 use std::collections::VecDeque;
@@ -60,7 +60,7 @@ impl Body {
     }
 }
 
-/// Any inertia that a body can have: three pairs of equal masses on orthogonal axes, turned.
+/// Any realisable inertia: three pairs of equal masses on orthogonal axes, turned.
 fn inertias() -> impl Strategy<Value = Matrix3<f64>> {
     let pairs = prop::array::uniform3(0.3..15.0_f64);
     (pairs, prop::array::uniform3(-3.0..3.0_f64)).prop_map(|([a, b, c], turn)| {

@@ -8,7 +8,7 @@ use whorl_math::attitude_error;
 use super::{Roster, Settings};
 use crate::reference::Reference;
 
-/// What a law knows of one platform at one instant.
+/// The state of one platform at one instant, as laws see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Member {
     /// Estimated attitude, extrapolated to the instant; meaningless unless `usable`.
@@ -131,12 +131,12 @@ pub struct LawInput<'a> {
     pub offsets: &'a [Offset],
 }
 
-/// What a law asks of one platform. Unshaped: it may jump and ignore limits.
+/// The demand of a law for one platform. Unshaped: it may jump and ignore limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Demand {
     /// Move so.
     Follow(Reference),
-    /// Whom it depends on is not known now: come to rest and stay.
+    /// The platforms that it depends on are unknown: come to rest and stay.
     Hold,
 }
 
@@ -196,7 +196,7 @@ pub trait RelativeAttitudeLaw: TypedLaw + std::fmt::Debug + Send + Sync {
     where
         Self: Sized;
 
-    /// Reads its settings, and what each member is for it; `None` after refusing them.
+    /// Reads its settings, and those of each member; `None` after refusing them.
     fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self>
     where
         Self: Sized;
@@ -204,7 +204,7 @@ pub trait RelativeAttitudeLaw: TypedLaw + std::fmt::Debug + Send + Sync {
     /// Whether the experiment's steps move one frame of the whole formation, and not its leaders.
     fn moves_a_structure(&self) -> bool;
 
-    /// Whether it finds its own way to a goal that is set at once; else goals move smoothly within the limits.
+    /// Whether it plans its own motion to a goal that jumps; else goals move smoothly within the limits.
     fn plans_its_way(&self) -> bool;
 
     /// Whether the formation cannot go on without one of its members.
@@ -228,7 +228,7 @@ pub trait RelativeAttitudeLaw: TypedLaw + std::fmt::Debug + Send + Sync {
         false
     }
 
-    /// Whether a platform's demand depends on what the other one does.
+    /// Whether a platform's demand depends on the state of the other one.
     fn hears(&self, _platform: usize, _other: usize) -> bool {
         true
     }

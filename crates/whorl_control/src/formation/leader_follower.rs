@@ -52,7 +52,7 @@ impl LeaderFollower {
     fn demand(&self, input: &LawInput<'_>, platform: usize) -> Demand {
         match self.graph.leader(platform) {
             None => match input.members.get(platform) {
-                // A leader that nobody sees waits for its link: it cannot be led further blindly.
+                // A leader that is not seen waits for its link: it must not be led further blindly.
                 Some(member) if !member.usable => Demand::Hold,
                 _ => Demand::Follow(*input.goals.of(platform)),
             },

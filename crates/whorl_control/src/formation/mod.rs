@@ -1,7 +1,7 @@
-//! Relative-attitude laws: what each platform of a formation is asked to do, given what all of them do.
+//! Relative-attitude laws: the demand for each platform of a formation, given the states of all.
 //!
 //! One law, one file: its equations, source, stability and assumptions, its settings with their docs and ranges, and what the
-//! experiment's steps need to know of it. To add a law: write a file beside the others and name it in `register!` below.
+//! experiment's steps need to know. To add a law: write a file beside the others and name it in `register!` below.
 //!
 //! A law ([`RelativeAttitudeLaw`]) turns the state of every platform, the references they follow now
 //! and the experiment's [`Goals`] into one [`Demand`] per platform. It knows neither limits nor
@@ -13,7 +13,7 @@
 //! | law | file | graph |
 //! |---|---|---|
 //! | [`LeaderFollower`] | `leader_follower.rs` | any forest: pair, chain, tree, parallel leaders |
-//! | [`VirtualStructure`] | `virtual_structure.rs` | none: all hang on one virtual body |
+//! | [`VirtualStructure`] | `virtual_structure.rs` | none: all follow one virtual body |
 //! | [`Behavioural`] | `behavioural.rs`, `keep_out.rs` | mutual neighbours |
 //! | [`Decentralised`] | `decentralised.rs`, `traffic.rs` | any that the goal reaches all platforms over |
 //! | [`PerceptiveFrame`] | `perceptive_frame.rs` | none: all are perceived together |

@@ -1,4 +1,4 @@
-//! Who listens to whom when nobody leads: a weighted directed graph with sources of the goal.
+//! Who listens to whom without a leader: a weighted directed graph with sources of the goal.
 
 use thiserror::Error;
 
@@ -44,7 +44,7 @@ pub enum NeighbourError {
         /// To whom.
         neighbour: usize,
     },
-    /// A weight that is none.
+    /// An invalid weight.
     #[error("platform {platform}: a weight is {value}: it must be positive and finite (the goal's may be 0)")]
     Weight {
         /// Who listens.
@@ -66,7 +66,7 @@ impl NeighbourGraph {
     /// Checks and normalises what each platform listens to.
     ///
     /// # Errors
-    /// An unknown or repeated neighbour, a weight that is none, or platforms that the goal does not reach.
+    /// An unknown or repeated neighbour, an invalid weight, or platforms that the goal does not reach.
     pub fn new(listening: &[Listening]) -> Result<Self, NeighbourError> {
         let platforms = listening.len();
         let mut neighbours = Vec::with_capacity(platforms);

@@ -14,7 +14,7 @@
 //! q_f'     = 1/2 q_f (x) [0, omega_f + l c u]
 //! ```
 //!
-//! A formation that is held back holds its frame back and is not chased by a plan that ran away; pushed
+//! A formation that is held back holds its frame back, and the plan does not run away from it; pushed
 //! ahead, it takes the frame along. Across the path nothing is perceived: there the frame stays what the
 //! members are led back to. A member that fails is no longer perceived, and the rest go on. `l = 0` is a
 //! virtual structure in open loop.
@@ -134,7 +134,7 @@ impl PerceptiveFrame {
         limited(asked + omega_dot_goal, g.acceleration_max_rad_s2)
     }
 
-    /// Where the members are, seen from the frame \[rad\], frame axes. `None`: nobody is seen.
+    /// Where the members are, seen from the frame \[rad\], frame axes. `None`: no member is seen.
     fn perceived_rad(at: &Reference, input: &LawInput<'_>) -> Option<Vector3<f64>> {
         let (mut sum, mut seen) = (Vector3::zeros(), 0.0);
         for (member, offset) in input.members.iter().zip(input.offsets) {
@@ -209,7 +209,7 @@ impl RelativeAttitudeLaw for PerceptiveFrame {
                 self.progress_rad += share * (progress - self.progress_rad);
                 frame.omega_dot_wr_r_rad_s2 = self.planned_rad_s2(&frame, goal, input.dt_s);
             }
-            // Nobody is seen: the plan brakes and stands.
+            // No member is seen: the plan brakes to rest.
             None => {
                 self.progress_rad = 0.0;
                 let stop = -frame.omega_wr_r_rad_s / input.dt_s.max(1e-6);

@@ -8,7 +8,7 @@ use crate::reference::Reference;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_math::attitude_error;
 
-/// A user who answers nothing, so that defaults are in force; keeps what was asked and refused.
+/// Settings that are all left out, so that defaults apply; keeps the keys that were read and refused.
 #[derive(Default)]
 struct Silent {
     groups: Vec<String>,

@@ -1,7 +1,7 @@
-//! What a law asks its user, wherever the answers are written.
+//! The settings of laws, independent of where they are stored.
 //!
-//! A law reads its own settings ([`super::RelativeAttitudeLaw::read`]) and knows their names, ranges, defaults and docs; what a
-//! parameter file is it does not know. Keys are relative to the group that is open; the outermost is the formation's, in
+//! A law reads its own settings ([`super::RelativeAttitudeLaw::read`]) and knows their names, ranges, defaults and docs.
+//! It does not depend on the format of parameter files. Keys are relative to the group that is open; the outermost is the formation's, in
 //! which every law has a group of its name, and every platform one below `members`.
 
 use std::ops::Bound;
@@ -14,7 +14,7 @@ use super::ReferenceLimits;
 /// Share of the tightest platform's limits that a law's own motion uses by default: its members need the rest to catch up.
 const STRUCTURE_SHARE: f64 = 0.8;
 
-/// Numbers that a setting may be: within the bounds, and finite unless it says otherwise.
+/// Numbers that a setting may have: within the bounds, and finite unless it says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allowed {
     /// Smallest.
@@ -46,7 +46,7 @@ impl Allowed {
     }
 }
 
-/// Who is in the formation: what a law may know while it reads its settings. All slices are in the order of platforms.
+/// Who is in the formation: available to a law while it reads its settings. All slices are in the order of platforms.
 #[derive(Debug, Clone, Copy)]
 pub struct Roster<'a> {
     /// Names of the platforms.
@@ -112,7 +112,7 @@ pub enum LawError {
     },
 }
 
-/// A user's answers. Every question gets a value, a harmless one after an error, which the source keeps and reports.
+/// The source of settings. Every read gives a value, a harmless one after an error, which the source keeps and reports.
 pub trait Settings {
     /// Opens a group: keys are relative to it until [`Self::leave`]. Laws open groups with `group`.
     fn enter(&mut self, group: &str);

@@ -1,4 +1,4 @@
-//! One platform's reference: follows whatever is demanded, within limits that are never exceeded.
+//! One platform's reference: follows any demand, within limits that are never exceeded.
 //!
 //! State: yaw, pitch, roll and their rates; in each step one acceleration is chosen and then held, so
 //! the reference that is published (attitude, rate, acceleration) is exactly consistent until the next
@@ -109,10 +109,10 @@ impl ReferenceShaper {
         }
     }
 
-    /// Changes limits while running. A state outside new limits comes back by itself, smoothly.
+    /// Changes limits while running. A state outside new limits comes back smoothly.
     ///
     /// # Errors
-    /// Limits or a bandwidth that cannot be; the old ones then stay.
+    /// Invalid limits or bandwidth; the old ones then stay.
     pub fn set_limits(&mut self, limits: ReferenceLimits, bandwidth_rad_s: f64) -> Result<(), LimitsError> {
         let mut changed = Self::new(limits, bandwidth_rad_s, &UnitQuaternion::identity())?;
         changed.angles_rad = self.angles_rad;
@@ -201,7 +201,7 @@ impl ReferenceShaper {
         let (inside, _) = envelope.clip(&demand.q_world_reference);
         let mut goal = YawPitchRollMotion::of(&Reference { q_world_reference: inside, ..*demand });
         if clipped {
-            // What moves along the limit is not known from the demand's own motion.
+            // The motion along the limit does not follow from the motion of the demand.
             let free = match envelope.limit() {
                 TiltLimit::Cone { .. } => Vector3::new(1.0, 0.0, 0.0),
                 TiltLimit::Pitch { .. } => Vector3::new(1.0, 0.0, 1.0),
@@ -224,7 +224,7 @@ impl ReferenceShaper {
             if distance <= near { k1 } else { (2.0 * braking * (distance - 0.5 * near)).sqrt() / distance };
         let wanted = goal.rates_rad_s + error * approach_per_rad;
         let commanded = limited(wanted, rate_max);
-        // A demand too fast to follow does not know the acceleration of what follows it.
+        // The acceleration of a demand that is too fast to follow does not apply to the reference.
         let share = if wanted.norm() > rate_max { rate_max / wanted.norm() } else { 1.0 };
         let asked = goal.accelerations_rad_s2 * share + (commanded - self.rates_rad_s) * k2;
         let step = limited(asked, acceleration_max) * dt_s;

@@ -36,7 +36,7 @@ fn check_step(limits: &ReferenceLimits, before: &ReferenceShaper, after: &Refere
     assert!(acceleration.norm() <= limits.acceleration_max_rad_s2 + 1e-9, "{}", acceleration.norm());
     let tilt = limits.envelope.angle_rad(&to.angles.attitude());
     assert!(tilt <= limits.envelope.max_rad() + 1e-9, "tilt {tilt}");
-    // What was published a step ago, carried on, is what is published now.
+    // The reference published a step ago, extrapolated, equals the current one.
     let carried = before.reference().extrapolated(DT_S);
     let now = after.reference();
     assert!(attitude_error(&carried.q_world_reference, &now.q_world_reference).norm() < 2e-7);

@@ -1,9 +1,9 @@
-//! A cap on what a platform tells its neighbours: it speaks when they would otherwise be wrong.
+//! A cap on what a platform tells its neighbours: it broadcasts when their extrapolation would be wrong.
 //!
 //! # Equations
 //!
 //! Sender and listeners carry the last broadcast on with its rate. The sender compares
-//! that with its present motion and broadcasts again when the two differ by more than a trigger angle, or
+//! that with its current motion and broadcasts again when the two differ by more than a trigger angle, or
 //! when the last broadcast is older than the heartbeat; but never more often than the cap allows:
 //!
 //! ```text
@@ -16,7 +16,7 @@
 //! (partially decentralised control; J. R. Carpenter).
 //!
 //! # Stability
-//! What listeners believe differs from the truth by at most the trigger plus what the motion departs from
+//! The listeners' extrapolation is wrong by at most the trigger plus the departure of the motion from
 //! its extrapolation within `1/cap`: a bounded disturbance of the law, whose linear part is exponentially
 //! stable; the agreement is reached up to that bound over `1 - rho` of the graph.
 
@@ -91,7 +91,7 @@ impl Told {
     }
 }
 
-/// Carries `told` on by `dt_s` and speaks if it must. Returns whether it spoke.
+/// Extrapolates `told` by `dt_s` and broadcasts if needed. Returns whether it did.
 pub(super) fn update(told: &mut Option<Told>, motion: &Reference, dt_s: f64, cap: &TrafficCap) -> bool {
     let speaks = match told {
         None => true,
@@ -104,7 +104,7 @@ pub(super) fn update(told: &mut Option<Told>, motion: &Reference, dt_s: f64, cap
         }
     };
     if speaks {
-        // An acceleration told once would be taken for one that lasts until the next broadcast.
+        // A broadcast acceleration would be taken to last until the next broadcast.
         let motion = Reference { omega_dot_wr_r_rad_s2: Vector3::zeros(), ..*motion };
         *told = Some(Told { motion, age_s: 0.0 });
     }
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn jumps_are_told_at_the_cap_and_no_faster() {
-        // A square wave of 0.1 rad at 4 Hz is beyond what 5 broadcasts a second can tell.
+        // A square wave of 0.1 rad at 4 Hz is too fast for 5 broadcasts a second.
         let (spoken, _) = count(10.0, |t| Reference::at_rest(yaw(0.1 * (t * 8.0).floor().rem_euclid(2.0))));
         assert!(spoken <= 51, "{spoken}");
         assert!(spoken > 20, "{spoken}");

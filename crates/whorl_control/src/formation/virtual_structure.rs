@@ -1,4 +1,4 @@
-//! Virtual structure: all platforms hang on one virtual rigid body that waits for those that lag.
+//! Virtual structure: all platforms follow one virtual rigid body that waits for those that lag.
 //!
 //! # Equations
 //!

@@ -59,7 +59,7 @@ pub struct CommandFilter {
 }
 
 impl CommandFilter {
-    /// Starts from a reference, usually at rest at the platform's present attitude.
+    /// Starts from a reference, usually at rest at the platform's current attitude.
     ///
     /// # Errors
     /// [`CommandFilterError`] naming the first setting that is not positive and finite.
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn noise_of_the_goal_is_attenuated() {
         let mut filter = at_identity();
-        // A square wave at the Nyquist rate stands for noise: worst of all bands but the filter's own.
+        // A square wave at the Nyquist rate stands for noise: the worst case except for the filter's own band.
         let mut worst = 0.0_f64;
         for k in 0..2000 {
             let goal = Reference::at_rest(yaw(if k % 2 == 0 { 1e-3 } else { -1e-3 }));

@@ -1,4 +1,4 @@
-//! Carrying a reference to another instant, and to rest when nobody renews it.
+//! Carrying a reference to another instant, and to rest when it is no longer renewed.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_math::quaternion_exp;
@@ -54,7 +54,7 @@ impl Reference {
     }
 }
 
-/// What becomes of a reference over time: extrapolated while valid, then brought to rest.
+/// The course of a reference over time: extrapolated while valid, then brought to rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Validity {
     /// How long after its stamp the reference may be extrapolated \[s\], >= 0.
@@ -68,7 +68,7 @@ pub struct Validity {
 pub struct Extrapolated {
     /// The reference.
     pub reference: Reference,
-    /// False when it had run out: it is coming to rest, or at rest.
+    /// False when it has expired: it is coming to rest, or at rest.
     pub fresh: bool,
 }
 

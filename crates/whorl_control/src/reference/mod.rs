@@ -2,7 +2,7 @@
 //!
 //! - [`Reference`]: attitude, rate and acceleration of a moving target frame, and its
 //!   extrapolation in time.
-//! - [`Validity`]: what becomes of a reference that is no longer renewed.
+//! - [`Validity`]: how a reference that is no longer renewed comes to rest.
 //! - [`TiltEnvelope`]: attitudes that the air bearing allows, with a margin.
 //! - [`Slew`]: a smooth rest-to-rest manoeuvre inside the envelope.
 //! - [`CommandFilter`]: a second-order reference model on SO(3) that follows a noisy or jumping

@@ -21,7 +21,7 @@ pub struct TiltEnvelope {
 /// Why an envelope was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum EnvelopeError {
-    /// The margin is negative, not finite, or leaves nothing of the freedom.
+    /// The margin is negative, not finite, or not less than the limit.
     #[error("tilt margin {margin_rad} rad must be at least 0 and less than the limit of {limit_rad} rad")]
     Margin {
         /// The refused margin.
