@@ -28,9 +28,9 @@ pub struct BalancePlan {
     pub moves_m: Vec<f64>,
     /// Gravity offset after the moves, body axes [N m].
     pub offset_b_n_m: Vector3<f64>,
-    /// Its standard deviation [N m]: what the measurement did not tell.
+    /// Its standard deviation [N m], from the measurement.
     pub stddev_b_n_m: Vector3<f64>,
-    /// Largest torque that is left when the platform is level [N m].
+    /// Largest remaining torque when the platform is level [N m].
     pub level_torque_n_m: f64,
     /// What a user must know.
     pub findings: Vec<Finding>,

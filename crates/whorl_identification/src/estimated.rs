@@ -1,4 +1,4 @@
-//! Estimated motion from a recording: what the regressions of section 4.6.3 start from.
+//! Estimated motion from a recording, the input of the regressions of section 4.6.3.
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;

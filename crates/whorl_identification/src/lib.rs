@@ -1,7 +1,7 @@
 //! Mass properties, sensor calibration, balancing and the design of experiments that determine them.
 //!
 //! [`trajectory::identify`] is the method to use: the equations of motion integrated between samples,
-//! weighted with the sensors' noise, with priors, and with an uncertainty that can be believed.
+//! weighted with the sensors' noise, with priors, and with a consistent uncertainty.
 //!
 //! Source of names and equation numbers: J. L. Schwartz, *The Distributed Spacecraft Attitude Control
 //! System Simulator*, Ph.D. dissertation, Virginia Tech, 2004, sections 4.2-4.4 and 4.6. Where its

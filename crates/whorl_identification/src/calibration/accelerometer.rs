@@ -7,7 +7,7 @@ use super::still::Still;
 use super::{CalibrationSettings, SensorCalibration};
 use crate::data::Finding;
 
-/// What is allowed at all: bias [m/s^2] and scale \[1\].
+/// Largest plausible values: bias [m/s^2] and scale \[1\].
 const WIDEST: [f64; 2] = [2.0, 0.2];
 /// An uncertainty above this share of the widest is "not determined".
 const DETERMINED: f64 = 0.2;
@@ -65,7 +65,7 @@ fn lengths(still: &[Still], sensor: &mut SensorCalibration) {
                 if i < 3 { by } else { by * x[axis] }
             });
             let direction = x / length;
-            // Noise of the mean, and a floor for what no model of scale and bias holds.
+            // Noise of the mean, and a floor for errors beyond scale and bias.
             let variance = s.specific_force_stddev_m_s2.component_mul(&direction).norm_squared() + 1e-8;
             information += row * row.transpose() / variance;
             right += row * ((GRAVITY_M_S2 - length) / variance);
@@ -132,7 +132,7 @@ fn faces(
     let product = matrix.tr_mul(&right);
     let m = inverse * Vector3::new(product[0], product[1], product[2]);
     sensor.misalignment_rad.value = m;
-    // Where the faces lay less level than was said, their scatter about the fit counts: two angles each, three unknowns.
+    // Where the faces lay less level than stated, their scatter about the fit counts: two angles each, three unknowns.
     let rest = &right - &matrix * m;
     let freedom = (2 * rows.len()).saturating_sub(3).max(1) as f64;
     let level_rad = (rest.norm_squared() / freedom).sqrt().max(settings.level_stddev_rad);

@@ -33,7 +33,7 @@ pub struct Gaussianity {
     pub chi_squared: f64,
     /// Degrees of freedom: bins - 3.
     pub dof: u32,
-    /// What the statistic stays below with probability 1 - alpha for normal data.
+    /// Upper limit of the statistic with probability 1 - alpha for normal data.
     pub limit: f64,
 }
 

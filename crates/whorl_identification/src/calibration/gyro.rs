@@ -8,7 +8,7 @@ use super::still::Still;
 use super::{CalibrationSettings, PerAxis, SensorCalibration};
 use crate::data::Finding;
 
-/// Widest scale error \[1\] and misalignment \[rad\] that are thought of.
+/// Widest scale error \[1\] and misalignment \[rad\] that are considered.
 const WIDEST: f64 = 0.1;
 /// An uncertainty above this share of the widest is "not determined".
 const DETERMINED: f64 = 0.2;
@@ -46,7 +46,7 @@ struct Turn<'a> {
 type Errors = SVector<f64, 6>;
 
 impl Turn<'_> {
-    /// The rotation that the gyro measured, with scale (first three) and misalignment taken off.
+    /// The rotation that the gyro measured, with scale (first three) and misalignment removed.
     fn rotation(&self, errors: &Errors) -> UnitQuaternion<f64> {
         let scale = Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0);
         let turned = quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5]));
@@ -133,7 +133,7 @@ pub(super) fn calibrate(
     for n in 0..6 {
         let (axis, kind) = (n % 3, n / 3);
         let slot = if kind == 0 { &mut sensor.scale } else { &mut sensor.misalignment_rad };
-        // Gravity in the body is as the accelerometer says: how that is turned in its case, the gyro cannot know better.
+        // Gravity in the body comes from the accelerometer; the gyro cannot show how that is turned in its case.
         let shared = accelerometer.misalignment_rad.stddev[axis];
         let shared = if kind == 1 && shared.is_finite() { shared } else { 0.0 };
         let stddev = covariance[(n, n)].sqrt().hypot(shared);
@@ -205,7 +205,7 @@ fn turns<'a>(
             bias: 0.5 * (a.gyro_rad_s + b.gyro_rad_s),
             before: direction(a),
             after: direction(b),
-            // What the accelerometer's own calibration leaves.
+            // The remaining error of the accelerometer's calibration.
             direction_stddev_rad: noise.hypot(1e-3),
             angle_rad: None,
         };

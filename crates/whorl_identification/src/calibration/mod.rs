@@ -104,11 +104,11 @@ pub struct ImuCalibration {
     pub still: Vec<Still>,
     /// Sample rate \[Hz\].
     pub rate_hz: f64,
-    /// What the data could not determine, and other remarks.
+    /// Parameters that the data could not determine, and other remarks.
     pub findings: Vec<Finding>,
 }
 
-/// Calibrates from recordings; `sensors` gives what was assumed before (noise for the search of still
+/// Calibrates from recordings; `sensors` gives the prior assumptions (noise for the search of still
 /// stretches).
 #[must_use]
 pub fn calibrate_imu(

@@ -9,9 +9,9 @@ use whorl_recording::{Recording, Series};
 const SHORTEST_S: f64 = 2.0;
 /// Windows that are judged one by one \[s\].
 const WINDOW_S: f64 = 0.5;
-/// So large a share of the windows is taken to be as quiet as the quietest.
+/// This share of the windows is taken to be as quiet as the quietest.
 const QUIETEST: f64 = 0.05;
-/// Left out at both ends \[s\]: a hand is still near.
+/// Left out at both ends \[s\], where a hand may still touch it.
 const EDGE_S: f64 = 0.3;
 
 /// A still stretch and the means in it.

@@ -19,10 +19,10 @@ const LONGEST_GAP_S: f64 = 0.25;
 const SHORTEST_STRETCH_S: f64 = 3.0;
 /// Mass properties show on the bearing only, and after ten seconds at the earliest.
 const NEEDS: Needs = Needs { shortest_s: 10.0, free: true, accelerometer: true };
-/// So near to the bearing's stop counts as touching it \[rad\], and for so long before and after \[s\].
+/// Within this of the bearing's stop counts as touching it \[rad\], and for this long before and after \[s\].
 const CONTACT_MARGIN_RAD: f64 = 0.002;
 pub(crate) const CONTACT_LASTS_S: f64 = 0.3;
-/// A tail of thrust is over after so many of its time constants.
+/// A tail of thrust is over after this many of its time constants.
 const TAILS: f64 = 20.0;
 /// Share of a sensor's range from which a sample counts as clipped.
 const CLIPPED: f64 = 0.999;
@@ -40,7 +40,7 @@ pub struct Direction {
     pub reference_world: Unit<Vector3<f64>>,
 }
 
-/// Means of the samples around one time, and what acts until the next point.
+/// Means of the samples around one time, and the torques that act until the next point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// Time since the start of the run \[s\].
@@ -72,7 +72,7 @@ pub struct Point {
 pub struct Chain {
     /// Index of the run.
     pub run: usize,
-    /// Its points in order of time, evenly spaced but for the jitter of the samples.
+    /// Its points in order of time, evenly spaced except for the jitter of the samples.
     pub points: Vec<Point>,
 }
 
@@ -97,7 +97,7 @@ pub struct PreparedData {
 }
 
 /// Averages the samples of each run over about `step_s`, cuts at gaps and leaves clipped samples out.
-/// Sensor latencies that the model knows are taken off the stamps; thrust is that of its valves and nozzles. Effects of
+/// Sensor latencies in the model are subtracted from the stamps; thrust is that of its valves and nozzles. Effects of
 /// the model count.
 ///
 /// # Errors
@@ -178,7 +178,7 @@ fn prepare_run(
     Ok(())
 }
 
-/// Stretches away from the bearing's stop, whose contact no model here knows.
+/// Stretches away from the bearing's stop, whose contact is not modelled here.
 fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>> {
     let near =
         |p: &Point| p.specific_force_b_m_s2.is_some_and(|(force, _)| touches(&force, model.tilt_limit));
@@ -225,7 +225,7 @@ pub(crate) fn touches(force_b_m_s2: &Vector3<f64>, limit: TiltLimit) -> bool {
     }
 }
 
-/// Samples with their latency taken off and clipped ones left out.
+/// Samples with their latency subtracted and clipped ones left out.
 struct Samples {
     kept: Vec<(f64, Vector3<f64>)>,
     clipped: usize,

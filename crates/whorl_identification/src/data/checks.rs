@@ -1,4 +1,4 @@
-//! What is wrong with a recording, in sentences.
+//! Findings about a recording, in sentences.
 
 use thiserror::Error;
 use whorl_trajectory::Refusal;
@@ -12,7 +12,7 @@ pub enum DataError {
     /// The model is not a possible platform.
     #[error("the model cannot be simulated: {0}")]
     Model(String),
-    /// The data contradict the model in a way that is understood.
+    /// The data contradict the model in a known way.
     #[error("{0}")]
     Refused(String),
     /// The fit did not succeed.

@@ -1,10 +1,10 @@
-//! What the effects of a model depend on besides the motion: gas, voltage, temperature, moving masses.
+//! Inputs of a model's effects besides the motion: gas, voltage, temperature, moving masses.
 
 use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_recording::{Recording, Series};
 
-/// What surrounds the platform at one time of a run.
+/// Surroundings of the platform at one time of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surroundings {
     /// Tank pressure \[Pa\].

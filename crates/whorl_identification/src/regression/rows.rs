@@ -42,7 +42,7 @@ pub struct System {
     /// Expected product of the matrix' noise with itself, per unit variance of the rate: what total
     /// least squares takes off (eq. 4.77's matrix is linear in the rate but for small terms).
     pub noise_product: SMatrix<f64, MASS_PARAMETERS, MASS_PARAMETERS>,
-    /// Whether all rows hold the same error of the rate at the start, which means taken off remove.
+    /// Whether all rows hold the same error of the rate at the start, which subtracting the means removes.
     pub common_start: bool,
 }
 
@@ -77,7 +77,7 @@ pub fn rows(series: &StateSeries, method: Method, form: Form) -> System {
 /// Index of the sample, matrix, right-hand side.
 type VectorRow = (usize, Row, Vector3<f64>);
 
-/// Variance of the rate as it stands in a row, over the rate's own.
+/// Variance of the rate in a row, over the rate's own.
 fn noise_per_row(series: &StateSeries, form: Form) -> f64 {
     let step_s = match series.samples.as_slice() {
         [first, second, ..] => second.time_s - first.time_s,

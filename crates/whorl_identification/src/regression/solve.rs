@@ -20,7 +20,7 @@ pub enum Weighting {
     },
     /// Noise of the rate in the matrix, of this standard deviation [rad/s], is taken into account.
     TotalLeastSquares {
-        /// Standard deviation of the rate as it stands in the matrix [rad/s].
+        /// Standard deviation of the rate in the matrix [rad/s].
         rate_stddev_rad_s: f64,
     },
 }
@@ -131,7 +131,7 @@ fn markov(a: &DMatrix<f64>, b: &DVector<f64>, row_stddev: [f64; 3]) -> (DMatrix<
         let count = index.len().max(1) as f64;
         let rows = a.select_rows(&index);
         let values = DVector::from_iterator(index.len(), index.iter().map(|i| b[*i]));
-        // Eliminating a constant is the same as taking the means off.
+        // Eliminating a constant is the same as subtracting the means.
         let mean = rows.row_mean();
         let centred = DMatrix::from_fn(rows.nrows(), rows.ncols(), |i, j| rows[(i, j)] - mean[j]);
         let offset = values.sum() / count;

@@ -33,7 +33,7 @@ pub struct DualFilter {
 }
 
 impl DualFilter {
-    /// Starts from a model and how well it is known. `rate_stddev_rad_s` is the error of the estimated
+    /// Starts from a model and its prior. `rate_stddev_rad_s` is the error of the estimated
     /// rate, `forgetting` the factor per window (1 = never forget).
     #[must_use]
     pub fn new(
@@ -95,7 +95,7 @@ impl DualFilter {
         if elapsed_s < self.window_s {
             return None;
         }
-        // Means over half a window hold little of the rate's noise, which would stand in the matrix.
+        // Means over half a window have little of the rate's noise, which would be in the matrix.
         let [(a1, b1, n1), (a2, b2, n2)] = self.halves;
         if n1 < 1.0 || n2 < 1.0 {
             self.begin(sample);

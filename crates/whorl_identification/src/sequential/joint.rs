@@ -21,7 +21,7 @@ type Jacobian = OMatrix<f64, Dyn, Const<STATE>>;
 
 /// Differences for derivatives.
 const DIFFERENCE: f64 = 1e-6;
-/// Torque that nothing explains [N m sqrt(s)].
+/// Unexplained torque [N m sqrt(s)].
 const TORQUE_NOISE_N_M_SQRT_S: f64 = 5e-4;
 /// Longest step that is integrated \[s\]; a longer gap resets the motion.
 const LONGEST_STEP_S: f64 = 0.5;
@@ -108,7 +108,7 @@ impl JointFilter {
         q_world_body: UnitQuaternion<f64>,
     ) -> Self {
         let unknowns = Unknowns::new(model, prior, Vec::new());
-        // Effects that no platform can have are refused where the model is read.
+        // Impossible effects are refused where the model is read.
         let corrected = unknowns.effect_set(&unknowns.mean).adjusted(model).unwrap_or_else(|_| model.clone());
         let model = &corrected;
         let stddev = MassVector::from_fn(|i, _| unknowns.stddev[i]);
@@ -158,7 +158,7 @@ impl JointFilter {
             JointUpdate::Iterated { iterations } => self.extended(&last, point, dt_s, iterations.max(1)),
         };
         if done.is_none() || !self.plausible() {
-            // A step that leads to the impossible is not taken; the motion follows the gyro.
+            // A step to an impossible state is not taken; the motion follows the gyro.
             (self.mean, self.covariance) = before;
             self.lose_motion(point);
             return None;
@@ -179,7 +179,7 @@ impl JointFilter {
             && self.covariance.diagonal().iter().all(|v| *v >= 0.0 && v.is_finite())
     }
 
-    /// The motion is not known any more; what was learned of the parameters stays.
+    /// The motion is unknown again; the estimate of the parameters stays.
     fn lose_motion(&mut self, point: &Point) {
         self.mean.motion.omega_wb_b_rad_s = point.gyro_b_rad_s - self.mean.gyro_bias_rad_s;
         for n in 0..6 {

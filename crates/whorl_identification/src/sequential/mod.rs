@@ -4,7 +4,7 @@
 //!   extended, iterated or unscented filter;
 //! - [`DualFilter`]: the parameters alone (eqs. 4.95-4.105), fed with another filter's estimates. The
 //!   innovation of eq. 4.104 divides a difference of rates by the time between them; here the same equation
-//!   is integrated over a window, which needs no derivative. Its noise stands in the matrix, so it is biased
+//!   is integrated over a window, which needs no derivative. Its noise is in the matrix, so it is biased
 //!   like the batch regressions; the joint filter is not.
 //!
 //! Both forget with the factor lambda of eqs. 4.97-4.99, but a parameter is never forgotten beyond what was

@@ -15,7 +15,7 @@ const BLOCK_S: f64 = 0.05;
 const CLIPPED: f64 = 0.999;
 /// Speeds of the wheels, less what their motors gave, are smoothed over this long before and after \[s\].
 const WHEELS_HALF_S: f64 = 0.5;
-/// With a longer silence of the wheels nothing is known of them \[s\].
+/// After a longer silence the state of the wheels is unknown \[s\].
 const WHEELS_GAP_S: f64 = 0.1;
 
 /// Sums over one block.
@@ -47,7 +47,7 @@ struct WheelSample {
 
 /// [`JointFilter`] with the averaging of [`crate::data::prepare`], sample by sample.
 ///
-/// The wheels' momentum is an input of the filter, and noise of an input biases what is found. So their speeds are
+/// The wheels' momentum is an input of the filter, and noise of an input biases the result. So their speeds are
 /// smoothed around each point, which makes the estimate half a second late.
 #[derive(Debug, Clone)]
 pub struct OnlineFilter {
@@ -85,7 +85,7 @@ impl OnlineFilter {
             spin_inertia_kg_m2: model.wheels().iter().map(|w| w.spin_inertia_kg_m2).collect(),
             jets: model.jets().len(),
             tilt_limit: model.tilt_limit,
-            // What flows and cools in a run is not followed here.
+            // Gas use and temperature changes are not followed here.
             surroundings: Surroundings::at_start(model),
             contact_s: f64::NEG_INFINITY,
             block: Block::default(),
@@ -208,7 +208,7 @@ impl OnlineFilter {
         let (Some((wheel_speed_rad_s, wheel_acceleration_rad_s2)), false) =
             (self.wheels_at(time_s), block.clipped)
         else {
-            // What was not measured is a gap: the filter starts its motion anew behind it.
+            // Missing measurements are a gap: the filter restarts its motion after it.
             self.pending = None;
             return None;
         };
@@ -239,7 +239,7 @@ impl OnlineFilter {
         self.filter.step(&before)
     }
 
-    /// Speed and acceleration of each wheel: a straight line through what the motors did not give.
+    /// Speed and acceleration of each wheel: a straight line through the part not due to the motors.
     fn wheels_at(&self, time_s: f64) -> Option<(Vec<f64>, Vec<f64>)> {
         if self.spin_inertia_kg_m2.is_empty() {
             return Some((Vec::new(), Vec::new()));

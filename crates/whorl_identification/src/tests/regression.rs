@@ -1,4 +1,4 @@
-//! The regressions on exact motion must return exactly what made it.
+//! On exact motion the regressions must return the exact parameters.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rand_distr::{Distribution, StandardNormal};
@@ -104,7 +104,7 @@ fn total_least_squares_takes_the_bias_of_noise_away() {
     }
     println!("I_zz: pseudo-inverse {plain}, total {total}, Markov {markov}");
     assert!(plain < 0.8 * 12.1, "{plain}");
-    // Weights cannot take it away: the noise stands in the matrix.
+    // Weights cannot remove it: the noise is in the matrix.
     assert!(markov < 0.8 * 12.1, "{markov}");
     assert!((total / 12.1 - 1.0).abs() < 0.15, "{total}");
 }

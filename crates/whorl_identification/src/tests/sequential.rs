@@ -95,7 +95,7 @@ fn the_dual_filter_learns_from_estimates() {
     }
 }
 
-/// What the batch preparation and the joint filter find together, sample by sample.
+/// Batch preparation and joint filter together, sample by sample.
 #[test]
 fn the_online_filter_finds_what_the_joint_filter_finds() {
     let truth = truth();

@@ -32,7 +32,7 @@ fn run_of(truth: &PlatformModel, seed: u64) -> Recording {
     record(truth, at_balance(truth), 100.0, seed, &swinging)
 }
 
-/// Ten times the usual uncertainty: what the result is then comes from the data.
+/// Ten times the usual uncertainty, so that the result comes from the data.
 fn loose(model: &PlatformModel) -> ModelPrior {
     let mut prior = ModelPrior::typical(model);
     prior.inertia_b_kg_m2 *= 10.0;
@@ -82,8 +82,8 @@ fn normalised(truth: &PlatformModel, found: &Identification) -> f64 {
     error.dot(&(found.covariance.try_inverse().unwrap() * error))
 }
 
-/// The numbers: 2 % with two vectors and 5 % with the accelerometer alone, products within
-/// 0.02 kg m^2, from 100 s; the prior knows a tenth as much as usual and starts a tenth off.
+/// Required: 2 % with two vectors and 5 % with the accelerometer alone, products within
+/// 0.02 kg m^2, from 100 s; the prior is ten times wider than usual and starts a tenth off.
 #[test]
 fn all_nine_parameters_from_a_hundred_seconds() {
     let mut truth = PlatformModel::whorl_1_reference();
@@ -113,7 +113,7 @@ fn all_nine_parameters_from_a_hundred_seconds() {
     assert!(band.contains(&sum), "{sum}");
 }
 
-/// A still platform says nothing, and must be reported so.
+/// A still platform determines nothing, which must be reported.
 #[test]
 fn a_still_platform_determines_next_to_nothing() {
     let truth = PlatformModel::whorl_1_reference();
@@ -136,7 +136,7 @@ fn what_is_not_excited_is_not_claimed() {
     print(&truth, &found);
     assert_eq!(found.determined[0], Determined::Yes);
     assert_ne!(found.determined[5], Determined::Yes);
-    // Whatever it says, the truth is within what it claims.
+    // The truth is within the reported uncertainty in any case.
     let error = found.estimate - mass_vector(&truth.mass_properties);
     for i in 0..MASS_PARAMETERS {
         assert!(error[i].abs() < 4.0 * found.stddev()[i], "{}", NAMES[i]);
@@ -163,7 +163,7 @@ fn a_wheel_with_the_wrong_sign_is_named() {
     }
 }
 
-/// Gaps, outliers and clipped samples: fewer data, not wrong ones.
+/// Gaps, outliers and clipped samples reduce the data and do not bias the result.
 #[test]
 fn gaps_and_spikes_do_not_spoil_the_estimate() {
     let truth = PlatformModel::whorl_1_reference();
@@ -254,7 +254,7 @@ fn adopted_effects_are_no_inertia() {
         let own = found.effects.iter().find(|p| p.name == name).unwrap();
         assert!((own.value - value).abs() < 4.0 * own.stddev && own.stddev < 0.1 * stddev, "{own:?}");
     }
-    // The same data without one of the two: the inertia must pay for it, if anything fits at all.
+    // The same data without one of the two: the error goes into the inertia, if the fit succeeds at all.
     for (id, ..) in effects {
         let mut poorer = model.clone();
         poorer.effects.remove(id);
@@ -264,7 +264,7 @@ fn adopted_effects_are_no_inertia() {
     }
 }
 
-/// What an effect adds to the platform's constants stays beside them: the file's own numbers are found.
+/// An effect's correction of the platform's constants stays separate: the file's own numbers are found.
 #[test]
 fn corrections_of_constants_are_not_counted_twice() {
     let mut truth = PlatformModel::whorl_1_reference();

@@ -3,8 +3,8 @@
 //! The state is attitude and total momentum; the equation is [`whorl_dynamics::gyrostat::equation`] with the wheels'
 //! speeds known, and gravity, the model's effects and the jets as torque from outside.
 //!
-//! Motor torques and wheel friction do not appear: what the wheels took is read from their speed. Only
-//! the vertical k_b enters the torque, and the heading by effects that know it alone.
+//! Motor torques and wheel friction do not appear: the momentum of the wheels is read from their speeds. Only
+//! the vertical k_b enters the torque; the heading enters only through effects that depend on it.
 
 use std::sync::Arc;
 

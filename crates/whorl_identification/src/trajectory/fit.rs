@@ -18,7 +18,7 @@ const MAX_ITERATIONS: usize = 40;
 const STATES_FIRST: usize = 2;
 /// The iteration ends when no unknown moves by more than this share of its uncertainty.
 const CONVERGED: f64 = 1e-3;
-/// An iteration that can no longer lower the cost is done all the same when it would move by less.
+/// An iteration that can no longer lower the cost still counts as converged when its step is below this.
 const STALLED: f64 = 1.0;
 /// Attitude information before a chain starts, about the guess [1/rad^2]: only keeps an unobserved
 /// heading from drifting.
@@ -33,7 +33,7 @@ pub(crate) struct Problem<'a> {
     pub data: &'a PreparedData,
     pub unknowns: Unknowns,
     pub noise: Noise,
-    /// Torque that nothing explains, as white noise [N m sqrt(s)].
+    /// Unexplained torque, as white noise [N m sqrt(s)].
     pub torque_noise_n_m_sqrt_s: f64,
     stretches: Vec<Stretch<'a>>,
 }
@@ -70,7 +70,7 @@ pub(crate) struct Fitted {
     /// Number of measurements used.
     pub residuals: f64,
     pub outliers: usize,
-    /// How far the last step would still have moved an unknown, over its uncertainty.
+    /// Largest remaining step of an unknown, over its uncertainty.
     pub unsettled: f64,
     /// -2 log of the marginal likelihood, up to a constant.
     pub surprise: f64,
@@ -98,7 +98,7 @@ impl<'a> Problem<'a> {
             let per = ((STATE_EVERY_S / step_s).round() as usize).max(1);
             let mut at = 0;
             while at < steps {
-                // The last stretch takes a short remainder along.
+                // The last stretch includes a short remainder.
                 let rest = steps - at;
                 let own = if rest < 2 * per { rest } else { per };
                 let end = (at + own + 1).min(steps);
@@ -149,7 +149,7 @@ impl<'a> Problem<'a> {
             let (elimination, parts) = self.linearise(&solution, reject)?;
             let (mut step, mut states, factor) = elimination.solve().map_err(refused)?;
             if iteration <= STATES_FIRST {
-                // A poor first guess of the motion must not throw the unknowns about.
+                // A poor initial guess of the motion must not disturb the unknowns.
                 step.fill(0.0);
                 states = elimination.states(&step);
             }
@@ -166,7 +166,7 @@ impl<'a> Problem<'a> {
                 }
                 let log_unknowns = 2.0 * factor.l().diagonal().map(f64::ln).sum();
                 return Ok(Fitted {
-                    // What the last step would still have moved counts as uncertainty.
+                    // The remaining step counts as uncertainty.
                     unsettled: if moved < CONVERGED { 0.0 } else { moved },
                     information: 0.5 * (&elimination.unknowns + elimination.unknowns.transpose()),
                     cost: parts.cost,
@@ -176,7 +176,7 @@ impl<'a> Problem<'a> {
                     solution,
                 });
             }
-            // Outliers can be told from the rest only once the fit is near.
+            // Outliers can be recognised only once the fit is near.
             reject |= settled || (moved < 1.0 && iteration > 3);
             if let Some(next) = next {
                 solution = next;
@@ -270,7 +270,7 @@ impl<'a> Problem<'a> {
         parts.links += misses.map(|((v, m), s)| ((v - m) / s).powi(2)).sum::<f64>();
     }
 
-    /// What is known of a state before its measurements: only at starts.
+    /// The prior of a state, only at starts.
     fn state_prior(&self, stretch: &Stretch<'_>, node: &Node) -> (StateMatrix, StateVector) {
         let mut information = StateMatrix::zeros();
         let mut right = StateVector::zeros();

@@ -6,14 +6,14 @@
 //! nine parameters; the equations of motion carry them to the next ([`super::trajectory`] states them in
 //! its private `dynamics` module), and gyro, accelerometer, vector sensors and wheel speeds are compared
 //! with what they should read. Sensor biases, parameters of the model's effects and errors of wheels and jets are
-//! estimated with their priors, so that the uncertainty of the result holds what they add. Torque that
+//! estimated with their priors, so that the uncertainty of the result includes them. Torque that
 //! nothing explains is white noise between the states; its strength is chosen by the data.
 //!
 //! Every effect that the model has is in the equations. Its parameters are unknowns too, as far as the prior leaves
-//! them open: what they are not sure of, the mass properties are not sure of either. Effects with states of their own
+//! them open, so their uncertainty enters that of the mass properties. Effects with states of their own
 //! are left out, and said so.
 //!
-//! Heading enters nowhere but in the vector sensors and in effects that depend on it: without them only the direction of
+//! Heading enters only through the vector sensors and in effects that depend on it: without them only the direction of
 //! gravity and the rates count.
 //!
 //! Source of the method: H. G. Bock, "Recent advances in parameter identification techniques for ODE",
@@ -45,7 +45,7 @@ pub(crate) use unknowns::Unknowns;
 pub struct Settings {
     /// Samples are averaged over about this long \[s\]; shorter than a tenth of the fastest motion.
     pub step_s: f64,
-    /// Torque that nothing explains, as white noise [N m sqrt(s)]; `None`: the data choose.
+    /// Unexplained torque, as white noise [N m sqrt(s)]; `None`: the data choose.
     pub torque_noise_n_m_sqrt_s: Option<f64>,
     /// Whether the signs of the wheels' speeds are checked by a fit of their own.
     pub check_wheels: bool,
@@ -57,10 +57,10 @@ impl Default for Settings {
     }
 }
 
-/// How well one of the nine parameters came out.
+/// Whether and how well one of the nine parameters was determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Determined {
-    /// The data say more than was known before: uncertainty below half the prior's.
+    /// Determined by the data: uncertainty below half the prior's.
     Yes,
     /// A little: below 0.9 of the prior's.
     Hardly,
@@ -83,12 +83,12 @@ pub struct EffectParameter {
     pub stddev: f64,
 }
 
-/// Mass properties found, and how sure they are.
+/// Identified mass properties with their uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
     /// The nine parameters, realisable.
     pub estimate: MassVector,
-    /// Their covariance, what is not known of actuators included.
+    /// Their covariance, including the uncertainty of the actuators.
     pub covariance: MassCovariance,
     /// Standard deviations if wheels and jets were exactly as the model says.
     pub stddev_known_actuators: MassVector,
@@ -102,7 +102,7 @@ pub struct Identification {
     /// The combinations that belong to the singular values, as columns, in units of the prior's
     /// standard deviations.
     pub combinations: MassCovariance,
-    /// Parameters of effects: those that the model has, and those that no platform is without.
+    /// Parameters of effects: those of the model, and those that every fit includes.
     pub effects: Vec<EffectParameter>,
     /// Strength of each wheel over the model's, less one, with standard deviation.
     pub wheel_strength: Vec<(f64, f64)>,
@@ -112,7 +112,7 @@ pub struct Identification {
     pub gyro_bias_rad_s: Vector3<f64>,
     /// Mean accelerometer bias over the runs [m/s^2].
     pub accelerometer_bias_m_s2: Vector3<f64>,
-    /// Torque that nothing explains [N m sqrt(s)].
+    /// Unexplained torque [N m sqrt(s)].
     pub torque_noise_n_m_sqrt_s: f64,
     /// Mean squared residual over the noise's variance: 1 for a model that explains the data.
     pub reduced_chi_squared: f64,
@@ -121,12 +121,12 @@ pub struct Identification {
     /// Whether the least-squares solution itself was impossible for a rigid body and was moved to the
     /// nearest possible one.
     pub moved_to_realisable: bool,
-    /// What a user must know, most important first.
+    /// Notes for the user, most important first.
     pub findings: Vec<Finding>,
 }
 
 impl Identification {
-    /// Whether the result may be used: nothing fatal was found.
+    /// Whether the result may be used, that is, no finding is fatal.
     #[must_use]
     pub fn usable(&self) -> bool {
         !self.findings.iter().any(|f| f.fatal)
@@ -139,7 +139,7 @@ impl Identification {
     }
 }
 
-/// Identifies mass properties from runs of one platform, starting from its model and what is known of it.
+/// Identifies mass properties from runs of one platform, starting from its model and prior.
 ///
 /// # Errors
 /// When runs cannot be used at all, or the fit fails; a result that must not be used is returned with
@@ -168,7 +168,7 @@ pub fn identify(
     let mut fitted = {
         let problem = Problem::new(corrected, &data, unknowns.clone(), first);
         problem.solve(problem.start()).map_err(|error| match findings.iter().find(|f| f.fatal) {
-            // The reason is known better than "it did not converge".
+            // A more specific reason than "it did not converge".
             Some(finding) => DataError::Refused(finding.text.clone()),
             None => error,
         })?
@@ -278,7 +278,7 @@ fn conclude(
     let values = &fitted.solution.values;
     let freedom = (fitted.residuals - unknowns.len() as f64).max(1.0);
     let reduced = fitted.cost / freedom;
-    // A model that explains the data badly is also less certain than it says.
+    // A model that explains the data badly is also less certain than its covariance.
     let inflation = reduced.max(1.0) * (1.0 + fitted.unsettled.powi(2));
     let covariance_all = inverse(&fitted.information) * inflation;
     let known = fitted.information.view((0, 0), (unknowns.actuators, unknowns.actuators)).into_owned();
@@ -356,7 +356,7 @@ fn conclude(
     }
 }
 
-/// Inverse of an information matrix; infinite where it is singular, so that nothing looks certain.
+/// Inverse of an information matrix; infinite where it is singular, so that no parameter looks certain.
 fn inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
     information.clone().cholesky().map_or_else(
         || DMatrix::from_diagonal_element(information.nrows(), information.nrows(), f64::INFINITY),
@@ -457,7 +457,7 @@ fn advice(determined: &[Determined; MASS_PARAMETERS]) -> &'static str {
     }
 }
 
-/// Far from what was known before is possible, but worth a sentence.
+/// A result far from the prior is possible, but worth a note.
 fn judge_prior(
     estimate: &MassVector,
     before: &MassVector,

@@ -1,4 +1,4 @@
-//! One stretch between two states: measurements and the motion carried to the next state.
+//! One stretch between two states: its measurements, and the motion integrated to the next state.
 
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use whorl_dynamics::PlatformModel;

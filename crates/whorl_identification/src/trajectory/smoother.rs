@@ -24,7 +24,7 @@ pub(crate) struct Link {
     pub weight: StateMatrix,
 }
 
-/// Information about the present state and the unknowns, all earlier states eliminated.
+/// Information about the current state and the unknowns, all earlier states eliminated.
 pub(crate) struct Elimination {
     state: StateMatrix,
     cross: CrossMatrix,
@@ -56,7 +56,7 @@ impl Elimination {
         }
     }
 
-    /// Adds what is known of the present state: information times (value - linearisation point).
+    /// Adds prior information about the current state: information times (value - linearisation point).
     pub fn add_state(&mut self, information: &StateMatrix, right: &StateVector) {
         self.state += information;
         self.state_right += right;
@@ -72,7 +72,7 @@ impl Elimination {
         self.unknowns_right += right.rows(STATE, m);
     }
 
-    /// Eliminates the present state and goes on to the next; `None`: the last one.
+    /// Eliminates the current state and goes on to the next; `None`: the last one.
     /// `Err` when the state is not determined by anything.
     pub fn advance(&mut self, link: Option<&Link>) -> Result<(), &'static str> {
         let m = self.unknowns.nrows();

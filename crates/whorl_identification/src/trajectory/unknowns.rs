@@ -1,4 +1,4 @@
-//! What a fit looks for, and how well it is known before.
+//! The unknowns of a fit, and their prior.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::mass_parameters::{MASS_PARAMETERS, mass_vector, prior_stddev};
 pub(crate) const EFFECTS: usize = MASS_PARAMETERS;
 /// Unknowns of one wheel or jet: strength, and turns of its axis about two axes across it.
 const PER_ACTUATOR: usize = 3;
-/// What counts as known exactly still has this share of freedom, to keep matrices regular.
+/// Quantities known exactly still get this share as uncertainty, to keep matrices regular.
 const EXACT: f64 = 1e-9;
 /// Differences for derivatives, small against every quantity's uncertainty: of mass properties and actuators, ...
 const DIFFERENCE: f64 = 1e-6;
@@ -38,9 +38,9 @@ pub(crate) struct Unknowns {
     pub mean: DVector<f64>,
     /// Standard deviation before the fit, > 0.
     pub stddev: DVector<f64>,
-    /// Effects that the model has, and those that no identification is without.
+    /// Effects of the model, and those that every identification includes.
     pub effects: Vec<Carried>,
-    /// Effects that the model has but that cannot be carried: they have states of their own.
+    /// Effects of the model that are left out because they have states of their own.
     pub left_out: Vec<&'static str>,
     /// The model.
     pub model: Arc<PlatformModel>,
@@ -69,7 +69,7 @@ impl Unknowns {
             let mut free = Vec::new();
             for (at, spec) in specs.iter().enumerate() {
                 let stddev = match is_adopted(effect) {
-                    // What corrects the platform's own parameters moves with these.
+                    // Corrections of the platform's own parameters move with these.
                     true if effect.is_base() => 0.0,
                     true => prior.of_parameter(model, effect, spec),
                     false => spec.prior_stddev,
