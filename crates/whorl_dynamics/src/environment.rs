@@ -1,4 +1,4 @@
-//! What a physical effect may depend on at one instant.
+//! Inputs of a physical effect at one instant.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_math::{azimuth_rad, vertical_b};

@@ -1,11 +1,11 @@
 //! Platform model, truth plant and the catalogue of physical effects.
 //!
-//! [`PlatformModel`] says what a platform is made of. [`gyrostat::equation`] is the equation of motion that plant,
+//! [`PlatformModel`] describes the parts of a platform. [`gyrostat::equation`] is the equation of motion that plant,
 //! filters, tracking law, identification and diagnosis share; [`Gyrostat`] is a platform with its physical effects in
 //! that equation. [`Plant`] integrates it between actuator events and samples its sensors.
 //! [`actuators`] has one folder for each kind of actuator.
-//! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate; all that
-//! these uses must know of an effect stands there.
+//! [`effects`] is the catalogue: one effect, one file, used to simulate, fit and compensate; everything that
+//! these uses need is in its file.
 
 pub mod actuators;
 pub mod effects;

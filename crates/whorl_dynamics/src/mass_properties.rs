@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use thiserror::Error;
 
 /// How far the largest principal moment may exceed the sum of the two others, as a share of that sum. A flat plate has
-/// equality, and inertias are rarely known better, so of a flat platform an honest estimate may lie beyond it.
+/// equality, and inertias are rarely known better, so the estimate for a flat platform may lie slightly beyond it.
 pub const INERTIA_TOLERANCE: f64 = 0.05;
 
 /// Why mass properties were refused.

@@ -33,11 +33,11 @@ pub(crate) struct OnBody {
 /// The plant's side of a kind. Angular momentum is conserved when, with the kind's momentum h and the torques u that
 /// it reports as reaction, dh/dt = u - (inertia taken out) dw/dt in body axes.
 ///
-/// Nothing here may allocate: it runs four times in every integration step.
+/// No function here may allocate: it runs four times in every integration step.
 pub(crate) trait KindDynamics {
     /// Continuous states; also their rates.
     type State: Copy + Default + PartialEq + fmt::Debug;
-    /// What holds between two events: commands, and what sticks or is open.
+    /// Constant between two events: commands, and which parts stick or are open.
     type Drive: Clone + fmt::Debug;
     /// Torques and flows within the kind at one instant.
     type Forces;
@@ -53,7 +53,7 @@ pub(crate) trait KindDynamics {
     /// state += factor * rate.
     fn add_scaled(&self, _state: &mut Self::State, _rate: &Self::State, _factor: f64) {}
 
-    /// States that must not leave their range are put back, after a step.
+    /// Puts states that left their range back, after a step.
     fn bound(&self, _state: &mut Self::State) {}
 
     /// Whether the states are numbers still.

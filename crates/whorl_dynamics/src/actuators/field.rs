@@ -13,7 +13,7 @@ pub enum Slot<'a> {
     Direction(&'a mut Unit<Vector3<f64>>),
 }
 
-/// Which numbers an entry may be; all finite.
+/// Numbers that an entry may have; all finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Allowed {
     /// Every number.
@@ -38,7 +38,7 @@ pub struct Field<'a> {
     pub unit: &'static str,
     /// Which values it may have.
     pub allowed: Allowed,
-    /// What a number is when it is left out; `None`: it must be given.
+    /// Default of a number that is left out; `None`: it must be given.
     pub default: Option<f64>,
     /// Whether all members of the group may share one value, given once among the group's defaults.
     pub shared: bool,

@@ -1,4 +1,4 @@
-//! What every kind of actuator says of itself.
+//! The description of a kind of actuator.
 
 use std::fmt;
 
@@ -49,7 +49,7 @@ pub trait ActuatorKind: fmt::Debug {
     /// concern), in the order of parameter files. Empty when there is no such member.
     fn fields(&mut self, group: usize, member: usize) -> Vec<Field<'_>>;
 
-    /// Whether every actuator is one that can exist and be simulated.
+    /// Whether every actuator is valid and can be simulated.
     ///
     /// # Errors
     /// The first that is not.
@@ -70,7 +70,7 @@ pub trait ActuatorKind: fmt::Debug {
     }
 }
 
-/// By what a kind's motors are commanded and measured.
+/// Channels by which a kind's motors are commanded and measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MotorChannel {
     /// Field of the actuator command message that holds one command per motor.
@@ -90,7 +90,7 @@ pub trait KindPrior: fmt::Debug {
     /// Standard deviation of one entry of one actuator; `None` when fits take that entry as known.
     fn stddev(&self, key: &str, member: usize) -> Option<f64>;
 
-    /// Changes it; without effect when fits take that entry as known.
+    /// Changes it; does nothing when fits take that entry as known.
     fn set_stddev(&mut self, key: &str, member: usize, stddev: f64);
 }
 

@@ -296,7 +296,7 @@ macro_rules! register {
                 [$($(#[$row])* &mut self.$module),*]
             }
 
-            /// What a careful builder knows of these actuators from drawings and bench tests.
+            /// Prior of these actuators from drawings and bench tests.
             #[must_use]
             pub fn typical_priors(&self) -> ActuatorPriors {
                 ActuatorPriors { $($(#[$row])* $module: $module::$prior::typical(&self.$module)),* }
@@ -328,7 +328,7 @@ register! {
     wheels: Wheels, WheelPriors;
     jets: Jets, JetPriors;
     moving_masses: MovingMasses, MovingMassPriors;
-    // The proof that a kind is its folder and a row: it flies in this crate's tests alone.
+    // Shows that a kind needs only its folder and a row; used only in the tests of this crate.
     #[cfg(test)]
     control_moment_gyros: ControlMomentGyros, GyroPriors;
 }
@@ -341,7 +341,7 @@ pub(crate) struct Part {
 }
 
 impl Actuators {
-    /// Whether every actuator is one that can exist and be simulated.
+    /// Whether every actuator is valid and can be simulated.
     ///
     /// # Errors
     /// The first that is not, in the order of the table.

@@ -1,4 +1,4 @@
-//! What control knows of a kind whose actuators are moved by motors: wheels, gimbals.
+//! The interface to control of a kind whose actuators are moved by motors: wheels, gimbals.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,4 @@
-//! What must hold for every kind in the table.
+//! Requirements on every kind in the table.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! Effects that correct the platform's own parameters, and how well those are known.
+//! Effects that correct the platform's own parameters, and their prior.
 
 use nalgebra::Matrix3;
 

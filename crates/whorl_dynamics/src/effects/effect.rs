@@ -41,7 +41,7 @@ pub struct EffectInfo {
     pub id: &'static str,
     /// A few words.
     pub title: &'static str,
-    /// One sentence: what happens, and how it shows itself.
+    /// One sentence: the mechanism, and how it shows in the data.
     pub explanation: &'static str,
     /// The equation, in plain text.
     pub equation: &'static str,
@@ -70,7 +70,7 @@ pub struct TrueImu {
 /// simulates with it, the model predicts with it, the diagnosis fits it (columns by differences in
 /// `values`), estimator and controller compensate it.
 ///
-/// Its file says all that the uses must know of it besides: nothing elsewhere knows an effect by its id.
+/// Its file also has everything else that these uses need: no other file names an effect by its id.
 ///
 /// An effect either corrects constants of the platform ([`Self::adjust`]) or adds physics in the
 /// other hooks, each of which does nothing unless an effect overrides it. `values` holds one number
@@ -87,7 +87,7 @@ pub trait Effect: Sync + fmt::Debug {
     /// Corrects constants of the platform. Corrections of several effects add up.
     ///
     /// # Errors
-    /// When the corrected platform is not one that can exist.
+    /// When the corrected platform is physically impossible.
     fn adjust(&self, _values: &[f64], _model: &mut PlatformModel) -> Result<(), EffectError> {
         Ok(())
     }
@@ -97,7 +97,7 @@ pub trait Effect: Sync + fmt::Debug {
         Vector3::zeros()
     }
 
-    /// Inertia of what does not follow the body rigidly, body axes [kg m^2]: it stays part of the
+    /// Inertia of parts that do not follow the body rigidly, body axes [kg m^2]: it stays part of the
     /// total inertia but does not resist angular acceleration, exactly as sum J a a^T of the wheels.
     fn reaction_inertia_b_kg_m2(&self, _values: &[f64], _model: &PlatformModel) -> Matrix3<f64> {
         Matrix3::zeros()

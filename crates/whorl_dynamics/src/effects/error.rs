@@ -39,7 +39,7 @@ pub enum EffectError {
         /// Largest value allowed.
         max: f64,
     },
-    /// With these values the platform could not exist.
+    /// These values make the platform physically impossible.
     #[error("effect `{effect}` with these values makes a platform that cannot exist: {reason}")]
     NotPhysical {
         /// The effect.

@@ -1,4 +1,4 @@
-//! Gyro axes that are neither along the body's nor square to each other.
+//! Gyro axes that are neither parallel to the body's nor orthogonal to each other.
 
 use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec, TrueImu};

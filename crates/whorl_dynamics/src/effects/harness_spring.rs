@@ -26,7 +26,7 @@ static INFO: EffectInfo = EffectInfo {
 
 parameters! {
     Spring(_model: PlatformModel) {
-        // Without its stiffness the cable's damping is friction by another name.
+        // Without its stiffness the cable's damping cannot be distinguished from friction.
         k_n_m_rad: f64 = ParameterSpec::new(K, "N m/rad", (0.0, 5.0), 0.01, "Stiffness.").essential(),
         yaw0_rad: f64 = ParameterSpec::new(YAW0, "rad", (-PI, PI), PI, "Heading at which the cable is relaxed.")
             .floating_shape()

@@ -2,8 +2,8 @@
 //!
 //! The truth plant simulates with an effect, the model predicts with it, the diagnosis fits it,
 //! estimator and controller compensate it, all from the one definition in its file, which also says
-//! what else those uses must know: the role of each parameter, the data that show the effect, ways to start
-//! a search. No other file knows an effect by its id (a test reads the sources). To add an effect to the
+//! what else those uses need: the role of each parameter, the data that show the effect, ways to start
+//! a search. No other file names an effect by its id (a test reads the sources). To add an effect to the
 //! system: write a file beside the others and name it in `register!` below; `docs/adding_an_effect.md`.
 
 mod base;

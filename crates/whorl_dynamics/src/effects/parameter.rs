@@ -9,7 +9,7 @@ use super::BasePrior;
 /// The part of the platform that a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
-    /// No single one: the platform, or all its wheels or jets together.
+    /// No single part: the platform, or all its wheels or jets together.
     Platform,
     /// This wheel of the model.
     Wheel(usize),
@@ -48,7 +48,7 @@ pub enum Regressed {
     Always,
     /// Only where it is not zero itself: an axis that takes no part in an effect that is there.
     UnlessZero,
-    /// Only where an amplitude of its part is not zero: the shape of nothing.
+    /// Only where an amplitude of its part is not zero; without one the shape has no meaning.
     WithAmplitude,
     /// Never: the readings themselves show it ([`super::Sighting`]).
     Never,
@@ -147,7 +147,7 @@ impl ParameterSpec {
         Self { regressed, ..self }
     }
 
-    /// The same as that without which the effect is none.
+    /// The same as one without which the effect is absent.
     #[must_use]
     pub fn essential(self) -> Self {
         Self { essential: true, ..self }

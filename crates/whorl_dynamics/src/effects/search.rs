@@ -1,11 +1,11 @@
-//! What an effect tells a search for it: the data it needs, ways to start, how its parameters go together.
+//! Information that a search for an effect needs: the data, ways to start, how its parameters go together.
 
 use nalgebra::Vector3;
 
 use super::{Effect, ParameterSpec};
 use crate::PlatformModel;
 
-/// Something that recordings must hold for an effect to show.
+/// Data that recordings must contain for an effect to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Need {
     /// The body is free to turn in some run.
@@ -38,13 +38,13 @@ pub enum Grouping {
     AllPartsEach(&'static [&'static [&'static str]]),
     /// All together only.
     All,
-    /// Each alone, and two at a time: all together would be anything.
+    /// Each alone, and two at a time; all together would fit anything.
     EachAndPairs,
     /// What all wheels or jets have in common; each parameter alone; those of the wheels or jets together.
     CommonEachParts,
 }
 
-/// What is known of the data before a search.
+/// Properties of the data, known before a search.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Clues<'a> {
     /// Time over which the data were averaged \[s\], > 0.
@@ -152,7 +152,7 @@ pub(super) fn geometric(from: f64, to: f64, count: usize) -> Vec<f64> {
     (0..count).map(|i| from * ratio.powi(i as i32)).collect()
 }
 
-/// What one direction of a start came to in a fit.
+/// Result of a fit along one direction of a start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contribution<'a> {
     /// The direction's name.
@@ -163,7 +163,7 @@ pub struct Contribution<'a> {
     pub amount: f64,
 }
 
-/// A rhythm of the effect's own, by which it may be taken for another's or another for it.
+/// A frequency of the effect by which it may be confused with another effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rhythm {
     /// A torque from outside at one frequency, whatever the motion.
@@ -174,7 +174,7 @@ pub enum Rhythm {
     Ringing,
 }
 
-/// What the samples show by themselves, without a regression, and the names of the parameters that hold it.
+/// What the samples show directly, without a regression, and the names of the parameters that describe it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sighting {
     /// The gyro's output stops at a range, and moves in steps.

@@ -1,4 +1,4 @@
-//! What must hold for every effect of the catalogue.
+//! Requirements on every effect of the catalogue.
 
 mod search;
 mod sources;
@@ -300,7 +300,7 @@ fn every_effect_is_differentiable_in_its_parameters() {
     }
 }
 
-/// Effects that say they are passive never put energy in, whatever the motion.
+/// Effects declared passive never add energy, whatever the motion.
 #[test]
 fn passive_effects_only_take_energy() {
     let model = PlatformModel::whorl_1_reference();

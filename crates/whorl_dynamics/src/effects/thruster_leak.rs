@@ -69,7 +69,7 @@ impl Effect for ThrusterLeak {
     }
 
     fn grouping(&self) -> Grouping {
-        // One jet or two: any torque at all could be put together from all of them.
+        // One jet or two, because all of them together could make any torque.
         Grouping::EachAndPairs
     }
 }

@@ -1,4 +1,4 @@
-//! Jets that do not point where the drawing says.
+//! Jets that do not point as on the drawing.
 
 use super::named::{Named as _, parameters, per_jet};
 use super::tilted::tilted;

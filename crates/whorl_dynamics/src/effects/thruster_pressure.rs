@@ -1,4 +1,4 @@
-//! Thrust that follows the tank's pressure otherwise than the model says.
+//! Thrust that depends on the tank's pressure differently from the model.
 
 use super::named::{Named as _, parameters};
 use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};

@@ -85,7 +85,7 @@ impl Effect for TiltStopContact {
 
     fn starts(&self, model: &PlatformModel, clues: &Clues<'_>) -> Option<Vec<Start>> {
         let starter = Starter::new(self, model);
-        // The platform's own stop is no missing effect.
+        // The platform's own stop is not a missing effect.
         let is_within = |angle_rad: &f64| *angle_rad <= limit_rad(model) - OWN_STOP_RAD;
         let angles = ANGLES.into_iter().map(|share| share * clues.largest_tilt_rad).filter(is_within);
         let starts = angles.flat_map(|angle_rad| {

@@ -1,4 +1,4 @@
-//! Wheels heavier or lighter than the drawing says.
+//! Wheels heavier or lighter than on the drawing.
 
 use super::named::{Named as _, parameters, per_wheel};
 use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};

@@ -1,4 +1,4 @@
-//! Spin axes that are not where the drawing says.
+//! Spin axes that differ from the drawing.
 
 use super::named::{Named as _, parameters, per_wheel};
 use super::tilted::tilted;

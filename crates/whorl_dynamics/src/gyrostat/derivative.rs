@@ -23,12 +23,12 @@ pub(crate) struct Derivative {
     pub hidden: [f64; MAX_HIDDEN_STATES],
 }
 
-/// What holds during a segment between two events.
+/// Constant during a segment between two events.
 #[derive(Debug, Clone)]
 pub(crate) struct Drive {
-    /// Commands to the actuators, and what of them sticks or is open.
+    /// Commands to the actuators, and which of them stick or are open.
     pub actuators: Drives,
-    /// The equation of motion with the parts stuck that stick.
+    /// The equation of motion with the stuck parts fixed.
     pub equation: RateEquation,
     /// Torque on the body from outside the platform, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,

@@ -15,7 +15,7 @@
 //! | torque on each wheel about its axis | I - A J A^T, J of the wheels that turn freely | A times these torques |
 //! | their speeds | I | d(h_w)/dt |
 //!
-//! This is the only place where the equation stands: the plant, the filters, the feed-forward, the identification and
+//! This is the only implementation of the equation: the plant, the filters, the feed-forward, the identification and
 //! the diagnosis call it. What their model has of further effects comes with g, u and R: see [`crate::Gyrostat`].
 
 use nalgebra::{Matrix3, SMatrix, Vector3};

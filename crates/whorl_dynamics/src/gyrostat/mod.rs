@@ -21,7 +21,7 @@
 //! (I - A J A^T) dw/dt = g - w x h - A u
 //! ```
 //!
-//! [`equation`] is these equations as code, for whoever needs them with numbers of their own; [`Gyrostat`] is a
+//! [`equation`] implements them, for use with any numbers; [`Gyrostat`] is a
 //! platform's model with its effects in them.
 //!
 //! The gravity torque is -(m g r_cg) x k_b (eq. 4.74). Other bodies that do not follow rigidly
@@ -129,7 +129,7 @@ impl Gyrostat {
         &self.equation
     }
 
-    /// The same with the parts stuck that stick now: they turn with the body.
+    /// The same with the stuck parts fixed: they turn with the body.
     pub(crate) fn rate_equation_now(&self, drives: &Drives) -> RateEquation {
         // It resists more than with every part free, which was checked.
         rate_equation(&self.model, &self.reaction_inertia_b_kg_m2, Some(drives)).unwrap_or(self.equation)
@@ -188,7 +188,7 @@ impl Gyrostat {
         }
     }
 
-    /// The same of a body that is held still: only the wheels move.
+    /// The same for a body that is held still: only the wheels move.
     #[must_use]
     pub fn clamped_accelerations(&self, environment: &Environment<'_>) -> Accelerations {
         let (wheel_torque, still) = (self.wheel_torque_n_m(environment), Vector3::zeros());
@@ -215,7 +215,7 @@ impl Gyrostat {
         *self.equation.resisting_b_kg_m2()
     }
 
-    /// What ideal inertial sensors read, body axes: `environment` must hold the angular acceleration.
+    /// Readings of ideal inertial sensors, body axes: `environment` must hold the angular acceleration.
     #[must_use]
     pub fn true_imu(&self, environment: &Environment<'_>) -> TrueImu {
         let mut imu = TrueImu {

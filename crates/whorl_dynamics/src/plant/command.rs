@@ -1,4 +1,4 @@
-//! What the platform can be told.
+//! Commands to the platform.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ pub enum CommandError {
         /// Number of jets.
         jets: usize,
     },
-    /// Another number of commands than motors of that kind.
+    /// The number of commands differs from the number of motors of that kind.
     #[error("{given} commands for {needed} motors")]
     MotorCount {
         /// Commands given.
@@ -108,7 +108,7 @@ impl Plant {
             self.state.omega_wb_b_rad_s = *omega_wb_b_rad_s;
         }
         self.state.set_wheel_speed_rad_s(wheel_speed_rad_s);
-        // What sensors with latency recall belongs to the motion before.
+        // The history of sensors with latency belongs to the motion before.
         self.history.forget();
         self.set_out();
         Ok(())

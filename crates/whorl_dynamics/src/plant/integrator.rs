@@ -116,7 +116,7 @@ impl Plant {
         Some((part, stop_s, at_stop))
     }
 
-    /// Lets stuck parts go that are held no longer; true if any were.
+    /// Releases stuck parts that are no longer held; true if there were any.
     fn release_parts(&mut self, offset_s: f64, derivative: &Derivative) -> bool {
         let mut released = false;
         loop {

@@ -81,7 +81,7 @@ impl Default for InitialState {
     }
 }
 
-/// What really happens, for records and tests; no sensor sees it.
+/// The true state, for records and tests; no sensor sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// Time \[ns\].

@@ -1,4 +1,4 @@
-//! What a platform is made of, as its parameter file says.
+//! The parts of a platform, as in its parameter file.
 //!
 //! Everything here is data, valid by construction or checked by `whorl_params` with the range
 //! given in each field's doc. The truth of a simulation and the model that estimator and control

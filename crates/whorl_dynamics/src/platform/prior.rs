@@ -1,4 +1,4 @@
-//! How well a platform is known before its data are fitted.
+//! The prior of a platform, before its data are fitted.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ pub struct ModelPrior {
 }
 
 impl ModelPrior {
-    /// What a careful builder knows from drawings and bench tests: inertia to 5 % of the mean of the two
+    /// Typical prior from drawings and bench tests: inertia to 5 % of the mean of the two
     /// principal axes concerned, gravity offset to 20 % (at least 0.02 N m), actuators as their kinds say.
     #[must_use]
     pub fn typical(model: &PlatformModel) -> Self {

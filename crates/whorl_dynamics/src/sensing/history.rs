@@ -53,7 +53,7 @@ impl History {
 
     pub fn push(&mut self, snapshot: Snapshot) {
         self.snapshots.push_back(snapshot);
-        // Keep one that is older than the span, to interpolate from.
+        // Keep one that is older than the span, for interpolation.
         let oldest_ns = snapshot.time_ns - self.span_ns;
         while self.snapshots.get(1).is_some_and(|second| second.time_ns <= oldest_ns) {
             self.snapshots.pop_front();

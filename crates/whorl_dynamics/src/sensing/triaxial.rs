@@ -24,7 +24,7 @@ impl TriaxialErrors {
         y.map(|x| quantised(x.max(-self.range).min(self.range), self.quantum))
     }
 
-    /// What it reads of `truth` without bias, noise and limits: (1 + scale) * R(m)^T truth.
+    /// Its reading of `truth` without bias, noise and limits: (1 + scale) * R(m)^T truth.
     #[must_use]
     pub fn ideal(&self, truth: &Vector3<f64>) -> Vector3<f64> {
         let seen = if self.misalignment_rad == Vector3::zeros() {
@@ -35,7 +35,7 @@ impl TriaxialErrors {
         seen + self.scale.component_mul(&seen)
     }
 
-    /// What the sensor saw, in body axes, the constant errors that are known taken out of its reading:
+    /// What the sensor saw, in body axes, with the known constant errors removed from its reading:
     /// R(m) ((y - bias) / (1 + scale)). Noise, turn-on bias and walk stay in.
     #[must_use]
     pub fn corrected(&self, reading: &Vector3<f64>) -> Vector3<f64> {

@@ -1,4 +1,4 @@
-//! Pins what the conventions page says of accelerations, gravity and mass properties (`whorl_math`), with numbers
+//! Tests the conventions page on accelerations, gravity and mass properties (`whorl_math`), with numbers
 //! worked out by hand.
 
 use std::f64::consts::FRAC_PI_2;

@@ -1,4 +1,4 @@
-//! Truth from elsewhere: closed forms, independent derivations, printed tables.
+//! Independent truth: closed forms, derivations, printed tables.
 
 mod actuators;
 mod conservation;

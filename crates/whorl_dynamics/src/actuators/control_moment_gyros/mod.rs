@@ -36,7 +36,7 @@ pub struct Gyro {
     pub name: String,
     /// Gimbal axis, body axes; positive gimbal angles are right-handed about it.
     pub gimbal_axis_b: Unit<Vector3<f64>>,
-    /// Spin axis of the rotor at gimbal angle zero, body axes; what of it is along the gimbal axis does not count.
+    /// Spin axis of the rotor at gimbal angle zero, body axes; its component along the gimbal axis does not count.
     pub spin_axis_b: Unit<Vector3<f64>>,
     /// Momentum of the rotor [N m s], > 0.
     pub rotor_momentum_n_m_s: f64,

@@ -1,4 +1,4 @@
-//! Jets in action: valves, thrust at the present pressure, gas.
+//! Jets in action: valves, thrust at the current pressure, gas.
 
 use nalgebra::Vector3;
 

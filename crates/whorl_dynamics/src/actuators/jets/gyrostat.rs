@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::{Environment, Gyrostat};
 
 impl Gyrostat {
-    /// Torque of the jets that are open now, at the present tank pressure, body axes [N m].
+    /// Torque of the jets that are open now, at the current tank pressure, body axes [N m].
     #[must_use]
     pub fn jet_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
         let mut torque = Vector3::zeros();

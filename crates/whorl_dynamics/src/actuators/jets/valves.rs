@@ -53,7 +53,7 @@ pub(crate) struct Valves {
     lag: ThrustLag,
     /// What the open valves give once the lag of the thrust is over.
     target: JetDrive,
-    /// What the open jets still lacked of that at `since_ns`.
+    /// Shortfall of the open jets at `since_ns`.
     lacking: JetDrive,
     since_ns: i64,
     next_edge_ns: i64,
@@ -176,7 +176,7 @@ impl Valves {
             return self.target;
         }
         let since_s = (now_ns - self.since_ns) as f64 * 1e-9 + elapsed_s;
-        // What one jet lacks after a start from nothing.
+        // Shortfall of one jet after a start from zero.
         let missing = 1.0 - self.lag.fraction(0.0, true, since_s);
         let mut drive = JetDrive {
             torque_b_n_m: self.target.torque_b_n_m - self.lacking.torque_b_n_m * missing,

@@ -7,7 +7,7 @@ use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
 use crate::plant::Plant;
 use crate::{Environment, Gyrostat};
 
-/// They are where they were told: no states.
+/// They are where they were commanded to be: no states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct State;
 

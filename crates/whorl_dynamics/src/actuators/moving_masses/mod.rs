@@ -34,7 +34,7 @@ impl ActuatorKind for MovingMasses {
     }
 }
 
-/// Nothing of them is uncertain: where they start is part of the gravity offset.
+/// They have no uncertainty: their initial position is part of the gravity offset.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MovingMassPriors;
 

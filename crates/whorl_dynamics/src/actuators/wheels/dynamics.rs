@@ -136,7 +136,7 @@ impl KindDynamics for Wheels {
         }
     }
 
-    /// A wheel slips that its bearing cannot hold: friction gives its most in the direction that holds, and the wheel
+    /// A wheel that its bearing cannot hold slips: friction gives its most in the direction that holds, and the wheel
     /// goes the other way.
     fn first_slip(
         &self,

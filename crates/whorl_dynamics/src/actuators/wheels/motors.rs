@@ -1,4 +1,4 @@
-//! Wheels as control sees them: what their motors can give, and what friction takes of it.
+//! Wheels as control sees them: available motor torque, less friction.
 
 use nalgebra::Vector3;
 

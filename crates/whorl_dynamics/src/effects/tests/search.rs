@@ -169,7 +169,7 @@ fn a_sine_and_a_cosine_are_one_periodic_torque() {
     assert!(TAU > phase_rad && effect.joined(&[]).is_none());
 }
 
-/// What control counters, it can compute from what it knows: no states of the effect's own, and not the time.
+/// Effects that control compensates can be computed from its inputs: no states of the effect's own, and not the time.
 #[test]
 fn effects_with_states_of_their_own_are_not_fed_forward() {
     let model = PlatformModel::whorl_1_reference();

@@ -1,4 +1,4 @@
-//! Nothing outside the effects' folder knows an effect by its id: the sources themselves are read.
+//! No file outside the effects' folder names an effect by its id: the test reads the sources.
 
 use std::path::{Path, PathBuf};
 
