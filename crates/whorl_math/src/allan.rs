@@ -74,7 +74,7 @@ pub struct NoiseDensities {
     pub walk: f64,
     /// Whether the record is long enough for the walk to rise out of the white noise.
     pub walk_seen: bool,
-    /// Lowest point of the curve: what averaging can reach (bias instability).
+    /// Lowest point of the curve: the limit of averaging (bias instability).
     pub floor: f64,
 }
 

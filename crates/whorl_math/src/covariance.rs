@@ -1,4 +1,4 @@
-//! Covariance of an estimate: its growth over a step, and what a measurement takes away.
+//! Covariance of an estimate: its growth over a step, and its reduction by a measurement.
 //!
 //! A measurement `z` of the state `x` has an innovation of covariance `S` that covaries with the state's error by `A`;
 //! for `z = H x + v` with `v` of covariance `R`, `A = P H^T` and `S = H P H^T + R`. A correction `K z` leaves
@@ -11,7 +11,7 @@
 //! also holds where `A` and `S` come from sigma points or where noise and state are correlated. The optimal gain is
 //! `K = A S^-1`. Source: A. Gelb (editor), *Applied Optimal Estimation*, 1974, eqs. 4.2-12 to 4.2-18.
 //!
-//! This is the only place where the update stands; the whitening filter of the diagnosis, which takes in thousands of
+//! This is the only implementation of the update; the whitening filter of the diagnosis, which takes in thousands of
 //! scalars with the optimal gain, has its own loop over rows.
 
 use nalgebra::allocator::Allocator;
@@ -23,7 +23,7 @@ pub fn propagate<const N: usize>(p: &mut SMatrix<f64, N, N>, f: &SMatrix<f64, N,
     symmetrise(p);
 }
 
-/// What a correction leaves: `P <- P - K A^T - A K^T + K S K^T` for any gain, symmetric.
+/// Covariance after a correction: `P <- P - K A^T - A K^T + K S K^T` for any gain, symmetric.
 ///
 /// Evaluated as `P - K A^T - W K^T`: for the optimal gain `W = A - K S` vanishes but for the gain's rounding, whose
 /// effect it takes out again.

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
-/// Within this of a singular second angle, first and third angle cannot be told apart.
+/// Within this of a singular second angle, first and third angle cannot be separated.
 const GIMBAL_LOCK_RAD: f64 = 1e-9;
 
 /// The twelve sequences. `E321` (yaw, pitch, roll) is REP-103's; `E313` is the classic orbital one.

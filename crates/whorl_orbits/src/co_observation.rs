@@ -1,4 +1,4 @@
-//! Where several spacecraft point together, and their thrusters with the freedom that is left.
+//! Attitudes in which several spacecraft point together, and their thrusters as far as the remaining freedom allows.
 //!
 //! # Equations
 //!
@@ -26,7 +26,7 @@ use crate::{EARTH_RADIUS_M, EARTH_RATE_RAD_S};
 
 /// Directions closer than this are taken as parallel \[rad\].
 const PARALLEL_RAD: f64 = 1e-9;
-/// Velocity changes below this are none \[m/s\].
+/// Velocity changes below this count as zero \[m/s\].
 const NO_DELTA_V_M_S: f64 = 1e-9;
 
 /// What is observed.

@@ -49,7 +49,7 @@ pub enum OrbitError {
         eccentricity: f64,
     },
     /// A number is not finite, or the semi-major axis not positive.
-    #[error("{name} = {value} is no number that an orbit can have")]
+    #[error("{name} = {value} is not valid for an orbit")]
     Number {
         /// Which.
         name: &'static str,
@@ -62,7 +62,7 @@ pub enum OrbitError {
 const LEAST_ALTITUDE_M: f64 = 100e3;
 
 impl Elements {
-    /// Refuses orbits that are none, or that meet the ground or the dense atmosphere.
+    /// Refuses invalid orbits, and those that meet the ground or the dense atmosphere.
     ///
     /// # Errors
     /// What is wrong and what is allowed.

@@ -43,7 +43,7 @@ pub enum Formation {
     },
 }
 
-/// A formation that is none.
+/// An invalid formation.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum FormationError {
     /// The chief's or the deputy's orbit.

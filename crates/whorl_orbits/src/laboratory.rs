@@ -1,5 +1,5 @@
 //! A pass in the laboratory: orbit time becomes laboratory time, attitudes become those of platforms that can
-//! tilt only so far. What platforms cannot do is said before anything moves; nothing is clipped.
+//! tilt only so far. What platforms cannot do is reported before anything moves; nothing is clipped.
 //!
 //! # The mapping
 //!
@@ -151,10 +151,10 @@ impl Mapping {
     }
 }
 
-/// The motions of all platforms, checked against what they can do.
+/// The motions of all platforms, checked against their limits.
 ///
 /// # Errors
-/// A pass that cannot be flown, or the first platform, limit and instant that it is beyond.
+/// An invalid pass, or the first platform whose limit it exceeds, with the limit and the instant.
 pub fn trajectories(
     pass: &Pass,
     mapping: &Mapping,

@@ -19,7 +19,7 @@
 //! | [`pass`] | every spacecraft over a pass: orbit, relative state, attitude | |
 //! | [`laboratory`] | the pass scaled to the laboratory, and whether platforms can follow it | |
 //!
-//! Where the dissertation's print differs from what it means: the right side of (2.5) holds for neither
+//! Misprints in the dissertation: the right side of (2.5) holds for neither
 //! spacecraft alone (`rho` is the difference of two of (2.1)), and the second line of (2.17) belongs to
 //! (2.16) as a whole. (2.18)-(2.20) and all after them are used as printed.
 

@@ -134,7 +134,7 @@ mod tests {
             let t = revolutions * chief.period_s();
             let linear = after(&chief, &deputy, t);
             let full = relative_motion::after(&chief.state(), &deputy, t);
-            // What is left out grows with the square of the separation: (100 m)^2 / 7000 km.
+            // The neglected terms grow with the square of the separation: (100 m)^2 / 7000 km.
             let separation_m = linear.position_m.norm() + 1.0;
             let size = separation_m * (1.0 + separation_m / 100.0);
             prop_assert!((linear.position_m - full.position_m).norm() < 2e-5 * size, "{linear:?} {full:?}");
