@@ -13,7 +13,7 @@ use crate::data::{Noise, level, rigid_whorl_1};
 const PERIODS_S: [f64; 6] = [0.5, 2.0, 5.0, 10.0, 30.0, 100.0];
 /// Noise over the largest value of each channel \[%\].
 const NOISE_PERCENT: [f64; 9] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0];
-/// Error up to which an estimate is of use \[%\].
+/// Error up to which an estimate is useful \[%\].
 const BEARABLE_PERCENT: f64 = 10.0;
 /// Seeds whose median is shown.
 const SEEDS: u128 = 5;

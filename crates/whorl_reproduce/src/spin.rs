@@ -25,7 +25,7 @@ struct Run {
     vector_noise_rad: Option<f64>,
 }
 
-/// What the filter made of it: time and values.
+/// Output of the filter: time and values.
 #[derive(Default)]
 struct Traces {
     tilt: [Vec<(f64, f64)>; 2],
@@ -39,7 +39,7 @@ struct Traces {
     rates_true: [Vec<(f64, f64)>; 3],
 }
 
-/// A figure by its name; `None` for a name that is none of these.
+/// A figure by its name; `None` for an unknown name.
 pub fn figure(name: &str) -> Option<Reproduction> {
     use std::f64::consts::PI;
     let nominal = || Run {
@@ -50,7 +50,11 @@ pub fn figure(name: &str) -> Option<Reproduction> {
     let blind = |title: &str, truth| Run { title: title.into(), truth, vector_noise_rad: None };
     let drift = "Clocking drifts with the gyro's scale error times the rate of spin (0.1 % assumed here; the dissertation does not say what its simulated sensors had). Its accelerometer-only filter drifts by some degrees within the printed 60 s; the trend over spin rate is the same.";
     let (runs, kind, sentence): (Vec<Run>, Kind, &str) = match name {
-        "fig_4_10" => (vec![nominal()], Kind::State, "As printed: estimates cannot be told from the truth."),
+        "fig_4_10" => (
+            vec![nominal()],
+            Kind::State,
+            "As printed: the estimates cannot be distinguished from the truth.",
+        ),
         "fig_4_11" => {
             (vec![nominal()], Kind::Error, "As printed: the three-sigma envelope holds the errors.")
         }
@@ -170,7 +174,7 @@ fn sensors(run: &Run) -> PlatformModel {
     let gyro = &mut model.sensors.gyro.errors;
     gyro.range = 100.0;
     gyro.scale = Vector3::repeat(GYRO_SCALE);
-    // "Any constant offsets are calibrated out" (section 4.4): what that leaves.
+    // "Any constant offsets are calibrated out" (section 4.4): the remaining error.
     gyro.bias_turn_on_stddev = Vector3::repeat(2e-4);
     model.sensors.accelerometer.errors.range = 1e3;
     // Prescribed motions have no equation of motion to take the sensor's acceleration from.

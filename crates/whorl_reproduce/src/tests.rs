@@ -1,4 +1,4 @@
-//! What the sentences of each item say must be in its numbers.
+//! The sentences of each item must agree with its numbers.
 
 use std::collections::BTreeMap;
 use std::sync::{LazyLock, OnceLock};
@@ -245,7 +245,7 @@ fn joint_filters_wait_for_the_excitation() {
     for name in ["extended", "iterated", "unscented"] {
         let izz = curve("sequential", 1, name);
         let at = |t: f64| izz.iter().find(|(x, _)| *x >= t).unwrap().1;
-        // A tenth off at the start, by what it was told.
+        // Started a tenth off.
         assert!(
             (at(0.0) + 10.0).abs() < 3.0 && (at(29.5) + 10.0).abs() < 4.0,
             "{name}: {} {}",

@@ -62,7 +62,7 @@ impl AttitudeRateFilter {
         let up_b = middle.inverse() * Vector3::z();
         let acceleration = self.model.acceleration(&half, &up_b);
         let rate = self.model.linearised(&half, &up_b);
-        // Half of what wheels and jets do acts within the step.
+        // Half of the impulse of wheels and jets acts within the step.
         let exchange = self.model.exchange(step);
         let mean_rate = self.omega_rad_s + (acceleration * dt_s + exchange) * 0.5;
         let turn = quaternion_exp(&(mean_rate * dt_s));

@@ -1,6 +1,6 @@
 //! The dissertation's filters that its later ones supersede, to compare them (sections 4.5.2 and 4.5.3).
 //!
-//! They take the gyro's bias as known and have no state for a torque that the model lacks: for operation there is
+//! They take the gyro's bias as known and have no state for an unmodelled torque: for operation there is
 //! [`FilterKind::GYROSTAT`].
 
 mod attitude_rate;

@@ -1,7 +1,7 @@
 //! Quaternion / angular-velocity filter of section 4.5.2 (eqs. 4.54-4.60), kept to show why it is not enough.
 //!
 //! The quaternion is four free components and its update adds. Its length is then no longer one and its covariance has
-//! a direction of no meaning; both are repaired after each update (normalised; the covariance projected across the
+//! a meaningless direction; both are repaired after each update (normalised; the covariance projected across the
 //! quaternion), which no derivation justifies: that is the dissertation's argument for section 4.5.3. Components are
 //! w, x, y, z (Hamilton).
 

@@ -20,7 +20,7 @@ impl RateModel {
         Some(Self { body: *body, equation, wheel_momentum_b_n_m_s })
     }
 
-    /// Angular acceleration without what the wheels exchange: `up_b` is the vertical in body axes.
+    /// Angular acceleration without the exchange with the wheels: `up_b` is the vertical in body axes.
     pub(super) fn acceleration(&self, omega: &Vector3<f64>, up_b: &Vector3<f64>) -> Vector3<f64> {
         let momentum = self.equation.momentum_b_n_m_s(omega, &self.wheel_momentum_b_n_m_s);
         let gravity = gravity_torque_n_m(&self.body.gravity_offset_b_n_m, up_b);
@@ -33,7 +33,7 @@ impl RateModel {
         self.equation.linearised(omega, &momentum, &self.body.gravity_offset_b_n_m, up_b)
     }
 
-    /// Rate change by what wheels and jets did in a step.
+    /// Rate change by wheels and jets in a step.
     pub(super) fn exchange(&mut self, step: &FilterStep) -> Vector3<f64> {
         let wheels = step.wheel_momentum_b_n_m_s - self.wheel_momentum_b_n_m_s;
         self.wheel_momentum_b_n_m_s = step.wheel_momentum_b_n_m_s;
@@ -44,7 +44,7 @@ impl RateModel {
         self.wheel_momentum_b_n_m_s
     }
 
-    /// Covariance that a step adds to the rate: torques that the model lacks, taken as white over a second (these filters have
+    /// Covariance that a step adds to the rate: unmodelled torques, taken as white over a second (these filters have
     /// no state for them), and two samples of the tachometers.
     pub(super) fn rate_noise(&self, step: &FilterStep) -> Matrix3<f64> {
         let body = &self.body;
