@@ -13,7 +13,7 @@ pub(super) struct AccelLeverArm;
 static INFO: EffectInfo = EffectInfo {
     id: "accel_lever_arm",
     title: "accelerometer position off",
-    explanation: "The accelerometer sits elsewhere than the model says, so it feels other centripetal and tangential accelerations.",
+    explanation: "The accelerometer is not where the model places it, so it measures different centripetal and tangential accelerations.",
     equation: "y += dw/dt x d + w x (w x d)",
     source: "Schwartz 2004, eq. 4.40 (rotation terms)",
     kind: EffectKind::Sensor,

@@ -15,7 +15,7 @@ const MU_OVER_R3_S2: f64 = 3.986_004e14 / (6.371e6 * 6.371e6 * 6.371e6);
 static INFO: EffectInfo = EffectInfo {
     id: "gravity_gradient",
     title: "gravity gradient",
-    explanation: "The lower side is pulled a little harder: a few micronewton metres, negligible in this laboratory and kept to say so.",
+    explanation: "The lower side is pulled a little harder: a few micronewton metres, negligible in this laboratory, and included to show that.",
     equation: "g = 3 mu/R^3 k_b x (I k_b)",
     source: "Hughes, Spacecraft Attitude Dynamics, 1986, section 8.1; gravity gradient of Schwartz 2004, Table 3.1",
     kind: EffectKind::Torque,

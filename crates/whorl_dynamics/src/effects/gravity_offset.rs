@@ -13,7 +13,7 @@ pub(super) struct GravityOffset;
 static INFO: EffectInfo = EffectInfo {
     id: "gravity_offset",
     title: "centre of mass away from the centre of rotation",
-    explanation: "Weight acts beside the bearing's centre, so the platform swings like a pendulum; every base model has it, the parameters are what is to be added to the model's m g r_cg.",
+    explanation: "Weight acts off the bearing's centre, so the platform swings like a pendulum; every base model has it, the parameters are corrections of the model's m g r_cg.",
     equation: "g = -(m g r_cg) x k_b",
     source: "Schwartz 2004, eq. 4.74 and Table 4.1 (static unbalance of Table 3.1)",
     kind: EffectKind::Torque,

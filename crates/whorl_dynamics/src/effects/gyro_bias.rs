@@ -13,7 +13,7 @@ pub(super) struct GyroBias;
 static INFO: EffectInfo = EffectInfo {
     id: "gyro_bias",
     title: "gyro bias",
-    explanation: "The gyro reads a constant rate at rest; every base model has it, the parameters are what is to be added to the model's.",
+    explanation: "The gyro reads a constant rate at rest; every base model has it, the parameters are corrections of the model's bias.",
     equation: "y = w + b",
     source: "Schwartz 2004, section 4.5.4",
     kind: EffectKind::Sensor,

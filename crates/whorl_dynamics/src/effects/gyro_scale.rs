@@ -13,7 +13,7 @@ pub(super) struct GyroScale;
 static INFO: EffectInfo = EffectInfo {
     id: "gyro_scale",
     title: "gyro scale factor",
-    explanation: "The gyro reads too much or too little in proportion to the rate: a kinematic residual that no torque can make.",
+    explanation: "The gyro reads too much or too little in proportion to the rate: a kinematic residual that no torque can cause.",
     equation: "y_i = (1 + s_i) w_i",
     source: "Schwartz 2004, section 4.4 (response slopes agree with the specification within 5 %)",
     kind: EffectKind::Sensor,

@@ -12,7 +12,7 @@ pub(super) struct InertiaProducts;
 static INFO: EffectInfo = EffectInfo {
     id: "inertia_products",
     title: "off-diagonal inertia",
-    explanation: "A torque about one body axis also accelerates the others; every base model has products of inertia, the parameters are what is to be added to the model's matrix elements.",
+    explanation: "A torque about one body axis also accelerates the others; every base model has products of inertia, the parameters are corrections of the model's matrix elements.",
     equation: "I <- I + [0 I_xy I_xz; I_xy 0 I_yz; I_xz I_yz 0]",
     source: "Schwartz 2004, eqs. 4.8 and 4.73 (dynamic unbalance of Table 3.1)",
     kind: EffectKind::Torque,
