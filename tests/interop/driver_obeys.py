@@ -63,7 +63,7 @@ def main() -> int:
             out = zero(command)
             out.sequence = sequence
             out.header.stamp.sec, out.header.stamp.nanosec = divmod(last, 10**9)
-            # It claims to be valid for a minute; the driver must not believe it.
+            # It claims to be valid for a minute, which the driver must not accept.
             out.valid_until.sec, out.valid_until.nanosec = divmod(last + 60 * 10**9, 10**9)
             out.wheel_torque_n_m = [TORQUE] + [0.0] * (arguments.wheels - 1)
             out.jet_slot_length_s = 60.0

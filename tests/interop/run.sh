@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Checks Whorl against implementations that are not ours: Eclipse Cyclone DDS, rosbags and mcap from PyPI.
+# Checks Whorl against independent implementations: Eclipse Cyclone DDS, rosbags and mcap from PyPI.
 #
 # usage: run.sh [RUN...]      also reads these run directories
 #
 # Needs built binaries (WHORL_BIN, default target/release) and python3 with venv. Everything stays on the
-# loopback interface, in a ROS domain of its own. WHORL_VENV: where the Python packages go (default .venv).
+# loopback interface, in its own ROS domain. WHORL_VENV: where the Python packages go (default .venv).
 
 set -euo pipefail
 
@@ -50,7 +50,7 @@ take_domain() {
     local id
     for id in $(seq 99 -1 20); do
         lock=${TMPDIR:-/tmp}/whorl-test-domain-$id
-        # It may be another user's: only he may write to it, but everybody may lock it.
+        # It may belong to another user: only the owner may write to it, but anyone may lock it.
         [ -e "$lock" ] || : >"$lock"
         exec 9<"$lock"
         if flock -n 9; then
@@ -62,7 +62,7 @@ take_domain() {
     exit 1
 }
 
-# start NAME ARGUMENTS...: a node in the background. The lock on the domain stays ours alone.
+# start NAME ARGUMENTS...: a node in the background. The node does not inherit the lock on the domain.
 start() {
     local name=$1
     shift

@@ -18,7 +18,7 @@ use crate::support::{binaries, measured, root, wait_for};
 
 const NODES: usize = 8;
 
-/// The launch scripts in a domain of their own.
+/// The launch scripts in their own domain.
 struct Laboratory {
     scripts: Vec<Process>,
     folder: TempDir,

@@ -11,14 +11,14 @@ use super::{jet_failure, sensor_faults, tilt_limit};
 use crate::support::formation::Formation;
 use crate::support::watch::{Watch, route};
 
-/// A fault that a test switches on and off: it never begins by itself.
+/// A fault that a test switches on and off: it never starts by itself.
 pub const NEVER_S: f64 = 1e9;
 /// For an answer of a node.
 pub const SOON: Duration = Duration::from_secs(10);
 /// Until the platform has swung back and points where it should.
 const RECOVERY: Duration = Duration::from_secs(30);
 
-/// Whorl-I in a long hold, its parameters, and who watches it. Between two faults it is well and points.
+/// Whorl-I in a long hold, its parameters, and its observer. Between two faults it is healthy and points.
 pub struct Held {
     pub formation: Formation,
     pub watch: Watch,

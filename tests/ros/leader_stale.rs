@@ -66,7 +66,7 @@ fn the_follower_stops_while_the_leader_is_not_seen_and_rejoins_when_it_is() {
         SOON,
         |m| rate_deg_s(m.omega_wb_b_rad_s) < 0.1,
     );
-    // It stays in control of itself all the while.
+    // Its control stays active throughout.
     let since = watch.during(Duration::from_secs(2));
     for (_, m) in watch.log().after::<ControlStatus>(route(1, Topic::ControlStatus), since) {
         assert_eq!(m.mode, ControlStatus::MODE_HOLD, "reason {}", m.reason);

@@ -104,7 +104,7 @@ impl Laboratory {
             let state = log.after::<FormationState>(route(0, Topic::FormationState), since).find(|(_, m)| {
                 m.step == "hold" && m.link_ok == [true; 2] && m.control_mode == [ControlStatus::MODE_TRACK; 2]
             });
-            // The coordinator tells the latest mode that it knows of; these are told since.
+            // The coordinator reports the latest mode that it has received; these were received since.
             let tracks = |platform| {
                 let mut statuses = log.after::<ControlStatus>(route(platform, Topic::ControlStatus), since);
                 statuses.find(|(_, m)| m.mode == ControlStatus::MODE_TRACK).map(|(at, _)| at)
@@ -114,7 +114,7 @@ impl Laboratory {
         whole.seconds_since(since)
     }
 
-    /// Largest angle between what the follower should do and what it does, by the coordinator [deg].
+    /// Largest angle between the follower's demanded and actual attitude, as reported by the coordinator [deg].
     fn worst_error_deg(&self, since: Timestamp) -> f64 {
         let log = self.watch.log();
         log.after::<FormationState>(route(0, Topic::FormationState), since)

@@ -1,4 +1,4 @@
-//! More participants on one machine than RustDDS tells of itself: four platforms have twelve nodes, and coordinator,
+//! More participants on one machine than RustDDS announces itself to: four platforms have twelve nodes, and coordinator,
 //! recorder and monitor come to that.
 
 use whorl_ros::Participant;

@@ -68,7 +68,7 @@ fn each_node_may_die_and_come_back() {
     formation.start("/whorl_2/driver");
     wait_for_recovery(&watch, "the driver's death");
 
-    // Coordinator: without its heartbeat nobody has authority; the platforms come to rest and let go.
+    // Coordinator: without its heartbeat no node has authority; the platforms come to rest and let go.
     let killed = formation.kill("/coordinator");
     for platform in 0..2 {
         let status = route(platform, Topic::ControlStatus);

@@ -11,7 +11,7 @@ use whorl_params::Value;
 use super::held::{Held, NEVER_S, SOON};
 use crate::support::watch::{Watch, route};
 
-/// After a fault the estimator may start anew, and the platform swings back.
+/// After a fault the estimator may restart, and the platform swings back.
 const RECOVERY: Duration = Duration::from_secs(30);
 
 struct SensorFault {
@@ -63,7 +63,7 @@ pub fn are_refused_and_reported_and_taken_back(held: &mut Held) {
     }
 }
 
-/// The estimate tells of the fault, the estimator reports it, and control does what it can without the sensor.
+/// The estimate flags the fault, the estimator reports it, and control continues as far as possible without the sensor.
 fn refused(watch: &Watch, fault: &SensorFault) {
     let (estimate, status) = (route(0, Topic::AttitudeEstimate), route(0, Topic::ControlStatus));
     let flagged =

@@ -17,7 +17,7 @@ use crate::support::watch::{Watch, route};
 
 const SOON: Duration = Duration::from_secs(10);
 
-/// Does not start by itself, and can be started again.
+/// Does not start by itself, and can be restarted.
 const BY_HAND: &str = r#"
 /coordinator:
   ros__parameters:

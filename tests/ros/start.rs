@@ -1,10 +1,10 @@
-//! What cannot work is refused at the start, in words that name the cause.
+//! Invalid configurations are refused at the start, with a message that names the cause.
 
 use std::time::Duration;
 
 use crate::support::formation::{Formation, LONG_HOLD_ALONE};
 
-/// Starts a node that must refuse; returns what it says.
+/// Starts a node that must refuse; returns its message.
 fn refusal(node: &str, layers: &[&str], overrides: &[&str]) -> String {
     let mut formation = Formation::new(&["whorl_1"], &[&[LONG_HOLD_ALONE], layers].concat());
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();

@@ -24,13 +24,13 @@ fn all() -> bool {
     std::env::var("WHORL_SLOW_TESTS").is_ok_and(|v| v == "1")
 }
 
-/// Says, also when the test passes, that something was not tested here.
+/// Prints, also when the test passes, that something was not tested here.
 pub fn skipped(what: &str, why: &str) {
     // Straight to the handle: libtest keeps what the macros print of tests that pass.
     let _ = writeln!(std::io::stderr(), "\nSKIPPED {what}: {why}");
 }
 
-/// Fails unless a node's program says what it is, and refuses a parameter that does not exist with file, line and key
+/// Fails unless a node's program describes itself, and refuses a parameter that does not exist with file, line and key
 /// before it joins a network. `platform` is that of the node, if it belongs to one.
 #[allow(clippy::panic, reason = "a test fails by panicking")]
 pub fn node_answers_the_shell(program: &str, name: &str, platform: Option<&str>) {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The monotonic clocks stay: they have no offset that anybody sees.
+/// The monotonic clocks are unchanged: an offset of theirs is not observable.
 const SOURCE: &str = r#"
 #include <stdlib.h>
 #include <sys/syscall.h>

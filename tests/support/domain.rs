@@ -8,7 +8,7 @@ use super::wait_for;
 /// Domains above 101 use ports that the kernel hands out to others; 0 to 19 are left to people.
 const DOMAINS: std::ops::RangeInclusive<u16> = 20..=99;
 
-/// A domain that nobody else has while this exists.
+/// A domain that no other process uses while this exists.
 pub struct Domain {
     /// ROS_DOMAIN_ID.
     pub id: u16,
@@ -26,7 +26,7 @@ impl Domain {
 
     fn try_take(id: u16) -> Option<Self> {
         let path = std::env::temp_dir().join(format!("whorl-test-domain-{id}"));
-        // It may be another user's: only he may write to it, but everybody may lock it.
+        // It may belong to another user: only the owner may write to it, but anyone may lock it.
         let file = match File::open(&path) {
             Err(_) => OpenOptions::new().create_new(true).write(true).open(path).ok()?,
             Ok(file) => file,

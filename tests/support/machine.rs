@@ -9,7 +9,7 @@ use rustix::process::{Pid, setpriority_process};
 pub enum Load {
     /// The nodes of one platform in real time, or fewer.
     Light,
-    /// Something that computes all the time.
+    /// A load that computes all the time.
     Computation,
     /// A formation of two platforms in real time.
     Formation,

@@ -23,17 +23,17 @@ pub fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
-/// Whether this machine lets us make network namespaces and mounts.
+/// Whether this machine allows network namespaces and mounts.
 pub fn is_root() -> bool {
     rustix::process::geteuid().is_root()
 }
 
-/// Says a measured number, also when the test passes.
+/// Prints a measured number, also when the test passes.
 pub fn measured(text: &str) {
     let _ = writeln!(std::io::stderr(), "\n    measured: {text}");
 }
 
-/// Tries until there is something, at most for `timeout`.
+/// Retries until there is a result, at most for `timeout`.
 pub fn wait_for<T>(what: &str, timeout: Duration, mut attempt: impl FnMut() -> Option<T>) -> T {
     let begin = Instant::now();
     loop {

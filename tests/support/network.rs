@@ -18,7 +18,7 @@ pub struct Lan {
 }
 
 impl Lan {
-    /// Builds them. `Err`: why this machine does not let us.
+    /// Builds them. `Err`: why this machine does not allow it.
     pub fn new(hosts: usize) -> Result<Self, String> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         if !super::is_root() {
@@ -62,7 +62,7 @@ impl Lan {
         (0..self.hosts.len()).for_each(|host| self.set(host, change));
     }
 
-    /// Lets nothing pass to or from the last host any more. Nobody notices: interfaces stay up.
+    /// Blocks all traffic to and from the last host. Interfaces stay up, so no program is notified.
     pub fn cut(&self) {
         self.set(self.hosts.len() - 1, |quality| quality.cut = true);
     }

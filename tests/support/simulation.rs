@@ -16,7 +16,7 @@ use super::root;
 use super::typed::Typed;
 use super::watch::route;
 
-/// What a node was told, in a form that can be told again.
+/// The input of a node, in a form that can be replayed.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Told {
     /// Its timer fired.
@@ -32,9 +32,9 @@ pub enum Told {
 pub struct Step {
     /// When.
     pub now: Timestamp,
-    /// What it was told.
+    /// Its input.
     pub told: Told,
-    /// What it said, as places in [`Run::published`].
+    /// Its outputs, as indices in [`Run::published`].
     pub said: Vec<usize>,
 }
 

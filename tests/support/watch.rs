@@ -38,7 +38,7 @@ impl Log {
 
     /// Those that arrived after `since`.
     pub fn after<T: Typed>(&self, route: Route, since: Timestamp) -> impl Iterator<Item = (Timestamp, &T)> {
-        // Newest first and back again: what is wanted is near the end.
+        // Newest first and back again, because the wanted messages are near the end.
         let recent: Vec<_> = self.of::<T>(route).rev().take_while(|(at, _)| *at > since).collect();
         recent.into_iter().rev()
     }
@@ -99,7 +99,7 @@ impl Watch {
         self.log.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until something is to be found in the log.
+    /// Waits until something is found in the log.
     pub fn wait<T>(&self, what: &str, timeout: Duration, find: impl Fn(&Log) -> Option<T>) -> T {
         let begin = Instant::now();
         loop {
@@ -126,14 +126,14 @@ impl Watch {
         })
     }
 
-    /// Lets time pass and sees what arrives in it: from when.
+    /// Records messages for some time; returns its start.
     pub fn during(&self, time: Duration) -> Timestamp {
         let since = whorl_ros::wall_clock();
         std::thread::sleep(time);
         since
     }
 
-    /// The latest of what tells the state of the formation, for the message of a test that failed.
+    /// The latest messages on the state of the formation, for the message of a failed test.
     pub fn summary(&self) -> String {
         use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
         let log = self.log();

@@ -15,7 +15,7 @@ use whorl_challenge::cases::build::{Stand, stand_key};
 use whorl_challenge::cases::{Laboratory, all_specs, build};
 use whorl_diagnosis::{Options, diagnose};
 
-/// Nothing missing; one torque; hidden states; sensors that contradict each other.
+/// No missing effect; one torque; hidden states; sensors that contradict each other.
 const CASES: [&str; 4] = [
     "control/none/0/0",
     "single/bearing_viscous_friction/100/0",

@@ -146,7 +146,7 @@ class Craft:
                 requests.OnTimeRequest = [sum(d[1] for d in started if d[2] == j) for j in range(len(self.jets))]
                 jets_msg.write(requests, now)
             time.append(t), command.append(u)
-            # Executed up to and with t; what was commanded now acts from here on.
+            # Executed up to and including t; commands given now act from here on.
             sim.ConfigureStopTime(macros.sec2nano(t + every))
             sim.ExecuteSimulation()
         n = min(len(time), len(state_every.omega_BN_B))
@@ -194,7 +194,7 @@ def nothing(craft):
 
 
 def stribeck(craft):
-    """Static, Coulomb and viscous friction of a wheel's bearing that nobody drew."""
+    """Static, Coulomb and viscous friction of a wheel's bearing that is not on the drawing."""
     t = craft.torque(0.2)
     craft.wheel_extra[0] = dict(useRWfriction=True, fCoulomb=t, fStatic=1.5 * t, betaStatic=0.2, cViscous=0.2 * t / 60.0)
     return "wheel_friction"

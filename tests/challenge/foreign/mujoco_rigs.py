@@ -9,7 +9,7 @@ import numpy as np
 from case import GRAVITY_M_S2, Jet, Rig, Run, SensorErrors, Sensors, Wheel, turned
 
 # Runge-Kutta of fourth order: with the semi-implicit Euler steps that MuJoCo takes by default, a platform that lacks
-# nothing is told apart from a rigid body.
+# nothing can be distinguished from a rigid body.
 STEP_S = 2e-3
 
 

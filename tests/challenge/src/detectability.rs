@@ -1,4 +1,4 @@
-//! What data can show, whoever looks at them: the drop of the misfit that an effect causes after
+//! The detectability of effects in data, independent of the analysis: the drop of the misfit that an effect causes after
 //! everything that is uncertain anyway has been refitted.
 //!
 //! Each run is cut into segments of 30 s. In a segment the platform is simulated from the same motion
@@ -7,7 +7,7 @@
 //! speeds), slow bias, and, over all segments together, off the platform's uncertain constants and the
 //! runs' biases within their priors. The square that is left is the detectability lambda: twice the log
 //! likelihood ratio that a perfect analyst gains who knows the formula. A start of its own for each
-//! segment stands for what no analyst can use: coherence over minutes.
+//! segment removes coherence over minutes, which no analysis can use.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, UnitQuaternion, Vector3};
 use whorl_dynamics::platform::ModelPrior;
@@ -18,7 +18,7 @@ use crate::truth::{Body, Constant, Hidden, Mechanics, Motion, Plan, Trace, simul
 
 /// Slots in a segment: 30 s.
 const SEGMENT_SLOTS: usize = 1500;
-/// A parameter of another effect is plausible to so many of its usual steps, one standard deviation.
+/// A parameter of another effect is plausible up to this many of its usual steps, one standard deviation.
 const PLAUSIBLE_STEPS: f64 = 10.0;
 /// How often the values of an effect in another's place are found anew from where they led.
 const REFITS: usize = 2;
@@ -105,7 +105,7 @@ fn dot(a: &DVector<f32>, b: &DVector<f32>) -> f64 {
     a.iter().zip(b.iter()).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
 }
 
-/// Gram-Schmidt, twice; columns that are nothing new are dropped.
+/// Gram-Schmidt, twice; linearly dependent columns are dropped.
 fn orthonormal(columns: Vec<DVector<f64>>) -> DMatrix<f64> {
     let rows = columns.first().map_or(0, DVector::len);
     let mut kept: Vec<DVector<f64>> = Vec::new();
@@ -235,7 +235,7 @@ impl Lens {
         (seen.square - seen.against.dot(&self.normal.solve(&seen.against))).max(0.0)
     }
 
-    /// What is left of it when these others may take its place.
+    /// Its remaining signal when these others may take its place.
     #[must_use]
     pub fn beyond(&self, seen: &Seen, others: &[Seen]) -> f64 {
         self.without(seen, others, &vec![0.0; others.len()]).0

@@ -45,7 +45,7 @@ struct Arguments {
     /// Writes every case as CSV files with their parameter file into this folder.
     #[arg(long)]
     write: Option<PathBuf>,
-    /// Builds the cases and says what the data can show, without any diagnosis.
+    /// Builds the cases and prints their detectability, without any diagnosis.
     #[arg(long)]
     only_build: bool,
     /// Only prints the table of the cases in `--json`.

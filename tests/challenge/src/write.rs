@@ -77,7 +77,7 @@ fn columns(recording: &Recording) -> Vec<String> {
     names
 }
 
-/// One line per instant at which anything was measured or commanded; what was not is blank.
+/// One line per instant at which anything was measured or commanded; the rest is blank.
 fn csv(recording: &Recording) -> String {
     let names = columns(recording);
     let place: BTreeMap<&str, usize> = names.iter().enumerate().map(|(i, n)| (n.as_str(), i)).collect();

@@ -20,7 +20,7 @@ use crate::truth::body::across;
 use crate::truth::run::Span;
 use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 
-/// Separation from which on one effect is clearly another than its rivals.
+/// Separation above which an effect is clearly distinct from its rivals.
 const TOLD_APART: f64 = 50.0;
 
 /// Detectability that first data have at least, where a follow-up shall decide.
@@ -35,7 +35,7 @@ const SMALL_STEP: f64 = 0.05;
 /// Integration step of the truth \[s\].
 const STEP_S: f64 = 1e-3;
 
-/// What the tool is told: drawing and prior, the same for all cases but for the stated noise.
+/// Input of the tool: drawing and prior, the same for all cases except for the stated noise.
 #[derive(Debug, Clone)]
 pub struct Laboratory {
     pub model: PlatformModel,
@@ -67,7 +67,7 @@ pub struct Answer {
     pub values: BTreeMap<String, Values>,
     /// Detectability reached.
     pub lambda: f64,
-    /// Detectability left if the most similar effect stood in its place: below 12, nobody can tell.
+    /// Detectability left if the most similar effect stood in its place: below 12, they cannot be distinguished.
     pub separation: f64,
     /// The most similar effect.
     pub nearest: Option<String>,
@@ -107,7 +107,7 @@ pub struct FollowUp {
 }
 
 impl Built {
-    /// A manoeuvre in simulation, beforehand: with effects as the tool takes them to be, for the truth is not known
+    /// A manoeuvre in simulation, beforehand: with the effects that the tool assumes, because the truth is not known
     /// yet. `None` where it would go too far.
     #[must_use]
     pub fn rehearsed(&self, follow_up: &FollowUp, effects: &[(&str, Values)]) -> Option<Recording> {
@@ -123,7 +123,7 @@ pub struct Stand {
     body: Body,
     plans: Vec<Plan>,
     held_out: Plan,
-    /// The first is the one that separates, for who knows.
+    /// The first is the one that separates the effects.
     follow_ups: Vec<(Style, Plan)>,
     stage: Stage,
     levels: NoiseLevels,
@@ -215,7 +215,7 @@ impl Stand {
             mean_yaw_rad: yaw_sum,
         };
         let levels = NoiseLevels::of(&laboratory.model);
-        // Controls need no lens; one segment of nothing is enough.
+        // Controls need no lens; one empty segment is enough.
         let seen: &[Plan] = if spec.cell == Cell::Control { &[] } else { &plans };
         let lens = Lens::new(&body, seen, &levels, &laboratory.prior);
         let follow_lens = follow_ups.first().map(|(_, follow)| {
@@ -274,7 +274,7 @@ impl Stand {
         Some((drawn.at(size, &self.stage), reached))
     }
 
-    /// What is left of an effect of these values when a rival stands in its place.
+    /// The remaining signal of an effect with these values when a rival takes its place.
     fn beyond_rival(&self, lens: &Lens, seen: &Seen, own: &Values, rival: &str, slopes: &[Seen]) -> f64 {
         let parameters = parameters(rival, &self.stage);
         lens.beyond_fitted(seen, slopes, |multiples| {
@@ -296,13 +296,13 @@ impl Stand {
             .collect()
     }
 
-    /// A size at which the data with the follow-up run tell the effect from every rival, and the first data show that
-    /// something is there: of what they do not show, nobody would propose a manoeuvre.
+    /// A size at which the data with the follow-up run separate the effect from every rival, and the first data show that
+    /// some effect is present; otherwise no manoeuvre would be proposed.
     fn told_apart(&self, lens: &Lens, drawn: &Drawn, lambda: f64) -> Option<(Values, f64)> {
         let own = drawn.at(1.0, &self.stage);
         let rivals: Vec<(&str, Vec<Seen>)> =
             rivals(drawn.id).into_iter().map(|rival| (rival, self.slopes(lens, rival, &own))).collect();
-        // Friction and steady torques: what they change is in proportion to them, near enough for a size.
+        // Friction and steady torques: their signal is proportional to them, accurately enough for a size.
         let small = drawn.at(SMALL_STEP, &self.stage);
         let one = lens.see(&self.hidden(&[(drawn.id, small)])).times(1.0 / SMALL_STEP);
         let see = |size: f64| {
@@ -366,7 +366,7 @@ fn record(
 /// Builds a case on its stand.
 ///
 /// # Errors
-/// When no plausible size of the effect has the detectability asked for, or the runs are not possible.
+/// When no plausible size of the effect has the required detectability, or the runs are not possible.
 pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result<Built> {
     let key = spec.key();
     let mut random = rng(&format!("{key}/effect"));
@@ -434,7 +434,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                     .flat_map(|(other, _)| stand.columns(&stand.lens, other))
                     .collect();
                 answer.separation = answer.separation.min(stand.lens.beyond(&alone, &others));
-                // Neither may have an effect that does the same in its place: as for one effect alone.
+                // Neither may be imitated by another effect, as for one effect alone.
                 for rival in rivals(id) {
                     let own = &answer.values[*id];
                     let slopes = stand.slopes(&stand.lens, rival, own);
@@ -518,7 +518,7 @@ fn note(answer: &mut Answer, stand: &Stand, laboratory: &Laboratory, id: &str, v
     let drawn = Body::as_drawn(&laboratory.model);
     let mut comparable: Values =
         values.iter().filter(|(name, _)| is_comparable(id, name)).map(|(n, v)| (n.clone(), *v)).collect();
-    // What the tool is asked for is the difference from the drawing: how the platform was built is part of it.
+    // The tool must find the difference from the drawing, which includes building errors.
     let mut of_part = |name: &str, part: Values| {
         for (suffix, built) in part {
             let name = format!("{name}{suffix}");

@@ -1,4 +1,4 @@
-//! Which effects can be hidden, how large, and what the library calls their parameters.
+//! Which effects can be hidden, their size, and the names of their parameters in the library.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -102,7 +102,7 @@ pub const SINGLES: [&str; 37] = [
     "flexible_mode",
 ];
 
-/// Effects that may be taken for one another, whichever of the two is there.
+/// Effects that may be confused with each other, whichever of the two is present.
 const ALIKE: [(&str, &str); 28] = [
     ("bearing_viscous_friction", "bearing_coulomb_friction"),
     ("bearing_viscous_friction", "air_drag_quadratic"),
@@ -135,7 +135,7 @@ const ALIKE: [(&str, &str); 28] = [
     ("slosh", "flexible_mode"),
 ];
 
-/// Effects that may be taken for this one: the oracle checks whether the data can tell.
+/// Effects that may be confused with this one: the oracle checks whether the data separate them.
 #[must_use]
 pub fn rivals(id: &str) -> Vec<&'static str> {
     ALIKE.iter().filter_map(|(a, b)| if *a == id { Some(*b) } else { (*b == id).then_some(*a) }).collect()
@@ -440,7 +440,7 @@ pub fn install(hidden: &mut Hidden, id: &str, values: &Values, stage: &Stage, we
 }
 
 /// Whether the true value means the same in the library, so that its interval must cover it: the formula
-/// is the same and nothing else can stand for it.
+/// is the same and no other effect can imitate it.
 #[must_use]
 pub fn is_comparable(id: &str, name: &str) -> bool {
     match id {

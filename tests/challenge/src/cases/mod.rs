@@ -1,4 +1,4 @@
-//! Cases: a hidden truth, the recordings that show it, and what the tool is given.
+//! Cases: a hidden truth, the recordings that show it, and the input of the tool.
 
 pub mod build;
 pub mod catalogue;

@@ -15,7 +15,7 @@ pub enum Cell {
     Control,
     /// Two.
     Pair,
-    /// One, with data that cannot tell it from another; then follow-up data that can.
+    /// One, with data that cannot separate it from another; then follow-up data that can.
     Confounded,
     /// One that the catalogue does not have.
     Outside,

@@ -1,4 +1,4 @@
-//! What an operator does with the platform: open-loop manoeuvres drawn at random, a controller, a bench.
+//! The operator's commands to the platform: open-loop manoeuvres drawn at random, a controller, a bench.
 
 use std::f64::consts::{PI, TAU};
 
@@ -23,7 +23,7 @@ pub enum Style {
     NarrowSpin,
     /// Heading held within a few degrees: nothing that separates room-fixed from body-fixed.
     FixedHeading,
-    /// Every pulse of every jet as long as the others: nothing that tells a strength from late valves.
+    /// Every pulse of every jet as long as the others: nothing that separates thrust from valve delay.
     OnePulse,
     /// Clamped: each wheel held at about one speed, nothing that separates kinds of drag.
     SteadyWheels,

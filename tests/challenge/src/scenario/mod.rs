@@ -1,4 +1,4 @@
-//! What is done with the platform, and what its sensors make of it.
+//! The commands to the platform, and the readings of its sensors.
 
 pub mod excitation;
 pub mod measure;

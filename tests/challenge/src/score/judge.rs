@@ -1,4 +1,4 @@
-//! Runs the diagnosis on a case and compares what it says with the sealed answer.
+//! Runs the diagnosis on a case and compares its result with the sealed answer.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -37,9 +37,9 @@ pub struct Outcome {
     pub first_right: bool,
     /// Named exactly, or confounded rightly with the truth in the set.
     pub exact: bool,
-    /// The truth is among what the answer leaves possible.
+    /// The truth is among the possibilities in the answer.
     pub truth_in_set: bool,
-    /// A name is stated that is not the truth's, nor one that data cannot tell from it.
+    /// A stated name is neither the true one nor one that the data cannot separate from it.
     pub wrong_name: bool,
     /// Which further run the tool asked for.
     #[serde(default)]
@@ -62,7 +62,7 @@ pub struct Outcome {
     pub minutes_of_data: f64,
 }
 
-/// A parameter as it is and as it was estimated.
+/// The true and the estimated value of a parameter.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Interval {
     pub effect: String,
@@ -149,7 +149,7 @@ fn explain(diagnosis: &Diagnosis) {
 
 /// The manoeuvre that the tool would fly next: the one from which it expects most.
 fn proposed<'b>(built: &'b Built, diagnosis: &Diagnosis, threads: usize) -> Result<&'b FollowUp, String> {
-    // Rehearsed with the leading explanation as it was estimated, as `whorl next` does.
+    // Rehearsed with the estimates of the leading explanation, as `whorl next` does.
     let leading: Vec<(&str, BTreeMap<String, f64>)> = diagnosis
         .candidates
         .iter()

@@ -1,4 +1,4 @@
-//! What the platform really does beyond its drawing: the hidden effects, in formulas that differ from
+//! Behaviour of the true platform beyond its drawing: the hidden effects, in formulas that differ from
 //! the library's where nature may differ (drag exponent 1.8, smooth Stribeck friction, plenum blow-down,
 //! stiffening cable), and effects that the library does not have at all.
 

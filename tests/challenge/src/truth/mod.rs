@@ -1,4 +1,4 @@
-//! The challenge's own simulator: nothing of it comes from the library that is judged.
+//! The challenge's own simulator, which uses no code of the library under test.
 
 pub mod body;
 pub mod foreign;

@@ -1,4 +1,4 @@
-//! Equations of motion of the true platform, in a form of their own: total angular momentum in world
+//! Equations of motion of the true platform, in a different form: total angular momentum in world
 //! axes, axial momentum of each wheel, canonical momenta of sloshing and flexing masses, attitude as
 //! modified Rodrigues parameters.
 //!

@@ -1,4 +1,4 @@
-//! A run: what is commanded, and what ideal sensors see of it.
+//! A run: its commands, and the readings of ideal sensors.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_recording::OnInterval;
@@ -125,7 +125,7 @@ pub fn simulate(
     let late_s = mechanics.hidden.imu_late_s;
     let mut state = mechanics.state(start);
     if plan.clamped {
-        // The clamp takes whatever torque it takes.
+        // The clamp takes any torque.
         return bench(mechanics, plan, start, span);
     }
     let mut trace = Trace::default();

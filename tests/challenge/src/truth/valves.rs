@@ -43,7 +43,7 @@ fn place_on_curve(share: f64) -> f64 {
 const WARMED_S: f64 = 1.5;
 /// 0.7 t0 / 1.2 + 0.3 * 1.5 = 1.
 const ISENTROPIC_S: f64 = 0.55 * 1.2 / 0.7;
-/// After so many time constants nothing is left worth a step.
+/// After this many time constants the rest is negligible.
 const TAIL: f64 = 40.0;
 
 impl Valves {

@@ -139,7 +139,7 @@ fn one_torque_under_two_names_has_no_separation() {
     let turbine = lens.see(&Hidden { turbine_vertical_n_m: 2e-3, ..none.clone() });
     let shows = lens.lambda(&turbine);
     assert!(shows > 500.0, "{shows}");
-    // Nothing is left but what one plausible step costs.
+    // Only the cost of one plausible step remains.
     let left = lens.beyond_fitted(&turbine, &slopes, draught);
     assert!(left < 0.2, "{left} of {shows}");
     // Friction is no draught.

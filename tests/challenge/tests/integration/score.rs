@@ -17,7 +17,7 @@ fn specs(keys: &[&str]) -> Vec<Spec> {
 
 fn answer(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Outcome {
     let built = build(laboratory, stand, spec).unwrap_or_else(|e| panic!("{}: {e}", spec.key()));
-    // The case shows what it claims, whatever the diagnosis makes of it.
+    // The case has the stated detectability, whatever the diagnosis finds.
     if spec.lambda > 0 {
         let ratio = built.answer.lambda / f64::from(spec.lambda);
         assert!((0.6..1.7).contains(&ratio), "{}: detectability off by {ratio}", spec.key());
