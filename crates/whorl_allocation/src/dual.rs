@@ -96,7 +96,7 @@ pub(crate) fn solve(
     let start = start.map(|price| price / unit).filter(|price| price.iter().all(|value| value.is_finite()));
     let mut price = start.unwrap_or_else(Vector3::zeros);
     if let Some(normal) = facet_normal {
-        // Along the normal nothing moves any more; a large component would only bring rounding.
+        // Nothing moves along the normal; a large component would only add rounding errors.
         price -= normal * normal.dot(&price);
     }
     let mut newton = Newton { movable: &movable, goal, breakpoints: Vec::new(), steps: 0 };

@@ -118,7 +118,7 @@ struct Window {
 }
 
 impl Balancer {
-    /// Starts from actuators at `moment_b_n_m` and an offset believed to be `offset_b_n_m`.
+    /// Starts from actuators at `moment_b_n_m` and an estimated offset of `offset_b_n_m`.
     ///
     /// # Errors
     /// When a setting is not positive and finite.

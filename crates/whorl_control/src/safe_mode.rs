@@ -112,7 +112,7 @@ impl SafeMode {
         self.settings = settings_of.settings;
     }
 
-    /// The present state.
+    /// The current state.
     #[must_use]
     pub fn state(&self) -> SafeState {
         self.state

@@ -110,7 +110,7 @@ pub enum TrackingError {
         /// The bound.
         bound_s: f64,
     },
-    /// The inertia is not positive definite once the wheels' spin inertia is taken off.
+    /// The inertia is not positive definite once the wheels' spin inertia is subtracted.
     #[error("inertia less the wheels' spin inertia is not positive definite")]
     Inertia,
 }

@@ -18,7 +18,7 @@ const WHEELS_MAX_AGE_S: f64 = 0.1;
 /// A kernel that differs from the supervising filter by more than this many standard deviations (of both
 /// together) ...
 const DISAGREEMENT_SIGMAS: f64 = 8.0;
-/// ... for so many samples starts anew from it.
+/// ... for this many samples restarts from it.
 const DISAGREEMENT_SAMPLES: u32 = 200;
 
 /// Why an estimator cannot be built.

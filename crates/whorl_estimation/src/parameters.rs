@@ -47,8 +47,8 @@ pub struct VectorParameters {
     pub max_age_s: f64,
     /// Without an accepted sample for this long the heading counts as unobserved \[s\].
     pub stale_after_s: f64,
-    /// After outliers for this long without a break the sensor is believed and the heading
-    /// starts anew \[s\].
+    /// After outliers for this long without a break the sensor is trusted and the heading
+    /// restarts \[s\].
     pub recovery_s: f64,
 }
 
@@ -103,7 +103,7 @@ pub struct Parameters {
     pub still_rate_sigma_rad_s: Option<f64>,
     /// Probability of refusing a good measurement as an outlier.
     pub outlier_probability: f64,
-    /// After accelerometer outliers for this long without a break the attitude starts anew \[s\].
+    /// After accelerometer outliers for this long without a break the attitude restarts \[s\].
     pub recovery_s: f64,
     /// Largest credible rate per axis \[rad/s\].
     pub gyro_range_rad_s: f64,
@@ -117,7 +117,7 @@ pub struct Parameters {
     pub frozen_samples: u32,
     /// A gap between IMU samples beyond this adds uncertainty \[s\].
     pub imu_gap_s: f64,
-    /// A gap beyond this makes the IMU stale, and the attitude starts anew when it returns \[s\].
+    /// A gap beyond this makes the IMU stale, and the attitude restarts when it returns \[s\].
     pub imu_timeout_s: f64,
     /// Angular acceleration assumed inside a gap, standard deviation \[rad/s^2\].
     pub gap_acceleration_rad_s2: f64,

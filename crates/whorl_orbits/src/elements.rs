@@ -29,7 +29,7 @@ pub struct Elements {
     pub mean_anomaly_rad: f64,
 }
 
-/// An orbit that cannot be flown.
+/// An invalid orbit.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum OrbitError {
     /// It meets the ground.
@@ -170,7 +170,7 @@ impl Elements {
     /// the other angles count from there.
     ///
     /// # Errors
-    /// A state that is on no ellipse.
+    /// A state that is not on an ellipse.
     pub fn of(state: &OrbitState) -> Result<Self, OrbitError> {
         let (r, v) = (state.position_m, state.velocity_m_s);
         let radius = r.norm();

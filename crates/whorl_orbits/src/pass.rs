@@ -65,7 +65,7 @@ pub struct Pass {
     pub thrust_weight: f64,
 }
 
-/// A pass that cannot be flown.
+/// An invalid pass.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum PassError {
     /// An orbit.

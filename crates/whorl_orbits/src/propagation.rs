@@ -31,7 +31,7 @@ impl Propagator {
     /// The state `dt_s` later (or earlier).
     ///
     /// # Errors
-    /// A state that is on no ellipse.
+    /// A state that is not on an ellipse.
     pub fn after(self, state: &OrbitState, dt_s: f64) -> Result<OrbitState, OrbitError> {
         match self {
             Self::TwoBody => Ok(Elements::of(state)?.after(dt_s).state()),

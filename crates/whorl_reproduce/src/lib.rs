@@ -1,4 +1,4 @@
-//! Figures and tables of the dissertation, computed anew, beside what it prints.
+//! Figures and tables of the dissertation, computed again, beside the printed values.
 //!
 //! J. L. Schwartz, *The Distributed Spacecraft Attitude Control System Simulator*, Ph.D. dissertation,
 //! Virginia Tech, 2004, chapter 4. [`reproduce`] makes one item, [`ITEMS`] lists them. Everything is

@@ -1,4 +1,4 @@
-//! What a platform's reference may do.
+//! Limits of a platform's reference.
 
 use crate::reference::TiltEnvelope;
 

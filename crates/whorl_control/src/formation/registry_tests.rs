@@ -1,4 +1,4 @@
-//! What holds of every law in the catalogue.
+//! Tests of every law in the catalogue.
 
 use std::collections::HashSet;
 

@@ -85,7 +85,7 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// What listeners believe now.
+    /// The current extrapolation of the listeners.
     pub fn believed(&self) -> Reference {
         self.motion.extrapolated(self.age_s)
     }

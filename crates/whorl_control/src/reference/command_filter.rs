@@ -14,7 +14,7 @@
 //! ```
 //!
 //! Unsaturated and near the goal this is `e'' + 2 z w e' + w^2 e = 0` with full feed-forward: no lag
-//! behind a goal whose rate and acceleration are given. The square root makes the filter begin to brake in time at
+//! behind a goal whose rate and acceleration are given. The square root makes the filter start to brake in time at
 //! half its acceleration limit, so a jump is answered without overshoot.
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -83,7 +83,7 @@ impl CommandFilter {
         &self.state
     }
 
-    /// Starts anew from a reference.
+    /// Restarts from a reference.
     pub fn restart(&mut self, start: Reference) {
         self.state = start;
     }

@@ -1,6 +1,6 @@
 //! The kinds of actuator: one kind, one folder.
 //!
-//! A kind's folder says everything of it:
+//! A kind's folder has everything about it:
 //!
 //! | what | where | who walks over it |
 //! |---|---|---|

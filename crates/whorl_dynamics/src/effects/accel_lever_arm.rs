@@ -1,4 +1,4 @@
-//! Accelerometer not where the model says.
+//! Accelerometer away from its place in the model.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,4 @@
-//! Why effects were refused.
+//! Errors of effects.
 
 use thiserror::Error;
 

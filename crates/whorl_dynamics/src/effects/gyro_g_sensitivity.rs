@@ -1,4 +1,4 @@
-//! Gyro that feels acceleration.
+//! Gyro that is sensitive to acceleration.
 
 use nalgebra::Matrix3;
 

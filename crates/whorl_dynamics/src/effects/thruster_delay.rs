@@ -1,4 +1,4 @@
-//! Valves later than the model says.
+//! Valves later than in the model.
 
 use super::named::{Named as _, parameters};
 use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};

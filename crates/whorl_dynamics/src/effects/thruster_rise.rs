@@ -70,7 +70,7 @@ impl Effect for ThrusterRise {
     }
 
     fn grouping(&self) -> Grouping {
-        // The shape of a tail is nothing by itself.
+        // The shape of a tail has no meaning by itself.
         Grouping::All
     }
 }

@@ -1,4 +1,4 @@
-//! Vector sensor mounted askew.
+//! Misaligned vector sensor.
 
 use nalgebra::Vector3;
 

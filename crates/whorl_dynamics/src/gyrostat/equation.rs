@@ -78,7 +78,7 @@ impl RateEquation {
         })
     }
 
-    /// For wheels of which the torques are known: these turn freely, others count as locked.
+    /// For wheels with known torques: these turn freely, others count as locked.
     #[must_use]
     pub fn with_free_wheels<'a>(
         inertia_b_kg_m2: Matrix3<f64>,
@@ -87,7 +87,7 @@ impl RateEquation {
         Self::new(inertia_b_kg_m2, without_wheels(inertia_b_kg_m2, wheels))
     }
 
-    /// For a rigid body, or wheels of which the speeds are known.
+    /// For a rigid body, or wheels with known speeds.
     #[must_use]
     pub fn with_known_wheel_speeds(inertia_b_kg_m2: Matrix3<f64>) -> Option<Self> {
         Self::new(inertia_b_kg_m2, inertia_b_kg_m2)

@@ -1,4 +1,4 @@
-//! What the platform's sensors read.
+//! Readings of the platform's sensors.
 
 use whorl_math::vertical_b;
 

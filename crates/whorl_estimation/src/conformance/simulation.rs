@@ -113,7 +113,7 @@ pub(crate) struct Simulation {
     pub(crate) step: i64,
     /// 0 takes the noise away.
     pub(crate) noise_scale: f64,
-    /// The vector sensor's sample is handed over so many IMU samples late.
+    /// The vector sensor's sample is delivered this many IMU samples late.
     pub(crate) vector_delay_steps: i64,
     waiting: Vec<(i64, i64, Vector3<f64>)>,
 }

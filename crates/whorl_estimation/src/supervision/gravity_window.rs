@@ -162,7 +162,7 @@ impl GravityWindow {
             let slope = (rotation - self.rotation_begin) * skew(lever_b) * scale;
             bias += Matrix3x2::from_columns(&[slope.row(1).transpose(), -slope.row(0).transpose()]);
             // Gyro noise at the ends: omega noise s gives v a covariance s^2 (r^2 1 - r r^T). The end
-            // of a window is the begin of the next, where the same noise returns with the
+            // of a window is the beginning of the next, where the same noise returns with the
             // opposite sign: counted once per window, not twice.
             let sample_variance = parameters.gyro_noise_rad_s_sqrt_hz.powi(2) * count / span_s;
             let lever_w = rotation * lever_b;

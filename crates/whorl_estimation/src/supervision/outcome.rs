@@ -139,15 +139,15 @@ pub enum FilterEvent {
     StartedWithVector,
     /// The first attitude was found, with gravity and the initial heading parameter.
     StartedWithoutVector,
-    /// The attitude starts anew: the IMU was silent for too long.
+    /// The attitude restarts: the IMU was silent for too long.
     RestartedAfterGap,
-    /// The attitude starts anew: the accelerometer disagreed for too long.
+    /// The attitude restarts: the accelerometer disagreed for too long.
     RestartedAfterOutliers,
-    /// The attitude starts anew: stamps went back and stayed there.
+    /// The attitude restarts: stamps went back and stayed back.
     RestartedAfterClockStep,
-    /// The attitude starts anew: the arithmetic left the finite numbers.
+    /// The attitude restarts: a number was no longer finite.
     RestartedAfterDivergence,
-    /// The heading starts anew: the vector sensor disagreed for too long.
+    /// The heading restarts: the vector sensor disagreed for too long.
     HeadingForgotten,
 }
 

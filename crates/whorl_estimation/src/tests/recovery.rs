@@ -105,7 +105,7 @@ fn vector_that_comes_after_the_start_sets_the_heading() {
     assert_eq!(filter.estimate(simulation.stamp_ns()).health, Health::Ok);
 }
 
-/// The vector sensor's reference turns by 40 deg (the lamp was moved): refused, then believed.
+/// The vector sensor's reference turns by 40 deg (the lamp was moved): refused, then trusted.
 #[test]
 fn a_moved_reference_is_refused_then_believed_and_reported() {
     let parameters = parameters();

@@ -119,7 +119,7 @@ fn faces(
         )));
         return;
     }
-    // seen - u = -m x u = u x m: three linear equations each, of which those across u count.
+    // seen - u = -m x u = u x m: three linear equations each; those across u count.
     let mut matrix = DMatrix::zeros(3 * rows.len(), 3);
     let mut right = DVector::zeros(3 * rows.len());
     for (n, (up, difference)) in rows.iter().enumerate() {

@@ -12,7 +12,7 @@ use crate::data::Finding;
 const WIDEST: f64 = 0.1;
 /// An uncertainty above this share of the widest is "not determined".
 const DETERMINED: f64 = 0.2;
-/// A turn of less is none \[rad\].
+/// Smaller turns count as none \[rad\].
 const SMALLEST_TURN_RAD: f64 = 0.3;
 /// Gravity moved by less than this during a turn: it was about the vertical \[rad\].
 const ABOUT_VERTICAL_RAD: f64 = 0.1;

@@ -40,7 +40,7 @@ pub struct System {
     /// Right-hand side.
     pub right: DVector<f64>,
     /// Expected product of the matrix' noise with itself, per unit variance of the rate: what total
-    /// least squares takes off (eq. 4.77's matrix is linear in the rate but for small terms).
+    /// least squares subtracts (eq. 4.77's matrix is linear in the rate except for small terms).
     pub noise_product: SMatrix<f64, MASS_PARAMETERS, MASS_PARAMETERS>,
     /// Whether all rows hold the same error of the rate at the start, which subtracting the means removes.
     pub common_start: bool,

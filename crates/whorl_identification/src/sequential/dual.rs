@@ -67,7 +67,7 @@ impl DualFilter {
     }
 
     /// Takes in the state filter's estimate at one time; answers at the end of each window. A gap of more
-    /// than half a window starts anew.
+    /// than half a window restarts it.
     pub fn step(&mut self, sample: &StateSample) -> Option<SequentialEstimate> {
         let last = self.last.replace(sample.clone());
         let gap_s = last.as_ref().map_or(f64::INFINITY, |l| sample.time_s - l.time_s);

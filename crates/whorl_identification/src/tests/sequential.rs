@@ -74,7 +74,7 @@ fn an_unexcited_parameter_does_not_wander() {
     }
     let last = all.last().unwrap();
     assert!(last.stddev()[5] > 0.7 * last.prior_stddev[5]);
-    // Roll itself was learned.
+    // Roll itself was identified.
     assert!(last.stddev()[0] < 0.3 * last.prior_stddev[0]);
 }
 

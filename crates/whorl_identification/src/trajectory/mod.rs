@@ -11,7 +11,7 @@
 //!
 //! Every effect that the model has is in the equations. Its parameters are unknowns too, as far as the prior leaves
 //! them open, so their uncertainty enters that of the mass properties. Effects with states of their own
-//! are left out, and said so.
+//! are left out and reported.
 //!
 //! Heading enters only through the vector sensors and in effects that depend on it: without them only the direction of
 //! gravity and the rates count.

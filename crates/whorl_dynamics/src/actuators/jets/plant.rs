@@ -66,7 +66,7 @@ impl Plant {
         self.drive.actuators.jets.valves.close_all(at_ns, closing_delay_ns, self.now_ns);
     }
 
-    /// Breaks a valve, or mends it, from now on.
+    /// Breaks or repairs a valve from now on.
     ///
     /// # Errors
     /// Unknown jet.

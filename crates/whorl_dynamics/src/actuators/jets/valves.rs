@@ -13,7 +13,7 @@ pub struct Pulse {
     pub on_ns: i64,
     /// The valve's driver switches off \[ns\].
     pub off_ns: i64,
-    /// Gas begins to flow \[ns\].
+    /// Gas starts to flow \[ns\].
     pub opens_ns: i64,
     /// Gas stops \[ns\]; not after `opens_ns` when the pulse is too short to open the valve.
     pub closes_ns: i64,
