@@ -21,7 +21,7 @@ const CUT: Duration = Duration::from_secs(65);
 const SOON: Duration = Duration::from_secs(5);
 /// Half a second and one and a half are usual; without renewed endpoints it would be never.
 const REJOIN: Duration = Duration::from_secs(10);
-/// Estimates come every 10 ms. A longer pause on one side of the cut is no scheduling on a busy machine.
+/// Estimates come every 10 ms. A longer pause on one side of the cut is not due to scheduling on a busy machine.
 const LONGEST_PAUSE_S: f64 = 1.0;
 
 #[test]

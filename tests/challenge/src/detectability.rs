@@ -20,7 +20,7 @@ use crate::truth::{Body, Constant, Hidden, Mechanics, Motion, Plan, Trace, simul
 const SEGMENT_SLOTS: usize = 1500;
 /// A parameter of another effect is plausible up to this many of its usual steps, one standard deviation.
 const PLAUSIBLE_STEPS: f64 = 10.0;
-/// How often the values of an effect in another's place are found anew from where they led.
+/// Number of refits of the values of an effect that replaces another.
 const REFITS: usize = 2;
 /// Integration step \[s\].
 const STEP_S: f64 = 0.01;

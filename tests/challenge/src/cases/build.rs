@@ -479,7 +479,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
     let held_out = vec![run(style(0).held_out(), &stand.held_out)?];
     let mut follow_ups = Vec::new();
     for (style, plan) in &stand.follow_ups {
-        // With the effect it may go too far, which is no manoeuvre then.
+        // With the effect it may go too far and is then not usable.
         if let Ok(recording) = run(*style, plan) {
             follow_ups.push(FollowUp { style: *style, plan: plan.clone(), recording });
         }

@@ -134,7 +134,7 @@ impl Body {
         }
     }
 
-    /// Every constant of which the prior is uncertain, with its standard deviation.
+    /// Every constant with an uncertain prior, with its standard deviation.
     #[must_use]
     pub fn uncertain(&self, prior: &ModelPrior) -> Vec<(Constant, f64)> {
         let mut list = Vec::new();

@@ -77,7 +77,7 @@ pub struct Span {
     pub from_slot: usize,
     pub to_slot: usize,
     pub step_s: f64,
-    /// Marks are made every so many slots.
+    /// Number of slots between marks.
     pub mark_every: usize,
 }
 
