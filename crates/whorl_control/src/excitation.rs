@@ -29,7 +29,7 @@ pub enum Waveform {
     Sweep,
 }
 
-/// What is wrong with a signal.
+/// An invalid signal.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum SignalError {
     /// A number is not positive and finite.

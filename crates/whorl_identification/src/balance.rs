@@ -32,7 +32,7 @@ pub struct BalancePlan {
     pub stddev_b_n_m: Vector3<f64>,
     /// Largest remaining torque when the platform is level [N m].
     pub level_torque_n_m: f64,
-    /// What a user must know.
+    /// Notes for the user.
     pub findings: Vec<Finding>,
 }
 

@@ -46,7 +46,7 @@ pub struct Spacecraft {
     pub formation: Option<Formation>,
     /// Its instruments.
     pub mounting: Mounting,
-    /// What it wants of its thruster.
+    /// Its wanted velocity change.
     pub wanted: WantedDeltaV,
 }
 
@@ -104,7 +104,7 @@ impl Pass {
     /// Every spacecraft at a time after the epoch \[s\].
     ///
     /// # Errors
-    /// What cannot be flown or seen.
+    /// Why a pass is invalid.
     pub fn at(&self, time_s: f64) -> Result<Vec<Sight>, PassError> {
         self.chief.check()?;
         if self.model == RelativeModel::ClohessyWiltshire && self.chief.eccentricity > CIRCLE {

@@ -17,7 +17,7 @@ use crate::comparison::{ATTITUDE_RATE, QUATERNION_RATE};
 use crate::data::{level, measured, rigid_whorl_1};
 use crate::identification::{designed, strings};
 
-/// What a filter made of a run.
+/// Output of a filter for a run.
 struct Result {
     attitude_rms_deg: f64,
     rate_rms_deg_s: f64,

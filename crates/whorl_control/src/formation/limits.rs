@@ -20,7 +20,7 @@ pub struct ReferenceLimits {
     pub acceleration_max_rad_s2: f64,
 }
 
-/// Limits that cannot be.
+/// Invalid limits.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LimitsError {
     /// The tilt limit is too large for references in yaw, pitch and roll.

@@ -52,7 +52,7 @@ pub enum NeighbourError {
         /// As given.
         value: f64,
     },
-    /// The goal does not reach everybody.
+    /// The goal does not reach every platform.
     #[error(
         "the graph is not connected: no path of neighbours leads from platforms {platforms:?} to one that knows the goal"
     )]

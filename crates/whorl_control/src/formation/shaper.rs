@@ -61,7 +61,7 @@ impl ReferenceShaper {
     /// demand, > 0 and well below the rate of steps.
     ///
     /// # Errors
-    /// Limits or a bandwidth that cannot be.
+    /// Invalid limits or bandwidth.
     pub fn new(
         limits: ReferenceLimits,
         bandwidth_rad_s: f64,

@@ -77,7 +77,7 @@ impl TrafficCap {
     }
 }
 
-/// What a platform's neighbours know of it.
+/// A platform's last broadcast, as its neighbours extrapolate it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Told {
     motion: Reference,

@@ -77,7 +77,7 @@ impl CommandFilter {
         Ok(Self { settings, state: start })
     }
 
-    /// The present filtered reference.
+    /// The current filtered reference.
     #[must_use]
     pub fn reference(&self) -> &Reference {
         &self.state

@@ -2,7 +2,7 @@
 //!
 //! A kind's folder has everything about it:
 //!
-//! | what | where | who walks over it |
+//! | what | where | used by |
 //! |---|---|---|
 //! | what its actuators are made of, their entries in parameter files, what must be checked | [`ActuatorKind`] | `whorl_params`, [`crate::Gyrostat`] |
 //! | how well these are known before any fit | [`KindPrior`] | `model_prior` of parameter files, adopted changes |

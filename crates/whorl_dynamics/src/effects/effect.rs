@@ -34,7 +34,7 @@ impl fmt::Display for EffectKind {
     }
 }
 
-/// What an effect is, for people.
+/// Description of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectInfo {
     /// Fixed name in parameter files, reports and JSON.

@@ -74,7 +74,7 @@ pub struct ParameterSpec {
     pub prior_stddev: f64,
     /// False: fitted. True: known beforehand (latitude, field), never fitted.
     pub known: bool,
-    /// What it does to the signal.
+    /// Its role in the signal.
     pub role: Role,
     /// When a regression can move it.
     pub regressed: Regressed,

@@ -35,7 +35,7 @@ pub enum CommandError {
     InThePast {
         /// Start asked for.
         start_ns: i64,
-        /// Present time.
+        /// Current time.
         now_ns: i64,
     },
     /// The valve cannot make a pulse so short; it stays shut.

@@ -43,7 +43,7 @@ pub enum PlantError {
     /// Simulated time cannot run backwards.
     #[error("cannot go back from {now_ns} ns to {asked_ns} ns")]
     BackInTime {
-        /// Present time.
+        /// Current time.
         now_ns: i64,
         /// Time asked for.
         asked_ns: i64,
@@ -200,7 +200,7 @@ impl Plant {
         self
     }
 
-    /// Present time \[ns\].
+    /// Current time \[ns\].
     #[must_use]
     pub fn now_ns(&self) -> i64 {
         self.now_ns
@@ -226,7 +226,7 @@ impl Plant {
         environment
     }
 
-    /// What really happens now.
+    /// The true state now.
     #[must_use]
     pub fn truth(&self) -> Truth {
         let environment = self.environment();

@@ -22,7 +22,7 @@ pub use online::OnlineFilter;
 
 use crate::mass_parameters::{MassCovariance, MassVector};
 
-/// What a sequential filter knows now.
+/// The current estimate of a sequential filter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SequentialEstimate {
     /// Time \[s\].
