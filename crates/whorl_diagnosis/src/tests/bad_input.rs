@@ -41,7 +41,7 @@ fn each_says_what_is_wrong() {
     let mut other = model.clone();
     other.mass_properties = MassProperties::new(inertia, offset, model.mass_properties.mass_kg()).unwrap();
     let text = error_of(record(&model, 5, 60.0, None), &other).to_string();
-    assert!(text.contains("moment of inertia") && text.contains("data of another platform"), "{text}");
+    assert!(text.contains("moment of inertia") && text.contains("different platforms"), "{text}");
     let unknown = Options { exclude: vec!["no_such_effect".to_owned()], ..Options::default() };
     let result = diagnose(&[good], &[], &model, &ModelPrior::typical(&model), &unknown, &mut |_| {});
     assert!(matches!(result.unwrap_err(), DiagnosisError::UnknownEffect { .. }));

@@ -38,7 +38,7 @@ fn a_friction_is_named_with_its_size() {
     assert!((parameter.estimate - 0.05).abs() < 4.0 * parameter.stddev, "{parameter:?}");
     assert!(parameter.stddev < 0.005);
     let json = serde_json::to_value(&diagnosis).unwrap();
-    assert_eq!(json["schema"], 1);
+    assert_eq!(json["schema"], 2);
     assert_eq!(json["verdict"], "named");
     let back: Diagnosis = serde_json::from_value(json).unwrap();
     assert_eq!(back.effects, diagnosis.effects);

@@ -264,7 +264,10 @@ mod tests {
             / f64::from(count)
             * ((largest / smallest).ln() / SIZES_OF_IMBALANCE.ln());
         assert!((by_noise / by_effect - 1.0).abs() < 0.05, "{by_noise} {by_effect}");
-        let (evidence, size) = one_size(&fits(3.0, &mut noise)).unwrap();
-        assert!(evidence > 20.0 && (size - 3.0).abs() < 1.0, "{evidence} {size}");
+        // An imbalance ten standard deviations large is found at its size.
+        let strong: Vec<(f64, f64)> = (0..200).map(|_| one_size(&fits(3.0, &mut noise)).unwrap()).collect();
+        let mean_size = strong.iter().map(|(_, size)| size).sum::<f64>() / 200.0;
+        let plain = strong.iter().filter(|(evidence, _)| *evidence > 20.0).count();
+        assert!((mean_size - 3.0).abs() < 0.1 && plain > 190, "{mean_size} {plain}");
     }
 }

@@ -24,9 +24,12 @@ pub fn parameters() -> Parameters {
     Parameters::motion_pak_ii().with_vector(Vector3::x_axis())
 }
 
-/// A second of samples of a platform at rest: inertial, and every tenth time with a stamped direction.
+/// An inertial sample, and at times a direction in body axes with its stamp \[ns\].
+pub type SampleWithDirection = (ImuSample, Option<(i64, Vector3<f64>)>);
+
+/// Samples of a platform at rest: inertial, and every tenth time with a direction.
 #[must_use]
-pub fn samples(count: usize) -> Vec<(ImuSample, Option<(i64, Vector3<f64>)>)> {
+pub fn samples(count: usize) -> Vec<SampleWithDirection> {
     let parameters = parameters();
     let mut simulation = Simulation::new(Motion::still(), &parameters, 1);
     (0..count).map(|_| (simulation.imu(&parameters), simulation.vector(&parameters))).collect()

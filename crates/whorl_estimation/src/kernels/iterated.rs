@@ -60,7 +60,7 @@ impl Kernel for IteratedFilter {
     ) -> Update {
         let prior = self.state.clone();
         let mut error = Vector6::zeros();
-        let mut result: Option<(f64, SMatrix<f64, 6, 3>, SMatrix<f64, 6, 3>, Matrix3<f64>)> = None;
+        let mut result = None;
         for _ in 0..ITERATIONS {
             let (z, h) = linearised(&prior.q_world_body, &error, direction_b, reference_w);
             let a = self.covariance * h.transpose();
