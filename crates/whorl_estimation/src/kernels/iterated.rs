@@ -60,7 +60,7 @@ impl Kernel for IteratedFilter {
     ) -> Update {
         let prior = self.state.clone();
         let mut error = Vector6::zeros();
-        let mut result = None;
+        let mut result: Option<(f64, _, _, _)> = None;
         for _ in 0..ITERATIONS {
             let (z, h) = linearised(&prior.q_world_body, &error, direction_b, reference_w);
             let a = self.covariance * h.transpose();
