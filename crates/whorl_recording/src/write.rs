@@ -128,8 +128,11 @@ fn messages(recording: &Recording, wheels: &[String]) -> Messages {
     out
 }
 
+/// Numbers of the channels that have a sample at one time.
+type Samples = Vec<(Channel, Vec<f64>)>;
+
 /// What each channel has at each time of any of them, in order of time \[ns\].
-fn merged(shared: &Shared<'_>) -> Vec<(i64, Vec<(Channel, Vec<f64>)>)> {
+fn merged(shared: &Shared<'_>) -> Vec<(i64, Samples)> {
     let mut times: Vec<i64> = shared.iter().flat_map(|(_, series)| series.time_s()).map(|t| ns(*t)).collect();
     times.sort_unstable();
     times.dedup();

@@ -22,14 +22,14 @@ fn cost(effectors: &Effectors, demand: &Demand, jets: &[f64], wheels: &[f64]) ->
 /// A demand with bounds, failures and prices of every kind.
 fn demand(effectors: &Effectors, mode: Mode, rng: &mut Pcg64, case: usize) -> Demand {
     let size = [1e-6, 0.05, 0.3, 1.5, 1e3][case % 5];
-    let along = if case % 3 == 0 { Vector3::ith(case % 9 / 3, 1.0) } else { direction(rng) };
+    let along = if case.is_multiple_of(3) { Vector3::ith(case % 9 / 3, 1.0) } else { direction(rng) };
     let mut demand = Demand::nominal(effectors, mode, along * (size * uniform(rng, 0.5, 1.0)));
     demand.jet_available = JetMask::ALL.without(case % (effectors.jets() + 1));
     demand.motor_weight = [0.0, 0.01, 2.0, 1e4][case % 4];
     for desired in &mut demand.motor_desired {
         *desired = uniform(rng, -0.2, 0.2);
     }
-    if case % 2 == 0 {
+    if case.is_multiple_of(2) {
         for j in 0..effectors.jets() {
             demand.jet_on_fraction_max[j] = uniform(rng, 0.0, 1.0);
             if uniform(rng, 0.0, 1.0) < 0.1 {

@@ -2,6 +2,7 @@
 
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 #[allow(dead_code, reason = "each example uses a part of it")]
+#[allow(clippy::unwrap_used, reason = "simulates a platform that is known to be valid")]
 mod generator;
 
 use std::collections::BTreeMap;

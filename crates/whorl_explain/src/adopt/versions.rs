@@ -33,6 +33,9 @@ impl Version {
     }
 }
 
+/// Versions of the model, and the sets of effects that could not be fitted, each with the reason.
+pub type Compared = (Vec<Version>, Vec<(String, DiagnosisError)>);
+
 /// The model as given, with its own parameters refitted, and with each set of effects (ids of the catalogue).
 /// Sets that cannot be fitted are returned second, with the reason.
 ///
@@ -43,7 +46,7 @@ pub fn versions(
     sets: &[Vec<String>],
     options: &Options,
     say: &mut Say<'_>,
-) -> Result<(Vec<Version>, Vec<(String, DiagnosisError)>), ExplainError> {
+) -> Result<Compared, ExplainError> {
     let count = (2 + sets.len()) as f64;
     let share = |k: usize| k as f64 / count;
     let given = compare(case, &mut part(say, 0.0, share(1)))?;

@@ -121,14 +121,12 @@ struct Parts<'a> {
     jets: &'a [String],
 }
 
+/// Names of a channel's columns, and their cells at times \[ns\].
+type Columns = (Vec<String>, Vec<(i64, String)>);
+
 impl Parts<'_> {
     /// Names of a channel's columns, and its cells at times \[ns\]; `None` where it was not recorded.
-    fn columns(
-        &self,
-        recording: &Recording,
-        channel: Channel,
-        sensor: usize,
-    ) -> Option<(Vec<String>, Vec<(i64, String)>)> {
+    fn columns(&self, recording: &Recording, channel: Channel, sensor: usize) -> Option<Columns> {
         let info = channel.info();
         let (stem, end) = info.column;
         let cells = match recording.series(channel, sensor) {
