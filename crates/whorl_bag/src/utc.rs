@@ -2,21 +2,10 @@
 
 use whorl_node::Timestamp;
 
-/// `2026-11-21T03:18:44Z`, from nanoseconds since 1970 (H. Hinnant, "chrono-compatible low-level date
-/// algorithms", civil_from_days).
+/// `2026-11-21T03:18:44Z`, from nanoseconds since 1970.
 #[must_use]
 pub(crate) fn utc(time: Timestamp) -> String {
-    let seconds = time.0.div_euclid(1_000_000_000);
-    let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    let shifted = days + 719_468;
-    let (era, day_of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let march_month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * march_month + 2) / 5 + 1;
-    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
-    let year = year_of_era + era * 400 + i64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", second / 3_600, second / 60 % 60, second % 60)
+    chrono::DateTime::from_timestamp_nanos(time.0).format("%FT%TZ").to_string()
 }
 
 #[cfg(test)]

@@ -63,39 +63,7 @@ pub(crate) fn nearest<'a>(
     candidates: impl Iterator<Item = &'a str>,
     count: usize,
 ) -> Vec<String> {
-    let mut ranked: Vec<(usize, &str)> = candidates.map(|c| (edit_distance(name, c), c)).collect();
+    let mut ranked: Vec<(usize, &str)> = candidates.map(|c| (strsim::levenshtein(name, c), c)).collect();
     ranked.sort_by_key(|(distance, _)| *distance);
     ranked.into_iter().take(count).map(|(_, c)| c.to_owned()).collect()
-}
-
-/// Levenshtein distance.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = i;
-        let mut left = i + 1;
-        for (cell, to) in row.iter_mut().skip(1).zip(b.chars()) {
-            let substituted = diagonal + usize::from(from != to);
-            diagonal = *cell;
-            left = substituted.min(diagonal + 1).min(left + 1);
-            *cell = left;
-        }
-        if let Some(first) = row.first_mut() {
-            *first = i + 1;
-        }
-    }
-    row.last().copied().unwrap_or(0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn edit_distances_of_the_textbook() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("abc", ""), 3);
-        assert_eq!(edit_distance("flaw", "lawn"), 2);
-    }
 }
