@@ -25,6 +25,7 @@ mod monitor;
 mod next;
 mod nodes;
 mod orbit;
+mod parameters;
 mod platforms;
 mod progress;
 mod provenance;
@@ -107,6 +108,8 @@ enum Command {
     Next(next::Arguments),
     /// Lists and explains the physical effects that can be simulated, fitted and compensated.
     Effects(effects::Arguments),
+    /// Lists every parameter of every node: default, range and meaning.
+    Parameters(parameters::Arguments),
     /// Identifies mass properties from runs, with uncertainties, and reports insufficient excitation.
     Identify(identify::Arguments),
     /// Predicts how well an experiment will determine the mass properties.
@@ -148,6 +151,7 @@ fn main() -> ExitCode {
         Command::Adopt(arguments) => adopt::run(&arguments),
         Command::Next(arguments) => next::run(&arguments),
         Command::Effects(arguments) => effects::run(&arguments),
+        Command::Parameters(arguments) => parameters::run(&arguments),
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Excitation(arguments) => excitation::run(&arguments),
         Command::Balance(arguments) => balance::run(&arguments),

@@ -30,6 +30,10 @@ pub struct Descriptor {
     pub kind: Kind,
     /// The value in force, defaults included; `None` for an optional parameter that is not set.
     pub value: Option<Value>,
+    /// The value that is in force when none is given.
+    pub default: Option<Value>,
+    /// Whether a value must be given.
+    pub required: bool,
     /// What it means, with its unit.
     pub doc: String,
     /// What is allowed, in words.

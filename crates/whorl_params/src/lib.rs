@@ -27,6 +27,7 @@
 //!
 #![doc = include_str!("../../../params/README.md")]
 
+mod catalogue;
 mod command_line;
 mod descriptor;
 mod document;
@@ -47,6 +48,7 @@ mod tests;
 mod tree;
 mod value;
 
+pub use catalogue::{ListedDefault, ListedParameter, list_parameters};
 pub use command_line::Override;
 pub use descriptor::{Descriptor, NumericRange};
 pub use edit::{set_in_file, set_in_text};

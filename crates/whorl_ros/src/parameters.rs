@@ -52,6 +52,8 @@ impl ParameterSet {
                 name: USE_SIM_TIME.into(),
                 kind: whorl_params::Kind::Bool,
                 value: Some(Value::Bool(false)),
+                default: Some(Value::Bool(false)),
+                required: false,
                 doc: "always false: nodes run on the wall clock, `whorl simulate` on simulated time".into(),
                 allowed: "false".into(),
                 range: None,

@@ -10,5 +10,5 @@ mod run;
 
 pub use bus::{Bus, Observer};
 pub use link::{Cut, Host, LinkParameters};
-pub use node_set::{NodeSet, NodeSetError};
+pub use node_set::{NodeSet, NodeSetError, ask_simulation};
 pub use run::{Outcome, run};

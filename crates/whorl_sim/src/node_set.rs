@@ -67,6 +67,11 @@ struct SimulationParameters {
     clocks: Vec<(PlatformId, f64)>,
 }
 
+/// Asks for every parameter of the simulation itself: for lists of parameters.
+pub fn ask_simulation(r: &mut Reader<'_>) {
+    read_simulation(r);
+}
+
 fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
     let platforms = formation(r).platforms;
     let local_delay_s = r.f64_or(

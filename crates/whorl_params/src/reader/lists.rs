@@ -93,19 +93,19 @@ impl Reader<'_> {
 
     /// One number for all three axes, or three numbers.
     pub fn per_axis(&mut self, key: &str, limits: Limits<f64>, doc: &str) -> Vector3<f64> {
+        self.each_axis(key, Absent::Refuse, limits, doc)
+    }
+
+    fn each_axis(&mut self, key: &str, absent: Absent, limits: Limits<f64>, doc: &str) -> Vector3<f64> {
         let mut request = double_list(key, VECTOR, &limits, doc);
         request.allowed = format!("{} for all axes, or {VECTOR}", phrase("a number", &limits.words()));
-        self.request(request, Absent::Refuse, accept_per_axis(limits))
+        self.request(request, absent, accept_per_axis(limits))
             .unwrap_or_else(|| Vector3::repeat(limits.placeholder()))
     }
 
     /// One number for all three axes, or three numbers, with a default for all.
     pub fn per_axis_or(&mut self, key: &str, default: f64, limits: Limits<f64>, doc: &str) -> Vector3<f64> {
-        if self.has(key) {
-            self.per_axis(key, limits, doc)
-        } else {
-            self.vector3_or(key, Vector3::repeat(default), limits, doc)
-        }
+        self.each_axis(key, Absent::Default(Value::DoubleArray(vec![default; 3])), limits, doc)
     }
 
     /// A direction: three numbers, not all zero, of any length; returned with length 1.
@@ -168,6 +168,11 @@ impl Reader<'_> {
     /// A list of texts.
     pub fn string_array(&mut self, key: &str, doc: &str) -> Vec<String> {
         self.request(string_list(key, doc), Absent::Refuse, accept_strings).unwrap_or_default()
+    }
+
+    /// A list of texts that may be left out.
+    pub fn optional_string_array(&mut self, key: &str, doc: &str) -> Option<Vec<String>> {
+        self.request(string_list(key, doc), Absent::Leave, accept_strings)
     }
 
     /// A list of texts with a default.

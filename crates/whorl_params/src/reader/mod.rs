@@ -4,6 +4,7 @@ mod lists;
 mod numbers;
 mod texts;
 
+use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
 
 use crate::descriptor::{Descriptor, NumericRange};
@@ -33,6 +34,8 @@ pub struct Reader<'a> {
     known: BTreeSet<String>,
     /// Shared groups that this node reads in full, with their final dot.
     claimed: Vec<String>,
+    /// Groups whose members the user names, full.
+    named: RefCell<BTreeSet<String>>,
     errors: Vec<ParameterError>,
 }
 
@@ -70,6 +73,7 @@ impl<'a> Reader<'a> {
             described: HashMap::new(),
             known: BTreeSet::new(),
             claimed: Vec::new(),
+            named: RefCell::new(BTreeSet::new()),
             errors: Vec::new(),
         }
     }
@@ -101,6 +105,7 @@ impl<'a> Reader<'a> {
     /// Names below a key, in file order: `children("jets")`; of the open group itself below `""`.
     #[must_use]
     pub fn children(&self, key: &str) -> Vec<String> {
+        self.named.borrow_mut().insert(self.full(key).trim_end_matches('.').to_owned());
         self.parameters
             .children(self.full(key).trim_end_matches('.'))
             .into_iter()
@@ -158,6 +163,11 @@ impl<'a> Reader<'a> {
     /// Requires that this node knows every key below a shared group.
     pub fn claim_group(&mut self, group: &str) {
         self.claimed.push(format!("{group}."));
+    }
+
+    /// Everything that was asked for, whatever is wrong with the answers, and the groups whose members the user names.
+    pub(crate) fn into_asked(self) -> (Vec<Descriptor>, BTreeSet<String>) {
+        (self.descriptors, self.named.into_inner())
     }
 
     /// Ends reading: all descriptors, or all errors, unknown keys included.
@@ -278,6 +288,9 @@ impl<'a> Reader<'a> {
         }
         self.known.insert(full.clone());
         let entry = self.entry(&full);
+        let required = matches!(absent, Absent::Refuse);
+        let default = if let Absent::Default(value) = &absent { Some(value.clone()) } else { None };
+        let default = default.map(|value| value.converted(request.kind).unwrap_or(value));
         let (value, origin) = match (entry, absent) {
             (Some(entry), _) => (Some(entry.value.clone()), Some(&entry.origin)),
             (None, Absent::Default(value)) => (Some(value), None),
@@ -287,8 +300,8 @@ impl<'a> Reader<'a> {
                     self.parameters.node_origin(),
                     format!("missing; needed: {} ({}); {}", request.allowed, request.doc, self.searched()),
                 );
-                self.errors.push(error.with_key(full));
-                return None;
+                self.errors.push(error.with_key(full.clone()));
+                (None, None)
             }
         };
         let value = value.map(|value| value.converted(request.kind).unwrap_or(value));
@@ -322,6 +335,8 @@ impl<'a> Reader<'a> {
             name,
             kind: value.as_ref().map_or(request.kind, Value::kind),
             value,
+            default,
+            required,
             doc: request.doc.to_owned(),
             allowed: request.allowed,
             range: request.range,

@@ -74,10 +74,7 @@ impl Settings for ReaderSettings<'_, '_> {
 
     fn optional_platforms(&mut self, key: &str, doc: &str) -> Option<Vec<usize>> {
         let full = self.full(key);
-        if !self.reader.has(&full) {
-            return None;
-        }
-        let names = self.reader.string_array(&full, doc);
+        let names = self.reader.optional_string_array(&full, doc)?;
         Some(names.iter().filter_map(|name| self.index(&full, name)).collect())
     }
 
