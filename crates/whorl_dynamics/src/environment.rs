@@ -47,6 +47,7 @@ impl<'a> Environment<'a> {
     /// A platform in this attitude and motion with wheels stopped, valves shut, a full tank and a
     /// full battery, at the start of a run.
     #[must_use]
+    #[inline]
     pub fn new(
         model: &'a PlatformModel,
         q_world_body: UnitQuaternion<f64>,

@@ -92,20 +92,24 @@ macro_rules! register {
                 Drives { $($(#[$row])* $module: self.$module.idle(gyrostat, now_ns)),* }
             }
 
+            #[inline]
             pub(crate) fn add_scaled(&self, states: &mut States, rates: &States, factor: f64) {
                 $($(#[$row])* { self.$module.add_scaled(&mut states.$module, &rates.$module, factor); })*
             }
 
+            #[inline]
             pub(crate) fn bound(&self, states: &mut States) {
                 $($(#[$row])* { self.$module.bound(&mut states.$module); })*
             }
 
+            #[inline]
             pub(crate) fn is_finite(&self, states: &States) -> bool {
                 let mut finite = true;
                 $($(#[$row])* { finite &= self.$module.is_finite(&states.$module); })*
                 finite
             }
 
+            #[inline]
             pub(crate) fn show<'a>(
                 &'a self,
                 states: &'a States,
@@ -117,6 +121,7 @@ macro_rules! register {
                 load
             }
 
+            #[inline]
             pub(crate) fn add_momentum(&self, states: &States, sum_b_n_m_s: &mut Vector3<f64>) {
                 $($(#[$row])* { self.$module.add_momentum(&states.$module, sum_b_n_m_s); })*
             }
@@ -125,6 +130,7 @@ macro_rules! register {
                 $($(#[$row])* { self.$module.take_out(drives.map(|drives| &drives.$module), left); })*
             }
 
+            #[inline]
             pub(crate) fn act(
                 &self,
                 at: &Instant,
@@ -138,6 +144,7 @@ macro_rules! register {
                 }
             }
 
+            #[inline]
             pub(crate) fn add_effects(
                 &self,
                 effects: &EffectSet,
@@ -148,12 +155,14 @@ macro_rules! register {
                 $($(#[$row])* { self.$module.add_effects(effects, environment, &states.$module, &mut forces.$module); })*
             }
 
+            #[inline]
             pub(crate) fn reaction_b_n_m(&self, drives: &Drives, forces: &Forces) -> Vector3<f64> {
                 let mut sum = Vector3::zeros();
                 $($(#[$row])* { self.$module.add_reaction(&drives.$module, &forces.$module, &mut sum); })*
                 sum
             }
 
+            #[inline]
             pub(crate) fn rates(
                 &self,
                 states: &States,
@@ -171,12 +180,14 @@ macro_rules! register {
                 }
             }
 
+            #[inline]
             pub(crate) fn next_event_ns(&self, drives: &Drives) -> i64 {
                 let mut next_ns = i64::MAX;
                 $($(#[$row])* { next_ns = next_ns.min(self.$module.next_event_ns(&drives.$module)); })*
                 next_ns
             }
 
+            #[inline]
             pub(crate) fn settle(&self, drives: &mut Drives, now_ns: i64) {
                 $(
                     $(#[$row])*
@@ -191,6 +202,7 @@ macro_rules! register {
             }
 
             /// A part of a kind, and the sense in which it slips.
+            #[inline]
             pub(crate) fn first_slip(
                 &self,
                 gyrostat: &Gyrostat,
@@ -212,6 +224,7 @@ macro_rules! register {
             }
 
             /// The part that stops first, and roughly when [s].
+            #[inline]
             pub(crate) fn first_stop(
                 &self,
                 from: &States,

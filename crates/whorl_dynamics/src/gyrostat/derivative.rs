@@ -70,6 +70,7 @@ impl Derivative {
 
 impl Gyrostat {
     /// What effects see in this state. `omega_dot` is zero while it is unknown.
+    #[inline]
     pub(crate) fn environment<'a>(
         &'a self,
         time_s: f64,

@@ -137,6 +137,7 @@ impl Gyrostat {
 
     /// Total momentum in a state of the plant, body axes [N m s].
     #[must_use]
+    #[inline]
     pub(crate) fn total_momentum_b_n_m_s(&self, state: &State) -> Vector3<f64> {
         let mut momentum = self.model.mass_properties.inertia_b_kg_m2() * state.omega_wb_b_rad_s;
         self.model.actuators.add_momentum(&state.actuators, &mut momentum);

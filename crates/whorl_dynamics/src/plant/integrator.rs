@@ -21,8 +21,12 @@ impl Plant {
             return Err(PlantError::BackInTime { now_ns: self.now_ns, asked_ns: time_ns });
         }
         while self.now_ns < time_ns {
-            self.gyrostat.model().actuators.settle(&mut self.drive.actuators, self.now_ns);
-            let event_ns = self.gyrostat.model().actuators.next_event_ns(&self.drive.actuators);
+            let actuators = &self.gyrostat.model().actuators;
+            let mut event_ns = actuators.next_event_ns(&self.drive.actuators);
+            if event_ns <= self.now_ns {
+                actuators.settle(&mut self.drive.actuators, self.now_ns);
+                event_ns = actuators.next_event_ns(&self.drive.actuators);
+            }
             // Steps keep their grid whatever events cut them, so that results depend little on when
             // the caller looks.
             let elapsed_ns = self.now_ns - self.start_ns;

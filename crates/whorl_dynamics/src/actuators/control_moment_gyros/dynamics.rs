@@ -37,6 +37,7 @@ impl KindDynamics for ControlMomentGyros {
         Drive { rate_rad_s: [0.0; MAX_GYROS] }
     }
 
+    #[inline]
     fn add_scaled(&self, state: &mut State, rate: &State, factor: f64) {
         for j in 0..self.0.len() {
             state.angle_rad[j] += factor * rate.angle_rad[j];
@@ -44,10 +45,12 @@ impl KindDynamics for ControlMomentGyros {
         }
     }
 
+    #[inline]
     fn is_finite(&self, state: &State) -> bool {
         state.angle_rad.iter().chain(&state.rate_rad_s).all(|x| x.is_finite())
     }
 
+    #[inline]
     fn add_momentum(&self, state: &State, sum_b_n_m_s: &mut Vector3<f64>) {
         for (j, gyro) in self.0.iter().enumerate() {
             *sum_b_n_m_s += gyro.axes_b(state.angle_rad[j]).0 * gyro.rotor_momentum_n_m_s
@@ -62,6 +65,7 @@ impl KindDynamics for ControlMomentGyros {
         }
     }
 
+    #[inline]
     fn act(
         &self,
         _at: &Instant,
@@ -80,12 +84,14 @@ impl KindDynamics for ControlMomentGyros {
         forces
     }
 
+    #[inline]
     fn add_reaction(&self, _drive: &Drive, forces: &Forces, sum_b_n_m: &mut Vector3<f64>) {
         for (gyro, (turning, about_gimbal)) in self.0.iter().zip(forces) {
             *sum_b_n_m += turning + gyro.gimbal_axis_b.into_inner() * *about_gimbal;
         }
     }
 
+    #[inline]
     fn rate(
         &self,
         state: &State,

@@ -54,14 +54,17 @@ impl KindDynamics for Jets {
         }
     }
 
+    #[inline]
     fn add_scaled(&self, state: &mut State, rate: &State, factor: f64) {
         state.gas_kg += rate.gas_kg * factor;
     }
 
+    #[inline]
     fn bound(&self, state: &mut State) {
         state.gas_kg = state.gas_kg.max(0.0);
     }
 
+    #[inline]
     fn show<'a>(&'a self, state: &'a State, drive: &'a Drive, environment: &mut Environment<'a>) -> f64 {
         environment.valve_fraction = drive.valve_fraction.get(..self.list.len()).unwrap_or(&[]);
         environment.tank_pressure_pa = self.tank.pressure_pa(state.gas_kg);
@@ -69,6 +72,7 @@ impl KindDynamics for Jets {
         0.0
     }
 
+    #[inline]
     fn act(
         &self,
         at: &Instant,
@@ -88,6 +92,7 @@ impl KindDynamics for Jets {
         Forces { gas_rate_kg_s: self.tank.gas_rate_kg_s(jets.thrust_n * thrust_factor) }
     }
 
+    #[inline]
     fn add_effects(
         &self,
         effects: &EffectSet,
@@ -100,6 +105,7 @@ impl KindDynamics for Jets {
         }
     }
 
+    #[inline]
     fn rate(
         &self,
         _state: &State,
@@ -110,6 +116,7 @@ impl KindDynamics for Jets {
         State { gas_kg: -forces.gas_rate_kg_s }
     }
 
+    #[inline]
     fn next_event_ns(&self, drive: &Drive) -> i64 {
         drive.valves.next_edge_ns()
     }

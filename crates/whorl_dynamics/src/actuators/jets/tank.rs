@@ -53,12 +53,14 @@ impl Tank {
 
     /// Pressure of this much gas \[Pa\], isothermal.
     #[must_use]
+    #[inline]
     pub fn pressure_pa(&self, gas_kg: f64) -> f64 {
         gas_kg * self.gas_constant_j_kg_k * self.temperature_k / self.volume_m3
     }
 
     /// Thrust over nominal thrust at this pressure over reference pressure.
     #[must_use]
+    #[inline]
     pub fn thrust_factor(&self, pressure_ratio: f64) -> f64 {
         let exponent = self.thrust_pressure_exponent;
         if pressure_ratio <= 0.0 {
@@ -74,6 +76,7 @@ impl Tank {
 
     /// Gas used per second by this much thrust [kg/s].
     #[must_use]
+    #[inline]
     pub fn gas_rate_kg_s(&self, thrust_n: f64) -> f64 {
         thrust_n / (GRAVITY_M_S2 * self.specific_impulse_s)
     }

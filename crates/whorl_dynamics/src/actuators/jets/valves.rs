@@ -135,6 +135,7 @@ impl Valves {
     }
 
     /// When [`Self::settle`] must be called next \[ns\].
+    #[inline]
     pub fn next_edge_ns(&self) -> i64 {
         self.next_edge_ns
     }
@@ -171,6 +172,7 @@ impl Valves {
     }
 
     /// The jets `elapsed_s` after `now_ns`, with no edge since the last [`Self::settle`].
+    #[inline]
     pub fn drive(&self, now_ns: i64, elapsed_s: f64) -> JetDrive {
         if self.lag.is_none() {
             return self.target;

@@ -32,11 +32,13 @@ impl KindDynamics for MovingMasses {
         Drive { moment_b_n_m: Vector3::zeros(), direction: Vector3::zeros() }
     }
 
+    #[inline]
     fn show<'a>(&'a self, _state: &'a State, drive: &'a Drive, environment: &mut Environment<'a>) -> f64 {
         environment.ballast_direction = drive.direction;
         0.0
     }
 
+    #[inline]
     fn act(
         &self,
         _at: &Instant,
@@ -48,6 +50,7 @@ impl KindDynamics for MovingMasses {
         body.gravity_offset_b_n_m += drive.moment_b_n_m;
     }
 
+    #[inline]
     fn rate(
         &self,
         _state: &State,

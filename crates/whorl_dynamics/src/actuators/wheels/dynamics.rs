@@ -48,16 +48,19 @@ impl KindDynamics for Wheels {
         }
     }
 
+    #[inline]
     fn add_scaled(&self, state: &mut State, rate: &State, factor: f64) {
         for (sum, x) in state.speed_rad_s.iter_mut().zip(&rate.speed_rad_s).take(self.0.len()) {
             *sum += factor * x;
         }
     }
 
+    #[inline]
     fn is_finite(&self, state: &State) -> bool {
         state.speed_rad_s.iter().all(|speed| speed.is_finite())
     }
 
+    #[inline]
     fn show<'a>(&'a self, state: &'a State, drive: &'a Drive, environment: &mut Environment<'a>) -> f64 {
         let motor_torque_n_m = drive.motor_torque_n_m.get(..self.0.len()).unwrap_or(&[]);
         environment.wheel_speed_rad_s = state.speed_rad_s.get(..self.0.len()).unwrap_or(&[]);
@@ -65,6 +68,7 @@ impl KindDynamics for Wheels {
         motor_torque_n_m.iter().map(|u| u.abs()).sum()
     }
 
+    #[inline]
     fn add_momentum(&self, state: &State, sum_b_n_m_s: &mut Vector3<f64>) {
         for (wheel, speed) in self.0.iter().zip(&state.speed_rad_s) {
             *sum_b_n_m_s += wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed);
@@ -77,6 +81,7 @@ impl KindDynamics for Wheels {
         *left = without_wheels(*left, free);
     }
 
+    #[inline]
     fn act(
         &self,
         _at: &Instant,
@@ -95,6 +100,7 @@ impl KindDynamics for Wheels {
         torque_n_m
     }
 
+    #[inline]
     fn add_effects(
         &self,
         effects: &EffectSet,
@@ -105,6 +111,7 @@ impl KindDynamics for Wheels {
         effects.add_wheel_torque_n_m(environment, &mut torque_n_m[..self.0.len()]);
     }
 
+    #[inline]
     fn add_reaction(&self, drive: &Drive, torque_n_m: &Forces, sum_b_n_m: &mut Vector3<f64>) {
         for ((wheel, torque), stuck) in self.0.iter().zip(torque_n_m).zip(&drive.stuck) {
             if !stuck {
@@ -113,6 +120,7 @@ impl KindDynamics for Wheels {
         }
     }
 
+    #[inline]
     fn rate(
         &self,
         _state: &State,
@@ -138,6 +146,7 @@ impl KindDynamics for Wheels {
 
     /// A wheel that its bearing cannot hold slips: friction gives its most in the direction that holds, and the wheel
     /// goes the other way.
+    #[inline]
     fn first_slip(
         &self,
         gyrostat: &Gyrostat,
@@ -147,7 +156,7 @@ impl KindDynamics for Wheels {
         omega_dot_wb_b_rad_s2: &Vector3<f64>,
     ) -> Option<(usize, f64)> {
         let own = &drive.actuators.wheels;
-        if !own.stuck.contains(&true) {
+        if !own.stuck.iter().take(self.0.len()).any(|stuck| *stuck) {
             return None;
         }
         let mut torque_n_m = own.motor_torque_n_m;
@@ -162,6 +171,7 @@ impl KindDynamics for Wheels {
         })
     }
 
+    #[inline]
     fn first_stop(&self, from: &State, to: &State, drive: &Drive, h_s: f64) -> Option<(usize, f64)> {
         let mut found: Option<(usize, f64)> = None;
         for (j, wheel) in self.0.iter().enumerate() {
@@ -226,11 +236,13 @@ impl Wheels {
 }
 
 /// Friction torque on a wheel [N m] for the given sense of sliding (-1, 0, 1).
+#[inline]
 pub(crate) fn friction_n_m(wheel: &Wheel, speed_rad_s: f64, sense: f64) -> f64 {
     -wheel.viscous_friction_n_m_s * speed_rad_s - wheel.coulomb_friction_n_m * sense
 }
 
 /// -1, 0 or 1.
+#[inline]
 pub(crate) fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }
