@@ -73,18 +73,18 @@ pub mod dynamics {
 ///     jet_torque_b_n_m: Matrix3xX::zeros(0),
 ///     jet_force_b_n: None,
 ///     jet_gas_rate_kg_s: vec![],
-///     wheel_axis_b: Matrix3xX::identity(3),
-///     wheel_torque_limit_n_m: vec![0.5; 3],
+///     // A motor that accelerates its wheel turns the body the other way.
+///     motor_torque_b: -Matrix3xX::identity(3),
+///     motor_limit: vec![0.5; 3],
 /// })?;
 /// let mut allocator = Allocator::new(effectors)?;
 ///
 /// // More than the z wheel can give: the direction is kept, the size is not.
-/// let demand = Demand::nominal(allocator.effectors(), Mode::Wheels, Vector3::new(0.2, 0.0, 1.0));
+/// let demand = Demand::nominal(allocator.effectors(), Mode::Motors, Vector3::new(0.2, 0.0, 1.0));
 /// let allocation = allocator.allocate(&demand)?;
 /// assert!((allocation.alpha - 0.5).abs() < 1e-9);
 /// assert!((allocation.achieved_torque_b_n_m - Vector3::new(0.1, 0.0, 0.5)).norm() < 1e-9);
-/// // The body turns against the wheel.
-/// assert!((allocation.wheel_motor_torque_n_m[2] + 0.5).abs() < 1e-9);
+/// assert!((allocation.motor_command[2] + 0.5).abs() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub mod allocation {
@@ -118,13 +118,13 @@ pub mod control {
 /// use whorl::estimation::{Estimator, EstimatorError, FilterKind, ImuSample, Parameters};
 /// use whorl::nalgebra::Vector3;
 ///
-/// let mut estimator = Estimator::new(FilterKind::AttitudeBias, Parameters::motion_pak_ii(), None)?;
+/// let mut estimator = Estimator::new(FilterKind::ATTITUDE_BIAS, Parameters::motion_pak_ii(), None)?;
 /// // Two seconds at rest, rolled by 0.1 rad: the accelerometer reads the reaction to gravity.
 /// for k in 0..200 {
 ///     estimator.on_imu(&ImuSample {
 ///         stamp_ns: k * 10_000_000,
-///         angular_velocity_b_rad_s: Vector3::zeros(),
-///         specific_force_b_m_s2: Vector3::new(0.0, 0.1_f64.sin(), 0.1_f64.cos()) * 9.81,
+///         gyro_rad_s: Vector3::zeros(),
+///         specific_force_m_s2: Vector3::new(0.0, 0.1_f64.sin(), 0.1_f64.cos()) * 9.81,
 ///     });
 /// }
 /// let estimate = estimator.estimate(2_000_000_000);
@@ -180,9 +180,10 @@ pub mod recording {
 /// rosbag2 MCAP bags and run directories.
 ///
 /// ```no_run
+/// use std::path::Path;
 /// use whorl::bag::RunDirectory;
 ///
-/// let run = RunDirectory::open("runs/2026-11-21T06-32-49Z_leader_follower")?;
+/// let run = RunDirectory::open(Path::new("runs/2026-11-21T06-32-49Z_leader_follower"))?;
 /// for message in run.bag()?.messages() {
 ///     println!("{:?}", message?.decode()?);
 /// }
@@ -267,10 +268,21 @@ pub mod params {
 /// The nodes of an experiment in one process: deterministic, faster than real time.
 ///
 /// ```
-/// // The examples of the experiments are in `params/experiments/`; `whorl simulate` runs one and records it.
-/// use whorl::sim::{NodeSet, Observer};
-/// # fn observed<O: Observer>(_: &mut NodeSet, _: &mut O) {}
+/// use std::time::Duration;
+/// use whorl::params::ParameterTree;
+/// use whorl::sim::{NodeSet, Observer, Outcome, run};
+///
+/// /// Builds the nodes that the parameter files name and runs them for two minutes at most; the observer sees every
+/// /// message in order of time.
+/// fn simulate<O: Observer>(files: &ParameterTree, observer: &mut O) -> Result<Outcome, Box<dyn std::error::Error>>
+/// where
+///     O::Error: std::error::Error + 'static,
+/// {
+///     let mut nodes = NodeSet::build(files, 1, whorl::sim::Timestamp::from_seconds(0.0))?;
+///     Ok(run(&mut nodes, Duration::from_secs(120), observer, |_seconds| {})?)
+/// }
 /// ```
 pub mod sim {
+    pub use whorl_node::Timestamp;
     pub use whorl_sim::*;
 }

@@ -7,8 +7,8 @@
 //! | how far off is the model? | [`compare`] | a [`ComparedRun`] for each run |
 //! | where does it fail? | [`locate`] | [`Located`] |
 //! | which effect is missing? | [`diagnose`] | [`Explanation`] |
-//! | which manoeuvre is most informative? | [`propose`] | [`Proposal`] |
-//! | how much does an effect improve the model? | [`adopt`] | [`Adoption`] |
+//! | which manoeuvre is most informative? | [`propose()`] | [`Proposal`] |
+//! | how much does an effect improve the model? | [`adopt()`] | [`Adoption`] |
 //!
 //! Nothing here reads or writes files or prints. The `whorl` command, the pages and other programs call the same
 //! functions, so a number with the same name is the same statistic everywhere. All of them report the
