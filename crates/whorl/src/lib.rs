@@ -119,12 +119,14 @@ pub mod control {
 /// use whorl::nalgebra::Vector3;
 ///
 /// let mut estimator = Estimator::new(FilterKind::ATTITUDE_BIAS, Parameters::motion_pak_ii(), None)?;
-/// // Two seconds at rest, rolled by 0.1 rad: the accelerometer reads the reaction to gravity.
+/// // Two seconds at rest, rolled by 0.1 rad: the accelerometer reads the reaction to gravity. Real sensors are never
+/// // still to the last digit; ones that are count as frozen.
 /// for k in 0..200 {
+///     let noise = if k % 2 == 0 { 1e-3 } else { -1e-3 };
 ///     estimator.on_imu(&ImuSample {
 ///         stamp_ns: k * 10_000_000,
-///         gyro_rad_s: Vector3::zeros(),
-///         specific_force_m_s2: Vector3::new(0.0, 0.1_f64.sin(), 0.1_f64.cos()) * 9.81,
+///         gyro_rad_s: Vector3::repeat(noise),
+///         specific_force_m_s2: Vector3::new(noise, 9.81 * 0.1_f64.sin() + noise, 9.81 * 0.1_f64.cos() + noise),
 ///     });
 /// }
 /// let estimate = estimator.estimate(2_000_000_000);
