@@ -17,6 +17,7 @@ from Basilisk.utilities import RigidBodyKinematics as rbk
 from Basilisk.utilities import SimulationBaseClass, macros, simIncludeRW, simIncludeThruster
 
 from case import Jet, Rig, Run, SensorErrors, Sensors, Wheel, turned
+from faults import gyro_scaled, gyro_turned, jet_turned, jet_weak, sensors_late, wheel_heavier, wheel_tilted
 
 STEP_S = 2e-3
 
@@ -254,42 +255,6 @@ def panel(craft):
     craft.extra_mass = mass
     craft.extra_inertia = np.diag([inertia, inertia / 9, inertia]) + mass * (c @ c * np.eye(3) - np.outer(c, c))
     return "flexible_mode"
-
-
-def wheel_heavier(craft):
-    craft.wheel_inertia[2] *= 1.12
-    return "wheel_inertia"
-
-
-def wheel_tilted(craft):
-    craft.wheel_axis[0] = turned(np.array([0.0, 0.03, 0.02])) @ craft.wheels[0].axis
-    return "wheel_misalignment"
-
-
-def gyro_scaled(craft):
-    craft.errors = SensorErrors(gyro_scale=[0.0, 0.0, 0.03])
-    return "gyro_scale"
-
-
-def gyro_turned(craft):
-    craft.errors = SensorErrors(gyro_turn=[0.03, -0.02, 0.0])
-    return "gyro_misalignment"
-
-
-def sensors_late(craft):
-    craft.errors = SensorErrors(delay_s=0.04)
-    return "imu_latency"
-
-
-def jet_weak(craft):
-    craft.thrust[1] *= 0.6
-    return "thruster_strength"
-
-
-def jet_turned(craft):
-    jet = craft.jets[2]
-    craft.push[2] = turned(0.2 * jet.position / np.linalg.norm(jet.position)) @ jet.direction
-    return "thruster_misalignment"
 
 
 def jets_slow(craft):

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from case import GRAVITY_M_S2, Jet, Rig, Run, SensorErrors, Sensors, Wheel, turned
+from faults import gyro_scaled, gyro_turned, jet_turned, jet_weak, sensors_late, wheel_heavier, wheel_tilted
 
 # Runge-Kutta of fourth order: with the semi-implicit Euler steps that MuJoCo takes by default, a platform that lacks
 # nothing can be distinguished from a rigid body.
@@ -322,31 +323,6 @@ def wheel_friction_loss(lab):
     return "wheel_friction"
 
 
-def wheel_heavier(lab):
-    lab.wheel_inertia[-1] *= 1.12
-    return "wheel_inertia"
-
-
-def wheel_tilted(lab):
-    lab.wheel_axis[0] = turned(np.array([0.0, 0.03, 0.02])) @ lab.wheels[0].axis
-    return "wheel_misalignment"
-
-
-def gyro_scaled(lab):
-    lab.errors = SensorErrors(gyro_scale=[0.0, 0.0, 0.03])
-    return "gyro_scale"
-
-
-def gyro_turned(lab):
-    lab.errors = SensorErrors(gyro_turn=[0.03, -0.02, 0.0])
-    return "gyro_misalignment"
-
-
-def sensors_late(lab):
-    lab.errors = SensorErrors(delay_s=0.04)
-    return "imu_latency"
-
-
 def lamp_turned(lab):
     lab.errors = SensorErrors(vector_turn=[0.0, 0.0, 0.04])
     return "vector_sensor_misalignment"
@@ -355,17 +331,6 @@ def lamp_turned(lab):
 def accelerometer_elsewhere(lab):
     lab.lever_arm = lab.sensors.lever_arm + np.array([2.0, -1.5, 1.0]) * 0.3 * lab.radius * 10
     return "accel_lever_arm"
-
-
-def jet_weak(lab):
-    lab.thrust[1] *= 0.6
-    return "thruster_strength"
-
-
-def jet_turned(lab):
-    j = lab.jets[2]
-    lab.push[2] = turned(0.2 * unit(j.position)) @ j.direction
-    return "thruster_misalignment"
 
 
 def jets_slow(lab):
