@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Shared by the scripts in this folder; sourced, not run. Shell only: what they do is in `whorl run` and `whorl nodes`.
+# Shared by the scripts in this folder; sourced, not run. What they do is in `whorl run`, `whorl nodes` and `whorl demo`.
 
 set -euo pipefail
 

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// Whether a test that takes long runs: with `WHORL_SLOW_TESTS=1`, which CI sets. Says so when it is left out.
 #[must_use]
@@ -42,6 +42,12 @@ pub fn node_answers_the_shell(program: &str, name: &str, platform: Option<&str>)
     let text = String::from_utf8_lossy(&help.stdout);
     assert!(help.status.success() && text.starts_with(&format!("{name}: ")), "{help:?}");
     assert!(text.contains("--params-file FILE"), "{text}");
+    assert_eq!(code_without_a_reader(program, &["--help"]), Some(0), "--help into a closed pipe");
+    assert_eq!(
+        code_without_a_reader(program, &["--ros-args", "--no-such-option"]),
+        Some(2),
+        "a refusal into a closed pipe"
+    );
 
     let parameters = Path::new(env!("CARGO_MANIFEST_DIR")).join("../params");
     let wrong = Path::new(program).with_file_name(format!("wrong_parameter_of_{name}.yaml"));
@@ -60,4 +66,16 @@ pub fn node_answers_the_shell(program: &str, name: &str, platform: Option<&str>)
     for words in [format!("wrong_parameter_of_{name}.yaml:3"), "no_such_parameter".to_owned()] {
         assert!(text.contains(&words), "`{words}` is not in:\n{text}");
     }
+}
+
+/// Exit code of a program that nobody listens to: both of its outputs are closed pipes, as in `driver --help | head -1`.
+#[allow(clippy::panic, reason = "a test fails by panicking")]
+fn code_without_a_reader(program: &str, arguments: &[&str]) -> Option<i32> {
+    let closed = || -> Stdio {
+        let (reader, writer) = std::io::pipe().unwrap_or_else(|error| panic!("no pipe: {error}"));
+        drop(reader);
+        writer.into()
+    };
+    let status = Command::new(program).args(arguments).stdout(closed()).stderr(closed()).status();
+    status.unwrap_or_else(|error| panic!("{program}: {error}")).code()
 }

@@ -8,10 +8,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
+use whorl_node::Node;
+
 use super::root;
 
 /// Every program that a formation or a user starts.
-const PROGRAMS: [&str; 6] = ["coordinator", "driver", "estimator", "local_control", "recorder", "whorl"];
+fn programs() -> impl Iterator<Item = &'static str> {
+    let nodes = Node::ALL.iter().filter(|node| node.info().is_program).map(|node| node.name());
+    nodes.chain(["whorl"])
+}
 
 /// Folder of the node binaries and `whorl`, built with the profile of this test.
 pub fn folder() -> &'static Path {
@@ -21,7 +26,7 @@ pub fn folder() -> &'static Path {
             // <target>/<profile>/deps/integration-<hash>
             let test = std::env::current_exe().unwrap();
             let folder = test.parent().and_then(Path::parent).unwrap().to_owned();
-            if !PROGRAMS.iter().all(|name| is_current(&folder, name)) {
+            if !programs().all(|name| is_current(&folder, name)) {
                 build(&folder);
             }
             folder

@@ -65,7 +65,7 @@ pub mod dynamics {
 /// The quadratic program that shares a torque among jets and wheels, and pulse modulation.
 ///
 /// ```
-/// use whorl::allocation::{Allocator, Demand, EffectorLayout, Effectors, Mode};
+/// use whorl::allocation::{Allocator, TorqueDemand, EffectorLayout, Effectors, Mode};
 /// use whorl::nalgebra::{Matrix3xX, Vector3};
 ///
 /// // Three wheels along the body axes, no jets.
@@ -80,7 +80,7 @@ pub mod dynamics {
 /// let mut allocator = Allocator::new(effectors)?;
 ///
 /// // More than the z wheel can give: the direction is kept, the size is not.
-/// let demand = Demand::nominal(allocator.effectors(), Mode::Motors, Vector3::new(0.2, 0.0, 1.0));
+/// let demand = TorqueDemand::nominal(allocator.effectors(), Mode::Motors, Vector3::new(0.2, 0.0, 1.0));
 /// let allocation = allocator.allocate(&demand)?;
 /// assert!((allocation.alpha - 0.5).abs() < 1e-9);
 /// assert!((allocation.achieved_torque_b_n_m - Vector3::new(0.1, 0.0, 0.5)).norm() < 1e-9);

@@ -13,7 +13,9 @@ use nalgebra::Vector3;
 use rand_pcg::Pcg64;
 use whorl_allocation::pulses::PulseModulator;
 use whorl_allocation::zonotope::{LeastCost, Zonotope, jet_generators};
-use whorl_allocation::{Allocation, Allocator, Demand, EffectorLayout, Effectors, JetMask, Mode, Status};
+use whorl_allocation::{
+    Allocation, Allocator, EffectorLayout, Effectors, JetMask, Mode, Status, TorqueDemand,
+};
 
 #[path = "../src/layouts.rs"]
 mod layouts;
@@ -33,7 +35,7 @@ enum Kind {
     Saturated,
 }
 
-fn demands(effectors: &Effectors, mode: Mode, kind: Kind, count: usize) -> Vec<Demand> {
+fn demands(effectors: &Effectors, mode: Mode, kind: Kind, count: usize) -> Vec<TorqueDemand> {
     let mut rng = Pcg64::new(77, 7);
     let reach = if mode == Mode::Both { 7.0 } else { 3.0 };
     let full = effectors.layout().jet_torque_b_n_m.column_iter().map(|b| b.norm()).fold(0.2, f64::max);
@@ -51,7 +53,7 @@ fn demands(effectors: &Effectors, mode: Mode, kind: Kind, count: usize) -> Vec<D
                 Kind::Axes => 10.0_f64.powf(uniform(&mut rng, -9.0, 2.0)),
                 _ => uniform(&mut rng, 0.0, reach),
             };
-            let mut demand = Demand::nominal(effectors, mode, along * (full * size));
+            let mut demand = TorqueDemand::nominal(effectors, mode, along * (full * size));
             demand.jet_available = JetMask::ALL.without(case % (effectors.jets() + 1));
             demand.motor_weight = if case % 5 == 0 { 0.0 } else { 2.0 };
             for desired in &mut demand.motor_desired {
@@ -81,7 +83,7 @@ struct Times(Vec<u128>);
 
 impl Times {
     /// The best of three, to exclude other load on the machine.
-    fn measure(&mut self, allocator: &mut Allocator, demand: &Demand) -> Allocation {
+    fn measure(&mut self, allocator: &mut Allocator, demand: &TorqueDemand) -> Allocation {
         let (mut best, mut answer) = (u128::MAX, None);
         for _ in 0..3 {
             let start = Instant::now();

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::allocation::{Allocation, FallbackReason, SolverOutcome, Status};
 use crate::closed_form::{self, ClosedForm};
-use crate::demand::{Demand, DemandError, JetMask, Mode};
+use crate::demand::{JetMask, Mode, TorqueDemand, TorqueDemandError};
 use crate::dual;
 use crate::effectors::Effectors;
 use crate::least_squares;
@@ -41,7 +41,7 @@ impl Allocator {
     /// [`AllocatorError`] when the solver cannot be set up.
     pub fn new(effectors: Effectors) -> Result<Self, AllocatorError> {
         let mut problem = Problem::default();
-        let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::zeros());
+        let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, Vector3::zeros());
         problem.fill(&effectors, &demand);
         let program = QuadraticProgram::new(&problem, false)?;
         let program_with_force = if effectors.layout().jet_force_b_n.is_some() {
@@ -78,9 +78,9 @@ impl Allocator {
     /// Splits one demand.
     ///
     /// # Errors
-    /// [`DemandError`] when the demand is not well formed. A demand that cannot be met is not an
+    /// [`TorqueDemandError`] when the demand is not well formed. A demand that cannot be met is not an
     /// error: see [`Allocation::alpha`] and [`Allocation::status`].
-    pub fn allocate(&mut self, demand: &Demand) -> Result<Allocation, DemandError> {
+    pub fn allocate(&mut self, demand: &TorqueDemand) -> Result<Allocation, TorqueDemandError> {
         demand.check(&self.effectors)?;
         self.problem.fill(&self.effectors, demand);
         if self.problem.asks_nothing(demand) {
@@ -101,14 +101,21 @@ impl Allocator {
     /// Compares an allocation with the exact oracle; see [`CrossCheck`].
     ///
     /// # Errors
-    /// [`DemandError`] when the demand is not well formed.
-    pub fn check(&self, demand: &Demand, allocation: &Allocation) -> Result<CrossCheck, DemandError> {
+    /// [`TorqueDemandError`] when the demand is not well formed.
+    pub fn check(
+        &self,
+        demand: &TorqueDemand,
+        allocation: &Allocation,
+    ) -> Result<CrossCheck, TorqueDemandError> {
         CrossCheck::new(&self.effectors, demand, allocation)
     }
 
     /// As [`Self::allocate`], but never by the closed form: lets a test compare the two.
     #[cfg(test)]
-    pub(crate) fn allocate_by_program(&mut self, demand: &Demand) -> Result<Allocation, DemandError> {
+    pub(crate) fn allocate_by_program(
+        &mut self,
+        demand: &TorqueDemand,
+    ) -> Result<Allocation, TorqueDemandError> {
         demand.check(&self.effectors)?;
         self.problem.fill(&self.effectors, demand);
         Ok(match self.solve_program() {
@@ -174,7 +181,7 @@ impl Allocator {
         Err(FallbackReason::NotSolved(outcome))
     }
 
-    fn fall_back(&self, demand: &Demand, reason: FallbackReason) -> Allocation {
+    fn fall_back(&self, demand: &TorqueDemand, reason: FallbackReason) -> Allocation {
         let v = least_squares::solve(&self.problem);
         let achieved = self.problem.torque_of(&v);
         let square = self.problem.torque.norm_squared();
@@ -183,7 +190,7 @@ impl Allocator {
         self.answer(demand, &v, alpha, Status::Fallback(reason))
     }
 
-    fn answer(&self, demand: &Demand, v: &[f64], alpha: f64, status: Status) -> Allocation {
+    fn answer(&self, demand: &TorqueDemand, v: &[f64], alpha: f64, status: Status) -> Allocation {
         let jets = self.effectors.jets();
         let value = |k: usize| self.problem.value(k, v[k]);
         let jet_on_fraction: Vec<f64> = (0..jets).map(value).collect();

@@ -62,7 +62,7 @@ impl Mode {
 /// stuck-open jet (bounds 1..1) or a wheel that its speed limit forces to slow down is allowed for
 /// in every mode. A jet outside `jet_available` is closed whatever its bounds.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Demand {
+pub struct TorqueDemand {
     /// Torque wanted on the body, body axes [N m].
     pub torque_b_n_m: Vector3<f64>,
     /// Which effectors may take part.
@@ -91,7 +91,7 @@ pub struct Demand {
 
 /// Why a demand is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum DemandError {
+pub enum TorqueDemandError {
     /// A component of the torque is NaN, infinite or beyond 1e9 N m.
     #[error("torque demand {0:?} N m: must be finite, at most 1e9 N m")]
     Torque([f64; 3]),
@@ -115,7 +115,7 @@ pub enum DemandError {
     NoForces,
 }
 
-impl Demand {
+impl TorqueDemand {
     /// A demand with every effector whole: jets 0..1, motors within their limits, no
     /// preference, no net-force price.
     #[must_use]
@@ -138,10 +138,10 @@ impl Demand {
     /// Checks every field against the effectors.
     ///
     /// # Errors
-    /// [`DemandError`] naming the first field that is wrong.
-    pub fn check(&self, effectors: &Effectors) -> Result<(), DemandError> {
+    /// [`TorqueDemandError`] naming the first field that is wrong.
+    pub fn check(&self, effectors: &Effectors) -> Result<(), TorqueDemandError> {
         if !self.torque_b_n_m.iter().all(|&value| sane(value)) {
-            return Err(DemandError::Torque(self.torque_b_n_m.into()));
+            return Err(TorqueDemandError::Torque(self.torque_b_n_m.into()));
         }
         let fraction = |value: f64| (0.0..=1.0).contains(&value);
         for (field, values) in [
@@ -163,7 +163,7 @@ impl Demand {
         check_list("motor_weight", &[self.motor_weight], 1, weight, "0..=1e6")?;
         check_list("net_force_weight", &[self.net_force_weight], 1, weight, "0..=1e6")?;
         if self.net_force_weight > 0.0 && effectors.layout().jet_force_b_n.is_none() {
-            return Err(DemandError::NoForces);
+            return Err(TorqueDemandError::NoForces);
         }
         Ok(())
     }
@@ -174,9 +174,9 @@ fn sane(value: f64) -> bool {
     value.abs() <= 1e9
 }
 
-fn check_order(what: &'static str, min: &[f64], max: &[f64]) -> Result<(), DemandError> {
+fn check_order(what: &'static str, min: &[f64], max: &[f64]) -> Result<(), TorqueDemandError> {
     match min.iter().zip(max).enumerate().find(|(_, (min, max))| min > max) {
         None => Ok(()),
-        Some((index, (&min, &max))) => Err(DemandError::Crossed { what, index, min, max }),
+        Some((index, (&min, &max))) => Err(TorqueDemandError::Crossed { what, index, min, max }),
     }
 }

@@ -22,7 +22,7 @@ pub struct EffectorLayout {
     /// axes [N m].
     pub jet_torque_b_n_m: Matrix3xX<f64>,
     /// One column per jet: force on the body at full thrust, body axes \[N\]. `None` when net force
-    /// is of no concern, as on an air bearing; needed for [`crate::Demand::net_force_weight`].
+    /// is of no concern, as on an air bearing; needed for [`crate::TorqueDemand::net_force_weight`].
     pub jet_force_b_n: Option<Matrix3xX<f64>>,
     /// Gas drawn by each jet while open [kg/s] (any other unit serves as a relative cost); > 0.
     pub jet_gas_rate_kg_s: Vec<f64>,

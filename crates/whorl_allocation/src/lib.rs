@@ -48,7 +48,7 @@
 //! Bounded least squares comes as near to tau as it can. It may turn the torque: an axis that cannot
 //! be controlled must not take the others with it. `alpha` is then the achieved part along tau.
 //! A caller that would rather do nothing reads the status. Malformed demands (NaN, crossed bounds,
-//! wrong counts) are errors, not fallbacks: [`DemandError`].
+//! wrong counts) are errors, not fallbacks: [`TorqueDemandError`].
 //!
 //! # Limits
 //!
@@ -81,7 +81,7 @@ pub mod zonotope;
 
 pub use allocation::{Allocation, FallbackReason, SolverOutcome, Status};
 pub use allocator::Allocator;
-pub use demand::{Demand, DemandError, JetMask, Mode};
+pub use demand::{JetMask, Mode, TorqueDemand, TorqueDemandError};
 pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_MOTORS};
 pub use list::ListError;
 pub use quadratic_program::AllocatorError;

@@ -10,7 +10,7 @@
 
 use nalgebra::Vector3;
 
-use crate::demand::Demand;
+use crate::demand::TorqueDemand;
 use crate::effectors::Effectors;
 
 /// Curvature that makes the optimum unique, relative to the smallest jet cost: by
@@ -46,7 +46,7 @@ pub(crate) struct Problem {
 
 impl Problem {
     /// Fills the buffers from a demand that has been checked.
-    pub fn fill(&mut self, effectors: &Effectors, demand: &Demand) {
+    pub fn fill(&mut self, effectors: &Effectors, demand: &TorqueDemand) {
         let layout = effectors.layout();
         let jets = effectors.jets();
         let count = jets + effectors.motors();
@@ -155,7 +155,7 @@ impl Problem {
     }
 
     /// True when every effector may be at rest and nothing is asked of any.
-    pub fn asks_nothing(&self, demand: &Demand) -> bool {
+    pub fn asks_nothing(&self, demand: &TorqueDemand) -> bool {
         let wanted = demand.motor_weight > 0.0 && demand.motor_desired.iter().any(|&torque| torque != 0.0);
         self.torque == Vector3::zeros()
             && !wanted

@@ -238,7 +238,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     use super::*;
-    use crate::demand::{Demand, JetMask, Mode};
+    use crate::demand::{JetMask, Mode, TorqueDemand};
     use crate::layouts::{canted_pods, direction, no_wheels, uniform};
     use crate::zonotope::{LeastCost, Zonotope};
 
@@ -248,13 +248,13 @@ mod tests {
         let effectors = canted_pods(no_wheels());
         let mut rng = Pcg64::new(50, 7);
         let mut problem = Problem::default();
-        problem.fill(&effectors, &Demand::nominal(&effectors, Mode::Jets, Vector3::zeros()));
+        problem.fill(&effectors, &TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::zeros()));
         let mut program = QuadraticProgram::new(&problem, false).unwrap();
         let mut point = InteriorPoint::default();
         let mut short = 0;
         for case in 0..1300 {
             let torque = direction(&mut rng) * uniform(&mut rng, 0.01, 0.8);
-            let mut demand = Demand::nominal(&effectors, Mode::Jets, torque);
+            let mut demand = TorqueDemand::nominal(&effectors, Mode::Jets, torque);
             demand.jet_available = JetMask::ALL.without(case % 13);
             problem.fill(&effectors, &demand);
             let target = Target::new(&problem, 1e4);

@@ -22,7 +22,7 @@
 use nalgebra::Vector3;
 
 use crate::allocation::Allocation;
-use crate::demand::{Demand, DemandError, JetMask};
+use crate::demand::{JetMask, TorqueDemand, TorqueDemandError};
 use crate::effectors::Effectors;
 use crate::problem::Problem;
 
@@ -94,8 +94,8 @@ impl Zonotope {
     /// The attainable torques [N m] of a demand's effectors, bounds, mode and failures.
     ///
     /// # Errors
-    /// [`DemandError`] when the demand is not well formed.
-    pub fn of_demand(effectors: &Effectors, demand: &Demand) -> Result<Self, DemandError> {
+    /// [`TorqueDemandError`] when the demand is not well formed.
+    pub fn of_demand(effectors: &Effectors, demand: &TorqueDemand) -> Result<Self, TorqueDemandError> {
         demand.check(effectors)?;
         let mut problem = Problem::default();
         problem.fill(effectors, demand);
@@ -285,8 +285,12 @@ impl CrossCheck {
     /// Compares. All numbers of the allocation are recomputed from its effector values.
     ///
     /// # Errors
-    /// [`DemandError`] when the demand is not well formed.
-    pub fn new(effectors: &Effectors, demand: &Demand, allocation: &Allocation) -> Result<Self, DemandError> {
+    /// [`TorqueDemandError`] when the demand is not well formed.
+    pub fn new(
+        effectors: &Effectors,
+        demand: &TorqueDemand,
+        allocation: &Allocation,
+    ) -> Result<Self, TorqueDemandError> {
         demand.check(effectors)?;
         let mut problem = Problem::default();
         problem.fill(effectors, demand);

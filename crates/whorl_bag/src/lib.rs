@@ -41,7 +41,8 @@ pub use background::BackgroundRunWriter;
 pub use channels::{AXES, Carrier, Channel, ChannelInfo, Form, Place, blank};
 pub use csv::{
     ColumnMap, CsvError, CsvMap, CsvPulse, CsvRecording, CsvRow, CsvRows, CsvSamples, ExportedTopic,
-    JetCommand, JetMap, JetQuantity, PlatformParts, Slot, TimeMap, TruthMap, VectorMap, export_csv,
+    JetCommand, JetMap, JetQuantity, NO_COLUMN, PlatformParts, Slot, TimeMap, TruthMap, VectorMap,
+    export_csv,
 };
 pub use error::BagError;
 pub use layout::{BAG_DIRECTORY, PARAMETER_DIRECTORY, SUMMARY_FILE};
@@ -57,6 +58,7 @@ pub use scan::Integrity;
 pub use sequence::{Arrival, SequenceCounts, SequenceTracker};
 pub use statistics::{GAP_PERIODS, TopicStatistics, TopicSummary, WriterId};
 pub use units::Unit;
+pub use utc::utc;
 pub use writer::{BagOptions, BagWriter, Compression, Sample, TopicHandle};
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use whorl_node::Timestamp;
 
 /// `2026-11-21T03:18:44Z`, from nanoseconds since 1970.
 #[must_use]
-pub(crate) fn utc(time: Timestamp) -> String {
+pub fn utc(time: Timestamp) -> String {
     chrono::DateTime::from_timestamp_nanos(time.0).format("%FT%TZ").to_string()
 }
 

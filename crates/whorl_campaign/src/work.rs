@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime};
 
+use rayon::iter::{ParallelBridge, ParallelIterator};
+
 use crate::plan::Plan;
 use crate::row::Row;
 use crate::single::simulate;
@@ -163,33 +165,26 @@ impl Folder {
     }
 }
 
-/// Works until every run is claimed. `progress` counts the runs done here.
+/// Works until every run is claimed, on so many threads. `progress` counts the runs done here. Each run has its own seed
+/// and row, so rows do not depend on who takes which.
 ///
 /// # Errors
-/// The file system's, of any thread.
+/// The file system's, of any thread: no further run is begun.
 pub fn work(folder: &Folder, plan: &Plan, threads: usize, progress: &AtomicU64) -> io::Result<()> {
-    let next = AtomicU64::new(0);
-    std::thread::scope(|scope| {
-        let worker = || -> io::Result<()> {
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(spec) = plan.run(index) else { return Ok(()) };
-                if !folder.claim(index)? {
-                    continue;
-                }
-                let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
-                let keep = kept.then(|| folder.run_path(index));
-                let row = simulate(&spec, plan.definition.longest_s, keep.as_deref());
-                folder.store(&row)?;
-                progress.fetch_add(1, Ordering::Relaxed);
-            }
-        };
-        let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(worker)).collect();
-        let mut ended = Ok(());
-        for worker in workers {
-            let one = worker.join().unwrap_or_else(|_| Err(io::Error::other("a worker ended abnormally")));
-            ended = ended.and(one);
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build().map_err(io::Error::other)?;
+    let one = |index: u64| -> io::Result<()> {
+        let Some(spec) = plan.run(index) else { return Ok(()) };
+        if !folder.claim(index)? {
+            return Ok(());
         }
-        ended
-    })
+        let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
+        let keep = kept.then(|| folder.run_path(index));
+        let row = simulate(&spec, plan.definition.longest_s, keep.as_deref());
+        folder.store(&row)?;
+        progress.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    };
+    // A bridge hands the runs out one by one, in their order.
+    pool.install(|| (0..plan.len()).par_bridge().try_for_each(one))
 }

@@ -4,18 +4,19 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
-use nalgebra::Vector3;
+use whorl_explain::changes::of_calibration;
 use whorl_identification::calibration::{
     CalibrationSettings, ImuCalibration, PerAxis, SensorCalibration, calibrate_imu,
 };
-use whorl_math::rad_from_deg;
-use whorl_params::{Value, set_in_file};
+use whorl_math::{rad_from_deg, three_digits};
+use whorl_params::ModelStep;
 use whorl_recording::Recording;
 
 use crate::identify::print_findings;
+use crate::model_file;
+use crate::provenance::provenance_of_this;
 use crate::runs::RunArguments;
 use crate::table;
-use whorl_math::three_digits;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -84,69 +85,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .as_ref()
         .or(imu.runs.context.model.as_ref())
         .context("name the platform's file to write into with --out (or --model), or use --dry-run")?;
-    let section = format!("/{}/**", runs.known.platform);
-    let entries = entries(&found);
-    for (key, value, comment) in &entries {
-        set_in_file(out, &section, key, value, Some(comment))
-            .with_context(|| format!("cannot set {key} in {}", out.display()))?;
-    }
-    println!("{} entries written to {}", entries.len(), out.display());
+    let changes = of_calibration(&found);
+    let step = ModelStep::of_source(provenance_of_this(&imu.runs)?);
+    let written = model_file::write_step(out, &runs.known, &changes, step)?;
+    println!("{written} entries written to {}", out.display());
     Ok(())
-}
-
-/// Key, value and comment of each quantity that was determined on all axes.
-fn entries(found: &ImuCalibration) -> Vec<(String, Value, String)> {
-    let mut entries = Vec::new();
-    let sensors =
-        [("gyro", "rad_s", "rad/s", &found.gyro), ("accelerometer", "m_s2", "m/s^2", &found.accelerometer)];
-    for (name, suffix, unit, sensor) in sensors {
-        let group = format!("model.sensors.{name}");
-        let mut vector = |key: String, v: &PerAxis, unit: &str| {
-            if v.determined() == [true; 3] {
-                entries.push((
-                    key,
-                    array(&v.value, &v.stddev),
-                    format!("[{unit}] calibrated, +- {}", short(&v.stddev)),
-                ));
-            }
-        };
-        vector(format!("{group}.bias_{suffix}"), &sensor.bias, unit);
-        vector(format!("{group}.scale"), &sensor.scale, "1");
-        vector(format!("{group}.misalignment_rad"), &sensor.misalignment_rad, "rad");
-        let samples = &sensor.noise_stddev;
-        if samples.min() > 0.0 {
-            let value = array(samples, &(samples * 0.01));
-            entries.push((
-                format!("{group}.noise_stddev_{suffix}"),
-                value,
-                format!("[{unit}] per sample, calibrated at {:.1} Hz", found.rate_hz),
-            ));
-        }
-        let walk = sensor.noise.map(|n| n.filter(|n| n.walk_seen).map(|n| n.walk));
-        if let [Some(x), Some(y), Some(z)] = walk {
-            let value = Vector3::new(x, y, z);
-            let comment = format!("[{unit}/sqrt(s)] calibrated from the Allan deviation");
-            entries.push((
-                format!("{group}.bias_walk_{suffix}_sqrt_s"),
-                array(&value, &(value * 0.05)),
-                comment,
-            ));
-        }
-    }
-    entries
-}
-
-/// Digits down to a tenth of the standard deviation.
-fn array(value: &Vector3<f64>, stddev: &Vector3<f64>) -> Value {
-    let rounded = |i: usize| {
-        let digits = (1.0 - stddev[i].max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
-        format!("{:.digits$}", value[i]).parse().unwrap_or(value[i])
-    };
-    Value::DoubleArray((0..3).map(rounded).collect())
-}
-
-fn short(v: &Vector3<f64>) -> String {
-    v.iter().map(|x| three_digits(*x)).collect::<Vec<_>>().join(", ")
 }
 
 fn print(found: &ImuCalibration) {

@@ -4,16 +4,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_explain::adopt::changes;
-use whorl_identification::mass_parameters::{
-    MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_properties, mass_vector,
-};
-use whorl_identification::regression::{self, Form, Weighting, rows, solve};
+use whorl_dynamics::PlatformModel;
+use whorl_explain::changes::changes;
+use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
 use whorl_identification::{Determined, EffectParameter, Finding, Identification, Settings, identify};
+use whorl_params::ModelStep;
 use whorl_recording::{KnownPlatform, Recording};
+use whorl_reproduce::regression::{
+    self, Form, Regressed, RegressionSettings, Weights, regress as regression_of,
+};
 
 use crate::model_file;
+use crate::provenance::provenance_of_this;
 use crate::runs::RunArguments;
 use crate::table;
 use whorl_math::three_digits;
@@ -78,8 +80,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = arguments.runs.read()?;
     if arguments.method == Method::Trajectory {
         let mut known = runs.known.clone();
-        known.prior.inertia_b_kg_m2 *= arguments.prior_scale;
-        known.prior.gravity_offset_b_n_m *= arguments.prior_scale;
+        known.prior = known.prior.with_mass_properties_scaled(arguments.prior_scale);
         trajectory(arguments, &known, &runs.training)
     } else {
         if arguments.out.is_some() {
@@ -105,40 +106,15 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
     print_identification(&known.model, &found);
     print_findings(&found.findings);
     let Some(out) = &arguments.out else { return Ok(()) };
-    if !found.usable() {
-        bail!("nothing was written to {}: the result must not be used", out.display());
-    }
-    let names: Vec<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
-    let (model, prior) = updated(known, &found)?;
-    let source = format!("whorl identify {}", names.join(", "));
+    let (model, prior) = found
+        .updated(&known.model, &known.prior)
+        .with_context(|| format!("nothing was written to {}", out.display()))?;
+    let source = provenance_of_this(&arguments.runs)?;
     let changes = changes((&known.model, &model), (&known.prior, &prior), &source);
     prepare_out(out, known)?;
-    model_file::write(out, &known.platform, &changes)?;
-    println!("{} entries written to {}", changes.len(), out.display());
+    let written = model_file::write_step(out, known, &changes, ModelStep::of_source(source))?;
+    println!("{written} entries written to {}", out.display());
     Ok(())
-}
-
-/// Model and prior after an identification; parameters that were not determined keep their values.
-fn updated(known: &KnownPlatform, found: &Identification) -> anyhow::Result<(PlatformModel, ModelPrior)> {
-    let (mut model, mut prior) = (known.model.clone(), known.prior.clone());
-    let mass_kg = model.mass_properties.mass_kg();
-    model.mass_properties = mass_properties(&found.estimate, mass_kg)?;
-    let stddev = found.stddev();
-    let places = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-    for (n, (i, j)) in places.into_iter().enumerate() {
-        prior.inertia_b_kg_m2[(i, j)] = stddev[n];
-        prior.inertia_b_kg_m2[(j, i)] = stddev[n];
-    }
-    prior.gravity_offset_b_n_m.copy_from(&stddev.fixed_rows::<3>(6));
-    for found in &found.effects {
-        // Effects that are not in the model are not added: adopting one is a separate decision.
-        if let Some(effect) = model.effects.get_mut(found.effect) {
-            effect.insert(found.name.clone(), found.value);
-            let of_effect = prior.effects.entry(found.effect.to_owned()).or_default();
-            of_effect.insert(found.name.clone(), found.stddev);
-        }
-    }
-    Ok((model, prior))
 }
 
 fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
@@ -157,30 +133,25 @@ fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
 }
 
 fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) -> anyhow::Result<()> {
-    let series = whorl_identification::estimated::estimated_series(recording, model, arguments.step)?;
-    let method = match arguments.method {
-        Method::Momentum => regression::Method::Momentum { shift: usize::from(arguments.shift) },
-        Method::Energy => regression::Method::Energy,
-        _ => regression::Method::Torque,
+    let settings = RegressionSettings {
+        method: match arguments.method {
+            Method::Momentum => regression::Method::Momentum { shift: usize::from(arguments.shift) },
+            Method::Energy => regression::Method::Energy,
+            _ => regression::Method::Torque,
+        },
+        form: match arguments.form {
+            FormChoice::Natural => Form::Natural,
+            FormChoice::Integrated => Form::IntegratedTrapezoid,
+        },
+        weights: match arguments.weighting {
+            WeightingChoice::PseudoInverse => Weights::PseudoInverse,
+            WeightingChoice::Markov => Weights::Markov,
+            WeightingChoice::Total => Weights::Total,
+        },
+        step_s: arguments.step,
     };
-    let form = match arguments.form {
-        FormChoice::Natural => Form::Natural,
-        FormChoice::Integrated => Form::IntegratedTrapezoid,
-    };
-    let inertia = model.mass_properties.inertia_b_kg_m2().diagonal();
-    let gyro = model.sensors.gyro.errors.noise_stddev;
-    let weighting = match arguments.weighting {
-        WeightingChoice::PseudoInverse => Weighting::PseudoInverse,
-        WeightingChoice::Markov => Weighting::Markov { row_stddev: inertia.component_mul(&gyro).into() },
-        WeightingChoice::Total => Weighting::TotalLeastSquares { rate_stddev_rad_s: gyro.amax() },
-    };
-    let solution = solve(&rows(&series, method, form), weighting)?;
-    println!(
-        "{}: {} samples, residual {:.2e} RMS",
-        recording.name,
-        series.samples.len(),
-        solution.residual_rms
-    );
+    let Regressed { samples, solution } = regression_of(recording, model, &settings)?;
+    println!("{}: {samples} samples, residual {:.2e} RMS", recording.name, solution.residual_rms);
     let before = mass_vector(&model.mass_properties);
     let cells: Vec<Vec<String>> = (0..MASS_PARAMETERS)
         .map(|i| {
@@ -249,5 +220,93 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
 pub fn print_findings(findings: &[Finding]) {
     for finding in findings {
         println!("{}: {}", if finding.fatal { "DO NOT USE" } else { "note" }, finding.text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use clap::Parser;
+    use whorl_params::{Value, set_in_file};
+    use whorl_recording::read_model;
+
+    use super::*;
+    use crate::simulate;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// Swings about yaw, with the wheels alone.
+    const SWING: &str = "
+/**:
+  ros__parameters:
+    formation: {platforms: [whorl_1]}
+/coordinator:
+  ros__parameters:
+    experiment: {name: short, description: yaw}
+    limits: {whorl_1: {rate_max_deg_s: 8.0, acceleration_max_deg_s2: 2.5}}
+    law: {kind: leader_follower}
+    steps:
+      settle: {kind: settle, duration_s: 4.0, pitch_deg: -0.6, roll_deg: 2.0}
+      yaw: {kind: scan, axis: yaw, amplitude_deg: 20.0, period_s: 20.0, duration_s: 40.0}
+/**/local_control:
+  ros__parameters: {actuators: wheels}
+/whorl_1/driver:
+  ros__parameters:
+    initial: {yaw_deg: 0.0, pitch_deg: -0.6, roll_deg: 2.0}
+";
+
+    /// Two effects were adopted, with values that are off; both are identified beside the mass properties and written.
+    #[test]
+    fn parameters_of_every_adopted_effect_are_written_and_load_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let of_whorl = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params");
+        for name in ["truth", "experiments"] {
+            fs::create_dir(path(name)).unwrap();
+        }
+        for name in ["common.yaml", "whorl_1.yaml"] {
+            fs::copy(of_whorl.join(name), path(name)).unwrap();
+        }
+        let adopted = [
+            ("bearing_viscous_friction", "c_n_m_s", 0.15, 0.1, 0.25),
+            ("harness_spring", "k_n_m_rad", 0.2, 0.1, 0.3),
+        ];
+        let (model, truth) = (path("whorl_1.yaml"), path("truth/whorl_1.yaml"));
+        fs::write(&truth, "/whorl_1/driver:\n  ros__parameters:\n    backend: sim\n").unwrap();
+        for (effect, name, value, stddev, in_truth) in adopted {
+            let set = |file: &Path, section: &str, key: String, value: f64| {
+                set_in_file(file, section, &key, &Value::Double(value), None).unwrap();
+            };
+            set(&model, "/whorl_1/**", format!("model.effects.{effect}.{name}"), value);
+            set(&model, "/whorl_1/**", format!("model_prior.effects.{effect}.{name}"), stddev);
+            set(&truth, "/whorl_1/driver", format!("truth.effects.{effect}.{name}"), in_truth);
+        }
+        let experiment = path("experiments/short.yaml");
+        fs::write(&experiment, SWING).unwrap();
+        let recorded = path("run");
+        simulate::record_quietly(&experiment, None, &recorded, 1).unwrap();
+
+        let out = path("identified.yaml");
+        let words = [&recorded, Path::new("--model"), &model, Path::new("--out"), &out];
+        run(&Line::parse_from([Path::new("identify")].into_iter().chain(words)).arguments).unwrap();
+
+        let again = read_model(&out, None).unwrap();
+        for (effect, name, value, stddev, in_truth) in adopted {
+            let (found, known) = (again.model.effects[effect][name], again.prior.effects[effect][name]);
+            assert!(known > 0.0 && known < 0.5 * stddev, "{effect}: {found} +- {known}");
+            assert!(
+                (found - in_truth).abs() < 0.3 * (value - in_truth).abs(),
+                "{effect}: {found} +- {known}"
+            );
+        }
+        assert_ne!(again.model.mass_properties, read_model(&model, None).unwrap().model.mass_properties);
+        let [step] = again.history.as_slice() else { panic!("{:?}", again.history) };
+        assert!(step.effects.is_empty() && step.date.is_some());
+        assert!(step.source.as_ref().unwrap().starts_with("run (sha256 "), "{step:?}");
     }
 }

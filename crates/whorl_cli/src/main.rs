@@ -12,12 +12,14 @@ mod calibrate;
 mod campaign;
 mod command;
 mod compare;
+mod demo;
 mod diagnose;
 mod effects;
 mod estimate;
 mod excitation;
 mod explain;
 mod export;
+mod history;
 mod identify;
 mod import;
 mod model_file;
@@ -104,6 +106,8 @@ enum Command {
     Diagnose(diagnose::Arguments),
     /// Adds physical effects to a platform's model, refits it and shows the errors before and after.
     Adopt(adopt::Arguments),
+    /// What was adopted into a platform's model, when, and how much it improved the predictions.
+    History(history::Arguments),
     /// Writes the manoeuvre that best separates the remaining explanations as an experiment.
     Next(next::Arguments),
     /// Lists and explains the physical effects that can be simulated, fitted and compensated.
@@ -118,6 +122,9 @@ enum Command {
     Balance(balance::Arguments),
     /// Calibrates sensors from recordings and writes the result into the platform's file.
     Calibrate(calibrate::Arguments),
+    /// Shows on simulated hardware, over DDS, what Whorl does.
+    #[command(subcommand)]
+    Demo(demo::Command),
     /// Recomputes figures and tables of the dissertation and compares them with the printed values.
     Reproduce(reproduce::Arguments),
 }
@@ -134,6 +141,7 @@ fn main() -> ExitCode {
         // A command that has started processes must live to end them.
         Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
         Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
+        Command::Demo(command) => return demo::run(&command, &ends_with_its_reader),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Estimate(arguments) => estimate::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
@@ -149,6 +157,7 @@ fn main() -> ExitCode {
         Command::Where(arguments) => where_::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Adopt(arguments) => adopt::run(&arguments),
+        Command::History(arguments) => history::run(&arguments),
         Command::Next(arguments) => next::run(&arguments),
         Command::Effects(arguments) => effects::run(&arguments),
         Command::Parameters(arguments) => parameters::run(&arguments),

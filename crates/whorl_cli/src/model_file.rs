@@ -3,11 +3,30 @@
 use std::path::Path;
 
 use anyhow::Context;
-use whorl_explain::adopt::Change;
-use whorl_params::set_in_file;
+use whorl_explain::changes::{Change, of_step};
+use whorl_params::{ModelStep, set_in_file};
+use whorl_recording::{KnownPlatform, read_model};
+
+/// Writes the changes into an existing file and notes them there as the next step of the model's history. `step` has
+/// neither number nor date. Returns how many entries were written.
+pub fn write_step(
+    file: &Path,
+    known: &KnownPlatform,
+    changes: &[Change],
+    step: ModelStep,
+) -> anyhow::Result<usize> {
+    // A file without a whole model has the history of the model that it changes.
+    let history =
+        read_model(file, Some(&known.platform)).map_or_else(|_| known.history.clone(), |k| k.history);
+    let number = history.last().map_or(1, |last| last.number.saturating_add(1));
+    let date = Some(whorl_bag::utc(whorl_ros::wall_clock()));
+    let all = [changes, of_step(&ModelStep { number, date, ..step }).as_slice()].concat();
+    write(file, &known.platform, &all)?;
+    Ok(all.len())
+}
 
 /// Writes the changes into a copy of the file, then replaces the file by the copy: all changes or none.
-pub fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
+fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
     let mut beside = file.as_os_str().to_owned();
     beside.push(".adopting");
     let beside = std::path::PathBuf::from(beside);
@@ -32,7 +51,7 @@ mod tests {
 
     use nalgebra::Vector3;
     use whorl_dynamics::MassProperties;
-    use whorl_explain::adopt::changes;
+    use whorl_explain::changes::changes;
 
     use super::*;
 

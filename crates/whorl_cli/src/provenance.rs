@@ -17,6 +17,11 @@ pub fn provenance(arguments: &RunArguments, command: &str) -> anyhow::Result<Str
     Ok(format!("{}; whorl {command}", runs.join(", ")))
 }
 
+/// The same with the command line of this process.
+pub fn provenance_of_this(arguments: &RunArguments) -> anyhow::Result<String> {
+    provenance(arguments, &std::env::args().skip(1).collect::<Vec<_>>().join(" "))
+}
+
 /// First digits of the hash of a run's measurements: the bag's files by name.
 fn data_hash(path: &Path) -> anyhow::Result<String> {
     let bag = path.join("bag");

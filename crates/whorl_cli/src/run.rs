@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
@@ -21,7 +21,7 @@ use crate::{monitor, report};
 /// Exit status when nothing was started.
 const NOT_STARTED: u8 = 2;
 /// Exit status after Ctrl-C, as shells give it.
-const INTERRUPTED: u8 = 130;
+pub const INTERRUPTED: u8 = 130;
 /// Interval at which the processes are polled.
 const LOOK: Duration = Duration::from_millis(100);
 /// Time that the monitor has to report the end of an experiment after the first node has finished.
@@ -124,12 +124,8 @@ pub fn exit_code(result: anyhow::Result<u8>) -> ExitCode {
 
 fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
     let folders = &arguments.folders;
-    let Some(experiment) = &arguments.experiment else {
-        // The error lists the existing experiments.
-        Setup::new(folders.options("")).context("which experiment?")?;
-        bail!("which experiment?");
-    };
-    let setup = Setup::new(options(arguments, experiment))?;
+    // Without a name, the error lists the existing experiments.
+    let setup = Setup::new(options(arguments, arguments.experiment.as_deref().unwrap_or_default()))?;
     let domain = this_domain()?;
     let programs = Programs::beside_this_one()?;
     for process in setup.everything(Path::new(""), None) {
@@ -278,7 +274,8 @@ impl Interrupted {
         Ok(Self(flag))
     }
 
-    fn yes(&self) -> bool {
+    /// Whether a signal has come.
+    pub fn yes(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }

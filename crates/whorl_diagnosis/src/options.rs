@@ -5,7 +5,7 @@
 pub struct Options {
     /// Effects to exclude, by their ids.
     pub exclude: Vec<String>,
-    /// Number of threads; results do not depend on it.
+    /// 1: everything on one thread; more: on those of the computer. Results do not depend on it.
     pub threads: usize,
     /// Largest number of effects that are named together.
     pub largest_set: usize,

@@ -24,4 +24,4 @@ pub use environment::Environment;
 pub use gyrostat::{Gyrostat, GyrostatError, State};
 pub use mass_properties::{INERTIA_TOLERANCE, MassProperties};
 pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, Truth};
-pub use platform::{ModelPrior, PlatformModel};
+pub use platform::{Freedom, ModelPrior, PlatformModel};

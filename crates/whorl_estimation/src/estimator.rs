@@ -184,8 +184,7 @@ impl<K: Kernel> Estimator<K> {
             jet_impulse_b_n_m_s: impulse,
         });
         if let Some(vertical) = used.vertical.filter(|_| !kernel.takes_raw_force()) {
-            self.update =
-                kernel.correct_direction(&vertical.direction_b, &Vector3::z_axis(), vertical.variance);
+            self.update = kernel.correct_direction(&vertical.seen(Vector3::z_axis()));
         }
         self.use_vector(used.vector);
         if outcome.event == Some(FilterEvent::HeadingForgotten) {
@@ -243,7 +242,7 @@ impl<K: Kernel> Estimator<K> {
         else {
             return;
         };
-        self.update = kernel.correct_direction(&used.direction_b, &vector.reference_w, used.variance);
+        self.update = kernel.correct_direction(&used.seen(vector.reference_w));
     }
 
     /// Momentum of the wheels at a stamp, carried on from the last message; zero without wheels.

@@ -1,5 +1,6 @@
 //! How far a model is from recorded runs.
 
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use whorl_recording::Recording;
 use whorl_validation::Comparison;
 
@@ -14,7 +15,7 @@ pub struct ComparedRun {
     pub held_out: bool,
 }
 
-/// Compares every run with the given model, training runs first, each on its own thread.
+/// Compares every run with the given model, training runs first, on all cores.
 ///
 /// # Errors
 /// When a run cannot be compared, with what would help.
@@ -23,18 +24,12 @@ pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, E
     let all: Vec<(&Recording, bool)> = training.chain(case.held_out.iter().map(|run| (run, true))).collect();
     let names: Vec<&str> = all.iter().map(|(run, _)| run.name.as_str()).collect();
     say(0.0, &format!("comparing {}", names.join(", ")));
-    std::thread::scope(|scope| {
-        let compared = |(run, held_out): (&Recording, bool)| -> Result<ComparedRun, ExplainError> {
-            let comparison = whorl_validation::compare(run, case.model)?;
-            Ok(ComparedRun { comparison, held_out })
-        };
-        let threads: Vec<_> = all.into_iter().map(|run| scope.spawn(move || compared(run))).collect();
-        // A panic in the thread is a defect and is passed on.
-        threads
-            .into_iter()
-            .map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-            .collect()
-    })
+    let compared = |(run, held_out): (&Recording, bool)| -> Result<ComparedRun, ExplainError> {
+        Ok(ComparedRun { comparison: whorl_validation::compare(run, case.model)?, held_out })
+    };
+    let results: Vec<_> = all.into_par_iter().map(compared).collect();
+    // The first error in the order of the runs.
+    results.into_iter().collect()
 }
 
 /// Prediction error of a model relative to the noise, over all training or all held-out runs; `None` if no run could be

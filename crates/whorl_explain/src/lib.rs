@@ -1,6 +1,6 @@
 //! Explains data: functions with typed results.
 //!
-//! A [`Case`] is the input: runs of one platform, its model, and the model's prior.
+//! A [`Case`] is the input of all but the last: runs of one platform, its model, and the model's prior.
 //!
 //! | question | function | answer |
 //! |---|---|---|
@@ -9,15 +9,18 @@
 //! | which effect is missing? | [`diagnose`] | [`Explanation`] |
 //! | which manoeuvre is most informative? | [`propose()`] | [`Proposal`] |
 //! | how much does an effect improve the model? | [`adopt()`] | [`Adoption`] |
+//! | what was adopted before? | [`history()`] | [`History`] |
 //!
 //! Nothing here reads or writes files or prints. The `whorl` command, the pages and other programs call the same
 //! functions, so a number with the same name is the same statistic everywhere. All of them report the
 //! [`prediction_error`].
 
 pub mod adopt;
+pub mod changes;
 mod compare;
 mod diagnose;
 mod error;
+mod history;
 mod locate;
 pub mod propose;
 #[cfg(test)]
@@ -30,6 +33,7 @@ pub use adopt::{Adoption, Version, adopt};
 pub use compare::{ComparedRun, compare, prediction_error};
 pub use diagnose::{Explanation, UnexplainedTorque, diagnose};
 pub use error::ExplainError;
+pub use history::{EffectInModel, History, ParameterInModel, history};
 pub use locate::{Located, locate};
 pub use propose::{Proposal, propose};
 

@@ -12,11 +12,8 @@
 pub mod balance;
 pub mod calibration;
 pub mod data;
-pub mod estimated;
 pub mod mass_parameters;
 pub mod realisability;
-pub mod regression;
-pub mod rigid_body;
 pub mod sequential;
 #[cfg(test)]
 mod tests;
@@ -24,4 +21,4 @@ pub mod trajectory;
 
 pub use data::{DataError, Finding};
 pub use mass_parameters::{MassCovariance, MassVector};
-pub use trajectory::{Determined, EffectParameter, Identification, Settings, identify, predict};
+pub use trajectory::{Determined, EffectParameter, Identification, Settings, UpdateError, identify, predict};

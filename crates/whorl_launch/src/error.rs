@@ -8,6 +8,12 @@ use whorl_params::ParameterErrors;
 /// Why something cannot be started.
 #[derive(Debug, Error)]
 pub enum LaunchError {
+    /// Nothing was asked for.
+    #[error("name an experiment: {}, or a file", known.join(" "))]
+    NoName {
+        /// Names of the existing experiments.
+        known: Vec<String>,
+    },
     /// Not a file, and not in the parameter folder.
     #[error("no experiment '{name}': not a file, and not one of {}", known.join(" "))]
     NoExperiment {

@@ -11,6 +11,7 @@ mod domain;
 mod error;
 mod process;
 mod setup;
+mod step;
 mod supervisor;
 #[cfg(test)]
 mod tests;
@@ -19,4 +20,5 @@ pub use domain::{Domain, Lease};
 pub use error::LaunchError;
 pub use process::{Process, Programs};
 pub use setup::{Backend, DriverSource, Setup, SetupOptions};
+pub use step::run_to_end;
 pub use supervisor::{Ended, Supervisor, become_node};

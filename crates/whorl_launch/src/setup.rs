@@ -59,7 +59,7 @@ pub struct DriverSource {
 /// What the user asked for.
 #[derive(Debug, Clone, Default)]
 pub struct SetupOptions {
-    /// Name in the parameter folder, or a file.
+    /// Name in the parameter folder, or a file; empty is an error that lists the names.
     pub experiment: String,
     /// Parameter folder.
     pub params: PathBuf,
@@ -218,6 +218,9 @@ fn truth_of(params: &Path, platform: &str) -> Option<PathBuf> {
 }
 
 fn find_experiment(name: &str, params: &Path, params_of_whorl: &Path) -> Result<PathBuf, LaunchError> {
+    if name.is_empty() {
+        return Err(LaunchError::NoName { known: experiments_in(&params.join("experiments")) });
+    }
     let file = format!("{name}.yaml");
     let folders = [params.join("experiments"), params_of_whorl.join("experiments")];
     let candidates =

@@ -98,6 +98,8 @@ fn what_is_not_there_is_named_before_anything_starts() {
     let text = refused(SetupOptions { drivers, ..options("leader_follower_short") });
     assert!(text.contains("'whorl_7' among: whorl_1 whorl_2"), "{text}");
 
+    let text = refused(options(""));
+    assert!(text.starts_with("name an experiment: ") && text.contains(" swing "), "{text}");
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mistyped.yaml");
     let experiment =

@@ -6,7 +6,7 @@ use nalgebra::{Rotation3, Vector3};
 use thiserror::Error;
 use whorl_math::wrap_angle_rad;
 
-use crate::propagation::OrbitState;
+use crate::orbit_state::OrbitState;
 use crate::{EARTH_MU_M3_S2, EARTH_RADIUS_M};
 
 /// Newton iterations on Kepler's equation; it converges in fewer than 10 for every e below 0.99.

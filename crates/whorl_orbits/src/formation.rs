@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::elements::{Elements, OrbitError};
 use crate::hill::HillState;
-use crate::propagation::OrbitState;
+use crate::orbit_state::OrbitState;
 use crate::{EARTH_MU_M3_S2, EARTH_RATE_RAD_S};
 
 /// The linear equations hold for separations well below this share of the chief's radius.

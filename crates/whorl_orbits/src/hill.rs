@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::propagation::OrbitState;
+use crate::orbit_state::OrbitState;
 
 /// Position and velocity of a deputy seen from the chief, in the chief's Hill frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -35,11 +35,13 @@ pub mod propagation;
 pub mod relative_motion;
 pub mod yamanaka_ankersen;
 
+mod orbit_state;
 mod runge_kutta;
 
 pub use elements::{Elements, OrbitError};
 pub use hill::HillState;
-pub use propagation::{OrbitState, Propagator};
+pub use orbit_state::OrbitState;
+pub use propagation::Propagator;
 
 /// Gravitational parameter of the Earth \[m^3/s^2\] (EGM96).
 pub const EARTH_MU_M3_S2: f64 = 3.986_004_418e14;

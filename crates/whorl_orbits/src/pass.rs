@@ -7,7 +7,8 @@ use crate::co_observation::{Mounting, Pointing, Target, TargetError, elevation_r
 use crate::elements::{Elements, OrbitError};
 use crate::formation::{Formation, FormationError, with_equal_energy};
 use crate::hill::{HillState, eci_from_hill};
-use crate::propagation::{OrbitState, Propagator};
+use crate::orbit_state::OrbitState;
+use crate::propagation::Propagator;
 use crate::{clohessy_wiltshire, relative_motion, yamanaka_ankersen};
 
 /// Eccentricities above this are no circle for the equations that need one.

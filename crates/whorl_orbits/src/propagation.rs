@@ -3,20 +3,12 @@
 use nalgebra::{SVector, Vector3};
 
 use crate::elements::{Elements, OrbitError};
+use crate::orbit_state::OrbitState;
 use crate::runge_kutta::integrate;
 use crate::{EARTH_J2, EARTH_MU_M3_S2, EARTH_RADIUS_M};
 
 /// Longest step of the numerical propagator \[s\]: millimetres over a day in a low orbit.
 const STEP_S: f64 = 5.0;
-
-/// Position and velocity in inertial axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OrbitState {
-    /// Position from the Earth's centre \[m\].
-    pub position_m: Vector3<f64>,
-    /// Velocity \[m/s\].
-    pub velocity_m_s: Vector3<f64>,
-}
 
 /// How a spacecraft is propagated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,22 +39,6 @@ impl Propagator {
                 });
                 Ok(OrbitState::from_vector(&end))
             }
-        }
-    }
-}
-
-impl OrbitState {
-    fn vector(&self) -> SVector<f64, 6> {
-        let mut x = SVector::<f64, 6>::zeros();
-        x.fixed_rows_mut::<3>(0).copy_from(&self.position_m);
-        x.fixed_rows_mut::<3>(3).copy_from(&self.velocity_m_s);
-        x
-    }
-
-    fn from_vector(x: &SVector<f64, 6>) -> Self {
-        Self {
-            position_m: x.fixed_rows::<3>(0).into_owned(),
-            velocity_m_s: x.fixed_rows::<3>(3).into_owned(),
         }
     }
 }

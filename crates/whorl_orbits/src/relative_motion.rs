@@ -13,7 +13,7 @@ use nalgebra::{SVector, Vector3};
 
 use crate::EARTH_MU_M3_S2;
 use crate::hill::{HillState, anomaly_rate_rad_s};
-use crate::propagation::OrbitState;
+use crate::orbit_state::OrbitState;
 use crate::runge_kutta::integrate;
 
 /// Longest step \[s\].

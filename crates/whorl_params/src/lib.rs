@@ -43,6 +43,7 @@ mod reader;
 mod scalar;
 mod sections;
 mod serialise;
+mod shared_groups;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -56,9 +57,12 @@ pub use error::{Origin, ParameterError, ParameterErrors};
 pub use formation::{Formation, LAW_ON_PLATFORMS, formation, own_platform};
 pub use limits::{Limits, any, non_negative, positive, range};
 pub use node_parameters::{Entry, NodeParameters};
-pub use platform_model::{PlatformPrior, PriorEntry, platform_model, platform_model_with_prior, truth_model};
+pub use platform_model::{
+    ModelStep, PlatformPrior, PriorEntry, model_history, platform_model, platform_model_with_prior,
+    truth_model,
+};
 pub use reader::{Reader, read, read_shared, try_read};
-pub use sections::{SHARED_GROUPS, is_shared};
 pub use serialise::effective_yaml;
+pub use shared_groups::{SHARED_GROUPS, is_shared};
 pub use tree::{ParameterTree, layers_of_experiment, standard_layers};
 pub use value::{Kind, Value};

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::error::Origin;
-use crate::sections::is_shared;
+use crate::shared_groups::is_shared;
 use crate::value::Value;
 
 /// A key with its value and where that came from.

@@ -12,12 +12,15 @@ pub(crate) fn value_of(node: &Node) -> Result<Value, String> {
     }
 }
 
+/// Words for "no value".
+const NULLS: [&str; 5] = ["", "~", "null", "Null", "NULL"];
+
 fn scalar(text: &str, plain: bool) -> Result<Value, String> {
     if !plain {
         return Ok(Value::String(text.to_owned()));
     }
     match text {
-        "" | "~" | "null" | "Null" | "NULL" => return Err("has no value; leave the key out instead".into()),
+        _ if NULLS.contains(&text) => return Err("has no value; leave the key out instead".into()),
         "true" | "True" | "TRUE" => return Ok(Value::Bool(true)),
         "false" | "False" | "FALSE" => return Ok(Value::Bool(false)),
         ".nan" | ".NaN" | ".NAN" => return Ok(Value::Double(f64::NAN)),
@@ -60,7 +63,14 @@ fn all(text: &str, test: impl Fn(char) -> bool) -> bool {
     !text.is_empty() && text.chars().all(test)
 }
 
+/// In a list of texts, `~` and `null` are the text `~`: a place that is left empty.
 fn sequence(items: &[Node]) -> Result<Value, String> {
+    let is_null = |item: &Node| matches!(&item.content, Content::Scalar { text, plain: true } if NULLS.contains(&text.as_str()));
+    let is_text = |item: &Node| match &item.content {
+        Content::Scalar { text, plain } => matches!(scalar(text, *plain), Ok(Value::String(_))),
+        _ => false,
+    };
+    let texts = items.iter().any(is_text) && items.iter().all(|item| is_null(item) || is_text(item));
     let mut values = Vec::with_capacity(items.len());
     for (index, item) in items.iter().enumerate() {
         let Content::Scalar { text, plain } = &item.content else {
@@ -69,6 +79,10 @@ fn sequence(items: &[Node]) -> Result<Value, String> {
                 index + 1
             ));
         };
+        if texts && is_null(item) {
+            values.push(Value::String("~".to_owned()));
+            continue;
+        }
         values.push(
             scalar(text, *plain).map_err(|problem| format!("element {} of the list {problem}", index + 1))?,
         );

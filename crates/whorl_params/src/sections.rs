@@ -8,17 +8,7 @@ use crate::error::{Origin, ParameterError, ParameterErrors};
 use crate::node_parameters::Entry;
 use crate::node_pattern::NodePattern;
 use crate::scalar::value_of;
-
-/// Groups of keys that belong to no single node. Only they may stand in a section that ends in a
-/// wildcard, and a node that does not read such a group ignores it.
-pub const SHARED_GROUPS: [&str; 5] = ["formation", "model", "model_prior", "truth", "use_sim_time"];
-
-/// True for a key of one of [`SHARED_GROUPS`].
-#[must_use]
-pub fn is_shared(key: &str) -> bool {
-    let group = key.split_once('.').map_or(key, |(group, _)| group);
-    SHARED_GROUPS.contains(&group)
-}
+use crate::shared_groups::{SHARED_GROUPS, is_shared};
 
 #[derive(Debug, Clone)]
 pub(crate) struct Section {

@@ -9,8 +9,10 @@ use crate::{Mounting, Recording, Series};
 const FEW: usize = 10;
 /// Readings that come faster than this have a wrong time [Hz].
 const FASTEST_HZ: f64 = 20_000.0;
-/// Readings slower than this cannot resolve the motion on a bearing \[Hz\].
-const SLOWEST_HZ: f64 = 0.5;
+/// Readings slower than this, and slower by [`SLOWER`] than the sensors' stated rate where that is known, have a wrong
+/// time \[Hz\].
+const SLOWEST_HZ: f64 = 0.4;
+const SLOWER: f64 = 100.0;
 /// Time over which turns are compared \[s\].
 const WINDOW_S: f64 = 0.5;
 /// Turns or speeds that differ by more than this factor cannot be a scale error of a sensor.
@@ -28,22 +30,22 @@ impl Recording {
     #[must_use]
     pub fn contradictions(&self, model: Option<&PlatformModel>) -> Vec<String> {
         let mut found = Vec::new();
-        for (series, name) in [(&self.gyro_b_rad_s, "gyro"), (&self.specific_force_b_m_s2, "accelerometer")] {
-            found.extend(frozen(series, name));
-        }
-        found.extend(self.time_unit());
-        if self.mounting == Mounting::OnBearing {
+        found.extend(frozen(&self.gyro_b_rad_s, self.gyro_axes(), "gyro"));
+        found.extend(frozen(&self.specific_force_b_m_s2, [true; 3], "accelerometer"));
+        found.extend(self.time_unit(model.map(|model| model.sensors.rate_hz)));
+        if self.mounting == Mounting::OnBearing && self.has_whole_gyro() {
             found.extend(self.gyro_unit());
         }
         found.extend(model.into_iter().flat_map(|model| self.wheel_units(model)));
         found
     }
 
-    fn time_unit(&self) -> Option<String> {
+    fn time_unit(&self, stated_hz: Option<f64>) -> Option<String> {
+        let slowest_hz = stated_hz.map_or(SLOWEST_HZ, |stated_hz| SLOWEST_HZ.min(stated_hz / SLOWER));
         [&self.gyro_b_rad_s.time_s, &self.wheel_speed_rad_s.time_s].into_iter().find_map(|times| {
             let length_s = times.last()? - times.first()?;
             let rate_hz = times.len() as f64 / length_s.max(1e-9);
-            if times.len() > FEW && rate_hz < SLOWEST_HZ {
+            if times.len() > FEW && rate_hz < slowest_hz {
                 return Some(format!(
                     "Readings come every {:.0} s: is the time's unit right? (ms taken for s: 1000 times.)",
                     1.0 / rate_hz
@@ -190,11 +192,12 @@ impl Turns {
 }
 
 /// A sensor with noise never reads the same number throughout.
-fn frozen(series: &Series<Vector3<f64>>, name: &str) -> Option<String> {
+fn frozen(series: &Series<Vector3<f64>>, there: [bool; 3], name: &str) -> Option<String> {
     let first = series.value.first().filter(|_| series.len() >= FEW)?;
     let constant = |axis: usize| series.value.iter().all(|v| v.get(axis) == first.get(axis));
+    let axes = (0..3).zip(["x", "y", "z"]).zip(there);
     let axes: Vec<&str> =
-        (0..3).zip(["x", "y", "z"]).filter(|(axis, _)| constant(*axis)).map(|(_, n)| n).collect();
+        axes.filter(|((axis, _), there)| *there && constant(*axis)).map(|((_, n), _)| n).collect();
     (!axes.is_empty()).then(|| {
         format!(
             "The {name} reads the same number in all {} samples ({}): it is frozen, not connected, or rounded away by its unit; \

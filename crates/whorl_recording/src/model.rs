@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use whorl_bag::RunDirectory;
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_params::{ParameterTree, PriorEntry, platform_model_with_prior, read_shared};
+use whorl_params::{
+    ModelStep, ParameterTree, PriorEntry, model_history, platform_model_with_prior, read_shared,
+};
 
 use crate::RecordingError;
 
@@ -19,6 +21,8 @@ pub struct KnownPlatform {
     pub prior: ModelPrior,
     /// Those that its files give, with their sources; the rest is typical.
     pub prior_entries: Vec<PriorEntry>,
+    /// The changes that commands made to the model, oldest first.
+    pub history: Vec<ModelStep>,
     /// The files it was read from, lowest layer first.
     pub files: Vec<PathBuf>,
 }
@@ -57,10 +61,10 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
     if parameters.children("model").is_empty() {
         return Err(no_model("params/README.md shows one".into()));
     }
-    let read = read_shared(&parameters, platform_model_with_prior)?;
+    let (read, history) = read_shared(&parameters, |r| (platform_model_with_prior(r), model_history(r)))?;
     // Without a model there were errors, which have been returned.
     let (model, known) = read.ok_or_else(|| no_model("it is incomplete".into()))?;
-    Ok(KnownPlatform { platform, model, prior: known.prior, prior_entries: known.entries, files })
+    Ok(KnownPlatform { platform, model, prior: known.prior, prior_entries: known.entries, history, files })
 }
 
 /// The platform of a run directory that has only one.

@@ -2,15 +2,15 @@
 
 use nalgebra::Vector3;
 use whorl_bag::{Channel, Form};
-use whorl_dynamics::PlatformModel;
+use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_math::statistics::median;
 
 use crate::error::RecordingError;
 use crate::recording::{Mounting, Recording};
 use crate::series::Series;
 
-/// Shorter runs hold too little [s].
-const SHORT_S: f64 = 10.0;
+/// Runs with fewer readings hold too little.
+const FEW_READINGS: usize = 200;
 /// Usual intervals between readings beyond which one is a gap.
 const GAP_STEPS: f64 = 8.0;
 /// Standard gravity [m/s^2].
@@ -52,14 +52,14 @@ const COSTS: [Cost; 9] = [
     Cost {
         any_of: &[Channel::Accelerometer],
         is_of_body: true,
-        matters: |_| true,
+        matters: |model| model.freedom == Freedom::OnBearing,
         sentence: "No accelerometer: the tilt is not known, so gravity_offset and everything that follows the \
                  vertical is told by the gyro alone, and no accelerometer effect can be named.",
     },
     Cost {
         any_of: &[Channel::Vector],
         is_of_body: true,
-        matters: |_| true,
+        matters: |model| model.freedom.axes() == 3,
         sentence: "No vector sensor: yaw drifts with the gyro, so effects that follow the heading (magnetic_torque, \
                  air_current, harness_spring) are hard to tell apart, and vector_sensor_misalignment cannot be seen.",
     },
@@ -123,10 +123,22 @@ impl Recording {
             channel => self.sampled().any(|(there, ..)| there == *channel),
         };
         let held = self.mounting == Mounting::Clamped;
+        let axes = ["x", "y", "z"].into_iter().zip(self.no_gyro_axis);
+        let axes: Vec<&str> = axes.filter(|(_, missing)| *missing).map(|(axis, _)| axis).collect();
+        let rate_is_open = !axes.is_empty()
+            && !held
+            && model.freedom.rate_from_gyro_b_rad_s(&Vector3::zeros(), self.gyro_axes()).is_none();
+        let partial = rate_is_open.then(|| {
+            format!(
+                "No gyro axis {}: the platform turns about it as well, so its motion is not known; only the wheels can be \
+                 judged.",
+                axes.join(", ")
+            )
+        });
         let missing = COSTS.iter().filter(|cost| {
             (cost.matters)(model) && !(cost.is_of_body && held) && !cost.any_of.iter().any(recorded)
         });
-        missing.map(|cost| cost.sentence.to_owned()).collect()
+        missing.map(|cost| cost.sentence.to_owned()).chain(partial).collect()
     }
 
     /// One sentence for each suspicious finding: a channel that never changes, an implausible unit, a run
@@ -134,14 +146,19 @@ impl Recording {
     #[must_use]
     pub fn suspicions(&self, model: Option<&PlatformModel>) -> Vec<String> {
         let mut found = Vec::new();
-        if self.duration_s() < SHORT_S {
+        let readings = self.sampled().filter(|(channel, ..)| channel.info().is_motion);
+        let readings = readings.map(|(.., series)| series.time_s().len()).max().unwrap_or(0);
+        if readings < FEW_READINGS {
             found.push(format!(
-                "The run is {:.1} s long: too short to tell one cause from another; record at least a minute.",
+                "The run has {readings} readings in {:.1} s: too few to tell one cause from another; record a longer one.",
                 self.duration_s()
             ));
         }
         found.extend(self.contradictions(model));
-        force_unit(&self.specific_force_b_m_s2, &mut found);
+        if model.is_none_or(|model| model.freedom.has_weight()) {
+            let upright = model.is_none_or(|model| model.freedom.hinge_axis_b().is_none());
+            force_unit(&self.specific_force_b_m_s2, upright, &mut found);
+        }
         if let Some(model) = model {
             let range = model.sensors.gyro.errors.range;
             let largest = largest(self.gyro_b_rad_s.value.iter().flat_map(Vector3::iter));
@@ -200,8 +217,9 @@ fn largest<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     values.fold(0.0, |largest, x| largest.max(x.abs()))
 }
 
-/// At rest, and for the most part in any run on a bearing, its length is g.
-fn force_unit(series: &Series<Vector3<f64>>, found: &mut Vec<String>) {
+/// At rest, and for the most part in any run on a bearing, its length is g; of a platform that stands upright it points
+/// along z.
+fn force_unit(series: &Series<Vector3<f64>>, upright: bool, found: &mut Vec<String>) {
     if series.is_empty() {
         return;
     }
@@ -219,7 +237,7 @@ fn force_unit(series: &Series<Vector3<f64>>, found: &mut Vec<String>) {
         found.push(format!("The accelerometer's mean length is {mean:.3} m/s^2 instead of 9.8: {unit}"));
     }
     let mean_z = series.value.iter().map(|force| force.z).sum::<f64>() / series.len() as f64;
-    if mean_z < -0.5 * mean {
+    if upright && mean_z < -0.5 * mean {
         found.push(
             "The accelerometer reads negative on z: it must be the specific force, +9.81 on z at rest; reverse the \
              sign in the map."

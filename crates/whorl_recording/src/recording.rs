@@ -4,6 +4,7 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use whorl_bag::{Channel, Form};
 
+use crate::component::Component;
 use crate::series::{ChannelSeries, Series};
 
 /// How the platform was held during a run.
@@ -54,8 +55,10 @@ pub struct Recording {
     pub platform: String,
     /// How it was held.
     pub mounting: Mounting,
-    /// Rate gyro, body axes [rad/s].
+    /// Rate gyro, body axes [rad/s]; zero on the axes that it does not have.
     pub gyro_b_rad_s: Series<Vector3<f64>>,
+    /// Which of the body's axes the gyro does not have.
+    pub no_gyro_axis: [bool; 3],
     /// Accelerometer: specific force, body axes [m/s^2], +9.81 on z at rest.
     pub specific_force_b_m_s2: Series<Vector3<f64>>,
     /// Vector sensors.
@@ -125,6 +128,25 @@ impl Recording {
         series_of!(channel, self, self.vectors.get_mut(sensor)?, self.truth.get_or_insert_default(), mut)
     }
 
+    /// Which of the body's axes the gyro measures.
+    #[must_use]
+    pub fn gyro_axes(&self) -> [bool; 3] {
+        self.no_gyro_axis.map(|missing| !missing)
+    }
+
+    /// Whether this component of a channel is measured at all: a gyro may lack axes.
+    #[must_use]
+    pub fn measures(&self, component: Component) -> bool {
+        let lacks = || self.no_gyro_axis.get(component.index()) == Some(&true);
+        component.channel != Channel::Gyro || !lacks()
+    }
+
+    /// Whether the gyro measures all three axes.
+    #[must_use]
+    pub fn has_whole_gyro(&self) -> bool {
+        self.no_gyro_axis == [false; 3]
+    }
+
     /// How many sensors of a channel the platform has.
     fn sensors(&self, channel: Channel) -> usize {
         if channel.info().form == Form::Directions { self.vectors.len() } else { 1 }
@@ -162,4 +184,24 @@ impl Recording {
         let pulses = self.jet_pulses.iter().filter_map(|pulses| pulses.first().map(|pulse| &pulse.on_s));
         samples.chain(pulses).copied().min_by(f64::total_cmp)
     }
+}
+
+/// Which axes of these samples never have a number; they become zero in all. A sample that lacks a number on another axis
+/// is taken out, and one of a sensor without any axis.
+pub(crate) fn take_out_missing_axes(samples: &mut Vec<(i64, Vec<f64>)>) -> [bool; 3] {
+    let is_there = |axis: usize| samples.iter().any(|(_, v)| v.get(axis).is_some_and(|x| x.is_finite()));
+    let missing = [0, 1, 2].map(|axis| !is_there(axis));
+    if missing == [true; 3] {
+        samples.clear();
+        return [false; 3];
+    }
+    samples.retain_mut(|(_, v)| {
+        for (x, missing) in v.iter_mut().zip(missing) {
+            if missing {
+                *x = 0.0;
+            }
+        }
+        v.iter().all(|x| x.is_finite())
+    });
+    missing
 }

@@ -118,7 +118,15 @@ fn messages(recording: &Recording, wheels: &[String]) -> Messages {
             if let (Message::JointState(state), Form::Wheels { .. }) = (&mut message, first.info().form) {
                 state.name = wheels.to_vec();
             }
-            for (channel, numbers) in samples {
+            for (channel, mut numbers) in samples {
+                if channel == Channel::Gyro {
+                    // Not measured is not zero.
+                    for (x, missing) in numbers.iter_mut().zip(recording.no_gyro_axis) {
+                        if missing {
+                            *x = f64::NAN;
+                        }
+                    }
+                }
                 channel.info().carrier.write(&numbers, &mut message);
             }
             out.push((at, name.clone(), message));

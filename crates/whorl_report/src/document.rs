@@ -1,10 +1,10 @@
 //! Building blocks of every page: head, style, tables, figures.
 
-use std::fmt::Write as _;
-
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use whorl_math::three_digits;
 
 use crate::figure::{Figure, script};
+use crate::metrics::Interval;
 
 const STYLE: &str = "
 body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
@@ -20,127 +20,161 @@ p.answer { font-size: 1.15rem; margin: 0.5rem 0; } p.rule { color: #555; font-si
 @media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-before: auto; } }
 ";
 
-/// Ends a page.
-pub(crate) const END: &str = "</body></html>\n";
-
 /// A page under construction.
 #[derive(Debug, Clone)]
 pub(crate) struct Document {
-    html: String,
+    title: String,
+    body: Vec<Markup>,
     figures: usize,
 }
 
 impl Document {
-    /// Head, style, the script that draws figures, and the heading.
+    /// An empty page with this heading.
     pub fn new(title: &str) -> Self {
-        let title = escaped(title);
-        let html = format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\
-             <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\n{}</head><body>\n<h1>{title}</h1>\n",
-            script()
-        );
-        Self { html, figures: 0 }
+        Self { title: title.to_owned(), body: Vec::new(), figures: 0 }
     }
 
-    /// The HTML so far.
-    pub fn into_body(self) -> String {
-        self.html
-    }
-
-    /// The whole page.
+    /// The whole page: head, style, the script that draws figures, the heading and what was added.
     pub fn finish(self) -> String {
-        self.html + END
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    title { (self.title) }
+                    meta name="viewport" content="width=device-width";
+                    style { (PreEscaped(STYLE)) }
+                    (PreEscaped(script()))
+                }
+                body {
+                    h1 { (self.title) }
+                    @for part in &self.body {
+                        (part) "\n"
+                    }
+                }
+            }
+        };
+        page.into_string()
+    }
+
+    /// Anything else.
+    pub fn add(&mut self, part: Markup) {
+        self.body.push(part);
     }
 
     /// A subheading.
     pub fn heading(&mut self, text: &str) {
-        // Writing to a String cannot fail.
-        let _ = writeln!(self.html, "<h2>{}</h2>", escaped(text));
+        self.add(html! { h2 { (text) } });
     }
 
     /// A paragraph of a class (`answer`, `rule`, `warning`; empty for none).
     pub fn paragraph(&mut self, class: &str, text: &str) {
-        let _ = writeln!(self.html, "<p class=\"{class}\">{}</p>", escaped(text));
+        self.add(html! { p class=[(!class.is_empty()).then_some(class)] { (text) } });
     }
 
     /// A list of sentences.
     pub fn list(&mut self, items: &[String]) {
-        if items.is_empty() {
-            return;
+        if !items.is_empty() {
+            self.add(html! { ul { @for item in items { li { (item) } } } });
         }
-        self.html.push_str("<ul>");
-        for item in items {
-            let _ = writeln!(self.html, "<li>{}</li>", escaped(item));
-        }
-        self.html.push_str("</ul>\n");
     }
 
-    /// A table of HTML cells ([`text`], [`number`]) with plain-text headings; headings of numeric columns
-    /// begin with `#`.
-    pub fn table(&mut self, headings: &[&str], rows: &[Vec<String>]) {
-        self.html.push_str("<div class=wide><table><tr>");
-        for heading in headings {
-            let _ = match heading.strip_prefix('#') {
-                Some(number) => write!(self.html, "<th class=n>{}</th>", escaped(number)),
-                None => write!(self.html, "<th>{}</th>", escaped(heading)),
-            };
-        }
-        self.html.push_str("</tr>\n");
-        for row in rows {
-            let _ = writeln!(self.html, "<tr>{}</tr>", row.concat());
-        }
-        self.html.push_str("</table></div>\n");
+    /// A table of cells ([`text`], [`number`]) with plain-text headings; headings of numeric columns begin with `#`.
+    pub fn table(&mut self, headings: &[&str], rows: &[Vec<Markup>]) {
+        self.add(html! { div class="wide" { (table(headings, rows)) } });
     }
 
     /// A figure, unless it is empty.
     pub fn figure(&mut self, figure: &Figure, x_range: Option<(f64, f64)>) {
+        self.figure_with_bands(figure, &[], x_range);
+    }
+
+    /// The same with shaded stretches of time.
+    pub fn figure_with_bands(&mut self, figure: &Figure, shaded: &[Interval], x_range: Option<(f64, f64)>) {
         if figure.is_empty() {
             return;
         }
         self.figures += 1;
-        let _ = writeln!(
-            self.html,
-            "<div class=figure><h3>{}</h3><p class=caption>{}</p><div class=plot>{}</div></div>",
-            escaped(&figure.title),
-            escaped(&figure.caption),
-            figure.html(&format!("figure_{}", self.figures), &[], x_range)
-        );
+        let drawn = figure.html(&format!("figure_{}", self.figures), shaded, x_range);
+        self.add(html! {
+            div class="figure" {
+                h3 { (figure.title) }
+                p class="caption" { (figure.caption) }
+                div class="plot" { (PreEscaped(drawn)) }
+            }
+        });
+    }
+}
+
+/// A table, as in [`Document::table`], that does not scroll.
+pub(crate) fn table(headings: &[&str], rows: &[Vec<Markup>]) -> Markup {
+    html! {
+        table {
+            (heading_row(headings))
+            @for row in rows {
+                tr { @for cell in row { (cell) } }
+            }
+        }
+    }
+}
+
+/// The row of headings; those of numeric columns begin with `#`.
+pub(crate) fn heading_row(headings: &[&str]) -> Markup {
+    html! {
+        tr {
+            @for heading in headings {
+                @if let Some(number) = heading.strip_prefix('#') {
+                    th class="n" { (number) }
+                } @else {
+                    th { (heading) }
+                }
+            }
+        }
     }
 }
 
 /// A table cell of plain text.
-pub(crate) fn text(value: &str) -> String {
-    format!("<td>{}</td>", escaped(value))
+pub(crate) fn text(value: &str) -> Markup {
+    html! { td { (value) } }
+}
+
+/// A table cell of text below a heading: to the right where the heading begins with `#`.
+pub(crate) fn text_below(heading: &str, value: &str) -> Markup {
+    if heading.starts_with('#') { right(value) } else { text(value) }
 }
 
 /// A table cell of an identifier.
-pub(crate) fn code(value: &str) -> String {
-    format!("<td class=code>{}</td>", escaped(value))
+pub(crate) fn code(value: &str) -> Markup {
+    html! { td class="code" { (value) } }
+}
+
+/// The same, emphasised.
+pub(crate) fn bold_code(value: &str) -> Markup {
+    html! { td class="code" { b { (value) } } }
 }
 
 /// A table cell of a number, marked `good` or `bad`.
-pub(crate) fn judged(value: f64, digits: usize, good: bool) -> String {
-    let class = if good { "n good" } else { "n bad" };
-    number(value, digits).replace("class=n", &format!("class=\"{class}\""))
+pub(crate) fn judged(value: f64, digits: usize, good: bool) -> Markup {
+    html! { td class=(if good { "n good" } else { "n bad" }) { (written(value, digits)) } }
 }
 
 /// A table cell of a number with three significant digits.
-pub(crate) fn significant(value: f64) -> String {
-    format!("<td class=n>{}</td>", escaped(&three_digits(value)))
+pub(crate) fn significant(value: f64) -> Markup {
+    right(&three_digits(value))
 }
 
 /// A table cell of a number; a dash for one that is not finite.
-pub(crate) fn number(value: f64, digits: usize) -> String {
-    if value.is_finite() {
-        format!("<td class=n>{value:.digits$}</td>")
-    } else {
-        "<td class=n>–</td>".to_owned()
-    }
+pub(crate) fn number(value: f64, digits: usize) -> Markup {
+    right(&written(value, digits))
 }
 
-/// Text for HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// A table cell of a number that is written already.
+pub(crate) fn right(value: &str) -> Markup {
+    html! { td class="n" { (value) } }
+}
+
+fn written(value: f64, digits: usize) -> String {
+    if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
 }
 
 #[cfg(test)]
@@ -153,6 +187,6 @@ mod tests {
         page.paragraph("answer", "a < b & \"c\"");
         let html = page.finish();
         assert!(html.contains("a &lt; b &amp; &quot;c&quot;") && html.contains("<h1>&lt;b&gt;</h1>"));
-        assert!(html.ends_with(END));
+        assert!(html.ends_with("</body></html>"));
     }
 }

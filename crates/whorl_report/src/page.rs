@@ -1,15 +1,13 @@
 //! The report page.
 
-use std::fmt::Write as _;
-
+use maud::{Markup, html};
 use whorl_math::deg_from_rad;
 
 use crate::data::RunData;
-use crate::document::{Document, END, escaped, number};
+use crate::document::{Document, code, heading_row, number, right, table, text};
 use crate::events::happenings;
-use crate::figure::Figure;
 use crate::figures::{link_figure, pair_figures, platform_figures};
-use crate::metrics::{Attitudes, Summary, hold_intervals, relative_errors};
+use crate::metrics::{Attitudes, PairSummary, Summary, hold_intervals, relative_errors};
 
 /// Contents of the page besides the data.
 #[derive(Debug, Clone, Default)]
@@ -44,55 +42,52 @@ pub struct TopicRow {
 /// The report as one self-contained HTML document.
 #[must_use]
 pub fn html(run: &RunData, summary: &Summary, description: &Description) -> String {
-    let mut page = Document::new(&description.title).into_body();
+    let mut page = Document::new(&description.title);
     for warning in &description.warnings {
-        let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
+        page.paragraph("warning", warning);
     }
-    page.push_str(&summary_tables(summary));
-    page.push_str(&facts(description));
-    page.push_str(&figures(run));
-    page.push_str(&happenings_table(run));
-    page.push_str(&topics_table(&description.topics));
-    page.push_str(END);
-    page
+    summary_tables(&mut page, summary);
+    facts(&mut page, description);
+    figures(&mut page, run);
+    happenings_table(&mut page, run);
+    topics_table(&mut page, &description.topics);
+    page.finish()
 }
 
-fn summary_tables(summary: &Summary) -> String {
-    let mut html = format!(
-        "<p>Experiment <b>{}</b>, law <b>{}</b>: <b>{}</b> after {:.1} s.</p>\n<h2>Summary</h2>\n",
-        escaped(&summary.experiment),
-        escaped(&summary.law),
-        escaped(&summary.outcome),
-        summary.duration_s
-    );
+fn summary_tables(page: &mut Document, summary: &Summary) {
+    page.add(html! {
+        p {
+            "Experiment " b { (summary.experiment) } ", law " b { (summary.law) } ": " b { (summary.outcome) }
+            (format!(" after {:.1} s.", summary.duration_s))
+        }
+    });
+    page.heading("Summary");
     if !summary.pairs.is_empty() {
-        html.push_str(
-            "<table><tr><th>relative pointing in hold</th><th class=n>RMS [deg]</th><th class=n>largest [deg]</th>\
-             <th class=n>estimators' share, RMS [deg]</th><th class=n>control's share, RMS [deg]</th><th class=n>hold [s]</th><th class=n>acquired after [s]</th></tr>",
-        );
-        for pair in &summary.pairs {
-            let _ = writeln!(
-                html,
-                "<tr><td>{} to {}{}</td>{}{}{}{}{}{}</tr>",
-                escaped(&pair.follower),
-                escaped(&pair.leader),
-                if pair.from_truth { "" } else { " (from the estimates, without truth)" },
+        let headings = [
+            "relative pointing in hold",
+            "#RMS [deg]",
+            "#largest [deg]",
+            "#estimators' share, RMS [deg]",
+            "#control's share, RMS [deg]",
+            "#hold [s]",
+            "#acquired after [s]",
+        ];
+        let row = |pair: &PairSummary| {
+            let source = if pair.from_truth { "" } else { " (from the estimates, without truth)" };
+            vec![
+                text(&format!("{} to {}{source}", pair.follower, pair.leader)),
                 angle(pair.relative_error_rms_rad),
                 angle(pair.relative_error_max_rad),
                 angle(pair.estimator_error_rms_rad),
                 angle(pair.control_error_rms_rad),
                 number(pair.hold_s, 1),
                 number(pair.acquired_s, 1),
-            );
-        }
-        html.push_str("</table>\n");
+            ]
+        };
+        let rows: Vec<Vec<Markup>> = summary.pairs.iter().map(row).collect();
+        page.add(table(&headings, &rows));
     }
-    html.push_str("<table><tr><th></th>");
-    for platform in &summary.platforms {
-        let _ = write!(html, "<th class=n>{}</th>", escaped(&platform.name));
-    }
-    html.push_str("</tr>\n");
-    type Cell = fn(&crate::metrics::PlatformSummary) -> String;
+    type Cell = fn(&crate::metrics::PlatformSummary) -> Markup;
     let rows: [(&str, Cell); 15] = [
         ("pointing error to the reference in hold, RMS [deg]", |p| angle(p.pointing_error_rms_rad)),
         ("estimator error, RMS [deg]", |p| angle(p.estimator_error_rms_rad)),
@@ -110,7 +105,7 @@ fn summary_tables(summary: &Summary) -> String {
             if p.clock_offset_s.is_finite() {
                 let text =
                     format!("{:+.2} \u{b1} {:.2}", p.clock_offset_s * 1e3, p.clock_uncertainty_s * 1e3);
-                format!("<td class=n>{text}</td>")
+                right(&text)
             } else {
                 number(f64::NAN, 2)
             }
@@ -118,101 +113,83 @@ fn summary_tables(summary: &Summary) -> String {
         ("rejected sensor samples", |p| number(f64::from(p.rejected_samples), 0)),
         ("time not tracking, after start [s]", |p| number(p.not_tracking_s, 2)),
     ];
-    for (label, cell) in rows {
-        let cells: String = summary.platforms.iter().map(cell).collect();
-        let _ = writeln!(html, "<tr><td>{label}</td>{cells}</tr>");
-    }
-    html.push_str("</table>\n");
-    html
-}
-
-fn facts(description: &Description) -> String {
-    let mut html = "<h2>What was run</h2>\n<table>".to_owned();
-    for (label, value) in &description.facts {
-        let _ = writeln!(html, "<tr><td>{}</td><td class=code>{}</td></tr>", escaped(label), escaped(value));
-    }
-    html + "</table>\n"
-}
-
-fn figures(run: &RunData) -> String {
-    let hold = hold_intervals(run);
-    let mut html = String::new();
-    let mut count = 0;
-    let mut draw = |html: &mut String, figure: &Figure| {
-        count += 1;
-        let _ = writeln!(
-            html,
-            "<div class=figure><h3>{}</h3><p class=caption>{}</p><div class=plot>{}</div></div>",
-            escaped(&figure.title),
-            escaped(&figure.caption),
-            figure.html(&format!("figure_{count}"), &hold, Some((0.0, run.duration_s)))
-        );
+    let names: Vec<String> = summary.platforms.iter().map(|p| format!("#{}", p.name)).collect();
+    let headings: Vec<&str> = std::iter::once("").chain(names.iter().map(String::as_str)).collect();
+    let cells = |(label, cell): (&str, Cell)| {
+        std::iter::once(text(label)).chain(summary.platforms.iter().map(cell)).collect()
     };
+    page.add(table(&headings, &rows.map(cells)));
+}
+
+fn facts(page: &mut Document, description: &Description) {
+    page.heading("What was run");
+    page.add(html! {
+        table {
+            @for (label, value) in &description.facts {
+                tr { (text(label)) (code(value)) }
+            }
+        }
+    });
+}
+
+fn figures(page: &mut Document, run: &RunData) {
+    let hold = hold_intervals(run);
+    let span = Some((0.0, run.duration_s));
     let attitudes: std::collections::BTreeMap<_, _> =
         run.platforms.iter().map(|(name, data)| (name, Attitudes::new(data))).collect();
-    html.push_str("<h2>Formation</h2>\n");
+    page.heading("Formation");
     for (follower, leader) in crate::metrics::pairs(run) {
         let (Some(f), Some(l)) = (attitudes.get(&follower), attitudes.get(&leader)) else { continue };
         let errors = relative_errors(run, &follower, &leader, [f, l]);
-        for figure in pair_figures(&follower, &leader, &errors).iter().filter(|f| !f.is_empty()) {
-            draw(&mut html, figure);
+        for figure in pair_figures(&follower, &leader, &errors) {
+            page.figure_with_bands(&figure, &hold, span);
         }
     }
-    let links = link_figure(run);
-    if !links.is_empty() {
-        draw(&mut html, &links);
-    }
+    page.figure_with_bands(&link_figure(run), &hold, span);
     for (name, data) in &run.platforms {
-        let _ = writeln!(html, "<h2>Platform {}</h2>", escaped(name));
+        page.heading(&format!("Platform {name}"));
         let Some(attitudes) = attitudes.get(name) else { continue };
         for figure in platform_figures(data, attitudes) {
-            draw(&mut html, &figure);
+            page.figure_with_bands(&figure, &hold, span);
         }
     }
-    html
 }
 
-fn happenings_table(run: &RunData) -> String {
+fn happenings_table(page: &mut Document, run: &RunData) {
     let all = happenings(run);
     let faults = all.iter().filter(|h| h.fault).count();
-    let mut html = format!(
-        "<h2>What happened</h2>\n<p>{} changes, {faults} of them faults or responses to faults (shaded).</p>\
-         <table><tr><th class=n>time [s]</th><th>who</th><th>what</th></tr>\n",
-        all.len()
+    page.heading("What happened");
+    page.paragraph(
+        "",
+        &format!("{} changes, {faults} of them faults or responses to faults (shaded).", all.len()),
     );
-    for h in &all {
-        let _ = writeln!(
-            html,
-            "<tr{}>{}<td>{}</td><td>{}</td></tr>",
-            if h.fault { " class=fault" } else { "" },
-            number(h.time_s, 2),
-            escaped(&h.who),
-            escaped(&h.what)
-        );
-    }
-    html + "</table>\n"
+    page.add(html! {
+        table {
+            (heading_row(&["#time [s]", "who", "what"]))
+            @for h in &all {
+                tr class=[h.fault.then_some("fault")] { (number(h.time_s, 2)) (text(&h.who)) (text(&h.what)) }
+            }
+        }
+    });
 }
 
-fn topics_table(topics: &[TopicRow]) -> String {
-    let mut html =
-        "<h2>Recorded topics</h2>\n<table><tr><th>topic</th><th>type</th><th class=n>messages</th>\
-                    <th class=n>rate [Hz]</th><th class=n>lost</th><th class=n>longest gap [ms]</th></tr>\n"
-            .to_owned();
-    for t in topics {
-        let lost = t.lost.map_or_else(|| "<td class=n>?</td>".to_owned(), |n| number(n as f64, 0));
-        let _ = writeln!(
-            html,
-            "<tr><td class=code>{}</td><td class=code>{}</td>{}{}{lost}{}</tr>",
-            escaped(&t.name),
-            escaped(&t.type_name),
+fn topics_table(page: &mut Document, topics: &[TopicRow]) {
+    page.heading("Recorded topics");
+    let headings = ["topic", "type", "#messages", "#rate [Hz]", "#lost", "#longest gap [ms]"];
+    let row = |t: &TopicRow| {
+        vec![
+            code(&t.name),
+            code(&t.type_name),
             number(t.messages as f64, 0),
             number(t.rate_hz, 1),
+            t.lost.map_or_else(|| right("?"), |n| number(n as f64, 0)),
             number(t.longest_gap_s * 1e3, 1),
-        );
-    }
-    html + "</table>\n"
+        ]
+    };
+    let rows: Vec<Vec<Markup>> = topics.iter().map(row).collect();
+    page.add(table(&headings, &rows));
 }
 
-fn angle(rad: f64) -> String {
+fn angle(rad: f64) -> Markup {
     number(deg_from_rad(rad), 4)
 }

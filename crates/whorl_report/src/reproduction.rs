@@ -1,6 +1,8 @@
 //! The page of reproduced figures and tables.
 
-use crate::document::{Document, text};
+use maud::Markup;
+
+use crate::document::{Document, text_below};
 use crate::figure::Figure;
 use crate::series::Curve;
 
@@ -48,8 +50,9 @@ pub fn reproduction_html(title: &str, introduction: &str, items: &[Reproduction]
         page.heading(&item.title);
         if let Some((headings, rows)) = &item.table {
             let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
-            let cells = |row: &Vec<String>| row.iter().zip(&headings).map(|(c, h)| cell(c, h)).collect();
-            let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
+            let cells =
+                |row: &Vec<String>| row.iter().zip(&headings).map(|(c, h)| text_below(h, c)).collect();
+            let rows: Vec<Vec<Markup>> = rows.iter().map(cells).collect();
             page.table(&headings, &rows);
         }
         for plot in &item.plots {
@@ -58,11 +61,6 @@ pub fn reproduction_html(title: &str, introduction: &str, items: &[Reproduction]
         page.list(&item.sentences);
     }
     page.finish()
-}
-
-fn cell(content: &str, heading: &str) -> String {
-    let cell = text(content);
-    if heading.starts_with('#') { cell.replacen("<td>", "<td class=n>", 1) } else { cell }
 }
 
 fn figure(plot: &ReproducedPlot) -> Figure {

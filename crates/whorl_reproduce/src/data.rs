@@ -7,9 +7,10 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::gyrostat::RateEquation;
 use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_dynamics::sensing::specific_force_b_m_s2;
-use whorl_identification::regression::StateSeries;
 use whorl_math::vertical_b;
 use whorl_recording::{Recording, Series, VectorChannel};
+
+use crate::regression::StateSeries;
 
 /// Standard normal numbers.
 pub struct Noise(Pcg64);

@@ -7,8 +7,6 @@ use whorl_estimation::kernels::Kernel;
 use whorl_estimation::{
     BodyModel, Estimator, FilterKind, GyroSampling, ImuSample, Parameters, VectorParameters, VectorUse,
 };
-use whorl_identification::regression::StateSeries;
-use whorl_identification::rigid_body::simulate_rigid_body;
 use whorl_math::attitude_error;
 use whorl_recording::Recording;
 use whorl_report::{ReproducedPlot, Reproduction};
@@ -16,6 +14,8 @@ use whorl_report::{ReproducedPlot, Reproduction};
 use crate::comparison::{ATTITUDE_RATE, QUATERNION_RATE};
 use crate::data::{level, measured, rigid_whorl_1};
 use crate::identification::{designed, strings};
+use crate::regression::StateSeries;
+use crate::rigid_body::simulate_rigid_body;
 
 /// Output of a filter for a run.
 struct Result {

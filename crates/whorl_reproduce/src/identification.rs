@@ -2,18 +2,17 @@
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::{ModelPrior, PlatformModel};
-use whorl_identification::estimated::estimated_series;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
-use whorl_identification::regression::{
-    Form, Method, RegressionError, Solution, StateSeries, Weighting, rows, solve,
-};
-use whorl_identification::rigid_body::simulate_rigid_body;
 use whorl_identification::{DataError, Identification, Settings, identify};
 use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
 use whorl_report::Reproduction;
 
 use crate::data::{level, measured, rigid_whorl_1};
+use crate::regression::{
+    Form, Method, RegressionError, Solution, StateSeries, Weighting, estimated_series, rows, solve,
+};
+use crate::rigid_body::simulate_rigid_body;
 
 /// Printed: estimate and percent error, torque method then momentum integral.
 type Printed = [[&'static str; 4]; MASS_PARAMETERS];

@@ -3,16 +3,25 @@
 //! J. L. Schwartz, *The Distributed Spacecraft Attitude Control System Simulator*, Ph.D. dissertation,
 //! Virginia Tech, 2004, chapter 4. [`reproduce`] makes one item, [`ITEMS`] lists them. Everything is
 //! computed on the spot from simulated data with fixed seeds; nothing is stored.
+//!
+//! The methods of the dissertation that better ones supersede are here as well: its regressions ([`regression`]), the
+//! filter of parameters alone ([`dual`]) and attitude filters ([`comparison`]).
 
 pub mod comparison;
 mod data;
+pub mod dual;
 mod filters;
 mod identification;
 mod noise_map;
 mod perturbations;
+pub mod regression;
+pub mod rigid_body;
 pub mod rotating_earth;
 mod sensors;
 mod sequential;
+#[cfg(test)]
+#[path = "../../whorl_identification/src/tests/simulation.rs"]
+mod simulated_runs;
 mod spin;
 #[cfg(test)]
 mod tests;

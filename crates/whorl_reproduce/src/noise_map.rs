@@ -2,12 +2,12 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, mass_vector};
-use whorl_identification::regression::{Form, Method, StateSeries, Weighting, rows, solve};
-use whorl_identification::rigid_body::simulate_rigid_body;
 use whorl_math::statistics::median;
 use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::{Noise, level, rigid_whorl_1};
+use crate::regression::{Form, Method, StateSeries, Weighting, rows, solve};
+use crate::rigid_body::simulate_rigid_body;
 
 /// Periods of the square wave \[s\].
 const PERIODS_S: [f64; 6] = [0.5, 2.0, 5.0, 10.0, 30.0, 100.0];

@@ -4,13 +4,13 @@ use nalgebra::{Unit, Vector3};
 use whorl_dynamics::ModelPrior;
 use whorl_identification::data::prepare;
 use whorl_identification::mass_parameters::{NAMES, mass_properties, mass_vector};
-use whorl_identification::rigid_body::simulate_rigid_body;
 use whorl_identification::sequential::{JointFilter, JointUpdate, SequentialEstimate};
 use whorl_math::attitude_from_vertical;
 use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::{measured, rigid_whorl_1};
 use crate::identification::designed;
+use crate::rigid_body::simulate_rigid_body;
 
 /// Parameters that are shown: I_xx, I_zz, mgr_z.
 const SHOWN: [usize; 3] = [0, 5, 8];

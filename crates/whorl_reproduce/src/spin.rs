@@ -5,12 +5,12 @@ use whorl_dynamics::{MassProperties, PlatformModel};
 use whorl_estimation::{
     AttitudeBiasEstimator, GyroSampling, ImuSample, Parameters, VectorParameters, VectorUse,
 };
-use whorl_identification::regression::{StateSample, StateSeries};
-use whorl_identification::rigid_body::simulate_rigid_body;
 use whorl_math::{attitude_error, tilt_rad, wrap_angle_rad};
 use whorl_report::{ReproducedPlot, Reproduction};
 
 use crate::data::{measured, rigid_whorl_1};
+use crate::regression::{StateSample, StateSeries};
+use crate::rigid_body::simulate_rigid_body;
 
 /// Scale error of the simulated gyros: what makes heading drift with the rate of spin.
 const GYRO_SCALE: f64 = 1e-3;

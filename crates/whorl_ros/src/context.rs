@@ -1,5 +1,6 @@
 //! Context of a node, from its command line and environment.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use whorl_msgs::PlatformId;
@@ -156,23 +157,30 @@ impl NodeContext {
 pub fn context_from_command_line(options: NodeOptions) -> Result<NodeContext, ExitCode> {
     let command_line: Vec<String> = std::env::args().skip(1).collect();
     let fail = |error: RosError| {
-        eprintln!("{}: {error}", options.name);
+        log::complain(options.name, &error);
         WRONG_USAGE.into()
     };
     let arguments = Arguments::parse(&command_line).map_err(|e| fail(e.into()))?;
     if arguments.help {
         let program = std::env::args_os().next().unwrap_or_default();
         let program = std::path::Path::new(&program).file_name().unwrap_or_default().to_string_lossy();
-        println!("{}: {}\n\nusage: {program} [--ros-args ...]\n\n{HELP}", options.name, options.description);
-        return Err(ExitCode::SUCCESS);
+        return Err(answer(&format!(
+            "{}: {}\n\nusage: {program} [--ros-args ...]\n\n{HELP}",
+            options.name, options.description
+        )));
     }
     if arguments.version {
-        println!("{} {}", options.name, env!("CARGO_PKG_VERSION"));
-        return Err(ExitCode::SUCCESS);
+        return Err(answer(&format!("{} {}", options.name, env!("CARGO_PKG_VERSION"))));
     }
     log::to_stderr(arguments.log_level);
     let network = Network::from_environment().map_err(|e| fail(e.into()))?;
     NodeContext::new(options, arguments, network).map_err(fail)
+}
+
+/// Prints a text that was asked for. A reader who has seen enough (`driver --help | head -1`) is no error.
+fn answer(text: &str) -> ExitCode {
+    let _ = writeln!(std::io::stdout(), "{text}");
+    ExitCode::SUCCESS
 }
 
 /// Exit code for a wrong command line, environment or parameter.

@@ -1,5 +1,8 @@
 //! Log lines: to stderr through `tracing`, and to `/rosout`.
 
+use std::fmt::Display;
+use std::io::Write as _;
+
 use serde::Serialize;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::EnvFilter;
@@ -30,6 +33,11 @@ pub fn to_stderr(level: Option<LevelFilter>) {
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     // A second call, in tests, keeps the first subscriber.
     let _ = subscriber.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).try_init();
+}
+
+/// Prints on stderr why a program ends, also before there is a log. That nobody listens is no error.
+pub fn complain(name: &str, error: &impl Display) {
+    let _ = writeln!(std::io::stderr(), "{name}: {error}");
 }
 
 /// Prints a line on stderr.

@@ -8,6 +8,7 @@ use whorl_params::Reader;
 
 use crate::context::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_line};
 use crate::error::RosError;
+use crate::log;
 use crate::parameters;
 use crate::runner::Runner;
 
@@ -34,14 +35,14 @@ where
     let (core, parameters) = match build_core(&context, &read, build) {
         Ok(built) => built,
         Err(error) => {
-            eprintln!("{full_name}: {error}");
+            log::complain(&full_name, &error);
             return WRONG_USAGE.into();
         }
     };
     match Runner::new(&context, core, parameters, Box::new(read)).and_then(Runner::run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{full_name}: {error}");
+            log::complain(&full_name, &error);
             ExitCode::FAILURE
         }
     }

@@ -3,13 +3,12 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 use whorl_dynamics::platform::TiltLimit;
-use whorl_dynamics::{GyrostatError, PlatformModel};
+use whorl_dynamics::{Freedom, GyrostatError, PlatformModel};
 use whorl_recording::{Mounting, Recording};
 
-/// Fewest samples of the channel that is predicted, and the longest mean time between them \[s\].
+/// Fewest samples of the channel that is predicted.
 const FEWEST_SAMPLES: usize = 50;
-const SLOWEST_S: f64 = 0.5;
-/// RMS rate that no such platform reaches [rad/s], and the limit as a multiple of the gyro's range.
+/// RMS rate that no platform on a bearing reaches [rad/s], and the limit of any rig as a multiple of the gyro's range.
 const FASTEST_RAD_S: f64 = 20.0;
 const FASTEST_RANGES: f64 = 20.0;
 /// Plausible mean specific force of a platform on its bearing [m/s^2]: 9.81, with margins for tilt and a wrong scale
@@ -38,6 +37,30 @@ pub enum Refusal {
         duration_s: f64,
         /// Shortest length accepted \[s\].
         needed_s: f64,
+    },
+    /// Too few readings, however long it is.
+    #[error("{run}: {readings} readings of the {channel} are too few; record at least {needed}")]
+    TooFew {
+        /// Name of the run.
+        run: String,
+        /// Which channel.
+        channel: &'static str,
+        /// Readings.
+        readings: usize,
+        /// Fewest accepted.
+        needed: usize,
+    },
+    /// The model does not describe a sensor that was recorded.
+    #[error(
+        "{run}: there are {channel} data, and the model says nothing of this sensor; add the group {key} to the platform's file, or leave the channel out"
+    )]
+    NotInModel {
+        /// Name of the run.
+        run: String,
+        /// Which channel.
+        channel: &'static str,
+        /// The missing group of parameters.
+        key: &'static str,
     },
     /// The platform was clamped but must be free.
     #[error("{run}: the platform was clamped, but this analysis needs its motion; record it on its bearing")]
@@ -101,7 +124,7 @@ pub struct Needs {
 /// With a sentence that gives advice.
 pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Result<(), Refusal> {
     let run = || recording.name.clone();
-    let clamped = recording.mounting == Mounting::Clamped;
+    let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
     if clamped && needs.free {
         return Err(Refusal::Clamped { run: run() });
     }
@@ -120,21 +143,35 @@ pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Res
             "record imu/data_raw, or check that its values are numbers: the motion cannot be analysed without rates",
         );
     }
+    let axes = recording.gyro_axes();
+    if !clamped && model.freedom.rate_from_gyro_b_rad_s(&Vector3::zeros(), axes).is_none() {
+        return missing(
+            "gyro",
+            "on all axes that the platform turns about: the file's freedom says which these are, and the map which axes were \
+             recorded; the motion cannot be analysed without rates",
+        );
+    }
+    if !recording.specific_force_b_m_s2.is_empty() && !model.sensors.accelerometer.fitted {
+        let (channel, key) = ("accelerometer", "sensors.accelerometer");
+        return Err(Refusal::NotInModel { run: run(), channel, key });
+    }
     if needs.accelerometer && recording.specific_force_b_m_s2.is_empty() {
         return missing(
             "accelerometer",
             "without the direction of gravity neither the gravity offset nor the bias of the gyro can be determined",
         );
     }
-    length(recording, needs)?;
+    length(recording, needs, clamped)?;
     counts(recording, model)?;
     if clamped { Ok(()) } else { gyro(recording, model).and_then(|()| accelerometer(recording, model)) }
 }
 
-fn length(recording: &Recording, needs: &Needs) -> Result<(), Refusal> {
-    let gyro = &recording.gyro_b_rad_s.time_s;
-    let clamped = recording.mounting == Mounting::Clamped;
-    let times = if clamped { &recording.wheel_speed_rad_s.time_s } else { gyro };
+fn length(recording: &Recording, needs: &Needs, clamped: bool) -> Result<(), Refusal> {
+    let (channel, times) = if clamped {
+        ("wheel speed", &recording.wheel_speed_rad_s.time_s)
+    } else {
+        ("gyro", &recording.gyro_b_rad_s.time_s)
+    };
     let duration_s = times.last().copied().unwrap_or(0.0) - times.first().copied().unwrap_or(0.0);
     let too_short = |duration_s| Refusal::TooShort {
         run: recording.name.clone(),
@@ -144,8 +181,13 @@ fn length(recording: &Recording, needs: &Needs) -> Result<(), Refusal> {
     if duration_s.is_nan() || duration_s < needs.shortest_s {
         return Err(too_short(duration_s));
     }
-    if times.len() < FEWEST_SAMPLES || duration_s / times.len() as f64 > SLOWEST_S {
-        return Err(too_short(times.len() as f64 * 0.01));
+    if times.len() < FEWEST_SAMPLES {
+        return Err(Refusal::TooFew {
+            run: recording.name.clone(),
+            channel,
+            readings: times.len(),
+            needed: FEWEST_SAMPLES,
+        });
     }
     Ok(())
 }
@@ -167,7 +209,9 @@ fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
 
 fn gyro(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
     let rates = &recording.gyro_b_rad_s.value;
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+    for (axis, name) in
+        ["x", "y", "z"].into_iter().enumerate().filter(|(axis, _)| !recording.no_gyro_axis[*axis])
+    {
         if rates.windows(2).all(|pair| pair.iter().all(|v| Some(v[axis]) == rates.first().map(|f| f[axis]))) {
             let channel = format!("gyro's {name} axis");
             return Err(Refusal::Constant { run: recording.name.clone(), channel });
@@ -175,7 +219,8 @@ fn gyro(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
     }
     let rms = (rates.iter().map(Vector3::norm_squared).sum::<f64>() / rates.len() as f64).sqrt();
     let range = model.sensors.gyro.errors.range;
-    if rms > FASTEST_RAD_S.min(FASTEST_RANGES * range) {
+    let fastest = if model.freedom == Freedom::OnBearing { FASTEST_RAD_S } else { f64::INFINITY };
+    if rms > fastest.min(FASTEST_RANGES * range) {
         return Err(Refusal::Implausible {
             run: recording.name.clone(),
             what: format!(
@@ -193,6 +238,9 @@ fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Ref
     if forces.iter().all(|v| v == first) {
         return Err(Refusal::Constant { run: recording.name.clone(), channel: "accelerometer".to_owned() });
     }
+    if !model.freedom.has_weight() {
+        return Ok(());
+    }
     let mean = |of: fn(&Vector3<f64>) -> f64| forces.iter().map(of).sum::<f64>() / forces.len() as f64;
     let implausible = |what, help| Err(Refusal::Implausible { run: recording.name.clone(), what, help });
     let size = mean(Vector3::norm);
@@ -203,9 +251,10 @@ fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Ref
         );
     }
     let up = mean(|f| f.z);
-    // A platform that is free in pitch may lie on its side or upside down.
-    let upright = up >= *FORCE_M_S2.start() || matches!(model.tilt_limit, TiltLimit::Pitch { .. });
-    if !upright {
+    // A platform that is free in pitch, or on a shaft, may lie on its side or upside down.
+    let any_attitude =
+        matches!(model.tilt_limit, TiltLimit::Pitch { .. }) || model.freedom.hinge_axis_b().is_some();
+    if up < *FORCE_M_S2.start() && !any_attitude {
         return implausible(
             format!(
                 "the accelerometer's z axis reads {up:.2} m/s^2 on average and must be near +9.81 with the platform upright"

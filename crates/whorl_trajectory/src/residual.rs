@@ -12,17 +12,20 @@ use whorl_recording::Recording;
 
 use crate::bins::{Bins, Mean3};
 use crate::commands::Commands;
+use crate::noise::typical_step_s;
 use crate::refusal::{Needs, Refusal, check};
 use crate::smoothing::{back, smooth};
 
-/// Averaging time of gyro samples \[s\].
+/// Averaging time of gyro samples \[s\], and of fast ones so many of them.
 const BIN_S: f64 = 0.1;
-/// Candidate intensities: angular acceleration per root second [rad/s^2/sqrt(s)].
-const INTENSITIES: [f64; 11] = [1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2];
-/// Prior standard deviation of the acceleration at the start [rad/s^2].
+const BIN_SAMPLES: f64 = 10.0;
+/// Candidate intensities by decade, and between two decades: angular acceleration per root second [rad/s^2/sqrt(s)].
+const DECADES: std::ops::RangeInclusive<i32> = -7..=3;
+const BETWEEN: [f64; 2] = [1.0, 3.0];
+/// Least prior standard deviation of the acceleration at the start [rad/s^2]; that of the data, if they change faster.
 const FIRST_ACCELERATION: f64 = 0.05;
-/// Requirements on a recording: a platform that is free to move, for a few seconds.
-const NEEDS: Needs = Needs { shortest_s: 5.0, free: true, accelerometer: false };
+/// Requirements on a recording: a platform that can move.
+const NEEDS: Needs = Needs { shortest_s: 0.0, free: true, accelerometer: false };
 
 /// Unexplained torque over time, and the motion along which it acted.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -31,7 +34,7 @@ pub struct ResidualTorque {
     pub time_s: Vec<f64>,
     /// Residual torque, body axes [N m].
     pub torque_b_n_m: Vec<Vector3<f64>>,
-    /// Its standard deviation from noise, body axes [N m], > 0.
+    /// Its standard deviation from noise, body axes [N m]; zero on an axis about which the rig holds the body.
     pub stddev_b_n_m: Vec<Vector3<f64>>,
     /// Attitude, v_world = q v_body.
     pub q_world_body: Vec<UnitQuaternion<f64>>,
@@ -39,7 +42,7 @@ pub struct ResidualTorque {
     pub omega_wb_b_rad_s: Vec<Vector3<f64>>,
 }
 
-/// Estimates the torque that `model` does not explain from a recording of a free platform, ten times per second.
+/// Estimates the torque that `model` does not explain from a recording of a free platform, ten times per second or every ten samples.
 ///
 /// The model is not refitted: the error of a wrong inertia counts as torque unless the platform's own parameters were
 /// refitted to the run before.
@@ -52,7 +55,8 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
     let commands = Commands::of(recording, &gyrostat);
     let motion = smooth(recording, &gyrostat, &commands);
     let left = motion.rate_left();
-    let Some(bins) = Bins::new(&left.time_s, BIN_S) else { return Ok(ResidualTorque::default()) };
+    let bin_s = BIN_S.min(1.001 * BIN_SAMPLES * typical_step_s(&left.time_s));
+    let Some(bins) = Bins::new(&left.time_s, bin_s) else { return Ok(ResidualTorque::default()) };
     let means = bins.means(left, 0.0);
     let filled = bins.times.node_s.iter().copied().zip(means).filter(|(_, mean)| mean.count > 0.0);
     let (time_s, means): (Vec<f64>, Vec<Mean3>) = filled.unzip();
@@ -63,7 +67,9 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
         let noise: Vec<f64> = means.iter().map(|mean| sigma / mean.count.sqrt()).collect();
         most_likely(&time_s, &values, &noise)
     });
-    let inertia = gyrostat.resisting_inertia_b_kg_m2();
+    // Of a rig with fewer axes: what resists about those.
+    let free = gyrostat.model().freedom.projection();
+    let inertia = free * gyrostat.resisting_inertia_b_kg_m2() * free;
     let at = |axis: &[(f64, f64)], k: usize| axis.get(k).copied().unwrap_or((0.0, f64::INFINITY));
     let weight = gyrostat.model().mass_properties.gravity_offset_b_n_m();
     let tilt_stddev_rad = motion.attitude.tilt_stddev_rad;
@@ -76,7 +82,8 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
         let up = whorl_math::vertical_b(&now.q_world_body);
         let lever =
             weight.cross(&up.cross(&Vector3::x())).abs() + weight.cross(&up.cross(&Vector3::y())).abs();
-        let tilt = if tilt_stddev_rad.is_finite() { lever * tilt_stddev_rad } else { Vector3::zeros() };
+        let tilt =
+            if tilt_stddev_rad.is_finite() { free.abs() * lever * tilt_stddev_rad } else { Vector3::zeros() };
         let squares =
             inertia.component_mul(&inertia) * stddev.component_mul(&stddev) + tilt.component_mul(&tilt);
         torque.time_s.push(*t);
@@ -90,11 +97,11 @@ pub fn residual_torque(recording: &Recording, model: &PlatformModel) -> Result<R
 
 /// Acceleration and its standard deviation at each time, with the most likely intensity.
 fn most_likely(time_s: &[f64], value: &[f64], noise: &[f64]) -> Vec<(f64, f64)> {
-    let best = INTENSITIES
-        .iter()
-        .map(|q| (filtered(time_s, value, noise, *q).1, *q))
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or(INTENSITIES[0], |(_, q)| q);
+    let candidates = DECADES.flat_map(|power| BETWEEN.map(|share| share * 10f64.powi(power)));
+    let judged = candidates.map(|q| (filtered(time_s, value, noise, q).1, q));
+    let likeliest =
+        judged.filter(|(likelihood, _)| likelihood.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0));
+    let best = likeliest.map_or(1e-7, |(_, q)| q);
     smoothed(&filtered(time_s, value, noise, best).0)
 }
 
@@ -105,10 +112,21 @@ struct Step {
     transition: Matrix2<f64>,
 }
 
+/// Values over which a change is taken: between neighbours most of it is noise.
+const APART: usize = 10;
+
+/// Root mean square of the change per second.
+fn typical_change(time_s: &[f64], value: &[f64]) -> f64 {
+    let later = time_s.iter().skip(APART).zip(value.iter().skip(APART));
+    let slopes = time_s.iter().zip(value).zip(later).map(|((t0, y0), (t1, y1))| (y1 - y0) / (t1 - t0));
+    let (squares, count) = slopes.fold((0.0, 0usize), |(sum, n), slope| (sum + slope * slope, n + 1));
+    (squares / count.max(1) as f64).sqrt()
+}
+
 /// Filter steps and log likelihood.
 fn filtered(time_s: &[f64], value: &[f64], noise: &[f64], intensity: f64) -> (Vec<Step>, f64) {
     let mut x = Vector2::new(value.first().copied().unwrap_or(0.0), 0.0);
-    let mut p = Matrix2::new(1.0, 0.0, 0.0, FIRST_ACCELERATION.powi(2));
+    let mut p = Matrix2::new(1.0, 0.0, 0.0, FIRST_ACCELERATION.max(typical_change(time_s, value)).powi(2));
     let mut before = time_s.first().copied().unwrap_or(0.0);
     let mut log_likelihood = 0.0;
     let mut steps = Vec::with_capacity(time_s.len());

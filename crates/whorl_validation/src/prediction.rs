@@ -1,16 +1,22 @@
 //! Simulates a recording.
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
-use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel};
+use whorl_dynamics::platform::Wheel;
+use whorl_dynamics::{Freedom, InitialState, Plant, PlantError, PlatformModel};
 use whorl_math::quaternion_exp;
 use whorl_recording::{Channel, Mounting, Recording, Series};
 use whorl_trajectory::line::Line;
+use whorl_trajectory::noise::typical_step_s;
 
 use whorl_trajectory::commands::{Commands, ns};
 use whorl_trajectory::smoothing::Motion;
 
 /// Largest integration step \[ns\]: the motion between samples is slow, and valve edges are integration points.
 const STEP_NS: i64 = 2_500_000;
+/// Of a rig without bearing and effects, sampled slowly: this share of a sample's time, and of the time of its fastest
+/// motion. A Runge-Kutta step over a twentieth of a radian errs by 1e-9 of the motion.
+const SHARE_OF_SAMPLE: f64 = 0.25;
+const SHARE_OF_MOTION: f64 = 0.05;
 
 /// Predicted measurements, one for each recorded one; NaN where no prediction was possible.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -109,6 +115,28 @@ fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
     quiet
 }
 
+/// Largest integration step \[ns\]. Stops, springs and slosh may be fast whatever the samples show.
+fn step_ns(model: &PlatformModel, recording: &Recording) -> i64 {
+    if model.freedom == Freedom::OnBearing || !model.effects.is_empty() {
+        return STEP_NS;
+    }
+    let inertia = model.mass_properties.inertia_b_kg_m2();
+    let least_kg_m2 = inertia.symmetric_eigenvalues().min();
+    let fastest_rad_s = recording.gyro_b_rad_s.value.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let of_wheel = |(j, wheel): (usize, &Wheel)| {
+        let speeds = recording.wheel_speed_rad_s.value.iter().filter_map(|speeds| speeds.get(j));
+        wheel.spin_inertia_kg_m2 * speeds.fold(0.0, |most: f64, x| most.max(x.abs()))
+    };
+    let momentum: f64 = model.wheels().iter().enumerate().map(of_wheel).sum();
+    let turn_rad_s = momentum / least_kg_m2 + fastest_rad_s * inertia.norm() / least_kg_m2;
+    let weight = (model.mass_properties.gravity_offset_b_n_m().norm() / least_kg_m2).sqrt();
+    let drag = model.wheels().iter().map(|wheel| wheel.viscous_friction_n_m_s / wheel.spin_inertia_kg_m2);
+    let rate = drag.fold(turn_rad_s.max(weight), f64::max);
+    let times = &recording.gyro_b_rad_s.time_s;
+    let times = if times.is_empty() { &recording.wheel_speed_rad_s.time_s } else { times };
+    ns((SHARE_OF_SAMPLE * typical_step_s(times)).min(SHARE_OF_MOTION / rate)).max(STEP_NS)
+}
+
 fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0usize), |(s, n), x| (s + x, n + 1));
     sum / count.max(1) as f64
@@ -145,7 +173,9 @@ impl<'a> Simulator<'a> {
         samples.sort_by_key(|(time_ns, _)| *time_ns);
         let first_ns = samples.first().map_or(0, |(t, _)| *t);
         let start = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
-        let mut plant = Plant::new(&quiet(model, recording), &start, 0)?.with_step_ns(STEP_NS);
+        let mut plant = Plant::new(&quiet(model, recording), &start, 0)?
+            .with_step_ns(step_ns(model, recording))
+            .without_random_torque();
         if recording.mounting == Mounting::Clamped {
             plant.set_clamped(true);
         }

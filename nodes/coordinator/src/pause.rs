@@ -19,7 +19,7 @@ pub(crate) struct PlatformCondition {
 
 /// State of the sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum PauseDecision {
     /// Continues.
     Go,
     /// Waits.
@@ -49,7 +49,7 @@ impl PauseWatch {
         conditions: &[PlatformCondition],
         link: &LinkSettings,
         faults: &FaultSettings,
-    ) -> Verdict {
+    ) -> PauseDecision {
         let (mut link_down, mut fault) = (false, false);
         for (condition, since) in conditions.iter().zip(&mut self.not_following_since) {
             // A platform without a fresh estimate is a link fault, regardless of its controller.
@@ -65,13 +65,13 @@ impl PauseWatch {
             since.is_some_and(|since| now.seconds_since(since) > limit_s)
         };
         if longer(self.fault_since, faults.timeout_s) {
-            Verdict::FaultTimeout
+            PauseDecision::FaultTimeout
         } else if longer(self.link_since, link.timeout_s) {
-            Verdict::LinkTimeout
+            PauseDecision::LinkTimeout
         } else if link_down || fault {
-            Verdict::Wait
+            PauseDecision::Wait
         } else {
-            Verdict::Go
+            PauseDecision::Go
         }
     }
 }
@@ -104,23 +104,23 @@ mod tests {
         let mut watch = PauseWatch::new(2);
         let bad = [GOOD, PlatformCondition { following: false, leads: false, ..GOOD }];
         let expected = [
-            (0.0, Verdict::Go),
-            (0.9, Verdict::Go),
-            (1.1, Verdict::Wait),
-            (21.0, Verdict::Wait),
-            (21.2, Verdict::FaultTimeout),
+            (0.0, PauseDecision::Go),
+            (0.9, PauseDecision::Go),
+            (1.1, PauseDecision::Wait),
+            (21.0, PauseDecision::Wait),
+            (21.2, PauseDecision::FaultTimeout),
         ];
         for (seconds, verdict) in expected {
             assert_eq!(watch.evaluate(at(seconds), &bad, &link(true), &FAULTS), verdict, "{seconds}");
         }
-        assert_eq!(watch.evaluate(at(22.0), &[GOOD, GOOD], &link(true), &FAULTS), Verdict::Go);
-        assert_eq!(watch.evaluate(at(22.5), &bad, &link(true), &FAULTS), Verdict::Go);
+        assert_eq!(watch.evaluate(at(22.0), &[GOOD, GOOD], &link(true), &FAULTS), PauseDecision::Go);
+        assert_eq!(watch.evaluate(at(22.5), &bad, &link(true), &FAULTS), PauseDecision::Go);
     }
 
     #[test]
     fn a_follower_that_fails_is_left_behind_when_told_so_a_leader_never() {
         let faults = FaultSettings { wait_for_followers: false, ..FAULTS };
-        for (leads, late) in [(false, Verdict::Go), (true, Verdict::Wait)] {
+        for (leads, late) in [(false, PauseDecision::Go), (true, PauseDecision::Wait)] {
             let mut watch = PauseWatch::new(1);
             let bad = [PlatformCondition { following: false, leads, ..GOOD }];
             watch.evaluate(at(0.0), &bad, &link(true), &faults);
@@ -133,7 +133,7 @@ mod tests {
         let mut watch = PauseWatch::new(1);
         let bad = [PlatformCondition { usable: false, ..GOOD }];
         watch.evaluate(at(0.0), &bad, &link(true), &FAULTS);
-        assert_eq!(watch.evaluate(at(2.0), &bad, &link(true), &FAULTS), Verdict::Wait);
+        assert_eq!(watch.evaluate(at(2.0), &bad, &link(true), &FAULTS), PauseDecision::Wait);
     }
 
     #[test]
@@ -141,14 +141,15 @@ mod tests {
         let stale = PlatformCondition { fresh: false, usable: false, following: false, leads: true };
         let follower = PlatformCondition { leads: false, ..stale };
         for (conditions, waits, verdict) in [
-            ([stale, GOOD], false, Verdict::Wait),
-            ([GOOD, follower], false, Verdict::Go),
-            ([GOOD, follower], true, Verdict::Wait),
+            ([stale, GOOD], false, PauseDecision::Wait),
+            ([GOOD, follower], false, PauseDecision::Go),
+            ([GOOD, follower], true, PauseDecision::Wait),
         ] {
             let mut watch = PauseWatch::new(2);
             assert_eq!(watch.evaluate(at(0.0), &conditions, &link(waits), &FAULTS), verdict);
             let late = watch.evaluate(at(301.0), &conditions, &link(waits), &FAULTS);
-            let expected = if verdict == Verdict::Wait { Verdict::LinkTimeout } else { Verdict::Go };
+            let expected =
+                if verdict == PauseDecision::Wait { PauseDecision::LinkTimeout } else { PauseDecision::Go };
             assert_eq!(late, expected);
         }
     }

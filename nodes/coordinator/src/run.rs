@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::formation::{
-    Demand, Goals, LawInput, Member, Offset, ReferenceShaper, Relation, RelativeAttitudeLaw, Shaped,
+    Goals, LawInput, Member, MotionDemand, Offset, ReferenceShaper, Relation, RelativeAttitudeLaw, Shaped,
     YawPitchRoll,
 };
 use whorl_control::reference::Reference;
@@ -15,7 +15,7 @@ use whorl_node::{Outputs, Timestamp};
 
 use crate::goal::{Goal, Planning, scan_motion};
 use crate::parameters::{CoObservation, Parameters, Scan, Step, StepKind, YawZero};
-use crate::pause::{PauseWatch, PlatformCondition, Verdict};
+use crate::pause::{PauseDecision, PauseWatch, PlatformCondition};
 
 /// Period of the references \[s\].
 pub(crate) const REFERENCE_PERIOD_S: f64 = 0.02;
@@ -93,7 +93,7 @@ pub(crate) struct Run {
     members: Vec<Member>,
     goals: Goals,
     offsets: Vec<Offset>,
-    demands: Vec<Demand>,
+    demands: Vec<MotionDemand>,
 }
 
 impl Run {
@@ -213,23 +213,23 @@ impl Run {
             &parameters.faults,
         );
         match verdict {
-            Verdict::Go => {
+            PauseDecision::Go => {
                 if self.paused {
                     self.resume(parameters);
                 }
                 self.advance_steps(parameters, outputs);
             }
-            Verdict::Wait => {
+            PauseDecision::Wait => {
                 self.paused = true;
                 self.paused_s += REFERENCE_PERIOD_S;
             }
-            Verdict::LinkTimeout => {
+            PauseDecision::LinkTimeout => {
                 return Progress::Abort(format!(
                     "a link stayed stale for more than {} s",
                     parameters.link.timeout_s
                 ));
             }
-            Verdict::FaultTimeout => {
+            PauseDecision::FaultTimeout => {
                 return Progress::Abort(format!(
                     "a platform did not follow its reference for more than {} s",
                     parameters.faults.timeout_s
@@ -238,9 +238,9 @@ impl Run {
         }
         self.ask_law();
         for ((leg, sight), demand) in self.legs.iter_mut().zip(sights).zip(&self.demands) {
-            leg.holding = *demand == Demand::Hold || sight.motion.is_none() || !sight.following;
+            leg.holding = *demand == MotionDemand::Hold || sight.motion.is_none() || !sight.following;
             // An excited platform gets no reference; the reference follows it, ready to resume.
-            let demand = if leg.holding || sight.excited { &Demand::Hold } else { demand };
+            let demand = if leg.holding || sight.excited { &MotionDemand::Hold } else { demand };
             leg.shaped = leg.shaper.plan(demand, REFERENCE_PERIOD_S);
         }
         if self.step < parameters.steps.len() { Progress::Running } else { Progress::Finished }
@@ -250,7 +250,7 @@ impl Run {
     pub fn tick_finished(&mut self) {
         for leg in &mut self.legs {
             leg.shaper.advance(REFERENCE_PERIOD_S);
-            leg.shaped = leg.shaper.plan(&Demand::Hold, REFERENCE_PERIOD_S);
+            leg.shaped = leg.shaper.plan(&MotionDemand::Hold, REFERENCE_PERIOD_S);
             leg.holding = true;
         }
     }
@@ -258,7 +258,7 @@ impl Run {
     fn ask_law(&mut self) {
         if self.paused {
             self.demands.clear();
-            self.demands.resize(self.legs.len(), Demand::Hold);
+            self.demands.resize(self.legs.len(), MotionDemand::Hold);
             return;
         }
         let input = LawInput {

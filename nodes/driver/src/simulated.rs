@@ -247,20 +247,38 @@ fn due(next: &mut Timestamp, now: Timestamp, period: Option<Duration>) -> bool {
 }
 
 impl Running {
+    /// What the platform's inertial sensors send: NaN on gyro axes that it does not have, and an accelerometer that it does
+    /// not have marked as such (`sensor_msgs/Imu`).
     fn imu(&mut self, header: &Header, sensors: &whorl_dynamics::platform::SensorSuite) -> Imu {
-        let sample = self.plant.sample_imu();
+        let mut sample = self.plant.sample_imu();
+        for (rate, fitted) in sample.angular_velocity_rad_s.iter_mut().zip(sensors.gyro.axes) {
+            if !fitted {
+                *rate = f64::NAN;
+            }
+        }
+        let mut force_covariance = [0.0; 9];
+        force_covariance[0] = -1.0;
         let diagonal = |sigma: &Vector3<f64>| {
             [sigma.x.powi(2), 0., 0., 0., sigma.y.powi(2), 0., 0., 0., sigma.z.powi(2)]
         };
         let mut orientation_covariance = [0.0; 9];
         orientation_covariance[0] = -1.0;
+        if sensors.accelerometer.fitted {
+            force_covariance = diagonal(&sensors.accelerometer.errors.noise_stddev);
+        } else {
+            sample.specific_force_m_s2.fill(f64::NAN);
+        }
+        let mut rate_covariance = diagonal(&sensors.gyro.errors.noise_stddev);
+        if sensors.gyro.axes == [false; 3] {
+            rate_covariance[0] = -1.0;
+        }
         Imu {
             header: header.clone(),
             orientation_covariance,
             angular_velocity: sample.angular_velocity_rad_s.into(),
-            angular_velocity_covariance: diagonal(&sensors.gyro.errors.noise_stddev),
+            angular_velocity_covariance: rate_covariance,
             linear_acceleration: sample.specific_force_m_s2.into(),
-            linear_acceleration_covariance: diagonal(&sensors.accelerometer.errors.noise_stddev),
+            linear_acceleration_covariance: force_covariance,
             ..Imu::default()
         }
     }

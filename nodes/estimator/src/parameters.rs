@@ -59,8 +59,12 @@ pub struct SpinningWheel {
 pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let own = own_platform(r);
     // Effects that the model has adopted correct its constants: inertia, wheels, jets, sensors.
+    let mut torque_walk_b_n_m_sqrt_s = Vector3::zeros();
     let platform = platform_model_with_prior(r).and_then(|(model, prior)| match Gyrostat::new(&model) {
-        Ok(gyrostat) => Some((gyrostat.model().clone(), prior)),
+        Ok(gyrostat) => {
+            torque_walk_b_n_m_sqrt_s = gyrostat.effects().torque_walk_b_n_m_sqrt_s();
+            Some((gyrostat.model().clone(), prior))
+        }
         Err(error) => {
             r.reject("model", error.to_string());
             None
@@ -68,6 +72,9 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     });
     let identification = Identification::read(r, platform.as_ref());
     let model = platform.map(|(model, _)| model);
+    if let Some(model) = &model {
+        refuse_sensors(r, model);
+    }
     let calibration = model.as_ref().map(|m| Calibration::new(&m.sensors));
     let tf_rate_hz = r.f64_or("tf_rate_hz", 20.0, range(0.0..=100.0), "rate of /tf [Hz]; 0: none");
     let tf_position_w_m = r.vector3_or(
@@ -87,7 +94,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         "the filter that computes the estimate",
     );
     let kind = FilterKind::find(kind).unwrap_or_default();
-    let body = body::read(r, model.as_ref());
+    let body = body::read(r, model.as_ref(), torque_walk_b_n_m_sqrt_s.amax());
     if let Some(Err(error)) = body.as_ref().map(BodyModel::check) {
         r.reject(error.name, error.to_string());
     }
@@ -254,6 +261,20 @@ fn read_filter(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> FilterParam
         apply_model(&mut filter, model, noise_scale, usage);
     }
     filter
+}
+
+/// Every filter integrates a whole gyro and takes the vertical from weight.
+fn refuse_sensors(r: &mut Reader<'_>, model: &PlatformModel) {
+    if !model.freedom.has_weight() {
+        let problem = "the vertical is taken from weight, which a free platform does not feel; allowed: on_bearing, hinge, clamped";
+        r.reject("model.freedom.kind", problem);
+    }
+    if model.sensors.gyro.axes != [true; 3] {
+        r.reject("model.sensors.gyro", "the attitude needs all axes; allowed: axes left out, or [x, y, z]");
+    }
+    if !model.sensors.accelerometer.fitted {
+        r.reject("model.sensors", "the attitude needs an accelerometer; add model.sensors.accelerometer");
+    }
 }
 
 fn apply_model(

@@ -55,7 +55,7 @@ pub struct Parameters {
     pub unloading: UnloadingSettings,
     /// Wheel speeds to unload to \[rad/s\], one per wheel.
     pub wheel_speed_target_rad_s: Vec<f64>,
-    /// Weight of deviations from the desired wheel torques in the allocation; see [`whorl_allocation::Demand`].
+    /// Weight of deviations from the desired wheel torques in the allocation; see [`whorl_allocation::TorqueDemand`].
     pub wheel_weight: f64,
     /// Automatic mass balancing; `None`: the mass actuators are left alone.
     pub balancing: Option<BalancingSettings>,

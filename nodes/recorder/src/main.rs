@@ -2,6 +2,7 @@
 
 mod recording;
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use whorl_node::Node;
@@ -15,14 +16,15 @@ fn main() -> ExitCode {
     let mut recording = None;
     let code = run_node(options, parameters::read, |context, parameters: Parameters| {
         let started = recording.insert(Recording::start(context, &parameters)?);
-        println!("run directory: {}", started.run_directory().display());
+        // It records whether or not anybody reads this.
+        let _ = writeln!(std::io::stdout(), "run directory: {}", started.run_directory().display());
         let run = started.run_directory().display().to_string();
         anyhow::Ok(ReportingCore::new(run, started.status()))
     });
     match recording.map(Recording::finish) {
         None | Some(Ok(())) => code,
         Some(Err(error)) => {
-            eprintln!("recorder: {error:#}");
+            let _ = writeln!(std::io::stderr(), "recorder: {error:#}");
             ExitCode::FAILURE
         }
     }

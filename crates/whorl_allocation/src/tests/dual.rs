@@ -6,10 +6,10 @@ use rand_pcg::Pcg64;
 use crate::layouts::{
     canted_pods, direction, eight_jets, no_wheels, six_jets, three_wheels, uniform, wheels_only,
 };
-use crate::{Allocator, Demand, Effectors, JetMask, Mode, Status};
+use crate::{Allocator, Effectors, JetMask, Mode, Status, TorqueDemand};
 
 /// Objective of the program at an allocation: gas in units of the thirstiest jet, and missed wheel torque.
-fn cost(effectors: &Effectors, demand: &Demand, jets: &[f64], wheels: &[f64]) -> f64 {
+fn cost(effectors: &Effectors, demand: &TorqueDemand, jets: &[f64], wheels: &[f64]) -> f64 {
     let layout = effectors.layout();
     let rates = &layout.jet_gas_rate_kg_s;
     let most = rates.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
@@ -20,10 +20,10 @@ fn cost(effectors: &Effectors, demand: &Demand, jets: &[f64], wheels: &[f64]) ->
 }
 
 /// A demand with bounds, failures and prices of every kind.
-fn demand(effectors: &Effectors, mode: Mode, rng: &mut Pcg64, case: usize) -> Demand {
+fn demand(effectors: &Effectors, mode: Mode, rng: &mut Pcg64, case: usize) -> TorqueDemand {
     let size = [1e-6, 0.05, 0.3, 1.5, 1e3][case % 5];
     let along = if case.is_multiple_of(3) { Vector3::ith(case % 9 / 3, 1.0) } else { direction(rng) };
-    let mut demand = Demand::nominal(effectors, mode, along * (size * uniform(rng, 0.5, 1.0)));
+    let mut demand = TorqueDemand::nominal(effectors, mode, along * (size * uniform(rng, 0.5, 1.0)));
     demand.jet_available = JetMask::ALL.without(case % (effectors.jets() + 1));
     demand.motor_weight = [0.0, 0.01, 2.0, 1e4][case % 4];
     for desired in &mut demand.motor_desired {
@@ -91,7 +91,7 @@ fn both_ways_end_at_the_same_optimum() {
 fn net_force_is_for_the_interior_point() {
     let effectors = canted_pods(no_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Jets, Vector3::new(0.1, 0.05, -0.08));
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::new(0.1, 0.05, -0.08));
     assert!(matches!(
         allocator.allocate(&demand).unwrap().status,
         Status::Solved { iterations: 0, exact: true }

@@ -9,7 +9,7 @@ use crate::layouts::{
     canted_pods, direction, eight_jets, no_wheels, six_jets, three_wheels, uniform, wheels_only,
 };
 use crate::zonotope::LeastCost;
-use crate::{Allocator, Demand, EffectorLayout, Effectors, FallbackReason, JetMask, Mode, Status};
+use crate::{Allocator, EffectorLayout, Effectors, FallbackReason, JetMask, Mode, Status, TorqueDemand};
 
 /// Random demand up to `reach` times the strongest jet, every failure mode in turn.
 fn jets_only_sweep(effectors: &Effectors, cases: usize, reach: f64, seed: u128) -> Sweep {
@@ -20,7 +20,7 @@ fn jets_only_sweep(effectors: &Effectors, cases: usize, reach: f64, seed: u128) 
     for case in 0..cases {
         let failed = case % (effectors.jets() + 1);
         let torque = direction(&mut rng) * (full * uniform(&mut rng, 0.0, reach));
-        let mut demand = Demand::nominal(effectors, Mode::Jets, torque);
+        let mut demand = TorqueDemand::nominal(effectors, Mode::Jets, torque);
         demand.jet_available = JetMask::ALL.without(failed);
         let allocation = allocator.allocate(&demand).unwrap();
         let check = allocator.check(&demand, &allocation).unwrap();
@@ -60,7 +60,7 @@ fn jets_only_sweep(effectors: &Effectors, cases: usize, reach: f64, seed: u128) 
 
 /// Largest share alpha of the demand that jets open between 0 and 1 can give, by the dual of that linear program:
 /// the least of sum max(0, n'b_j) over the n with n'tau = 1, which is reached on a normal of two columns.
-fn largest_share(effectors: &Effectors, demand: &Demand) -> f64 {
+fn largest_share(effectors: &Effectors, demand: &TorqueDemand) -> f64 {
     let tau = demand.torque_b_n_m;
     let jets: Vec<Vector3<f64>> = (0..effectors.jets())
         .filter(|j| demand.jet_available.contains(*j))
@@ -120,7 +120,7 @@ fn demands_along_an_axis_are_degenerate_and_still_exact() {
         let mut allocator = Allocator::new(effectors.clone()).unwrap();
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             for size in [-1e3, -0.7, -0.24, -1e-4, 1e-9, 1e-6, 0.1, 0.24, 0.48, 5.0] {
-                let demand = Demand::nominal(&effectors, Mode::Jets, axis * size);
+                let demand = TorqueDemand::nominal(&effectors, Mode::Jets, axis * size);
                 let allocation = allocator.allocate(&demand).unwrap();
                 let check = allocator.check(&demand, &allocation).unwrap();
                 assert!(matches!(allocation.status, Status::Solved { .. }), "{size}: {allocation:?}");
@@ -138,7 +138,7 @@ fn bounds_on_jets_and_wheels_meet_the_oracle() {
     let (mut solved, mut excluded) = (0, 0);
     for _ in 0..1500 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 1.5);
-        let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
+        let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, torque);
         for j in 0..effectors.jets() {
             demand.jet_on_fraction_max[j] = uniform(&mut rng, 0.0, 1.0);
             if uniform(&mut rng, 0.0, 1.0) < 0.1 {
@@ -182,7 +182,7 @@ fn wheels_and_jets_share_at_the_optimum() {
     let mut firing = [0; 3];
     for _ in 0..1000 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 0.5);
-        let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
+        let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, torque);
         demand.motor_min = vec![-100.0; 3];
         demand.motor_max = vec![100.0; 3];
         demand.motor_weight = 10.0_f64.powf(uniform(&mut rng, -1.0, 3.0));
@@ -223,7 +223,7 @@ fn wheels_and_jets_share_at_the_optimum() {
 fn wheels_follow_their_desired_torque_when_it_is_dear_and_jets_make_up() {
     let effectors = canted_pods(three_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::new(0.05, 0.0, 0.02));
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, Vector3::new(0.05, 0.0, 0.02));
     let desired = [0.03, -0.05, 0.04];
     demand.motor_desired = desired.to_vec();
     demand.motor_weight = 1e5;
@@ -248,7 +248,7 @@ fn three_wheels_are_unique_and_the_program_agrees() {
     let mut rng = Pcg64::new(6, 7);
     for case in 0..500 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 0.6);
-        let mut demand = Demand::nominal(&effectors, Mode::Motors, torque);
+        let mut demand = TorqueDemand::nominal(&effectors, Mode::Motors, torque);
         if case % 2 == 1 {
             demand.motor_max[case % 3] = 0.03;
             demand.motor_min[case % 3] = -0.01;
@@ -283,7 +283,7 @@ fn four_wheels_share_with_least_effort() {
     let columns = effectors.layout().motor_torque_b.clone();
     let inverse = columns.pseudo_inverse(1e-9).unwrap();
     let torque = Vector3::new(0.05, -0.08, 0.11);
-    let demand = Demand::nominal(&effectors, Mode::Both, torque);
+    let demand = TorqueDemand::nominal(&effectors, Mode::Both, torque);
     let allocation = allocator.allocate(&demand).unwrap();
     for (w, expected) in allocation.motor_command.iter().zip((inverse * torque).iter()) {
         assert!((w - expected).abs() < 1e-7, "{allocation:?}");
@@ -295,7 +295,7 @@ fn net_force_falls_when_it_is_priced_and_the_torque_stays() {
     let effectors = canted_pods(no_wheels());
     let force = effectors.layout().jet_force_b_n.clone().unwrap();
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Jets, Vector3::new(0.1, 0.05, -0.08));
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::new(0.1, 0.05, -0.08));
     let plain = allocator.allocate(&demand).unwrap();
     demand.net_force_weight = 100.0;
     let priced = allocator.allocate(&demand).unwrap();
@@ -318,7 +318,7 @@ fn answers_do_not_depend_on_earlier_calls() {
     let mut rng = Pcg64::new(8, 7);
     for _ in 0..20 {
         let torque = direction(&mut rng) * uniform(&mut rng, 0.0, 2.0);
-        let mut demand = Demand::nominal(&effectors, Mode::Both, torque);
+        let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, torque);
         demand.motor_weight = uniform(&mut rng, 0.0, 5.0);
         demand.jet_available = JetMask(0xffff_ffff).without((uniform(&mut rng, 0.0, 12.0)) as usize);
         let mut fresh = Allocator::new(effectors.clone()).unwrap();
@@ -387,7 +387,7 @@ fn random_layouts_are_solved_exactly_or_say_why() {
             if flat {
                 torque.z = 0.0;
             }
-            let mut demand = Demand::nominal(&effectors, mode, torque);
+            let mut demand = TorqueDemand::nominal(&effectors, mode, torque);
             demand.jet_available = JetMask(rng.next_u32() | rng.next_u32());
             demand.motor_weight = 10.0_f64.powf(uniform(&mut rng, -3.0, 3.0));
             for j in 0..jets {

@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use crate::layouts::{canted_pods, direction, eight_jets, no_wheels, uniform};
 use crate::pulses::{ERROR_LIMIT_BITS, PulseError, PulseModulator, PulseState};
 use crate::zonotope::{LeastCost, jet_generators};
-use crate::{Allocator, Demand, Effectors, JetMask, ListError, Mode};
+use crate::{Allocator, Effectors, JetMask, ListError, Mode, TorqueDemand};
 
 const SLOT_S: f64 = 0.1;
 const MIN_ON_S: f64 = 0.01;
@@ -38,7 +38,8 @@ fn run(effectors: &Effectors, size: f64, slots: usize, seed: u128, failed: Optio
         let phase = 0.02 * slot as f64;
         let noise = direction(&mut rng) * uniform(&mut rng, 0.0, 0.1);
         let torque = (base * phase.cos() + swing * phase.sin() + noise) * (size * full);
-        let mut demand = Demand::nominal(effectors, Mode::Jets, modulator.compensated_torque_b_n_m(torque));
+        let mut demand =
+            TorqueDemand::nominal(effectors, Mode::Jets, modulator.compensated_torque_b_n_m(torque));
         demand.jet_available = available;
         let allocation = allocator.allocate(&demand).unwrap();
         assert!(allocation.alpha > 1.0 - 1e-12, "the demand is attainable");
@@ -92,7 +93,7 @@ fn demands_out_of_reach_do_not_wind_up() {
     };
     for _ in 0..200 {
         let torque = modulator.compensated_torque_b_n_m(Vector3::new(50.0, -20.0, 5.0));
-        let allocation = allocator.allocate(&Demand::nominal(&effectors, Mode::Jets, torque)).unwrap();
+        let allocation = allocator.allocate(&TorqueDemand::nominal(&effectors, Mode::Jets, torque)).unwrap();
         assert!(allocation.alpha < 0.1);
         modulator.modulate(&allocation.jet_on_fraction).unwrap();
         assert!(carried(&modulator) < 1.5);
@@ -101,7 +102,7 @@ fn demands_out_of_reach_do_not_wind_up() {
     let mut fired = 0;
     for _ in 0..10 {
         let torque = modulator.compensated_torque_b_n_m(Vector3::zeros());
-        let allocation = allocator.allocate(&Demand::nominal(&effectors, Mode::Jets, torque)).unwrap();
+        let allocation = allocator.allocate(&TorqueDemand::nominal(&effectors, Mode::Jets, torque)).unwrap();
         let pulses = modulator.modulate(&allocation.jet_on_fraction).unwrap();
         fired += usize::from(pulses.on_time_s.iter().any(|&on| on > 0.0));
     }
@@ -126,7 +127,7 @@ fn state_survives_storing() {
     let mut step = |modulator: &mut PulseModulator, k: usize| {
         let torque = Vector3::new(0.003, -0.002, 0.001) * (1.0 + 0.1 * k as f64);
         let torque = modulator.compensated_torque_b_n_m(torque);
-        let demand = Demand::nominal(&effectors, Mode::Jets, torque);
+        let demand = TorqueDemand::nominal(&effectors, Mode::Jets, torque);
         modulator.modulate(&allocator.allocate(&demand).unwrap().jet_on_fraction).unwrap()
     };
     for k in 0..17 {
@@ -152,7 +153,7 @@ fn pulses_add_up_to_the_demand_by_counting() {
     let mut on_time_s = 0.0;
     for _ in 0..100 {
         let compensated = modulator.compensated_torque_b_n_m(torque);
-        let demand = Demand::nominal(&effectors, Mode::Jets, compensated);
+        let demand = TorqueDemand::nominal(&effectors, Mode::Jets, compensated);
         let allocation = allocator.allocate(&demand).unwrap();
         on_time_s += modulator.modulate(&allocation.jet_on_fraction).unwrap().on_time_s.iter().sum::<f64>();
     }

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3xX, Vector3};
 
 use crate::layouts::{canted_pods, no_wheels, six_jets, three_wheels, wheels_only};
 use crate::{
-    Allocator, Demand, DemandError, EffectorError, EffectorLayout, Effectors, FallbackReason, JetMask,
-    ListError, Mode, Status,
+    Allocator, EffectorError, EffectorLayout, Effectors, FallbackReason, JetMask, ListError, Mode, Status,
+    TorqueDemand, TorqueDemandError,
 };
 
 fn layout() -> EffectorLayout {
@@ -56,41 +56,44 @@ fn layouts_are_refused_by_field_and_index() {
 fn demands_are_refused_by_field_and_index() {
     let effectors = canted_pods(three_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let good = Demand::nominal(&effectors, Mode::Both, Vector3::new(0.1, 0.0, 0.0));
-    let mut refuse = |change: &dyn Fn(&mut Demand)| {
+    let good = TorqueDemand::nominal(&effectors, Mode::Both, Vector3::new(0.1, 0.0, 0.0));
+    let mut refuse = |change: &dyn Fn(&mut TorqueDemand)| {
         let mut demand = good.clone();
         change(&mut demand);
         allocator.allocate(&demand).unwrap_err()
     };
     for bad in [f64::NAN, f64::INFINITY] {
-        assert!(matches!(refuse(&|d| d.torque_b_n_m.y = bad), DemandError::Torque(_)));
-        assert!(matches!(refuse(&|d| d.motor_weight = bad), DemandError::List(ListError::Value { .. })));
+        assert!(matches!(refuse(&|d| d.torque_b_n_m.y = bad), TorqueDemandError::Torque(_)));
+        assert!(matches!(
+            refuse(&|d| d.motor_weight = bad),
+            TorqueDemandError::List(ListError::Value { .. })
+        ));
         assert!(matches!(
             refuse(&|d| d.motor_max[1] = bad),
-            DemandError::List(ListError::Value { field: "motor_max", index: 1, .. })
+            TorqueDemandError::List(ListError::Value { field: "motor_max", index: 1, .. })
         ));
         assert!(matches!(
             refuse(&|d| d.jet_on_fraction_max[11] = bad),
-            DemandError::List(ListError::Value { field: "jet_on_fraction_max", index: 11, .. })
+            TorqueDemandError::List(ListError::Value { field: "jet_on_fraction_max", index: 11, .. })
         ));
     }
-    assert!(matches!(refuse(&|d| d.motor_weight = -1.0), DemandError::List(ListError::Value { .. })));
+    assert!(matches!(refuse(&|d| d.motor_weight = -1.0), TorqueDemandError::List(ListError::Value { .. })));
     assert!(matches!(
         refuse(&|d| d.jet_on_fraction_min[0] = -0.1),
-        DemandError::List(ListError::Value { .. })
+        TorqueDemandError::List(ListError::Value { .. })
     ));
     let crossed = refuse(&|d| {
         d.jet_on_fraction_min[3] = 0.6;
         d.jet_on_fraction_max[3] = 0.4;
     });
-    assert_eq!(crossed, DemandError::Crossed { what: "jet", index: 3, min: 0.6, max: 0.4 });
+    assert_eq!(crossed, TorqueDemandError::Crossed { what: "jet", index: 3, min: 0.6, max: 0.4 });
     assert!(matches!(
         refuse(&|d| d.motor_min[2] = 0.7),
-        DemandError::Crossed { what: "motor", index: 2, .. }
+        TorqueDemandError::Crossed { what: "motor", index: 2, .. }
     ));
     assert!(matches!(
         refuse(&|d| d.jet_on_fraction_min.push(0.0)),
-        DemandError::List(ListError::Count { field: "jet_on_fraction_min", found: 13, expected: 12 })
+        TorqueDemandError::List(ListError::Count { field: "jet_on_fraction_min", found: 13, expected: 12 })
     ));
 }
 
@@ -99,9 +102,9 @@ fn net_force_needs_forces() {
     let mut plain = layout();
     plain.jet_force_b_n = None;
     let effectors = Effectors::new(plain).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::x());
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, Vector3::x());
     demand.net_force_weight = 1.0;
-    assert_eq!(Allocator::new(effectors).unwrap().allocate(&demand), Err(DemandError::NoForces));
+    assert_eq!(Allocator::new(effectors).unwrap().allocate(&demand), Err(TorqueDemandError::NoForces));
 }
 
 #[test]
@@ -109,7 +112,7 @@ fn zero_demand_costs_nothing() {
     let effectors = canted_pods(three_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
     for mode in [Mode::Jets, Mode::Both, Mode::Motors] {
-        let demand = Demand::nominal(&effectors, mode, Vector3::zeros());
+        let demand = TorqueDemand::nominal(&effectors, mode, Vector3::zeros());
         let allocation = allocator.allocate(&demand).unwrap();
         assert_eq!(allocation.alpha, 1.0);
         assert_eq!(allocation.gas_rate_kg_s, 0.0);
@@ -122,7 +125,7 @@ fn zero_demand_costs_nothing() {
 fn zero_torque_with_wheels_to_unload_runs_the_program() {
     let effectors = canted_pods(three_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Both, Vector3::zeros());
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Both, Vector3::zeros());
     demand.motor_desired = vec![0.1, -0.1, 0.05];
     demand.motor_weight = 1e4;
     let allocation = allocator.allocate(&demand).unwrap();
@@ -135,7 +138,7 @@ fn zero_torque_with_wheels_to_unload_runs_the_program() {
 fn no_effector_left_is_a_fallback_with_zero() {
     let effectors = canted_pods(no_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Jets, Vector3::x());
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::x());
     demand.jet_available = JetMask::NONE;
     let allocation = allocator.allocate(&demand).unwrap();
     assert_eq!(allocation.status, Status::Fallback(FallbackReason::NoEffector));
@@ -152,13 +155,13 @@ fn coplanar_jets_give_the_projection_of_what_they_cannot_give() {
     flat.jet_torque_b_n_m.row_mut(2).fill(0.0);
     let effectors = Effectors::new(flat).unwrap();
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let demand = Demand::nominal(&effectors, Mode::Jets, Vector3::new(0.05, -0.03, 0.2));
+    let demand = TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::new(0.05, -0.03, 0.2));
     let allocation = allocator.allocate(&demand).unwrap();
     assert_eq!(allocation.status, Status::Fallback(FallbackReason::DirectionUnattainable));
     let error = allocation.achieved_torque_b_n_m - Vector3::new(0.05, -0.03, 0.0);
     assert!(error.norm() < 1e-5, "{allocation:?}");
     // In the plane they are as good as any.
-    let demand = Demand::nominal(&effectors, Mode::Jets, Vector3::new(0.05, -0.03, 0.0));
+    let demand = TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::new(0.05, -0.03, 0.0));
     let allocation = allocator.allocate(&demand).unwrap();
     assert!(matches!(allocation.status, Status::Solved { .. }), "{allocation:?}");
     assert!(allocator.check(&demand, &allocation).unwrap().agrees());
@@ -169,7 +172,7 @@ fn two_wheels_keep_the_axes_they_have() {
     let effectors = wheels_only(&[Vector3::x(), Vector3::y()], 0.2);
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
     let mut allocate = |x, y, z| {
-        allocator.allocate(&Demand::nominal(&effectors, Mode::Motors, Vector3::new(x, y, z))).unwrap()
+        allocator.allocate(&TorqueDemand::nominal(&effectors, Mode::Motors, Vector3::new(x, y, z))).unwrap()
     };
     let inside = allocate(0.1, -0.4, 0.0);
     assert_eq!(inside.status, Status::ClosedForm);
@@ -183,7 +186,7 @@ fn two_wheels_keep_the_axes_they_have() {
 fn a_stuck_open_jet_is_countered_or_reported() {
     let effectors = six_jets(no_wheels());
     let mut allocator = Allocator::new(effectors.clone()).unwrap();
-    let mut demand = Demand::nominal(&effectors, Mode::Jets, Vector3::zeros());
+    let mut demand = TorqueDemand::nominal(&effectors, Mode::Jets, Vector3::zeros());
     demand.jet_on_fraction_min[0] = 1.0;
     let countered = allocator.allocate(&demand).unwrap();
     assert!(countered.achieved_torque_b_n_m.norm() < 1e-9, "{countered:?}");

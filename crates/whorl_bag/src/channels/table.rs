@@ -64,6 +64,8 @@ pub struct ChannelInfo {
     pub is_held: bool,
     /// Whether it measures motion: a recording needs at least one such channel.
     pub is_motion: bool,
+    /// Whether a sensor of it may have fewer than three axes.
+    pub may_lack_axes: bool,
     /// Spread below which it counts as constant when residuals are correlated with it; `None`: not used, because the
     /// smoothed motion gives the same information with less noise.
     pub resolution: Option<f64>,
@@ -82,6 +84,7 @@ const ROW: ChannelInfo = ChannelInfo {
     carrier: Carrier::Vector,
     is_held: false,
     is_motion: false,
+    may_lack_axes: false,
     resolution: None,
 };
 
@@ -119,6 +122,7 @@ channels! {
         topic_key: "imu",
         carrier: Carrier::AngularVelocity,
         is_motion: true,
+        may_lack_axes: true,
     }
     /// Accelerometer: specific force, body axes [m/s^2], +9.81 on z at rest.
     Accelerometer {

@@ -49,6 +49,9 @@ pub struct CsvMap {
     pub delimiter: u8,
 }
 
+/// Stands for the column of an axis that a sensor does not have.
+pub const NO_COLUMN: &str = "~";
+
 /// The time column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TimeMap {
@@ -63,7 +66,7 @@ pub struct TimeMap {
 /// Columns of one measured quantity. SI value = `factor` * number + `offset`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnMap {
-    /// Names of the columns; a minus in front reverses the sign.
+    /// Names of the columns; a minus in front reverses the sign, [`NO_COLUMN`] stands for an axis without one.
     pub columns: Vec<String>,
     /// SI units per unit of the column.
     pub factor: f64,
@@ -178,7 +181,18 @@ impl CsvMap {
         }
         r.group(info.key, |r| {
             let (columns, of_unit) = match info.form {
-                Form::Axes => (names::<3>(r, info.holds).to_vec(), "unit of these columns"),
+                Form::Axes => {
+                    let columns = names::<3>(r, info.holds);
+                    let missing = columns.iter().filter(|name| *name == NO_COLUMN).count();
+                    if missing == 3 || missing > 0 && !info.may_lack_axes {
+                        let few = if info.may_lack_axes { "at least one" } else { "all three" };
+                        r.reject(
+                            "columns",
+                            format!("~ stands for an axis that is not measured, and here {few} must be"),
+                        );
+                    }
+                    (columns.to_vec(), "unit of these columns")
+                }
                 Form::Wheels { .. } => (counted(r, info.holds, wheels), "unit of these columns"),
                 Form::Scalar => {
                     let holds = format!("name of the column of the {}", info.holds);

@@ -14,5 +14,5 @@ pub use error::CsvError;
 pub use export::{ExportedTopic, export_csv};
 pub use import::{CsvRecording, CsvSamples};
 pub use jets::{CsvPulse, JetCommand, JetMap, JetQuantity, Slot};
-pub use map::{ColumnMap, CsvMap, PlatformParts, TimeMap, TruthMap, VectorMap};
+pub use map::{ColumnMap, CsvMap, NO_COLUMN, PlatformParts, TimeMap, TruthMap, VectorMap};
 pub use rows::{CsvRow, CsvRows};

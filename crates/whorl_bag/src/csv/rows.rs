@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::error::CsvError;
 use super::jets::{JetCommand, JetMap};
-use super::map::{ColumnMap, CsvMap};
+use super::map::{ColumnMap, CsvMap, NO_COLUMN};
 use super::table::{Column, Table};
 use crate::channels::Channel;
 
@@ -18,7 +18,8 @@ pub struct CsvRow {
     pub line: u64,
     /// Time as the column has it \[ns\].
     pub time_ns: i64,
-    /// Numbers of the channels that are axes, wheels or one number, where all of a channel's cells have one.
+    /// Numbers of the channels that are axes, wheels or one number, where all of a channel's cells have one; NaN of an
+    /// axis without a column.
     pub numbers: BTreeMap<Channel, Vec<f64>>,
     /// Of each vector sensor.
     pub vectors_b: Vec<Option<Unit<Vector3<f64>>>>,
@@ -59,7 +60,8 @@ pub struct CsvRows {
 
 /// The columns of one channel.
 struct Columns {
-    columns: Vec<Column>,
+    /// `None`: an axis that is not measured.
+    columns: Vec<Option<Column>>,
     factor: f64,
     offset: f64,
 }
@@ -189,7 +191,8 @@ impl CsvRows {
 
 impl Columns {
     fn find(table: &Table, map: &ColumnMap) -> Result<Self, CsvError> {
-        let columns = find_all(table, &map.columns)?;
+        let find = |name: &String| (name != NO_COLUMN).then(|| table.column(name)).transpose();
+        let columns = map.columns.iter().map(find).collect::<Result<_, _>>()?;
         Ok(Self { columns, factor: map.factor, offset: map.offset })
     }
 
@@ -197,6 +200,10 @@ impl Columns {
     fn numbers(&self, table: &Table) -> Result<Option<Vec<f64>>, CsvError> {
         let mut values = Vec::with_capacity(self.columns.len());
         for column in &self.columns {
+            let Some(column) = column else {
+                values.push(f64::NAN);
+                continue;
+            };
             // Every cell is looked at, so that a wrong one is found also beside a blank one.
             if let Some(x) = table.number(*column)? {
                 values.push(self.factor * x + self.offset);

@@ -29,6 +29,7 @@ pub fn write(
         let source = runs.known.files.last().context("there is no parameter file to start from")?;
         std::fs::copy(source, out).with_context(|| format!("cannot write {}", out.display()))?;
     }
-    model_file::write(out, &runs.known.platform, &changes)?;
-    Ok(format!("{}: {} entries written.", out.display(), changes.len()))
+    let written = model_file::write_step(out, &runs.known, &changes, adoption.step(provenance))?;
+    let file = out.display();
+    Ok(format!("{file}: {written} entries written; `whorl history {file}` lists what was adopted."))
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use whorl_dynamics::PlatformModel;
-use whorl_explain::adopt::changes;
+use whorl_explain::changes::changes;
 use whorl_params::Value;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_run_with};
 

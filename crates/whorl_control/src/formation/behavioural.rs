@@ -38,7 +38,7 @@ use whorl_math::attitude_error;
 use super::keep_out::KeepOut;
 use super::law::{limited, member_motion, rigid_relation};
 use super::{
-    Allowed, Demand, LawError, LawInput, Offset, Relation, RelativeAttitudeLaw, Roster, Settings,
+    Allowed, MotionDemand, LawError, LawInput, Offset, Relation, RelativeAttitudeLaw, Roster, Settings,
 };
 use crate::reference::Reference;
 
@@ -234,21 +234,21 @@ impl RelativeAttitudeLaw for Behavioural {
         self.commanded = input.members.iter().map(|m| Some(m.reference)).collect();
     }
 
-    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<MotionDemand>) {
         self.commanded.resize(input.members.len(), None);
         demands.clear();
         for (platform, member) in input.members.iter().enumerate() {
             if !member.usable {
                 // It starts again from where its reference came to rest.
                 self.commanded[platform] = None;
-                demands.push(Demand::Hold);
+                demands.push(MotionDemand::Hold);
                 continue;
             }
             let mut at = self.commanded[platform]
                 .map_or_else(|| member.reference, |last| last.extrapolated(input.dt_s));
             at.omega_dot_wr_r_rad_s2 = self.acceleration_rad_s2(&at, input, platform);
             self.commanded[platform] = Some(at);
-            demands.push(Demand::Follow(at));
+            demands.push(MotionDemand::Follow(at));
         }
     }
 

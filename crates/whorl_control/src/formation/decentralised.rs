@@ -45,7 +45,7 @@ use whorl_math::{attitude_error, quaternion_exp};
 use super::law::rigid_relation;
 use super::traffic::{self, Told, TrafficCap};
 use super::{
-    Allowed, Demand, LawError, LawInput, Listening, Member, NeighbourGraph, Offset, Relation,
+    Allowed, MotionDemand, LawError, LawInput, Listening, Member, NeighbourGraph, Offset, Relation,
     RelativeAttitudeLaw, Roster, Settings,
 };
 use crate::reference::Reference;
@@ -137,12 +137,12 @@ impl Decentralised {
         }
     }
 
-    fn demand(&self, input: &LawInput<'_>, platform: usize) -> Demand {
+    fn demand(&self, input: &LawInput<'_>, platform: usize) -> MotionDemand {
         let (Some(own), Some(offset)) = (input.members.get(platform), input.offsets.get(platform)) else {
-            return Demand::Hold;
+            return MotionDemand::Hold;
         };
         if !own.usable {
-            return Demand::Hold;
+            return MotionDemand::Hold;
         }
         let present = offset.inverse().apply(&own.reference).q_world_reference;
         let graph = &self.settings.graph;
@@ -156,7 +156,7 @@ impl Decentralised {
         let sources: Vec<(Reference, f64)> = goal.into_iter().chain(neighbours).collect();
         let total: f64 = sources.iter().map(|(_, weight)| weight).sum();
         if total <= 0.0 {
-            return Demand::Hold;
+            return MotionDemand::Hold;
         }
         let mut turn = Vector3::zeros();
         for (frame, weight) in &sources {
@@ -171,7 +171,7 @@ impl Decentralised {
         }
         let frame =
             Reference { q_world_reference: q, omega_wr_r_rad_s: omega, omega_dot_wr_r_rad_s2: omega_dot };
-        Demand::Follow(offset.apply(&frame))
+        MotionDemand::Follow(offset.apply(&frame))
     }
 }
 
@@ -232,7 +232,7 @@ impl RelativeAttitudeLaw for Decentralised {
         self.told.fill(None);
     }
 
-    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<MotionDemand>) {
         if let Some(cap) = self.settings.traffic {
             for platform in 0..self.told.len() {
                 let Some(member) = input.members.get(platform).filter(|m| m.usable) else {

@@ -133,7 +133,7 @@ pub struct LawInput<'a> {
 
 /// The demand of a law for one platform. Unshaped: it may jump and ignore limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Demand {
+pub enum MotionDemand {
     /// Move so.
     Follow(Reference),
     /// The platforms that it depends on are unknown: come to rest and stay.
@@ -237,7 +237,7 @@ pub trait RelativeAttitudeLaw: TypedLaw + std::fmt::Debug + Send + Sync {
     fn restart(&mut self, input: &LawInput<'_>);
 
     /// Replaces `demands` with one demand per platform.
-    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>);
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<MotionDemand>);
 
     /// What the law asks of a platform relative to another one, or to the world. `None` for a
     /// platform that does not exist.

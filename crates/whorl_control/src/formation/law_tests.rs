@@ -18,7 +18,7 @@ struct Formation {
     usable: Vec<bool>,
     goals: Goals,
     offsets: Vec<Offset>,
-    demands: Vec<Demand>,
+    demands: Vec<MotionDemand>,
 }
 
 impl Formation {
@@ -141,8 +141,8 @@ fn a_follower_of_an_unseen_leader_holds_and_its_error_is_unknown() {
     formation.step();
     formation.usable[0] = false;
     formation.step();
-    assert_eq!(formation.demands[1], Demand::Hold);
-    assert_eq!(formation.demands[0], Demand::Hold);
+    assert_eq!(formation.demands[1], MotionDemand::Hold);
+    assert_eq!(formation.demands[0], MotionDemand::Hold);
     assert_eq!(formation.relative_error(1), None);
     assert_eq!(formation.relative_error(0), None);
 }

@@ -34,7 +34,7 @@
 //! reference asks.
 
 use super::law::member_motion;
-use super::{Demand, LawInput, LeaderGraph, Relation, RelativeAttitudeLaw, Roster, Settings};
+use super::{MotionDemand, LawInput, LeaderGraph, Relation, RelativeAttitudeLaw, Roster, Settings};
 
 /// The law. It has no memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,18 +49,18 @@ impl LeaderFollower {
         Self { graph }
     }
 
-    fn demand(&self, input: &LawInput<'_>, platform: usize) -> Demand {
+    fn demand(&self, input: &LawInput<'_>, platform: usize) -> MotionDemand {
         match self.graph.leader(platform) {
             None => match input.members.get(platform) {
                 // A leader that is not seen waits for its link: it must not be led further blindly.
-                Some(member) if !member.usable => Demand::Hold,
-                _ => Demand::Follow(*input.goals.of(platform)),
+                Some(member) if !member.usable => MotionDemand::Hold,
+                _ => MotionDemand::Follow(*input.goals.of(platform)),
             },
             Some(leader) => match (input.members.get(leader), input.offsets.get(platform)) {
                 (Some(leader), Some(offset)) if leader.usable => {
-                    Demand::Follow(offset.apply(&member_motion(leader)))
+                    MotionDemand::Follow(offset.apply(&member_motion(leader)))
                 }
-                _ => Demand::Hold,
+                _ => MotionDemand::Hold,
             },
         }
     }
@@ -98,7 +98,7 @@ impl RelativeAttitudeLaw for LeaderFollower {
 
     fn restart(&mut self, _input: &LawInput<'_>) {}
 
-    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<MotionDemand>) {
         demands.clear();
         demands.extend((0..input.members.len()).map(|platform| self.demand(input, platform)));
     }

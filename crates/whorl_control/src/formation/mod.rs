@@ -4,7 +4,7 @@
 //! experiment's steps need to know. To add a law: write a file beside the others and name it in `register!` below.
 //!
 //! A law ([`RelativeAttitudeLaw`]) turns the state of every platform, the references they follow now
-//! and the experiment's [`Goals`] into one [`Demand`] per platform. It knows neither limits nor
+//! and the experiment's [`Goals`] into one [`MotionDemand`] per platform. It knows neither limits nor
 //! links: the caller decides which states are usable and passes every demand through a
 //! [`ReferenceShaper`], which owns the platform's reference and keeps it smooth and inside its
 //! rate, acceleration and tilt limits whatever the demand does. So switching laws, a link that
@@ -25,6 +25,7 @@ mod keep_out;
 mod law;
 mod limits;
 mod neighbours;
+mod plan;
 mod registry;
 mod settings;
 mod shaper;
@@ -44,7 +45,7 @@ mod shaper_tests;
 
 pub use graph::{GraphError, LeaderGraph};
 pub use keep_out::KeepOut;
-pub use law::{Demand, Goals, LawInput, Member, Offset, Relation, RelativeAttitudeLaw, TypedLaw};
+pub use law::{Goals, LawInput, Member, MotionDemand, Offset, Relation, RelativeAttitudeLaw, TypedLaw};
 pub use limits::{LimitsError, ReferenceLimits};
 pub use neighbours::{Listening, NeighbourError, NeighbourGraph};
 pub use registry::RegisteredLaw;

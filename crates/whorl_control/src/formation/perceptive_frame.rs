@@ -38,7 +38,8 @@ use nalgebra::Vector3;
 use whorl_math::{attitude_error, quaternion_exp};
 
 use super::law::{limited, rigid_relation, structure_of_first};
-use super::{Allowed, Demand, LawError, LawInput, Relation, RelativeAttitudeLaw, Roster, Settings};
+use super::plan::{PlanGains, require_positive};
+use super::{Allowed, MotionDemand, LawError, LawInput, Relation, RelativeAttitudeLaw, Roster, Settings};
 use crate::reference::Reference;
 
 /// Pole of the filter of the perceived progress \[1/s\].
@@ -63,6 +64,13 @@ pub struct PerceptiveFrameGains {
     pub acceleration_max_rad_s2: f64,
 }
 
+impl PerceptiveFrameGains {
+    fn plan(&self) -> PlanGains {
+        let Self { bandwidth_rad_s, damping, rate_max_rad_s, acceleration_max_rad_s2, .. } = *self;
+        PlanGains { bandwidth_rad_s, damping, rate_max_rad_s, acceleration_max_rad_s2 }
+    }
+}
+
 /// The law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PerceptiveFrame {
@@ -78,38 +86,13 @@ impl PerceptiveFrame {
     /// # Errors
     /// The first gain outside its proven range, with the bound.
     pub fn new(gains: PerceptiveFrameGains) -> Result<Self, LawError> {
-        let refuse =
-            |gain, value, allowed: String| LawError::Gain { law: "perceptive_frame", gain, value, allowed };
-        for (gain, value) in [
-            ("bandwidth_rad_s", gains.bandwidth_rad_s),
-            ("member_bandwidth_rad_s", gains.member_bandwidth_rad_s),
-            ("rate_max_rad_s", gains.rate_max_rad_s),
-            ("acceleration_max_rad_s2", gains.acceleration_max_rad_s2),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(refuse(gain, value, "positive and finite".into()));
-            }
-        }
-        if !(gains.damping >= 1.0 && gains.damping.is_finite()) {
-            return Err(refuse("damping", gains.damping, "at least 1: less overshoots".into()));
-        }
-        let bound = 2.0 * gains.member_bandwidth_rad_s;
-        if !(0.0..bound).contains(&gains.perception_gain_s) {
-            return Err(refuse(
-                "perception_gain_s",
-                gains.perception_gain_s,
-                format!("0 to less than {bound:.3}, twice the platforms' own bandwidth"),
-            ));
-        }
-        let fastest = std::f64::consts::E * gains.acceleration_max_rad_s2 / gains.rate_max_rad_s;
-        if gains.bandwidth_rad_s > fastest {
-            return Err(refuse(
-                "bandwidth_rad_s",
-                gains.bandwidth_rad_s,
-                format!(
-                    "at most {fastest:.3}, 2.718 acceleration_max / rate_max: it could not brake in time"
-                ),
-            ));
+        let law = Self::kind();
+        gains.plan().check(law)?;
+        require_positive(law, "member_bandwidth_rad_s", gains.member_bandwidth_rad_s)?;
+        let (bound, value) = (2.0 * gains.member_bandwidth_rad_s, gains.perception_gain_s);
+        if !(0.0..bound).contains(&value) {
+            let allowed = format!("0 to less than {bound:.3}, twice the platforms' own bandwidth");
+            return Err(LawError::Gain { law, gain: "perception_gain_s", value, allowed });
         }
         Ok(Self { gains, frame: None, progress_rad: 0.0 })
     }
@@ -155,15 +138,11 @@ impl RelativeAttitudeLaw for PerceptiveFrame {
 
     fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
         settings.group(Self::kind(), |s| {
-            let (rate_max_rad_s, acceleration_max_rad_s2) = s.motion_limits(roster);
+            let PlanGains { bandwidth_rad_s, damping, rate_max_rad_s, acceleration_max_rad_s2 } =
+                PlanGains::read(s, roster, "frame", "damping ratio [1]");
             let gains = PerceptiveFrameGains {
-                bandwidth_rad_s: s.number_or(
-                    "bandwidth_rad_s",
-                    0.3,
-                    Allowed::POSITIVE,
-                    "natural frequency of the plan towards the goal; at most 2.718 acceleration / rate [rad/s]",
-                ),
-                damping: s.damping("damping ratio [1]"),
+                bandwidth_rad_s,
+                damping,
                 perception_gain_s: s.number_or(
                     "perception_gain_s",
                     1.0,
@@ -195,7 +174,7 @@ impl RelativeAttitudeLaw for PerceptiveFrame {
         self.progress_rad = 0.0;
     }
 
-    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<MotionDemand>) {
         let mut frame =
             self.frame.map_or_else(|| structure_of_first(input), |last| last.extrapolated(input.dt_s));
         let goal = &input.goals.formation;
@@ -223,8 +202,8 @@ impl RelativeAttitudeLaw for PerceptiveFrame {
         demands.clear();
         demands.extend(input.members.iter().enumerate().map(|(platform, member)| {
             match input.offsets.get(platform) {
-                Some(offset) if member.usable => Demand::Follow(offset.apply(&shown)),
-                _ => Demand::Hold,
+                Some(offset) if member.usable => MotionDemand::Follow(offset.apply(&shown)),
+                _ => MotionDemand::Hold,
             }
         }));
     }

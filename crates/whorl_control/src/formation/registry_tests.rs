@@ -141,7 +141,7 @@ fn a_formation_at_its_goal_is_told_to_stay_there() {
         law.demands(&input, &mut demands);
         assert_eq!(demands.len(), 3, "{name}");
         for (platform, (demand, place)) in demands.iter().zip(&places).enumerate() {
-            let Demand::Follow(at) = demand else { panic!("{name}: {demand:?}") };
+            let MotionDemand::Follow(at) = demand else { panic!("{name}: {demand:?}") };
             assert!(attitude_error(&place.q_world_reference, &at.q_world_reference).norm() < 1e-9, "{name}");
             assert!(at.omega_wr_r_rad_s.norm() < 1e-9 && at.omega_dot_wr_r_rad_s2.norm() < 1e-9, "{name}");
             assert!(law.relative_error_rad(&input, platform).unwrap().norm() < 1e-9, "{name}");

@@ -25,7 +25,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_math::wrap_angle_rad;
 
-use super::{Demand, LimitsError, ReferenceLimits, YawPitchRoll, YawPitchRollMotion};
+use super::{LimitsError, MotionDemand, ReferenceLimits, YawPitchRoll, YawPitchRollMotion};
 use crate::reference::Reference;
 use whorl_dynamics::platform::TiltLimit;
 
@@ -162,13 +162,13 @@ impl ReferenceShaper {
     }
 
     /// Chooses the acceleration for the next `dt_s` > 0. A demand that is not finite is taken as
-    /// [`Demand::Hold`].
-    pub fn plan(&mut self, demand: &Demand, dt_s: f64) -> Shaped {
+    /// [`MotionDemand::Hold`].
+    pub fn plan(&mut self, demand: &MotionDemand, dt_s: f64) -> Shaped {
         let mut clipped = false;
         if dt_s > 0.0 && dt_s.is_finite() {
             let braked = self.braked(dt_s);
             let mut next = match demand {
-                Demand::Follow(reference) if reference.is_finite() => {
+                MotionDemand::Follow(reference) if reference.is_finite() => {
                     let goal;
                     (goal, clipped) = self.clipped_goal(reference);
                     self.next_rates(&goal, dt_s)

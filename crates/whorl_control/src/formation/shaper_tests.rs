@@ -64,7 +64,7 @@ proptest! {
             };
             for _ in 0..steps {
                 asked = asked.extrapolated(DT_S);
-                let demand = if kind == 0 { Demand::Hold } else { Demand::Follow(asked) };
+                let demand = if kind == 0 { MotionDemand::Hold } else { MotionDemand::Follow(asked) };
                 shaper.plan(&demand, DT_S);
                 let before = shaper.clone();
                 shaper.advance(DT_S);
@@ -82,7 +82,7 @@ proptest! {
         let mut furthest = 0.0_f64;
         let distance = whorl_math::wrap_angle_rad(yaw - 0.2);
         for _ in 0..5000 {
-            let shaped = shaper.plan(&Demand::Follow(Reference::at_rest(goal)), DT_S);
+            let shaped = shaper.plan(&MotionDemand::Follow(Reference::at_rest(goal)), DT_S);
             prop_assert!(!shaped.clipped);
             shaper.advance(DT_S);
             furthest = furthest.max((shaper.motion().angles.yaw_rad - 0.2) * distance.signum());
@@ -99,7 +99,7 @@ fn a_long_slew_takes_the_time_of_the_trapezoid() {
     let goal = angles(1.0, 0.0, 0.0);
     let mut steps = 0;
     while attitude_error(&goal, &shaper.reference().q_world_reference).norm() > 1e-3 {
-        shaper.plan(&Demand::Follow(Reference::at_rest(goal)), DT_S);
+        shaper.plan(&MotionDemand::Follow(Reference::at_rest(goal)), DT_S);
         shaper.advance(DT_S);
         steps += 1;
         assert!(steps < 2000);
@@ -128,7 +128,7 @@ fn a_demand_that_moves_within_the_limits_is_followed_without_lag() {
             let now = shaper.reference().q_world_reference;
             worst = worst.max(attitude_error(&demand.q_world_reference, &now).norm());
         }
-        shaper.plan(&Demand::Follow(demand), DT_S);
+        shaper.plan(&MotionDemand::Follow(demand), DT_S);
         shaper.advance(DT_S);
     }
     // Acceleration is held over a step, half a step late: w^3 A dt / 2 against the bandwidth squared.
@@ -144,7 +144,7 @@ fn the_step_response_is_the_critically_damped_one() {
         let t = f64::from(k) * DT_S;
         let expected = size * (1.0 - (1.0 + 2.0 * t) * (-2.0 * t).exp());
         assert!((shaper.motion().angles.yaw_rad - expected).abs() < 0.02 * size, "{t}");
-        shaper.plan(&Demand::Follow(goal), DT_S);
+        shaper.plan(&MotionDemand::Follow(goal), DT_S);
         shaper.advance(DT_S);
     }
 }
@@ -155,7 +155,7 @@ fn the_tilt_limit_is_reached_when_more_is_asked() {
         let mut shaper = ReferenceShaper::new(limits, 2.0, &UnitQuaternion::identity()).unwrap();
         let goal = Reference::at_rest(angles(0.4, 1.0, 0.0));
         for _ in 0..3000 {
-            assert!(shaper.plan(&Demand::Follow(goal), DT_S).clipped);
+            assert!(shaper.plan(&MotionDemand::Follow(goal), DT_S).clipped);
             shaper.advance(DT_S);
         }
         let tilt = limits.envelope.angle_rad(&shaper.reference().q_world_reference);
@@ -166,18 +166,17 @@ fn the_tilt_limit_is_reached_when_more_is_asked() {
 
 #[test]
 fn hold_and_nonsense_come_to_rest_at_the_limit_of_deceleration() {
-    for demand in [
-        Demand::Hold,
-        Demand::Follow(Reference::at_rest(UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(
-            f64::NAN,
-            0.0,
-            0.0,
-            0.0,
-        )))),
-    ] {
+    for demand in
+        [
+            MotionDemand::Hold,
+            MotionDemand::Follow(Reference::at_rest(UnitQuaternion::new_unchecked(
+                nalgebra::Quaternion::new(f64::NAN, 0.0, 0.0, 0.0),
+            ))),
+        ]
+    {
         let mut shaper = ReferenceShaper::new(tabletop(), 2.0, &UnitQuaternion::identity()).unwrap();
         for _ in 0..500 {
-            shaper.plan(&Demand::Follow(Reference::at_rest(angles(2.0, 0.0, 0.0))), DT_S);
+            shaper.plan(&MotionDemand::Follow(Reference::at_rest(angles(2.0, 0.0, 0.0))), DT_S);
             shaper.advance(DT_S);
         }
         let rate = shaper.motion().rates_rad_s.norm();
@@ -202,7 +201,7 @@ fn hold_and_nonsense_come_to_rest_at_the_limit_of_deceleration() {
 #[test]
 fn limits_lowered_while_moving_are_approached_smoothly() {
     let mut shaper = ReferenceShaper::new(dumbbell(), 2.0, &UnitQuaternion::identity()).unwrap();
-    let goal = Demand::Follow(Reference::at_rest(angles(2.0, 0.4, 0.3)));
+    let goal = MotionDemand::Follow(Reference::at_rest(angles(2.0, 0.4, 0.3)));
     for _ in 0..1000 {
         shaper.plan(&goal, DT_S);
         shaper.advance(DT_S);

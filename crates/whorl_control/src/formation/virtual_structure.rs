@@ -40,7 +40,8 @@ use nalgebra::Vector3;
 use whorl_math::attitude_error;
 
 use super::law::{limited, rigid_relation, structure_of_first};
-use super::{Allowed, Demand, LawError, LawInput, Relation, RelativeAttitudeLaw, Roster, Settings};
+use super::plan::PlanGains;
+use super::{Allowed, MotionDemand, LawError, LawInput, Relation, RelativeAttitudeLaw, Roster, Settings};
 use crate::reference::Reference;
 
 /// Gains and limits of the structure's own motion.
@@ -58,6 +59,13 @@ pub struct VirtualStructureGains {
     pub acceleration_max_rad_s2: f64,
 }
 
+impl VirtualStructureGains {
+    fn plan(&self) -> PlanGains {
+        let Self { bandwidth_rad_s, damping, rate_max_rad_s, acceleration_max_rad_s2, .. } = *self;
+        PlanGains { bandwidth_rad_s, damping, rate_max_rad_s, acceleration_max_rad_s2 }
+    }
+}
+
 /// The law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VirtualStructure {
@@ -71,34 +79,12 @@ impl VirtualStructure {
     /// # Errors
     /// The first gain outside its range, with the bound.
     pub fn new(gains: VirtualStructureGains) -> Result<Self, LawError> {
-        let refuse = |gain, value, allowed: &str| LawError::Gain {
-            law: "virtual_structure",
-            gain,
-            value,
-            allowed: allowed.to_owned(),
-        };
-        for (gain, value) in [
-            ("bandwidth_rad_s", gains.bandwidth_rad_s),
-            ("rate_max_rad_s", gains.rate_max_rad_s),
-            ("acceleration_max_rad_s2", gains.acceleration_max_rad_s2),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(refuse(gain, value, "positive and finite"));
-            }
-        }
-        if !(gains.damping >= 1.0 && gains.damping.is_finite()) {
-            return Err(refuse("damping", gains.damping, "at least 1: less overshoots"));
-        }
-        if gains.half_speed_error_rad.is_nan() || gains.half_speed_error_rad <= 0.0 {
-            return Err(refuse("half_speed_error_rad", gains.half_speed_error_rad, "positive"));
-        }
-        let braking_rad_s2 = gains.bandwidth_rad_s * gains.rate_max_rad_s / std::f64::consts::E;
-        if braking_rad_s2 > gains.acceleration_max_rad_s2 {
-            return Err(refuse(
-                "bandwidth_rad_s",
-                gains.bandwidth_rad_s,
-                "at most 2.718 acceleration_max / rate_max: it could not brake in time",
-            ));
+        let law = Self::kind();
+        gains.plan().check(law)?;
+        let value = gains.half_speed_error_rad;
+        if value.is_nan() || value <= 0.0 {
+            let allowed = "positive".to_owned();
+            return Err(LawError::Gain { law, gain: "half_speed_error_rad", value, allowed });
         }
         Ok(Self { gains, structure: None })
     }
@@ -159,15 +145,11 @@ impl RelativeAttitudeLaw for VirtualStructure {
 
     fn read(settings: &mut dyn Settings, roster: &Roster<'_>) -> Option<Self> {
         settings.group(Self::kind(), |s| {
-            let (rate_max_rad_s, acceleration_max_rad_s2) = s.motion_limits(roster);
+            let PlanGains { bandwidth_rad_s, damping, rate_max_rad_s, acceleration_max_rad_s2 } =
+                PlanGains::read(s, roster, "structure", "damping ratio without feedback [1]");
             let gains = VirtualStructureGains {
-                bandwidth_rad_s: s.number_or(
-                    "bandwidth_rad_s",
-                    0.3,
-                    Allowed::POSITIVE,
-                    "natural frequency of the structure towards its goal; at most 2.718 acceleration / rate [rad/s]",
-                ),
-                damping: s.damping("damping ratio without feedback [1]"),
+                bandwidth_rad_s,
+                damping,
                 half_speed_error_rad: s
                     .number_or(
                         "half_speed_error_deg",
@@ -201,7 +183,7 @@ impl RelativeAttitudeLaw for VirtualStructure {
         self.structure = Some(Self::start(input));
     }
 
-    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<Demand>) {
+    fn demands(&mut self, input: &LawInput<'_>, demands: &mut Vec<MotionDemand>) {
         let mut structure =
             self.structure.map_or_else(|| Self::start(input), |last| last.extrapolated(input.dt_s));
         structure.omega_dot_wr_r_rad_s2 = self.acceleration_rad_s2(&structure, input);
@@ -209,8 +191,8 @@ impl RelativeAttitudeLaw for VirtualStructure {
         demands.clear();
         demands.extend(input.members.iter().enumerate().map(|(platform, member)| {
             match input.offsets.get(platform) {
-                Some(offset) if member.usable => Demand::Follow(offset.apply(&structure)),
-                _ => Demand::Hold,
+                Some(offset) if member.usable => MotionDemand::Follow(offset.apply(&structure)),
+                _ => MotionDemand::Hold,
             }
         }));
     }

@@ -19,8 +19,9 @@ fn each_says_what_is_wrong() {
     let good = record(&model, 5, 12.0, None);
     let nothing = diagnose(&[], &[], &model, &ModelPrior::typical(&model), &Options::default(), &mut |_| {});
     assert_eq!(nothing.unwrap_err(), DiagnosisError::NoRecording);
-    let short = record(&model, 5, 4.0, None);
-    assert!(matches!(error_of(short, &model), DiagnosisError::Refused(Refusal::TooShort { .. })));
+    let short = record(&model, 5, 0.3, None);
+    let refused = error_of(short, &model);
+    assert!(matches!(refused, DiagnosisError::Refused(Refusal::TooShort { .. })), "{refused}");
     let silent = Recording { gyro_b_rad_s: Series::default(), ..good.clone() };
     assert!(matches!(
         error_of(silent, &model),

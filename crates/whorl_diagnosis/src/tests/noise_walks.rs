@@ -4,11 +4,12 @@ use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{map, normal, random, record};
-use crate::columns::predict;
-use crate::filter::System;
-use crate::mechanics::Mechanics;
-use crate::parameters::Reference;
-use crate::problem::{FREE_RATE_WALK, Problem};
+use crate::evidence::nuisance::Nuisance;
+use crate::explanations::parameters::Reference;
+use crate::search::problem::{FREE_RATE_WALK, Problem};
+use crate::whitening::columns::predict;
+use crate::whitening::filter::System;
+use crate::whitening::mechanics::Mechanics;
 
 fn problem_of(model: &PlatformModel, runs: &[whorl_recording::Recording]) -> Problem {
     let reference = Reference::new(model, &ModelPrior::typical(model));
@@ -36,18 +37,42 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
         }
         run
     };
-    let found = |run: whorl_recording::Recording, in_use: Option<f64>| {
+    let found = |run: whorl_recording::Recording| {
         let mut problem = problem_of(&model, &[run]);
         let point = problem.reference.point();
         problem.smooth(&point, Some(FREE_RATE_WALK)).unwrap();
-        problem.gyro_bias_walk = in_use.unwrap_or(problem.gyro_bias_walk);
-        problem.likeliest_gyro_bias_walk(&point).unwrap()
+        problem.nuisance = problem.likeliest_nuisance(&point, None).unwrap();
+        (problem.nuisance, problem.settings(0).gyro_bias_walk)
     };
-    assert_eq!(found(quiet.clone(), None), None);
-    assert_eq!(found(drifting(3e-4), None), Some(3e-4));
-    assert_eq!(found(drifting(1e-4), None), Some(1e-4));
-    // Where it is already reckoned with, there is nothing to add.
-    assert_eq!(found(drifting(1e-4), Some(1e-4)), None);
+    assert_eq!(found(quiet.clone()).0, Nuisance::default());
+    for walk in [3e-4, 1e-4] {
+        // Sizes are steps of a factor of three.
+        let (nuisance, size) = found(drifting(walk));
+        assert!(nuisance.torque == 0 && (size / walk).ln().abs() < 3f64.ln(), "{walk}: {size}");
+    }
+}
+
+#[test]
+fn a_slow_random_torque_is_found_at_its_size() {
+    let model = steady();
+    let (stddev_n_m, correlation_s) = (4e-3, 8.0_f64);
+    // An Ornstein-Uhlenbeck torque about each axis, by its exact step.
+    let mut rng = random(21);
+    let kept = (-0.01 / correlation_s).exp();
+    let mut torque = Vector3::zeros();
+    let course: Vec<Vector3<f64>> = (0..6_001)
+        .map(|_| {
+            let step = Vector3::from_fn(|_, _| normal(&mut rng)) * (1.0 - kept * kept).sqrt();
+            torque = torque * kept + step * stddev_n_m;
+            torque
+        })
+        .collect();
+    let run = record(&model, 13, 60.0, Some(&|t, _, _| course[(t * 100.0).round() as usize]));
+    let mut problem = problem_of(&model, &[run]);
+    let point = problem.reference.point();
+    problem.smooth(&point, Some(FREE_RATE_WALK)).unwrap();
+    let found = problem.background(problem.likeliest_nuisance(&point, None).unwrap());
+    assert!((found.stddev_n_m / stddev_n_m).ln().abs() < 3f64.ln(), "{found:?}");
 }
 
 #[test]

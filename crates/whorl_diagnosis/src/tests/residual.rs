@@ -4,11 +4,11 @@ use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{normal, random, record};
-use crate::columns::predict;
-use crate::filter::{Settings, System, WHEEL};
-use crate::mechanics::Mechanics;
-use crate::parameters::Reference;
-use crate::problem::{FREE_RATE_WALK, Problem};
+use crate::explanations::parameters::Reference;
+use crate::search::problem::{FREE_RATE_WALK, Problem};
+use crate::whitening::columns::predict;
+use crate::whitening::filter::{Settings, System, WHEEL};
+use crate::whitening::mechanics::Mechanics;
 
 #[test]
 fn a_torque_that_wanders_lies_within_its_band() {

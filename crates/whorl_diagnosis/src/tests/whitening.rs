@@ -3,9 +3,9 @@
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
-use crate::parameters::Reference;
-use crate::problem::Problem;
-use crate::regression::Colour;
+use crate::evidence::regression::Colour;
+use crate::explanations::parameters::Reference;
+use crate::search::problem::Problem;
 
 #[test]
 fn noise_that_is_not_as_stated_is_measured_and_told() {

@@ -4,11 +4,10 @@ use std::fmt;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::effects::EffectSet;
-use crate::gyrostat::{Drive, State};
-use crate::platform::SensorSuite;
+use crate::Environment;
+use crate::effects::{EffectSet, ThrustLag};
+use crate::platform::sensors::SensorSuite;
 use crate::sensing::JointSample;
-use crate::{Environment, Gyrostat};
 
 /// An instant within a segment between two events.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +25,8 @@ pub(crate) struct Instant {
 pub(crate) struct OnBody {
     /// Torque on the body, body axes [N m].
     pub torque_b_n_m: Vector3<f64>,
+    /// Thrust of every jet over that of its valve and the tank's pressure, as effects say: given.
+    pub thrust_factor: f64,
     /// Moment m g r_cg of the centre of mass, body axes [N m].
     pub gravity_offset_b_n_m: Vector3<f64>,
 }
@@ -47,8 +48,8 @@ pub(crate) trait KindDynamics {
         Self::State::default()
     }
 
-    /// Nothing commanded.
-    fn idle(&self, gyrostat: &Gyrostat, now_ns: i64) -> Self::Drive;
+    /// Nothing commanded; `lag` is that of the jets' thrust.
+    fn idle(&self, lag: ThrustLag, now_ns: i64) -> Self::Drive;
 
     /// state += factor * rate.
     fn add_scaled(&self, _state: &mut Self::State, _rate: &Self::State, _factor: f64) {}
@@ -121,13 +122,13 @@ pub(crate) trait KindDynamics {
     /// Decides from the states which parts stick, after they were set from outside.
     fn set_out(&self, _state: &Self::State, _drive: &mut Self::Drive) {}
 
-    /// A part that stuck and is held no longer, and the sense in which it slips.
-    fn first_slip(
+    /// A part that stuck and is held no longer, and the sense in which it slips. `environment` makes what effects
+    /// depend on.
+    fn first_slip<'a>(
         &self,
-        _gyrostat: &Gyrostat,
-        _time_s: f64,
-        _state: &State,
-        _drive: &Drive,
+        _effects: &EffectSet,
+        _environment: &dyn Fn() -> Environment<'a>,
+        _drive: &Self::Drive,
         _omega_dot_wb_b_rad_s2: &Vector3<f64>,
     ) -> Option<(usize, f64)> {
         None

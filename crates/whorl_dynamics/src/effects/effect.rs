@@ -66,6 +66,18 @@ pub struct TrueImu {
     pub specific_force_b_m_s2: Vector3<f64>,
 }
 
+impl TrueImu {
+    /// Linear between this and `later`: `share` 0 is this.
+    pub(crate) fn towards(&self, later: &Self, share: f64) -> Self {
+        Self {
+            angular_velocity_b_rad_s: self
+                .angular_velocity_b_rad_s
+                .lerp(&later.angular_velocity_b_rad_s, share),
+            specific_force_b_m_s2: self.specific_force_b_m_s2.lerp(&later.specific_force_b_m_s2, share),
+        }
+    }
+}
+
 /// A physical effect beyond the base model, written once and used four times: the truth plant
 /// simulates with it, the model predicts with it, the diagnosis fits it (columns by differences in
 /// `values`), estimator and controller compensate it.
@@ -118,6 +130,11 @@ pub trait Effect: Sync + fmt::Debug {
         (0.0, 0.0)
     }
 
+    /// Thrust of every jet over that of its valve and the tank's pressure, >= 0; those of several effects multiply.
+    fn thrust_factor(&self, _values: &[f64], _environment: &Environment<'_>) -> f64 {
+        1.0
+    }
+
     /// Lag of thrust behind the valve.
     fn thrust_lag(&self, _values: &[f64]) -> ThrustLag {
         ThrustLag::default()
@@ -140,6 +157,11 @@ pub trait Effect: Sync + fmt::Debug {
 
     /// Random-walk intensity of each hidden state, unit per sqrt(s).
     fn hidden_noise(&self, _values: &[f64], _intensity: &mut [f64]) {}
+
+    /// Random walk of the torque on the body that nobody can predict, per body axis [N m/sqrt(s)].
+    fn torque_walk_b_n_m_sqrt_s(&self, _values: &[f64]) -> Vector3<f64> {
+        Vector3::zeros()
+    }
 
     /// Changes what the inertial sensors see, before their own errors.
     fn measure_imu(&self, _values: &[f64], _environment: &Environment<'_>, _imu: &mut TrueImu) {}
@@ -186,6 +208,12 @@ pub trait Effect: Sync + fmt::Debug {
     /// The values to which the directions of one start lead together; `None`: each direction where it went.
     fn joined(&self, _contributions: &[Contribution<'_>]) -> Option<Vec<f64>> {
         None
+    }
+
+    /// Log odds against it, beside those against any effect: of a general law that holds others as special cases, which
+    /// are the likelier explanation where they do.
+    fn price_nats(&self) -> f64 {
+        0.0
     }
 
     /// Its rhythm.

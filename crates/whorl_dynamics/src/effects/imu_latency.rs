@@ -14,7 +14,7 @@ static INFO: EffectInfo = EffectInfo {
     equation: "y(t) = true(t - t_model - t_late)",
     source: "definition",
     kind: EffectKind::Sensor,
-    confusable_with: &["thruster_delay", "thruster_rise"],
+    confusable_with: &["thruster_delay", "thruster_rise", "imu_bandwidth"],
     separated_by: "wheels and jets in turn: latency delays the response to both",
     is_passive: false,
 };

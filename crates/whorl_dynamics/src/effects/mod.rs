@@ -13,6 +13,7 @@ mod named;
 mod parameter;
 mod search;
 mod set;
+mod size;
 #[cfg(test)]
 mod tests;
 mod tilted;
@@ -47,8 +48,10 @@ register! {
     bearing_viscous_friction::BearingViscousFriction,
     bearing_coulomb_friction::BearingCoulombFriction,
     air_drag_quadratic::AirDragQuadratic,
+    air_drag_power::AirDragPower,
     air_current::AirCurrent,
     air_current_periodic::AirCurrentPeriodic,
+    periodic_torque::PeriodicTorque,
     bearing_turbine::BearingTurbine,
     magnetic_torque::MagneticTorque,
     harness_spring::HarnessSpring,
@@ -65,11 +68,14 @@ register! {
     thruster_leak::ThrusterLeak,
     thruster_pressure::ThrusterPressure,
     supply_voltage::SupplyVoltage,
+    thruster_voltage::ThrusterVoltage,
     wheel_friction::WheelFriction,
     wheel_misalignment::WheelMisalignment,
     wheel_inertia::WheelInertia,
     wheel_imbalance::WheelImbalance,
     wheel_windage::WheelWindage,
+    wheel_motor_bias::WheelMotorBias,
+    wheel_motor_constant::WheelMotorConstant,
     gyro_bias::GyroBias,
     gyro_scale::GyroScale,
     gyro_misalignment::GyroMisalignment,
@@ -80,10 +86,12 @@ register! {
     accel_scale::AccelScale,
     accel_lever_arm::AccelLeverArm,
     imu_latency::ImuLatency,
+    imu_bandwidth::ImuBandwidth,
     vector_sensor_misalignment::VectorSensorMisalignment,
     vibration_alias::VibrationAlias,
     slosh::Slosh,
     flexible_mode::FlexibleMode,
+    winding_cable::WindingCable,
     unmodelled_torque::UnmodelledTorque,
 }
 

@@ -34,7 +34,7 @@ macro_rules! parameters {
             fn specs($of: &$kind) -> Vec<$crate::effects::ParameterSpec> {
                 let mut specs = Vec::with_capacity(Self::COUNT);
                 $(specs.extend(<$value as $crate::effects::named::Value>::list($specs));)+
-                specs
+                specs.into_iter().map(|spec| $crate::effects::size::for_size_of($of, spec)).collect()
             }
 
             #[inline]

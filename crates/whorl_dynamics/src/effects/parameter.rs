@@ -175,6 +175,10 @@ impl ParameterSpec {
     }
 }
 
+/// Size that a disturbance torque usually has on the dissertation's platform [N m]; on others in proportion
+/// ([`super::size`]).
+pub(super) const USUAL_TORQUE_N_M: f64 = 5e-3;
+
 /// Three parameters `{prefix}_x{suffix}`, `_y`, `_z` with a range symmetric about zero.
 pub(super) fn per_axis(
     prefix: &str,

@@ -22,6 +22,8 @@ pub enum Need {
     VectorSensor,
     /// Temperature is recorded.
     Temperature,
+    /// The bus voltage is recorded.
+    BusVoltage,
     /// The linear mass actuators move.
     Ballast,
     /// No readings of the gyro pile up at a limit: those that do show it by themselves and are left out.

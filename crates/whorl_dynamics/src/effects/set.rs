@@ -184,6 +184,12 @@ impl EffectSet {
         )
     }
 
+    /// Product of [`Effect::thrust_factor`].
+    #[must_use]
+    pub fn thrust_factor(&self, environment: &Environment<'_>) -> f64 {
+        self.active.iter().map(|a| a.effect.thrust_factor(&a.values, environment)).product()
+    }
+
     /// The longest [`Effect::thrust_lag`].
     #[must_use]
     pub fn thrust_lag(&self) -> ThrustLag {
@@ -212,6 +218,13 @@ impl EffectSet {
                 a.effect.hidden_noise(&a.values, slots);
             }
         }
+    }
+
+    /// [`Effect::torque_walk_b_n_m_sqrt_s`] of all effects, independent of each other.
+    #[must_use]
+    pub fn torque_walk_b_n_m_sqrt_s(&self) -> Vector3<f64> {
+        let squares = self.active.iter().map(|a| a.effect.torque_walk_b_n_m_sqrt_s(&a.values).map(|x| x * x));
+        squares.sum::<Vector3<f64>>().map(f64::sqrt)
     }
 
     /// [`Effect::measure_imu`] of every effect, in the order of their ids.

@@ -28,7 +28,7 @@ parameters! {
 
 /// Volts below a full battery.
 fn drop_v(environment: &Environment<'_>) -> f64 {
-    environment.model.bus.initial_v - environment.bus_voltage_v
+    environment.model.bus.full_v - environment.bus_voltage_v
 }
 
 impl Effect for SupplyVoltage {

@@ -125,6 +125,13 @@ fn the_catalogue_is_complete_and_well_formed() {
         "slosh",
         "flexible_mode",
         "unmodelled_torque",
+        "periodic_torque",
+        "air_drag_power",
+        "thruster_voltage",
+        "wheel_motor_bias",
+        "wheel_motor_constant",
+        "winding_cable",
+        "imu_bandwidth",
     ];
     let ids: BTreeSet<&str> = catalogue().iter().map(|e| e.info().id).collect();
     // Ids are fixed: files and reports use them. New ones may come.
@@ -231,6 +238,7 @@ fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
     numbers.extend(wheel_torque);
     numbers.push(effect.gas_rate_kg_s(values, &environment));
     numbers.extend(<[f64; 2]>::from(effect.valve_delay_s(values, &environment)));
+    numbers.push(effect.thrust_factor(values, &environment));
     let lag = effect.thrust_lag(values);
     numbers.extend([lag.rise_s, lag.tail_s, lag.tail_exponent]);
     let mut derivative = vec![0.0; hidden.len()];
@@ -259,7 +267,7 @@ fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
     for errors in [model.sensors.gyro.errors, model.sensors.accelerometer.errors] {
         numbers.extend(&errors.bias);
         numbers.extend(&errors.scale);
-        numbers.extend([errors.range, errors.quantum, errors.latency_s]);
+        numbers.extend([errors.range, errors.quantum, errors.latency_s, errors.time_constant_s]);
     }
     numbers.extend(&model.sensors.accelerometer.lever_arm_b_m);
     numbers.extend(&model.sensors.vector.unwrap().misalignment_rad);

@@ -12,8 +12,8 @@ pub(super) struct UnmodelledTorque;
 static INFO: EffectInfo = EffectInfo {
     id: "unmodelled_torque",
     title: "torque without a name",
-    explanation: "A torque that wanders at random: the stand-in of estimator and diagnosis for what has no name yet, not an effect of its own.",
-    equation: "dg = intensity dW, per body axis",
+    explanation: "A torque that wanders at random: the stand-in of estimator and diagnosis for what has no name yet, not an effect of its own. Stated in a model, it is simulated, the estimator expects it, and predictions leave it out: its mean is zero.",
+    equation: "dg = -g decay dt + intensity dW, per body axis",
     source: "random-walk state of Kristensen, Madsen and Jorgensen, Comp. Chem. Eng. 28 (2004) 1431",
     kind: EffectKind::HiddenState,
     confusable_with: &[],
@@ -32,6 +32,14 @@ parameters! {
                 "Standard deviation after one second.",
             )
         }),
+        decay_1_s: f64 = ParameterSpec::new(
+            "decay_1_s",
+            "1/s",
+            (0.0, 100.0),
+            0.1,
+            "Inverse of its correlation time; 0: a random walk.",
+        )
+        .known(),
     }
 }
 
@@ -46,6 +54,23 @@ impl Effect for UnmodelledTorque {
 
     fn hidden_states(&self, _model: &PlatformModel) -> usize {
         3
+    }
+
+    fn hidden_derivative(
+        &self,
+        values: &[f64],
+        _environment: &Environment<'_>,
+        hidden: &[f64],
+        derivative: &mut [f64],
+    ) {
+        let decay_1_s = Walk::of(values).decay_1_s;
+        for (rate, torque) in derivative.iter_mut().zip(hidden) {
+            *rate = -decay_1_s * torque;
+        }
+    }
+
+    fn torque_walk_b_n_m_sqrt_s(&self, values: &[f64]) -> Vector3<f64> {
+        Walk::of(values).intensity_b_n_m_sqrt_s.into()
     }
 
     fn hidden_noise(&self, values: &[f64], intensity: &mut [f64]) {

@@ -26,7 +26,8 @@ parameters! {
         viscous_n_m_s: f64 = ParameterSpec::new(
             "_viscous_n_m_s",
             "N m s",
-            (0.0, wheel.max_torque_n_m / wheel.max_speed_rad_s),
+            // The largest speed that is stated is rarely the one that is reached.
+            (0.0, 20.0 * wheel.max_torque_n_m / wheel.max_speed_rad_s),
             0.05 * wheel.max_torque_n_m / wheel.max_speed_rad_s,
             "Viscous drag added to the model's.",
         ),

@@ -1,19 +1,19 @@
 //! The right-hand side of the equations of motion.
 
-use nalgebra::{Quaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use whorl_math::{quaternion_rate, vertical_b};
 
-use super::equation::gravity_torque_n_m;
 use super::{Gyrostat, RateEquation, State};
 use crate::Environment;
 use crate::actuators::{Actuators, Drives, Instant, OnBody, States};
 use crate::effects::{MAX_HIDDEN_STATES, contact_torque_b_n_m};
 
-/// Stiffness of the bearing's own stop [N m/rad]: a platform of 10 kg m^2 rebounds within 0.25 s and
+/// Stiffness of the bearing's own stop over the mean moment of inertia [1/s^2]: a platform rebounds within 0.25 s and
 /// sinks in by less than half a degree at 0.1 rad/s.
-const STOP_STIFFNESS_N_M_RAD: f64 = 2000.0;
-/// Damping of the bearing's own stop [N m s]: about a third of critical for 10 kg m^2.
-const STOP_DAMPING_N_M_S: f64 = 100.0;
+const STOP_STIFFNESS_S2: f64 = 2000.0 / 8.6;
+/// Damping of the bearing's own stop over the mean moment of inertia [1/s]: about a third of critical.
+const STOP_DAMPING_S: f64 = 100.0 / 8.6;
+
 /// Time derivative of [`State`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Derivative {
@@ -39,11 +39,33 @@ pub(crate) struct Drive {
 impl Drive {
     pub fn idle(gyrostat: &Gyrostat, now_ns: i64) -> Self {
         Self {
-            actuators: gyrostat.model().actuators.idle(gyrostat, now_ns),
+            actuators: gyrostat.model().actuators.idle(gyrostat.thrust_lag(), now_ns),
             equation: *gyrostat.rate_equation(),
             body_torque_b_n_m: Vector3::zeros(),
             clamped: false,
         }
+    }
+}
+
+impl State {
+    /// This state moved along `derivative` for `dt_s`. The quaternion is not normalised: the
+    /// stages of a Runge-Kutta step leave the sphere by design, its end is normalised.
+    pub(crate) fn moved(
+        &self,
+        derivative: &Derivative,
+        dt_s: f64,
+        actuators: &Actuators,
+        hidden: usize,
+    ) -> Self {
+        let mut moved = *self;
+        moved.q_world_body =
+            UnitQuaternion::new_unchecked(self.q_world_body.into_inner() + derivative.quaternion * dt_s);
+        moved.omega_wb_b_rad_s += derivative.omega * dt_s;
+        actuators.add_scaled(&mut moved.actuators, &derivative.actuators, dt_s);
+        for (x, rate) in moved.hidden.iter_mut().zip(&derivative.hidden).take(hidden) {
+            *x += rate * dt_s;
+        }
+        moved
     }
 }
 
@@ -92,24 +114,25 @@ impl Gyrostat {
         let vertical_b = vertical_b(&state.q_world_body);
         let actuators = &self.model.actuators;
         let momentum = self.total_momentum_b_n_m_s(state);
+        let environment = (!self.effects.is_empty()).then(|| self.environment(at.time_s, state, drive));
         let mut body = OnBody {
             torque_b_n_m: Vector3::zeros(),
+            thrust_factor: environment.as_ref().map_or(1.0, |seen| self.effects.thrust_factor(seen)),
             gravity_offset_b_n_m: *self.model.mass_properties.gravity_offset_b_n_m(),
         };
         let mut forces = actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body);
+        let mean_inertia_kg_m2 = self.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
-            + gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b)
+            + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b)
             + contact_torque_b_n_m(
                 &self.model.tilt_limit,
-                STOP_STIFFNESS_N_M_RAD,
-                STOP_DAMPING_N_M_S,
+                STOP_STIFFNESS_S2 * mean_inertia_kg_m2,
+                STOP_DAMPING_S * mean_inertia_kg_m2,
                 &vertical_b,
                 &omega,
             );
-        let mut environment = None;
-        if !self.effects.is_empty() {
-            let environment = environment.insert(self.environment(at.time_s, state, drive));
+        if let Some(environment) = &environment {
             torque += self.effects.torque_b_n_m(environment, &state.hidden);
             actuators.add_effects(&self.effects, environment, &state.actuators, &mut forces);
         }

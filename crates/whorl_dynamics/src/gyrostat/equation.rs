@@ -15,13 +15,18 @@
 //! | torque on each wheel about its axis | I - A J A^T, J of the wheels that turn freely | A times these torques |
 //! | their speeds | I | d(h_w)/dt |
 //!
+//! Where the rig leaves fewer axes ([`Freedom`]), R^-1 becomes the mobility M: an ideal hinge adds a torque c with
+//! a^T c = 0 and leaves dw/dt = a alpha, so a^T R a alpha = a^T (g - w x h - u) and M = a a^T / (a^T R a); of a clamped
+//! body M = 0.
+//!
 //! This is the only implementation of the equation: the plant, the filters, the feed-forward, the identification and
 //! the diagnosis call it. What their model has of further effects comes with g, u and R: see [`crate::Gyrostat`].
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use whorl_math::skew;
 
-use crate::platform::Wheel;
+use crate::actuators::wheels::Wheel;
+use crate::platform::freedom::Freedom;
 
 /// Torque of the gravity offset, -(m g r_cg) x k (eq. 4.74) [N m]: offset and upward vertical in the same axes.
 #[must_use]
@@ -42,6 +47,7 @@ pub fn momentum_rate_b_n_m(
 /// The equation of motion for given inertias.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RateEquation {
+    freedom: Freedom,
     inertia_b_kg_m2: Matrix3<f64>,
     inverse_inertia: Matrix3<f64>,
     resisting_b_kg_m2: Matrix3<f64>,
@@ -65,17 +71,34 @@ pub struct LinearisedRate {
 
 impl RateEquation {
     /// With the inertia of platform and locked wheels, and the inertia that resists, both about the centre of rotation
-    /// in body axes [kg m^2]. `None` unless both are positive definite.
+    /// in body axes [kg m^2], of a body on a bearing. `None` unless both are positive definite.
     #[must_use]
     pub fn new(inertia_b_kg_m2: Matrix3<f64>, resisting_b_kg_m2: Matrix3<f64>) -> Option<Self> {
+        Self::with_freedom(Freedom::OnBearing, inertia_b_kg_m2, resisting_b_kg_m2)
+    }
+
+    /// As [`Self::new`], of a body that its rig leaves this freedom.
+    #[must_use]
+    pub fn with_freedom(
+        freedom: Freedom,
+        inertia_b_kg_m2: Matrix3<f64>,
+        resisting_b_kg_m2: Matrix3<f64>,
+    ) -> Option<Self> {
         inertia_b_kg_m2.cholesky()?;
         resisting_b_kg_m2.cholesky()?;
         Some(Self {
-            inverse_inertia: inertia_b_kg_m2.try_inverse()?,
-            inverse_resisting: resisting_b_kg_m2.try_inverse()?,
+            inverse_inertia: freedom.mobility(&inertia_b_kg_m2)?,
+            inverse_resisting: freedom.mobility(&resisting_b_kg_m2)?,
+            freedom,
             inertia_b_kg_m2,
             resisting_b_kg_m2,
         })
+    }
+
+    /// The motion that the rig leaves the body.
+    #[must_use]
+    pub fn freedom(&self) -> &Freedom {
+        &self.freedom
     }
 
     /// For wheels with known torques: these turn freely, others count as locked.
@@ -105,7 +128,7 @@ impl RateEquation {
         &self.resisting_b_kg_m2
     }
 
-    /// Its inverse [1/(kg m^2)].
+    /// Angular acceleration for each torque: its inverse, on the axes that are free [1/(kg m^2)].
     #[must_use]
     pub fn inverse_resisting(&self) -> &Matrix3<f64> {
         &self.inverse_resisting
@@ -121,7 +144,7 @@ impl RateEquation {
         self.inertia_b_kg_m2 * omega_wb_b_rad_s + wheel_momentum_b_n_m_s
     }
 
-    /// The rate of a body with this total momentum, w = I^-1 (h - h_w) [rad/s].
+    /// The rate of a body with this total momentum, w = I^-1 (h - h_w) on the axes that are free [rad/s].
     #[must_use]
     pub fn rate_b_rad_s(
         &self,
@@ -135,6 +158,13 @@ impl RateEquation {
     #[must_use]
     pub fn rate_by_momentum(&self) -> &Matrix3<f64> {
         &self.inverse_inertia
+    }
+
+    /// As [`gravity_torque_n_m`], and zero where weight has no moment [N m].
+    #[must_use]
+    #[inline]
+    pub fn gravity_torque_n_m(&self, offset_n_m: &Vector3<f64>, vertical: &Vector3<f64>) -> Vector3<f64> {
+        if self.freedom.has_weight() { gravity_torque_n_m(offset_n_m, vertical) } else { Vector3::zeros() }
     }
 
     /// Angular acceleration [rad/s^2]: g from outside and u on the wheels as in the table of this page, body axes [N m].
@@ -151,7 +181,7 @@ impl RateEquation {
             * (momentum_rate_b_n_m(omega_wb_b_rad_s, momentum_b_n_m_s, torque_b_n_m) - on_wheels_b_n_m)
     }
 
-    /// What torque g - u gives this angular acceleration: the inverse dynamics [N m].
+    /// What torque g - u gives this angular acceleration: the inverse dynamics, without what the constraint bears [N m].
     #[must_use]
     pub fn required_torque_b_n_m(
         &self,
@@ -160,7 +190,8 @@ impl RateEquation {
         omega_dot_wb_b_rad_s2: &Vector3<f64>,
     ) -> Vector3<f64> {
         let inertial = self.resisting_b_kg_m2 * omega_dot_wb_b_rad_s2;
-        inertial - momentum_rate_b_n_m(omega_wb_b_rad_s, momentum_b_n_m_s, &Vector3::zeros())
+        let free = inertial - momentum_rate_b_n_m(omega_wb_b_rad_s, momentum_b_n_m_s, &Vector3::zeros());
+        self.freedom.share(&free)
     }
 
     /// Change of the rate by an impulse on the body [N m s].
@@ -181,7 +212,8 @@ impl RateEquation {
     ) -> LinearisedRate {
         let inverse = &self.inverse_resisting;
         let omega = skew(omega_wb_b_rad_s);
-        let by_vertical = inverse * -skew(gravity_offset_b_n_m);
+        let weight = if self.freedom.has_weight() { skew(gravity_offset_b_n_m) } else { Matrix3::zeros() };
+        let by_vertical = inverse * -weight;
         LinearisedRate {
             by_rate: inverse * (skew(momentum_b_n_m_s) - omega * self.inertia_b_kg_m2),
             // exp(-a) k = k + k x a.
@@ -233,7 +265,7 @@ pub fn mass_regressor(omega_wb_b_rad_s: &Vector3<f64>, vertical_b: &Vector3<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{SVector, UnitQuaternion};
+    use nalgebra::{SVector, Unit, UnitQuaternion};
 
     const STEP: f64 = 1e-6;
 
@@ -242,8 +274,16 @@ mod tests {
     }
 
     fn equation() -> RateEquation {
+        equation_with(Freedom::OnBearing)
+    }
+
+    fn equation_with(freedom: Freedom) -> RateEquation {
         let wheel = Matrix3::from_diagonal(&Vector3::new(0.02, 0.05, 0.3));
-        RateEquation::new(inertia(), inertia() - wheel).expect("positive definite")
+        RateEquation::with_freedom(freedom, inertia(), inertia() - wheel).expect("positive definite")
+    }
+
+    fn oblique() -> Unit<Vector3<f64>> {
+        Unit::new_normalize(Vector3::new(0.3, -0.5, 0.8))
     }
 
     struct Example {
@@ -264,26 +304,35 @@ mod tests {
         }
     }
 
-    fn acceleration(at: &Example) -> Vector3<f64> {
+    fn acceleration(equation: &RateEquation, at: &Example) -> Vector3<f64> {
         let vertical = at.q_world_body.inverse() * Vector3::z();
-        let momentum = equation().momentum_b_n_m_s(&at.omega, &at.wheels);
-        let torque = at.torque + gravity_torque_n_m(&at.offset, &vertical);
-        equation().acceleration_b_rad_s2(&at.omega, &momentum, &torque, &Vector3::zeros())
+        let momentum = equation.momentum_b_n_m_s(&at.omega, &at.wheels);
+        let torque = at.torque + equation.gravity_torque_n_m(&at.offset, &vertical);
+        equation.acceleration_b_rad_s2(&at.omega, &momentum, &torque, &Vector3::zeros())
     }
 
-    /// Every derivative against central differences of the nonlinear equation.
+    /// Every derivative against central differences of the nonlinear equation, whatever the rig.
     #[test]
     fn linearisation_is_the_derivative() {
+        for freedom in
+            [Freedom::OnBearing, Freedom::Free, Freedom::Hinge { axis_b: oblique() }, Freedom::Clamped]
+        {
+            compare_with_differences(&equation_with(freedom));
+        }
+    }
+
+    fn compare_with_differences(equation: &RateEquation) {
+        let freedom = *equation.freedom();
         let at = example();
         let vertical = at.q_world_body.inverse() * Vector3::z();
-        let momentum = equation().momentum_b_n_m_s(&at.omega, &at.wheels);
-        let linear = equation().linearised(&at.omega, &momentum, &at.offset, &vertical);
+        let momentum = equation.momentum_b_n_m_s(&at.omega, &at.wheels);
+        let linear = equation.linearised(&at.omega, &momentum, &at.offset, &vertical);
         let numeric = |moved: &dyn Fn(&mut Example, Vector3<f64>)| {
             Matrix3::from_columns(&[0, 1, 2].map(|axis| {
                 let [mut plus, mut minus] = [example(), example()];
                 moved(&mut plus, Vector3::ith(axis, STEP));
                 moved(&mut minus, Vector3::ith(axis, -STEP));
-                (acceleration(&plus) - acceleration(&minus)) / (2.0 * STEP)
+                (acceleration(equation, &plus) - acceleration(equation, &minus)) / (2.0 * STEP)
             }))
         };
         let attitude = |e: &mut Example, a| e.q_world_body *= UnitQuaternion::from_scaled_axis(a);
@@ -293,18 +342,39 @@ mod tests {
             ("wheel momentum", numeric(&|e, d| e.wheels += d), linear.by_wheel_momentum),
             ("torque", numeric(&|e, d| e.torque += d), linear.by_torque),
         ] {
-            assert!((expected - analytic).amax() < 1e-8, "{what}: {expected} {analytic}");
-            assert!(expected.amax() > 1e-3, "{what} acts");
+            assert!((expected - analytic).amax() < 1e-8, "{freedom:?}, {what}: {expected} {analytic}");
+            let acts = freedom.turns() && (freedom.has_weight() || what != "attitude");
+            assert_eq!(expected.amax() > 1e-3, acts, "{freedom:?}: {what} acts");
         }
         let tilted = |d: Vector3<f64>| {
-            let torque = at.torque + gravity_torque_n_m(&at.offset, &(vertical + d));
-            equation().acceleration_b_rad_s2(&at.omega, &momentum, &torque, &Vector3::zeros())
+            let torque = at.torque + equation.gravity_torque_n_m(&at.offset, &(vertical + d));
+            equation.acceleration_b_rad_s2(&at.omega, &momentum, &torque, &Vector3::zeros())
         };
         for axis in 0..3 {
             let d = Vector3::ith(axis, STEP);
             let expected = (tilted(d) - tilted(-d)) / (2.0 * STEP);
             assert!((expected - linear.by_vertical.column(axis)).norm() < 1e-8, "vertical, axis {axis}");
         }
+    }
+
+    /// Newton's law with the shaft's torque written out: R dw/dt = g - w x h - u + c, a^T c = 0 and dw/dt along a. Five
+    /// equations for five unknowns, solved as they stand.
+    #[test]
+    fn a_hinge_bears_all_torque_across_its_axis() {
+        let (at, axis_b) = (example(), oblique());
+        let equation = equation_with(Freedom::Hinge { axis_b });
+        let momentum = equation.momentum_b_n_m_s(&at.omega, &at.wheels);
+        let on_wheels = Vector3::new(0.02, 0.1, -0.3);
+        let found = equation.acceleration_b_rad_s2(&at.omega, &momentum, &at.torque, &on_wheels);
+        let across = [Vector3::x(), Vector3::y()].map(|v| Unit::new_normalize(v.cross(&axis_b)).into_inner());
+        // Unknowns: dw/dt along a, c along the two directions across it.
+        let columns = [equation.resisting_b_kg_m2() * axis_b.into_inner(), -across[0], -across[1]];
+        let right = momentum_rate_b_n_m(&at.omega, &momentum, &at.torque) - on_wheels;
+        let solution = Matrix3::from_columns(&columns).lu().solve(&right).expect("regular");
+        assert!((found - axis_b.into_inner() * solution.x).norm() < 1e-14);
+        assert!(solution.yz().norm() > 0.01, "the shaft bears something");
+        let required = equation.required_torque_b_n_m(&at.omega, &momentum, &found);
+        assert!((required - axis_b.into_inner() * axis_b.dot(&(at.torque - on_wheels))).norm() < 1e-14);
     }
 
     /// Torque-free axisymmetric body: dw1/dt = (It - Ia)/It w3 w2, dw2/dt = -(It - Ia)/It w3 w1, dw3/dt = 0.

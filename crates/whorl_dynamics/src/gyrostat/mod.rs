@@ -49,7 +49,6 @@ use crate::actuators::{ActuatorError, Drives};
 use crate::effects::{EffectError, EffectSet, ThrustLag, TrueImu};
 use crate::sensing::specific_force_b_m_s2;
 use crate::{Environment, PlatformModel};
-use equation::gravity_torque_n_m;
 
 /// Why a platform cannot be simulated.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -151,9 +150,12 @@ impl Gyrostat {
     }
 
     /// Potential energy of the gravity offset \[J\], zero with the centre of mass level with the
-    /// centre of rotation.
+    /// centre of rotation; zero throughout where weight has no moment.
     #[must_use]
     pub fn potential_energy_j(&self, q_world_body: &UnitQuaternion<f64>) -> f64 {
+        if !self.model.freedom.has_weight() {
+            return 0.0;
+        }
         self.model.mass_properties.gravity_offset_b_n_m().dot(&vertical_b(q_world_body))
     }
 
@@ -162,7 +164,10 @@ impl Gyrostat {
     #[must_use]
     pub fn modelled_torque_b_n_m(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         self.effects.torque_b_n_m(environment, hidden)
-            + gravity_torque_n_m(self.model.mass_properties.gravity_offset_b_n_m(), &environment.vertical_b)
+            + self.equation.gravity_torque_n_m(
+                self.model.mass_properties.gravity_offset_b_n_m(),
+                &environment.vertical_b,
+            )
     }
 
     /// Accelerations with every wheel free, under what the model has and a torque that it does not have
@@ -216,20 +221,29 @@ impl Gyrostat {
         *self.equation.resisting_b_kg_m2()
     }
 
-    /// Readings of ideal inertial sensors, body axes: `environment` must hold the angular acceleration.
+    /// Readings of inertial sensors without errors or a low-pass of their own, effects included, body axes:
+    /// `environment` must hold the angular acceleration.
     #[must_use]
     pub fn true_imu(&self, environment: &Environment<'_>) -> TrueImu {
-        let mut imu = TrueImu {
+        let mut imu = self.ideal_imu(environment);
+        self.effects.measure_imu(environment, &mut imu);
+        imu
+    }
+
+    /// The same without effects.
+    #[must_use]
+    pub(crate) fn ideal_imu(&self, environment: &Environment<'_>) -> TrueImu {
+        let weight_b =
+            if self.model.freedom.has_weight() { environment.vertical_b } else { Vector3::zeros() };
+        TrueImu {
             angular_velocity_b_rad_s: environment.omega_wb_b_rad_s,
             specific_force_b_m_s2: specific_force_b_m_s2(
                 &self.model.sensors.accelerometer.lever_arm_b_m,
                 &environment.omega_wb_b_rad_s,
                 &environment.omega_dot_wb_b_rad_s2,
-                &environment.vertical_b,
+                &weight_b,
             ),
-        };
-        self.effects.measure_imu(environment, &mut imu);
-        imu
+        }
     }
 }
 
@@ -241,5 +255,5 @@ fn rate_equation(
     let inertia = *model.mass_properties.inertia_b_kg_m2();
     let mut left = inertia - reaction_inertia_b_kg_m2;
     model.actuators.take_out(drives, &mut left);
-    RateEquation::new(inertia, left)
+    RateEquation::with_freedom(model.freedom, inertia, left)
 }

@@ -2,7 +2,6 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::Derivative;
 use crate::actuators::{Actuators, States};
 use crate::effects::MAX_HIDDEN_STATES;
 
@@ -30,26 +29,6 @@ impl State {
             actuators: actuators.at_rest(),
             hidden: [0.0; MAX_HIDDEN_STATES],
         }
-    }
-
-    /// This state moved along `derivative` for `dt_s`. The quaternion is not normalised: the
-    /// stages of a Runge-Kutta step leave the sphere by design, its end is normalised.
-    pub(crate) fn moved(
-        &self,
-        derivative: &Derivative,
-        dt_s: f64,
-        actuators: &Actuators,
-        hidden: usize,
-    ) -> Self {
-        let mut moved = *self;
-        moved.q_world_body =
-            UnitQuaternion::new_unchecked(self.q_world_body.into_inner() + derivative.quaternion * dt_s);
-        moved.omega_wb_b_rad_s += derivative.omega * dt_s;
-        actuators.add_scaled(&mut moved.actuators, &derivative.actuators, dt_s);
-        for (x, rate) in moved.hidden.iter_mut().zip(&derivative.hidden).take(hidden) {
-            *x += rate * dt_s;
-        }
-        moved
     }
 
     /// The quaternion back on the sphere.

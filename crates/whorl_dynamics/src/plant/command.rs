@@ -105,7 +105,7 @@ impl Plant {
         }
         self.state.q_world_body = *q_world_body;
         if !self.drive.clamped {
-            self.state.omega_wb_b_rad_s = *omega_wb_b_rad_s;
+            self.state.omega_wb_b_rad_s = self.gyrostat.model().freedom.share(omega_wb_b_rad_s);
         }
         self.state.set_wheel_speed_rad_s(wheel_speed_rad_s);
         // The history of sensors with latency belongs to the motion before.

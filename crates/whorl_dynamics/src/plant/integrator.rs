@@ -54,6 +54,7 @@ impl Plant {
                 q_world_body: self.state.q_world_body,
                 omega_wb_b_rad_s: self.state.omega_wb_b_rad_s,
                 omega_dot_wb_b_rad_s2: first.omega,
+                behind_filter: self.behind_filter,
             });
         }
         for _ in 0..MAX_STOPS_PER_SEGMENT {
@@ -63,17 +64,29 @@ impl Plant {
             let remaining_s = length_s - done_s;
             let end = self.runge_kutta(done_s, remaining_s, &first);
             let Some((part, stop_s, at_stop)) = self.first_stop(done_s, remaining_s, &first, &end) else {
-                self.state = end;
+                self.move_on(end, &first, done_s, remaining_s);
                 self.add_hidden_noise(length_s);
                 return;
             };
-            self.state = at_stop;
+            self.move_on(at_stop, &first, done_s, stop_s);
             self.slide(part, 0.0);
             done_s += stop_s;
             first = self.derivative_after(&self.state, done_s);
         }
-        self.state = self.runge_kutta(done_s, length_s - done_s, &first);
+        let end = self.runge_kutta(done_s, length_s - done_s, &first);
+        self.move_on(end, &first, done_s, length_s - done_s);
         self.add_hidden_noise(length_s);
+    }
+
+    /// Takes the state at the end of a step that begins `offset_s` after now, and carries the sensors' low-pass on.
+    fn move_on(&mut self, end: State, first: &Derivative, offset_s: f64, step_s: f64) {
+        if self.has_filter {
+            let from = self.ideal_imu(&self.state, &first.omega);
+            let last = self.derivative_after(&end, offset_s + step_s);
+            let to = self.ideal_imu(&end, &last.omega);
+            self.filter(&from, &to, step_s);
+        }
+        self.state = end;
     }
 
     /// One classical Runge-Kutta step over `h_s` that begins `offset_s` after now; `k1` is the
@@ -126,7 +139,9 @@ impl Plant {
         loop {
             let (gyrostat, time_s) = (&self.gyrostat, self.time_s() + offset_s);
             let actuators = &gyrostat.model().actuators;
-            let slip = actuators.first_slip(gyrostat, time_s, &self.state, &self.drive, &derivative.omega);
+            let environment = || gyrostat.environment(time_s, &self.state, &self.drive);
+            let drives = &self.drive.actuators;
+            let slip = actuators.first_slip(gyrostat.effects(), &environment, drives, &derivative.omega);
             let Some((part, sense)) = slip else { return released };
             self.slide(part, sense);
             released = true;
@@ -144,6 +159,8 @@ impl Plant {
     pub(super) fn set_out(&mut self) {
         self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
         self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
+        // As if the platform had moved so for a while.
+        self.behind_filter = self.ideal_imu(&self.state, &self.angular_acceleration_b_rad_s2());
     }
 
     fn add_hidden_noise(&mut self, length_s: f64) {

@@ -17,7 +17,7 @@ use thiserror::Error;
 use crate::actuators::Instant;
 use crate::gyrostat::Drive;
 use crate::sensing::History;
-use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State};
+use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State, TrueImu};
 use noise::{Normal, Stream, TriaxialSensor};
 
 /// Largest integration step \[ns\]: 1 kHz.
@@ -63,7 +63,7 @@ pub struct InitialState {
     pub time_ns: i64,
     /// Attitude, v_world = q v_body.
     pub q_world_body: UnitQuaternion<f64>,
-    /// Body rate seen from the world, body axes [rad/s].
+    /// Body rate seen from the world, body axes [rad/s]; only its share along the axes that are free counts.
     pub omega_wb_b_rad_s: Vector3<f64>,
     /// Wheel speeds relative to the body [rad/s]; empty = all stopped.
     pub wheel_speed_rad_s: Vec<f64>,
@@ -124,6 +124,9 @@ pub struct Plant {
     pub(crate) state: State,
     pub(crate) drive: Drive,
     history: History,
+    /// A sensor of the inertial unit has a low-pass.
+    has_filter: bool,
+    behind_filter: TrueImu,
     gyro: TriaxialSensor,
     accelerometer: TriaxialSensor,
     vector_noise: Normal,
@@ -152,7 +155,7 @@ impl Plant {
             return Err(PlantError::NotFinite);
         }
         let mut state = State::at_rest(initial.q_world_body, &gyrostat.model().actuators).normalised();
-        state.omega_wb_b_rad_s = initial.omega_wb_b_rad_s;
+        state.omega_wb_b_rad_s = model.freedom.share(&initial.omega_wb_b_rad_s);
         state.set_wheel_speed_rad_s(speeds);
         let sensors = gyrostat.model().sensors;
         let latest_s = [
@@ -173,6 +176,13 @@ impl Plant {
             now_ns,
             drive: Drive::idle(&gyrostat, now_ns),
             history: History::new(ns_from_s(latest_s)),
+            has_filter: [sensors.gyro.errors, sensors.accelerometer.errors]
+                .iter()
+                .any(|e| e.time_constant_s > 0.0),
+            behind_filter: TrueImu {
+                angular_velocity_b_rad_s: Vector3::zeros(),
+                specific_force_b_m_s2: Vector3::zeros(),
+            },
             gyro: TriaxialSensor::new(sensors.gyro.errors, Normal::new(seed, Stream::Gyro), now_ns),
             accelerometer: TriaxialSensor::new(
                 sensors.accelerometer.errors,
@@ -197,6 +207,13 @@ impl Plant {
     #[must_use]
     pub fn with_step_ns(mut self, step_ns: i64) -> Self {
         self.step_ns = step_ns.max(1_000);
+        self
+    }
+
+    /// The same without the random torques that effects state: the mean of the motion, which a prediction is.
+    #[must_use]
+    pub fn without_random_torque(mut self) -> Self {
+        self.hidden_noise_intensity.clear();
         self
     }
 

@@ -1,11 +1,12 @@
 //! Readings of the platform's sensors.
 
+use nalgebra::Vector3;
 use whorl_math::vertical_b;
 
 use super::{Plant, ns_from_s};
-use crate::TrueImu;
 use crate::actuators::Kind;
-use crate::sensing::{ImuSample, JointSample, Snapshot, VectorSample};
+use crate::sensing::{ImuSample, JointSample, Snapshot, VectorSample, low_passed};
+use crate::{Environment, State, TrueImu};
 
 impl Plant {
     /// Reads gyro and accelerometer now.
@@ -57,7 +58,39 @@ impl Plant {
             q_world_body: self.state.q_world_body,
             omega_wb_b_rad_s: self.state.omega_wb_b_rad_s,
             omega_dot_wb_b_rad_s2: self.angular_acceleration_b_rad_s2(),
+            behind_filter: self.behind_filter,
         }
+    }
+
+    /// What ideal inertial sensors see in this state of the body.
+    pub(super) fn ideal_imu(&self, state: &State, omega_dot_wb_b_rad_s2: &Vector3<f64>) -> TrueImu {
+        let model = self.gyrostat.model();
+        self.gyrostat.ideal_imu(&Environment {
+            omega_dot_wb_b_rad_s2: *omega_dot_wb_b_rad_s2,
+            ..Environment::new(model, state.q_world_body, state.omega_wb_b_rad_s)
+        })
+    }
+
+    /// Carries what is behind the sensors' low-pass over a step in which they saw this at its two ends.
+    pub(super) fn filter(&mut self, from: &TrueImu, to: &TrueImu, step_s: f64) {
+        let sensors = &self.gyrostat.model().sensors;
+        let behind = &self.behind_filter;
+        self.behind_filter = TrueImu {
+            angular_velocity_b_rad_s: low_passed(
+                &behind.angular_velocity_b_rad_s,
+                &from.angular_velocity_b_rad_s,
+                &to.angular_velocity_b_rad_s,
+                step_s,
+                sensors.gyro.errors.time_constant_s,
+            ),
+            specific_force_b_m_s2: low_passed(
+                &behind.specific_force_b_m_s2,
+                &from.specific_force_b_m_s2,
+                &to.specific_force_b_m_s2,
+                step_s,
+                sensors.accelerometer.errors.time_constant_s,
+            ),
+        };
     }
 
     /// What ideal inertial sensors would have read `latency_s` ago. Wheels, valves and temperature
@@ -71,6 +104,15 @@ impl Plant {
         environment.vertical_b = vertical_b(&then.q_world_body);
         environment.omega_wb_b_rad_s = then.omega_wb_b_rad_s;
         environment.omega_dot_wb_b_rad_s2 = then.omega_dot_wb_b_rad_s2;
-        self.gyrostat.true_imu(&environment)
+        let sensors = &self.gyrostat.model().sensors;
+        let mut imu = self.gyrostat.ideal_imu(&environment);
+        if sensors.gyro.errors.time_constant_s > 0.0 {
+            imu.angular_velocity_b_rad_s = then.behind_filter.angular_velocity_b_rad_s;
+        }
+        if sensors.accelerometer.errors.time_constant_s > 0.0 {
+            imu.specific_force_b_m_s2 = then.behind_filter.specific_force_b_m_s2;
+        }
+        self.gyrostat.effects().measure_imu(&environment, &mut imu);
+        imu
     }
 }

@@ -4,12 +4,14 @@
 //! given in each field's doc. The truth of a simulation and the model that estimator and control
 //! use are two values of the same type.
 
+pub(crate) mod freedom;
 mod prior;
 mod reference;
-mod sensors;
+pub(crate) mod sensors;
 
 pub use crate::actuators::jets::{Jet, Tank};
 pub use crate::actuators::wheels::Wheel;
+pub use freedom::Freedom;
 pub use prior::ModelPrior;
 pub use sensors::{
     Accelerometer, BusVoltage, RateGyro, ScalarSensor, SensorSuite, TriaxialErrors, VectorSensor,
@@ -26,11 +28,13 @@ use crate::actuators::Actuators;
 pub struct PlatformModel {
     /// Mass, inertia, gravity offset.
     pub mass_properties: MassProperties,
+    /// The motion that the rig leaves the body.
+    pub freedom: Freedom,
     /// The actuators, by kind.
     pub actuators: Actuators,
     /// Bus voltage supply at full charge and its fall, for actuators that depend on it.
     pub bus: BusVoltage,
-    /// Where the bearing stops.
+    /// Where the bearing stops; [`TiltLimit::NONE`] for rigs that do not.
     pub tilt_limit: TiltLimit,
     /// The sensors.
     pub sensors: SensorSuite,
@@ -39,12 +43,12 @@ pub struct PlatformModel {
     pub effects: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
-/// Freedom of the bearing.
+/// Where the bearing stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TiltLimit {
     /// Tabletop: the angle between body z and the vertical stays below this.
     Cone {
-        /// Largest tilt \[rad\], 0 < x < pi.
+        /// Largest tilt \[rad\], 0 < x < pi; pi where nothing stops it.
         max_rad: f64,
     },
     /// Dumbbell: the elevation of body x above the horizontal stays within +- this; yaw and roll
@@ -53,4 +57,15 @@ pub enum TiltLimit {
         /// Largest pitch \[rad\], 0 < x < pi/2.
         max_rad: f64,
     },
+}
+
+impl TiltLimit {
+    /// No stop: no attitude lies beyond it.
+    pub const NONE: Self = Self::Cone { max_rad: std::f64::consts::PI };
+
+    /// Whether there is a stop.
+    #[must_use]
+    pub fn stops(&self) -> bool {
+        *self != Self::NONE
+    }
 }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use super::{
-    Accelerometer, BusVoltage, Jet, PlatformModel, RateGyro, ScalarSensor, SensorSuite, Tank, TiltLimit,
-    TriaxialErrors, VectorSensor, Wheel, WheelSpeedSensor,
+    Accelerometer, BusVoltage, Freedom, Jet, PlatformModel, RateGyro, ScalarSensor, SensorSuite, Tank,
+    TiltLimit, TriaxialErrors, VectorSensor, Wheel, WheelSpeedSensor,
 };
 use crate::MassProperties;
 use crate::actuators::Actuators;
@@ -26,6 +26,7 @@ impl PlatformModel {
         Self {
             mass_properties: MassProperties::new(inertia_b_kg_m2, gravity_offset_b_n_m, 110.0)
                 .expect("Table 4.1 is realisable"),
+            freedom: Freedom::OnBearing,
             actuators: Actuators {
                 wheels: Wheels(vec![
                     wheel("wheel_x", Vector3::x_axis()),
@@ -35,7 +36,7 @@ impl PlatformModel {
                 jets: Jets { list: jets(), tank: tank() },
                 ..Actuators::default()
             },
-            bus: BusVoltage { initial_v: 25.2, discharge_v_s: 2.0e-4, sag_v_n_m: 0.5 },
+            bus: BusVoltage { initial_v: 25.2, full_v: 25.2, discharge_v_s: 2.0e-4, sag_v_n_m: 0.5 },
             tilt_limit: TiltLimit::Cone { max_rad: 5.0_f64.to_radians() },
             sensors: sensors(),
             effects: BTreeMap::new(),
@@ -111,10 +112,12 @@ fn sensors() -> SensorSuite {
         quantum: 0.0,
         range: f64::MAX,
         latency_s: 0.0,
+        time_constant_s: 0.0,
     };
     SensorSuite {
         rate_hz: 100.0,
         gyro: RateGyro {
+            axes: [true; 3],
             errors: TriaxialErrors {
                 noise_stddev: Vector3::repeat(1.7e-3),
                 bias_turn_on_stddev: Vector3::repeat(5.0e-3),
@@ -124,6 +127,7 @@ fn sensors() -> SensorSuite {
             },
         },
         accelerometer: Accelerometer {
+            fitted: true,
             errors: TriaxialErrors {
                 noise_stddev: Vector3::repeat(0.02),
                 bias_turn_on_stddev: Vector3::repeat(0.01),

@@ -27,9 +27,18 @@ pub struct TriaxialErrors {
     pub range: f64,
     /// Age of the data when stamped \[s\], >= 0.
     pub latency_s: f64,
+    /// Time constant of a first-order low-pass between motion and output \[s\], >= 0: 1/(2 pi bandwidth), or half the
+    /// length of an averaging window.
+    pub time_constant_s: f64,
 }
 
 impl TriaxialErrors {
+    /// Age of the data for motion that is slow against the low-pass: latency and time constant \[s\].
+    #[must_use]
+    pub fn lag_s(&self) -> f64 {
+        self.latency_s + self.time_constant_s
+    }
+
     /// Standard deviation of one sample per axis: white noise, and the quantisation's share, a uniform error of one
     /// step (unit of the sensor).
     #[must_use]
@@ -52,9 +61,11 @@ impl WheelSpeedSensor {
     }
 }
 
-/// Three-axis rate gyro; unit rad/s.
+/// Rate gyro; unit rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RateGyro {
+    /// Which body axes it measures.
+    pub axes: [bool; 3],
     /// Its errors [rad/s].
     pub errors: TriaxialErrors,
 }
@@ -62,6 +73,8 @@ pub struct RateGyro {
 /// Three-axis accelerometer; unit m/s^2, specific force (REP-145): +9.81 on z at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accelerometer {
+    /// Whether the platform has one. The rest says nothing where it has not.
+    pub fitted: bool,
     /// Its errors [m/s^2].
     pub errors: TriaxialErrors,
     /// Position from the centre of rotation, body axes \[m\].
@@ -106,6 +119,8 @@ pub struct ScalarSensor {
 pub struct BusVoltage {
     /// At the start of a run \[V\], > 0.
     pub initial_v: f64,
+    /// Of a full battery, from which effects count the loss \[V\], > 0.
+    pub full_v: f64,
     /// Fall over time [V/s], >= 0.
     pub discharge_v_s: f64,
     /// Drop per newton metre of total wheel torque [V/(N m)], >= 0.

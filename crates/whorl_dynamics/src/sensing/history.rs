@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::TrueImu;
+
 /// The body's motion at one instant.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Snapshot {
@@ -11,6 +13,8 @@ pub(crate) struct Snapshot {
     pub q_world_body: UnitQuaternion<f64>,
     pub omega_wb_b_rad_s: Vector3<f64>,
     pub omega_dot_wb_b_rad_s2: Vector3<f64>,
+    /// Behind the low-pass of gyro and accelerometer.
+    pub behind_filter: TrueImu,
 }
 
 impl Snapshot {
@@ -26,6 +30,7 @@ impl Snapshot {
             q_world_body: UnitQuaternion::from_scaled_axis(turn * share) * self.q_world_body,
             omega_wb_b_rad_s: self.omega_wb_b_rad_s.lerp(&later.omega_wb_b_rad_s, share),
             omega_dot_wb_b_rad_s2: self.omega_dot_wb_b_rad_s2.lerp(&later.omega_dot_wb_b_rad_s2, share),
+            behind_filter: self.behind_filter.towards(&later.behind_filter, share),
         }
     }
 }
@@ -87,6 +92,10 @@ mod tests {
             q_world_body: UnitQuaternion::from_euler_angles(0.0, 0.1, 0.7 * t),
             omega_wb_b_rad_s: Vector3::new(2.0 * t, 0.0, 0.0),
             omega_dot_wb_b_rad_s2: Vector3::new(2.0, 0.0, 0.0),
+            behind_filter: TrueImu {
+                angular_velocity_b_rad_s: Vector3::new(2.0 * t, 0.0, 0.0),
+                specific_force_b_m_s2: Vector3::z(),
+            },
         }
     }
 

@@ -3,11 +3,13 @@
 //! The functions here are pure: noise comes in as standard normal numbers.
 
 mod history;
+mod low_pass;
 mod scalar;
 mod triaxial;
 mod vector;
 
 pub(crate) use history::{History, Snapshot};
+pub use low_pass::low_passed;
 
 use nalgebra::{Unit, Vector3};
 use whorl_math::GRAVITY_M_S2;

@@ -3,7 +3,9 @@
 mod actuators;
 mod conservation;
 mod conventions;
+mod drives;
 mod effects;
+mod freedom;
 mod jacobi;
 mod motion;
 mod regression;

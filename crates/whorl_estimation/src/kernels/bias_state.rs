@@ -1,6 +1,7 @@
 //! Common to the filters with attitude and gyro bias: the mean, and the conversion of covariances.
 
 use super::kernel::{FilterStep, Solution};
+use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
 use whorl_math::quaternion_exp;
 
@@ -61,20 +62,40 @@ pub(super) fn transformed(p: &Matrix6<f64>, attitude: &Matrix3<f64>, bias: &Matr
     t * p * t.transpose()
 }
 
-/// Process noise of a step in world axes: gyro noise and bias walk, with `lever` the mean rotation times the step.
-pub(super) fn process_noise(
-    noise_density: f64,
-    walk_density: f64,
-    dt_s: f64,
-    mean_rotation: &Matrix3<f64>,
-) -> Matrix6<f64> {
-    let mut q = Matrix6::identity() * (walk_density * dt_s);
-    let attitude = noise_density * dt_s + walk_density * dt_s.powi(3) / 3.0;
-    q.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * attitude));
-    let cross = mean_rotation * (-0.5 * walk_density * dt_s * dt_s);
-    q.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
-    q.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
-    q
+/// Densities of the gyro's white noise and of its bias walk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GyroNoise {
+    white: f64,
+    walk: f64,
+}
+
+impl GyroNoise {
+    pub(super) fn new(parameters: &Parameters) -> Self {
+        Self {
+            white: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
+            walk: parameters.gyro_bias_walk_rad_s2_sqrt_hz.powi(2),
+        }
+    }
+
+    /// What a step adds in world axes, with its mean rotation.
+    pub(super) fn of_step(&self, dt_s: f64, mean_rotation: &Matrix3<f64>) -> Matrix6<f64> {
+        let mut q = Matrix6::identity() * (self.walk * dt_s);
+        let attitude = self.white * dt_s + self.walk * dt_s.powi(3) / 3.0;
+        q.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * attitude));
+        let cross = mean_rotation * (-0.5 * self.walk * dt_s * dt_s);
+        q.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+        q.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
+        q
+    }
+
+    /// Half of it in body axes: added before and after a propagation it is exact to second order (eq. 42 of Crassidis
+    /// and Markley).
+    pub(super) fn of_half_step(&self, dt_s: f64) -> Matrix6<f64> {
+        let attitude = 0.5 * dt_s * (self.white - self.walk * dt_s * dt_s / 6.0).max(0.0);
+        let mut noise = Matrix6::identity() * (0.5 * self.walk * dt_s);
+        noise.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * attitude));
+        noise
+    }
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! The free-motion filter behind the interface of the platforms' filters, for replayed recordings.
 
 use super::bias_state::BiasState;
-use super::kernel::{FilterStep, Kernel, Solution, Update};
+use super::kernel::{DirectionMeasurement, FilterStep, Kernel, Solution, Update};
 use crate::parameters::Parameters;
-use nalgebra::{Matrix6, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_PI_2;
 use whorl_free_motion::{FreeMotionEstimator, FreeMotionParameters};
 
@@ -54,13 +54,8 @@ impl Kernel for FreeMotionKernel {
         true
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        _reference_w: &Unit<Vector3<f64>>,
-        _variance: f64,
-    ) -> Update {
-        self.estimator.on_magnetometer(direction_b);
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
+        self.estimator.on_magnetometer(&measured.direction_b);
         Update::default()
     }
 
@@ -85,6 +80,7 @@ impl Kernel for FreeMotionKernel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Unit;
 
     #[test]
     fn heading_is_counted_from_the_reference() {
@@ -109,7 +105,11 @@ mod tests {
         };
         for _ in 0..300 {
             kernel.step(&step);
-            kernel.correct_direction(&(truth.inverse() * reference), &reference, 1e-4);
+            kernel.correct_direction(&DirectionMeasurement {
+                direction_b: truth.inverse() * reference,
+                reference_w: reference,
+                variance: 1e-4,
+            });
         }
         let solution = kernel.solution();
         assert!(solution.q_world_body.angle_to(&truth) < 1e-6);

@@ -13,11 +13,11 @@
 //! the accelerometer's bias c, which the vector sensor and rotations of the platform make observable. The accelerometer
 //! is used as in eq. (4.40) with the model's own angular acceleration.
 
-use super::kernel::{FilterStep, Kernel, Solution, Update};
+use super::kernel::{DirectionMeasurement, FilterStep, Kernel, Solution, Update};
 use crate::body::BodyModel;
 use crate::parameters::Parameters;
 use crate::residual::{across, direction_residual};
-use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, UnitQuaternion, Vector3};
 use whorl_dynamics::gyrostat::RateEquation;
 use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_math::covariance::{correct_scalar, symmetrise};
@@ -314,22 +314,17 @@ impl Kernel for GyrostatFilter {
         true
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update {
-        let columns = across(reference_w);
-        let measured_w = self.q_world_body * direction_b.into_inner();
-        let residual = columns.tr_mul(&direction_residual(&measured_w, reference_w));
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
+        let columns = across(&measured.reference_w);
+        let measured_w = self.q_world_body * measured.direction_b.into_inner();
+        let residual = columns.tr_mul(&direction_residual(&measured_w, &measured.reference_w));
         let (mut correction, mut nis) = (Row::zeros(), 0.0);
         for axis in 0..2 {
             let column = columns.column(axis).into_owned();
             let mut h = Row::zeros();
             h.fixed_rows_mut::<3>(ATTITUDE).copy_from(&column);
             let on = self.covariance.fixed_columns::<3>(ATTITUDE) * column;
-            nis += self.update_scalar(&h, &on, residual[axis], variance, &mut correction);
+            nis += self.update_scalar(&h, &on, residual[axis], measured.variance, &mut correction);
         }
         self.apply(&correction);
         Update { nis, dof: 2 }

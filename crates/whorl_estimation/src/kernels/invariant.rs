@@ -10,8 +10,8 @@
 //! depend on the estimate only through the measured rate. The output is linearised at the mean of measurement and
 //! prediction, which makes its error of third order; the correction goes through the group's exponential.
 
-use super::bias_state::{BiasState, process_noise, transformed};
-use super::kernel::{FilterStep, Kernel, Solution, Update, correct_three_components};
+use super::bias_state::{BiasState, GyroNoise, transformed};
+use super::kernel::{DirectionMeasurement, FilterStep, Kernel, Solution, Update, correct_three_components};
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, Vector3, Vector6};
 use whorl_math::covariance::propagate;
@@ -21,8 +21,7 @@ use whorl_math::{quaternion_exp, right_jacobian, skew};
 #[derive(Clone, Debug, PartialEq)]
 pub struct InvariantFilter {
     state: BiasState,
-    noise_density: f64,
-    walk_density: f64,
+    noise: GyroNoise,
     /// Attitude error and bias error, both in world axes.
     covariance: Matrix6<f64>,
 }
@@ -36,8 +35,7 @@ impl InvariantFilter {
         Self {
             covariance: transformed(&start.covariance, &rotation, &rotation),
             state,
-            noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
-            walk_density: parameters.gyro_bias_walk_rad_s2_sqrt_hz.powi(2),
+            noise: GyroNoise::new(parameters),
         }
     }
 }
@@ -51,24 +49,19 @@ impl Kernel for InvariantFilter {
         let mut f = Matrix6::identity();
         f.fixed_view_mut::<3, 3>(0, 3).copy_from(&(mean * before.transpose() * -step.dt_s));
         f.fixed_view_mut::<3, 3>(3, 3).copy_from(&turned);
-        let body = process_noise(self.noise_density, self.walk_density, step.dt_s, &mean);
+        let body = self.noise.of_step(step.dt_s, &mean);
         let noise = transformed(&body, &Matrix3::identity(), &after);
         propagate(&mut self.covariance, &f, &noise);
         Update::default()
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update {
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
         let rotation = self.state.rotation();
-        let measured_w = rotation * direction_b.into_inner();
-        let h = sensitivity(&measured_w, reference_w);
-        let innovation = measured_w - reference_w.into_inner();
+        let measured_w = rotation * measured.direction_b.into_inner();
+        let h = sensitivity(&measured_w, &measured.reference_w);
+        let innovation = measured_w - measured.reference_w.into_inner();
         let (correction, update) =
-            correct_three_components(&mut self.covariance, &h, variance, &innovation, 2);
+            correct_three_components(&mut self.covariance, &h, measured.variance, &innovation, 2);
         self.apply(&correction, &rotation);
         update
     }

@@ -4,8 +4,8 @@
 //! Automatic Control 38(2), 1993. The error of section 4.5.4 in body axes, `R_true = R exp(a)`, and the direction
 //! itself as measurement, `y = R^T r` (eq. 4.71), whose sensitivity is `[y x]` (eq. 4.72 at a = 0).
 
-use super::bias_state::{BiasState, process_noise, transformed};
-use super::kernel::{FilterStep, Kernel, Solution, Update};
+use super::bias_state::{BiasState, GyroNoise, transformed};
+use super::kernel::{DirectionMeasurement, FilterStep, Kernel, Solution, Update};
 use crate::parameters::Parameters;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, UnitQuaternion, Vector3, Vector6};
 use whorl_math::covariance::{correct, propagate};
@@ -20,8 +20,7 @@ const CONVERGED_RAD: f64 = 1e-10;
 #[derive(Clone, Debug, PartialEq)]
 pub struct IteratedFilter {
     state: BiasState,
-    noise_density: f64,
-    walk_density: f64,
+    noise: GyroNoise,
     /// Attitude error in body axes, bias error.
     covariance: Matrix6<f64>,
 }
@@ -30,12 +29,7 @@ impl IteratedFilter {
     /// A filter that goes on from an estimate.
     #[must_use]
     pub fn new(parameters: &Parameters, start: &Solution) -> Self {
-        Self {
-            state: BiasState::new(start),
-            noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
-            walk_density: parameters.gyro_bias_walk_rad_s2_sqrt_hz.powi(2),
-            covariance: start.covariance,
-        }
+        Self { state: BiasState::new(start), noise: GyroNoise::new(parameters), covariance: start.covariance }
     }
 }
 
@@ -47,24 +41,20 @@ impl Kernel for IteratedFilter {
         let mut p = transformed(&self.covariance, &before, &Matrix3::identity());
         let mut f = Matrix6::identity();
         f.fixed_view_mut::<3, 3>(0, 3).copy_from(&(mean * -step.dt_s));
-        propagate(&mut p, &f, &process_noise(self.noise_density, self.walk_density, step.dt_s, &mean));
+        propagate(&mut p, &f, &self.noise.of_step(step.dt_s, &mean));
         self.covariance = transformed(&p, &after.transpose(), &Matrix3::identity());
         Update::default()
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update {
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
         let prior = self.state.clone();
         let mut error = Vector6::zeros();
         let mut result: Option<(f64, _, _, _)> = None;
         for _ in 0..ITERATIONS {
-            let (z, h) = linearised(&prior.q_world_body, &error, direction_b, reference_w);
+            let (z, h) =
+                linearised(&prior.q_world_body, &error, &measured.direction_b, &measured.reference_w);
             let a = self.covariance * h.transpose();
-            let s = h * a + Matrix3::identity() * variance;
+            let s = h * a + Matrix3::identity() * measured.variance;
             let Some(factor) = s.cholesky() else { return Update::default() };
             let gain = factor.solve(&a.transpose()).transpose();
             // Gauss-Newton: the innovation is carried back to the prior's error, zero.

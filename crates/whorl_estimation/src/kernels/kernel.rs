@@ -38,6 +38,17 @@ pub struct Solution {
     pub wheel_momentum_b_n_m_s: Vector3<f64>,
 }
 
+/// A direction seen by a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionMeasurement {
+    /// As seen, in the current body axes.
+    pub direction_b: Unit<Vector3<f64>>,
+    /// The same direction in the world.
+    pub reference_w: Unit<Vector3<f64>>,
+    /// Variance about each axis across it \[rad^2\].
+    pub variance: f64,
+}
+
 /// All inputs that a kernel may start with.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelStart<'a> {
@@ -69,13 +80,8 @@ pub trait Kernel {
         false
     }
 
-    /// Corrects with a direction measured in the current body axes; `variance` is per axis across it \[rad^2\].
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update;
+    /// Corrects with a direction measured in the current body axes.
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update;
 
     /// A sample of the vector sensor as it came, in its own unit: only for kernels with gates of their own
     /// ([`crate::FilterKind::own_gates`]).

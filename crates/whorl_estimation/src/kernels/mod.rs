@@ -16,10 +16,12 @@ pub use free_motion::FreeMotionKernel;
 pub use gyrostat::GyrostatFilter;
 pub use invariant::InvariantFilter;
 pub use iterated::IteratedFilter;
-pub use kernel::{FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components};
+pub use kernel::{
+    DirectionMeasurement, FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components,
+};
 pub use unscented::UnscentedFilter;
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 use std::fmt;
 
 /// Which filter makes the estimate: a row of [`FilterKind::ALL`], or one of another crate with its own kernel.
@@ -53,14 +55,9 @@ macro_rules! any_kernel {
                 match self { $(Self::$name(kernel) => kernel.takes_raw_force()),+ }
             }
 
-            fn correct_direction(
-                &mut self,
-                direction_b: &Unit<Vector3<f64>>,
-                reference_w: &Unit<Vector3<f64>>,
-                variance: f64,
-            ) -> Update {
+            fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
                 match self {
-                    $(Self::$name(kernel) => kernel.correct_direction(direction_b, reference_w, variance)),+
+                    $(Self::$name(kernel) => kernel.correct_direction(measured)),+
                 }
             }
 

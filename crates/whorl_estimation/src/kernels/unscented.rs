@@ -4,10 +4,10 @@
 //! Control, and Dynamics 26(4), 2003. The attitude error is a generalised Rodrigues parameter with a = 1, f = 4 (four
 //! times the modified Rodrigues parameter), in body axes; the error quaternion of each sigma point multiplies the mean.
 
-use super::bias_state::{BiasState, mean_turn};
-use super::kernel::{FilterStep, Kernel, Solution, Update};
+use super::bias_state::{BiasState, GyroNoise, mean_turn};
+use super::kernel::{DirectionMeasurement, FilterStep, Kernel, Solution, Update};
 use crate::parameters::Parameters;
-use nalgebra::{Matrix3, Matrix6, Quaternion, SMatrix, Unit, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Quaternion, SMatrix, UnitQuaternion, Vector3, Vector6};
 use whorl_math::covariance::correct;
 use whorl_math::quaternion_exp;
 
@@ -20,8 +20,7 @@ const STATES: f64 = 6.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnscentedFilter {
     state: BiasState,
-    noise_density: f64,
-    walk_density: f64,
+    noise: GyroNoise,
     /// Attitude error in body axes, bias error.
     covariance: Matrix6<f64>,
 }
@@ -47,12 +46,7 @@ impl UnscentedFilter {
     /// A filter that goes on from an estimate.
     #[must_use]
     pub fn new(parameters: &Parameters, start: &Solution) -> Self {
-        Self {
-            state: BiasState::new(start),
-            noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
-            walk_density: parameters.gyro_bias_walk_rad_s2_sqrt_hz.powi(2),
-            covariance: start.covariance,
-        }
+        Self { state: BiasState::new(start), noise: GyroNoise::new(parameters), covariance: start.covariance }
     }
 
     /// Errors of the sigma points; `None` if the covariance is not positive definite.
@@ -70,20 +64,11 @@ impl UnscentedFilter {
         let attitude = from_rodrigues(&Vector3::from(error.fixed_rows::<3>(0)));
         (self.state.q_world_body * attitude, self.state.bias_rad_s + error.fixed_rows::<3>(3))
     }
-
-    /// Half of a step's process noise: added before and after the propagation it is exact to second order (eq. 42 of the
-    /// paper).
-    fn add_half_noise(&mut self, dt_s: f64) {
-        let attitude = 0.5 * dt_s * (self.noise_density - self.walk_density * dt_s * dt_s / 6.0).max(0.0);
-        let mut noise = Matrix6::identity() * (0.5 * self.walk_density * dt_s);
-        noise.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * attitude));
-        self.covariance += noise;
-    }
 }
 
 impl Kernel for UnscentedFilter {
     fn step(&mut self, step: &FilterStep) -> Update {
-        self.add_half_noise(step.dt_s);
+        self.covariance += self.noise.of_half_step(step.dt_s);
         self.state.gyro_rad_s = step.gyro_rad_s;
         let Some(points) = self.points() else { return Update::default() };
         let moved = points.map(|error| {
@@ -103,20 +88,15 @@ impl Kernel for UnscentedFilter {
         self.state.q_world_body = centre * from_rodrigues(&Vector3::from(mean.fixed_rows::<3>(0)));
         self.state.q_world_body.renormalize_fast();
         self.state.bias_rad_s = centre_bias + mean.fixed_rows::<3>(3);
-        self.add_half_noise(step.dt_s);
+        self.covariance += self.noise.of_half_step(step.dt_s);
         Update::default()
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update {
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
         let Some(points) = self.points() else { return Update::default() };
-        let outputs = points.map(|error| self.point(&error).0.inverse() * reference_w.into_inner());
+        let outputs = points.map(|error| self.point(&error).0.inverse() * measured.reference_w.into_inner());
         let mean: Vector3<f64> = outputs.iter().enumerate().map(|(i, y)| y * weight(i)).sum();
-        let mut innovation_covariance = Matrix3::identity() * variance;
+        let mut innovation_covariance = Matrix3::identity() * measured.variance;
         let mut cross = SMatrix::<f64, 6, 3>::zeros();
         for (i, (error, output)) in points.iter().zip(&outputs).enumerate() {
             let deviation = output - mean;
@@ -124,7 +104,7 @@ impl Kernel for UnscentedFilter {
             cross += error * deviation.transpose() * weight(i);
         }
         let Some(factor) = innovation_covariance.cholesky() else { return Update::default() };
-        let innovation = direction_b.into_inner() - mean;
+        let innovation = measured.direction_b.into_inner() - mean;
         let gain = factor.solve(&cross.transpose()).transpose();
         let correction = gain * innovation;
         correct(&mut self.covariance, &gain, &cross, &innovation_covariance);

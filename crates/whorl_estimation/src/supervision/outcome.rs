@@ -1,5 +1,6 @@
 //! Outcomes of samples, and their counts.
 
+use crate::kernels::DirectionMeasurement;
 use nalgebra::{Unit, Vector3};
 use std::fmt;
 
@@ -119,6 +120,13 @@ pub(crate) struct UsedDirection {
     pub(crate) direction_b: Unit<Vector3<f64>>,
     /// Variance about each axis across it \[rad^2\].
     pub(crate) variance: f64,
+}
+
+impl UsedDirection {
+    /// With what it should be in the world.
+    pub(crate) fn seen(&self, reference_w: Unit<Vector3<f64>>) -> DirectionMeasurement {
+        DirectionMeasurement { direction_b: self.direction_b, reference_w, variance: self.variance }
+    }
 }
 
 /// What a filter that runs in parallel takes from one inertial sample.

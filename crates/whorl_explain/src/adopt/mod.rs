@@ -1,15 +1,15 @@
 //! Improvement of the model by a physical effect, and the parameters with which the effect is adopted.
 
 pub(crate) mod belief;
-mod changes;
 mod versions;
 mod words;
 
 use whorl_diagnosis::{DiagnosisError, Options};
+use whorl_params::ModelStep;
 
-pub use changes::{Change, changes};
 pub use versions::{BASE, CORRECTION, Version, versions};
 
+use crate::changes::{Change, changes};
 use crate::{Case, ExplainError, Say};
 
 /// A held-out error that exceeds the previous one by this factor counts as worse.
@@ -58,6 +58,20 @@ impl Adoption {
             ));
         }
         belief::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
+    }
+
+    /// The adoption of the last version as a step of the model's history, without number and date.
+    #[must_use]
+    pub fn step(&self, provenance: &str) -> ModelStep {
+        let (first, last) = (self.versions.first(), self.versions.last());
+        let errors =
+            |held_out: bool| Some([first?.prediction_error(held_out)?, last?.prediction_error(held_out)?]);
+        ModelStep {
+            effects: last.map(|version| version.effects.clone()).unwrap_or_default(),
+            prediction_error: errors(false),
+            held_out_prediction_error: errors(true),
+            ..ModelStep::of_source(provenance.to_owned())
+        }
     }
 
     /// Entries of the parameter file in which the last version differs from the model as given; `provenance` names

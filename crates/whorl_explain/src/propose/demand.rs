@@ -14,7 +14,7 @@ const SATURATED_MOST: f64 = 0.02;
 
 /// Demands of a manoeuvre.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Demand {
+pub struct ManoeuvreDemand {
     /// Length \[s\].
     pub duration_s: f64,
     /// Largest tilt that counts against the platform's limit \[deg\].
@@ -31,7 +31,7 @@ pub struct Demand {
     pub gas_share: f64,
 }
 
-impl Demand {
+impl ManoeuvreDemand {
     /// From a simulated run.
     #[must_use]
     pub fn of(recording: &Recording, model: &PlatformModel) -> Self {

@@ -7,14 +7,12 @@ mod family;
 mod tests;
 mod words;
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use whorl_diagnosis::{Diagnosis, Options, Prospect, Verdict, fit, prospects};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::{Mounting, Recording};
 
-pub use demand::Demand;
+pub use demand::ManoeuvreDemand;
 pub use experiment::yaml;
 pub use family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step, family};
 pub use words::log_odds_in_words;
@@ -35,7 +33,7 @@ pub struct Judged {
     /// The limits within which it is planned.
     pub envelope: Envelope,
     /// Its demands on the platform.
-    pub demand: Demand,
+    pub demand: ManoeuvreDemand,
     /// Its expected information.
     pub prospect: Prospect,
     /// Its motion in simulation.
@@ -94,9 +92,9 @@ pub fn propose(
     if case.training.iter().all(|r| r.mounting == Mounting::Clamped) {
         return Err(ExplainError::Clamped);
     }
-    let explanations = diagnosis.explanations();
+    let explanations = diagnosis.contenders();
     say(0.0, "rehearsing manoeuvres in simulation");
-    let (tried, left_out) = rehearse_all(rehearse, platform, case.model, options.threads)?;
+    let (tried, left_out) = rehearse_all(rehearse, platform, case.model)?;
     if tried.is_empty() {
         let reasons: Vec<String> = left_out.iter().map(|(name, reason)| format!("{name} {reason}")).collect();
         return Err(ExplainError::NoManoeuvre(reasons.join("; ")));
@@ -130,7 +128,7 @@ pub fn propose(
     Ok(Proposal { explanations, now: found.now, judged, left_out, separates })
 }
 
-type Tried = (Manoeuvre, Envelope, Recording, Demand);
+type Tried = (Manoeuvre, Envelope, Recording, ManoeuvreDemand);
 
 /// A manoeuvre within the limits, or the exceeded limit.
 enum Rehearsed {
@@ -146,34 +144,15 @@ fn rehearse_all(
     rehearse: &Rehearse<'_>,
     platform: &str,
     model: &PlatformModel,
-    threads: usize,
 ) -> Result<Sorted, ExplainError> {
     let names: Vec<&'static str> = family(&Envelope::of(model, 1.0)).iter().map(|m| m.name).collect();
-    let next = AtomicUsize::new(0);
-    let results = Mutex::new(Vec::<(usize, Result<Rehearsed, ExplainError>)>::new());
-    std::thread::scope(|scope| {
-        for _ in 0..threads.clamp(1, names.len().max(1)) {
-            scope.spawn(|| {
-                loop {
-                    let k = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(name) = names.get(k) else { break };
-                    let result = rehearse_smaller(rehearse, platform, model, name);
-                    if let Ok(mut all) = results.lock() {
-                        all.push((k, result));
-                    }
-                }
-            });
-        }
-    });
-    let mut all = results.into_inner().unwrap_or_default();
-    all.sort_by_key(|(k, _)| *k);
+    let rehearsed: Vec<Result<Rehearsed, ExplainError>> =
+        names.par_iter().map(|name| rehearse_smaller(rehearse, platform, model, name)).collect();
     let (mut tried, mut left_out) = (Vec::new(), Vec::new());
-    for (k, result) in all {
+    for (name, result) in names.into_iter().zip(rehearsed) {
         match result? {
             Rehearsed::Fits(found) => tried.push(*found),
-            Rehearsed::GoesTooFar(reason) => {
-                left_out.push((names.get(k).copied().unwrap_or("").to_owned(), reason))
-            }
+            Rehearsed::GoesTooFar(reason) => left_out.push((name.to_owned(), reason)),
         }
     }
     Ok((tried, left_out))
@@ -193,7 +172,7 @@ fn rehearse_smaller(
         let text = yaml(name, platform, &envelope, &manoeuvre, &[]);
         let motion = rehearse(name, &text)
             .map_err(|reason| ExplainError::Rehearsal { name: name.to_owned(), reason })?;
-        let demand = Demand::of(&motion, model);
+        let demand = ManoeuvreDemand::of(&motion, model);
         match demand.objection() {
             None => return Ok(Rehearsed::Fits(Box::new((manoeuvre, envelope, motion, demand)))),
             Some(objection) => reason = objection,

@@ -3,4 +3,5 @@
 mod agreement;
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 mod generator;
+mod history;
 mod located;

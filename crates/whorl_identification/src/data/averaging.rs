@@ -42,7 +42,7 @@ pub struct Direction {
 
 /// Means of the samples around one time, and the torques that act until the next point.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Point {
+pub struct AveragedSample {
     /// Time since the start of the run \[s\].
     pub time_s: f64,
     /// Mean of the gyro samples, body axes [rad/s].
@@ -73,7 +73,7 @@ pub struct Chain {
     /// Index of the run.
     pub run: usize,
     /// Its points in order of time, evenly spaced except for the jitter of the samples.
-    pub points: Vec<Point>,
+    pub points: Vec<AveragedSample>,
 }
 
 impl Chain {
@@ -121,10 +121,10 @@ fn prepare_run(
     let model = gyrostat.model();
     check(run, model, &NEEDS)?;
     let gyro_range = model.sensors.gyro.errors.range;
-    let gyro = Samples::new(&run.gyro_b_rad_s, model.sensors.gyro.errors.latency_s, gyro_range);
+    let gyro = Samples::new(&run.gyro_b_rad_s, model.sensors.gyro.errors.lag_s(), gyro_range);
     let accelerometer = Samples::new(
         &run.specific_force_b_m_s2,
-        model.sensors.accelerometer.errors.latency_s,
+        model.sensors.accelerometer.errors.lag_s(),
         model.sensors.accelerometer.errors.range,
     );
     for (samples, what) in [(&gyro, "gyro"), (&accelerometer, "accelerometer")] {
@@ -179,9 +179,10 @@ fn prepare_run(
 }
 
 /// Stretches away from the bearing's stop, whose contact is not modelled here.
-fn free_of_contact(points: Vec<Point>, model: &PlatformModel) -> Vec<Vec<Point>> {
-    let near =
-        |p: &Point| p.specific_force_b_m_s2.is_some_and(|(force, _)| touches(&force, model.tilt_limit));
+fn free_of_contact(points: Vec<AveragedSample>, model: &PlatformModel) -> Vec<Vec<AveragedSample>> {
+    let near = |p: &AveragedSample| {
+        p.specific_force_b_m_s2.is_some_and(|(force, _)| touches(&force, model.tilt_limit))
+    };
     let touching: Vec<f64> = points.iter().filter(|p| near(p)).map(|p| p.time_s).collect();
     let mut stretches = vec![Vec::new()];
     for point in points {
@@ -271,7 +272,7 @@ fn points_of(
     run: &Recording,
     gyrostat: &Gyrostat,
     step_s: f64,
-) -> Vec<Point> {
+) -> Vec<AveragedSample> {
     let model = gyrostat.model();
     let (Some((first_s, _)), Some((last_s, _))) = (stretch.first(), stretch.last()) else {
         return Vec::new();
@@ -289,7 +290,7 @@ fn points_of(
         .collect();
     let half_s = 0.5 * block as f64 * sample_s;
     let wheels = WheelHistory::new(run, model);
-    let mut points: Vec<Point> = Vec::with_capacity(means.len());
+    let mut points: Vec<AveragedSample> = Vec::with_capacity(means.len());
     for (i, (time_s, rate)) in means.iter().enumerate() {
         let until_s = means.get(i + 1).map_or(time_s + 2.0 * half_s, |(t, _)| *t);
         let seen = accelerometer.between(time_s - half_s, time_s + half_s);
@@ -305,7 +306,7 @@ fn points_of(
             series.held_at(0.5 * (time_s + until_s)).copied().unwrap_or_else(Vector3::zeros)
         };
         let surroundings = Surroundings::at(run, gyrostat, *time_s);
-        points.push(Point {
+        points.push(AveragedSample {
             time_s: *time_s,
             gyro_b_rad_s: *rate,
             gyro_samples: block as f64,

@@ -5,7 +5,7 @@ mod checks;
 mod surroundings;
 mod wheels;
 
+pub use averaging::{AveragedSample, Chain, Direction, PreparedData, prepare};
 pub(crate) use averaging::{CONTACT_LASTS_S, touches};
-pub use averaging::{Chain, Direction, Point, PreparedData, prepare};
 pub use checks::{DataError, Finding};
 pub use surroundings::Surroundings;

@@ -1,22 +1,20 @@
-//! Mass properties while the platform moves (section 4.6.5, eqs. 4.92-4.105).
+//! Mass properties while the platform moves (section 4.6.5).
 //!
-//! - [`JointFilter`]: attitude, rate, gyro bias and the nine parameters in one state (eqs. 4.92-4.94), as
-//!   extended, iterated or unscented filter;
-//! - [`DualFilter`]: the parameters alone (eqs. 4.95-4.105), fed with another filter's estimates. The
-//!   innovation of eq. 4.104 divides a difference of rates by the time between them; here the same equation
-//!   is integrated over a window, which needs no derivative. Its noise is in the matrix, so it is biased
-//!   like the batch regressions; the joint filter is not.
+//! [`JointFilter`] has attitude, rate, gyro bias and the nine parameters in one state (eqs. 4.92-4.94), as extended,
+//! iterated or unscented filter.
 //!
-//! Both forget with the factor lambda of eqs. 4.97-4.99, but a parameter is never forgotten beyond what was
+//! It forgets with the factor lambda of eqs. 4.97-4.99, but a parameter is never forgotten beyond what was
 //! known before the start: its variance stops at the prior's. So a parameter that is not excited keeps its
 //! value and its uncertainty instead of wandering off (covariance wind-up).
 
-mod dual;
+mod extended;
+mod forgetting;
 mod joint;
+mod joint_model;
 mod online;
 mod unscented;
 
-pub use dual::DualFilter;
+pub use forgetting::forget;
 pub use joint::{JointFilter, JointUpdate};
 pub use online::OnlineFilter;
 

@@ -7,7 +7,7 @@ use whorl_dynamics::platform::TiltLimit;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::{JointFilter, JointUpdate, SequentialEstimate};
-use crate::data::{CONTACT_LASTS_S, Direction, Point, Surroundings, touches};
+use crate::data::{AveragedSample, CONTACT_LASTS_S, Direction, Surroundings, touches};
 
 /// Samples are averaged for this long \[s\].
 const BLOCK_S: f64 = 0.05;
@@ -63,7 +63,7 @@ pub struct OnlineFilter {
     block: Block,
     /// Full blocks whose wheels are not known yet.
     waiting: VecDeque<Block>,
-    pending: Option<(Point, Vec<f64>)>,
+    pending: Option<(AveragedSample, Vec<f64>)>,
     wheels: VecDeque<WheelSample>,
     ballast_moment_b_n_m: Vector3<f64>,
 }
@@ -217,7 +217,7 @@ impl OnlineFilter {
             direction_b: seen - rate.cross(seen) * (time_s - t),
             reference_world: *reference_world,
         });
-        let point = Point {
+        let point = AveragedSample {
             time_s,
             gyro_b_rad_s: rate,
             gyro_samples: block.samples,

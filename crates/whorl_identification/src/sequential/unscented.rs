@@ -4,46 +4,50 @@
 use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix};
 use whorl_math::covariance::correct;
 
-use super::joint::{JointFilter, Mean, STATE, StateMatrix, StateVector};
-use crate::data::Point;
+use super::joint_model::{Belief, JointModel, Mean, STATE, StateMatrix, StateVector};
+use crate::data::AveragedSample;
 
-impl JointFilter {
-    pub(super) fn unscented(&mut self, last: &Point, point: &Point, dt_s: f64) -> Option<()> {
-        let points: Vec<Mean> = self
-            .spread(&self.mean, &self.covariance)?
-            .iter()
-            .map(|p| self.carried(p, last, point))
-            .collect::<Option<_>>()?;
-        let centre = self.carried(&self.mean, last, point)?;
-        let (mean, covariance) = gathered(&centre, &points);
-        let mut covariance = self.with_process(&covariance, dt_s);
+/// From one sample to the next; `None` when that cannot be computed.
+pub(super) fn step(
+    model: &JointModel,
+    before: &Belief,
+    last: &AveragedSample,
+    point: &AveragedSample,
+) -> Option<Belief> {
+    let dt_s = point.time_s - last.time_s;
+    let points: Vec<Mean> = spread(&before.mean, &before.covariance)?
+        .iter()
+        .map(|p| model.carried(p, last, point))
+        .collect::<Option<_>>()?;
+    let centre = model.carried(&before.mean, last, point)?;
+    let (mean, covariance) = gathered(&centre, &points);
+    let mut covariance = model.with_process(&before.mean, &covariance, dt_s);
 
-        let points = self.spread(&mean, &covariance)?;
-        let readings: Vec<DVector<f64>> =
-            points.iter().map(|p| self.readings(p, point)).collect::<Option<_>>()?;
-        let (z, variance) = self.measured(point);
-        let weight = 1.0 / (2.0 * STATE as f64);
-        let expected = readings.iter().fold(DVector::zeros(z.len()), |sum, r| sum + r) * weight;
-        let mut spread = DMatrix::from_diagonal(&variance);
-        let mut cross = OMatrix::<f64, Const<STATE>, Dyn>::zeros(z.len());
-        for (p, r) in points.iter().zip(&readings) {
-            let difference = r - &expected;
-            spread += &difference * difference.transpose() * weight;
-            let change = mean.to(p);
-            cross += change * difference.transpose() * weight;
-        }
-        let gain = &cross * spread.clone().cholesky()?.inverse();
-        let step = &gain * (z - expected);
-        correct(&mut covariance, &gain, &cross, &spread);
-        (self.mean, self.covariance) = (mean.moved(&step), covariance);
-        Some(())
+    let points = spread(&mean, &covariance)?;
+    let readings: Vec<DVector<f64>> =
+        points.iter().map(|p| model.readings(p, point)).collect::<Option<_>>()?;
+    let (z, variance) = model.measured(point);
+    let weight = 1.0 / (2.0 * STATE as f64);
+    let expected = readings.iter().fold(DVector::zeros(z.len()), |sum, r| sum + r) * weight;
+    let mut spread = DMatrix::from_diagonal(&variance);
+    let mut cross = OMatrix::<f64, Const<STATE>, Dyn>::zeros(z.len());
+    for (p, r) in points.iter().zip(&readings) {
+        let difference = r - &expected;
+        spread += &difference * difference.transpose() * weight;
+        let change = mean.to(p);
+        cross += change * difference.transpose() * weight;
     }
+    let gain = &cross * spread.clone().cholesky()?.inverse();
+    let step = &gain * (z - expected);
+    correct(&mut covariance, &gain, &cross, &spread);
+    Some(Belief { mean: mean.moved(&step), covariance })
+}
 
-    fn spread(&self, mean: &Mean, covariance: &StateMatrix) -> Option<Vec<Mean>> {
-        let root = covariance.cholesky()?.l() * (STATE as f64).sqrt();
-        let columns = (0..STATE).map(|n| root.column(n).into_owned());
-        Some(columns.flat_map(|c| [mean.moved(&c), mean.moved(&-c)]).collect())
-    }
+/// Points as far from the mean as the covariance says.
+fn spread(mean: &Mean, covariance: &StateMatrix) -> Option<Vec<Mean>> {
+    let root = covariance.cholesky()?.l() * (STATE as f64).sqrt();
+    let columns = (0..STATE).map(|n| root.column(n).into_owned());
+    Some(columns.flat_map(|c| [mean.moved(&c), mean.moved(&-c)]).collect())
 }
 
 /// Mean and covariance of points around a centre.

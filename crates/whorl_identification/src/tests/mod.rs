@@ -1,5 +1,4 @@
 mod calibration;
-mod regression;
 mod sequential;
 mod simulation;
 mod trajectory;

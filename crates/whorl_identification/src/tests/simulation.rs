@@ -1,8 +1,25 @@
 //! Recordings from the truth plant.
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{Unit, UnitQuaternion};
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
+use whorl_math::attitude_from_vertical;
 use whorl_recording::{Recording, Series, VectorChannel};
+
+/// Sines on the x and y wheels beside the pendulum's resonance at 0.57 rad/s, steps on the z wheel that
+/// yaw the platform by +-15 deg/s. Tilt stays below 5 deg, momentum below 4 of the wheels' 16 N m s.
+pub fn swinging(t: f64) -> Vec<f64> {
+    vec![
+        0.03 * (1.0 * t).sin(),
+        0.04 * (1.3 * t).sin(),
+        0.4 * if (0.2 * t).cos() >= 0.0 { 1.0 } else { -1.0 },
+    ]
+}
+
+/// The attitude in which the platform hangs still.
+pub fn at_balance(model: &PlatformModel) -> UnitQuaternion<f64> {
+    let up = Unit::new_normalize(-model.mass_properties.gravity_offset_b_n_m());
+    attitude_from_vertical(up, 0.0)
+}
 
 fn push<T>(series: &mut Series<T>, time_s: f64, value: T) {
     series.time_s.push(time_s);

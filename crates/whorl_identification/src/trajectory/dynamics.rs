@@ -16,7 +16,7 @@ use whorl_dynamics::{EffectSet, Environment, PlatformModel, TrueImu};
 use whorl_math::{quaternion_exp, quaternion_rate};
 
 use super::unknowns::{Unknowns, adjusted};
-use crate::data::Point;
+use crate::data::AveragedSample;
 use crate::mass_parameters::{MassVector, gravity_offset_b_n_m, inertia_b_kg_m2};
 
 /// A platform with particular values of the unknowns.
@@ -86,7 +86,7 @@ impl Physics {
     }
 
     /// Known torque of jets and other actuators at a point.
-    fn actuator_torque(&self, point: &Point) -> Vector3<f64> {
+    fn actuator_torque(&self, point: &AveragedSample) -> Vector3<f64> {
         let jets: Vector3<f64> =
             self.jets.iter().zip(&point.jet_share).filter(|(_, s)| **s != 0.0).map(|(t, s)| t * *s).sum();
         jets + point.body_torque_b_n_m
@@ -98,7 +98,7 @@ impl Physics {
         time_s: f64,
         q: &UnitQuaternion<f64>,
         omega: &Vector3<f64>,
-        point: &'a Point,
+        point: &'a AveragedSample,
     ) -> Environment<'a> {
         let around = &point.surroundings;
         Environment {
@@ -121,7 +121,7 @@ impl Physics {
     }
 
     /// From one point to the next: classical Runge-Kutta, wheel speeds linear between.
-    pub fn step(&self, from: &Motion, at: &Point, next: &Point) -> Motion {
+    pub fn step(&self, from: &Motion, at: &AveragedSample, next: &AveragedSample) -> Motion {
         let h_s = next.time_s - at.time_s;
         let wheels_0 = self.wheel_momentum(&at.wheel_speed_rad_s);
         let wheels_1 = self.wheel_momentum(&next.wheel_speed_rad_s);
@@ -149,7 +149,7 @@ impl Physics {
     }
 
     /// What the inertial sensors read at a point without bias and noise.
-    pub fn imu(&self, motion: &Motion, point: &Point) -> TrueImu {
+    pub fn imu(&self, motion: &Motion, point: &AveragedSample) -> TrueImu {
         let omega = motion.omega_wb_b_rad_s;
         let mut environment = self.environment(point.time_s, &motion.q_world_body, &omega, point);
         let wheels = self.wheel_momentum(&point.wheel_speed_rad_s);
@@ -203,7 +203,7 @@ mod tests {
         let mut plant = Plant::new(&model, &initial, 1).unwrap();
         let unknowns = Unknowns::new(&model, &ModelPrior::typical(&model), Vec::new());
         let physics = Physics::new(&unknowns, &unknowns.mean).unwrap();
-        let point = |plant: &Plant| Point {
+        let point = |plant: &Plant| AveragedSample {
             time_s: plant.time_s(),
             gyro_b_rad_s: Vector3::zeros(),
             gyro_samples: 1.0,

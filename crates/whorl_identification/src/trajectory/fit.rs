@@ -8,7 +8,7 @@ use super::segment::{Node, Noise, SegmentFit, end_difference, fit_segment, pertu
 use super::smoother::{CrossMatrix, Elimination, Link, StateMatrix, StateVector};
 use super::start::first_guess;
 use super::unknowns::Unknowns;
-use crate::data::{Chain, DataError, Point, PreparedData};
+use crate::data::{AveragedSample, Chain, DataError, PreparedData};
 
 /// Longest time between states \[s\].
 const STATE_EVERY_S: f64 = 2.0;
@@ -43,7 +43,7 @@ struct Stretch<'a> {
     /// Index of its chain, and of its first point there.
     chain: usize,
     at: usize,
-    points: &'a [Point],
+    points: &'a [AveragedSample],
     own: usize,
     /// First of its chain.
     first: bool,
@@ -213,9 +213,10 @@ impl<'a> Problem<'a> {
             return f64::INFINITY;
         };
         let mut parts = Parts::default();
+        let known = (&self.unknowns, &self.noise);
         self.add_prior_cost(solution, &mut parts);
         for (n, (stretch, node)) in self.stretches.iter().zip(&solution.nodes).enumerate() {
-            let fit = fit_segment(self, &physics, &[], node, stretch.points, stretch.own, (false, reject));
+            let fit = fit_segment(known, &physics, &[], node, stretch.points, stretch.own, (false, reject));
             parts.cost += fit.cost;
             self.add_state_prior_cost(stretch, node, &mut parts);
             if let Some((_, gap, weight)) = self.link(n, solution, &fit, &physics) {
@@ -231,6 +232,7 @@ impl<'a> Problem<'a> {
         let physics = Physics::new(&self.unknowns, &solution.values).ok_or_else(impossible)?;
         let perturbed = perturbed(&self.unknowns, &solution.values).ok_or_else(impossible)?;
         let mut parts = Parts::default();
+        let known = (&self.unknowns, &self.noise);
         let mut elimination = Elimination::new(self.unknowns.len());
         for n in 0..self.unknowns.len() {
             let information = self.unknowns.stddev[n].powi(-2);
@@ -243,7 +245,7 @@ impl<'a> Problem<'a> {
             elimination.add_state(&information, &right);
             self.add_state_prior_cost(stretch, node, &mut parts);
             let fit =
-                fit_segment(self, &physics, &perturbed, node, stretch.points, stretch.own, (true, reject));
+                fit_segment(known, &physics, &perturbed, node, stretch.points, stretch.own, (true, reject));
             parts.cost += fit.cost;
             parts.residuals += fit.residuals;
             parts.outliers += fit.outliers;

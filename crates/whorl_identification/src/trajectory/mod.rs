@@ -25,6 +25,7 @@ mod segment;
 mod smoother;
 mod start;
 mod unknowns;
+mod updated;
 
 use nalgebra::{DMatrix, Vector3};
 use whorl_dynamics::{Gyrostat, ModelPrior, PlatformModel};
@@ -39,6 +40,7 @@ pub(crate) use dynamics::{Motion, Physics};
 use fit::{Fitted, Problem, mean_biases};
 pub(crate) use segment::Noise;
 pub(crate) use unknowns::Unknowns;
+pub use updated::UpdateError;
 
 /// How a fit is made.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,7 +7,7 @@ use whorl_math::{attitude_error, quaternion_exp};
 use super::dynamics::{Motion, Physics};
 use super::smoother::{CrossMatrix, STATE, StateMatrix, StateVector};
 use super::unknowns::Unknowns;
-use crate::data::Point;
+use crate::data::AveragedSample;
 
 /// Differences for derivatives by the state, small against its uncertainty.
 const DIFFERENCE: f64 = 1e-6;
@@ -90,7 +90,7 @@ pub(crate) struct SegmentFit {
 }
 
 /// The motion at each point that belongs to the stretch, and at its end.
-fn carry(physics: &Physics, start: &Motion, points: &[Point], own: usize) -> Vec<Motion> {
+fn carry(physics: &Physics, start: &Motion, points: &[AveragedSample], own: usize) -> Vec<Motion> {
     let mut motions = Vec::with_capacity(points.len());
     let mut motion = *start;
     motions.push(motion);
@@ -103,7 +103,13 @@ fn carry(physics: &Physics, start: &Motion, points: &[Point], own: usize) -> Vec
 }
 
 /// Ideal readings at the stretch's own points, one after the other: gyro, accelerometer, directions.
-fn readings(physics: &Physics, motions: &[Motion], points: &[Point], own: usize, out: &mut Vec<f64>) {
+fn readings(
+    physics: &Physics,
+    motions: &[Motion],
+    points: &[AveragedSample],
+    own: usize,
+    out: &mut Vec<f64>,
+) {
     out.clear();
     for (motion, point) in motions.iter().zip(points).take(own) {
         let imu = physics.imu(motion, point);
@@ -120,16 +126,15 @@ fn readings(physics: &Physics, motions: &[Motion], points: &[Point], own: usize,
 /// Fits one stretch. `points` holds the stretch's `own` points and, when another stretch follows, the
 /// first point of that one. With `derivatives` off only `cost` and `end` are filled.
 pub(crate) fn fit_segment(
-    problem: &super::fit::Problem<'_>,
+    (unknowns, noise): (&Unknowns, &Noise),
     physics: &Physics,
     perturbed: &[Physics],
     node: &Node,
-    points: &[Point],
+    points: &[AveragedSample],
     own: usize,
     options: (bool, bool),
 ) -> SegmentFit {
     let (derivatives, reject) = options;
-    let unknowns: &Unknowns = &problem.unknowns;
     let motions = carry(physics, &node.motion, points, own);
     let mut base = Vec::new();
     readings(physics, &motions, points, own, &mut base);
@@ -207,7 +212,6 @@ pub(crate) fn fit_segment(
         }
         row += 3;
     };
-    let noise = &problem.noise;
     for point in points.iter().take(own) {
         let gyro = noise.gyro / point.gyro_samples;
         group(&point.gyro_b_rad_s, Some((6, &node.gyro_bias_rad_s)), &gyro, 3.0, &mut fit);

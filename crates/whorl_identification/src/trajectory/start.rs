@@ -5,7 +5,7 @@ use whorl_math::{integrate_rate, unit_or};
 use whorl_trajectory::smoothing::{pull, start_attitude};
 
 use super::dynamics::Motion;
-use crate::data::{Chain, Point};
+use crate::data::{AveragedSample, Chain};
 
 /// Points averaged for the first attitude.
 const FIRST_POINTS: usize = 20;
@@ -35,7 +35,7 @@ pub(crate) fn first_guess(chain: &Chain) -> Vec<Motion> {
     motions
 }
 
-fn first_attitude(points: &[Point]) -> UnitQuaternion<f64> {
+fn first_attitude(points: &[AveragedSample]) -> UnitQuaternion<f64> {
     let first = points.iter().take(FIRST_POINTS);
     let force: Vector3<f64> = first.clone().filter_map(|p| p.specific_force_b_m_s2).map(|(f, _)| f).sum();
     let vertical: Unit<Vector3<f64>> = unit_or(force, Vector3::z_axis());

@@ -86,11 +86,15 @@ fn limits(allowed: Allowed) -> Limits<f64> {
 /// A platform without the group has a steady supply.
 pub(super) fn bus(r: &mut Reader<'_>) -> BusVoltage {
     if !r.has("bus") {
-        return BusVoltage { initial_v: 24.0, discharge_v_s: 0.0, sag_v_n_m: 0.0 };
+        return BusVoltage { initial_v: 24.0, full_v: 24.0, discharge_v_s: 0.0, sag_v_n_m: 0.0 };
     }
-    r.group("bus", |r| BusVoltage {
-        initial_v: r.f64("initial_v", positive(), "bus voltage at the start of a run [V]"),
-        discharge_v_s: r.f64_or("discharge_v_s", 0.0, non_negative(), "fall of the bus voltage [V/s]"),
-        sag_v_n_m: r.f64_or("sag_v_n_m", 0.0, non_negative(), "drop per total wheel torque [V/(N m)]"),
+    r.group("bus", |r| {
+        let initial_v = r.f64("initial_v", positive(), "bus voltage at the start of a run [V]");
+        BusVoltage {
+            initial_v,
+            full_v: initial_v,
+            discharge_v_s: r.f64_or("discharge_v_s", 0.0, non_negative(), "fall of the bus voltage [V/s]"),
+            sag_v_n_m: r.f64_or("sag_v_n_m", 0.0, non_negative(), "drop per total wheel torque [V/(N m)]"),
+        }
     })
 }

@@ -2,20 +2,20 @@
 
 mod actuators;
 mod effects;
+mod freedom;
+mod history;
 mod mass_properties;
 mod priors;
 mod sensors;
 
 use whorl_dynamics::platform::TiltLimit;
-use whorl_dynamics::{Gyrostat, PlatformModel};
+use whorl_dynamics::{Freedom, Gyrostat, PlatformModel};
 
 use crate::limits::range;
 use crate::reader::Reader;
-use priors::PRIOR_GROUP;
+use crate::shared_groups::{MODEL_GROUP, PRIOR_GROUP};
+pub use history::{ModelStep, model_history};
 pub use priors::{PlatformPrior, PriorEntry};
-
-/// The group that holds a platform's model.
-const MODEL_GROUP: &str = "model";
 
 /// Reads a platform model, usually of the group `model`. `None` when anything in it is wrong; the
 /// reader then holds the errors.
@@ -50,13 +50,18 @@ pub fn truth_model(r: &mut Reader<'_>) -> Option<PlatformModel> {
 
 fn model(r: &mut Reader<'_>) -> Option<PlatformModel> {
     let errors_before = r.error_count();
-    let mass_properties = mass_properties::read(r);
+    let freedom = freedom::read(r);
+    // A bench that holds the body needs neither mass nor inertia.
+    let is_held = freedom == Freedom::Clamped && !r.has("mass_kg") && !r.has("inertia_kg_m2");
+    let mass_properties = if is_held { None } else { mass_properties::read(r, &freedom) };
     let actuators = actuators::read(r);
+    let mass_properties = if is_held { mass_properties::held(r, &actuators) } else { mass_properties };
     let bus = actuators::bus(r);
-    let tilt_limit = tilt_limit(r);
-    let sensors = sensors::read(r);
+    let tilt_limit = tilt_limit(r, &freedom);
+    let sensors = sensors::read(r, &freedom);
     let mut model = PlatformModel {
         mass_properties: mass_properties?,
+        freedom,
         actuators,
         bus,
         tilt_limit,
@@ -74,8 +79,12 @@ fn model(r: &mut Reader<'_>) -> Option<PlatformModel> {
     (r.error_count() == errors_before).then_some(model)
 }
 
-fn tilt_limit(r: &mut Reader<'_>) -> TiltLimit {
-    r.group("tilt_limit", |r| {
+/// Only a bearing must say where it stops. What a spacecraft or a bench says of a stop is read and has no meaning.
+fn tilt_limit(r: &mut Reader<'_>, freedom: &Freedom) -> TiltLimit {
+    if *freedom != Freedom::OnBearing && !r.has("tilt_limit") {
+        return TiltLimit::NONE;
+    }
+    let limit = r.group("tilt_limit", |r| {
         let kind = r.choice(
             "kind",
             &["cone", "pitch"],
@@ -90,5 +99,6 @@ fn tilt_limit(r: &mut Reader<'_>) -> TiltLimit {
         let max_rad =
             r.f64("max_rad", range(inside), &format!("where the bearing stops [rad], below {words}"));
         if kind == "pitch" { TiltLimit::Pitch { max_rad } } else { TiltLimit::Cone { max_rad } }
-    })
+    });
+    if matches!(freedom, Freedom::Free | Freedom::Clamped) { TiltLimit::NONE } else { limit }
 }

@@ -7,17 +7,15 @@
 use whorl_dynamics::actuators::{Actuators, Group, Slot};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
-use super::MODEL_GROUP;
 use crate::limits::non_negative;
 use crate::nearest::nearest;
 use crate::reader::{Absent, Reader, Request};
+use crate::shared_groups::{MODEL_GROUP, PRIOR_GROUP};
 use crate::value::{Kind, Value};
 
-/// The group's name.
-pub(super) const PRIOR_GROUP: &str = "model_prior";
 const SOURCE: &str = "source";
-/// The only model parameter that is a word.
-const TEXT: &str = "tilt_limit.kind";
+/// The model parameters that are words.
+const TEXTS: [&str; 3] = ["tilt_limit.kind", "freedom.kind", "sensors.gyro.axes"];
 
 /// How well a platform is known, and from where.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +68,7 @@ pub(super) fn read(r: &mut Reader<'_>, model_is_whole: bool) -> Vec<PriorEntry> 
     for key in stddevs {
         let full = format!("{PRIOR_GROUP}.{key}");
         if !exists(r, &key, model_is_whole) {
-            let problem = if key == TEXT {
+            let problem = if TEXTS.contains(&key.as_str()) {
                 "is a word and not a number: it has no standard deviation".to_owned()
             } else if is_group(r, &key) {
                 "is a group of model parameters; allowed: the key of one parameter".to_owned()
@@ -183,7 +181,7 @@ fn exists(r: &Reader<'_>, key: &str, model_is_whole: bool) -> bool {
         })
     };
     // Effects are read last, and not at all when the rest is invalid: no second error for that.
-    asked(key) && key != TEXT
+    asked(key) && !TEXTS.contains(&key)
         || member_groups().any(|(members, defaults)| of_members(&format!("{defaults}."), members))
         || !model_is_whole && key.starts_with("effects.")
 }

@@ -2,6 +2,7 @@
 //! turn-on. An error that is left out is zero.
 
 use nalgebra::Vector3;
+use whorl_dynamics::Freedom;
 use whorl_dynamics::platform::{
     Accelerometer, RateGyro, ScalarSensor, SensorSuite, TriaxialErrors, VectorSensor, WheelSpeedSensor,
 };
@@ -20,20 +21,33 @@ const USUAL_TACHOMETER_RAD_S: f64 = 0.05;
 /// 20 degC.
 pub(super) const ROOM_K: f64 = 293.15;
 
-pub(super) fn read(r: &mut Reader<'_>) -> SensorSuite {
+pub(super) fn read(r: &mut Reader<'_>, freedom: &Freedom) -> SensorSuite {
     r.group("sensors", |r| {
         let rate_hz = r.f64("rate_hz", rate(), "sample rate of gyro, accelerometer and wheel speed [Hz]");
-        let gyro =
-            r.group("gyro", |r| RateGyro { errors: triaxial(r, "rad_s", "rad/s", USUAL_GYRO_RANGE_RAD_S) });
-        let accelerometer = r.group("accelerometer", |r| Accelerometer {
-            errors: triaxial(r, "m_s2", "m/s^2", USUAL_ACCELEROMETER_RANGE_M_S2),
-            lever_arm_b_m: r.vector3(
-                "lever_arm_m",
-                any(),
-                "position from the centre of rotation, body axes [m]",
-            ),
-        });
-        let vector = r.has("vector").then(|| r.group("vector", vector));
+        // A body that does not turn needs no gyro.
+        let gyro = if freedom.turns() || r.has("gyro") {
+            r.group("gyro", |r| RateGyro {
+                axes: gyro_axes(r, freedom),
+                errors: triaxial(r, "rad_s", "rad/s", USUAL_GYRO_RANGE_RAD_S),
+            })
+        } else {
+            RateGyro { axes: [false; 3], errors: NO_ERRORS }
+        };
+        let accelerometer = if r.has("accelerometer") {
+            r.group("accelerometer", |r| Accelerometer {
+                fitted: true,
+                errors: triaxial(r, "m_s2", "m/s^2", USUAL_ACCELEROMETER_RANGE_M_S2),
+                lever_arm_b_m: r.vector3(
+                    "lever_arm_m",
+                    any(),
+                    "position from the centre of rotation, body axes [m]",
+                ),
+            })
+        } else {
+            Accelerometer { fitted: false, errors: NO_ERRORS, lever_arm_b_m: Vector3::zeros() }
+        };
+        let sees_weight = accelerometer.fitted && freedom.has_weight();
+        let vector = r.has("vector").then(|| r.group("vector", |r| vector(r, sees_weight)));
         let wheel_speed = r.group("wheel_speed", |r| {
             let ScalarSensor { noise_stddev, quantum } = scalar(r, "rad_s", "rad/s", USUAL_TACHOMETER_RAD_S);
             WheelSpeedSensor { noise_stddev_rad_s: noise_stddev, quantum_rad_s: quantum }
@@ -66,12 +80,46 @@ pub(super) fn read(r: &mut Reader<'_>) -> SensorSuite {
     })
 }
 
+/// Of a sensor that does not exist.
+const NO_ERRORS: TriaxialErrors = TriaxialErrors {
+    noise_stddev: Vector3::new(0.0, 0.0, 0.0),
+    bias: Vector3::new(0.0, 0.0, 0.0),
+    bias_turn_on_stddev: Vector3::new(0.0, 0.0, 0.0),
+    bias_walk: Vector3::new(0.0, 0.0, 0.0),
+    scale: Vector3::new(0.0, 0.0, 0.0),
+    misalignment_rad: Vector3::new(0.0, 0.0, 0.0),
+    quantum: 0.0,
+    range: f64::MAX,
+    latency_s: 0.0,
+    time_constant_s: 0.0,
+};
+
+/// Which axes a gyro has: all, unless the file names them.
+fn gyro_axes(r: &mut Reader<'_>, freedom: &Freedom) -> [bool; 3] {
+    let names = ["x", "y", "z"];
+    let doc = "body axes that it measures; a hinge needs one that sees its axis";
+    let Some(given) = r.optional_string_array("axes", doc) else { return [true; 3] };
+    let axes = names.map(|name| given.iter().any(|axis| axis == name));
+    let count = axes.iter().filter(|axis| **axis).count();
+    if count == 0 || count != given.len() {
+        r.reject("axes", "allowed: a list of x, y, z, at least one and each at most once");
+    } else if matches!(freedom, Freedom::Hinge { .. })
+        && freedom.rate_from_gyro_b_rad_s(&Vector3::zeros(), axes).is_none()
+    {
+        r.reject(
+            "axes",
+            "none of them sees the turn about freedom.axis; allowed: an axis along it, among others",
+        );
+    }
+    axes
+}
+
 fn rate() -> crate::Limits<f64> {
-    range(0.1..=10_000.0)
+    range(1e-4..=1e5)
 }
 
 fn latency(r: &mut Reader<'_>) -> f64 {
-    r.f64_or("latency_s", 0.0, range(0.0..=1.0), "age of the data when stamped [s]")
+    r.f64_or("latency_s", 0.0, range(0.0..=60.0), "age of the data when stamped [s]")
 }
 
 fn misalignment(r: &mut Reader<'_>) -> Vector3<f64> {
@@ -127,14 +175,20 @@ fn triaxial(r: &mut Reader<'_>, suffix: &str, unit: &str, usual_range: f64) -> T
             &format!("clips at +- this [{unit}]"),
         ),
         latency_s: latency(r),
+        time_constant_s: r.f64_or(
+            "time_constant_s",
+            0.0,
+            range(0.0..=1.0),
+            "low-pass of the sensor: 1/(2 pi bandwidth), or half the length of an averaging window [s]",
+        ),
     }
 }
 
-fn vector(r: &mut Reader<'_>) -> VectorSensor {
+fn vector(r: &mut Reader<'_>, sees_weight: bool) -> VectorSensor {
     let reference_direction_world =
         r.direction("reference_direction", "direction the sensor sees, world axes (east, north, up)");
     // The accelerometer already measures the vertical: with a vertical reference yaw would not be observable.
-    if reference_direction_world.xy().norm() < 0.1 {
+    if sees_weight && reference_direction_world.xy().norm() < 0.1 {
         r.reject(
             "reference_direction",
             "is vertical, which leaves yaw unseen; allowed: at least 6 deg off the vertical",

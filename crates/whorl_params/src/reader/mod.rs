@@ -11,7 +11,7 @@ use crate::descriptor::{Descriptor, NumericRange};
 use crate::error::{ParameterError, ParameterErrors};
 use crate::nearest::nearest;
 use crate::node_parameters::{Entry, NodeParameters};
-use crate::sections::is_shared;
+use crate::shared_groups::is_shared;
 use crate::value::{Kind, Value};
 
 /// Reads the parameters of a node.

@@ -122,7 +122,7 @@ fn what_cannot_be_done_is_refused() {
     );
     assert_eq!(
         refused("gain"),
-        "p.yaml:15: gain = 1: not allowed in section /whorl_1/**; allowed there: formation.*, model.*, model_prior.*, truth.*, use_sim_time; keys of one node stand in its own section, such as /**/<node>"
+        "p.yaml:15: gain = 1: not allowed in section /whorl_1/**; allowed there: formation.*, model.*, model_history.*, model_prior.*, truth.*, use_sim_time; keys of one node stand in its own section, such as /**/<node>"
     );
     assert_eq!(
         refused("model.mass_kg.x"),

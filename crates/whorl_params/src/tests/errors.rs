@@ -285,7 +285,7 @@ fn the_form_of_a_file_is_checked() {
         ),
         (
             "/**:\n  ros__parameters:\n    gain: 1.0\n",
-            "p.yaml:3: gain = 1.0: not allowed in section /**; allowed there: formation.*, model.*, model_prior.*, truth.*, use_sim_time; keys of one node stand in its own section, such as /**/<node>",
+            "p.yaml:3: gain = 1.0: not allowed in section /**; allowed there: formation.*, model.*, model_history.*, model_prior.*, truth.*, use_sim_time; keys of one node stand in its own section, such as /**/<node>",
         ),
         (
             "/a:\n  ros__parameters:\n    n: &x 1\n",

@@ -3,6 +3,8 @@
 mod damaged_files;
 mod editing;
 mod errors;
+mod freedom;
+mod history;
 mod layering;
 mod platform_errors;
 mod platform_files;

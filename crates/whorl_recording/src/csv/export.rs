@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use whorl_bag::{AXES, Channel, Form};
+use whorl_bag::{AXES, Channel, Form, NO_COLUMN};
 
 use crate::series::{ChannelSeries, nanoseconds};
 use crate::{Mounting, Recording, RecordingError};
@@ -52,16 +52,17 @@ pub fn export_csv(
     for channel in Channel::ALL {
         for sensor in 0..channel.most_sensors() {
             let Some((names, cells)) = parts.columns(recording, *channel, sensor) else { continue };
-            names.iter().for_each(|name| {
+            for name in names.iter().filter(|name| *name != NO_COLUMN) {
                 let _ = write!(header, ",{name}");
-            });
+            }
+            let written = names.iter().filter(|name| *name != NO_COLUMN).count();
             let (key, rest) = in_map(recording, *channel, sensor);
             let columns = match names.as_slice() {
                 [only] if channel.info().form == Form::Scalar => format!("column: {only}"),
                 several => format!("columns: [{}]", several.join(", ")),
             };
             let _ = writeln!(map, "    {key}: {{{columns}{rest}}}");
-            blocks.push(Block { columns: names.len(), cells, next: 0 });
+            blocks.push(Block { columns: written, cells, next: 0 });
         }
     }
     let _ = writeln!(map, "    closed_loop: {}", recording.closed_loop);
@@ -129,8 +130,9 @@ impl Parts<'_> {
     fn columns(&self, recording: &Recording, channel: Channel, sensor: usize) -> Option<Columns> {
         let info = channel.info();
         let (stem, end) = info.column;
+        let lacks = if channel == Channel::Gyro { recording.no_gyro_axis } else { [false; 3] };
         let cells = match recording.series(channel, sensor) {
-            Some(series) => samples(series),
+            Some(series) => samples(series, lacks),
             None if info.form == Form::Pulses => pulses(recording),
             None => return None,
         };
@@ -140,7 +142,11 @@ impl Parts<'_> {
             (0..count).map(|j| format!("{}{end}", name(j))).collect()
         };
         let names = match info.form {
-            Form::Axes => AXES.map(|axis| format!("{stem}_{axis}{end}")).to_vec(),
+            Form::Axes => AXES
+                .iter()
+                .zip(lacks)
+                .map(|(axis, lacks)| if lacks { NO_COLUMN.to_owned() } else { format!("{stem}_{axis}{end}") })
+                .collect(),
             Form::Directions => AXES.map(|axis| format!("{stem}_{}_{axis}{end}", sensor + 1)).to_vec(),
             Form::Attitude => ["w", "x", "y", "z"].map(|axis| format!("{stem}_{axis}{end}")).to_vec(),
             Form::Scalar => vec![format!("{stem}{end}")],
@@ -151,9 +157,12 @@ impl Parts<'_> {
     }
 }
 
-/// Debug text of numbers: the shortest that reads back to the same bits.
-fn samples(series: &dyn ChannelSeries) -> Vec<(i64, String)> {
-    let text = |numbers: Vec<f64>| numbers.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(",");
+/// Debug text of numbers: the shortest that reads back to the same bits. Axes that the sensor lacks are left out.
+fn samples(series: &dyn ChannelSeries, lacks: [bool; 3]) -> Vec<(i64, String)> {
+    let text = |numbers: Vec<f64>| {
+        let there = numbers.iter().enumerate().filter(|(k, _)| lacks.get(*k) != Some(&true));
+        there.map(|(_, x)| format!("{x:?}")).collect::<Vec<_>>().join(",")
+    };
     let times = series.time_s().iter().enumerate();
     times.map(|(k, t)| (nanoseconds(*t), text(series.numbers(k)))).collect()
 }

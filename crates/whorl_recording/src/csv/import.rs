@@ -10,7 +10,7 @@ use whorl_bag::{
 
 use crate::RecordingError;
 use crate::model::KnownPlatform;
-use crate::recording::{Mounting, OnInterval, Recording, VectorChannel};
+use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, take_out_missing_axes};
 use crate::series::{Series, seconds};
 
 /// More pulse slots than this indicate an error in the time column.
@@ -192,17 +192,21 @@ impl Gathered {
             (false, true) => Vec::new(),
             (false, false) => jet_pulses,
         };
+        let mut all = self.samples;
+        let no_gyro_axis = all.get_mut(&Channel::Gyro).map(take_out_missing_axes).unwrap_or_default();
+        let held = map.clamped || !known.model.freedom.turns();
         let mut recording = Recording {
             name: csv.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             platform: known.platform.clone(),
-            mounting: if map.clamped { Mounting::Clamped } else { Mounting::OnBearing },
+            no_gyro_axis,
+            mounting: if held { Mounting::Clamped } else { Mounting::OnBearing },
             vectors,
             jet_pulses,
             closed_loop: map.closed_loop,
             remarks,
             ..Recording::default()
         };
-        for (channel, samples) in self.samples {
+        for (channel, samples) in all {
             if let Some(series) = recording.series_mut(channel, 0) {
                 series.fill(&mut samples.into_iter().map(|(at, numbers)| (seconds_at(at), numbers)));
             }

@@ -11,7 +11,7 @@ use super::commands::{self, Limits, PulseNs};
 use super::gather::{Gathered, Samples, in_order};
 use super::{valves, wheel_torque};
 use crate::notes::{CLOSED_LOOP_NOTE, MOUNTING_NOTE, noted_in};
-use crate::recording::{Mounting, OnInterval, Recording, VectorChannel};
+use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, take_out_missing_axes};
 use crate::series::seconds;
 
 pub(super) fn recording(
@@ -23,6 +23,18 @@ pub(super) fn recording(
     model: Option<&PlatformModel>,
     mut remarks: Vec<String>,
 ) -> Recording {
+    let no_gyro_axis = match gathered.samples.get_mut(&(Channel::Gyro, 0)) {
+        None => [false; 3],
+        Some(samples) => {
+            let before = samples.len();
+            let missing = take_out_missing_axes(samples);
+            let taken_out = before - samples.len();
+            if taken_out > 0 {
+                *gathered.not_finite.entry(Channel::Gyro).or_default() += taken_out;
+            }
+            missing
+        }
+    };
     for (channel, count) in &gathered.not_finite {
         remarks.push(format!(
             "{count} messages of the channel {channel} hold no finite numbers and were left out."
@@ -68,8 +80,10 @@ pub(super) fn recording(
     let mut recording = Recording {
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
         platform: platform.to_owned(),
+        no_gyro_axis,
         mounting: match noted_in(run, MOUNTING_NOTE) {
             Some("clamped") => Mounting::Clamped,
+            _ if model.is_some_and(|model| !model.freedom.turns()) => Mounting::Clamped,
             _ => Mounting::OnBearing,
         },
         vectors,

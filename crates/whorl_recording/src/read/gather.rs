@@ -21,7 +21,7 @@ pub(super) type Samples<T> = Vec<(i64, T)>;
 /// What was gathered, by measurement stamp \[ns\].
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
-    /// Finite numbers of every channel and sensor.
+    /// Finite numbers of every channel and sensor; of one that may lack axes at least one that is finite.
     pub samples: BTreeMap<(Channel, usize), Samples<Vec<f64>>>,
     /// Directions in the world that vector sensors see, by sensor.
     pub references: Vec<Option<Vector3<f64>>>,
@@ -117,6 +117,11 @@ impl Gathered {
     /// Keeps a sample if there is one, and counts it if its numbers are not finite.
     fn keep(&mut self, channel: Channel, sensor: usize, at: i64, numbers: Option<Vec<f64>>) {
         let Some(numbers) = numbers else { return };
+        // A gyro may lack axes: which ones is known when all samples are.
+        if channel.info().may_lack_axes && numbers.len() == 3 && numbers.iter().any(|x| x.is_finite()) {
+            self.samples.entry((channel, sensor)).or_default().push((at, numbers));
+            return;
+        }
         if !push(self.samples.entry((channel, sensor)).or_default(), at, numbers) {
             *self.not_finite.entry(channel).or_default() += 1;
         }

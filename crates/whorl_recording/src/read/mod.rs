@@ -120,7 +120,8 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
                 assemble::recording(path, &run, platform, gathered, start, known.as_ref(), remarks);
             if let Some(map) = &map {
                 recording.closed_loop = map.closed_loop.unwrap_or(recording.closed_loop);
-                recording.mounting = if map.clamped { Mounting::Clamped } else { Mounting::OnBearing };
+                let held = map.clamped || known.as_ref().is_some_and(|model| !model.freedom.turns());
+                recording.mounting = if held { Mounting::Clamped } else { Mounting::OnBearing };
                 let jets = known.as_ref().map_or(0, |model| model.jets().len());
                 if map.jets_off && recording.jet_pulses.is_empty() {
                     recording.jet_pulses = vec![Vec::new(); jets];

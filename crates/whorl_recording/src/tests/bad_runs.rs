@@ -67,7 +67,10 @@ fn a_frozen_sensor_and_a_short_run_are_remarked() {
     let recording = &read_run(&run_with(&messages, folder.path()), None).unwrap()[0];
     assert_eq!(recording.gyro_b_rad_s.len(), 40);
     let remarks = recording.remarks.join("\n");
-    assert!(remarks.contains("too short") && remarks.contains("all 40 samples (x, y)"), "{remarks}");
+    assert!(
+        remarks.contains("40 readings in 0.4 s: too few") && remarks.contains("all 40 samples (x, y)"),
+        "{remarks}"
+    );
     assert!(!recording.closed_loop);
 }
 

@@ -6,7 +6,10 @@ use nalgebra::Vector3;
 use whorl_bag::{Channel, CsvMap};
 
 use super::whorl_1;
-use crate::{ImportedCsv, Mounting, RecordingError, export_csv, platform_parts, read_csv};
+use crate::{
+    ImportedCsv, Mounting, RecordingError, RunOrigin, export_csv, platform_parts, read_csv, read_run,
+    write_run,
+};
 
 struct Files {
     directory: tempfile::TempDir,
@@ -178,7 +181,7 @@ fn nan_everywhere_is_an_error_and_in_one_channel_a_remark() {
         files.error(map, &format!("t,x,y,z,a,b,c\n{all}")),
         "a.csv: 5 lines, and not one has a number in every column of gyro, accelerometer or wheel_speed: is the map that of this file?"
     );
-    let one: String = (0..25).map(|i| line(i, &format!("nan,nan,nan,1,2,{i}"))).collect();
+    let one: String = (0..400).map(|i| line(i, &format!("nan,nan,nan,1,2,{i}"))).collect();
     let imported = files.import(map, &format!("t,x,y,z,a,b,c\n{one}")).unwrap();
     assert_eq!(
         imported.recording.remarks,
@@ -205,7 +208,7 @@ fn what_looks_wrong_is_said() {
         (0..20).map(|i| format!("0.{i:02},{i},0.5,0.{i},0.0,0.01,0.99{i},3000,{i},0\n")).collect();
     let remarks = files.import(map, &format!("t,x,y,z,a,b,c,n,n2,n3\n{lines}")).unwrap().recording.remarks;
     for start in [
-        "The run is 0.2 s long: too short",
+        "The run has 20 readings in 0.2 s: too few",
         "The gyro reads the same number in all 20 samples (y)",
         "The accelerometer reads the same number in all 20 samples (x, y)",
         "The accelerometer's mean length is 0.993 m/s^2 instead of 9.8: its unit looks like g.",
@@ -279,5 +282,51 @@ proptest::proptest! {
         let _ = Files::new().import(MAP, &format!("{HEADER}{text}"));
         let narrow = "    time: {column: t}\n    wheel_speed: {columns: [a, b, c]}\n    jets: {columns: [a, b, c, a, b, c, a, b, c, a, b, c], quantity: on_time, slot_length_s: 0.5}\n";
         let _ = Files::new().import(narrow, &format!("t,a,b,c\n{text}"));
+    }
+}
+
+/// A gyro with one axis: in by its map, out to CSV and to a bag, and back.
+#[test]
+fn a_gyro_may_lack_axes() {
+    let map = "    time: {column: t}\n    gyro: {columns: [~, ~, -g], unit: deg/s}\n    wheel_speed: {columns: [a, b, c]}\n";
+    let lines: String = (0..50).map(|i| format!("0.{i:02},{},{i},0,0\n", i % 7)).collect();
+    let (files, known) = (Files::new(), whorl_1());
+    let recording = files.import(map, &format!("t,g,a,b,c\n{lines}")).unwrap().recording;
+    assert_eq!(recording.gyro_axes(), [false, false, true]);
+    assert!((recording.gyro_b_rad_s.value[6] - Vector3::z() * -6.0_f64.to_radians()).norm() < 1e-15);
+    let frozen = recording.remarks.iter().any(|remark| remark.starts_with("The gyro reads the same"));
+    assert!(!frozen, "{:?}", recording.remarks);
+    // On a bearing one axis says nothing of the motion, on a shaft along it everything.
+    let says_so = |model: &whorl_dynamics::PlatformModel| {
+        recording.missing_channels(model).iter().any(|cost| cost.starts_with("No gyro axis x, y"))
+    };
+    let mut hinge = known.model.clone();
+    hinge.freedom = whorl_dynamics::Freedom::Hinge { axis_b: Vector3::z_axis() };
+    assert!(says_so(&known.model) && !says_so(&hinge));
+
+    let parts = platform_parts(&known);
+    let out = files.directory.path().join("out");
+    let exported = export_csv(&recording, &parts.wheels, &parts.jets, &out).unwrap();
+    let text = std::fs::read_to_string(&exported.csv).unwrap();
+    assert!(text.starts_with("time_s,gyro_z_rad_s,wheel_x_rad_s"), "{text}");
+    let again = read_csv(&exported.csv, &CsvMap::load_for(&exported.map, &parts).unwrap(), &known).unwrap();
+    assert_eq!(again.recording.gyro_axes(), [false, false, true]);
+    assert_eq!(again.recording.gyro_b_rad_s, recording.gyro_b_rad_s);
+    let run = files.directory.path().join("run");
+    write_run(&recording, &known, &RunOrigin::default(), &run).unwrap();
+    let read = read_run(&run, None).unwrap().remove(0);
+    assert_eq!((read.gyro_axes(), &read.gyro_b_rad_s), ([false, false, true], &recording.gyro_b_rad_s));
+
+    let table = format!("t,g,a,b,c\n{lines}");
+    for (wrong, expected) in [
+        ("[~, ~, ~]", "has no value"),
+        ("['~', '~', '~']", "~ stands for an axis that is not measured, and here at least one must be"),
+        (
+            "[~, ~, g]}\n    accelerometer: {columns: [a, ~, c]",
+            "~ stands for an axis that is not measured, and here all three must be",
+        ),
+    ] {
+        let error = files.error(&map.replace("[~, ~, -g]", wrong).replace(", unit: deg/s", ""), &table);
+        assert!(error.contains(expected), "{error}");
     }
 }

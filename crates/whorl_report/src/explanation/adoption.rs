@@ -1,5 +1,6 @@
 //! The page of `whorl adopt`.
 
+use maud::Markup;
 use whorl_explain::Adoption;
 
 use super::versions::versions;
@@ -16,7 +17,7 @@ pub fn adoption_html(adoption: &Adoption, about: &Facts) -> String {
     versions(&mut page, &adoption.versions);
     page.heading("Parameters");
     let adopted = adoption.versions.last().and_then(|v| v.fit.as_ref());
-    let rows: Vec<Vec<String>> = adopted
+    let rows: Vec<Vec<Markup>> = adopted
         .iter()
         .flat_map(|fit| &fit.estimates)
         .map(|p| {

@@ -1,5 +1,6 @@
 //! The page of `whorl compare`.
 
+use maud::Markup;
 use whorl_explain::ComparedRun;
 use whorl_validation::Comparison;
 use whorl_validation::comparison::{Channel, ChannelErrors, INITIAL_STATE_RULE, Overlay};
@@ -58,11 +59,11 @@ fn error_table(page: &mut Document, run: &ComparedRun) {
         headings.extend([format!("#{name}: RMS"), "#ratio".to_owned(), "#fit [%]".to_owned()]);
     }
     let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
-    let rows: Vec<Vec<String>> = run.comparison.channels.iter().map(error_row).collect();
+    let rows: Vec<Vec<Markup>> = run.comparison.channels.iter().map(error_row).collect();
     page.table(&headings, &rows);
 }
 
-fn error_row(channel: &ChannelErrors) -> Vec<String> {
+fn error_row(channel: &ChannelErrors) -> Vec<Markup> {
     let (unit, factor) = channel.quantity.shown_unit();
     let source = match channel.floor_source {
         whorl_validation::FloorSource::StillSegments => format!("{:.0} s still", channel.still_s),
@@ -192,7 +193,7 @@ fn whiteness_table(page: &mut Document, comparison: &Comparison) {
         "Is anything left? Residuals with the initial states fitted, over their noise. White residuals hold nothing that a model could explain. \
          Ljung-Box: first 25 autocorrelations; periodogram: largest distance from the straight line.",
     );
-    let rows: Vec<Vec<String>> = comparison
+    let rows: Vec<Vec<Markup>> = comparison
         .whiteness
         .iter()
         .map(|w| {

@@ -1,5 +1,6 @@
 //! The page of `whorl diagnose`.
 
+use maud::Markup;
 use whorl_diagnosis::{Candidate, Diagnosis, ParameterEstimate, Verdict};
 use whorl_explain::{Explanation, UnexplainedTorque};
 use whorl_math::three_digits;
@@ -7,7 +8,7 @@ use whorl_trajectory::ResidualTorque;
 
 use super::versions::versions;
 use super::{Facts, facts};
-use crate::document::{Document, code, judged, number, text};
+use crate::document::{Document, bold_code, code, judged, number, text};
 use crate::figure::Figure;
 use crate::series::Curve;
 
@@ -103,12 +104,12 @@ fn candidates(page: &mut Document, diagnosis: &Diagnosis) {
         diagnosis.effects.contains(&c.effect)
             && matches!(diagnosis.verdict, Verdict::Named | Verdict::Confounded)
     };
-    let rows: Vec<Vec<String>> = diagnosis
+    let rows: Vec<Vec<Markup>> = diagnosis
         .candidates
         .iter()
         .map(|c| {
             vec![
-                if named(c) { format!("<td class=code><b>{}</b></td>", c.effect) } else { code(&c.effect) },
+                if named(c) { bold_code(&c.effect) } else { code(&c.effect) },
                 number(c.delta_log_evidence, 1),
                 judged(c.held_out_gain, 1, c.held_out_gain > 0.0),
                 number(c.share_of_excess * 100.0, 0),

@@ -15,6 +15,7 @@ pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use whereabouts::whereabouts_html;
 
 use crate::document::Document;
+use maud::Markup;
 
 /// Facts about a page: label and value, in order (model, command, versions, ...).
 pub type Facts = [(String, String)];
@@ -24,7 +25,7 @@ fn facts(page: &mut Document, facts: &Facts) {
         return;
     }
     page.heading("What was compared");
-    let rows: Vec<Vec<String>> = facts
+    let rows: Vec<Vec<Markup>> = facts
         .iter()
         .map(|(label, value)| vec![crate::document::text(label), crate::document::code(value)])
         .collect();

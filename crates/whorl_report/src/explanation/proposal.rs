@@ -1,9 +1,10 @@
 //! The page of `whorl next`.
 
+use maud::Markup;
 use nalgebra::UnitQuaternion;
 
 use super::{Facts, facts};
-use crate::document::{Document, text};
+use crate::document::{Document, text_below};
 use crate::figure::Figure;
 use crate::series::Curve;
 
@@ -49,18 +50,10 @@ pub fn next_html(next: &NextPage, about: &Facts) -> String {
          Effects shown: number of effects that would be detected at their ordinary size.",
     );
     let headings: Vec<&str> = next.headings.iter().map(String::as_str).collect();
-    let rows: Vec<Vec<String>> = next
+    let rows: Vec<Vec<Markup>> = next
         .rows
         .iter()
-        .map(|row| {
-            row.iter()
-                .zip(&headings)
-                .map(|(cell, heading)| {
-                    let cell = text(cell);
-                    if heading.starts_with('#') { cell.replacen("<td>", "<td class=n>", 1) } else { cell }
-                })
-                .collect()
-        })
+        .map(|row| row.iter().zip(&headings).map(|(cell, heading)| text_below(heading, cell)).collect())
         .collect();
     page.table(&headings, &rows);
     page.heading(&format!("The best one in simulation: {}", next.motion.name.replace('_', " ")));

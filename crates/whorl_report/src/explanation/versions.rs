@@ -1,5 +1,6 @@
 //! Versions of a model side by side, as shown by `whorl diagnose` and `whorl adopt`.
 
+use maud::Markup;
 use whorl_explain::Version;
 
 use super::comparison::title;
@@ -23,7 +24,7 @@ pub(super) fn versions(page: &mut Document, versions: &[Version]) {
         judged(value, 3, value < 1.1)
     };
     let first = versions.first().map_or(&[][..], |v| &v.runs);
-    let mut rows: Vec<Vec<String>> = first
+    let mut rows: Vec<Vec<Markup>> = first
         .iter()
         .enumerate()
         .map(|(k, run)| {
@@ -61,7 +62,7 @@ fn channel_table(page: &mut Document, versions: &[Version]) {
         let names: Vec<String> = versions.iter().map(|v| format!("#{}", v.name)).collect();
         let mut headings = vec!["channel", "unit", "#noise floor"];
         headings.extend(names.iter().map(String::as_str));
-        let rows: Vec<Vec<String>> = run
+        let rows: Vec<Vec<Markup>> = run
             .comparison
             .channels
             .iter()

@@ -4,10 +4,10 @@
 //! order and reset to zero after each update; the rate is a state and the gyro a measurement. The gyro's bias is taken as known
 //! from the start, as in the dissertation: what it drifts later goes into the rate.
 
-use super::rate_model::RateModel;
-use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, UnitQuaternion, Vector3, Vector6};
+use super::rate_state::RateState;
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use whorl_estimation::kernels::{
-    FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components,
+    DirectionMeasurement, FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components,
 };
 use whorl_math::covariance::propagate;
 use whorl_math::{quaternion_exp, skew};
@@ -15,60 +15,40 @@ use whorl_math::{quaternion_exp, skew};
 /// The filter's state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AttitudeRateFilter {
-    model: RateModel,
-    q_world_body: UnitQuaternion<f64>,
-    omega_rad_s: Vector3<f64>,
-    gyro_bias_rad_s: Vector3<f64>,
-    gyro_noise_density: f64,
+    state: RateState,
     /// Attitude error, rate error; body axes.
     covariance: Matrix6<f64>,
-    bias_covariance: Matrix3<f64>,
 }
 
 impl AttitudeRateFilter {
     /// A filter that goes on from an estimate; `None` without a body, or if its inertia is singular.
     #[must_use]
     pub fn new(start: &KernelStart<'_>) -> Option<Self> {
-        let (parameters, body, start) = (start.parameters, start.body?, start.solution);
-        let mut covariance = start.covariance;
+        let (state, rate) = RateState::new(start)?;
+        let mut covariance = start.solution.covariance;
         covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
         covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
-        let rate = Matrix3::identity() * body.rate_sigma_rad_s.powi(2);
         covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&rate);
-        Some(Self {
-            model: RateModel::new(body, start.wheel_momentum_b_n_m_s)?,
-            q_world_body: start.q_world_body,
-            omega_rad_s: start.omega_rad_s,
-            gyro_bias_rad_s: start.gyro_bias_rad_s,
-            gyro_noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
-            covariance,
-            bias_covariance: start.covariance.fixed_view::<3, 3>(3, 3).into(),
-        })
+        Some(Self { state, covariance })
     }
 
     fn apply(&mut self, correction: &Vector6<f64>) {
-        self.q_world_body *= quaternion_exp(&Vector3::from(correction.fixed_rows::<3>(0)));
-        self.q_world_body.renormalize_fast();
-        self.omega_rad_s += correction.fixed_rows::<3>(3);
+        self.state.q_world_body *= quaternion_exp(&Vector3::from(correction.fixed_rows::<3>(0)));
+        self.state.q_world_body.renormalize_fast();
+        self.state.omega_rad_s += correction.fixed_rows::<3>(3);
     }
 
     /// Moves the mean by a step and gives the error's transition, to second order in the attitude.
     fn predict(&mut self, step: &FilterStep) -> Matrix6<f64> {
         let dt_s = step.dt_s;
-        let up_b = self.q_world_body.inverse() * Vector3::z();
-        let first = self.model.acceleration(&self.omega_rad_s, &up_b);
-        let half = self.omega_rad_s + first * (0.5 * dt_s);
-        let middle = self.q_world_body * quaternion_exp(&(self.omega_rad_s * (0.5 * dt_s)));
+        let up_b = self.state.q_world_body.inverse() * Vector3::z();
+        let first = self.state.model.acceleration(&self.state.omega_rad_s, &up_b);
+        let half = self.state.omega_rad_s + first * (0.5 * dt_s);
+        let middle = self.state.q_world_body * quaternion_exp(&(self.state.omega_rad_s * (0.5 * dt_s)));
         let up_b = middle.inverse() * Vector3::z();
-        let acceleration = self.model.acceleration(&half, &up_b);
-        let rate = self.model.linearised(&half, &up_b);
-        // Half of the impulse of wheels and jets acts within the step.
-        let exchange = self.model.exchange(step);
-        let mean_rate = self.omega_rad_s + (acceleration * dt_s + exchange) * 0.5;
-        let turn = quaternion_exp(&(mean_rate * dt_s));
-        self.q_world_body *= turn;
-        self.q_world_body.renormalize_fast();
-        self.omega_rad_s += acceleration * dt_s + exchange;
+        let acceleration = self.state.model.acceleration(&half, &up_b);
+        let rate = self.state.model.linearised(&half, &up_b);
+        let (turn, mean_rate) = self.state.advance(step, &acceleration);
         let back = *turn.inverse().to_rotation_matrix().matrix();
         let mut f = Matrix6::identity();
         f.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
@@ -82,7 +62,7 @@ impl AttitudeRateFilter {
 
 impl Kernel for AttitudeRateFilter {
     fn step(&mut self, step: &FilterStep) -> Update {
-        let rate_noise = self.model.rate_noise(step);
+        let rate_noise = self.state.model.rate_noise(step);
         let f = self.predict(step);
         let mut q = Matrix6::zeros();
         q.fixed_view_mut::<3, 3>(0, 0).copy_from(&(rate_noise * (step.dt_s * step.dt_s / 3.0)));
@@ -90,54 +70,31 @@ impl Kernel for AttitudeRateFilter {
         q.fixed_view_mut::<3, 3>(3, 0).copy_from(&(rate_noise * (0.5 * step.dt_s)));
         q.fixed_view_mut::<3, 3>(3, 3).copy_from(&rate_noise);
         propagate(&mut self.covariance, &f, &q);
-        let mut h = SMatrix::<f64, 3, 6>::zeros();
-        h.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
-        let innovation = step.gyro_rad_s - self.gyro_bias_rad_s - self.omega_rad_s;
-        let (correction, update) = correct_three_components(
-            &mut self.covariance,
-            &h,
-            self.gyro_noise_density / step.dt_s,
-            &innovation,
-            3,
-        );
+        let (correction, update) = self.state.use_gyro(&mut self.covariance, 3, step);
         self.apply(&correction);
         update
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update {
-        let predicted = self.q_world_body.inverse() * reference_w.into_inner();
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
+        let predicted = self.state.q_world_body.inverse() * measured.reference_w.into_inner();
         let mut h = SMatrix::<f64, 3, 6>::zeros();
         h.fixed_view_mut::<3, 3>(0, 0).copy_from(&skew(&predicted));
-        let innovation = direction_b.into_inner() - predicted;
+        let innovation = measured.direction_b.into_inner() - predicted;
         let (correction, update) =
-            correct_three_components(&mut self.covariance, &h, variance, &innovation, 2);
+            correct_three_components(&mut self.covariance, &h, measured.variance, &innovation, 2);
         self.apply(&correction);
         update
     }
 
     fn solution(&self) -> Solution {
-        let mut covariance = Matrix6::zeros();
-        let attitude = self.covariance.fixed_view::<3, 3>(0, 0);
-        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude);
-        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.bias_covariance);
-        Solution {
-            q_world_body: self.q_world_body,
-            omega_rad_s: self.omega_rad_s,
-            gyro_bias_rad_s: self.gyro_bias_rad_s,
-            covariance,
-            wheel_momentum_b_n_m_s: self.model.wheel_momentum_b_n_m_s(),
-        }
+        self.state.solution(&self.covariance.fixed_view::<3, 3>(0, 0).into())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::UnitQuaternion;
     use whorl_estimation::{BodyModel, Parameters};
     use whorl_math::rotation_vector;
 
@@ -171,8 +128,9 @@ mod tests {
             let mut other = reference.clone();
             other.apply(&error);
             other.predict(&step);
-            let attitude = rotation_vector(&(moved.q_world_body.inverse() * other.q_world_body)) / 1e-5;
-            let rate = (other.omega_rad_s - moved.omega_rad_s) / 1e-5;
+            let attitude =
+                rotation_vector(&(moved.state.q_world_body.inverse() * other.state.q_world_body)) / 1e-5;
+            let rate = (other.state.omega_rad_s - moved.state.omega_rad_s) / 1e-5;
             // Second order in the step: 1e-4 times coefficients of order one.
             assert!((attitude - f.fixed_view::<3, 1>(0, state)).norm() < 2e-4, "attitude, state {state}");
             assert!((rate - f.fixed_view::<3, 1>(3, state)).norm() < 2e-4, "rate, state {state}");

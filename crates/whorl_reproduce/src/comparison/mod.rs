@@ -6,6 +6,7 @@
 mod attitude_rate;
 mod quaternion_rate;
 mod rate_model;
+mod rate_state;
 
 pub use attitude_rate::AttitudeRateFilter;
 pub use quaternion_rate::QuaternionRateFilter;

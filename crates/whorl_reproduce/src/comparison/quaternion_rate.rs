@@ -5,13 +5,12 @@
 //! quaternion), which no derivation justifies: that is the dissertation's argument for section 4.5.3. Components are
 //! w, x, y, z (Hamilton).
 
-use super::rate_model::RateModel;
+use super::rate_state::RateState;
 use nalgebra::{
-    Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, Quaternion, SMatrix, SVector, Unit, UnitQuaternion,
-    Vector3,
+    Matrix3, Matrix3x4, Matrix4, Matrix4x3, Quaternion, SMatrix, SVector, UnitQuaternion, Vector3,
 };
 use whorl_estimation::kernels::{
-    FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components,
+    DirectionMeasurement, FilterStep, Kernel, KernelStart, Solution, Update, correct_three_components,
 };
 use whorl_math::covariance::propagate;
 use whorl_math::skew;
@@ -21,14 +20,9 @@ type Covariance = SMatrix<f64, 7, 7>;
 /// The filter's state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuaternionRateFilter {
-    model: RateModel,
-    q_world_body: UnitQuaternion<f64>,
-    omega_rad_s: Vector3<f64>,
-    gyro_bias_rad_s: Vector3<f64>,
-    gyro_noise_density: f64,
+    state: RateState,
     /// Quaternion w, x, y, z; rate.
     covariance: Covariance,
-    bias_covariance: Matrix3<f64>,
 }
 
 /// `q' = Xi(q) omega / 2`.
@@ -61,28 +55,20 @@ impl QuaternionRateFilter {
     /// A filter that goes on from an estimate; `None` without a body, or if its inertia is singular.
     #[must_use]
     pub fn new(start: &KernelStart<'_>) -> Option<Self> {
-        let (parameters, body, start) = (start.parameters, start.body?, start.solution);
+        let (state, rate) = RateState::new(start)?;
+        let start = start.solution;
         let to_quaternion = xi(start.q_world_body.quaternion()) * 0.5;
         let attitude: Matrix3<f64> = start.covariance.fixed_view::<3, 3>(0, 0).into();
         let mut covariance = Covariance::zeros();
         let quaternion = to_quaternion * attitude * to_quaternion.transpose();
         covariance.fixed_view_mut::<4, 4>(0, 0).copy_from(&quaternion);
-        let rate = Matrix3::identity() * body.rate_sigma_rad_s.powi(2);
         covariance.fixed_view_mut::<3, 3>(4, 4).copy_from(&rate);
-        Some(Self {
-            model: RateModel::new(body, start.wheel_momentum_b_n_m_s)?,
-            q_world_body: start.q_world_body,
-            omega_rad_s: start.omega_rad_s,
-            gyro_bias_rad_s: start.gyro_bias_rad_s,
-            gyro_noise_density: parameters.gyro_noise_rad_s_sqrt_hz.powi(2),
-            covariance,
-            bias_covariance: start.covariance.fixed_view::<3, 3>(3, 3).into(),
-        })
+        Some(Self { state, covariance })
     }
 
     /// Adds a correction, then repairs length and covariance.
     fn apply(&mut self, correction: &SVector<f64, 7>) {
-        let q = self.q_world_body.quaternion();
+        let q = self.state.q_world_body.quaternion();
         let sum = Quaternion::new(
             q.w + correction[0],
             q.i + correction[1],
@@ -90,10 +76,10 @@ impl QuaternionRateFilter {
             q.k + correction[3],
         );
         if let Some(unit) = UnitQuaternion::try_new(sum, 1e-9) {
-            self.q_world_body = unit;
+            self.state.q_world_body = unit;
         }
-        self.omega_rad_s += correction.fixed_rows::<3>(4);
-        let q = self.q_world_body.quaternion();
+        self.state.omega_rad_s += correction.fixed_rows::<3>(4);
+        let q = self.state.q_world_body.quaternion();
         let along = nalgebra::Vector4::new(q.w, q.i, q.j, q.k);
         let mut across = Covariance::identity();
         across.fixed_view_mut::<4, 4>(0, 0).copy_from(&(Matrix4::identity() - along * along.transpose()));
@@ -104,14 +90,14 @@ impl QuaternionRateFilter {
 impl Kernel for QuaternionRateFilter {
     fn step(&mut self, step: &FilterStep) -> Update {
         let dt_s = step.dt_s;
-        let rate_noise = self.model.rate_noise(step);
-        let q = *self.q_world_body.quaternion();
-        let up_b = self.q_world_body.inverse() * Vector3::z();
-        let half = self.omega_rad_s + self.model.acceleration(&self.omega_rad_s, &up_b) * (0.5 * dt_s);
-        let acceleration = self.model.acceleration(&half, &up_b);
-        let rate = self.model.linearised(&half, &up_b);
-        let exchange = self.model.exchange(step);
-        let mean_rate = self.omega_rad_s + (acceleration * dt_s + exchange) * 0.5;
+        let rate_noise = self.state.model.rate_noise(step);
+        let q = *self.state.q_world_body.quaternion();
+        let up_b = self.state.q_world_body.inverse() * Vector3::z();
+        let half = self.state.omega_rad_s
+            + self.state.model.acceleration(&self.state.omega_rad_s, &up_b) * (0.5 * dt_s);
+        let acceleration = self.state.model.acceleration(&half, &up_b);
+        let rate = self.state.model.linearised(&half, &up_b);
+        let (_, mean_rate) = self.state.advance(step, &acceleration);
         let mut f = Covariance::identity();
         // exp(Omega dt / 2) to second order: Omega^2 = -|omega|^2.
         let turn = omega_matrix(&mean_rate) * (0.5 * dt_s);
@@ -124,54 +110,28 @@ impl Kernel for QuaternionRateFilter {
         let mut noise = Covariance::zeros();
         noise.fixed_view_mut::<3, 3>(4, 4).copy_from(&rate_noise);
         propagate(&mut self.covariance, &f, &noise);
-        self.q_world_body *= whorl_math::quaternion_exp(&(mean_rate * dt_s));
-        self.q_world_body.renormalize_fast();
-        self.omega_rad_s += acceleration * dt_s + exchange;
-
-        let mut h = SMatrix::<f64, 3, 7>::zeros();
-        h.fixed_view_mut::<3, 3>(0, 4).copy_from(&Matrix3::identity());
-        let innovation = step.gyro_rad_s - self.gyro_bias_rad_s - self.omega_rad_s;
-        let (correction, update) = correct_three_components(
-            &mut self.covariance,
-            &h,
-            self.gyro_noise_density / dt_s,
-            &innovation,
-            3,
-        );
+        let (correction, update) = self.state.use_gyro(&mut self.covariance, 4, step);
         self.apply(&correction);
         update
     }
 
-    fn correct_direction(
-        &mut self,
-        direction_b: &Unit<Vector3<f64>>,
-        reference_w: &Unit<Vector3<f64>>,
-        variance: f64,
-    ) -> Update {
+    fn correct_direction(&mut self, measured: &DirectionMeasurement) -> Update {
         let mut h = SMatrix::<f64, 3, 7>::zeros();
-        let sensitivity = direction_sensitivity(self.q_world_body.quaternion(), reference_w);
+        let sensitivity = direction_sensitivity(self.state.q_world_body.quaternion(), &measured.reference_w);
         h.fixed_view_mut::<3, 4>(0, 0).copy_from(&sensitivity);
-        let innovation = direction_b.into_inner() - self.q_world_body.inverse() * reference_w.into_inner();
+        let innovation = measured.direction_b.into_inner()
+            - self.state.q_world_body.inverse() * measured.reference_w.into_inner();
         let (correction, update) =
-            correct_three_components(&mut self.covariance, &h, variance, &innovation, 2);
+            correct_three_components(&mut self.covariance, &h, measured.variance, &innovation, 2);
         self.apply(&correction);
         update
     }
 
     fn solution(&self) -> Solution {
         // Rotation vector from quaternion components: 2 Xi^T.
-        let back = xi(self.q_world_body.quaternion()).transpose() * 2.0;
-        let mut covariance = Matrix6::zeros();
+        let back = xi(self.state.q_world_body.quaternion()).transpose() * 2.0;
         let attitude = back * self.covariance.fixed_view::<4, 4>(0, 0) * back.transpose();
-        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude);
-        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&self.bias_covariance);
-        Solution {
-            q_world_body: self.q_world_body,
-            omega_rad_s: self.omega_rad_s,
-            gyro_bias_rad_s: self.gyro_bias_rad_s,
-            covariance: (covariance + covariance.transpose()) * 0.5,
-            wheel_momentum_b_n_m_s: self.model.wheel_momentum_b_n_m_s(),
-        }
+        self.state.solution(&((attitude + attitude.transpose()) * 0.5))
     }
 }
 

@@ -4,18 +4,24 @@
 //! on the error state. Nodes lie a fifth of a second apart; each takes the mean of the samples around it.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
-use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TiltLimit;
+use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_math::covariance;
-use whorl_math::{GRAVITY_M_S2, quaternion_exp, rotation_vector, skew, unit_or, vertical_b};
+use whorl_math::{
+    GRAVITY_M_S2, attitude_from_two_vectors, quaternion_exp, rotation_vector, skew, unit_or, vertical_b,
+};
 use whorl_recording::Recording;
 
 use super::backward::back;
 use super::sensors::{NODE_S, Sensors, one_sample, rate_between};
 use super::start::start_attitude;
+use crate::noise::typical_step_s;
 
-/// A gap between gyro samples beyond this adds uncertainty \[s\].
+/// A gap between gyro samples beyond this, and beyond so many usual steps, adds uncertainty \[s\].
 const GAP_S: f64 = 0.05;
+const GAP_STEPS: f64 = 4.0;
+/// Standard deviation of what a rig does not allow, instead of zero [rad], [rad/s]: covariances stay regular.
+const NOTHING: f64 = 1e-9;
 /// Without an accelerometer, tilt is modelled as a random process about balance with this correlation time \[s\].
 const BALANCE_S: f64 = 20.0;
 
@@ -115,7 +121,8 @@ pub fn smooth_attitude(recording: &Recording, model: &PlatformModel) -> Attitude
             .vectors
             .iter()
             .any(|v| !v.time_s.is_empty() && v.reference_world.z.abs() < 0.99),
-        tilt_measured: !sensors.force.0.is_empty() || sensors.vectors.iter().any(|v| !v.time_s.is_empty()),
+        tilt_measured: model.freedom.has_weight() && !sensors.force.0.is_empty()
+            || sensors.vectors.iter().any(|v| !v.time_s.is_empty()),
     };
     let (Some(first), Some(last)) = (sensors.gyro.0.first().copied(), sensors.gyro.0.last().copied()) else {
         return result;
@@ -127,7 +134,7 @@ pub fn smooth_attitude(recording: &Recording, model: &PlatformModel) -> Attitude
     let mean = |f: &dyn Fn(&Node) -> Vector3<f64>| {
         smoothed.iter().map(f).sum::<Vector3<f64>>() / smoothed.len().max(1) as f64
     };
-    result.gyro_bias_rad_s = mean(&|n| n.bias);
+    result.gyro_bias_rad_s = mean(&|n| n.bias) + bias_across(recording, model);
     result.accelerometer_bias_m_s2 = mean(&|n| n.force_bias);
     let tilt_variance: f64 = smoothed.iter().map(|n| 0.5 * (n.p[(0, 0)] + n.p[(1, 1)])).sum();
     result.tilt_stddev_rad = (tilt_variance / smoothed.len().max(1) as f64).sqrt();
@@ -136,6 +143,17 @@ pub fn smooth_attitude(recording: &Recording, model: &PlatformModel) -> Attitude
     result.time_s = times;
     (result.rate_time_s, result.rate_rad_s) = sensors.gyro;
     result
+}
+
+/// What the gyro reads about axes that the rig holds [rad/s]: nothing but bias.
+fn bias_across(recording: &Recording, model: &PlatformModel) -> Vector3<f64> {
+    let rates = &recording.gyro_b_rad_s.value;
+    if model.freedom.axes() == 3 || !recording.has_whole_gyro() || rates.is_empty() {
+        return Vector3::zeros();
+    }
+    let errors = &model.sensors.gyro.errors;
+    let mean = rates.iter().map(|y| errors.corrected(y)).sum::<Vector3<f64>>() / rates.len() as f64;
+    mean - model.freedom.share(&mean)
 }
 
 /// State and covariance at a node.
@@ -170,6 +188,24 @@ struct Step {
     transition: Matrix9,
 }
 
+/// The attitude at the first node by the first readings of two vector sensors, turned back by the gyro; with one sensor
+/// the rest is as level as it allows. `None` without a direction.
+fn by_directions(sensors: &Sensors<'_>, time_s: f64) -> Option<UnitQuaternion<f64>> {
+    let zero = Vector3::zeros();
+    let mut first = (0..sensors.vectors.len()).filter_map(|j| {
+        let seen_s = *sensors.vectors.get(j)?.time_s.first()?;
+        let (direction_b, reference, _) = sensors.direction(j, seen_s, &zero)?;
+        let turn = turn_between(&sensors.gyro.0, &sensors.gyro.1, &zero, time_s, seen_s);
+        Some((Unit::try_new(turn * direction_b, 1e-9)?, reference))
+    });
+    let (a_b, a_w) = first.next()?;
+    let two = first.next().and_then(|(b_b, b_w)| attitude_from_two_vectors(&a_b, &a_w, &b_b, &b_w).ok());
+    // The sensor's direction holds exactly: what is left of the vertical only fills the turn about it.
+    let up = Vector3::z_axis();
+    two.or_else(|| attitude_from_two_vectors(&a_b, &a_w, &up, &up).ok())
+        .or_else(|| UnitQuaternion::rotation_between(&a_b, &a_w))
+}
+
 fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> Node {
     let zero = Vector3::zeros();
     // The first second, node by node.
@@ -179,7 +215,13 @@ fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> 
         nodes.iter().find_map(|t| sensors.direction(j, *t, &zero)).map(|(d, reference, _)| (d, reference))
     });
     let (balanced, tilt_stddev_rad) = balance(sensors.model);
-    let start = start_attitude(unit_or(down, balanced), seen);
+    let freedom = &sensors.model.freedom;
+    let by_directions = match freedom {
+        Freedom::OnBearing => None,
+        _ if down != zero => None,
+        _ => by_directions(sensors, time_s),
+    };
+    let start = by_directions.unwrap_or_else(|| start_attitude(unit_or(down, balanced), seen));
     let errors = &sensors.model.sensors;
     let mut p = Matrix9::zeros();
     let up = vertical_b(&start);
@@ -189,11 +231,21 @@ fn first_node(sensors: &Sensors<'_>, time_s: f64, heading: bool, tilt: bool) -> 
     p.fixed_view_mut::<3, 3>(0, 0).copy_from(
         &(about_vertical * heading_variance + (Matrix3::identity() - about_vertical) * tilt_variance),
     );
+    let bias = errors.gyro.errors.bias_turn_on_stddev.map(|s| s.max(1e-5).powi(2));
+    p.fixed_view_mut::<3, 3>(3, 3).copy_from(&allowed(freedom, &Matrix3::from_diagonal(&bias)));
     for i in 0..3 {
-        p[(3 + i, 3 + i)] = errors.gyro.errors.bias_turn_on_stddev[i].max(1e-5).powi(2);
         p[(6 + i, 6 + i)] = errors.accelerometer.errors.bias_turn_on_stddev[i].max(1e-5).powi(2);
     }
     Node { q: start, bias: zero, force_bias: zero, p }
+}
+
+/// The part of a covariance along the axes that are free, and next to nothing along the others.
+fn allowed(freedom: &Freedom, covariance: &Matrix3<f64>) -> Matrix3<f64> {
+    if freedom.axes() == 3 {
+        return *covariance;
+    }
+    let along = freedom.projection();
+    along * covariance * along + (Matrix3::identity() - along) * NOTHING.powi(2)
 }
 
 fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> Vec<Step> {
@@ -204,6 +256,8 @@ fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> V
     let errors = &sensors.model.sensors;
     let sample_s = 1.0 / errors.rate_hz.max(1e-3);
     let noise = one_sample(&errors.gyro.errors).powi(2) * sample_s;
+    let freedom = &sensors.model.freedom;
+    let longest_s = GAP_S.max(GAP_STEPS * typical_step_s(&sensors.gyro.0));
     for &time_s in times {
         let dt_s = time_s - before;
         let mut transition = Matrix9::identity();
@@ -215,10 +269,14 @@ fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> V
             node.q *= turn;
             node.p = transition * node.p * transition.transpose();
             let gap_s = longest_gap(&sensors.gyro.0, before, time_s);
-            let lost = if gap_s > GAP_S { (0.1 * gap_s).powi(2) } else { 0.0 };
+            let lost = if gap_s > longest_s { (0.1 * gap_s).powi(2) } else { 0.0 };
+            let walk = Matrix3::from_diagonal(&errors.gyro.errors.bias_walk.map(|s| s * s * dt_s));
+            let turned = Matrix3::identity() * (noise * dt_s + lost);
+            for (first, added) in [(0, turned), (3, walk)] {
+                let mut block = node.p.fixed_view_mut::<3, 3>(first, first);
+                block += allowed(freedom, &added);
+            }
             for i in 0..3 {
-                node.p[(i, i)] += noise * dt_s + lost;
-                node.p[(3 + i, 3 + i)] += errors.gyro.errors.bias_walk[i].powi(2) * dt_s;
                 node.p[(6 + i, 6 + i)] += errors.accelerometer.errors.bias_walk[i].powi(2) * dt_s;
             }
         }
@@ -226,7 +284,7 @@ fn forward(sensors: &Sensors<'_>, times: &[f64], heading: bool, tilt: bool) -> V
         if let Some(measured) = gravity_measurement(sensors, time_s, &node) {
             node = updated(node, &measured);
         }
-        if sensors.force.0.is_empty() {
+        if sensors.force.0.is_empty() && *freedom == Freedom::OnBearing {
             node = updated(node, &balance_measurement(sensors.model, &node));
         }
         for j in 0..sensors.vectors.len() {

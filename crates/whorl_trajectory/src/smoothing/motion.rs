@@ -1,7 +1,6 @@
 //! Rate and wheel speeds, smoothed with the help of the model's accelerations.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
 use whorl_dynamics::{Environment, Gyrostat};
 use whorl_recording::{Mounting, Recording, Series};
 
@@ -44,7 +43,7 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
     let model = gyrostat.model();
     let attitude = smooth_attitude(recording, model);
     let wheels = model.wheels().len();
-    let clamped = recording.mounting == Mounting::Clamped;
+    let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
     let mut motion = SmoothedMotion {
         clamped,
         wheels,
@@ -74,7 +73,8 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             environment.wheel_speed_rad_s = &wheel_speed;
             environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
             environment.valve_fraction = &drive.valve_fraction;
-            let ballast = gravity_torque_n_m(&drive.ballast_moment_b_n_m, &environment.vertical_b);
+            let equation = gyrostat.rate_equation();
+            let ballast = equation.gravity_torque_n_m(&drive.ballast_moment_b_n_m, &environment.vertical_b);
             let outside = drive.body_torque_b_n_m + ballast;
             let accelerations = gyrostat.accelerations(&environment, &[], &outside);
             explained += accelerations.omega_dot_wb_b_rad_s2 * (t - from);

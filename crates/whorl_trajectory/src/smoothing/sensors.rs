@@ -14,7 +14,7 @@ pub(super) const NODE_S: f64 = 0.2;
 /// A sensor's readings, corrected for its modelled errors, and their times.
 fn corrected(series: &Series<Vector3<f64>>, errors: &TriaxialErrors) -> (Vec<f64>, Vec<Vector3<f64>>) {
     let value = series.value.iter().map(|y| errors.corrected(y)).collect();
-    (series.time_s.iter().map(|t| t - errors.latency_s).collect(), value)
+    (series.time_s.iter().map(|t| t - errors.lag_s()).collect(), value)
 }
 
 /// Linear between samples `k - 1` and `k`; the nearest beyond the ends.
@@ -63,9 +63,17 @@ impl<'a> Sensors<'a> {
             reference_world: channel.reference_world,
             stddev_rad,
         });
+        let mut gyro = corrected(&recording.gyro_b_rad_s, &model.sensors.gyro.errors);
+        let axes = recording.gyro_axes();
+        if model.freedom.axes() < 3 {
+            // A body on a shaft turns about it alone, whatever the axes read.
+            for rate in &mut gyro.1 {
+                *rate = model.freedom.rate_from_gyro_b_rad_s(rate, axes).unwrap_or_default();
+            }
+        }
         Self {
             model,
-            gyro: corrected(&recording.gyro_b_rad_s, &model.sensors.gyro.errors),
+            gyro,
             force: corrected(&recording.specific_force_b_m_s2, &model.sensors.accelerometer.errors),
             vectors: vectors.collect(),
         }
@@ -77,7 +85,11 @@ impl<'a> Sensors<'a> {
     }
 
     /// Mean specific force around a node without the acceleration due to motion about the pivot: gravity.
+    /// `None` where nothing was measured or no weight is felt.
     pub fn gravity(&self, time_s: f64, bias: &Vector3<f64>) -> Option<(Vector3<f64>, f64)> {
+        if !self.model.freedom.has_weight() {
+            return None;
+        }
         let range = around(&self.force.0, time_s);
         let values = self.force.1.get(range).filter(|v| !v.is_empty())?;
         let mean = values.iter().sum::<Vector3<f64>>() / values.len() as f64;

@@ -18,10 +18,12 @@ use crate::statistics::{
     CrossCorrelation, CumulativePeriodogram, LjungBox, cross_correlation, cumulative_periodogram, ljung_box,
 };
 use whorl_trajectory::commands::Commands;
+use whorl_trajectory::noise::typical_step_s;
 use whorl_trajectory::smoothing::Motion;
 
-/// Length of a stretch \[s\]; half the run for shorter ones.
+/// Length of a stretch \[s\], longer for slow sensors: so many readings; half the run for shorter ones.
 const STRETCH_S: f64 = 10.0;
+const STRETCH_READINGS: f64 = 50.0;
 /// Steps by which the initial state is varied: attitude \[rad\], rate and wheel speed [rad/s].
 const STEPS: [f64; 3] = [1e-4, 1e-4, 1e-2];
 /// Prior standard deviation of the fitted changes, in the same units: wide, only for regularisation.
@@ -151,12 +153,14 @@ pub(super) fn test(
     floors: &NoiseFloors,
     commands: &Commands,
 ) -> Option<(Absolute, Residuals)> {
-    let stretch_s = STRETCH_S.min(0.5 * recording.duration_s());
+    let slowest = |times: &[f64]| if times.is_empty() { 0.0 } else { typical_step_s(times) };
+    let step_s = slowest(&recording.gyro_b_rad_s.time_s).max(slowest(&recording.wheel_speed_rad_s.time_s));
+    let stretch_s = STRETCH_S.max(STRETCH_READINGS * step_s).min(0.5 * recording.duration_s());
     let wheels = model.wheels().len();
     let (rows, names) = rows(recording, model, simulator.first_s(), stretch_s);
     let measured = whitened(recording, &measurements(recording), floors, wheels);
     let nominal = whitened(recording, &simulator.predict(Some(stretch_s), start), floors, wheels);
-    let changes = changes(recording.mounting, wheels);
+    let changes = changes(recording.mounting == Mounting::Clamped || !model.freedom.turns(), wheels);
     let columns: Vec<Vec<f64>> = changes
         .iter()
         .map(|change| {
@@ -254,11 +258,11 @@ impl Change {
     }
 }
 
-fn changes(mounting: Mounting, wheels: usize) -> Vec<Change> {
+fn changes(clamped: bool, wheels: usize) -> Vec<Change> {
     let mut changes = Vec::new();
     for (kind, (step, spread)) in STEPS.into_iter().zip(SPREAD).enumerate() {
         let count = if kind == 2 { wheels } else { 3 };
-        if kind < 2 && mounting == Mounting::Clamped {
+        if kind < 2 && clamped {
             continue;
         }
         changes.extend((0..count).map(|index| Change { index, kind, step, spread }));
@@ -278,7 +282,9 @@ fn measurements(recording: &Recording) -> Prediction {
 
 /// The tested values: the free components of every predicted channel.
 fn components(recording: &Recording, wheels: usize) -> impl Iterator<Item = Component> {
-    predicted_channels(recording).flat_map(move |(channel, sensor)| Component::of(channel, sensor, wheels))
+    predicted_channels(recording)
+        .flat_map(move |(channel, sensor)| Component::of(channel, sensor, wheels))
+        .filter(|component| recording.measures(*component))
 }
 
 /// Every value divided by its noise, in the order of [`rows`]. A direction has only two free components; they

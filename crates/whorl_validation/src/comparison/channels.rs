@@ -110,7 +110,7 @@ fn columns(
             let floor = floors.of_component(Component::new(channel, sensor, 0));
             add(name, 0..3, floor, components.len() as f64);
         } else {
-            for component in components {
+            for component in components.into_iter().filter(|component| recording.measures(*component)) {
                 let index = component.index();
                 add(component.name(&wheels), index..index + 1, floors.of_component(component), 1.0);
             }

@@ -9,7 +9,7 @@ pub use channels::{ChannelErrors, HorizonError, Overlay};
 pub use whorl_recording::Channel;
 
 use serde::Serialize;
-use whorl_dynamics::{Gyrostat, PlatformModel};
+use whorl_dynamics::{Freedom, Gyrostat, PlatformModel};
 use whorl_recording::{Mounting, Recording};
 
 use crate::error::ValidationError;
@@ -21,8 +21,6 @@ use whorl_trajectory::{Needs, check};
 
 /// Prediction horizons \[s\], in addition to the whole run.
 pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
-/// Shortest recording that can be compared \[s\].
-pub const SHORTEST_S: f64 = 5.0;
 
 /// How the initial state of every prediction is determined, to be printed with the numbers.
 pub const INITIAL_STATE_RULE: &str = "each prediction starts from the smoothed state at its first instant: attitude by \
@@ -64,7 +62,7 @@ pub struct Comparison {
 /// # Errors
 /// If no comparison is possible, with advice: see [`ValidationError`].
 pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Comparison, ValidationError> {
-    check(recording, model, &Needs { shortest_s: SHORTEST_S, free: false, accelerometer: false })?;
+    check(recording, model, &Needs { shortest_s: 0.0, free: false, accelerometer: false })?;
     let gyrostat = Gyrostat::new(model)?;
     let commands = Commands::of(recording, &gyrostat);
     let motion = smooth(recording, &gyrostat, &commands);
@@ -97,7 +95,7 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         run: recording.name.clone(),
         duration_s,
         rate_hz: times.len().saturating_sub(1) as f64 / duration_s,
-        remarks: remarks(recording, &commands, &motion, &floors),
+        remarks: remarks(recording, model, &commands, &motion, &floors),
         channels,
         absolute,
         whiteness,
@@ -110,13 +108,15 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
 
 fn remarks(
     recording: &Recording,
+    model: &PlatformModel,
     commands: &Commands,
     motion: &SmoothedMotion,
     floors: &NoiseFloors,
 ) -> Vec<String> {
+    let (freedom, has_jets) = (&model.freedom, !model.jets().is_empty());
     let mut remarks = Vec::new();
     let mut say = |text: &str| remarks.push(text.to_owned());
-    let clamped = recording.mounting == Mounting::Clamped;
+    let clamped = recording.mounting == Mounting::Clamped || !freedom.turns();
     if commands.wheel_torque_from_speed {
         say(
             "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
@@ -125,20 +125,22 @@ fn remarks(
     if !clamped && recording.wheel_speed_rad_s.is_empty() && !recording.wheel_torque_command_n_m.is_empty() {
         say("The wheels' speeds were not recorded: they are assumed to start at rest.");
     }
-    if !clamped && recording.specific_force_b_m_s2.is_empty() {
+    if *freedom == Freedom::OnBearing && !clamped && recording.specific_force_b_m_s2.is_empty() {
         say(
             "The accelerometer was not recorded: the platform is assumed to stay near balance, so tilt, and with it the gravity torque, is poorly known.",
         );
     }
-    if !clamped && !motion.attitude.heading_measured {
+    if freedom.axes() == 3 && !clamped && !motion.attitude.heading_measured {
         say(
             "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be distinguished by heading.",
         );
     }
-    if recording.jet_pulses.is_empty() && !clamped {
+    if has_jets && recording.jet_pulses.is_empty() && !clamped {
         say("The jets' commands were not recorded: firings would appear as unknown torques.");
     }
-    let gyro = &floors.gyro;
+    // Axes that are there.
+    let gyro: Vec<_> =
+        floors.gyro.iter().zip(recording.gyro_axes()).filter(|(_, there)| *there).map(|(f, _)| f).collect();
     let worst = gyro.iter().map(|f| f.sigma / f.by_parameters).fold(0.0, f64::max);
     let least = gyro.iter().map(|f| f.sigma / f.by_parameters).fold(f64::INFINITY, f64::min);
     if worst > 1.25 || least < 0.8 {

@@ -18,16 +18,15 @@ pub use line::{SpectralLine, spectral_line};
 pub use shape::{Growth, Parity, Shape};
 pub use variable::{Variable, conditions};
 
+use nalgebra::Vector3;
 use serde::Serialize;
 use thiserror::Error;
 use whorl_trajectory::ResidualTorque;
 
-use regression::Regression;
+use regression::{FOLDS, Regression};
 
 /// Minimum number of values of a residual.
 pub const FEWEST_VALUES: usize = 20;
-/// Folds of the cross-validation.
-const FOLDS: usize = 5;
 /// How much more a world-frame curve must explain than the body-frame one to be preferred.
 const FRAME_MARGIN: f64 = 0.02;
 
@@ -112,13 +111,22 @@ fn checked(residual: &ResidualTorque) -> Result<usize, DependenceError> {
     if !residual.torque_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite()) {
         return Err(DependenceError::NotUsable("a value is not finite"));
     }
-    if !residual.stddev_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite() && *x > 0.0) {
+    // An axis about which the rig holds the body has no uncertainty at any time.
+    let held = [0, 1, 2].map(|i| residual.stddev_b_n_m.iter().all(|v| v[i] == 0.0));
+    let is_usable = |v: &Vector3<f64>| {
+        (0..3).all(|i| v[i].is_finite() && (v[i] > 0.0 || held[i])) && held.iter().any(|held| !held)
+    };
+    if !residual.stddev_b_n_m.iter().all(is_usable) {
         return Err(DependenceError::NotUsable("a standard deviation is not positive"));
     }
     Ok(count)
 }
 
-/// Values and standard deviations, axis by axis, in `frame`.
+/// Share of the largest standard deviation below which an axis is one about which the rig holds the body.
+const HELD: f64 = 1e-9;
+
+/// Values and standard deviations, axis by axis, in `frame`; infinite, so that it weighs nothing, on an axis about which
+/// the rig holds the body.
 fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
     let mut axes = [const { Vec::new() }; 3];
     let torques = residual.torque_b_n_m.iter().zip(&residual.stddev_b_n_m);
@@ -131,8 +139,9 @@ fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
                 (q * torque, squares.map(f64::sqrt))
             }
         };
+        let held = HELD * sigma.amax();
         for (i, axis) in axes.iter_mut().enumerate() {
-            axis.push((value[i], sigma[i]));
+            axis.push((value[i], if sigma[i] > held { sigma[i] } else { f64::INFINITY }));
         }
     }
     axes
@@ -167,7 +176,7 @@ pub fn dependences(
     let (body, world) = (seen(Frame::Body), seen(Frame::World));
     let variables = together(variables);
     let total: f64 = sum_of_squares(&body).iter().sum();
-    let noise = (3 * count) as f64;
+    let noise = body.iter().flatten().filter(|(_, sigma)| sigma.is_finite()).count().max(1) as f64;
     let folds = folds(count);
 
     let constants = |axes: &[Vec<(f64, f64)>; 3]| {

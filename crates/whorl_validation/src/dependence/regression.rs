@@ -3,8 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::basis::{Basis, SUPPORT};
-use super::{FOLDS, Variable};
+use super::variable::Variable;
 
+/// Folds of the cross-validation.
+pub(super) const FOLDS: usize = 5;
 /// Penalties on bending that are tried, relative to the data's weight per function.
 const PENALTIES: [f64; 6] = [1e-3, 1e-2, 1e-1, 1.0, 1e2, 1e4];
 /// Small ridge that keeps functions without data at zero, relative to the data's weight.

@@ -130,6 +130,14 @@ fn unusable_recordings_get_a_sentence() {
         compare(&good, &other),
         Err(ValidationError::Refused(Refusal::Count { what: "wheels", given: 3, expected: 2, .. }))
     ));
-    let short = record(&model, &Manoeuvre { duration_s: 4.0, ..Manoeuvre::default() });
-    assert!(matches!(compare(&short, &model), Err(ValidationError::Refused(Refusal::TooShort { .. }))));
+    let short = record(&model, &Manoeuvre { duration_s: 0.3, ..Manoeuvre::default() });
+    assert!(matches!(compare(&short, &model), Err(ValidationError::Refused(Refusal::TooFew { .. }))));
+    let mut no_x = good.clone();
+    no_x.no_gyro_axis[0] = true;
+    assert!(
+        compare(&no_x, &model).unwrap_err().to_string().contains("on all axes that the platform turns about")
+    );
+    let mut unknown = model.clone();
+    unknown.sensors.accelerometer.fitted = false;
+    assert!(compare(&good, &unknown).unwrap_err().to_string().contains("sensors.accelerometer"));
 }

@@ -3,5 +3,6 @@
 mod comparisons;
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 mod generator;
+mod rigs;
 mod statistics;
 mod whereabouts;

@@ -4,11 +4,19 @@ use whorl_dynamics::PlatformModel;
 use whorl_estimation::BodyModel;
 use whorl_params::{Reader, range};
 
-/// Reads group `body`; mass properties and sensor noise come from the platform's model.
-pub(super) fn read(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> Option<BodyModel> {
+/// Reads group `body`; mass properties and sensor noise come from the platform's model, and so does the random walk of
+/// the torque, unless it states none (`stated_walk_n_m_sqrt_s` = 0).
+pub(super) fn read(
+    r: &mut Reader<'_>,
+    model: Option<&PlatformModel>,
+    stated_walk_n_m_sqrt_s: f64,
+) -> Option<BodyModel> {
     let inertia = model.map_or_else(nalgebra::Matrix3::identity, |m| *m.mass_properties.inertia_b_kg_m2());
     let offset = model.map_or_else(nalgebra::Vector3::zeros, |m| *m.mass_properties.gravity_offset_b_n_m());
-    let d = BodyModel::new(inertia, offset);
+    let mut d = BodyModel::new(inertia, offset);
+    if stated_walk_n_m_sqrt_s > 0.0 {
+        d.torque_walk_n_m_sqrt_s = stated_walk_n_m_sqrt_s;
+    }
     let mut body = r.group("body", |r| BodyModel {
         inertia_relative_sigma: r.f64_or(
             "inertia_relative_sigma",
@@ -32,7 +40,7 @@ pub(super) fn read(r: &mut Reader<'_>, model: Option<&PlatformModel>) -> Option<
             "torque_walk_n_m_sqrt_s",
             d.torque_walk_n_m_sqrt_s,
             range(0.0..=1.0),
-            "random walk of that torque [N m/sqrt(s)]",
+            "random walk of that torque; by default what the model's effects state [N m/sqrt(s)]",
         ),
         jet_relative_sigma: r.f64_or(
             "jet_relative_sigma",

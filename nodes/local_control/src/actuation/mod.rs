@@ -20,8 +20,8 @@ use nalgebra::{Matrix3xX, Vector3};
 use thiserror::Error;
 use whorl_allocation::pulses::{PulseError, PulseModulator};
 use whorl_allocation::{
-    Allocation, Allocator, AllocatorError, Demand, EffectorError, EffectorLayout, Effectors, JetMask, Mode,
-    Status,
+    Allocation, Allocator, AllocatorError, EffectorError, EffectorLayout, Effectors, JetMask, Mode, Status,
+    TorqueDemand,
 };
 use whorl_control::momentum::{MomentumUnloading, UnloadingError};
 use whorl_dynamics::Gyrostat;
@@ -91,7 +91,7 @@ pub struct Actuation {
     modulator: PulseModulator,
     unloading: MomentumUnloading,
     wheel_target_rad_s: Vec<f64>,
-    demand: Demand,
+    demand: TorqueDemand,
     /// Unloading torque desired of each motor.
     unload: Vec<f64>,
     /// Torque of the model's effects on each motor's rotor besides friction, in the unit of its command.
@@ -152,7 +152,7 @@ impl Actuation {
         let modulator = PulseModulator::new(&effectors, min_on_time_s, slot_length_s)?;
         Ok(Self {
             mode: parameters.actuators,
-            demand: Demand::nominal(&effectors, Mode::Motors, Vector3::zeros()),
+            demand: TorqueDemand::nominal(&effectors, Mode::Motors, Vector3::zeros()),
             allocator: Allocator::new(effectors)?,
             modulator,
             unloading: MomentumUnloading::new(parameters.unloading)?,

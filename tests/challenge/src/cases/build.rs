@@ -11,7 +11,9 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::ModelPrior;
 use whorl_recording::Recording;
 
-use super::catalogue::{Drawn, SINGLES, Stage, Values, draw, install, is_comparable, parameters, rivals};
+use super::catalogue::{
+    Drawn, PAIRED, SINGLES, Stage, Values, draw, install, is_comparable, parameters, rivals,
+};
 use super::foreign;
 use super::plan::{Cell, Spec};
 use crate::detectability::{Lens, Seen};
@@ -278,7 +280,7 @@ impl Stand {
     fn beyond_rival(&self, lens: &Lens, seen: &Seen, own: &Values, rival: &str, slopes: &[Seen]) -> f64 {
         let parameters = parameters(rival, &self.stage);
         lens.beyond_fitted(seen, slopes, |multiples| {
-            let mut values = resonance(rival, own);
+            let mut values = shared_shape(rival, own);
             values.extend(parameters.iter().zip(multiples).map(|((n, step), m)| (n.clone(), step * m)));
             self.hidden(&[(rival, values)])
         })
@@ -289,7 +291,7 @@ impl Stand {
         parameters(rival, &self.stage)
             .into_iter()
             .map(|(name, step)| {
-                let mut values = resonance(rival, own);
+                let mut values = shared_shape(rival, own);
                 values.insert(name, step * SMALL_STEP);
                 lens.see(&self.hidden(&[(rival, values)])).times(1.0 / SMALL_STEP)
             })
@@ -324,16 +326,37 @@ impl Stand {
     }
 }
 
-/// A resonance that stands in for another has its frequency and damping, and hangs where masses hang.
-fn resonance(rival: &str, own: &Values) -> Values {
-    let mut values = Values::new();
-    if matches!(rival, "slosh" | "flexible_mode") {
-        for name in ["frequency_hz", "damping_ratio"] {
-            values.extend(own.get(name).map(|value| (name.to_owned(), *value)));
+/// What stands in for another effect has its rhythm and its place: a resonance the frequency and damping, and it hangs
+/// where masses hang; a machine the frequency of a draught, and a draught the phase of its strongest axis; a cable the
+/// heading at which another is relaxed.
+fn shared_shape(rival: &str, own: &Values) -> Values {
+    let same = |names: &[&str]| -> Values {
+        names.iter().filter_map(|name| Some(((*name).to_owned(), *own.get(*name)?))).collect()
+    };
+    match rival {
+        "slosh" | "flexible_mode" => {
+            let mut values = same(&["frequency_hz", "damping_ratio"]);
+            values.insert("height_m".to_owned(), 0.2);
+            values
         }
-        values.insert("height_m".to_owned(), 0.2);
+        "periodic_torque" => same(&["frequency_hz"]),
+        "air_current_periodic" => {
+            let mut values = same(&["frequency_hz"]);
+            let axis = |a: &str| {
+                let part = |wave: &str| own.get(&format!("{wave}_{a}_n_m")).copied().unwrap_or(0.0);
+                (part("cosine"), part("sine"))
+            };
+            let strongest = ["x", "y", "z"]
+                .map(axis)
+                .into_iter()
+                .max_by(|a, b| f64::hypot(a.0, a.1).total_cmp(&f64::hypot(b.0, b.1)));
+            let (cosine, sine) = strongest.unwrap_or_default();
+            values.insert("phase_rad".to_owned(), cosine.atan2(sine));
+            values
+        }
+        "winding_cable" | "harness_spring" => same(&["yaw0_rad"]),
+        _ => Values::new(),
     }
-    values
 }
 
 /// Simulates and measures one run.
@@ -408,7 +431,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
         Cell::Pair => {
             let mut names: Vec<&'static str> = Vec::new();
             for _ in 0..40 {
-                let id = SINGLES[index(&mut random, SINGLES.len())];
+                let id = SINGLES[index(&mut random, PAIRED)];
                 let is_rival = names.iter().any(|n| *n == id || rivals(n).contains(&id));
                 if !is_rival {
                     let drawn = draw(id, &stand.stage, &mut random);

@@ -8,6 +8,7 @@ use rand_pcg::Pcg64;
 
 use crate::scenario::{between, index, normal, sign};
 use crate::truth::Hidden;
+use crate::truth::filter::Filters;
 
 /// Parameter name -> value.
 pub type Values = BTreeMap<String, f64>;
@@ -59,10 +60,11 @@ impl Drawn {
     }
 }
 
-/// Every effect of the catalogue that can be detected in principle, with the group of its kind.
+/// Every effect of the catalogue that can be detected in principle, with the group of its kind. Pairs are drawn of the
+/// first [`PAIRED`].
 /// Not here: `gravity_offset`, `inertia_products`, `gyro_bias` (in every base model, so in every case),
 /// `earth_rotation` and `gravity_gradient` (below noise), `unmodelled_torque` (a stand-in).
-pub const SINGLES: [&str; 37] = [
+pub const SINGLES: [&str; 44] = [
     "bearing_viscous_friction",
     "bearing_coulomb_friction",
     "air_drag_quadratic",
@@ -100,10 +102,20 @@ pub const SINGLES: [&str; 37] = [
     "vibration_alias",
     "slosh",
     "flexible_mode",
+    "periodic_torque",
+    "air_drag_power",
+    "winding_cable",
+    "thruster_voltage",
+    "wheel_motor_bias",
+    "wheel_motor_constant",
+    "imu_bandwidth",
 ];
 
+/// Effects of which pairs are drawn.
+pub const PAIRED: usize = 37;
+
 /// Effects that may be confused with each other, whichever of the two is present.
-const ALIKE: [(&str, &str); 28] = [
+const ALIKE: [(&str, &str); 43] = [
     ("bearing_viscous_friction", "bearing_coulomb_friction"),
     ("bearing_viscous_friction", "air_drag_quadratic"),
     ("bearing_coulomb_friction", "air_drag_quadratic"),
@@ -133,6 +145,21 @@ const ALIKE: [(&str, &str); 28] = [
     ("accel_bias", "accel_scale"),
     ("accel_scale", "vector_sensor_misalignment"),
     ("slosh", "flexible_mode"),
+    ("imu_bandwidth", "imu_latency"),
+    ("imu_bandwidth", "thruster_rise"),
+    ("periodic_torque", "air_current_periodic"),
+    ("air_drag_power", "bearing_viscous_friction"),
+    ("air_drag_power", "bearing_coulomb_friction"),
+    ("air_drag_power", "air_drag_quadratic"),
+    ("winding_cable", "harness_spring"),
+    ("winding_cable", "air_current"),
+    ("thruster_voltage", "thruster_pressure"),
+    ("thruster_voltage", "thruster_strength"),
+    ("thruster_voltage", "supply_voltage"),
+    ("wheel_motor_bias", "wheel_friction"),
+    ("wheel_motor_constant", "wheel_inertia"),
+    ("wheel_motor_constant", "supply_voltage"),
+    ("wheel_motor_constant", "wheel_friction"),
 ];
 
 /// Effects that may be confused with this one: the oracle checks whether the data separate them.
@@ -195,6 +222,7 @@ pub fn parameters(id: &str, stage: &Stage) -> Vec<(String, f64)> {
         "accel_scale" => axes("scale_", "", 0.01),
         "accel_lever_arm" => axes("d_", "_m", 0.02),
         "imu_latency" => one("t_s", 0.004),
+        "imu_bandwidth" => vec![("gyro_s".into(), 0.004), ("accel_s".into(), 0.004)],
         "vector_sensor_misalignment" => axes("m_", "_rad", 2e-3),
         "vibration_alias" => {
             let mut list = axes("gyro_", "_rad_s", 5e-4);
@@ -203,6 +231,16 @@ pub fn parameters(id: &str, stage: &Stage) -> Vec<(String, f64)> {
         }
         "slosh" => one("mass_ratio", 2e-3),
         "flexible_mode" => axes("participation_", "_sqrt_kg_m", 0.05),
+        "periodic_torque" => {
+            let mut list = axes("sine_", "_n_m", 2e-3);
+            list.extend(axes("cosine_", "_n_m", 2e-3));
+            list
+        }
+        "air_drag_power" => one("d_n_m", 1e-3),
+        "winding_cable" => one("k_n_m_rad", 2e-3),
+        "thruster_voltage" => one("thrust_per_v", 0.03),
+        "wheel_motor_bias" => per(&stage.wheels, &[("_n_m", 1e-3)]),
+        "wheel_motor_constant" => per(&stage.wheels, &[("", 0.02)]),
         _ => Vec::new(),
     }
 }
@@ -216,7 +254,11 @@ fn shape(id: &str, stage: &Stage, rng: &mut Pcg64) -> Values {
                 ("phase_rad", between(rng, -PI, PI)),
             ]
         }
-        "harness_spring" => {
+        "periodic_torque" => vec![("frequency_hz", 0.15 * 8.0_f64.powf(between(rng, 0.0, 1.0)))],
+        // Half of the units average over a window.
+        "imu_bandwidth" => vec![("window", f64::from(u8::from(between(rng, 0.0, 1.0) < 0.5)))],
+        "air_drag_power" => vec![("exponent", between(rng, 1.3, 1.7))],
+        "harness_spring" | "winding_cable" => {
             let yaw = stage.mean_yaw_rad + between(rng, -1.0, 1.0);
             vec![("yaw0_rad", yaw.sin().atan2(yaw.cos())), ("c_n_m_s", 0.0)]
         }
@@ -275,8 +317,17 @@ pub fn draw(id: &'static str, stage: &Stage, rng: &mut Pcg64) -> Drawn {
         | "imu_latency"
         | "slosh"
         | "tilt_stop_contact"
-        | "gyro_saturation" => only_one(rng, &mut scaled, false),
-        "bearing_turbine" | "wheel_inertia" | "thruster_pressure" => only_one(rng, &mut scaled, true),
+        | "gyro_saturation"
+        | "air_drag_power"
+        | "winding_cable"
+        | "thruster_voltage" => only_one(rng, &mut scaled, false),
+        "bearing_turbine"
+        | "wheel_inertia"
+        | "thruster_pressure"
+        | "wheel_motor_bias"
+        | "wheel_motor_constant" => {
+            only_one(rng, &mut scaled, true);
+        }
         "thruster_misalignment" | "wheel_misalignment" | "wheel_friction" => {
             let units = all.len() / 2;
             let unit = index(rng, units);
@@ -285,7 +336,11 @@ pub fn draw(id: &'static str, stage: &Stage, rng: &mut Pcg64) -> Drawn {
                 scaled.insert(name.clone(), size * if id == "wheel_friction" { n.abs().max(0.2) } else { n });
             }
         }
-        "air_drag_quadratic" | "thruster_delay" | "supply_voltage" | "moving_ballast_backlash" => {
+        "air_drag_quadratic"
+        | "thruster_delay"
+        | "supply_voltage"
+        | "moving_ballast_backlash"
+        | "imu_bandwidth" => {
             each(rng, &mut scaled, false);
         }
         _ => each(rng, &mut scaled, true),
@@ -312,6 +367,8 @@ pub fn draw(id: &'static str, stage: &Stage, rng: &mut Pcg64) -> Drawn {
         "flexible_mode" => 20.0,
         "wheel_imbalance" => 100.0,
         "accel_lever_arm" => 12.0,
+        "thruster_voltage" => 6.0,
+        "imu_bandwidth" => 10.0,
         _ => 30.0,
     };
     Drawn { id, scaled, fixed: shape(id, stage, rng), largest_size }
@@ -417,6 +474,10 @@ pub fn install(hidden: &mut Hidden, id: &str, values: &Values, stage: &Stage, we
         "accel_scale" => hidden.accel_scale += axes("scale_", ""),
         "accel_lever_arm" => hidden.accel_arm_m += axes("d_", "_m"),
         "imu_latency" => hidden.imu_late_s += get("t_s"),
+        "imu_bandwidth" => {
+            hidden.imu_filters =
+                Filters { delay_s: [get("gyro_s"), get("accel_s")], windows: get("window") > 0.0 };
+        }
         "vector_sensor_misalignment" => hidden.vector_turn_rad += axes("m_", "_rad"),
         "vibration_alias" => {
             hidden.alias_gyro_rad_s = axes("gyro_", "_rad_s");
@@ -424,6 +485,25 @@ pub fn install(hidden: &mut Hidden, id: &str, values: &Values, stage: &Stage, we
             hidden.alias_hz = get("frequency_hz");
             hidden.alias_background = get("background");
         }
+        "periodic_torque" => {
+            let (sine, cosine) = (axes("sine_", "_n_m"), axes("cosine_", "_n_m"));
+            hidden.cycle_b_n_m = sine.zip_map(&cosine, f64::hypot);
+            hidden.cycle_phase_rad = cosine.zip_map(&sine, f64::atan2);
+            hidden.cycle_hz = get("frequency_hz");
+        }
+        "air_drag_power" => {
+            hidden.power_drag_n_m += get("d_n_m");
+            hidden.power_drag_exponent = values.get("exponent").copied().unwrap_or(1.5);
+        }
+        "winding_cable" => {
+            hidden.winding_n_m_rad = get("k_n_m_rad");
+            hidden.winding_yaw_rad = get("yaw0_rad");
+            hidden.winding_n_m_s = get("c_n_m_s");
+        }
+        // The same slope near a full battery of 25.2 V.
+        "thruster_voltage" => hidden.thrust_voltage_exponent += 25.2 * get("thrust_per_v"),
+        "wheel_motor_bias" => (0..wheels).for_each(|w| hidden.wheel_bias_n_m[w] += wheel(w, "_n_m")),
+        "wheel_motor_constant" => (0..wheels).for_each(|w| hidden.wheel_constant[w] += wheel(w, "")),
         "slosh" => {
             hidden.slosh_kg = get("mass_ratio") * weight_n / crate::truth::G_M_S2;
             hidden.slosh_hz = get("frequency_hz");
@@ -462,6 +542,8 @@ pub fn is_comparable(id: &str, name: &str) -> bool {
         | "thruster_misalignment"
         | "wheel_friction" => !name.starts_with("field"),
         "air_current_periodic" | "slosh" | "flexible_mode" => name == "frequency_hz",
+        "periodic_torque" | "wheel_motor_bias" | "wheel_motor_constant" => true,
+        "air_drag_power" => name == "d_n_m",
         "moving_ballast_backlash" => name != "gap_z_n_m",
         _ => false,
     }

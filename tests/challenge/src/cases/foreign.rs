@@ -58,7 +58,7 @@ pub fn expected(name: &str) -> Expected {
         "drifting_cg" => (&["time", "temperature"], &[], &["mass_shift", "air_current", "accel_bias"]),
         "pump" => (
             &["time", "frequency", "periodic"],
-            &["air_current_periodic"],
+            &["air_current_periodic", "periodic_torque"],
             &["air_current", "magnetic_torque", "flexible_mode"],
         ),
         "gear" => (&["wheel"], &[], &["wheel_friction", "wheel_windage", "bearing_turbine"]),

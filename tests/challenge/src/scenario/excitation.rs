@@ -150,6 +150,7 @@ fn draw(style: Style, body: &Body, key: &str, scale: f64) -> Plan {
             slosh: None,
             flex: [0.0; 2],
             gas_kg: body.full_gas_kg * between(r, 0.9, 1.0),
+            heading_rad: None,
         },
         wheel_command_n_m: vec![[0.0; WHEELS]; slots],
         pulses: vec![Vec::new(); body.jets.len()],

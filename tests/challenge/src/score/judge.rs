@@ -162,7 +162,7 @@ fn proposed<'b>(built: &'b Built, diagnosis: &Diagnosis, threads: usize) -> Resu
     let (follow_ups, rehearsals): (Vec<&FollowUp>, Vec<Recording>) =
         built.follow_ups.iter().filter_map(|f| Some((f, built.rehearsed(f, &leading)?))).unzip();
     let options = Options { threads, ..Options::default() };
-    let sets = diagnosis.explanations();
+    let sets = diagnosis.contenders();
     let found = prospects(&built.training, &rehearsals, &built.model, &built.prior, &sets, &options)
         .map_err(|e| e.to_string())?;
     let worth = |p: &Prospect| (p.told_apart.unwrap_or(0.0), p.log_odds.unwrap_or(0.0), p.shown.len());

@@ -4,6 +4,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::filter::Filters;
 use super::foreign::Foreign;
 
 /// All hidden effects; zero everywhere is a platform that has none.
@@ -18,6 +19,17 @@ pub struct Hidden {
     pub periodic_world_n_m: Vector3<f64>,
     pub periodic_hz: f64,
     pub periodic_phase_rad: f64,
+    /// Of a machine on the platform: amplitude and phase about each body axis.
+    pub cycle_b_n_m: Vector3<f64>,
+    pub cycle_phase_rad: Vector3<f64>,
+    pub cycle_hz: f64,
+    /// Torque at 0.1 rad/s of a drag that grows with a power of the rate.
+    pub power_drag_n_m: f64,
+    pub power_drag_exponent: f64,
+    /// Of a cable that is twisted further with every turn.
+    pub winding_n_m_rad: f64,
+    pub winding_yaw_rad: f64,
+    pub winding_n_m_s: f64,
     pub turbine_body_n_m: f64,
     pub turbine_vertical_n_m: f64,
     pub dipole_b_a_m2: Vector3<f64>,
@@ -42,6 +54,10 @@ pub struct Hidden {
     pub pressure_exponent: f64,
     pub wheel_torque_per_v: f64,
     pub valve_delay_s_v: f64,
+    /// Thrust goes with the voltage over that of a full battery to this power.
+    pub thrust_voltage_exponent: f64,
+    pub wheel_bias_n_m: Vec<f64>,
+    pub wheel_constant: Vec<f64>,
     pub wheel_viscous_n_m_s: Vec<f64>,
     pub wheel_coulomb_n_m: Vec<f64>,
     pub wheel_windage_n_m_s2: Vec<f64>,
@@ -59,6 +75,7 @@ pub struct Hidden {
     pub accel_scale: Vector3<f64>,
     pub accel_arm_m: Vector3<f64>,
     pub imu_late_s: f64,
+    pub imu_filters: Filters,
     pub vector_turn_rad: Vector3<f64>,
     pub alias_gyro_rad_s: Vector3<f64>,
     pub alias_accel_m_s2: Vector3<f64>,
@@ -89,6 +106,14 @@ impl Hidden {
             periodic_world_n_m: v,
             periodic_hz: 0.1,
             periodic_phase_rad: 0.0,
+            cycle_b_n_m: v,
+            cycle_phase_rad: v,
+            cycle_hz: 0.1,
+            power_drag_n_m: 0.0,
+            power_drag_exponent: 1.5,
+            winding_n_m_rad: 0.0,
+            winding_yaw_rad: 0.0,
+            winding_n_m_s: 0.0,
             turbine_body_n_m: 0.0,
             turbine_vertical_n_m: 0.0,
             dipole_b_a_m2: v,
@@ -111,6 +136,9 @@ impl Hidden {
             pressure_exponent: 0.0,
             wheel_torque_per_v: 0.0,
             valve_delay_s_v: 0.0,
+            thrust_voltage_exponent: 0.0,
+            wheel_bias_n_m: vec![0.0; wheels],
+            wheel_constant: vec![0.0; wheels],
             wheel_viscous_n_m_s: vec![0.0; wheels],
             wheel_coulomb_n_m: vec![0.0; wheels],
             wheel_windage_n_m_s2: vec![0.0; wheels],
@@ -126,6 +154,7 @@ impl Hidden {
             accel_scale: v,
             accel_arm_m: v,
             imu_late_s: 0.0,
+            imu_filters: Filters::default(),
             vector_turn_rad: v,
             alias_gyro_rad_s: v,
             alias_accel_m_s2: v,

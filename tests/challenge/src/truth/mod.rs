@@ -1,6 +1,7 @@
 //! The challenge's own simulator, which uses no code of the library under test.
 
 pub mod body;
+pub mod filter;
 pub mod foreign;
 pub mod hidden;
 pub mod motion;

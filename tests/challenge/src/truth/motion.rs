@@ -19,8 +19,9 @@ use super::valves::Valves;
 
 /// Wheels of the platforms in the challenge.
 pub const WHEELS: usize = 3;
-/// sigma 0..3, H_w 3..6, h 6..9, wheel angle 9..12, slosh s 12..14 and p 14..16, flex 16..18, gas 18.
-pub type State = SVector<f64, 19>;
+/// sigma 0..3, H_w 3..6, h 6..9, wheel angle 9..12, slosh s 12..14 and p 14..16, flex 16..18, gas 18, heading counted
+/// over whole turns 19.
+pub type State = SVector<f64, 20>;
 /// The laboratory's magnetic field (east, north, up) \[T\].
 const FIELD_WORLD_T: Vector3<f64> = Vector3::new(-3.0e-6, 21.0e-6, -47.0e-6);
 
@@ -35,6 +36,8 @@ pub struct Motion {
     pub slosh: Option<[f64; 4]>,
     pub flex: [f64; 2],
     pub gas_kg: f64,
+    /// Heading counted over whole turns; `None`: the one nearest to that at which a cable is relaxed.
+    pub heading_rad: Option<f64>,
 }
 
 /// What acts from outside at one instant.
@@ -145,6 +148,9 @@ impl Mechanics {
         state[16] = motion.flex[0];
         state[17] = motion.flex[1] + self.hidden.flexible_sqrt_kg_m.dot(&omega);
         state[18] = motion.gas_kg;
+        let relaxed = self.hidden.winding_yaw_rad;
+        let twist = bn[(0, 1)].atan2(bn[(0, 0)]) - relaxed;
+        state[19] = motion.heading_rad.unwrap_or(relaxed + twist.sin().atan2(twist.cos()));
         state.fixed_rows_mut::<3>(3).copy_from(&(bn.transpose() * momentum));
         state
     }
@@ -165,6 +171,7 @@ impl Mechanics {
             slosh: Some([state[12], state[13], state[14] - carried.x, state[15] - carried.y]),
             flex: [state[16], state[17] - self.hidden.flexible_sqrt_kg_m.dot(&omega)],
             gas_kg: state[18],
+            heading_rad: Some(state[19]),
         }
     }
 
@@ -225,7 +232,8 @@ impl Mechanics {
 
         // Jets.
         let exponent = body.pressure_exponent + hidden.pressure_exponent;
-        let factor = if pressure_ratio > 0.0 { pressure_ratio.powf(exponent) } else { 0.0 };
+        let mut factor = if pressure_ratio > 0.0 { pressure_ratio.powf(exponent) } else { 0.0 };
+        factor *= (inputs.volt / body.full_v).powf(hidden.thrust_voltage_exponent);
         let (mut thrust_n, mut valve_open) = (0.0, 0.0_f64);
         for &j in inputs.blowing {
             let fraction = inputs.valves.fraction(j, inputs.time_s);
@@ -256,6 +264,13 @@ impl Mechanics {
         }
 
         torque += self.surroundings(&bn, &omega, inputs.time_s);
+        // Azimuth of body x in the room, and how fast it turns.
+        let (east, north) = (bn[(0, 0)], bn[(0, 1)]);
+        let moved = bn.transpose() * omega.cross(&Vector3::x());
+        let heading_rate = (east * moved.y - north * moved.x) / (east * east + north * north);
+        let twist = state[19] - hidden.winding_yaw_rad;
+        let hardening = 1.0 + 0.02 * (twist / std::f64::consts::TAU).powi(2);
+        torque -= k * (hidden.winding_n_m_rad * twist * hardening + hidden.winding_n_m_s * omega.dot(&k));
         torque.z += foreign.voltage_torque_n_m_v * (body.full_v - inputs.volt);
 
         // Wheels.
@@ -265,7 +280,9 @@ impl Mechanics {
             let rate = speed[w];
             let coulomb =
                 wheel.coulomb_n_m + hidden.wheel_coulomb_n_m[w] * (1.0 + 0.1 * (-(rate / 3.0).powi(2)).exp());
-            let mut u = asked * (1.0 + hidden.wheel_torque_per_v * (inputs.volt - body.full_v))
+            let constant = 1.0 + hidden.wheel_constant[w];
+            let mut u = asked * constant * (1.0 + hidden.wheel_torque_per_v * (inputs.volt - body.full_v))
+                + hidden.wheel_bias_n_m[w]
                 - (wheel.viscous_n_m_s + hidden.wheel_viscous_n_m_s[w]) * rate
                 - coulomb * rate / rate.hypot(0.2)
                 - hidden.wheel_windage_n_m_s2[w]
@@ -315,6 +332,7 @@ impl Mechanics {
         derivative.fixed_rows_mut::<3>(0).copy_from(&sigma_dot);
         derivative.fixed_rows_mut::<3>(3).copy_from(&(bn.transpose() * torque));
         derivative[18] = -thrust_n / body.exhaust_m_s;
+        derivative[19] = heading_rate;
 
         let mut change = torque - omega.cross(&momentum);
         for (w, wheel) in body.wheels.iter().enumerate() {
@@ -347,6 +365,14 @@ impl Mechanics {
         }
         if rate > 0.0 {
             torque -= hidden.drag_n_m_s2.component_mul(omega) * (rate * (rate / 0.15).powf(-0.2));
+        }
+        if hidden.power_drag_n_m != 0.0 && rate > 0.0 {
+            torque -= omega / rate * (hidden.power_drag_n_m * (rate / 0.1).powf(hidden.power_drag_exponent));
+        }
+        if hidden.cycle_b_n_m != Vector3::zeros() {
+            let phase =
+                hidden.cycle_phase_rad.map(|p| (std::f64::consts::TAU * hidden.cycle_hz * time_s + p).sin());
+            torque += hidden.cycle_b_n_m.component_mul(&phase);
         }
         torque += bn * hidden.air_current_world_n_m;
         if hidden.periodic_world_n_m != Vector3::zeros() {

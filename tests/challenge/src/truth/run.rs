@@ -3,6 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_recording::OnInterval;
 
+use super::filter::{Filtering, Seen};
 use super::motion::{Inputs, Instant, Mechanics, Motion, State, WHEELS};
 use super::valves::Valves;
 
@@ -129,6 +130,7 @@ pub fn simulate(
         return bench(mechanics, plan, start, span);
     }
     let mut trace = Trace::default();
+    let mut filtering: Option<Filtering> = None;
     let mut first_sample = None;
     let mut missing = 0;
     for slot in span.from_slot..span.to_slot {
@@ -176,6 +178,9 @@ pub fn simulate(
             let advance = |to: f64, state: &State| {
                 if to - time_s < 1e-9 { *state } else { mechanics.step(state, &here, to - time_s) }
             };
+            let from = seen(mechanics, &mechanics.at(&state, &here));
+            let filtering =
+                filtering.get_or_insert_with(|| Filtering::new(mechanics.hidden.imu_filters, time_s, from));
             loop {
                 let instant = sample * spacing - late_s;
                 if instant >= next - 1e-9 {
@@ -183,7 +188,14 @@ pub fn simulate(
                 }
                 let there = advance(instant, &state);
                 let now = mechanics.at(&there, &at_edge(&inputs, &valves, instant));
-                record_imu(mechanics, &mut trace, instant, &now, &inputs, &there);
+                let given = if filtering.is_idle() {
+                    seen(mechanics, &now)
+                } else {
+                    let mut until = filtering.clone();
+                    until.advance(instant, &from, &seen(mechanics, &now));
+                    until.output()
+                };
+                record_imu(mechanics, &mut trace, (instant, &given), &now, &inputs, &there);
                 sample += 1.0;
             }
             while wheel_sample < SAMPLES_PER_SLOT {
@@ -196,6 +208,11 @@ pub fn simulate(
                 wheel_sample += 1;
             }
             state = mechanics.step(&state, &here, next - time_s);
+            if !filtering.is_idle() {
+                // Just before an edge that may be there.
+                let end = Inputs { time_s: next - 1e-8, ..here };
+                filtering.advance(next, &from, &seen(mechanics, &mechanics.at(&state, &end)));
+            }
             time_s = next;
         }
     }
@@ -245,18 +262,28 @@ fn record_slow(
     trace.temperature_k.push(inputs.temperature_k);
 }
 
+/// What ideal gyros and accelerometers are given.
+fn seen(mechanics: &Mechanics, now: &Instant) -> Seen {
+    let (omega, arm) = (now.omega_b_rad_s, mechanics.body.lever_arm_m + mechanics.hidden.accel_arm_m);
+    let force =
+        now.omega_dot_b_rad_s2.cross(&arm) + omega.cross(&omega.cross(&arm)) + super::G_M_S2 * now.vertical_b;
+    let mut both = Seen::zeros();
+    both.fixed_rows_mut::<3>(0).copy_from(&omega);
+    both.fixed_rows_mut::<3>(3).copy_from(&force);
+    both
+}
+
 fn record_imu(
     mechanics: &Mechanics,
     trace: &mut Trace,
-    time_s: f64,
+    (time_s, given): (f64, &Seen),
     now: &Instant,
     inputs: &Inputs<'_>,
     state: &State,
 ) {
     let (body, hidden) = (&mechanics.body, &mechanics.hidden);
-    let (omega, arm) = (now.omega_b_rad_s, body.lever_arm_m + hidden.accel_arm_m);
-    let force =
-        now.omega_dot_b_rad_s2.cross(&arm) + omega.cross(&omega.cross(&arm)) + super::G_M_S2 * now.vertical_b;
+    let (omega, force): (Vector3<f64>, Vector3<f64>) =
+        (given.fixed_rows::<3>(0).into(), given.fixed_rows::<3>(3).into());
     let mut gyro = omega + hidden.gyro_scale.component_mul(&omega) + hidden.gyro_cross * omega;
     gyro += hidden.gyro_per_k * (inputs.temperature_k - body.ambient_k) + hidden.gyro_per_g * force;
     let mut accel = force + hidden.accel_scale.component_mul(&force) + hidden.accel_bias_m_s2;
@@ -283,7 +310,7 @@ fn record_imu(
     trace.largest_tilt_rad =
         trace.largest_tilt_rad.max(now.vertical_b.x.hypot(now.vertical_b.y).atan2(now.vertical_b.z));
     trace.q_world_body.push(mechanics.motion(state).q_world_body);
-    trace.omega_b_rad_s.push(omega);
+    trace.omega_b_rad_s.push(now.omega_b_rad_s);
 }
 
 /// Wheels on a body that is held still, level.

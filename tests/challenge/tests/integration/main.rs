@@ -1,5 +1,6 @@
 //! The challenge's physics against the library's, and a small fixed part of the challenge itself.
 
+mod filter;
 mod motion;
 mod score;
 mod valves;

@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{ControlMomentGyros, MAX_GYROS};
-use crate::Gyrostat;
+use crate::effects::ThrustLag;
 use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
-use crate::platform::SensorSuite;
+use crate::platform::sensors::SensorSuite;
 use crate::sensing::JointSample;
 
 /// Continuous states of the gimbals; entries beyond the platform's own stay zero.
@@ -33,7 +33,7 @@ impl KindDynamics for ControlMomentGyros {
     type Drive = Drive;
     type Forces = Forces;
 
-    fn idle(&self, _gyrostat: &Gyrostat, _now_ns: i64) -> Drive {
+    fn idle(&self, _lag: ThrustLag, _now_ns: i64) -> Drive {
         Drive { rate_rad_s: [0.0; MAX_GYROS] }
     }
 

@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::valves::Valves;
 use super::{Jets, MAX_JETS};
 use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
-use crate::effects::EffectSet;
-use crate::{Environment, Gyrostat};
+use crate::effects::{EffectSet, ThrustLag};
+use crate::Environment;
 
 /// Continuous states of the gas supply.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -30,13 +30,6 @@ pub(crate) struct Forces {
     gas_rate_kg_s: f64,
 }
 
-/// Jets at one instant, at reference pressure.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct JetDrive {
-    pub torque_b_n_m: Vector3<f64>,
-    pub thrust_n: f64,
-}
-
 impl KindDynamics for Jets {
     type State = State;
     type Drive = Drive;
@@ -46,9 +39,9 @@ impl KindDynamics for Jets {
         State { gas_kg: self.tank.initial_gas_kg() }
     }
 
-    fn idle(&self, gyrostat: &Gyrostat, now_ns: i64) -> Drive {
+    fn idle(&self, lag: ThrustLag, now_ns: i64) -> Drive {
         Drive {
-            valves: Valves::new(&self.list, gyrostat.thrust_lag(), now_ns),
+            valves: Valves::new(&self.list, lag, now_ns),
             valve_fraction: [0.0; MAX_JETS],
             initial_gas_kg: self.tank.initial_gas_kg(),
         }
@@ -86,7 +79,8 @@ impl KindDynamics for Jets {
         let thrust_factor = if jets.thrust_n == 0.0 {
             0.0
         } else {
-            self.tank.thrust_factor(self.tank.pressure_pa(state.gas_kg) / self.tank.reference_pressure_pa)
+            let pressure_ratio = self.tank.pressure_pa(state.gas_kg) / self.tank.reference_pressure_pa;
+            self.tank.thrust_factor(pressure_ratio) * body.thrust_factor
         };
         body.torque_b_n_m += jets.torque_b_n_m * thrust_factor;
         Forces { gas_rate_kg_s: self.tank.gas_rate_kg_s(jets.thrust_n * thrust_factor) }

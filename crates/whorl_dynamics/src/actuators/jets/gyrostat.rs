@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::{Environment, Gyrostat};
 
 impl Gyrostat {
-    /// Torque of the jets that are open now, at the current tank pressure, body axes [N m].
+    /// Torque of the jets that are open now, at the current tank pressure and as effects scale it, body axes [N m].
     #[must_use]
     pub fn jet_torque_b_n_m(&self, environment: &Environment<'_>) -> Vector3<f64> {
         let mut torque = Vector3::zeros();
@@ -14,7 +14,7 @@ impl Gyrostat {
                 torque += jet.torque_b_n_m() * *fraction;
             }
         }
-        torque * self.thrust_factor(environment.pressure_ratio())
+        torque * (self.thrust_factor(environment.pressure_ratio()) * self.effects().thrust_factor(environment))
     }
 
     /// Thrust over nominal thrust at this pressure over reference pressure.

@@ -3,6 +3,7 @@
 mod dynamics;
 mod gyrostat;
 mod plant;
+mod platform;
 mod tank;
 mod valves;
 
@@ -15,7 +16,6 @@ use nalgebra::{Unit, Vector3};
 
 use super::kind::check_count;
 use super::{ActuatorError, ActuatorKind, Allowed, Field, Group, KindPrior};
-use crate::PlatformModel;
 
 /// Jets the integrator holds.
 pub const MAX_JETS: usize = 32;
@@ -54,30 +54,6 @@ pub struct Jets {
     pub list: Vec<Jet>,
     /// What they blow.
     pub tank: Tank,
-}
-
-impl PlatformModel {
-    /// Its cold-gas jets, in the order of every per-jet array in messages.
-    #[must_use]
-    pub fn jets(&self) -> &[Jet] {
-        &self.actuators.jets.list
-    }
-
-    /// Its cold-gas jets, to be changed.
-    pub fn jets_mut(&mut self) -> &mut Vec<Jet> {
-        &mut self.actuators.jets.list
-    }
-
-    /// Gas supply of its jets.
-    #[must_use]
-    pub fn tank(&self) -> &Tank {
-        &self.actuators.jets.tank
-    }
-
-    /// Gas supply of its jets, to be changed.
-    pub fn tank_mut(&mut self) -> &mut Tank {
-        &mut self.actuators.jets.tank
-    }
 }
 
 impl ActuatorKind for Jets {

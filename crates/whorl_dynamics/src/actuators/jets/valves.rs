@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 
-use super::dynamics::JetDrive;
 use super::{Jet, MAX_JETS};
 use crate::effects::ThrustLag;
 
@@ -44,6 +43,13 @@ struct Valve {
     is_open: bool,
     /// Share of full thrust at the last update.
     flow: f64,
+}
+
+/// Jets at one instant, at reference pressure.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct JetDrive {
+    pub torque_b_n_m: Vector3<f64>,
+    pub thrust_n: f64,
 }
 
 /// All valves of a platform.

@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 
 use super::MovingMasses;
+use crate::effects::ThrustLag;
 use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
 use crate::plant::Plant;
-use crate::{Environment, Gyrostat};
+use crate::Environment;
 
 /// They are where they were commanded to be: no states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -28,7 +29,7 @@ impl KindDynamics for MovingMasses {
     type Drive = Drive;
     type Forces = Forces;
 
-    fn idle(&self, _gyrostat: &Gyrostat, _now_ns: i64) -> Drive {
+    fn idle(&self, _lag: ThrustLag, _now_ns: i64) -> Drive {
         Drive { moment_b_n_m: Vector3::zeros(), direction: Vector3::zeros() }
     }
 

@@ -4,11 +4,11 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{MAX_WHEELS, Wheel, Wheels};
 use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
-use crate::effects::EffectSet;
+use crate::effects::{EffectSet, ThrustLag};
 use crate::gyrostat::equation::without_wheels;
-use crate::platform::SensorSuite;
+use crate::platform::sensors::SensorSuite;
 use crate::sensing::JointSample;
-use crate::{Environment, Gyrostat};
+use crate::Environment;
 
 /// A wheel's motor loses its torque over this last share of the largest speed, as back-EMF does.
 const SPEED_LIMIT_BAND: f64 = 0.01;
@@ -40,7 +40,7 @@ impl KindDynamics for Wheels {
     type Drive = Drive;
     type Forces = Forces;
 
-    fn idle(&self, _gyrostat: &Gyrostat, _now_ns: i64) -> Drive {
+    fn idle(&self, _lag: ThrustLag, _now_ns: i64) -> Drive {
         Drive {
             motor_torque_n_m: [0.0; MAX_WHEELS],
             sliding: [0.0; MAX_WHEELS],
@@ -147,24 +147,21 @@ impl KindDynamics for Wheels {
     /// A wheel that its bearing cannot hold slips: friction gives its most in the direction that holds, and the wheel
     /// goes the other way.
     #[inline]
-    fn first_slip(
+    fn first_slip<'a>(
         &self,
-        gyrostat: &Gyrostat,
-        time_s: f64,
-        state: &crate::State,
-        drive: &crate::gyrostat::Drive,
+        effects: &EffectSet,
+        environment: &dyn Fn() -> Environment<'a>,
+        drive: &Drive,
         omega_dot_wb_b_rad_s2: &Vector3<f64>,
     ) -> Option<(usize, f64)> {
-        let own = &drive.actuators.wheels;
-        if !own.stuck.iter().take(self.0.len()).any(|stuck| *stuck) {
+        if !drive.stuck.iter().take(self.0.len()).any(|stuck| *stuck) {
             return None;
         }
-        let mut torque_n_m = own.motor_torque_n_m;
-        if !gyrostat.effects().is_empty() {
-            let environment = gyrostat.environment(time_s, state, drive);
-            gyrostat.effects().add_wheel_torque_n_m(&environment, &mut torque_n_m[..self.0.len()]);
+        let mut torque_n_m = drive.motor_torque_n_m;
+        if !effects.is_empty() {
+            effects.add_wheel_torque_n_m(&environment(), &mut torque_n_m[..self.0.len()]);
         }
-        self.0.iter().enumerate().filter(|(j, _)| own.stuck[*j]).find_map(|(j, wheel)| {
+        self.0.iter().enumerate().filter(|(j, _)| drive.stuck[*j]).find_map(|(j, wheel)| {
             let needed_n_m =
                 wheel.spin_inertia_kg_m2 * wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2) - torque_n_m[j];
             (needed_n_m.abs() > wheel.coulomb_friction_n_m).then(|| (j, -sign(needed_n_m)))

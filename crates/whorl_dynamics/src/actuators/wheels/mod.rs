@@ -4,6 +4,7 @@ mod dynamics;
 mod gyrostat;
 mod motors;
 mod plant;
+mod platform;
 
 pub use dynamics::State;
 pub(crate) use dynamics::{Drive, Forces};
@@ -12,7 +13,6 @@ use nalgebra::{Unit, Vector3};
 
 use super::kind::{check_count, check_positive};
 use super::{ActuatorError, ActuatorKind, Allowed, Field, Group, Joints, KindPrior, Motor, MotorChannel};
-use crate::PlatformModel;
 
 /// Wheels the integrator holds.
 pub const MAX_WHEELS: usize = 8;
@@ -39,19 +39,6 @@ pub struct Wheel {
 /// The wheels of a platform, in the order of every per-wheel array in messages.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wheels(pub Vec<Wheel>);
-
-impl PlatformModel {
-    /// Its momentum wheels, in the order of every per-wheel array in messages.
-    #[must_use]
-    pub fn wheels(&self) -> &[Wheel] {
-        &self.actuators.wheels.0
-    }
-
-    /// Its momentum wheels, to be changed.
-    pub fn wheels_mut(&mut self) -> &mut Vec<Wheel> {
-        &mut self.actuators.wheels.0
-    }
-}
 
 impl ActuatorKind for Wheels {
     fn groups(&self) -> &'static [Group] {

@@ -1,0 +1,82 @@
+//! Noise that a hypothesis expects beside what the model states: a gyro's bias that walks, a slow random torque, and noise
+//! of the wheels' torques.
+//!
+//! All are there in any laboratory, to a size that nobody knows. Each set of explanations is weighed with the sizes that
+//! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. The sizes are steps of
+//! a factor of three: the likelihood is flat within one.
+
+use crate::whitening::filter::About;
+
+/// Factor from size to size.
+pub(crate) const STEP: f64 = 3.0;
+
+/// Sizes of each kind beside none.
+const SIZES: u8 = 12;
+
+/// Size at which a kind of noise begins to show.
+const SHOWS: u8 = 3;
+
+/// Slowest walk of a gyro's bias: it shows above the white noise only after so long \[s\].
+const SHOWS_AFTER_S: f64 = 200.0;
+
+/// A bias that does not walk: it would show after so long \[s\].
+const STEADY_S: f64 = 1e4;
+
+/// Sizes of the noise beside what the model states, as steps: 0 = there is none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub(crate) struct Nuisance {
+    /// Walk of the gyro's bias.
+    pub bias: u8,
+    /// Slow random torque.
+    pub torque: u8,
+    /// Noise of the wheels' torques.
+    pub wheel: u8,
+    /// The torque forgets itself within seconds.
+    pub is_fast: bool,
+    /// Axes about which the torque acts. About a single one it is no background but something that has no name.
+    pub about: About,
+}
+
+impl Nuisance {
+    /// Log prior: each kind is absent in half of all cases, and else of any size.
+    pub fn log_prior(self) -> f64 {
+        let of_kind = |step: u8, choices: f64| if step == 0 { 0.5f64.ln() } else { (0.5 / choices).ln() };
+        of_kind(self.bias, f64::from(SIZES))
+            + of_kind(self.torque, 2.0 * f64::from(SIZES))
+            + of_kind(self.wheel, f64::from(SIZES))
+    }
+
+    /// Walk of a gyro's bias [rad/s/sqrt(s)], for a gyro of this noise density [rad/s sqrt(s)].
+    pub fn gyro_bias_walk(self, density: f64) -> f64 {
+        match self.bias {
+            0 => density / STEADY_S,
+            step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 1),
+        }
+    }
+
+    /// What is one step away. Where a kind is absent the likelihood is flat, up to where it begins to show.
+    pub fn neighbours(self, has_body: bool, has_wheels: bool) -> Vec<Self> {
+        let steps = |at: u8| match at {
+            0 => vec![SHOWS],
+            at => vec![at - 1, (at + 1).min(SIZES)],
+        };
+        let mut all: Vec<Self> = Vec::new();
+        if has_wheels {
+            all.extend(steps(self.wheel).into_iter().map(|wheel| Self { wheel, ..self }));
+        }
+        if !has_body {
+            return all;
+        }
+        all.extend(steps(self.torque).into_iter().map(|torque| Self { torque, ..self }));
+        if self.torque > 0 {
+            all.push(Self { is_fast: !self.is_fast, ..self });
+        }
+        all.extend(steps(self.bias).into_iter().map(|bias| Self { bias, ..self }));
+        for other in &mut all {
+            if other.torque == 0 {
+                (other.is_fast, other.about) = (false, About::All);
+            }
+        }
+        all
+    }
+}

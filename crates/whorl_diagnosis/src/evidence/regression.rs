@@ -1,0 +1,412 @@
+//! The whitened regression: normal equations by blocks of time, coloured noise, evidence.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
+use whorl_math::statistics::median;
+use whorl_recording::Component;
+
+use crate::whitening::columns::{LANES, Lanes};
+
+/// Blocks of time into which each run is cut for cross-validation.
+pub(crate) const BLOCKS_PER_RUN: usize = 4;
+
+/// Rows that enter the normal equations at once.
+const STRETCH: usize = 256;
+
+/// Columns whose products with all columns before them are taken at once.
+const BAND: usize = 64;
+
+/// Highest order of the model of coloured noise.
+const ORDER: usize = 6;
+
+/// Stretches of a run from which the colour of its noise is estimated.
+const STRETCHES: usize = 8;
+
+/// Whitened data of one run.
+#[derive(Debug, Default)]
+pub(crate) struct Whitened {
+    /// Groups of columns, each rows x lanes.
+    pub groups: Vec<Vec<Lanes>>,
+    pub y: Vec<f64>,
+    pub reading: Vec<Component>,
+    pub node: Vec<u32>,
+    pub nodes: usize,
+}
+
+/// Normal equations of some rows.
+#[derive(Debug, Clone)]
+pub(crate) struct Normal {
+    pub matrix: DMatrix<f64>,
+    pub vector: DVector<f64>,
+    pub sum_of_squares: f64,
+    pub rows: f64,
+}
+
+impl Normal {
+    pub fn zeros(columns: usize) -> Self {
+        Self {
+            matrix: DMatrix::zeros(columns, columns),
+            vector: DVector::zeros(columns),
+            sum_of_squares: 0.0,
+            rows: 0.0,
+        }
+    }
+
+    pub fn add(&mut self, other: &Self, factor: f64) {
+        self.matrix += &other.matrix * factor;
+        self.vector += &other.vector * factor;
+        self.sum_of_squares += factor * other.sum_of_squares;
+        self.rows += factor * other.rows;
+    }
+}
+
+impl Whitened {
+    /// Normal equations of each block of time, from every `every`-th stretch of rows.
+    pub fn normals(&self, columns: usize, threads: usize, every: usize) -> Vec<Normal> {
+        let bounds: Vec<usize> = (0..=BLOCKS_PER_RUN)
+            .map(|b| {
+                // Rows are in order of time.
+                let first = (b * self.nodes.max(1)).div_ceil(BLOCKS_PER_RUN);
+                if b == BLOCKS_PER_RUN {
+                    self.y.len()
+                } else {
+                    self.node.partition_point(|node| (*node as usize) < first)
+                }
+            })
+            .collect();
+        let pairs: Vec<(usize, usize)> = bounds.iter().copied().zip(bounds.iter().copied().skip(1)).collect();
+        crate::threads::map(threads, &pairs, |(from, to)| self.normal_of(*from, *to, columns, every.max(1)))
+    }
+
+    /// Normal equations of the rows `from..to`: stretch by stretch, each as a few products of matrices.
+    fn normal_of(&self, from: usize, to: usize, columns: usize, every: usize) -> Normal {
+        let padded = self.groups.len() * LANES;
+        let mut normal = Normal::zeros(padded);
+        let mut data = vec![0.0; padded * STRETCH];
+        let mut start = from;
+        while start < to {
+            let end = (start + STRETCH).min(to);
+            let count = end - start;
+            // The columns of a row of the regression lie side by side.
+            for (g, group) in self.groups.iter().enumerate() {
+                let lanes = group.get(start..end).unwrap_or(&[]);
+                for (row, lanes) in data.chunks_exact_mut(padded).zip(lanes) {
+                    let slots = &mut row[g * LANES..(g + 1) * LANES];
+                    slots.iter_mut().zip(lanes).for_each(|(slot, x)| *slot = f64::from(*x));
+                }
+            }
+            let data = &data[..padded * count];
+            let rows = DMatrixView::from_slice(data, padded, count);
+            let y = DVectorView::from_slice(&self.y[start..end], count);
+            // Only the lower triangle, a band at a time.
+            for first in (0..padded).step_by(BAND) {
+                let last = (first + BAND).min(padded);
+                let transposed = DMatrixView::from_slice_with_strides(data, count, last, padded, 1);
+                normal.matrix.view_mut((first, 0), (last - first, last)).gemm(
+                    1.0,
+                    &rows.rows(first, last - first),
+                    &transposed,
+                    1.0,
+                );
+            }
+            normal.vector.gemv(1.0, &rows, &y, 1.0);
+            normal.sum_of_squares += y.norm_squared();
+            normal.rows += count as f64;
+            start += STRETCH * every;
+        }
+        normal.matrix.fill_upper_triangle_with_lower_triangle();
+        normal.matrix = normal.matrix.resize(columns, columns, 0.0);
+        normal.vector =
+            normal.vector.rows(0, columns.min(padded)).into_owned().resize_vertically(columns, 0.0);
+        normal
+    }
+
+    /// These columns alone, side by side in groups of their own.
+    pub fn selected(&self, columns: &[usize]) -> Vec<Vec<Lanes>> {
+        let of_group = |chunk: &[usize]| {
+            let mut group = vec![[0.0; LANES]; self.y.len()];
+            for (lane, column) in chunk.iter().enumerate() {
+                let from = self.groups.get(column / LANES).map_or(&[][..], Vec::as_slice);
+                for (slot, lanes) in group.iter_mut().zip(from) {
+                    slot[lane] = lanes[column % LANES];
+                }
+            }
+            group
+        };
+        columns.chunks(LANES).map(of_group).collect()
+    }
+
+    /// Residual of a fit.
+    pub fn residual(&self, estimate: &DVector<f64>) -> Vec<f64> {
+        let mut e = self.y.clone();
+        for (g, group) in self.groups.iter().enumerate() {
+            let mut factors = [0.0; LANES];
+            for (i, factor) in factors.iter_mut().enumerate() {
+                *factor = estimate.get(g * LANES + i).copied().unwrap_or(0.0);
+            }
+            if factors == [0.0; LANES] {
+                continue;
+            }
+            for (slot, lanes) in e.iter_mut().zip(group) {
+                *slot -= lanes.iter().zip(&factors).map(|(x, f)| f64::from(*x) * f).sum::<f64>();
+            }
+        }
+        e
+    }
+
+    /// Rows of each component that was read, in order of time; components in their own order.
+    pub fn rows_by_reading(&self) -> Vec<Vec<usize>> {
+        rows_by_reading(self.reading.iter().copied())
+    }
+
+    /// Passes everything through the filter of coloured noise.
+    pub fn colour(&mut self, colours: &[Colour], threads: usize) {
+        let rows_by_reading = self.rows_by_reading();
+        coloured(&mut self.y, &rows_by_reading, colours);
+        let groups: Vec<Mutex<&mut Vec<Lanes>>> = self.groups.iter_mut().map(Mutex::new).collect();
+        crate::threads::map(threads, &groups, |group| {
+            let mut group = group.lock().unwrap_or_else(PoisonError::into_inner);
+            for (rows, colour) in rows_by_reading.iter().zip(colours) {
+                colour.whiten(
+                    rows,
+                    &mut group,
+                    |y, x, factor| y.iter_mut().zip(x).for_each(|(y, x)| *y += factor as f32 * x),
+                    |y, factor| y.iter_mut().for_each(|y| *y *= factor as f32),
+                );
+            }
+        });
+    }
+}
+
+/// Rows of each component, in order; components in their own order.
+pub(crate) fn rows_by_reading(readings: impl Iterator<Item = Component>) -> Vec<Vec<usize>> {
+    let mut rows: BTreeMap<Component, Vec<usize>> = BTreeMap::new();
+    for (row, reading) in readings.enumerate() {
+        rows.entry(reading).or_default().push(row);
+    }
+    rows.into_values().collect()
+}
+
+/// Passes a series of readings through the filters of coloured noise.
+pub(crate) fn coloured(series: &mut [f64], rows: &[Vec<usize>], colours: &[Colour]) {
+    for (rows, colour) in rows.iter().zip(colours) {
+        colour.whiten(rows, series, |y, x, factor| *y += factor * x, |y, factor| *y *= factor);
+    }
+}
+
+/// Colour of one channel's whitened innovation: an autoregressive model and its innovation's size.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Colour {
+    pub coefficients: Vec<f64>,
+    pub stddev: f64,
+    /// Power of the innovation, over that of white noise of the measured size.
+    pub power: f64,
+}
+
+impl Colour {
+    /// From a residual, by Yule-Walker; the order by Akaike's criterion.
+    pub fn of(residual: &[f64]) -> Self {
+        let n = residual.len();
+        if n < 100 {
+            let power = residual.iter().map(|e| e * e).sum::<f64>() / n.max(1) as f64;
+            return Self {
+                coefficients: Vec::new(),
+                stddev: if n > 20 { power.sqrt().max(0.2) } else { 1.0 },
+                power,
+            };
+        }
+        let clipped: Vec<f64> = {
+            let power = residual.iter().map(|e| e * e).sum::<f64>() / n as f64;
+            let limit = 5.0 * power.sqrt();
+            residual.iter().map(|e| e.max(-limit).min(limit)).collect()
+        };
+        // What is slower than a few dozen samples is a torque or a bias, and no colour of a sensor's noise.
+        let clipped = without_slow_part(&clipped);
+        // The median over stretches: what a model lacks for a while is no noise.
+        let stretch = n.div_ceil(STRETCHES).max(50);
+        let lag = |l: usize| {
+            median(clipped.chunks(stretch).filter(|c| 2 * c.len() >= stretch).map(|c| {
+                c.iter().zip(c.iter().skip(l)).map(|(a, b)| a * b).sum::<f64>() / (c.len() - l) as f64
+            }))
+        };
+        let r: Vec<f64> = (0..=ORDER).map(lag).collect();
+        let mut best = Self { coefficients: Vec::new(), stddev: r[0].sqrt().max(1e-3), power: r[0] };
+        let mut best_score = n as f64 * r[0].max(1e-12).ln();
+        let (mut a, mut power) = (Vec::<f64>::new(), r[0]);
+        for order in 1..=ORDER {
+            // Levinson-Durbin.
+            let mut numerator = r[order];
+            for (i, coefficient) in a.iter().enumerate() {
+                numerator -= coefficient * r[order - 1 - i];
+            }
+            let reflection = if power > 0.0 { numerator / power } else { 0.0 };
+            if reflection.abs() >= 1.0 {
+                break;
+            }
+            let mut next = a.clone();
+            for i in 0..a.len() {
+                next[i] -= reflection * a[a.len() - 1 - i];
+            }
+            next.push(reflection);
+            a = next;
+            power *= 1.0 - reflection * reflection;
+            // Three per coefficient: cheap to leave a weak colour, dear to follow chance.
+            let score = n as f64 * power.max(1e-12).ln() + 8.0 * order as f64;
+            if score < best_score {
+                best_score = score;
+                best = Self { coefficients: a.clone(), stddev: power.sqrt().max(1e-3), power: r[0] };
+            }
+        }
+        best
+    }
+
+    fn whiten<T: Clone>(
+        &self,
+        rows: &[usize],
+        data: &mut [T],
+        add: impl Fn(&mut T, &T, f64),
+        scale: impl Fn(&mut T, f64),
+    ) {
+        for position in (0..rows.len()).rev() {
+            let Some(&row) = rows.get(position) else { continue };
+            let Some(mut value) = data.get(row).cloned() else { continue };
+            for (i, coefficient) in self.coefficients.iter().enumerate() {
+                let earlier =
+                    position.checked_sub(i + 1).and_then(|p| rows.get(p)).and_then(|r| data.get(*r));
+                if let Some(earlier) = earlier {
+                    add(&mut value, earlier, -coefficient);
+                }
+            }
+            scale(&mut value, 1.0 / self.stddev);
+            if let Some(slot) = data.get_mut(row) {
+                *slot = value;
+            }
+        }
+    }
+}
+
+/// Half of the samples over which a running mean is taken off before a colour is estimated.
+const HALF_WINDOW: usize = 30;
+
+/// A series less its running mean, in its own scale: white noise keeps its power.
+fn without_slow_part(series: &[f64]) -> Vec<f64> {
+    let mut sums = vec![0.0];
+    for x in series {
+        sums.push(sums[sums.len() - 1] + x);
+    }
+    let of = |i: usize, x: &f64| {
+        let (from, to) = (i.saturating_sub(HALF_WINDOW), (i + HALF_WINDOW + 1).min(series.len()));
+        let count = (to - from) as f64;
+        let mean = (sums[to] - sums[from]) / count;
+        (x - mean) / (1.0 - 1.0 / count).sqrt()
+    };
+    series.iter().enumerate().map(|(i, x)| of(i, x)).collect()
+}
+
+/// A Gaussian fit of some columns.
+#[derive(Debug, Clone)]
+pub(crate) struct Estimate {
+    /// Columns in it.
+    pub active: Vec<usize>,
+    /// Their values, in their units.
+    pub value: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+    /// Log evidence over that of noise alone.
+    pub log_evidence: f64,
+    /// Drop of the misfit, penalty of the prior included.
+    pub drop: f64,
+}
+
+impl Estimate {
+    /// Posterior mean and evidence of `active` columns with prior variances.
+    pub fn new(normal: &Normal, active: &[usize], variance: impl Fn(usize) -> f64) -> Option<Self> {
+        let size = active.len();
+        let variances: Vec<f64> = active.iter().map(|i| variance(*i)).collect();
+        let mut posterior = DMatrix::zeros(size, size);
+        let mut vector = DVector::zeros(size);
+        for (a, i) in active.iter().enumerate() {
+            for (b, j) in active.iter().enumerate() {
+                posterior[(a, b)] = normal.matrix[(*i, *j)];
+            }
+            posterior[(a, a)] += 1.0 / variances[a];
+            vector[a] = normal.vector[*i];
+        }
+        let factor = Cholesky::new(posterior)?;
+        let value = factor.solve(&vector);
+        let drop = value.dot(&vector);
+        let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>()
+            + variances.iter().map(|v| v.ln()).sum::<f64>();
+        let log_evidence = 0.5 * drop - 0.5 * log_determinant;
+        log_evidence.is_finite().then(|| Self { active: active.to_vec(), value, factor, log_evidence, drop })
+    }
+
+    /// Covariance of the values.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        self.factor.inverse()
+    }
+
+    /// Value of a column; 0 if it is not in the fit.
+    pub fn of(&self, column: usize) -> f64 {
+        self.active.iter().position(|i| *i == column).map_or(0.0, |a| self.value[a])
+    }
+
+    /// All values over all columns.
+    pub fn spread(&self, columns: usize) -> DVector<f64> {
+        let mut all = DVector::zeros(columns);
+        for (a, i) in self.active.iter().enumerate() {
+            all[*i] = self.value[a];
+        }
+        all
+    }
+
+    /// Misfit of other data with these values, less that of noise alone.
+    pub fn misfit_change(&self, normal: &Normal) -> f64 {
+        let mut change = 0.0;
+        for (a, i) in self.active.iter().enumerate() {
+            change -= 2.0 * self.value[a] * normal.vector[*i];
+            for (b, j) in self.active.iter().enumerate() {
+                change += self.value[a] * normal.matrix[(*i, *j)] * self.value[b];
+            }
+        }
+        change
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_is_the_density_of_the_data() {
+        // One column of ones over two rows, y = (1, 2), prior variance 4: y ~ N(0, I + 4 11^T).
+        let mut normal = Normal::zeros(1);
+        normal.matrix[(0, 0)] = 2.0;
+        normal.vector[0] = 3.0;
+        normal.sum_of_squares = 5.0;
+        let estimate = Estimate::new(&normal, &[0], |_| 4.0).unwrap();
+        // det = 9, y^T C^-1 y = 5 - 4/9 * 9 = 1; noise alone: 5.
+        let expected = -0.5 * 9f64.ln() - 0.5 + 2.5;
+        assert!((estimate.log_evidence - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_autoregressive_residual_becomes_white() {
+        let mut x = vec![0.0_f64; 4000];
+        let mut state = 12_345_u64;
+        for k in 1..x.len() {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let uniform = (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+            x[k] = 0.8 * x[k - 1] + uniform * 12f64.sqrt();
+        }
+        let colour = Colour::of(&x);
+        assert!((colour.coefficients[0] - 0.8).abs() < 0.08, "{colour:?}");
+        let rows: Vec<usize> = (0..x.len()).collect();
+        let mut y = x.clone();
+        colour.whiten(&rows, &mut y, |y, x, f| *y += f * x, |y, f| *y *= f);
+        let power: f64 = y.iter().map(|v| v * v).sum::<f64>() / y.len() as f64;
+        let lag: f64 = y.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / y.len() as f64;
+        assert!((power - 1.0).abs() < 0.05 && lag.abs() < 0.1, "{power} {lag}");
+    }
+}

@@ -1,0 +1,408 @@
+//! The effects that compete, and the columns by which each can enter.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{
+    Clues, Direction, Grouping, Need, Part, Regressed, Resonance, Role, Start, catalogue, find,
+};
+
+use crate::explanations::modes::Mode;
+use crate::explanations::parameters::{Column, Point, Reference, Target};
+use crate::layout::run::Run;
+
+/// One effect that may be missing.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidate {
+    pub effect: &'static dyn Effect,
+    pub id: &'static str,
+    /// Ways in which it can enter: sets of columns of the regression.
+    pub options: Vec<Vec<usize>>,
+}
+
+/// All columns of a regression and who owns them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Layout {
+    pub columns: Vec<Column>,
+    /// Columns of the base model.
+    pub base: Vec<usize>,
+    pub candidates: Vec<Candidate>,
+}
+
+/// What the recordings hold, as far as it decides which effects can be tested.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Available {
+    pub body: bool,
+    pub jets: bool,
+    pub wheels: bool,
+    pub wheel_command: bool,
+    pub accel: bool,
+    pub vector: bool,
+    pub temperature: bool,
+    pub voltage: bool,
+    pub ballast: bool,
+    pub bin_s: f64,
+    /// Largest rate about any axis that lasted a few bins [rad/s].
+    pub largest_rate_rad_s: f64,
+    /// Largest tilt that lasted a few bins \[rad\].
+    pub largest_tilt_rad: f64,
+    /// The gyro's readings pile up at a limit.
+    pub clips: bool,
+}
+
+impl Available {
+    pub fn of(runs: &[Run]) -> Self {
+        let any = |test: &dyn Fn(&Run) -> bool| runs.iter().any(test);
+        Self {
+            body: any(&|r| !r.clamped),
+            jets: any(&|r| !r.clamped && r.jet_pulses.iter().any(|p| !p.is_empty())),
+            wheels: any(&|r| !r.wheel_command.is_empty()),
+            wheel_command: any(&|r| r.has_wheel_command),
+            accel: any(&|r| !r.clamped && r.accel.iter().any(|a| a.count > 0.0)),
+            vector: any(&|r| !r.clamped && !r.vectors.is_empty()),
+            temperature: any(&|r| r.has_temperature),
+            voltage: any(&|r| r.has_voltage),
+            ballast: any(&|r| r.ballast_direction.iter().any(|d| d.norm() > 0.0)),
+            bin_s: runs.iter().map(|r| r.length(0)).fold(0.0, f64::max),
+            largest_rate_rad_s: largest(runs, |r| &r.gyro, |w| w.amax()),
+            largest_tilt_rad: largest(runs, |r| &r.accel, |f| f.x.hypot(f.y).atan2(f.z)),
+            clips: any(&|r| r.gyro_clips_at_rad_s.is_some()),
+        }
+    }
+
+    /// Whether these data could show the effect at all.
+    pub fn can_test(&self, effect: &dyn Effect) -> bool {
+        effect.evidence().iter().any(|needs| needs.iter().all(|need| self.has(*need)))
+    }
+
+    fn has(&self, need: Need) -> bool {
+        match need {
+            Need::FreeBody => self.body,
+            Need::Jets => self.jets,
+            Need::Wheels => self.wheels,
+            Need::WheelCommands => self.wheel_command,
+            Need::Accelerometer => self.accel,
+            Need::VectorSensor => self.vector,
+            Need::Temperature => self.temperature,
+            Need::BusVoltage => self.voltage,
+            Need::Ballast => self.ballast,
+            Need::UnclippedGyro => !self.clips,
+        }
+    }
+}
+
+/// Largest size of the mean of five bins in a row.
+fn largest(
+    runs: &[Run],
+    means: impl Fn(&Run) -> &Vec<whorl_trajectory::bins::Mean3>,
+    size: impl Fn(&nalgebra::Vector3<f64>) -> f64,
+) -> f64 {
+    runs.iter()
+        .flat_map(|run| {
+            let whole: Vec<_> = means(run).iter().filter(|m| m.count > 0.0).map(|m| m.value).collect();
+            whole
+                .windows(5)
+                .map(|w| size(&(w.iter().sum::<nalgebra::Vector3<f64>>() / 5.0)))
+                .collect::<Vec<_>>()
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Lines found in the spectrum of the residual \[Hz\].
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Lines {
+    pub torque_hz: Vec<f64>,
+    pub sensor_hz: Vec<f64>,
+    /// All that were noticed, the faint ones as well.
+    pub faint_hz: Vec<f64>,
+    /// Lines over the angle of a wheel: wheel, cycles per turn.
+    pub orders: Vec<(usize, f64)>,
+    /// Resonances that the motion drives.
+    pub modes: Vec<Mode>,
+    /// Standard deviations by which the strongest line stands out.
+    pub strongest: f64,
+}
+
+/// What effects are told of the data, to find where they may start.
+struct Hints<'a> {
+    available: &'a Available,
+    lines: &'a Lines,
+    resonances: Vec<Resonance>,
+}
+
+impl<'a> Hints<'a> {
+    fn new(available: &'a Available, lines: &'a Lines) -> Self {
+        let resonance = |m: &Mode| Resonance { hz: m.hz, damping_ratio: m.damping_ratio, axis_b: m.axis_b };
+        Self { available, lines, resonances: lines.modes.iter().map(resonance).collect() }
+    }
+
+    fn clues(&self) -> Clues<'_> {
+        Clues {
+            bin_s: self.available.bin_s,
+            largest_rate_rad_s: self.available.largest_rate_rad_s,
+            largest_tilt_rad: self.available.largest_tilt_rad,
+            torque_lines_hz: &self.lines.torque_hz,
+            sensor_lines_hz: &self.lines.sensor_hz,
+            resonances: &self.resonances,
+        }
+    }
+}
+
+impl Layout {
+    /// Columns for a point: effects that the point holds enter by their parameters, others by what they
+    /// would add.
+    pub fn new(
+        reference: &Reference,
+        point: &Point,
+        available: &Available,
+        exclude: &[String],
+        lines: &Lines,
+        with_hidden: bool,
+    ) -> Self {
+        let mut layout = Self { columns: reference.base_columns(available), ..Self::default() };
+        layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
+        for effect in catalogue().iter().copied() {
+            let id = effect.info().id;
+            if exclude.iter().any(|e| e == id) || !available.can_test(effect) {
+                continue;
+            }
+            if reference.model.effects.contains_key(id) && !effect.is_base() {
+                continue;
+            }
+            if effect.hidden_states(&reference.model) > 0 && !with_hidden && !point.effects.contains_key(id) {
+                continue;
+            }
+            layout.add(reference, point, available, effect, lines);
+        }
+        layout
+    }
+
+    /// Columns of the base model and of these effects alone.
+    pub fn of_effects(
+        reference: &Reference,
+        point: &Point,
+        available: &Available,
+        ids: &[&str],
+        lines: &Lines,
+    ) -> Self {
+        let mut layout = Self { columns: reference.base_columns(available), ..Self::default() };
+        layout.columns.retain(|c| c.base_stddev > 0.0 || ids.contains(&c.group));
+        layout.base = (0..layout.columns.len()).filter(|i| layout.columns[*i].base_stddev > 0.0).collect();
+        for effect in ids.iter().filter_map(|id| find(id)) {
+            layout.add(reference, point, available, effect, lines);
+        }
+        layout
+    }
+
+    fn push(&mut self, column: Column) -> usize {
+        self.columns.push(column);
+        self.columns.len() - 1
+    }
+
+    fn add(
+        &mut self,
+        reference: &Reference,
+        point: &Point,
+        available: &Available,
+        effect: &'static dyn Effect,
+        lines: &Lines,
+    ) {
+        let id = effect.info().id;
+        let own: Vec<usize> = (0..self.columns.len()).filter(|i| self.columns[*i].group == id).collect();
+        if !own.is_empty() {
+            let options = options_of(effect, &own, &self.columns);
+            self.candidates.push(Candidate { effect, id, options });
+            return;
+        }
+        let included = point.effects.contains_key(id);
+        let hints = Hints::new(available, lines);
+        let special = if included { None } else { effect.starts(&reference.model, &hints.clues()) };
+        let options = match special {
+            Some(starts) => {
+                let mut columns = |start: Start| {
+                    start.into_iter().map(|d| self.push(directed(effect, reference, d))).collect()
+                };
+                starts.into_iter().map(&mut columns).collect()
+            }
+            None => {
+                let mut columns = if included {
+                    reference.columns_at(point, effect)
+                } else {
+                    reference.parameter_columns(effect)
+                };
+                if included {
+                    drop_ineffective(&mut columns, reference, point, effect);
+                }
+                let indices: Vec<usize> = columns.into_iter().map(|c| self.push(c)).collect();
+                options_of(effect, &indices, &self.columns)
+            }
+        };
+        self.candidates.push(Candidate { effect, id, options });
+    }
+
+    /// Variance of a column as part of the base model.
+    pub fn base_variance(&self, column: usize) -> f64 {
+        self.columns.get(column).map_or(1.0, |c| c.base_stddev * c.base_stddev)
+    }
+}
+
+/// Parameters of an effect that is in the point but at an amplitude of zero have no column of their own
+/// shape: phases and frequencies of nothing.
+fn drop_ineffective(columns: &mut Vec<Column>, reference: &Reference, point: &Point, effect: &dyn Effect) {
+    let values = reference.values_at(point, effect);
+    let specs = effect.parameters(&reference.model);
+    let is_zero = |i: usize| values.get(i).is_none_or(|v| *v == 0.0);
+    let has_amplitude = |part: Part| {
+        specs.iter().enumerate().any(|(i, s)| s.role == Role::Amplitude && s.part == part && !is_zero(i))
+    };
+    columns.retain(|c| match specs.get(c.index).map(|spec| spec.regressed) {
+        Some(Regressed::UnlessZero) => !is_zero(c.index),
+        Some(Regressed::WithAmplitude) => has_amplitude(c.part),
+        Some(Regressed::Never) => false,
+        Some(Regressed::Always) | None => true,
+    });
+}
+
+/// The sets of columns in which an effect may enter, as it says.
+fn options_of(effect: &dyn Effect, indices: &[usize], columns: &[Column]) -> Vec<Vec<usize>> {
+    let each = || indices.iter().map(|i| vec![*i]);
+    let mut options = vec![indices.to_vec()];
+    match effect.grouping() {
+        Grouping::All => {}
+        Grouping::EachAndPairs => {
+            options = each().collect();
+            for (n, a) in indices.iter().enumerate() {
+                options.extend(indices.iter().skip(n + 1).map(|b| vec![*a, *b]));
+            }
+        }
+        _ if indices.len() < 2 => {}
+        Grouping::AllPartsEach(also) => {
+            let mut of_part: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
+            for i in indices {
+                of_part.entry(part_of(columns, *i)).or_default().push(*i);
+            }
+            if of_part.len() > 1 {
+                options.extend(of_part.into_values().filter(|own| own.len() > 1));
+            }
+            options.extend(each());
+            options.extend(also.iter().map(|names| {
+                let is_named = |i: &usize| columns.get(*i).is_some_and(|c| names.contains(&c.name.as_str()));
+                indices.iter().copied().filter(is_named).collect()
+            }));
+        }
+        Grouping::CommonEachParts => {
+            let (common, of_parts): (Vec<usize>, Vec<usize>) =
+                indices.iter().partition(|i| part_of(columns, **i) == Part::Platform);
+            options = std::iter::once(common).chain(each()).chain([of_parts]).collect();
+        }
+    }
+    options.retain(|o| !o.is_empty());
+    options
+}
+
+fn part_of(columns: &[Column], column: usize) -> Part {
+    columns.get(column).map_or(Part::Platform, |c| c.part)
+}
+
+/// The options that hold every parameter of each wheel and jet that they touch, or of the whole platform.
+pub(crate) fn whole_parts(options: &[Vec<usize>], columns: &[Column]) -> Vec<Vec<usize>> {
+    let all: BTreeSet<usize> = options.iter().flatten().copied().collect();
+    let is_whole = |option: &Vec<usize>| {
+        let touched: BTreeSet<Part> = option.iter().map(|i| part_of(columns, *i)).collect();
+        all.iter().all(|i| option.contains(i) || !touched.contains(&part_of(columns, *i)))
+    };
+    options.iter().filter(|o| is_whole(o)).cloned().collect()
+}
+
+/// The column of a direction in which an absent effect may start.
+fn directed(effect: &'static dyn Effect, reference: &Reference, direction: Direction) -> Column {
+    let specs = effect.parameters(&reference.model);
+    let Direction { name, origin, moves, squared } = direction;
+    let mut step = vec![0.0; specs.len()];
+    let mut range = (f64::NEG_INFINITY, f64::INFINITY);
+    for (index, size) in &moves {
+        if let (Some(slot), Some(spec), Some(from)) =
+            (step.get_mut(*index), specs.get(*index), origin.get(*index))
+        {
+            *slot = *size;
+            let (a, b) = ((spec.min - from) / size, (spec.max - from) / size);
+            range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
+        }
+    }
+    if squared {
+        range = (0.0, range.1.max(0.0).powi(2));
+    }
+    let (index, scale) = moves.first().copied().unwrap_or((0, 1.0));
+    let spec = specs.get(index);
+    Column {
+        group: effect.info().id,
+        name,
+        unit: spec.map_or("1", |s| s.unit),
+        part: spec.map_or(Part::Platform, |s| s.part),
+        target: Target::Effect(effect),
+        origin: Some(origin),
+        step,
+        index,
+        scale,
+        base_stddev: 0.0,
+        catalogue_stddev: 1.0,
+        range,
+        quadratic: squared,
+        is_shape: false,
+        floats: false,
+        essential: spec.is_some_and(|s| s.essential),
+    }
+}
+
+/// The effect with this id, for callers that hold one.
+pub(crate) fn effect(id: &str) -> Option<&'static dyn Effect> {
+    find(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_dynamics::{ModelPrior, PlatformModel};
+
+    use super::*;
+
+    fn whole_names(id: &str) -> Vec<Vec<String>> {
+        let model = PlatformModel::whorl_1_reference();
+        let reference = Reference::new(&model, &ModelPrior::typical(&model));
+        let effect = find(id).unwrap();
+        let columns = reference.parameter_columns(effect);
+        let indices: Vec<usize> = (0..columns.len()).collect();
+        whole_parts(&options_of(effect, &indices, &columns), &columns)
+            .iter()
+            .map(|option| option.iter().map(|i| columns[*i].name.clone()).collect())
+            .collect()
+    }
+
+    #[test]
+    fn an_effect_enters_by_whole_wheels_and_jets() {
+        let model = PlatformModel::whorl_1_reference();
+        let (wheels, jets) = (model.wheels().len(), model.jets().len());
+        // All together, then wheel by wheel, never one of the two drags alone.
+        let friction = whole_names("wheel_friction");
+        assert_eq!(friction.len(), 1 + wheels);
+        for (option, wheel) in friction[1..].iter().zip(model.wheels()) {
+            assert_eq!(
+                *option,
+                [format!("{}_viscous_n_m_s", wheel.name), format!("{}_coulomb_n_m", wheel.name)]
+            );
+        }
+        // One parameter a wheel: each is whole.
+        assert_eq!(whole_names("wheel_windage").len(), 1 + wheels);
+        // All jets alike, each alone, each for itself.
+        let strength = whole_names("thruster_strength");
+        assert_eq!(strength[0], ["all"]);
+        assert_eq!(strength.iter().filter(|o| o.len() == 1).count(), 2 + jets);
+        assert_eq!(strength.last().unwrap().len(), jets);
+        // Two angles across a jet go together.
+        assert!(whole_names("thruster_misalignment").iter().all(|o| o.len() % 2 == 0));
+        // Of the platform: only as a whole.
+        for id in ["air_current", "thruster_delay", "gyro_misalignment", "bearing_viscous_friction"] {
+            let parameters = find(id).unwrap().parameters(&model).len();
+            assert_eq!(whole_names(id).iter().map(Vec::len).collect::<Vec<_>>(), [parameters], "{id}");
+        }
+    }
+}

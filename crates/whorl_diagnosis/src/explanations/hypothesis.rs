@@ -1,0 +1,267 @@
+//! Sets of effects as explanations: evidence, constraints, prediction of other data.
+
+use crate::evidence::regression::{Estimate, Normal};
+use crate::explanations::candidates::Layout;
+use crate::explanations::parameters::Column;
+
+/// Prior sizes of an effect that are tried, in units of its catalogue prior.
+const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+
+/// Sizes that are tried first, with every option.
+const COARSE_SIZES: [f64; 2] = [0.01, 0.3];
+
+/// The same where the column goes with the value's square: a hundredth of a prior shows nothing of it.
+const COARSE_ROOTS: [f64; 2] = [0.3, 3.0];
+
+/// One effect of a hypothesis and how it enters.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Member {
+    pub candidate: usize,
+    pub columns: Vec<usize>,
+    /// Prior size, in units of the catalogue's prior.
+    pub size: f64,
+    /// Ways in which it could have entered: evidence is shared among them.
+    pub options: usize,
+}
+
+impl Member {
+    /// Prior standard deviation of one of its columns, in the column's units.
+    fn prior_stddev(&self, column: &Column) -> f64 {
+        if column.is_shape {
+            1.0
+        } else if column.quadratic {
+            // The square of a value of this size.
+            (self.size * column.catalogue_stddev).powi(2)
+        } else {
+            self.size * column.catalogue_stddev
+        }
+    }
+}
+
+/// A set of effects, fitted jointly with the base model.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    pub members: Vec<Member>,
+    pub estimate: Estimate,
+    /// Log evidence, the choices made on the way paid for.
+    pub log_evidence: f64,
+}
+
+impl Hypothesis {
+    /// The base model alone.
+    pub fn base(layout: &Layout, normal: &Normal) -> Option<Self> {
+        Self::of(layout, normal, Vec::new())
+    }
+
+    /// Fits a set of members; columns against their sign constraint leave the fit. `None` when a parameter
+    /// would have a value that no such platform can have.
+    pub fn of(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
+        Self::fitted(layout, normal, members, true)
+    }
+
+    /// As [`Self::of`], with no limit on any value.
+    pub fn free(layout: &Layout, normal: &Normal, members: Vec<Member>) -> Option<Self> {
+        Self::fitted(layout, normal, members, false)
+    }
+
+    fn fitted(layout: &Layout, normal: &Normal, mut members: Vec<Member>, limited: bool) -> Option<Self> {
+        for _ in 0..8 {
+            let mut active = layout.base.clone();
+            let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+            for member in &members {
+                for i in &member.columns {
+                    let column = &layout.columns[*i];
+                    variance[*i] += member.prior_stddev(column).powi(2);
+                    if column.base_stddev == 0.0 && !active.contains(i) {
+                        active.push(*i);
+                    }
+                }
+            }
+            let estimate = Estimate::new(normal, &active, |i| variance[i].max(1e-12))?;
+            // Only columns that are no part of the base obey their range here.
+            let mut worst: Option<(usize, f64)> = None;
+            for member in members.iter().filter(|_| limited) {
+                for i in &member.columns {
+                    let column = &layout.columns[*i];
+                    let value = estimate.of(*i);
+                    // A shape that is at the end of its range stays there.
+                    let against = if column.base_stddev == 0.0 && column.range.0 > -1e-9 {
+                        -value
+                    } else if column.floats && column.range.1 < 1e-9 {
+                        value
+                    } else {
+                        0.0
+                    };
+                    if against > 0.0 && worst.is_none_or(|(_, w)| against > w) {
+                        worst = Some((*i, against));
+                    }
+                }
+            }
+            let Some((out, _)) = worst else {
+                // A size that no such platform can have explains nothing.
+                let implausible = limited
+                    && members.iter().flat_map(|m| &m.columns).any(|i| {
+                        let column = &layout.columns[*i];
+                        let value = estimate.of(*i);
+                        let slack = 1e-6 * (1.0 + column.range.0.abs().min(column.range.1.abs()));
+                        !column.quadratic
+                            && !column.is_shape
+                            && (value < column.range.0 - slack || value > column.range.1 + slack)
+                    });
+                if implausible {
+                    return None;
+                }
+                let signs = members
+                    .iter()
+                    .flat_map(|m| &m.columns)
+                    .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
+                    .count();
+                let choices: f64 = members.iter().map(|m| ((SIZES.len() * m.options) as f64).ln()).sum();
+                let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
+                return Some(Self { members, estimate, log_evidence });
+            };
+            for member in &mut members {
+                // What is left of the effect would be another by its name.
+                let column = layout.columns.get(out).filter(|_| member.columns.contains(&out));
+                if column.is_some_and(|c| c.essential) {
+                    member.columns.clear();
+                }
+                member.columns.retain(|i| *i != out);
+            }
+            members.retain(|m| !m.columns.is_empty());
+            if members.is_empty() {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Prior variance of every column under this hypothesis.
+    pub fn variances(&self, layout: &Layout) -> Vec<f64> {
+        let mut variance: Vec<f64> = (0..layout.columns.len()).map(|i| layout.base_variance(i)).collect();
+        for member in &self.members {
+            for i in &member.columns {
+                if let (Some(slot), Some(column)) = (variance.get_mut(*i), layout.columns.get(*i)) {
+                    *slot += member.prior_stddev(column).powi(2);
+                }
+            }
+        }
+        variance
+    }
+
+    /// The best way for one more effect to enter; `None` if it would have to act against its sign.
+    pub fn with(&self, layout: &Layout, normal: &Normal, candidate: usize) -> Option<Self> {
+        let options = &layout.candidates.get(candidate)?.options;
+        let wanted = self.members.len() + 1;
+        let try_one = |columns: &[usize], size: f64| {
+            let mut members = self.members.clone();
+            members.push(Member { candidate, columns: columns.to_vec(), size, options: options.len() });
+            Self::of(layout, normal, members).filter(|h| h.members.len() == wanted)
+        };
+        let better = |best: Option<Self>, found: Option<Self>| match (best, found) {
+            (Some(a), Some(b)) => Some(if b.log_evidence > a.log_evidence { b } else { a }),
+            (a, b) => a.or(b),
+        };
+        // Sizes first at a coarse step for every option, then finely for the best.
+        let mut best: Option<Self> = None;
+        for columns in options {
+            let of_squares = columns.iter().all(|i| layout.columns.get(*i).is_some_and(|c| c.quadratic));
+            for size in if of_squares { COARSE_ROOTS } else { COARSE_SIZES } {
+                best = better(best, try_one(columns, size));
+            }
+        }
+        let columns = best.as_ref()?.members.last()?.columns.clone();
+        let full = options.first().cloned().unwrap_or_default();
+        for size in SIZES {
+            best = better(best, try_one(&columns, size));
+            best = better(best, try_one(&full, size));
+        }
+        best
+    }
+
+    /// The same members, the last of them at the prior size that the data support best.
+    pub fn resized(self, layout: &Layout, normal: &Normal) -> Self {
+        let mut best = self;
+        for size in SIZES {
+            let mut members = best.members.clone();
+            if let Some(last) = members.last_mut() {
+                last.size = size;
+            }
+            if let Some(other) = Self::of(layout, normal, members)
+                && other.members.len() == best.members.len()
+                && other.log_evidence > best.log_evidence
+            {
+                best = other;
+            }
+        }
+        best
+    }
+
+    /// Without one of its members.
+    pub fn without(&self, layout: &Layout, normal: &Normal, member: usize) -> Option<Self> {
+        let mut members = self.members.clone();
+        if member >= members.len() {
+            return None;
+        }
+        members.remove(member);
+        Self::of(layout, normal, members)
+    }
+
+    /// Its members' ids, in alphabetical order.
+    pub fn names(&self, layout: &Layout) -> Vec<String> {
+        let mut names: Vec<String> = self
+            .members
+            .iter()
+            .filter_map(|m| layout.candidates.get(m.candidate).map(|c| c.id.to_owned()))
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// Fits the same members to other data.
+    pub fn refitted(&self, layout: &Layout, normal: &Normal) -> Option<Self> {
+        Self::of(layout, normal, self.members.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_dynamics::{ModelPrior, PlatformModel};
+
+    use super::*;
+    use crate::explanations::candidates::{Available, Lines};
+    use crate::explanations::modes::Mode;
+    use crate::explanations::parameters::Reference;
+
+    /// A boom whose participation is six times what the catalogue expects: its square, in which the regression is
+    /// linear, is forty times.
+    #[test]
+    fn a_resonance_far_larger_than_expected_is_found() {
+        let model = PlatformModel::whorl_1_reference();
+        let reference = Reference::new(&model, &ModelPrior::typical(&model));
+        let axis_b = nalgebra::Vector3::new(0.6, 0.0, 0.8);
+        let lines = Lines {
+            modes: vec![Mode { hz: 2.5, damping_ratio: 0.01, axis_b, significance: 6.0 }],
+            ..Lines::default()
+        };
+        let available = Available { body: true, bin_s: 0.04, ..Available::default() };
+        let layout =
+            Layout::of_effects(&reference, &reference.point(), &available, &["flexible_mode"], &lines);
+        let own = layout.candidates[0]
+            .options
+            .iter()
+            .flatten()
+            .copied()
+            .find(|i| layout.columns[*i].origin.as_ref().is_some_and(|o| (o[3] - 2.5).abs() < 1e-9))
+            .unwrap();
+        // The data know the square to +-6.
+        let mut normal = Normal::zeros(layout.columns.len());
+        normal.matrix[(own, own)] = 1.0 / 36.0;
+        normal.vector[own] = 40.0 / 36.0;
+        let base = Hypothesis::base(&layout, &normal).unwrap();
+        let found = base.with(&layout, &normal, 0).unwrap();
+        assert_eq!(found.members[0].columns, [own]);
+        assert!((found.estimate.of(own) - 40.0).abs() < 6.0, "{}", found.estimate.of(own));
+        assert!(found.log_evidence - base.log_evidence > 10.0);
+    }
+}

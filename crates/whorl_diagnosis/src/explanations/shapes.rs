@@ -1,0 +1,366 @@
+//! Laws that nobody has a formula for: functions of one recorded variable that act about an axis, along the rate, on
+//! a wheel, or in a sensor's reading.
+
+use nalgebra::Vector3;
+use whorl_math::{azimuth_rad, vertical_b};
+
+use crate::layout::motion::Motion;
+use crate::layout::run::Run;
+use crate::search::Search;
+use crate::search::problem::Torques;
+use crate::whitening::columns::Stray;
+
+/// A variable, and its shape as odd or even.
+pub(crate) struct Shape {
+    pub variable: String,
+    pub parity: &'static str,
+    pub frequency_hz: Option<f64>,
+    value: Value,
+    way: Way,
+}
+
+/// About which axes a shape may act.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// Those of the body.
+    Body,
+    /// Those of the body or of the room.
+    BodyOrRoom,
+    /// Along the rate, as friction of any law does.
+    AlongRate,
+    /// On a wheel, about its axis.
+    Wheel(usize),
+    /// In the gyro's readings.
+    Gyro,
+    /// In what the vector sensors see, about the vertical.
+    Heading,
+}
+
+impl Way {
+    /// Axes about which it may act, of the body or of the room.
+    fn axes(self, world: bool) -> usize {
+        match (self, world) {
+            (Self::AlongRate | Self::Wheel(_), false) | (Self::Heading, true) => 1,
+            (Self::Body | Self::Gyro, false) | (Self::BodyOrRoom, _) => 3,
+            _ => 0,
+        }
+    }
+}
+
+/// Knots of the friction of any law, a factor of e apart in the rate.
+const FRICTION_KNOTS: u32 = 6;
+
+/// Scale of the lowest of them, as a share of the largest rate.
+const SLOWEST: f64 = 0.01;
+
+/// One column's torque, as a share of what was at work.
+const SHARE: f64 = 0.02;
+
+type Value = Box<dyn Fn(&Run, &Motion, usize) -> f64 + Sync + Send>;
+
+pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
+    let mut groups: Vec<Vec<Shape>> = Vec::new();
+    let single = |variable: &str, parity: &'static str, value: Value| Shape {
+        variable: variable.to_owned(),
+        parity,
+        frequency_hz: None,
+        value,
+        way: Way::BodyOrRoom,
+    };
+    let mut add = |variable: &str, scale: f64, centre: f64, value: Value| {
+        let of_body = variable.contains("rate") || variable.contains("speed") || variable == "tank_pressure";
+        let way = if of_body { Way::Body } else { Way::BodyOrRoom };
+        let slow = matches!(variable, "tank_pressure" | "bus_voltage" | "temperature" | "time");
+        let value = std::sync::Arc::new(value);
+        for (parity, power) in [("odd", 1), ("even", 2), ("odd", 3)] {
+            let value = std::sync::Arc::clone(&value);
+            let shape: Value =
+                Box::new(move |run, motion, k| ((value(run, motion, k) - centre) / scale).powi(power));
+            groups.push(vec![Shape { way, ..single(variable, parity, shape) }]);
+        }
+        if slow {
+            // A line through a zero of its own.
+            let linear = std::sync::Arc::clone(&value);
+            let shape: Value = Box::new(move |run, motion, k| (linear(run, motion, k) - centre) / scale);
+            let first = Shape { way, ..single(variable, "odd", shape) };
+            let second = Shape { way, ..single(variable, "odd", Box::new(|_, _, _| 1.0)) };
+            groups.push(vec![first, second]);
+        }
+        let other = std::sync::Arc::clone(&value);
+        let sense: Value = Box::new(move |run, motion, k| {
+            let x = (other(run, motion, k) - centre) / scale;
+            x / x.hypot(0.05)
+        });
+        // What differs with the sense has a kink.
+        let kink: Value = Box::new(move |run, motion, k| ((value(run, motion, k) - centre) / scale).abs());
+        groups.push(vec![Shape { way, ..single(variable, "even", kink) }]);
+        groups.push(vec![Shape { way, ..single(variable, "odd", sense) }]);
+    };
+    let problem = &*search.problem;
+    let largest = |of: &dyn Fn(&Motion, usize) -> f64| {
+        let each = problem.runs.iter().zip(&problem.motions);
+        let all = each.flat_map(|(run, motion)| (0..run.nodes()).map(move |k| of(motion, k).abs()));
+        all.fold(0.0, f64::max)
+    };
+    let rate = largest(&|m, k| m.omega.get(k).map_or(0.0, Vector3::norm)).max(1e-12);
+    let tilt = largest(&|m, k| m.q.get(k).map_or(0.0, |q| vertical_b(q).xy().norm())).max(1e-9);
+    for (i, name) in ["roll_rate", "pitch_rate", "yaw_rate"].into_iter().enumerate() {
+        add(name, 0.5 * rate, 0.0, Box::new(move |_, m, k| m.omega.get(k).map_or(0.0, |w| w[i])));
+    }
+    add("rate", 0.5 * rate, 0.0, Box::new(|_, m, k| m.omega.get(k).map_or(0.0, Vector3::norm)));
+    for (i, name) in ["tilt_x", "tilt_y"].into_iter().enumerate() {
+        add(name, 0.5 * tilt, 0.0, Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| vertical_b(q)[i])));
+    }
+    for (j, wheel) in search.problem.reference.model.wheels().iter().enumerate() {
+        let name = format!("{}_speed", wheel.name);
+        let scale = largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
+        add(&name, 0.5 * scale, 0.0, Box::new(move |_, m, k| m.wheel.get(k).map_or(0.0, |w| w[j])));
+    }
+    let of_run = |values: fn(&Run) -> &Vec<f64>| -> (f64, f64) {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for run in search.problem.runs.iter() {
+            for x in values(run) {
+                low = low.min(*x);
+                high = high.max(*x);
+            }
+        }
+        (0.5 * (low + high), 0.5 * (high - low))
+    };
+    let mut slow = |name: &str, values: fn(&Run) -> &Vec<f64>| {
+        let (centre, half) = of_run(values);
+        if half > 1e-9 * centre.abs().max(1e-9) {
+            add(name, half, centre, Box::new(move |run, _, k| values(run).get(k).copied().unwrap_or(0.0)));
+        }
+    };
+    if search.problem.runs.iter().all(|r| r.has_pressure) {
+        slow("tank_pressure", |r| &r.pressure_pa);
+    }
+    if search.problem.runs.iter().all(|r| r.has_voltage) {
+        slow("bus_voltage", |r| &r.voltage_v);
+    }
+    if search.problem.runs.iter().all(|r| r.has_temperature) {
+        slow("temperature", |r| &r.temperature_k);
+    }
+    slow("time", |r| &r.times.node_s);
+    groups.push(vec![single("constant", "even", Box::new(|_, _, _| 1.0))]);
+    // Friction of any law: along the rate, with a size of its own at every rate.
+    let slowest = SLOWEST * rate;
+    let friction = (0..FRICTION_KNOTS).map(|knot| {
+        let size: Value = Box::new(move |_, m, k| {
+            let rate = m.omega.get(k).map_or(0.0, Vector3::norm);
+            let at = (rate / slowest).asinh().min(f64::from(FRICTION_KNOTS - 1));
+            (1.0 - (at - f64::from(knot)).abs()).max(0.0)
+        });
+        Shape { way: Way::AlongRate, ..single("rate", "odd", size) }
+    });
+    groups.push(friction.collect());
+    // Drag of a wheel by any law, which may change with time.
+    for (j, wheel) in search.problem.reference.model.wheels().iter().enumerate() {
+        let scale = 0.5 * largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
+        let speed = move |m: &Motion, k: usize| m.wheel.get(k).map_or(0.0, |w| w[j]) / scale;
+        let late = |run: &Run, k: usize| {
+            let whole_s = run.time(run.nodes().saturating_sub(1)) - run.time(0);
+            2.0 * (run.time(k) - run.time(0)) / whole_s.max(1e-9)
+        };
+        let shape = |value: Value| Shape {
+            way: Way::Wheel(j),
+            ..single(&format!("{}_speed", wheel.name), "odd", value)
+        };
+        groups.push(vec![
+            shape(Box::new(move |_, m, k| speed(m, k))),
+            shape(Box::new(move |_, m, k| speed(m, k) / speed(m, k).hypot(0.02))),
+            shape(Box::new(move |_, m, k| speed(m, k).powi(3))),
+            shape(Box::new(move |run, m, k| speed(m, k) * late(run, k))),
+            shape(Box::new(move |run, m, k| speed(m, k) * late(run, k).powi(2))),
+        ]);
+    }
+    groups.extend(of_sensors(rate));
+    // Heading: the first harmonics.
+    for n in [1.0, 2.0, 3.0] {
+        let sine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).sin()));
+        let cosine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).cos()));
+        let first = single("yaw", "none", sine);
+        groups.push(vec![first, single("yaw", "none", cosine)]);
+    }
+    for hz in &search.lines.torque_hz {
+        let hz = *hz;
+        let w = std::f64::consts::TAU * hz;
+        let sine: Value = Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).sin());
+        let cosine: Value =
+            Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).cos());
+        let mut first = single("time", "none", sine);
+        first.frequency_hz = Some(hz);
+        let mut second = single("time", "none", cosine);
+        second.frequency_hz = Some(hz);
+        groups.push(vec![first, second]);
+    }
+    for (wheel, order) in &search.lines.orders {
+        let (wheel, order) = (*wheel, *order);
+        let name = search.problem.reference.model.wheels().get(wheel).map_or("wheel", |w| w.name.as_str());
+        let phase = move |m: &Motion, k: usize| order * m.wheel_angle.get(k).map_or(0.0, |a| a[wheel]);
+        let sine: Value = Box::new(move |_, m, k| phase(m, k).sin());
+        let cosine: Value = Box::new(move |_, m, k| phase(m, k).cos());
+        let shape = |value| Shape { way: Way::Body, ..single(&format!("{name}_angle"), "none", value) };
+        groups.push(vec![shape(sine), shape(cosine)]);
+    }
+    groups
+}
+
+/// Errors of sensors that no effect of the catalogue makes: a gyro that sticks near zero or bends, a vector sensor
+/// whose error turns with the heading.
+fn of_sensors(largest_rate_rad_s: f64) -> Vec<Vec<Shape>> {
+    let shape = |variable: &str, parity: &'static str, way: Way, value: Value| Shape {
+        variable: variable.to_owned(),
+        parity,
+        frequency_hz: None,
+        value,
+        way,
+    };
+    // Of the rate about its own axis, in units of 1 rad/s: the caller scales by the component.
+    let gyro = |width: f64| -> Value { Box::new(move |_, _, _| width) };
+    let widths = [0.003, 0.012, 0.05, 0.2].map(|share| share * largest_rate_rad_s);
+    let mut groups = vec![
+        widths.iter().map(|width| shape("gyro_rate", "odd", Way::Gyro, gyro(*width))).collect::<Vec<_>>(),
+    ];
+    let mut heading = Vec::new();
+    for n in [1.0, 2.0] {
+        let azimuth = move |m: &Motion, k: usize| m.q.get(k).map_or(0.0, |q| n * azimuth_rad(q));
+        heading.push(shape("yaw", "none", Way::Heading, Box::new(move |_, m, k| azimuth(m, k).sin())));
+        heading.push(shape("yaw", "none", Way::Heading, Box::new(move |_, m, k| azimuth(m, k).cos())));
+    }
+    groups.push(heading);
+    groups
+}
+
+/// One column: a shape about an axis.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Column {
+    pub group: usize,
+    pub shape: usize,
+    pub world: bool,
+    pub axis: usize,
+}
+
+/// Columns that explain together.
+pub(crate) struct Law {
+    pub columns: Vec<usize>,
+    /// The first of its groups.
+    pub group: usize,
+    pub world: bool,
+    /// `None`: about any.
+    pub axis: Option<usize>,
+}
+
+fn way(groups: &[Vec<Shape>], group: usize) -> Way {
+    groups.get(group).and_then(|g| g.first()).map_or(Way::Body, |s| s.way)
+}
+
+/// Every shape about every axis of both frames.
+pub(crate) fn columns_of(groups: &[Vec<Shape>]) -> Vec<Column> {
+    let mut columns = Vec::new();
+    for (group, shapes) in groups.iter().enumerate() {
+        for world in [false, true] {
+            let axes = way(groups, group).axes(world);
+            for axis in 0..axes {
+                columns.extend((0..shapes.len()).map(|shape| Column { group, shape, world, axis }));
+            }
+        }
+    }
+    columns
+}
+
+/// Each shape, and any function of each variable that all its shapes make together; about one axis, and about
+/// all of them at once.
+pub(crate) fn laws(groups: &[Vec<Shape>], columns: &[Column]) -> Vec<Law> {
+    let mut sets: Vec<Vec<usize>> = (0..groups.len()).map(|group| vec![group]).collect();
+    let plain = |group: usize| {
+        let first = groups.get(group).and_then(|g| g.first());
+        first.filter(|s| s.frequency_hz.is_none()).map(|s| (s.way, s.variable.as_str()))
+    };
+    for group in 0..groups.len() {
+        let Some(kind) = plain(group) else { continue };
+        let all: Vec<usize> = (0..groups.len()).filter(|g| plain(*g) == Some(kind)).collect();
+        if all.first() == Some(&group) && all.len() > 1 {
+            sets.push(all);
+        }
+    }
+    let mut laws = Vec::new();
+    for set in &sets {
+        let Some(&group) = set.first() else { continue };
+        for world in [false, true] {
+            for axis in [Some(0), Some(1), Some(2), None] {
+                if axis.is_some() && way(groups, group).axes(world) < 3 {
+                    continue;
+                }
+                let own: Vec<usize> = columns
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, c)| {
+                        set.contains(&c.group) && c.world == world && axis.is_none_or(|axis| c.axis == axis)
+                    })
+                    .map(|(i, _)| i)
+                    .collect();
+                if !own.is_empty() {
+                    laws.push(Law { columns: own, group, world, axis });
+                }
+            }
+        }
+    }
+    laws
+}
+
+impl Shape {
+    /// Unit of what it adds.
+    pub fn unit(&self) -> &'static str {
+        match self.way {
+            Way::Body | Way::BodyOrRoom | Way::AlongRate | Way::Wheel(_) => "N m",
+            Way::Gyro => "rad/s",
+            Way::Heading => "rad",
+        }
+    }
+}
+
+/// What a column adds where its shape is 1: a share of the torque that was at work, a turn of 1e-3 rad; for the gyro, the
+/// reading at which a dead band of the shape's width would leave nothing.
+pub(crate) fn stray(
+    groups: &[Vec<Shape>],
+    column: &Column,
+    run: &Run,
+    motion: &Motion,
+    torques: &Torques,
+) -> Stray {
+    let Some(shape) = groups.get(column.group).and_then(|g| g.get(column.shape)) else {
+        return Stray::Torque(Vec::new());
+    };
+    let nodes = 0..run.nodes();
+    let size = |k: usize| (shape.value)(run, motion, k);
+    let omega = |k: usize| motion.omega.get(k).copied().unwrap_or_default();
+    let q = |k: usize| motion.q.get(k).copied().unwrap_or_default();
+    let mut unit = Vector3::zeros();
+    let torque_n_m = SHARE * torques.body_n_m;
+    unit[column.axis] = torque_n_m;
+    match shape.way {
+        // Smooth where the sense of turning is uncertain.
+        Way::AlongRate => Stray::Torque(
+            nodes.map(|k| omega(k) * (torque_n_m * size(k) / omega(k).norm().hypot(5e-4))).collect(),
+        ),
+        Way::Wheel(wheel) => {
+            let torque_n_m = SHARE * torques.wheel_n_m.get(wheel).copied().unwrap_or(0.0);
+            Stray::Wheel(wheel, nodes.map(|k| torque_n_m * size(k)).collect())
+        }
+        Way::Gyro => {
+            let mut axis = Vector3::zeros();
+            axis[column.axis] = 1.0;
+            let dead = |k: usize| {
+                let rate = omega(k)[column.axis];
+                rate * (-(rate / size(k)).powi(2)).exp()
+            };
+            Stray::Gyro(nodes.map(|k| axis * dead(k)).collect())
+        }
+        Way::Heading => Stray::Direction(nodes.map(|k| vertical_b(&q(k)) * (1e-3 * size(k))).collect()),
+        Way::Body | Way::BodyOrRoom if column.world => {
+            Stray::Torque(nodes.map(|k| q(k).inverse_transform_vector(&unit) * size(k)).collect())
+        }
+        Way::Body | Way::BodyOrRoom => Stray::Torque(nodes.map(|k| unit * size(k)).collect()),
+    }
+}

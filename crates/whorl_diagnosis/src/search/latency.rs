@@ -1,0 +1,94 @@
+//! Inertial units that are late by more than pulses last.
+//!
+//! Readings are compared with the motion at their stamps, and extrapolated where they are late. The further, the less
+//! the first regressions see of it, and the more a valve that answers late looks the same. Once a latency is a good
+//! explanation, the recordings are laid out anew with stamps set back by it, and searched again.
+
+use whorl_dynamics::effects::find;
+
+use crate::search::Search;
+use crate::search::converge::Standing;
+
+/// Latency far from that with which recordings were laid out \[s\].
+const FAR_S: f64 = 2e-3;
+
+/// Behind the best explanation by less than this share of its evidence, a latency may be the better one where it is not
+/// extrapolated.
+const NEAR_SHARE: f64 = 0.3;
+
+/// Log evidence that is worth laying out recordings anew: odds of 20 to 1.
+const WORTH: f64 = 3.0;
+
+/// Whether a set holds an effect that delays the inertial unit.
+fn holds_latency(names: &[String]) -> bool {
+    names.iter().any(|id| find(id).is_some_and(|effect| effect.imu_latency_s(&[]).is_some()))
+}
+
+/// A set with an inertial latency.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lateness {
+    members: usize,
+    log_evidence: f64,
+    late_s: f64,
+}
+
+/// What a search found of the inertial unit's latency.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Late {
+    /// Latency beyond the model's sensors where a set that holds it fits best \[s\].
+    late_s: Option<f64>,
+    /// Log evidence of the best such set, of the best set of all, and of nothing missing.
+    with: f64,
+    best: f64,
+    base: f64,
+    /// Log evidence by which that set leads before all that do not hold a latency.
+    lead: f64,
+    /// The best set of all holds it.
+    holds_latency: bool,
+}
+
+impl Late {
+    pub fn of(search: &Search<'_>) -> Self {
+        let evidence = |standing: Option<Standing>| standing.map(|s| s.log_evidence);
+        let base = evidence(search.standing(&search.base)).unwrap_or(search.base.log_evidence);
+        let best = evidence(search.standing(&search.best)).unwrap_or(search.best.log_evidence);
+        let others = search.standings.iter().filter(|(names, _)| !holds_latency(names));
+        let rival = others.map(|(_, standing)| standing.log_evidence).fold(base, f64::max);
+        let holds_latency = holds_latency(&search.best.names(&search.layout));
+        let with = if holds_latency { best } else { search.late.map_or(base, |late| late.log_evidence) };
+        let late_s = search.late.map(|late| late.late_s);
+        Self { late_s, with, best, base, lead: with - rival, holds_latency }
+    }
+
+    /// The latency, if it is a good explanation and far from that with which the recordings were laid out.
+    pub fn worth_a_new_layout(&self, laid_out_s: f64) -> Option<f64> {
+        let is_good = self.with - self.base > WORTH
+            && self.best - self.with < NEAR_SHARE * (self.best - self.base).max(0.0);
+        self.late_s.filter(|late_s| is_good && (late_s - laid_out_s).abs() > FAR_S)
+    }
+
+    /// Whether the latency is better than all else in the mean of recordings laid out for it, which these are, and of
+    /// those laid out without: each layout favours its own, alike.
+    pub fn explains_more_than_others(&self, without: &Self) -> bool {
+        self.holds_latency && self.lead + without.lead > 2.0 * WORTH
+    }
+}
+
+impl Search<'_> {
+    /// Keeps in mind how late the best set with a latency has it: the smallest, for a delay of valves beside it takes
+    /// some of it away.
+    pub(crate) fn watch_latency(
+        &mut self,
+        names: &[String],
+        log_evidence: f64,
+        point: &crate::explanations::parameters::Point,
+    ) {
+        let is_better = |known: &Lateness| {
+            names.len() < known.members || (names.len() == known.members && log_evidence > known.log_evidence)
+        };
+        if holds_latency(names) && self.late.as_ref().is_none_or(is_better) {
+            let late_s = self.problem.reference.late_at_s(point);
+            self.late = Some(Lateness { members: names.len(), log_evidence, late_s });
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Which sets come near the best one, each fitted and weighed where it fits best.
+
+pub(crate) mod converge;
+pub(crate) mod latency;
+pub(crate) mod nameless;
+pub(crate) mod problem;
+pub(crate) mod proposals;
+pub(crate) mod prospect;
+pub(crate) mod step;
+pub(crate) mod weigh;
+
+pub(crate) use proposals::Search;

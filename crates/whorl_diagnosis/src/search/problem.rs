@@ -1,0 +1,522 @@
+//! Recordings made ready: trajectories smoothed, whitened, linearised.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use whorl_recording::{Channel, Recording};
+use whorl_trajectory::noise::typical_step_s;
+
+use crate::evidence::nuisance::{Nuisance, STEP};
+use crate::evidence::regression::{Colour, Normal, Whitened, coloured, rows_by_reading};
+use crate::explanations::parameters::{Column, Point, Reference};
+use crate::layout::motion::Motion;
+use crate::layout::run::{Run, is_clamped};
+use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
+use crate::whitening::filter::{Background, Forward, Linear, Settings, System, WHEEL};
+use crate::whitening::mechanics::Mechanics;
+use crate::{DiagnosisError, threads};
+
+/// Nodes of all runs together, at most: more data go into wider bins.
+const MOST_NODES: f64 = 9_000.0;
+
+/// Widest bin \[s\].
+const WIDEST_BIN_S: f64 = 0.1;
+
+/// Time over which the whitening filter remembers \[s\]: torques slower than this are seen the better the
+/// longer it is, and mismatched formulas the less. Somewhat more than the swings of a platform take,
+const MEMORY_S: f64 = 20.0;
+
+/// and this many samples at least, of which it takes so many to see a torque at all.
+const MEMORY_SAMPLES: f64 = 200.0;
+
+/// A walk of the rate so strong that any motion is as likely as the model's [rad/s/sqrt(s)].
+pub(crate) const FREE_RATE_WALK: f64 = 0.3;
+
+/// Runs with their trajectories; copies share the runs.
+#[derive(Debug, Clone)]
+pub(crate) struct Problem {
+    pub reference: Reference,
+    pub runs: Arc<Vec<Run>>,
+    pub motions: Vec<Motion>,
+    pub threads: usize,
+    /// Density of the gyro's noise, per run [rad/s sqrt(s)].
+    gyro_density: Vec<f64>,
+    wheel_density: Vec<f64>,
+    /// Time over which the whitening filter remembers \[s\].
+    memory_s: f64,
+    /// Noise that is expected beside what the model states.
+    pub nuisance: Nuisance,
+    /// What turns the platform, by which torques are measured that have no formula.
+    pub torques: Torques,
+}
+
+/// Root mean square of the torques that were at work.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Torques {
+    /// On the body [N m].
+    pub body_n_m: f64,
+    /// On each wheel [N m].
+    pub wheel_n_m: Vec<f64>,
+}
+
+/// Time over which rates are compared to see what torque was at work \[s\]; one interval at least.
+const AT_WORK_S: f64 = 0.5;
+
+impl Torques {
+    fn of(runs: &[Run], motions: &[Motion], model: &whorl_dynamics::PlatformModel) -> Self {
+        let inertia = model.mass_properties.inertia_b_kg_m2();
+        let (mut body, mut count) = (0.0, 0.0);
+        let mut wheel = vec![0.0; model.wheels().len()];
+        for (run, motion) in runs.iter().zip(motions) {
+            let apart = ((AT_WORK_S / run.node_s().max(1e-9)).round() as usize).max(1);
+            for k in (apart..run.nodes()).step_by(apart) {
+                let time_s = (run.time(k) - run.time(k - apart)).max(1e-9);
+                if let (Some(before), Some(after)) = (motion.omega.get(k - apart), motion.omega.get(k)) {
+                    body += (inertia * (after - before) / time_s).norm_squared();
+                }
+                if let (Some(before), Some(after)) = (motion.wheel.get(k - apart), motion.wheel.get(k)) {
+                    for ((slot, w), (a, b)) in
+                        wheel.iter_mut().zip(model.wheels()).zip(after.iter().zip(before))
+                    {
+                        *slot += (w.spin_inertia_kg_m2 * (a - b) / time_s).powi(2);
+                    }
+                }
+                count += 1.0;
+            }
+        }
+        let rms = |square: f64| (square / f64::max(count, 1.0)).sqrt().max(f64::MIN_POSITIVE);
+        Self { body_n_m: rms(body), wheel_n_m: wheel.into_iter().map(rms).collect() }
+    }
+}
+
+/// The whitened regression of a set of runs at a point.
+pub(crate) struct Dataset {
+    /// Normal equations, run by run, block by block.
+    pub blocks: Vec<Normal>,
+    pub total: Normal,
+    pub whitened: Vec<Whitened>,
+    /// Colour of each channel of each run.
+    pub colours: Vec<Vec<Colour>>,
+    /// Log density of innovations of zero, up to a constant: sum of the logarithms of their inverse sizes.
+    pub log_density: f64,
+}
+
+/// The run of the filter with the random walk of the rate that the data support best, not below `least`.
+fn likeliest_walk(least: f64, filtered: impl Fn(f64) -> Forward) -> Forward {
+    let mut best = filtered(least);
+    for factor in [5.0, 25.0, 125.0] {
+        let here = filtered(least * factor);
+        // A few more would be chance.
+        if here.log_likelihood < best.log_likelihood + 3.0 {
+            break;
+        }
+        best = here;
+    }
+    best
+}
+
+impl Problem {
+    /// Checks recordings and makes rough trajectories of them. Bins are so wide that `total_s` of data have
+    /// no more than the most nodes.
+    pub fn new(
+        recordings: &[Recording],
+        reference: Reference,
+        total_s: f64,
+        threads: usize,
+    ) -> Result<Self, DiagnosisError> {
+        let made = threads::map(threads, recordings, |recording| {
+            let clamped = is_clamped(recording, &reference.model);
+            let base =
+                if clamped { &recording.wheel_speed_rad_s.time_s } else { &recording.gyro_b_rad_s.time_s };
+            // Typical time between samples of the channel that sets the nodes.
+            let step_s = typical_step_s(base).max(1e-6);
+            let samples = (total_s / MOST_NODES / step_s).ceil().max(1.0);
+            let widest = (WIDEST_BIN_S / step_s).floor().max(1.0);
+            let bin_s = step_s * samples.min(widest);
+            let run = Run::new(recording, &reference.model, bin_s, reference.late_s)?;
+            Ok::<_, DiagnosisError>((run, step_s))
+        });
+        let mut problem = Self {
+            runs: Arc::default(),
+            motions: Vec::new(),
+            threads,
+            gyro_density: Vec::new(),
+            wheel_density: Vec::new(),
+            memory_s: MEMORY_S,
+            nuisance: Nuisance::default(),
+            torques: Torques::default(),
+            reference,
+        };
+        let mut runs = Vec::new();
+        for result in made {
+            let (run, step_s) = result?;
+            problem.gyro_density.push(run.noise.gyro.mean() * step_s.sqrt());
+            problem.wheel_density.push(run.noise.wheel * step_s.sqrt());
+            problem.memory_s = problem.memory_s.max(MEMORY_SAMPLES * step_s);
+            runs.push(run);
+        }
+        problem.runs = Arc::new(runs);
+        let mechanics = Mechanics::new(&problem.reference.model)?;
+        problem.motions = threads::map(threads, &problem.runs, |run| Motion::rough(run, mechanics.model()));
+        problem.check_attitude()?;
+        problem.torques = Torques::of(&problem.runs, &problem.motions, mechanics.model());
+        Ok(problem)
+    }
+
+    /// Settles for all further fits where the bearing's stop is near, and the model knows that it does not know. An
+    /// interval more or less changes the density of the data by more than two like effects differ.
+    pub fn settle_stops(&mut self) -> Result<(), DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model)?;
+        for (run, motion) in Arc::make_mut(&mut self.runs).iter_mut().zip(&self.motions) {
+            run.near_stop = motion.q_mid.iter().map(|q| mechanics.near_stop(q)).collect();
+        }
+        Ok(())
+    }
+
+    fn check_attitude(&self) -> Result<(), DiagnosisError> {
+        for (run, motion) in self.runs.iter().zip(&self.motions) {
+            if !motion.is_finite() {
+                return Err(DiagnosisError::NoTrajectory {
+                    run: run.name.clone(),
+                    what: "the rates give no finite attitude",
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Smooths the trajectories with the model at a point. The model's accelerations are trusted to within
+    /// a random walk of `rate_walk` [rad/s/sqrt(s)]; `None`: as far as the data of each run support it.
+    ///
+    /// Sensitivities are taken along this trajectory. If it followed the gyro's noise, a reading's noise
+    /// would be part of its own regressor (errors in variables), and a platform at rest would seem to have
+    /// a gyro with a scale error. Hence the model is trusted as far as it is right.
+    pub fn smooth(&mut self, point: &Point, rate_walk: Option<f64>) -> Result<(), DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let indices: Vec<usize> = (0..self.runs.len()).collect();
+        let smoothed = threads::map(self.threads, &indices, |&r| {
+            let (Some(run), Some(motion)) = (self.runs.get(r), self.motions.get(r)) else {
+                return Motion::default();
+            };
+            let (_, prediction) = predict(&mechanics, run, motion);
+            let wheel_noise =
+                mechanics.model().wheels().iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
+            let system = |rate_walk: f64| System {
+                run,
+                motion,
+                mechanics: &mechanics,
+                prediction: &prediction,
+                settings: Settings { rate_walk, wheel_noise, ..self.settings(r) },
+            };
+            let linear = system(0.0).linear();
+            let filtered = |walk: f64| system(walk).filtered(&linear);
+            let forward = match rate_walk {
+                Some(walk) => filtered(walk),
+                None => likeliest_walk(self.settings(r).rate_walk, filtered),
+            };
+            let mut better = motion.clone();
+            let smoothed = system(0.0).smoothed_from(&linear, &forward);
+            for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
+                let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
+                better.correct(
+                    k,
+                    &part(0),
+                    &part(3),
+                    &state[WHEEL..WHEEL + mechanics.model().wheels().len()],
+                );
+            }
+            better.fill_middle(run);
+            better
+        });
+        self.motions = smoothed;
+        self.check_attitude()
+    }
+
+    /// Power of what accelerometer and vector sensors say against the gyro, over that of noise: no torque
+    /// enters, for the model's accelerations are not trusted. Median of the runs.
+    pub fn kinematic_power(&self, point: &Point) -> Result<f64, DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let mut powers: Vec<f64> = self
+            .runs
+            .iter()
+            .zip(&self.motions)
+            .enumerate()
+            .filter(|(_, (run, _))| !run.clamped)
+            .filter_map(|(r, (run, motion))| {
+                let (_, prediction) = predict(&mechanics, run, motion);
+                let settings = Settings { rate_walk: FREE_RATE_WALK, ..self.settings(r) };
+                let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
+                let gains = system.gains(system.linear());
+                let attitude: Vec<f64> = gains
+                    .whitened
+                    .iter()
+                    .zip(&gains.linear.rows)
+                    .filter(|(_, row)| {
+                        matches!(row.reading.channel, Channel::Accelerometer | Channel::Vector)
+                    })
+                    .map(|(e, _)| e * e)
+                    .collect();
+                (!attitude.is_empty()).then(|| attitude.iter().sum::<f64>() / attitude.len() as f64)
+            })
+            .collect();
+        powers.sort_by(f64::total_cmp);
+        Ok(powers.get(powers.len() / 2).copied().unwrap_or(1.0))
+    }
+
+    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
+    /// from the noise in use, step by step along each of its sizes.
+    pub fn likeliest_nuisance(
+        &self,
+        point: &Point,
+        colours: Option<&[Vec<Colour>]>,
+    ) -> Result<Nuisance, DiagnosisError> {
+        Ok(self.climb(point, &[self.nuisance], colours)?.0)
+    }
+
+    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
+    /// with the noise in use.
+    pub fn climb(
+        &self,
+        point: &Point,
+        starts: &[Nuisance],
+        colours: Option<&[Vec<Colour>]>,
+    ) -> Result<(Nuisance, f64, f64), DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let predictions: Vec<_> = self
+            .runs
+            .iter()
+            .zip(&self.motions)
+            .map(|(run, motion)| predict(&mechanics, run, motion).1)
+            .collect();
+        let systems = |nuisance: Nuisance| -> Vec<System<'_>> {
+            let with = Self { nuisance, ..self.clone() };
+            let all = self.runs.iter().zip(&self.motions).zip(&predictions).enumerate();
+            all.map(|(r, ((run, motion), prediction))| System {
+                run,
+                motion,
+                mechanics: &mechanics,
+                prediction,
+                settings: with.settings(r),
+            })
+            .collect()
+        };
+        let mut linears: BTreeMap<Nuisance, Vec<Linear>> = BTreeMap::new();
+        let mut known: BTreeMap<Nuisance, f64> = BTreeMap::new();
+        let mut posterior = |nuisance: Nuisance| -> f64 {
+            if let Some(found) = known.get(&nuisance) {
+                return *found;
+            }
+            let kind = Nuisance { bias: 0, wheel: 0, torque: nuisance.torque.min(1), ..nuisance };
+            let systems = systems(nuisance);
+            let linear =
+                linears.entry(kind).or_insert_with(|| threads::map(self.threads, &systems, System::linear));
+            let all: Vec<_> = systems.into_iter().zip(linear.iter()).enumerate().collect();
+            let sum: f64 = threads::map(self.threads, &all, |(r, (system, linear))| {
+                let (mut innovations, log_density) = system.innovations(linear);
+                if let Some(colours) = colours.and_then(|c| c.get(*r)) {
+                    let rows = rows_by_reading(linear.rows.iter().map(|row| row.reading));
+                    coloured(&mut innovations, &rows, colours);
+                }
+                log_density - 0.5 * innovations.iter().map(|e| e * e).sum::<f64>()
+            })
+            .iter()
+            .sum();
+            let found = sum + nuisance.log_prior();
+            known.insert(nuisance, found);
+            found
+        };
+        let in_use = posterior(self.nuisance);
+        let mut likeliest = (self.nuisance, f64::NEG_INFINITY);
+        for start in starts {
+            let value = posterior(*start);
+            if value > likeliest.1 {
+                likeliest = (*start, value);
+            }
+        }
+        loop {
+            let mut next = None;
+            for neighbour in
+                likeliest.0.neighbours(self.watches_body(), !self.reference.model.wheels().is_empty())
+            {
+                let here = posterior(neighbour);
+                if here > next.map_or(likeliest.1, |n: (Nuisance, f64)| n.1) + 1e-9 {
+                    next = Some((neighbour, here));
+                }
+            }
+            match next {
+                Some(better) => likeliest = better,
+                None => break,
+            }
+        }
+        Ok((likeliest.0, likeliest.1, in_use))
+    }
+
+    fn watches_body(&self) -> bool {
+        self.runs.iter().any(|run| !run.clamped)
+    }
+
+    /// The slow random torque of this noise. Its sizes are counted from where it would be as much as the walk of the
+    /// rate that is always expected.
+    pub fn background(&self, nuisance: Nuisance) -> Background {
+        if nuisance.torque == 0 {
+            return Background::default();
+        }
+        let correlation_s = if nuisance.is_fast { 0.1 * self.memory_s } else { self.memory_s };
+        let inertia = self.reference.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
+        let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
+        let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();
+        let stddev_n_m = least * STEP.powi(i32::from(nuisance.torque));
+        Background { stddev_n_m, correlation_s, about: nuisance.about }
+    }
+
+    /// Settings of the whitening filter of a run.
+    pub fn settings(&self, r: usize) -> Settings {
+        let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
+        let inertia = self.reference.model.wheels().iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
+        Settings {
+            rate_walk: density(&self.gyro_density) / self.memory_s,
+            torque_walk: self.runs.get(r).map_or(0.0, |run| self.friction_walk(run)),
+            gyro_bias_walk: self.nuisance.gyro_bias_walk(density(&self.gyro_density)),
+            background: self.background(self.nuisance),
+            wheel_noise: inertia * density(&self.wheel_density) / self.memory_s
+                * STEP.powi(i32::from(self.nuisance.wheel)),
+        }
+    }
+
+    /// Without a tachometer nobody knows which way the wheels turn, so their friction may be off by all of its
+    /// size, for as long as a wheel keeps turning: a torque state that walks so far in the filter's memory
+    /// [N m/sqrt(s)].
+    fn friction_walk(&self, run: &Run) -> f64 {
+        if run.has_wheel_speed || run.clamped {
+            return 0.0;
+        }
+        let friction = |w: &whorl_dynamics::platform::Wheel| {
+            w.coulomb_friction_n_m + 0.3 * w.max_speed_rad_s * w.viscous_friction_n_m_s
+        };
+        let wheels = self.reference.model.wheels();
+        wheels.iter().map(|w| friction(w).powi(2)).sum::<f64>().sqrt() / self.memory_s.sqrt()
+    }
+
+    /// Linearises every run at a point.
+    pub fn linearise(&self, point: &Point) -> Result<Vec<Linearised>, DiagnosisError> {
+        let indices: Vec<usize> = (0..self.runs.len()).collect();
+        threads::map(self.threads, &indices, |&r| match (self.runs.get(r), self.motions.get(r)) {
+            (Some(run), Some(motion)) => {
+                Linearised::new(run, motion, &self.reference, point, self.settings(r))
+            }
+            _ => Err(DiagnosisError::NoRecording),
+        })
+        .into_iter()
+        .collect()
+    }
+
+    /// Whitened sensitivities of columns at a point, one entry per run.
+    pub fn respond(
+        &self,
+        linearised: &[Linearised],
+        point: &Point,
+        columns: &[Column],
+    ) -> Result<Vec<Whitened>, DiagnosisError> {
+        let work: Vec<(usize, usize)> = (0..self.runs.len())
+            .flat_map(|r| (0..columns.len().div_ceil(GROUPS * LANES)).map(move |g| (r, g)))
+            .collect();
+        // At one point the platform is the same in every run.
+        let Some(base) = linearised.first().map(|linear| &linear.mechanics) else { return Ok(Vec::new()) };
+        let moved =
+            threads::map(self.threads, columns, |column| Moved::new(base, &self.reference, point, column));
+        let moved = moved.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let responses = threads::map(self.threads, &work, |&(r, g)| {
+            let together = GROUPS * LANES;
+            let group = &moved[g * together..((g + 1) * together).min(moved.len())];
+            match (self.runs.get(r), self.motions.get(r), linearised.get(r)) {
+                (Some(run), Some(motion), Some(linear)) => group_response(run, motion, linear, group),
+                _ => Vec::new(),
+            }
+        });
+        let mut whitened: Vec<Whitened> = self
+            .runs
+            .iter()
+            .zip(linearised)
+            .map(|(run, linear)| Whitened {
+                groups: Vec::new(),
+                y: linear.gains.whitened.clone(),
+                reading: linear.gains.readings(),
+                node: linear.gains.nodes(),
+                nodes: run.nodes(),
+            })
+            .collect();
+        for ((r, _), response) in work.iter().zip(responses) {
+            if let Some(slot) = whitened.get_mut(*r) {
+                slot.groups.extend(response);
+            }
+        }
+        // Residuals relative to the reference, so that priors are about zero.
+        for slot in &mut whitened {
+            for (i, column) in columns.iter().enumerate() {
+                let distance = self.reference.distance(point, column);
+                if distance != 0.0
+                    && let Some(group) = slot.groups.get(i / LANES)
+                {
+                    for (y, lanes) in slot.y.iter_mut().zip(group) {
+                        *y += distance * f64::from(lanes[i % LANES]);
+                    }
+                }
+            }
+        }
+        Ok(whitened)
+    }
+
+    /// The regression at a point. `colours` come from an earlier call, or are estimated with a fit of all
+    /// columns, whose prior variances are `wide`.
+    pub fn dataset(
+        &self,
+        mut whitened: Vec<Whitened>,
+        columns: usize,
+        wide: &[f64],
+        colours: Option<Vec<Vec<Colour>>>,
+    ) -> Dataset {
+        let colours = colours.unwrap_or_else(|| {
+            let mut total = Normal::zeros(columns);
+            for slot in &whitened {
+                // A quarter of the rows is enough to leave only the noise.
+                for block in slot.normals(columns, self.threads, 4) {
+                    total.add(&block, 1.0);
+                }
+            }
+            let active: Vec<usize> = (0..columns).collect();
+            let fit = crate::evidence::regression::Estimate::new(&total, &active, |i| {
+                wide.get(i).copied().unwrap_or(1.0)
+            });
+            let value = fit.map_or_else(|| nalgebra::DVector::zeros(columns), |f| f.value);
+            whitened
+                .iter_mut()
+                .map(|slot| {
+                    let residual = slot.residual(&value);
+                    let colours: Vec<Colour> = slot
+                        .rows_by_reading()
+                        .iter()
+                        .map(|rows| {
+                            let series: Vec<f64> =
+                                rows.iter().filter_map(|r| residual.get(*r).copied()).collect();
+                            Colour::of(&series)
+                        })
+                        .collect();
+                    colours
+                })
+                .collect()
+        });
+        for (slot, colours) in whitened.iter_mut().zip(&colours) {
+            slot.colour(colours, self.threads);
+        }
+        let mut blocks = Vec::new();
+        let mut total = Normal::zeros(columns);
+        for slot in &whitened {
+            for block in slot.normals(columns, self.threads, 1) {
+                total.add(&block, 1.0);
+                blocks.push(block);
+            }
+        }
+        Dataset { blocks, total, whitened, colours, log_density: 0.0 }
+    }
+}

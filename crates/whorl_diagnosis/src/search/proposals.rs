@@ -1,0 +1,358 @@
+//! Which sets of explanations come near the best one: proposals from a regression of all effects, each fitted and weighed
+//! where it fits best. The search only proposes; what is believed follows from the weights ([`crate::verdict::posterior`]).
+
+use whorl_dynamics::effects::Rhythm;
+
+use crate::evidence::nuisance::Nuisance;
+use crate::evidence::regression::Colour;
+use crate::explanations::candidates::{Available, Layout, Lines};
+use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::parameters::Point;
+use crate::search::converge::{Converged, Standings};
+use crate::search::latency::Lateness;
+use crate::search::problem::{Dataset, Problem};
+use crate::search::step::{NO_FIT, base_point_with, dataset};
+use crate::verdict::posterior::log_prior;
+use crate::{DiagnosisError, Options, Progress};
+
+/// Sets that may come so near the best one in log evidence are fitted and weighed: odds of 20,000 to 1, and as much again
+/// for what a regression far from the optimum misjudges.
+const WINDOW: f64 = 10.0;
+
+/// A fit that promises so much more has not come to its minimum.
+const UNFINISHED: f64 = 2.0;
+
+/// Larger sets that come no nearer than this add nothing.
+const NOTHING_ADDED: f64 = 3.0;
+
+/// Sets that are fitted in each round beside the declared rivals of the best one, at most.
+const MOST_PROPOSALS: usize = 4;
+
+/// Rounds of proposals, at most.
+const MOST_ROUNDS: usize = 6;
+
+/// A rest of this many standard deviations is worth the columns of hidden states.
+const SOMETHING_LEFT: f64 = 3.0;
+
+/// So is log evidence of this size for any effect.
+const FAINT: f64 = 3.0;
+
+/// The search's state: where the model is, and the regression there.
+pub(crate) struct Search<'a> {
+    pub problem: &'a mut Problem,
+    pub held_out: Option<&'a mut Problem>,
+    pub available: Available,
+    pub options: &'a Options,
+    pub lines: Lines,
+    /// Hidden states compete as well: their many columns are made only when something is missing.
+    pub with_hidden: bool,
+    /// Colours of the noise, kept from the first full regression.
+    pub colours: Option<Vec<Vec<Colour>>>,
+    pub held_colours: Option<Vec<Vec<Colour>>>,
+    pub point: Point,
+    /// Relative error of formulas that is integrated out of the present regression.
+    pub relative_error: f64,
+    pub layout: Layout,
+    pub data: Dataset,
+    pub held_data: Option<Dataset>,
+    pub base: Hypothesis,
+    pub best: Hypothesis,
+    /// How sets explain the data where each fits best.
+    pub standings: Standings,
+    /// The best set with an inertial latency.
+    pub late: Option<Lateness>,
+}
+
+impl<'a> Search<'a> {
+    /// Fits the base model and makes the first full regression.
+    pub fn start(
+        problem: &'a mut Problem,
+        mut held_out: Option<&'a mut Problem>,
+        options: &'a Options,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Self, DiagnosisError> {
+        progress(Progress { share: 0.1, doing: "smoothing the motion" });
+        let available = Available::of(&problem.runs);
+        let point = base_point_with(problem, &mut held_out)?;
+        progress(Progress { share: 0.45, doing: "passing every effect through the filter" });
+        let lines = Lines::default();
+        let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
+        let data = dataset(problem, &point, &layout, None)?;
+        let held_data = match &held_out {
+            Some(held) => Some(dataset(held, &point, &layout, None)?),
+            None => None,
+        };
+        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        Ok(Self {
+            problem,
+            held_out,
+            available,
+            options,
+            lines,
+            with_hidden: false,
+            colours: Some(data.colours.clone()),
+            held_colours: held_data.as_ref().map(|h| h.colours.clone()),
+            point,
+            relative_error: 0.0,
+            layout,
+            data,
+            held_data,
+            best: base.clone(),
+            base,
+            standings: Standings::new(),
+            late: None,
+        })
+    }
+
+    /// The full regression at the present point, along the present motion.
+    pub(crate) fn regress(&mut self) -> Result<(), DiagnosisError> {
+        self.layout = Layout::new(
+            &self.problem.reference,
+            &self.point,
+            &self.available,
+            &self.options.exclude,
+            &self.lines,
+            self.with_hidden,
+        );
+        // The old columns make room for the new ones.
+        self.data.whitened = Vec::new();
+        self.held_data = None;
+        let error = self.relative_error;
+        self.data = crate::search::step::regression_at(
+            self.problem,
+            &self.point,
+            &self.layout,
+            self.colours.clone(),
+            error,
+        )?;
+        self.held_data = match &self.held_out {
+            Some(held) => Some(crate::search::step::regression_at(
+                held,
+                &self.point,
+                &self.layout,
+                self.held_colours.clone(),
+                error,
+            )?),
+            None => None,
+        };
+        self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
+        Ok(())
+    }
+
+    /// Log likelihood gained on held-out runs by one set over another; `None` without such runs.
+    pub fn gain(&self, with: &Hypothesis, without: &Hypothesis) -> Option<f64> {
+        let held = |set| self.standing(set).and_then(|s| s.held_log_likelihood);
+        if let (Some(a), Some(b)) = (held(with), held(without)) {
+            return Some(a - b);
+        }
+        let held = &self.held_data.as_ref()?.total;
+        Some(0.5 * (without.estimate.misfit_change(held) - with.estimate.misfit_change(held)))
+    }
+
+    /// Every effect added in turn to a hypothesis that does not hold it, best first.
+    pub fn additions(&self, to: &Hypothesis) -> Vec<Hypothesis> {
+        let free: Vec<usize> = (0..self.layout.candidates.len())
+            .filter(|c| to.members.iter().all(|m| m.candidate != *c))
+            .collect();
+        let mut found: Vec<Hypothesis> =
+            crate::threads::map(self.problem.threads, &free, |c| to.with(&self.layout, &self.data.total, *c))
+                .into_iter()
+                .flatten()
+                .collect();
+        found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        found
+    }
+
+    /// Weighs the base model, then sets near the best one until none of them is better.
+    pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
+        self.open_hidden(progress)?;
+        let base = self.base.clone();
+        self.best = base.clone();
+        let converged = self.converge(&base)?.ok_or(NO_FIT)?;
+        self.remember(&converged);
+        for round in 0..MOST_ROUNDS {
+            progress(Progress { share: 0.6 + 0.05 * round as f64, doing: "comparing explanations" });
+            let proposals = self.proposals(round == 0);
+            let leading = self.posterior_of(&self.best).unwrap_or(f64::NEG_INFINITY);
+            let references: Vec<&Hypothesis> = proposals.iter().collect();
+            let mut better: Option<(f64, Converged)> = None;
+            if round > 0 && self.standing(&self.base).is_some_and(|s| s.promise > UNFINISHED) {
+                // The base model did not come to its minimum from where it began; from here it may.
+                let base = self.base.clone();
+                if let Some(converged) = self.converge(&base)? {
+                    self.remember(&converged);
+                }
+            }
+            let least =
+                self.standing(&self.best).map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * WINDOW);
+            for converged in self.converge_all(&references, least)?.into_iter().flatten() {
+                self.remember(&converged);
+                let posterior = converged.standing.worth() + log_prior(&converged.names);
+                if posterior > better.as_ref().map_or(leading + 1e-6, |b| b.0)
+                    && self.is_better_everywhere(&converged)
+                {
+                    better = Some((posterior, converged));
+                }
+            }
+            match better {
+                Some((_, converged)) => self.settle(converged)?,
+                // With no such noise as is likeliest beside the base model, other effects may come near.
+                None if round == 0 && self.problem.nuisance != Nuisance::default() => {
+                    let mut again = converged_again(self, &base)?;
+                    again.standing.nuisance = Nuisance::default();
+                    self.settle(again)?;
+                }
+                None => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// Log posterior of a set, up to a constant; `None` unless it was weighed.
+    pub fn posterior_of(&self, set: &Hypothesis) -> Option<f64> {
+        self.standing(set).map(|s| s.worth() + log_prior(&set.names(&self.layout)))
+    }
+
+    /// Whether a set explains training and held-out data each better than the base model does.
+    fn is_better_everywhere(&self, converged: &Converged) -> bool {
+        let Some(base) = self.standing(&self.base) else { return true };
+        crate::verdict::posterior::explains_more(&converged.standing, &base)
+            && crate::verdict::posterior::is_no_echo(&converged.names, &self.standings)
+    }
+
+    /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
+    /// of one. The declared rivals of its members are among them however little they promise.
+    fn proposals(&self, with_pairs: bool) -> Vec<Hypothesis> {
+        let mut all = self.additions(&self.best);
+        if with_pairs {
+            all.extend(self.strong_pair(&all));
+        }
+        let mut rivals: Vec<Hypothesis> = Vec::new();
+        for (at, member) in self.best.members.iter().enumerate() {
+            let Some(rest) = self.best.without(&self.layout, &self.data.total, at) else { continue };
+            let declared =
+                self.layout.candidates.get(member.candidate).map(|c| c.effect.info().confusable_with);
+            for swap in self.additions(&rest) {
+                let id =
+                    swap.members.last().and_then(|m| self.layout.candidates.get(m.candidate)).map(|c| c.id);
+                if id.is_some_and(|id| declared.is_some_and(|list| list.contains(&id))) {
+                    rivals.push(swap);
+                } else {
+                    all.push(swap);
+                }
+            }
+            if !rest.members.is_empty() {
+                all.push(rest);
+            }
+        }
+        let weight = |h: &Hypothesis| h.log_evidence + log_prior(&h.names(&self.layout));
+        let is_new = |h: &Hypothesis| {
+            // One that did not come to its minimum may from here.
+            let is_finished = self.standing(h).is_some_and(|s| s.promise < UNFINISHED);
+            h.members.len() <= self.options.largest_set && !is_finished && !h.members.is_empty()
+        };
+        let leading = weight(&self.best);
+        // What adds nothing loses by little more than its prior, and there are dozens of such.
+        let window =
+            |h: &Hypothesis| if h.members.len() > self.best.members.len() { NOTHING_ADDED } else { WINDOW };
+        all.retain(|h| is_new(h) && weight(h) > leading - window(h));
+        all.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+        let mut names: Vec<Vec<String>> = Vec::new();
+        let mut chosen: Vec<Hypothesis> = Vec::new();
+        rivals.retain(is_new);
+        for h in all.into_iter().take(MOST_PROPOSALS).chain(rivals) {
+            let own = h.names(&self.layout);
+            if !names.contains(&own) {
+                names.push(own);
+                chosen.push(h);
+            }
+        }
+        chosen
+    }
+
+    /// Of the best single effects two together, if they explain far more than any of them: a pair can beat the best single
+    /// effect that neither of the two is.
+    fn strong_pair(&self, additions: &[Hypothesis]) -> Option<Hypothesis> {
+        let best_single = additions.first()?.log_evidence;
+        if best_single <= self.base.log_evidence + 2.0 * WINDOW {
+            return None;
+        }
+        let singles: Vec<usize> =
+            additions.iter().take(8).filter_map(|h| h.members.last().map(|m| m.candidate)).collect();
+        let pairs: Vec<(usize, usize)> = singles
+            .iter()
+            .enumerate()
+            .flat_map(|(i, a)| singles.iter().skip(i + 1).map(move |b| (*a, *b)))
+            .collect();
+        let total = &self.data.total;
+        crate::threads::map(self.problem.threads, &pairs, |(a, b)| {
+            self.base.with(&self.layout, total, *a)?.with(&self.layout, total, *b)
+        })
+        .into_iter()
+        .flatten()
+        .filter(|h| h.members.len() == 2 && h.log_evidence > best_single + WINDOW)
+        .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+    }
+
+    /// Makes the columns of lines and hidden states where something is missing.
+    fn open_hidden(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
+        let additions = self.additions(&self.base);
+        let rest = crate::verdict::answer::rest(self.problem, &self.data, &self.layout, &self.base);
+        self.lines = crate::explanations::spectrum::lines(self, &self.base);
+        let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
+        if faint
+            || !self.lines.modes.is_empty()
+            || self.lines.strongest > 0.8 * crate::explanations::spectrum::CERTAIN
+            || rest[crate::verdict::answer::worst(&rest)].significance() > SOMETHING_LEFT
+            || self.has_faint_line()?
+        {
+            progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
+            self.with_hidden = true;
+            self.regress()?;
+            self.best = self.base.clone();
+        }
+        Ok(())
+    }
+
+    /// Whether a line that hardly stands out of the spectrum is worth a look as a torque of the room, after all
+    /// frequencies at which it might have been are paid for. Each is weighed by a regression of the base model and
+    /// both phases of that torque: a peak's height does not say that it has one phase in every run.
+    fn has_faint_line(&mut self) -> Result<bool, DiagnosisError> {
+        let hz = std::mem::take(&mut self.lines.faint_hz);
+        let mut candidates = self.layout.candidates.iter();
+        let periodic = candidates.find(|c| c.effect.rhythm() == Some(Rhythm::Torque)).map(|c| c.id);
+        let Some(periodic) = periodic.filter(|_| !hz.is_empty()) else { return Ok(false) };
+        let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
+        let layout =
+            Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
+        let data = dataset(self.problem, &self.point, &layout, self.colours.clone())?;
+        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let places = self.problem.runs.iter().map(|r| r.nodes()).max().unwrap_or(1) as f64;
+        let mut worth: Vec<(f64, f64)> = Vec::new();
+        for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
+            let member = Member { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
+            let Some(fit) = Hypothesis::of(&layout, &data.total, vec![member]) else { continue };
+            let evidence = fit.resized(&layout, &data.total).log_evidence - base.log_evidence - places.ln();
+            if evidence > 0.0 {
+                worth.push((evidence, hz));
+            }
+        }
+        worth.sort_by(|a, b| b.0.total_cmp(&a.0));
+        if !worth.is_empty() {
+            self.lines.torque_hz = worth.iter().map(|w| w.1).take(2).collect();
+        }
+        Ok(!worth.is_empty())
+    }
+
+    /// The kind of the first member.
+    pub fn kind(&self) -> Option<String> {
+        let member = self.best.members.first()?;
+        let candidate = self.layout.candidates.get(member.candidate)?;
+        Some(candidate.effect.info().kind.to_string())
+    }
+}
+
+/// A set fitted once more, to settle there.
+fn converged_again(search: &Search<'_>, set: &Hypothesis) -> Result<Converged, DiagnosisError> {
+    search.converge(set)?.ok_or(NO_FIT)
+}

@@ -1,0 +1,133 @@
+//! One Gauss-Newton step: the regression at a point, and the point to which it leads. The base model is fitted by such
+//! steps before anything is searched.
+
+use std::collections::BTreeMap;
+
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::Contribution;
+
+use crate::DiagnosisError;
+use crate::evidence::regression::Colour;
+use crate::explanations::candidates::{Available, Layout};
+use crate::explanations::hypothesis::Hypothesis;
+use crate::explanations::parameters::{Point, Target};
+use crate::search::problem::{Dataset, FREE_RATE_WALK, Problem};
+
+pub(crate) const NO_FIT: DiagnosisError =
+    DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
+
+/// Regression of a problem at a point with the columns of a layout.
+pub(crate) fn dataset(
+    problem: &Problem,
+    point: &Point,
+    layout: &Layout,
+    colours: Option<Vec<Vec<Colour>>>,
+) -> Result<Dataset, DiagnosisError> {
+    let linearised = problem.linearise(point)?;
+    let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
+    let whitened = problem.respond(&linearised, point, &layout.columns)?;
+    let wide: Vec<f64> = layout
+        .columns
+        .iter()
+        .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
+        .collect();
+    Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
+}
+
+/// As [`dataset`], with errors of formulas of this relative size integrated out.
+pub(crate) fn regression_at(
+    problem: &Problem,
+    point: &Point,
+    layout: &Layout,
+    colours: Option<Vec<Vec<Colour>>>,
+    relative_error: f64,
+) -> Result<Dataset, DiagnosisError> {
+    let mut data = dataset(problem, point, layout, colours)?;
+    if relative_error > 0.0 {
+        let discrepancy = problem.discrepancy(&data, point, layout);
+        let (total, log_density) = discrepancy.integrated(&data.total, relative_error);
+        data.total = total;
+        data.log_density += log_density;
+    }
+    Ok(data)
+}
+
+/// Values of effects whose directions lead to them together.
+fn joined(layout: &Layout, fit: &Hypothesis) -> Vec<(&'static str, Vec<f64>)> {
+    let mut of_effect: BTreeMap<&'static str, (&'static dyn Effect, Vec<Contribution<'_>>)> = BTreeMap::new();
+    for &i in &fit.estimate.active {
+        let Some(column) = layout.columns.get(i) else { continue };
+        if let (Target::Effect(effect), Some(origin)) = (column.target, column.origin.as_deref()) {
+            let amount = fit.estimate.of(i) * column.scale;
+            let contribution = Contribution { name: &column.name, origin, amount };
+            of_effect.entry(column.group).or_insert((effect, Vec::new())).1.push(contribution);
+        }
+    }
+    let values = |(id, (effect, all)): (_, (&'static dyn Effect, Vec<_>))| Some((id, effect.joined(&all)?));
+    of_effect.into_iter().filter_map(values).collect()
+}
+
+/// The point of a fit.
+pub(crate) fn point_of(problem: &Problem, layout: &Layout, from: &Point, fit: &Hypothesis) -> Point {
+    let mut point = from.clone();
+    // Effects that start from an origin of their own come first, then all else moves from there.
+    for &i in &fit.estimate.active {
+        let Some(column) = layout.columns.get(i) else { continue };
+        let value = fit.estimate.of(i);
+        let distance = problem.reference.distance(from, column);
+        let units = match column.quadratic {
+            true => value.max(0.0).sqrt(),
+            false => value - distance,
+        };
+        point = problem.reference.moved(&point, column, units);
+    }
+    point.effects.extend(joined(layout, fit));
+    problem.reference.towards(from, point)
+}
+
+pub(crate) fn base_point_with(
+    problem: &mut Problem,
+    held_out: &mut Option<&mut Problem>,
+) -> Result<Point, DiagnosisError> {
+    let available = Available::of(&problem.runs);
+    let mut point = problem.reference.point();
+    smooth_all(problem, held_out, &point, Some(FREE_RATE_WALK))?;
+    smooth_all(problem, held_out, &point, Some(5e-3))?;
+    for walk in [Some(2e-3), None] {
+        // What the model lacks must not bend its constants: it counts as noise until it is found.
+        problem.nuisance = problem.likeliest_nuisance(&point, None)?;
+        if let Some(held) = held_out {
+            held.nuisance = problem.nuisance;
+        }
+        let layout = base_layout(problem, &available);
+        let data = dataset(problem, &point, &layout, None)?;
+        let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        point = point_of(problem, &layout, &point, &base);
+        smooth_all(problem, held_out, &point, walk)?;
+    }
+    problem.settle_stops()?;
+    if let Some(held) = held_out {
+        held.settle_stops()?;
+    }
+    Ok(point)
+}
+
+fn base_layout(problem: &Problem, available: &Available) -> Layout {
+    let columns = problem.reference.base_columns(available);
+    let columns: Vec<_> = columns.into_iter().filter(|c| c.base_stddev > 0.0).collect();
+    let base = (0..columns.len()).collect();
+    Layout { columns, base, candidates: Vec::new() }
+}
+
+pub(crate) fn smooth_all(
+    problem: &mut Problem,
+    held_out: &mut Option<&mut Problem>,
+    point: &Point,
+    rate_walk: Option<f64>,
+) -> Result<(), DiagnosisError> {
+    problem.smooth(point, rate_walk)?;
+    if let Some(held) = held_out {
+        held.smooth(point, rate_walk)?;
+    }
+    Ok(())
+}

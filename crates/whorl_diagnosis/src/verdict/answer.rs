@@ -1,0 +1,545 @@
+//! From the search's result to the answer.
+
+use std::collections::BTreeMap;
+
+use whorl_dynamics::effects::find;
+use whorl_math::statistics::median;
+use whorl_recording::{Channel, Component};
+
+use crate::evidence::excess::{Power, WINDOWS_S, powers};
+use crate::evidence::nuisance::Nuisance;
+use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
+use crate::explanations::candidates::Layout;
+use crate::explanations::hypothesis::Hypothesis;
+use crate::search::Search;
+use crate::search::nameless::{NAMELESS, Nameless};
+use crate::search::problem::{Dataset, Problem};
+use crate::verdict::diagnosis::{
+    BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
+};
+use crate::verdict::posterior::{Belief, Weighted, explains_more, is_no_echo, log_prior};
+use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
+
+/// Detectability at which an effect shows.
+pub(crate) const SHOWS: f64 = 30.0;
+
+/// An unexplained rest of this many standard deviations is real.
+const REAL_REST: f64 = 8.0;
+
+/// From here on what is left is compared with laws that have no name.
+const SOMETHING_LEFT: f64 = 3.0;
+
+/// Formulas that must err by so much call for a comparison with laws that have no name.
+const ROUGH: f64 = 0.05;
+
+/// A slow random torque beyond this share of what turns the platform is no background.
+pub(crate) const LARGE: f64 = 0.01;
+
+/// What is left of an effect is another law's where it is a fifth of the effect's size, (20 %)^2 of its evidence: twice what
+/// its own formula may leave.
+const OTHER_LAW: f64 = 0.04;
+
+/// Usual factor between stated and true noise.
+const NOISE_FACTOR: f64 = 1.3;
+
+/// So many of these factors are beyond belief.
+const FAR: f64 = 3.0;
+
+/// Slow power of all runs with a hypothesis.
+pub(crate) fn rest(
+    problem: &Problem,
+    data: &Dataset,
+    layout: &Layout,
+    hypothesis: &Hypothesis,
+) -> [Power; WINDOWS_S.len()] {
+    let mut total = [Power::default(); WINDOWS_S.len()];
+    for of_run in rest_by_run(problem, data, layout, hypothesis) {
+        for (sum, power) in total.iter_mut().zip(of_run) {
+            sum.add(power);
+        }
+    }
+    total
+}
+
+fn rest_by_run(
+    problem: &Problem,
+    data: &Dataset,
+    layout: &Layout,
+    hypothesis: &Hypothesis,
+) -> Vec<[Power; WINDOWS_S.len()]> {
+    let estimate = hypothesis.estimate.spread(layout.columns.len());
+    problem
+        .runs
+        .iter()
+        .zip(&data.whitened)
+        .map(|(run, whitened)| {
+            let duration_s = run.time(run.nodes() - 1) - run.time(0);
+            powers(whitened, &whitened.residual(&estimate), duration_s)
+        })
+        .collect()
+}
+
+/// Two windows, short and long: the whitened momentum residual.
+fn momentum_rms(powers: &[Power; WINDOWS_S.len()]) -> f64 {
+    let mut both = Power::default();
+    for (power, window_s) in powers.iter().zip(WINDOWS_S) {
+        if window_s == 1.0 || window_s == 8.0 {
+            both.add(*power);
+        }
+    }
+    both.rms()
+}
+
+/// The most significant window.
+pub(crate) fn worst(powers: &[Power; WINDOWS_S.len()]) -> usize {
+    let mut best = 0;
+    for (i, power) in powers.iter().enumerate() {
+        if power.significance() > powers[best].significance() {
+            best = i;
+        }
+    }
+    best
+}
+
+impl Search<'_> {
+    /// The slow residual before and after.
+    pub(crate) fn slow_residual(&self) -> SlowResidual {
+        let rms = |problem: &Problem, data: &Dataset, hypothesis: &Hypothesis| {
+            momentum_rms(&rest(problem, data, &self.layout, hypothesis))
+        };
+        let held = |hypothesis: &Hypothesis| match (&self.held_out, &self.held_data) {
+            (Some(problem), Some(data)) => Some(rms(problem, data, hypothesis)),
+            _ => None,
+        };
+        SlowResidual {
+            before: rms(self.problem, &self.data, &self.base),
+            after: rms(self.problem, &self.data, &self.best),
+            held_out_before: held(&self.base),
+            held_out_after: held(&self.best),
+        }
+    }
+
+    /// One row of the table for a hypothesis' last member, against the hypothesis without it.
+    fn row(&self, with: &Hypothesis, without: &Hypothesis, member: usize) -> Option<Candidate> {
+        let member = with.members.get(member)?;
+        let candidate = self.layout.candidates.get(member.candidate)?;
+        let covariance = with.estimate.covariance();
+        let mut parameters: Vec<ParameterEstimate> = Vec::new();
+        for &i in &member.columns {
+            let column = self.layout.columns.get(i)?;
+            let Some(at) = with.estimate.active.iter().position(|a| *a == i) else { continue };
+            let stddev = covariance[(at, at)].max(0.0).sqrt();
+            let own = self.estimate_of(column, with.estimate.value[at], stddev);
+            // Sine and cosine of one amplitude.
+            if let Some(sine) = parameters.iter_mut().find(|p| p.name == column.name) {
+                sine.estimate = sine.estimate.hypot(own.estimate);
+                sine.stddev = sine.stddev.max(own.stddev);
+                continue;
+            }
+            parameters.push(own);
+        }
+        let (evidence, drop) = self.advantage(with, without);
+        let rows = self.data.total.rows;
+        // Where nothing is named, what is within chance is no excess.
+        let chance = if self.best.members.is_empty() { 3.0 * (2.0 * rows).sqrt() } else { 1.0 };
+        let excess = (self.data.total.sum_of_squares - self.base.estimate.drop - rows)
+            .max(chance)
+            .max(self.advantage(&self.best, &self.base).1)
+            .max(drop);
+        Some(Candidate {
+            effect: candidate.id.to_owned(),
+            delta_log_evidence: evidence,
+            held_out_gain: self.gain(with, without).unwrap_or(0.0),
+            share_of_excess: (drop / excess).clamp(0.0, 1.0),
+            swallowed_by_base: self.swallowed(&member.columns, with),
+            detectability: drop.max(0.0),
+            indistinguishable_from: Vec::new(),
+            parameters,
+        })
+    }
+
+    /// Share of a signal that refitting the base would swallow.
+    fn swallowed(&self, columns: &[usize], fit: &Hypothesis) -> f64 {
+        let normal = &self.data.total;
+        let mut alone = 0.0;
+        for &i in columns {
+            for &j in columns {
+                alone += fit.estimate.of(i) * normal.matrix[(i, j)] * fit.estimate.of(j);
+            }
+        }
+        // What is left of the signal when the base follows it as well as it can within its prior.
+        let mut signal = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+        for a in 0..self.layout.columns.len() {
+            signal.vector[a] = columns.iter().map(|j| normal.matrix[(a, *j)] * fit.estimate.of(*j)).sum();
+        }
+        signal.matrix.copy_from(&normal.matrix);
+        let base: Vec<usize> = self.layout.base.iter().copied().filter(|i| !columns.contains(i)).collect();
+        let followed =
+            Estimate::new(&signal, &base, |i| self.layout.base_variance(i)).map_or(0.0, |e| e.drop);
+        if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// Sets that were weighed and explain more than the base model, and the base model.
+    fn weighed_sets(&self) -> Vec<Weighted> {
+        let base = self.standings.get(&Vec::new()).copied();
+        self.standings
+            .iter()
+            .filter(|(names, standing)| {
+                names.is_empty()
+                    || (base.is_none_or(|base| explains_more(standing, &base))
+                        && is_no_echo(names, &self.standings))
+            })
+            .map(|(names, standing)| Weighted {
+                effects: names.clone(),
+                unknown: self.large_background(standing.nuisance),
+                log_posterior: standing.worth() + log_prior(names),
+                probability: 0.0,
+            })
+            .collect()
+    }
+
+    /// A slow random torque that is more than background: as large as what turns the platform.
+    fn large_background(&self, nuisance: Nuisance) -> Option<Unknown> {
+        let background = self.problem.background(nuisance);
+        (background.stddev_n_m > LARGE * self.problem.torques.body_n_m).then(|| Unknown {
+            variable: "time".to_owned(),
+            frame: "body".to_owned(),
+            axis: "z".to_owned(),
+            parity: "none".to_owned(),
+            frequency_hz: None,
+            share: 1.0,
+            size: background.stddev_n_m,
+            unit: "N m".to_owned(),
+        })
+    }
+
+    /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
+    /// beside the best of them and alone.
+    fn belief(&mut self, left: f64) -> Result<Belief, DiagnosisError> {
+        let mut all = self.weighed_sets();
+        let standing = self.standing(&self.best);
+        let rhythm = self.rhythm();
+        if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), self.posterior_of(&self.best)) {
+            all.push(Weighted {
+                effects: self.best.names(&self.layout),
+                unknown: Some(unknown),
+                log_posterior: best + NAMELESS.ln() + log_evidence,
+                probability: 0.0,
+            });
+        }
+        let is_clean = standing.is_some_and(|s| s.nuisance.torque == 0 && s.relative_error < ROUGH)
+            && left < SOMETHING_LEFT
+            && rhythm.is_none()
+            // Errors of sensors may come and go too fast to leave a slow rest.
+            && !self.best.members.is_empty()
+            // A line may be that of a torque of another kind, although nothing slow is left.
+            && !self.best.names(&self.layout).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
+        if !is_clean {
+            self.lines = crate::explanations::spectrum::lines(self, &self.best);
+            let mut anchors = vec![self.best.clone()];
+            // Alone, where the best set does not explain the data.
+            let is_poor =
+                left > REAL_REST || standing.is_none_or(|s| s.relative_error > ROUGH) || rhythm.is_some();
+            if !self.best.members.is_empty() && is_poor {
+                anchors.push(self.base.clone());
+            }
+            for anchor in &anchors {
+                let Some(at) = self.converge(anchor)? else { continue };
+                let nameless = self.nameless_beside(&at)?;
+                let explained = at.standing.log_evidence
+                    - self.standings.get(&Vec::new()).map_or(f64::INFINITY, |base| base.log_evidence);
+                // What is left of a set is another law's only where it is a good part of it.
+                let least_n_m = LARGE * self.problem.torques.body_n_m;
+                let is_apart = |law: &Nameless| {
+                    let is_large = law.unknown.unit != "N m" || law.unknown.size > least_n_m;
+                    let gain = law.log_evidence - at.standing.log_evidence;
+                    at.names.is_empty() || (is_large && gain > OTHER_LAW * explained)
+                };
+                all.extend(nameless.into_iter().filter(is_apart).map(|law| Weighted {
+                    log_posterior: law.log_evidence + log_prior(&law.beside),
+                    effects: law.beside,
+                    unknown: Some(law.unknown),
+                    probability: 0.0,
+                }));
+            }
+        }
+        Ok(Belief::new(all))
+    }
+
+    /// Noise of each channel of each run over what the model states.
+    fn noise_scales(&self) -> Vec<NoiseScale> {
+        let mut scales = Vec::new();
+        for ((run, whitened), colours) in
+            self.problem.runs.iter().zip(&self.data.whitened).zip(&self.data.colours)
+        {
+            let mut channels: BTreeMap<Component, Vec<f64>> = BTreeMap::new();
+            let mut components: Vec<Component> = whitened.reading.clone();
+            components.sort_unstable();
+            components.dedup();
+            for (component, colour) in components.iter().zip(colours) {
+                let ratio = match component.channel {
+                    Channel::Gyro => run.noise.gyro_ratio,
+                    Channel::Accelerometer => run.noise.accel_ratio,
+                    Channel::WheelSpeed => run.noise.wheel_ratio,
+                    _ => 1.0,
+                };
+                let whole = Component::new(component.channel, component.sensor(), 0);
+                channels.entry(whole).or_default().push(ratio * colour.power.sqrt());
+            }
+            scales.extend(channels.into_iter().map(|(component, list)| NoiseScale {
+                run: run.name.clone(),
+                channel: component.channel.info().key.to_owned(),
+                scale: list.iter().sum::<f64>() / list.len().max(1) as f64,
+            }));
+        }
+        scales
+    }
+
+    /// Runs that disagree with the others: a fit to the others does not predict them, or they need a noise far from what
+    /// is stated and from what the others need.
+    fn odd_runs(&self, noise: &[NoiseScale]) -> Vec<String> {
+        let runs = self.problem.runs.len();
+        if runs < 3 {
+            return Vec::new();
+        }
+        let mut odd = Vec::new();
+        let mut total = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+        self.data.blocks.iter().for_each(|block| total.add(block, 1.0));
+        for (r, run) in self.problem.runs.iter().enumerate() {
+            // Fitted without the run, does the model predict it as well as a fit that has seen it?
+            let blocks = &self.data.blocks[r * BLOCKS_PER_RUN..(r + 1) * BLOCKS_PER_RUN];
+            let mut others = total.clone();
+            let mut own = crate::evidence::regression::Normal::zeros(self.layout.columns.len());
+            for block in blocks {
+                others.add(block, -1.0);
+                own.add(block, 1.0);
+            }
+            let fits = [&total, &others, &own].map(|data| self.best.refitted(&self.layout, data));
+            let [Some(of_all), Some(of_others), Some(of_own)] = &fits else { continue };
+            let parameters = of_all.estimate.active.len() as f64;
+            // What is known from the others counts as far as it is known.
+            let disagreement = of_others.estimate.drop + of_own.estimate.drop - of_all.estimate.drop;
+            let of_noise = noise
+                .iter()
+                .filter(|n| n.run == run.name)
+                .map(|n| {
+                    let others = noise.iter().filter(|o| o.channel == n.channel && o.run != n.run);
+                    let usual = median(others.map(|o| o.scale.ln())).max(0.0);
+                    (n.scale.ln() - usual) / NOISE_FACTOR.ln()
+                })
+                .fold(0.0, f64::max);
+            if disagreement > 2.0 * parameters + 60.0 || of_noise > FAR {
+                odd.push((disagreement.max(of_noise), run.name.clone()));
+            }
+        }
+        // If most runs disagree, none of them is the odd one.
+        if odd.len() * 2 >= runs {
+            odd.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let strongest = odd.first().cloned();
+            let second = odd.get(1).map_or(0.0, |o| o.0);
+            odd = strongest.filter(|s| s.0 > 3.0 * second).into_iter().collect();
+        }
+        odd.into_iter().map(|(_, name)| name).collect()
+    }
+
+    /// One row for each effect: members of the best set, then what else was tested, best first.
+    fn rows(&self) -> Vec<Candidate> {
+        let mut candidates: Vec<Candidate> = Vec::new();
+        for member in 0..self.best.members.len() {
+            if let Some(rest) = self.best.without(&self.layout, &self.data.total, member)
+                && let Some(mut row) = self.row(&self.best, &rest, member)
+            {
+                if let Some(parameters) = self.averaged(&self.best, member) {
+                    row.parameters = parameters;
+                }
+                candidates.push(row);
+            }
+        }
+        for addition in self.additions(&self.best) {
+            let last = addition.members.len().saturating_sub(1);
+            candidates.extend(self.row(&addition, &self.best, last));
+        }
+        candidates
+    }
+
+    /// The answer.
+    pub(crate) fn answer(&mut self) -> Result<Diagnosis, DiagnosisError> {
+        let mut candidates = self.rows();
+        let slow_residual = self.slow_residual();
+        let before = rest(self.problem, &self.data, &self.layout, &self.base);
+        let after = rest(self.problem, &self.data, &self.layout, &self.best);
+        let worst_before = worst(&before);
+        let share = if before[worst_before].excess() > 0.0 {
+            1.0 - after[worst_before].excess().max(0.0) / before[worst_before].excess()
+        } else {
+            1.0
+        };
+        let left = after[worst(&after)].significance();
+        let noise = self.noise_scales();
+        let odd_runs = self.odd_runs(&noise);
+        let mut remarks: Vec<String> =
+            self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
+        let mut direct: Vec<Candidate> = self.digital().into_iter().collect();
+        direct.extend(crate::explanations::vibration::fast_effects(self));
+        let contradiction = self.contradiction();
+        let belief = self.belief(left)?;
+        let mut verdict = belief.verdict(self.could_have_seen());
+        for row in &direct {
+            remarks.push(format!(
+                "{}: directly visible in the samples: {}",
+                row.effect,
+                row.parameters
+                    .iter()
+                    .map(|p| format!("{} = {:.4e} {}", p.name, p.estimate, p.unit))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ));
+        }
+        let unknown = if contradiction.is_some() {
+            direct.clear();
+            remarks.push(
+                "accelerometer and vector sensor contradict the gyro regardless of the torques: check the order, signs and units of the sensors' axes".to_owned(),
+            );
+            verdict = Verdict::Unknown;
+            contradiction
+        } else {
+            belief.all.iter().find_map(|w| w.unknown.clone()).filter(|_| verdict == Verdict::Unknown)
+        };
+        let contenders = belief.contenders();
+        if !direct.is_empty() && matches!(verdict, Verdict::NothingMissing | Verdict::NotEnoughInformation) {
+            verdict = Verdict::Named;
+        }
+        let states_names = matches!(verdict, Verdict::Named | Verdict::Confounded);
+        let named = states_names && belief.nothing < 0.5;
+        let mut sets: Vec<Vec<String>> = if named { contenders } else { Vec::new() };
+        if verdict == Verdict::Named {
+            sets.truncate(1);
+        }
+        if sets.is_empty() && states_names {
+            sets.push(Vec::new());
+        }
+        let mut explanations: Vec<Explanation> = belief.all.iter().map(Explanation::of).collect();
+        for row in direct.iter().filter(|_| states_names) {
+            for set in sets.iter_mut().chain(explanations.iter_mut().map(|e| &mut e.effects)) {
+                if !set.contains(&row.effect) {
+                    set.push(row.effect.clone());
+                    set.sort();
+                }
+            }
+            candidates.retain(|c| c.effect != row.effect);
+            candidates.insert(0, row.clone());
+        }
+        merge(&mut explanations);
+        let effects = sets.first().cloned().unwrap_or_default();
+        for row in candidates.iter_mut().filter(|row| effects.contains(&row.effect)) {
+            // What takes its place in another set that is left.
+            let others = sets.iter().skip(1).filter(|set| !set.contains(&row.effect)).flatten();
+            let mut list: Vec<String> = others.filter(|id| !effects.contains(id)).cloned().collect();
+            list.sort();
+            list.dedup();
+            row.indistinguishable_from = list;
+        }
+        if left > REAL_REST && verdict == Verdict::Named {
+            remarks.push(format!(
+                "{:.0} % of the excess remains unexplained, above the noise",
+                100.0 * (1.0 - share)
+            ));
+        }
+        let kind = match effects.as_slice() {
+            [one] => crate::explanations::candidates::effect(one).map(|e| e.info().kind.to_string()),
+            [] => None,
+            _ => self.kind(),
+        };
+        let standing = self.standing(&self.best);
+        let background = standing.map(|s| self.problem.background(s.nuisance)).unwrap_or_default();
+        Ok(Diagnosis {
+            schema: SCHEMA,
+            verdict,
+            kind,
+            confounded_with: sets.into_iter().skip(1).collect(),
+            effects,
+            explanations,
+            background: BackgroundTorque {
+                stddev_n_m: background.stddev_n_m,
+                correlation_s: background.correlation_s,
+            },
+            formula_error: standing.map_or(0.0, |s| s.relative_error),
+            noise,
+            unknown,
+            slow_residual,
+            odd_runs,
+            next: self.advice(verdict, &candidates),
+            candidates,
+            remarks,
+        })
+    }
+
+    /// Whether effects of ordinary size would have shown.
+    fn could_have_seen(&self) -> bool {
+        let normal = &self.data.total;
+        let (mut seen, mut tested) = (0, 0);
+        for candidate in &self.layout.candidates {
+            let Some(columns) = candidate.options.first() else { continue };
+            if candidate.effect.is_base() {
+                continue;
+            }
+            tested += 1;
+            let largest = columns
+                .iter()
+                .filter_map(|i| {
+                    let mut active = self.layout.base.clone();
+                    active.push(*i);
+                    let fit = Estimate::new(normal, &active, |c| {
+                        if c == *i { 1e6 } else { self.layout.base_variance(c) }
+                    })?;
+                    let stddev2 = fit.covariance()[(active.len() - 1, active.len() - 1)];
+                    (stddev2 > 0.0).then(|| 1.0 / stddev2)
+                })
+                .fold(0.0, f64::max);
+            if largest > SHOWS {
+                seen += 1;
+            }
+        }
+        tested > 0 && seen * 2 >= tested
+    }
+
+    /// What the catalogue says separates what is left.
+    fn advice(&self, verdict: Verdict, candidates: &[Candidate]) -> Option<NextManoeuvre> {
+        let text = match verdict {
+            Verdict::Confounded => {
+                let first = candidates.first()?;
+                crate::explanations::candidates::effect(&first.effect)?.info().separated_by.to_owned()
+            }
+            Verdict::NotEnoughInformation => {
+                "record several minutes with wheels driven by a multisine, single pulses of every jet, a coast-down over 10:1 in yaw rate and free swings to both sides".to_owned()
+            }
+            Verdict::Unknown => "repeat the run with one actuator at a time, and once at rest".to_owned(),
+            _ => return None,
+        };
+        let odds = candidates.first().map_or(0.0, |c| c.detectability * 0.5);
+        Some(NextManoeuvre { manoeuvre: text, expected_log_odds: odds })
+    }
+}
+
+impl Explanation {
+    fn of(weighted: &Weighted) -> Self {
+        Self {
+            effects: weighted.effects.clone(),
+            with_unknown: weighted.unknown.is_some(),
+            probability: weighted.probability,
+        }
+    }
+}
+
+/// Adds up explanations that hold the same, most probable first.
+fn merge(explanations: &mut Vec<Explanation>) {
+    let mut merged: Vec<Explanation> = Vec::new();
+    for one in explanations.drain(..) {
+        match merged.iter_mut().find(|m| m.effects == one.effects && m.with_unknown == one.with_unknown) {
+            Some(same) => same.probability += one.probability,
+            None => merged.push(one),
+        }
+    }
+    merged.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    *explanations = merged;
+}

@@ -1,0 +1,10 @@
+//! What is believed and said: the posterior, the verdict, estimates, words.
+
+pub(crate) mod answer;
+pub(crate) mod diagnosis;
+pub(crate) mod direct;
+pub(crate) mod fit;
+pub(crate) mod posterior;
+pub(crate) mod report;
+pub(crate) mod unrecorded;
+pub(crate) mod words;

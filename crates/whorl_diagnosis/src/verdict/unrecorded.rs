@@ -1,0 +1,267 @@
+//! Pulses of jets that nobody recorded.
+//!
+//! A platform with jets whose recording does not say when they fired was pushed by them, or was not. What a jet
+//! does in a pulse that is short against a window of time is a jump of the rate: seen through longer and longer
+//! windows, jumps at any times add up like a random walk, with a variance that grows as the window does. Torques
+//! that vary slowly within a window hardly show in the curvature of the rate over it, and grow with the fifth
+//! power or more; a line of any frequency shows in some windows and not in others; the noise of the gyro falls
+//! as windows grow. So the three can be told apart without knowing any of them.
+
+use nalgebra::Vector3;
+
+use crate::DiagnosisError;
+use crate::layout::motion::Motion;
+use crate::layout::run::Run;
+use crate::search::Search;
+use crate::whitening::columns::predict;
+use crate::whitening::mechanics::Mechanics;
+
+/// Shortest window \[s\]: pulses of attitude jets are shorter, or at most a little longer. Two more windows are
+/// twice and four times as long.
+const WINDOW_S: f64 = 0.25;
+
+/// Windows of each length that a run set must have: the spread of a variance of fewer is no better than a
+/// third.
+const LEAST_WINDOWS: f64 = 20.0;
+
+/// Growth of the variance from window to window twice as long. Jumps give 2. Below 1 it is a line's or the
+/// noise's. Above, from the first to the second: a torque that lasts as long as the first window gives up to
+/// 2^3 (its rate grows along the whole of it), a slow one 2^5 at the least.
+const GROWTH: [(f64, f64); 2] = [(1.0, 8.0), (1.0, 4.0)];
+
+/// Variance of the jumps over that of the gyro's noise in the middle window: below, they are smaller than what
+/// is taken for granted of the noise.
+const LEAST_SHARE: f64 = 1.0;
+
+/// Sum of squared curvatures of the unexplained rate, and of what noise gives, in windows of one length.
+#[derive(Debug, Clone, Copy, Default)]
+struct Curvature {
+    square: f64,
+    noise: f64,
+    windows: f64,
+}
+
+impl Curvature {
+    /// Mean square above noise.
+    fn excess(&self) -> f64 {
+        (self.square - self.noise) / self.windows.max(1.0)
+    }
+}
+
+/// A sentence, if the recordings lack the jets' channel and what the best explanation leaves looks like pulses.
+pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisError> {
+    let runs: Vec<(&Run, &Motion)> = search
+        .problem
+        .runs
+        .iter()
+        .zip(&search.problem.motions)
+        .filter(|(run, _)| run.jets_unrecorded && (run.has_wheel_command || run.has_wheel_speed))
+        .collect();
+    if runs.is_empty() {
+        return Ok(None);
+    }
+    let point = crate::search::step::point_of(search.problem, &search.layout, &search.point, &search.best);
+    let mechanics = Mechanics::new(&search.problem.reference.model_at(&point)?)?;
+    let mut scales = [Curvature::default(); 3];
+    let mut names: Vec<&str> = Vec::new();
+    for (run, motion) in runs {
+        let rate = Unexplained::new(run, motion, &mechanics);
+        let shortest = ((WINDOW_S / run.length(0)).round() as usize).max(2);
+        let mut own = [Curvature::default(); 3];
+        for ((sum, own), times) in scales.iter_mut().zip(&mut own).zip([1, 2, 4]) {
+            rate.add(shortest * times, own);
+            sum.square += own.square;
+            sum.noise += own.noise;
+            sum.windows += own.windows;
+        }
+        if own[1].square > 2.0 * own[1].noise {
+            names.push(&run.name);
+        }
+    }
+    Ok(looks_like_pulses(&scales).then(|| {
+        format!(
+            "{}: the body was pushed in short pulses that no channel explains, and the platform has jets whose commands are not in the recording: a verdict on torques would be a guess; record the valves' pulses, or set jets_off: true in the channel map if no jet fired",
+            names.join(", ")
+        )
+    }))
+}
+
+fn looks_like_pulses(scales: &[Curvature; 3]) -> bool {
+    let [first, second, third] = scales;
+    let grows = |from: &Curvature, to: &Curvature, (least, most): (f64, f64)| {
+        let (from, to) = (from.excess(), to.excess());
+        from > 0.0 && to >= least * from && to <= most * from
+    };
+    third.windows >= LEAST_WINDOWS
+        && second.square - second.noise > LEAST_SHARE * second.noise
+        && grows(first, second, GROWTH[0])
+        && grows(second, third, GROWTH[1])
+}
+
+/// The measured rate less what the model's accelerations give, node by node, as running sums.
+struct Unexplained {
+    /// Sum of samples up to each node [rad/s], and how many.
+    sum: Vec<Vector3<f64>>,
+    count: Vec<f64>,
+    /// Nodes at which something else pushes, up to each node.
+    barred: Vec<usize>,
+    /// Nodes with samples to each side of which a window is whole.
+    per_node: f64,
+    /// Variance of one sample about each axis, and what jitter of the commands adds in each node.
+    sample_variance: Vector3<f64>,
+    node_variance: f64,
+}
+
+impl Unexplained {
+    fn new(run: &Run, motion: &Motion, mechanics: &Mechanics) -> Self {
+        let (_, prediction) = predict(mechanics, run, motion);
+        let nodes = run.nodes();
+        let (mut sum, mut count, mut barred) = (vec![Vector3::zeros()], vec![0.0], vec![0_usize]);
+        let mut expected = Vector3::zeros();
+        // At a stop of the bearing blows are no jets'. The contact that was named counts as one.
+        let contact_rad = mechanics
+            .gyrostat
+            .effects()
+            .iter()
+            .filter_map(|active| active.effect().contact_tilt_rad(active.values()))
+            .reduce(f64::min);
+        let mut total = (Vector3::zeros(), 0.0, 0_usize);
+        for k in 0..nodes {
+            let edge = prediction.edge_rate.get(k).copied().unwrap_or_default();
+            if let Some(mean) = run.gyro.get(k).filter(|mean| mean.count > 0.0) {
+                total.0 += (mean.value - expected - edge) * mean.count;
+                total.1 += mean.count;
+            }
+            let stop = motion.q.get(k).is_some_and(|q| {
+                mechanics.near_stop(q)
+                    || contact_rad.is_some_and(|angle| whorl_math::tilt_rad(q) > angle - 0.003)
+            });
+            total.2 += usize::from(stop);
+            sum.push(total.0);
+            count.push(total.1);
+            barred.push(total.2);
+            expected += prediction.omega_dot.get(k).copied().unwrap_or_default() * run.length_or_zero(k);
+        }
+        let walk = |(wheel, jitter): (&whorl_dynamics::platform::Wheel, &f64)| {
+            (mechanics.inverse_inertia() * wheel.spin_axis_b.into_inner() * *jitter).norm_squared()
+        };
+        let jitter: f64 = mechanics.model().wheels().iter().zip(&run.wheel_jitter).map(walk).sum();
+        Self {
+            per_node: total.1 / nodes.max(1) as f64,
+            sum,
+            count,
+            barred,
+            sample_variance: run.noise.gyro.component_mul(&run.noise.gyro),
+            node_variance: jitter * run.length(0),
+        }
+    }
+
+    /// Adds the curvatures over windows of `nodes`: a step between two windows, less the mean of the steps
+    /// before and after.
+    fn add(&self, nodes: usize, to: &mut Curvature) {
+        let last = self.sum.len().saturating_sub(1);
+        let whole = 0.6 * self.per_node * nodes as f64;
+        let mut middle = 3 * nodes;
+        while middle + 3 * nodes <= last {
+            let at = |offset: usize| (middle + offset * nodes).saturating_sub(3 * nodes);
+            let mut step = [Vector3::zeros(); 3];
+            let mut inverse = [0.0; 3];
+            let mut usable = self.barred[at(6)] == self.barred[at(0)];
+            for (i, (step, inverse)) in step.iter_mut().zip(&mut inverse).enumerate() {
+                let (a, b, c) = (at(2 * i), at(2 * i + 1), at(2 * i + 2));
+                let (before, after) = (self.count[b] - self.count[a], self.count[c] - self.count[b]);
+                usable &= before.min(after) > whole;
+                *step = (self.sum[c] - self.sum[b]) / after - (self.sum[b] - self.sum[a]) / before;
+                *inverse = 1.0 / before + 1.0 / after;
+            }
+            middle += nodes;
+            if !usable {
+                continue;
+            }
+            let curvature = step[1] - (step[0] + step[2]) * 0.5;
+            to.square += curvature.norm_squared();
+            to.noise += self.sample_variance.sum() * (inverse[1] + 0.25 * (inverse[0] + inverse[2]))
+                + self.node_variance * nodes as f64;
+            to.windows += 1.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution, StandardNormal, StandardUniform};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    const NODE_S: f64 = 0.04;
+    const SAMPLES: f64 = 8.0;
+
+    /// Noise of one sample 1 mrad/s, eight samples a node, and this rate on top.
+    fn scales(duration_s: f64, rate_rad_s: impl Fn(f64) -> f64) -> [Curvature; 3] {
+        let mut random = Pcg64::new(5, 0);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let nodes = (duration_s / NODE_S) as usize;
+        let (mut sum, mut count) = (vec![Vector3::zeros()], vec![0.0]);
+        let mut total = (Vector3::zeros(), 0.0);
+        for k in 0..nodes {
+            let noise = Vector3::from_fn(|_, _| 1e-3 * normal() / SAMPLES.sqrt());
+            let mean = noise + Vector3::new(rate_rad_s(k as f64 * NODE_S), 0.0, 0.0);
+            total.0 += mean * SAMPLES;
+            total.1 += SAMPLES;
+            sum.push(total.0);
+            count.push(total.1);
+        }
+        let rate = Unexplained {
+            barred: vec![0; sum.len()],
+            sum,
+            count,
+            per_node: SAMPLES,
+            sample_variance: Vector3::repeat(1e-6),
+            node_variance: 0.0,
+        };
+        let mut scales = [Curvature::default(); 3];
+        for (slot, nodes) in scales.iter_mut().zip([6, 12, 24]) {
+            rate.add(nodes, slot);
+        }
+        scales
+    }
+
+    /// Rate from pulses of 3 s^-1 on average, each of this length, that push by +-1 mrad/s.
+    fn pulsed(length_s: f64) -> impl Fn(f64) -> f64 {
+        let mut random = Pcg64::new(11, 0);
+        let mut uniform = move || -> f64 { StandardUniform.sample(&mut random) };
+        let mut pulses = Vec::new();
+        let mut time_s = 0.0;
+        while time_s < 90.0 {
+            time_s += 0.05 + 0.56 * uniform();
+            pulses.push((time_s, if uniform() < 0.5 { -1e-3 } else { 1e-3 }));
+        }
+        move |t| pulses.iter().map(|(on, jump)| jump * ((t - on) / length_s).clamp(0.0, 1.0)).sum()
+    }
+
+    #[test]
+    fn pulses_of_any_usual_length_are_seen() {
+        for length_s in [0.02, 0.1, 0.3] {
+            let scales = scales(90.0, pulsed(length_s));
+            assert!(looks_like_pulses(&scales), "{length_s}: {scales:?}");
+        }
+    }
+
+    #[test]
+    fn noise_slow_torques_steps_and_lines_are_no_pulses() {
+        assert!(!looks_like_pulses(&scales(90.0, |_| 0.0)));
+        // A rate that wanders slowly, and fast enough to be far above the noise.
+        let slow = |t: f64| 0.3 * (0.2 * t).sin() + 0.1 * (0.7 * t).cos();
+        assert!(!looks_like_pulses(&scales(90.0, slow)));
+        for tenths in 1..30 {
+            let hz = 0.1 * f64::from(tenths);
+            let line = |t: f64| 0.02 * (std::f64::consts::TAU * hz * t).sin();
+            let scales = scales(90.0, line);
+            assert!(!looks_like_pulses(&scales), "{hz} Hz: {scales:?}");
+        }
+        // A torque that is switched every few seconds: the rate has corners, not jumps.
+        let switched = |t: f64| 2e-3 * (t % 6.0 - 3.0).abs();
+        assert!(!looks_like_pulses(&scales(90.0, switched)));
+    }
+}

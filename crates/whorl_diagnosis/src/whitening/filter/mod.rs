@@ -1,0 +1,345 @@
+//! The Kalman filter that whitens a run, and the smoother that improves its trajectory.
+//!
+//! State: small errors of the trajectory, in this order: attitude (3, body axes), rate (3), gyro bias (3),
+//! accelerometer bias (3), wheel speeds, and if asked for an unmodelled torque (3). The filter is linear,
+//! so the innovation depends linearly on every parameter, and its sensitivities pass through the same
+//! gains (Ljung 1999, section 10.3; Klein and Morelli 2006, filter error method).
+
+mod dynamics;
+mod measurement;
+mod noise;
+mod smoother;
+mod square;
+
+use nalgebra::Vector3;
+use whorl_recording::Component;
+
+use crate::layout::motion::Motion;
+use crate::layout::run::Run;
+use crate::whitening::mechanics::{Mechanics, Prediction};
+
+pub(crate) use measurement::Row;
+
+use square::{Square, congruence, symmetrise};
+
+/// First index of each part of the state.
+pub(crate) const ANGLE: usize = 0;
+pub(crate) const RATE: usize = 3;
+pub(crate) const GYRO_BIAS: usize = 6;
+pub(crate) const ACCEL_BIAS: usize = 9;
+pub(crate) const WHEEL: usize = 12;
+
+/// A slow random torque that nobody has a name for: a first-order Markov process (an Ornstein-Uhlenbeck process; Gelb 1974,
+/// section 3.8).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Background {
+    /// Standard deviation [N m]; 0 = there is none.
+    pub stddev_n_m: f64,
+    /// Time over which it forgets itself \[s\].
+    pub correlation_s: f64,
+    /// The axes about which it acts.
+    pub about: About,
+}
+
+/// Axes about which a torque acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub(crate) enum About {
+    /// All, each by itself.
+    #[default]
+    All,
+    /// This axis of the body.
+    Body(u8),
+    /// This axis of the room.
+    World(u8),
+}
+
+impl About {
+    /// Share of the variance about an axis.
+    fn share(self, axis: usize) -> f64 {
+        match self {
+            Self::All => 1.0,
+            Self::Body(own) | Self::World(own) => f64::from(u8::from(usize::from(own) == axis)),
+        }
+    }
+}
+
+/// How the filter is set.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settings {
+    /// Random-walk intensity of the rate, the torque that the model lacks without memory [rad/s/sqrt(s)].
+    pub rate_walk: f64,
+    /// Intensity of a random-walk torque state [N m/sqrt(s)]; 0 = no such state.
+    pub torque_walk: f64,
+    /// A slow random torque.
+    pub background: Background,
+    /// Torque noise of the wheels [N m sqrt(s)].
+    pub wheel_noise: f64,
+    /// Least random walk of the gyro's bias [rad/s/sqrt(s)].
+    pub gyro_bias_walk: f64,
+}
+
+impl Settings {
+    /// Whether the state holds a torque.
+    pub fn has_torque(&self) -> bool {
+        self.torque_walk > 0.0 || self.background.stddev_n_m > 0.0
+    }
+
+    /// Rate at which the torque of the state decays [1/s]: a walk does not.
+    fn torque_decay_per_s(&self) -> f64 {
+        let is_walk = self.torque_walk > 0.0 || self.background.correlation_s <= 0.0;
+        if is_walk { 0.0 } else { 1.0 / self.background.correlation_s }
+    }
+
+    /// Variance that the torque of the state about an axis gains in a second [N^2 m^2/s].
+    fn torque_intensity(&self, axis: usize) -> f64 {
+        let background = &self.background;
+        let of_background = 2.0 * background.stddev_n_m.powi(2) / background.correlation_s.max(1e-3);
+        self.torque_walk.powi(2) + background.about.share(axis) * of_background
+    }
+}
+
+/// A run linearised along its motion: what does not depend on the noise.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Linear {
+    /// Number of states.
+    pub n: usize,
+    /// Rows of node k: `first_row[k]..first_row[k + 1]`.
+    pub first_row: Vec<usize>,
+    pub rows: Vec<Row>,
+    /// Of each interval's transition what is in the pattern, row by row.
+    transition: Vec<f64>,
+    /// Of each row of the transitions, the columns that are not zero all along.
+    pattern: Vec<Vec<usize>>,
+    /// intervals x n
+    defect: Vec<f64>,
+}
+
+impl Linear {
+    /// Rows of node `k`, by index.
+    pub fn rows_of(&self, k: usize) -> std::ops::Range<usize> {
+        match (self.first_row.get(k), self.first_row.get(k + 1)) {
+            (Some(first), Some(end)) => *first..*end,
+            _ => 0..0,
+        }
+    }
+
+    /// Rows of the transition over interval `k`: columns that are not zero, and what stands there.
+    #[inline]
+    pub fn transition_over(&self, k: usize) -> impl Iterator<Item = (&[usize], &[f64])> {
+        let size: usize = self.pattern.iter().map(Vec::len).sum();
+        let mut rest = self.transition.get(k * size..(k + 1) * size).unwrap_or(&[]);
+        self.pattern.iter().map(move |columns| {
+            let (row, after) = rest.split_at_checked(columns.len()).unwrap_or_default();
+            rest = after;
+            (columns.as_slice(), row)
+        })
+    }
+
+    /// The transition over interval `k` in full, n x n.
+    fn dense_transition(&self, k: usize, f: &mut [f64]) {
+        f.fill(0.0);
+        for (slots, (columns, row)) in f.chunks_exact_mut(self.n.max(1)).zip(self.transition_over(k)) {
+            for (column, x) in columns.iter().zip(row) {
+                slots[*column] = *x;
+            }
+        }
+    }
+}
+
+/// The filter's gains along a run: all that columns need to pass through it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Gains {
+    pub linear: Linear,
+    /// 1 / standard deviation of each innovation.
+    pub inverse_stddev: Vec<f64>,
+    /// rows x n
+    pub gain: Vec<f64>,
+    /// Whitened residual.
+    pub whitened: Vec<f64>,
+}
+
+impl Gains {
+    /// What each row reads.
+    pub fn readings(&self) -> Vec<Component> {
+        self.linear.rows.iter().map(|row| row.reading).collect()
+    }
+
+    /// Node of each row.
+    pub fn nodes(&self) -> Vec<u32> {
+        self.linear.rows.iter().map(|row| row.node).collect()
+    }
+}
+
+/// Two axes across a direction.
+pub(crate) fn across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let helper = if direction.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
+    let e1 = direction.cross(&helper);
+    let e1 = e1 / e1.norm().max(1e-12);
+    (e1, direction.cross(&e1))
+}
+
+/// Linearised system of one run.
+#[derive(Clone, Copy)]
+pub(crate) struct System<'a> {
+    pub run: &'a Run,
+    pub motion: &'a Motion,
+    pub mechanics: &'a Mechanics,
+    pub prediction: &'a Prediction,
+    pub settings: Settings,
+}
+
+/// What is kept of a run of the filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Keep {
+    Innovations,
+    Gains,
+    /// What the smoother needs.
+    Predictions,
+}
+
+/// A run of the filter.
+#[derive(Default)]
+pub(crate) struct Forward {
+    pub log_likelihood: f64,
+    whitened: Vec<f64>,
+    inverse_stddev: Vec<f64>,
+    /// rows x n
+    gain: Vec<f64>,
+    /// Predicted states, nodes x n, and their covariance, nodes x n x n.
+    state: Vec<f64>,
+    covariance: Vec<f64>,
+}
+
+/// A run of the filter with room for `S` states, compiled for each kind of processor that pulp knows.
+struct WithRoom<'a, const S: usize> {
+    system: &'a System<'a>,
+    linear: &'a Linear,
+    keep: Keep,
+}
+
+impl<const S: usize> pulp::NullaryFnOnce for WithRoom<'_, S> {
+    type Output = Forward;
+
+    #[inline(always)]
+    fn call(self) -> Forward {
+        self.system.forward_sized::<S>(self.linear, self.keep)
+    }
+}
+
+impl System<'_> {
+    pub fn wheels(&self) -> usize {
+        self.mechanics.model().wheels().len()
+    }
+
+    pub fn states(&self) -> usize {
+        WHEEL + self.wheels() + if self.settings.has_torque() { 3 } else { 0 }
+    }
+
+    /// Linearises the run; systems that differ by the intensity of their noise share the result.
+    pub fn linear(&self) -> Linear {
+        let (n, nodes) = (self.states(), self.run.nodes());
+        let intervals = nodes.saturating_sub(1);
+        let mut linear = Linear { n, defect: vec![0.0; intervals * n], ..Linear::default() };
+        for k in 0..nodes {
+            linear.first_row.push(linear.rows.len());
+            self.rows(k, &mut linear.rows);
+        }
+        linear.first_row.push(linear.rows.len());
+        let mut a = vec![0.0; n * n];
+        let mut dense = vec![0.0; intervals * n * n];
+        let mut is_used = vec![false; n * n];
+        let steps = dense.chunks_exact_mut(n * n).zip(linear.defect.chunks_exact_mut(n));
+        for (k, (f, d)) in steps.enumerate() {
+            self.transition(k, &mut a, f);
+            self.defect(k, d);
+            is_used.iter_mut().zip(f).for_each(|(used, x)| *used |= *x != 0.0);
+        }
+        linear.pattern =
+            (0..n).map(|row| (0..n).filter(|column| is_used[row * n + column]).collect()).collect();
+        let used: Vec<usize> = (0..n * n).filter(|i| is_used[*i]).collect();
+        linear.transition.reserve_exact(intervals * used.len());
+        for f in dense.chunks_exact(n * n) {
+            linear.transition.extend(used.iter().map(|i| f[*i]));
+        }
+        linear
+    }
+
+    /// Whitened innovations, and the log density of the measurements where all of them are zero.
+    pub fn innovations(&self, linear: &Linear) -> (Vec<f64>, f64) {
+        let forward = self.forward(linear, Keep::Innovations);
+        let log_density = forward.inverse_stddev.iter().map(|s| s.ln()).sum();
+        (forward.whitened, log_density)
+    }
+
+    /// A run of the filter from which the smoother can go back.
+    pub fn filtered(&self, linear: &Linear) -> Forward {
+        self.forward(linear, Keep::Predictions)
+    }
+
+    /// Gains and whitened residuals.
+    pub fn gains(&self, linear: Linear) -> Gains {
+        let Forward { whitened, inverse_stddev, gain, .. } = self.forward(&linear, Keep::Gains);
+        Gains { linear, inverse_stddev, gain, whitened }
+    }
+
+    fn forward(&self, linear: &Linear, keep: Keep) -> Forward {
+        // Few sizes of matrices, each a multiple of what processors handle at once.
+        let processor = pulp::Arch::new();
+        match linear.n {
+            0..=16 => processor.dispatch(WithRoom::<16> { system: self, linear, keep }),
+            17..=20 => processor.dispatch(WithRoom::<20> { system: self, linear, keep }),
+            _ => processor.dispatch(WithRoom::<24> { system: self, linear, keep }),
+        }
+    }
+
+    #[inline(always)]
+    fn forward_sized<const S: usize>(&self, linear: &Linear, keep: Keep) -> Forward {
+        let n = linear.n.min(S);
+        let nodes = self.run.nodes();
+        let noise = self.noise();
+        let mut forward = Forward::default();
+        let mut p: Square<S> = self.initial_covariance();
+        let mut x = [0.0; S];
+        for k in 0..nodes {
+            if keep == Keep::Predictions {
+                forward.state.extend_from_slice(&x[..n]);
+                p.iter().take(n).for_each(|row| forward.covariance.extend_from_slice(&row[..n]));
+            }
+            for row in &linear.rows[linear.rows_of(k)] {
+                // P h^T is a sum of few rows of P.
+                let mut ph = [0.0; S];
+                let mut innovation = row.residual;
+                for (i, h) in row.parts() {
+                    ph.iter_mut().zip(&p[i]).for_each(|(slot, c)| *slot += h * c);
+                    innovation -= h * x[i];
+                }
+                let s = row.variance + row.parts().map(|(i, h)| h * ph[i]).sum::<f64>();
+                let gain = ph.map(|c| c / s);
+                for ((state, covariance), g) in x.iter_mut().zip(&mut p).zip(&gain).take(n) {
+                    *state += g * innovation;
+                    covariance.iter_mut().zip(&ph).for_each(|(slot, c)| *slot -= g * c);
+                }
+                forward.log_likelihood -= 0.5 * (innovation * innovation / s + s.ln());
+                let inverse = 1.0 / s.sqrt();
+                forward.whitened.push(innovation * inverse);
+                forward.inverse_stddev.push(inverse);
+                if keep != Keep::Innovations {
+                    forward.gain.extend_from_slice(&gain[..n]);
+                }
+            }
+            if k + 1 < nodes {
+                let mut moved = [0.0; S];
+                let defect = linear.defect.iter().skip(k * n);
+                for ((slot, (columns, row)), d) in moved.iter_mut().zip(linear.transition_over(k)).zip(defect)
+                {
+                    *slot = d + columns.iter().zip(row).map(|(m, f)| f * x[*m]).sum::<f64>();
+                }
+                x = moved;
+                p = congruence(|| linear.transition_over(k), &p);
+                self.add_noise(&noise, k, &mut p);
+                symmetrise(&mut p);
+            }
+        }
+        forward
+    }
+}

@@ -1,0 +1,216 @@
+//! The noise that drives the error dynamics, and what is known at the start.
+
+use nalgebra::Vector3;
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+
+use super::{ACCEL_BIAS, ANGLE, GYRO_BIAS, RATE, System, WHEEL};
+
+/// Rates and wheel speeds, the states that torques turn.
+const TURNED: usize = 3 + MAX_WHEELS;
+
+/// A direction in these states, or a covariance of them.
+type Direction = [f64; TURNED];
+type Covariance = [Direction; TURNED];
+
+/// Shape of the noise of a platform: what does not change along a run.
+pub(super) struct Noise {
+    /// Covariance for a unit walk of the rate about every axis.
+    rate: Covariance,
+    /// Covariance for a unit torque of each wheel's motor.
+    wheel: Vec<Covariance>,
+    /// Squared acceleration that each jet gives [rad^2/s^4].
+    edge: Vec<f64>,
+}
+
+fn add_square(sum: &mut Covariance, direction: &Direction) {
+    for (row, x) in sum.iter_mut().zip(direction) {
+        for (slot, y) in row.iter_mut().zip(direction) {
+            *slot += x * y;
+        }
+    }
+}
+
+/// State of the filter of a turned state.
+fn state(i: usize) -> usize {
+    if i < 3 { RATE + i } else { WHEEL + i - 3 }
+}
+
+/// A body that turns slower than this may stand still, as far as a gyro's noise lets one see [rad/s].
+const STANDS_RAD_S: f64 = 3e-3;
+
+/// An interval so long is a gap \[s\]: what happened within is beyond one step of the equations,
+const GAP_S: f64 = 0.5;
+
+/// if it is also so many times longer than usual.
+const GAP: f64 = 5.0;
+
+/// Time over which dry friction at standstill changes its pull \[s\].
+const STICKS_S: f64 = 0.1;
+
+impl System<'_> {
+    pub(super) fn noise(&self) -> Noise {
+        let wheels = self.mechanics.model().wheels();
+        let mut rate = [[0.0; TURNED]; TURNED];
+        for i in 0..3 {
+            // Free wheels keep their speed in space: what turns the body turns against them.
+            let mut direction = [0.0; TURNED];
+            let turn = self.mechanics.model().freedom.share(&Vector3::ith(i, 1.0));
+            direction[..3].copy_from_slice(turn.as_slice());
+            for (slot, wheel) in direction[3..].iter_mut().zip(wheels) {
+                *slot = -wheel.spin_axis_b.dot(&turn);
+            }
+            add_square(&mut rate, &direction);
+        }
+        let of_wheel = |(j, wheel): (usize, &whorl_dynamics::platform::Wheel)| {
+            // The motor's torque turns wheel and body against each other.
+            let axis = wheel.spin_axis_b.into_inner();
+            let body =
+                if self.run.clamped { Vector3::zeros() } else { -(self.mechanics.inverse_inertia() * axis) };
+            let mut direction = [0.0; TURNED];
+            for (slot, x) in direction.iter_mut().zip(body.iter()) {
+                *slot = *x;
+            }
+            for (other, (slot, w)) in direction[3..].iter_mut().zip(wheels).enumerate() {
+                let own = if other == j { 1.0 / wheel.spin_inertia_kg_m2 } else { 0.0 };
+                *slot = own - w.spin_axis_b.dot(&body);
+            }
+            let mut covariance = [[0.0; TURNED]; TURNED];
+            add_square(&mut covariance, &direction);
+            covariance
+        };
+        let of_jet = |jet: &whorl_dynamics::platform::Jet| {
+            let torque = jet.position_b_m.cross(&(jet.force_direction_b.into_inner() * jet.thrust_n));
+            (self.mechanics.inverse_inertia() * torque).norm_squared()
+        };
+        Noise {
+            rate,
+            wheel: wheels.iter().enumerate().map(of_wheel).collect(),
+            edge: self.mechanics.model().jets().iter().map(of_jet).collect(),
+        }
+    }
+
+    /// Random-walk intensity of the rate while dry friction holds the body: what it pulls then balances all
+    /// else, up to its size either way, and no formula of the measured rate gives it [rad/s/sqrt(s)].
+    pub(crate) fn stiction_walk(&self, k: usize) -> f64 {
+        let Some(rate) = self.motion.omega_mid.get(k).map(|w| w.norm()).filter(|w| *w < STANDS_RAD_S) else {
+            return 0.0;
+        };
+        let effects = self.mechanics.gyrostat.effects().iter();
+        let torque_n_m: f64 = effects.map(|a| a.effect().holding_torque_n_m(a.values())).sum();
+        // The formula comes into its own as the body gets going.
+        let share = 1.0 - rate / STANDS_RAD_S;
+        share * torque_n_m * self.mechanics.inverse_inertia().trace() / 3.0 * (2.0 * STICKS_S).sqrt()
+    }
+
+    /// Adds the process noise of interval `k`.
+    pub(super) fn add_noise<const S: usize>(&self, noise: &Noise, k: usize, p: &mut [[f64; S]; S]) {
+        let h = self.run.length(k);
+        let model = self.mechanics.model();
+        let s = &self.settings;
+        let sensors = &model.sensors;
+        let mut sum = [[0.0; TURNED]; TURNED];
+        let mut add = |covariance: &Covariance, variance: f64| {
+            for (row, of) in sum.iter_mut().zip(covariance) {
+                for (slot, x) in row.iter_mut().zip(of) {
+                    *slot += variance * x;
+                }
+            }
+        };
+        if !self.run.clamped {
+            // After a gap any motion is possible.
+            let blind = h > f64::max(GAP_S, GAP * self.run.node_s())
+                || match self.run.near_stop.get(k) {
+                    Some(known) => *known,
+                    None => self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q)),
+                };
+            let rate = if blind { 1.0 } else { s.rate_walk.hypot(self.stiction_walk(k)) };
+            let relative = |walk: f64, least: f64| walk.max(least).powi(2) * h;
+            // A valve's edge is as uncertain as the stamp that tells of it.
+            let edges: f64 =
+                self.run.edges.get(k).into_iter().flatten().filter_map(|j| noise.edge.get(*j)).sum();
+            add(&noise.rate, rate * rate * h + edges * self.run.stamp_jitter_s.powi(2));
+            for i in 0..3 {
+                let mut diagonal = |state: usize, variance: f64| p[state][state] += variance;
+                diagonal(ANGLE + i, 1e-14 * h);
+                diagonal(GYRO_BIAS + i, relative(sensors.gyro.errors.bias_walk[i], s.gyro_bias_walk));
+                diagonal(ACCEL_BIAS + i, relative(sensors.accelerometer.errors.bias_walk[i], 1e-6));
+                if s.has_torque() {
+                    diagonal(WHEEL + self.wheels() + i, s.torque_intensity(i) * h);
+                }
+            }
+        }
+        for (j, (wheel, covariance)) in model.wheels().iter().zip(&noise.wheel).enumerate() {
+            let speed = self.motion.wheel_mid.get(k).and_then(|w| w.get(j)).copied().unwrap_or(0.0);
+            let near_zero = speed.abs() < (4.0 * self.run.noise.wheel).max(0.3);
+            let at_limit = speed.abs() > 0.985 * wheel.max_speed_rad_s;
+            let intensity = if !self.run.has_wheel_command {
+                0.5 * wheel.max_torque_n_m
+            } else if self.run.has_wheel_speed && (near_zero || at_limit) {
+                (2.0 * wheel.coulomb_friction_n_m).max(0.02 * wheel.max_torque_n_m)
+            } else {
+                // Just off standstill friction is still not what it is at speed.
+                s.wheel_noise.max(2.0 * wheel.coulomb_friction_n_m * (0.3 / speed).powi(2))
+            };
+            let intensity = intensity.max(self.run.wheel_jitter[j]);
+            add(covariance, intensity * intensity * h);
+        }
+        let turned = 3 + self.wheels();
+        for (i, row) in sum.iter().enumerate().take(turned) {
+            for (j, x) in row.iter().enumerate().take(turned) {
+                p[state(i)][state(j)] += x;
+            }
+        }
+    }
+
+    /// What is known of the states at the start of a run.
+    pub(super) fn initial_covariance<const S: usize>(&self) -> [[f64; S]; S] {
+        let mut variance = [0.0; S];
+        let sensors = &self.mechanics.model().sensors;
+        let clamped = self.run.clamped;
+        for i in 0..3 {
+            let slanted = |v: &crate::layout::run::VectorRun| {
+                v.reference_world.z.abs() < 0.98 * v.reference_world.norm()
+            };
+            let heading = i == 2 && !self.run.vectors.iter().any(slanted);
+            let angle = if clamped {
+                1e-9
+            } else if heading {
+                1e-5
+            } else {
+                0.2
+            };
+            variance[ANGLE + i] = angle * angle;
+            // On a shaft, about it alone.
+            let turns = self.mechanics.model().freedom.projection()[(i, i)];
+            variance[RATE + i] = if clamped { 1e-20 } else { 0.25 * turns };
+            let bias = (3.0 * sensors.gyro.errors.bias_turn_on_stddev[i]).max(0.02);
+            variance[GYRO_BIAS + i] = bias * bias;
+            let bias = sensors.accelerometer.errors.bias_turn_on_stddev[i].max(1e-4);
+            variance[ACCEL_BIAS + i] = bias * bias;
+        }
+        for (j, limits) in self.mechanics.model().wheels().iter().enumerate() {
+            // Where no tachometer says more, anything up to the limit.
+            let wheel = if self.run.has_wheel_speed { 5.0 } else { 0.3 * limits.max_speed_rad_s };
+            variance[WHEEL + j] = wheel * wheel;
+        }
+        if self.settings.has_torque() {
+            let walked = if self.settings.torque_walk > 0.0 { 0.1 } else { 0.0 };
+            for i in 0..3 {
+                let background = &self.settings.background;
+                variance[WHEEL + self.wheels() + i] =
+                    walked * walked + background.about.share(i) * background.stddev_n_m.powi(2);
+            }
+        }
+        let mut p = [[0.0; S]; S];
+        for (i, (row, x)) in p.iter_mut().zip(variance).enumerate() {
+            row[i] = x;
+        }
+        let along = self.mechanics.model().freedom.projection();
+        for i in 0..3 {
+            for j in (0..3).filter(|j| *j != i && !clamped) {
+                p[RATE + i][RATE + j] = 0.25 * along[(i, j)];
+            }
+        }
+        p
+    }
+}

@@ -1,0 +1,87 @@
+//! Sizes of effects relative to the rig.
+//!
+//! Effects state their usual sizes for the dissertation's platform. On another rig a usual friction, draught or imbalance is
+//! in proportion to what it acts on: torques on the body to its inertia (the same accelerations). So one catalogue serves
+//! from grams on a string to a satellite. Effects on wheels and jets state their sizes relative to these.
+
+use super::ParameterSpec;
+use crate::PlatformModel;
+use crate::platform::{Jet, Wheel};
+
+/// Mean moment of inertia of the platform for which sizes are stated [kg m^2].
+const INERTIA_KG_M2: f64 = 8.6;
+
+/// What parameters belong to, and how large it is.
+pub(super) trait RigSize {
+    /// Usual size here over that on the dissertation's platform, of a parameter of this unit.
+    fn factor(&self, unit: &str) -> f64;
+}
+
+impl RigSize for PlatformModel {
+    fn factor(&self, unit: &str) -> f64 {
+        let ratio = self.mass_properties.inertia_b_kg_m2().trace() / 3.0 / INERTIA_KG_M2;
+        match unit {
+            "sqrt(kg) m" => ratio.sqrt(),
+            "A m^2" => ratio,
+            _ if unit.starts_with("N m") => ratio,
+            _ => 1.0,
+        }
+    }
+}
+
+impl RigSize for Wheel {
+    fn factor(&self, _unit: &str) -> f64 {
+        1.0
+    }
+}
+
+impl RigSize for Jet {
+    fn factor(&self, _unit: &str) -> f64 {
+        1.0
+    }
+}
+
+/// A parameter with its usual size on a rig; its range grows with it, and never shrinks.
+pub(super) fn for_size_of(part: &impl RigSize, spec: ParameterSpec) -> ParameterSpec {
+    let factor = part.factor(spec.unit);
+    if spec.known || spec.base.is_some() || !factor.is_finite() || factor <= 0.0 {
+        return spec;
+    }
+    let wider = factor.max(1.0);
+    ParameterSpec {
+        prior_stddev: spec.prior_stddev * factor,
+        min: spec.min * wider,
+        max: spec.max * wider,
+        ..spec
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MassProperties;
+    use crate::effects::find;
+
+    #[test]
+    fn usual_sizes_follow_the_rig() {
+        let mut model = PlatformModel::whorl_1_reference();
+        let size = |model: &PlatformModel, id: &str| {
+            let spec = find(id).unwrap().parameters(model).into_iter().next().unwrap();
+            (spec.prior_stddev, spec.max)
+        };
+        let (stddev, max) = size(&model, "bearing_viscous_friction");
+        assert!((stddev - 0.01).abs() < 1e-3 * stddev && max == 5.0);
+        let own = model.mass_properties;
+        let scaled = |factor: f64| {
+            MassProperties::new(own.inertia_b_kg_m2() * factor, *own.gravity_offset_b_n_m(), 110.0).unwrap()
+        };
+        model.mass_properties = scaled(1e-4);
+        let small = size(&model, "bearing_viscous_friction");
+        assert!((small.0 / stddev - 1e-4).abs() < 1e-9 && small.1 == max);
+        model.mass_properties = scaled(100.0);
+        let large = size(&model, "bearing_viscous_friction");
+        assert!((large.0 / stddev - 100.0).abs() < 1e-9 && large.1 > 90.0 * max);
+        // A sensor does not care.
+        assert_eq!(size(&model, "gyro_scale"), size(&PlatformModel::whorl_1_reference(), "gyro_scale"));
+    }
+}
