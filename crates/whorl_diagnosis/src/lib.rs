@@ -13,9 +13,11 @@
 //! own parameters are always refitted within their priors. This is the generalised least-squares form
 //! of the integrated (momentum) residual: no noisy rate is differentiated.
 
+mod diagnosis;
 mod error;
 mod evidence;
 mod explanations;
+mod fitter;
 mod layout;
 mod options;
 mod search;
@@ -25,13 +27,14 @@ mod threads;
 mod verdict;
 mod whitening;
 
-pub use error::DiagnosisError;
-pub use options::{Options, Progress};
-pub use search::prospect::{Prospect, Prospects, prospects};
-pub use verdict::diagnosis::{
+pub use diagnosis::{
     BackgroundTorque, Candidate, Diagnosis, Explanation, NextManoeuvre, NoiseScale, ParameterEstimate,
     SCHEMA, SlowResidual, Unknown, Verdict,
 };
+pub use error::DiagnosisError;
+pub use fitter::{Fit, FittedParameter, Fitter, fit};
+pub use options::{Options, Progress};
+pub use search::prospect::{Prospect, Prospects, prospects};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
@@ -135,74 +138,4 @@ fn prepare(
         Some(search::problem::Problem::new(held_out, reference, total_s, options.threads)?)
     };
     Ok((problem, held))
-}
-
-/// A model refitted jointly with effects.
-#[derive(Debug, Clone)]
-pub struct Fit {
-    /// The platform with base parameters and effects at their estimates.
-    pub model: PlatformModel,
-    /// Standard deviations after the fit.
-    pub prior: ModelPrior,
-    /// Every fitted parameter of the base model and of the effects.
-    pub estimates: Vec<FittedParameter>,
-    /// The slow residual before and after.
-    pub slow_residual: SlowResidual,
-}
-
-/// One fitted parameter.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FittedParameter {
-    /// Effect id; `mass_properties` for the moments of inertia.
-    pub group: String,
-    /// Name within the group.
-    pub name: String,
-    /// Unit, "1" for none.
-    pub unit: String,
-    /// Value in the given model (for an effect that it does not have: the neutral value).
-    pub before: f64,
-    /// Estimate.
-    pub estimate: f64,
-    /// Standard deviation of the estimate.
-    pub stddev: f64,
-    /// Whether the estimate lies at a bound of its plausible range.
-    pub at_bound: bool,
-}
-
-/// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
-/// base only) to the training recordings.
-///
-/// # Errors
-/// As [`diagnose`]; also for an unknown effect.
-pub fn fit(
-    training: &[Recording],
-    held_out: &[Recording],
-    model: &PlatformModel,
-    prior: &ModelPrior,
-    effects: &[&str],
-    options: &Options,
-) -> Result<Fit, DiagnosisError> {
-    let mut chosen = Vec::new();
-    for id in effects {
-        let effect = whorl_dynamics::effects::find(id)
-            .ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
-        chosen.push(effect);
-    }
-    // Columns of effects that take no part need not be made.
-    let others = whorl_dynamics::effects::catalogue().iter().map(|effect| effect.info().id);
-    let exclude = others.filter(|id| !effects.contains(id)).map(str::to_owned).collect();
-    let options = &Options { exclude, ..options.clone() };
-    let mut late_s = None;
-    loop {
-        let (mut problem, mut held) =
-            prepare(training, held_out, model, prior, options, late_s, &mut |_| {})?;
-        let mut search = search::Search::start(&mut problem, held.as_mut(), options, &mut |_| {})?;
-        search::prospect::make_columns_for(&mut search, effects)?;
-        search.adopt(&chosen)?;
-        let later_s = search::latency::Late::of(&search).worth_a_new_layout(search.problem.reference.late_s);
-        if late_s.is_some() || later_s.is_none() {
-            return search.fit();
-        }
-        late_s = later_s;
-    }
 }

@@ -54,6 +54,11 @@ impl Normal {
         }
     }
 
+    /// Misfit with these values of the columns.
+    pub fn misfit_at(&self, values: &DVector<f64>) -> f64 {
+        self.sum_of_squares - 2.0 * values.dot(&self.vector) + values.dot(&(&self.matrix * values))
+    }
+
     pub fn add(&mut self, other: &Self, factor: f64) {
         self.matrix += &other.matrix * factor;
         self.vector += &other.vector * factor;

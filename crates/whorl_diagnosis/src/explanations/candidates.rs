@@ -7,6 +7,7 @@ use whorl_dynamics::effects::{
     Clues, Direction, Grouping, Need, Part, Regressed, Resonance, Role, Start, catalogue, find,
 };
 
+use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::modes::Mode;
 use crate::explanations::parameters::{Column, Point, Reference, Target};
 use crate::layout::run::Run;
@@ -19,6 +20,12 @@ pub(crate) struct Candidate {
     /// Ways in which it can enter: sets of columns of the regression.
     pub options: Vec<Vec<usize>>,
 }
+
+/// Detectability at which an effect shows.
+pub(crate) const SHOWS: f64 = 30.0;
+
+/// Prior variance of a column of which nothing is known, in its unit.
+const ANY_SIZE: f64 = 1e6;
 
 /// All columns of a regression and who owns them.
 #[derive(Debug, Clone, Default)]
@@ -243,6 +250,16 @@ impl Layout {
     /// Variance of a column as part of the base model.
     pub fn base_variance(&self, column: usize) -> f64 {
         self.columns.get(column).map_or(1.0, |c| c.base_stddev * c.base_stddev)
+    }
+
+    /// Detectability of a column at its unit, the base refitted.
+    pub fn detectability(&self, normal: &Normal, column: usize) -> Option<f64> {
+        let mut active: Vec<usize> = self.base.iter().copied().filter(|i| *i != column).collect();
+        active.push(column);
+        let variance = |c: usize| if c == column { ANY_SIZE } else { self.base_variance(c) };
+        let fit = Estimate::new(normal, &active, variance)?;
+        let variance = fit.covariance()[(active.len() - 1, active.len() - 1)];
+        (variance > 0.0).then(|| 1.0 / variance)
     }
 }
 

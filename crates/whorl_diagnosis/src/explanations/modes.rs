@@ -47,7 +47,7 @@ struct Spectra {
 
 fn spectra(search: &Search<'_>, of: &Hypothesis) -> Vec<Spectra> {
     let estimate = of.estimate.spread(search.layout.columns.len());
-    let data = search.problem.runs.iter().zip(&search.problem.motions).zip(&search.data.whitened);
+    let data = search.problem.runs.iter().zip(search.problem.motions.iter()).zip(&search.data.whitened);
     data.filter(|((run, _), _)| !run.clamped && run.nodes() >= 64)
         .map(|((run, motion), whitened)| {
             let nodes = run.nodes();

@@ -98,7 +98,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     };
     let problem = &*search.problem;
     let largest = |of: &dyn Fn(&Motion, usize) -> f64| {
-        let each = problem.runs.iter().zip(&problem.motions);
+        let each = problem.runs.iter().zip(problem.motions.iter());
         let all = each.flat_map(|(run, motion)| (0..run.nodes()).map(move |k| of(motion, k).abs()));
         all.fold(0.0, f64::max)
     };

@@ -5,7 +5,7 @@
 //! any size. So sets that compete are each fitted by Gauss-Newton steps with motion and sensitivities made
 //! anew, and compared by their evidence there (Laplace's approximation at its own maximum).
 
-use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::DVector;
 use whorl_dynamics::effects::find;
@@ -20,8 +20,9 @@ use crate::explanations::physical::between;
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
 use crate::search::Search;
-use crate::search::problem::Problem;
-use crate::search::step::{NO_FIT, point_of, regression_at};
+use crate::search::problem::{Dataset, Problem, Trust};
+use crate::search::standing::Converged;
+use crate::search::step::{dataset, point_of};
 
 /// Steps of a fit, those taken back included.
 const MOST_STEPS: usize = 8;
@@ -37,53 +38,29 @@ const CONVERGED: f64 = 0.3;
 
 /// What a fit may still gain: so many times what its next step promises, and this much log evidence. Steps promise
 /// what straight formulas would bring, and formulas bend.
-const SURPRISE: (f64, f64) = (4.0, 3.0);
+pub(crate) const SURPRISE: (f64, f64) = (4.0, 3.0);
 
 /// Misfit by which a larger set may fall behind the leading one on its way to where it fits best: beyond it, a step went
 /// too far.
 const LEAST_DROP: f64 = 30.0;
 
-/// How a set explains the data at its own point.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Standing {
-    /// Log evidence of training and held-out data together, errors of formulas and noise of unknown size integrated out;
-    /// comparable between sets.
+/// Where Gauss-Newton steps of a set have come to, and the regression there.
+pub(crate) struct Descended {
+    pub names: Vec<String>,
+    /// Log evidence of the training data alone, with the noise that the steps were taken with.
     pub log_evidence: f64,
-    /// Log evidence of the training data alone, at the search's own noise.
-    pub training_evidence: f64,
-    /// Log likelihood of the training data where the set fits them best.
-    pub log_likelihood: f64,
-    /// Log likelihood of held-out data with values that were fitted to the training data.
-    pub held_log_likelihood: Option<f64>,
     /// Whitened misfit of the training data, prior's penalty included.
     pub misfit: f64,
-    /// By how much a further step would lower the misfit: of a fit that ended before its minimum.
+    /// By how much a further step would lower the misfit.
     pub promise: f64,
-    /// Relative error of formulas that is likeliest.
-    pub relative_error: f64,
-    /// Noise beside the model's that is likeliest.
+    /// Noise that the steps were taken with.
     pub nuisance: Nuisance,
-}
-
-impl Standing {
-    /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
-    /// straight formulas can be trusted.
-    pub fn worth(&self) -> f64 {
-        self.log_evidence + (0.5 * self.promise).min(SURPRISE.1)
-    }
-}
-
-/// Standings by the names of the sets.
-pub(crate) type Standings = BTreeMap<Vec<String>, Standing>;
-
-/// A set fitted at its own point.
-pub(crate) struct Converged {
-    pub names: Vec<String>,
-    pub standing: Standing,
     pub point: Point,
-    pub motions: Vec<Motion>,
+    pub motions: Arc<Vec<Motion>>,
     pub layout: Layout,
     pub members: Vec<Member>,
+    /// Errors of formulas not integrated out.
+    pub data: Dataset,
 }
 
 /// Where a fit begins.
@@ -188,34 +165,34 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.threads = threads;
         let mut from = self.begin(start, &ids);
-        let mut best: Option<Converged> = None;
+        let mut last: Option<Descended> = None;
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         for turn in 0..MOST_TURNS {
-            let Some(converged) = self.descend(&mut problem, from, &ids, least, turn == 0)? else { break };
-            let Some(weighed) = self.weighed(converged, problem.clone())? else { break };
-            let is_settled = weighed.standing.nuisance == problem.nuisance;
-            problem.nuisance = weighed.standing.nuisance;
-            problem.motions.clone_from(&weighed.motions);
+            let Some(descended) = self.descend(&mut problem, from, &ids, least, turn == 0)? else { break };
+            problem.motions = Arc::clone(&descended.motions);
+            problem.nuisance = problem.likeliest_nuisance(&descended.point, self.colours.as_deref())?;
             from = Begin {
-                point: weighed.point.clone(),
-                layout: weighed.layout.clone(),
-                members: weighed.members.clone(),
+                point: descended.point.clone(),
+                layout: descended.layout.clone(),
+                members: descended.members.clone(),
             };
-            if best.as_ref().is_none_or(|b| weighed.standing.log_evidence > b.standing.log_evidence) {
-                best = Some(weighed);
-            }
+            let is_settled = descended.nuisance == problem.nuisance;
+            last = Some(descended);
             if is_settled {
                 break;
             }
         }
-        Ok(best)
+        match last {
+            Some(descended) => self.weighed(descended, &problem),
+            None => Ok(None),
+        }
     }
 
     /// Fits several sets where each fits best, side by side; given up where they cannot come to a log evidence of
     /// `least`.
     pub(crate) fn converge_all(
         &self,
-        starts: &[&Hypothesis],
+        starts: &[Hypothesis],
         least: f64,
     ) -> Result<Vec<Option<Converged>>, DiagnosisError> {
         let each = if starts.len() > 1 { 1 } else { self.problem.threads };
@@ -244,13 +221,13 @@ impl Search<'_> {
         ids: &[&'static str],
         least: f64,
         is_first: bool,
-    ) -> Result<Option<Converged>, DiagnosisError> {
+    ) -> Result<Option<Descended>, DiagnosisError> {
         let Begin { mut point, mut layout, mut members } = from;
         let entered_as_place = members.last().is_some_and(|m| {
             let of_last = m.columns.iter().filter_map(|i| layout.columns.get(*i));
             of_last.clone().any(|c| c.origin.is_some()) && of_last.flat_map(|c| &c.step).all(|s| *s == 0.0)
         });
-        let mut best: Option<Converged> = None;
+        let mut best: Option<Descended> = None;
         let (mut share, mut target): (f64, Option<Point>) = (1.0, None);
         // A set that holds the present best one starts from there, with a misfit that is known.
         let (anchor, first) = (self.point.clone(), point.clone());
@@ -261,22 +238,24 @@ impl Search<'_> {
         // What the last good step promised.
         let mut promise = 0.0;
         for step in 0..MOST_STEPS {
-            problem.smooth(&point, None)?;
+            let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
+            problem.smooth(&point, trust)?;
             let here =
                 Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
             members = members.iter().filter_map(|m| carried(m, &layout, &here)).collect();
             layout = here;
-            let data = regression_at(problem, &point, &layout, self.colours.clone(), self.relative_error)?;
-            let Some(mut fit) = Hypothesis::of(&layout, &data.total, members.clone()) else { break };
+            let data = dataset(problem, &point, &layout, self.colours.clone())?;
+            let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);
+            let Some(mut fit) = Hypothesis::of(&layout, &total, members.clone()) else { break };
             if fit.members.len() < ids.len() {
                 break;
             }
             // A place on a grid has become a value: how far it is from neutral, no column has said before.
             if step == 0 && entered_as_place {
-                fit = fit.resized(&layout, &data.total);
+                fit = fit.resized(&layout, &total);
                 members.clone_from(&fit.members);
             }
-            let Some((misfit, here)) = at_itself(self, &layout, &data.total, &fit, &point, false) else {
+            let Some((misfit, here)) = at_itself(self, &layout, &total, &fit, &point, false) else {
                 break;
             };
             // What has not come round once in any run is a drift, and periodic by name only.
@@ -293,7 +272,7 @@ impl Search<'_> {
                 }
                 continue;
             }
-            let last = best.as_ref().map_or(f64::INFINITY, |b| b.standing.misfit);
+            let last = best.as_ref().map_or(f64::INFINITY, |b| b.misfit);
             // A step that went too far is shortened, and so are those after it until one is good.
             if misfit > last + 2.0 * CONVERGED {
                 share *= 0.4;
@@ -308,28 +287,23 @@ impl Search<'_> {
                 continue;
             }
             share = (1.6 * share).min(1.0);
-            let promised = misfit - (data.total.sum_of_squares - fit.estimate.drop);
+            let promised = misfit - (total.sum_of_squares - fit.estimate.drop);
             // Occam's factor and the price of choices, beside the likelihood.
-            let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density;
+            let factor = fit.log_evidence - 0.5 * fit.estimate.drop + data.log_density + gained;
             let next = point_of(self.problem, &layout, &point, &fit);
             let log_evidence = factor - 0.5 * misfit;
             promise = promised;
-            best = Some(Converged {
+            best = Some(Descended {
                 names: fit.names(&layout),
-                standing: Standing {
-                    log_evidence,
-                    training_evidence: log_evidence,
-                    log_likelihood: data.log_density - 0.5 * misfit,
-                    held_log_likelihood: None,
-                    misfit,
-                    promise: promised.max(0.0),
-                    relative_error: self.relative_error,
-                    nuisance: problem.nuisance,
-                },
+                log_evidence,
+                misfit,
+                promise: promised.max(0.0),
+                nuisance: problem.nuisance,
                 point: here.clone(),
-                motions: problem.motions.clone(),
+                motions: Arc::clone(&problem.motions),
                 layout: layout.clone(),
                 members: fit.members.clone(),
+                data,
             });
             if promised < 2.0 * CONVERGED || log_evidence + SURPRISE.0 * 0.5 * promised + SURPRISE.1 < least {
                 break;
@@ -347,60 +321,5 @@ impl Search<'_> {
         let imposed_hz =
             |(id, values): (&&str, &Vec<f64>)| find(id).and_then(|effect| effect.imposed_hz(values));
         point.effects.iter().filter_map(imposed_hz).all(|hz| longest_s * hz >= 1.0)
-    }
-
-    /// Makes a converged set the present best: the full regression at its point, with its noise.
-    pub(crate) fn settle(&mut self, converged: Converged) -> Result<(), DiagnosisError> {
-        self.point = converged.point;
-        self.problem.motions = converged.motions;
-        self.problem.nuisance = converged.standing.nuisance;
-        self.relative_error = converged.standing.relative_error;
-        if let Some(held) = &mut self.held_out {
-            held.nuisance = converged.standing.nuisance;
-            held.smooth(&self.point, None)?;
-        }
-        self.regress()?;
-        let members: Vec<Member> =
-            converged.members.iter().filter_map(|m| carried(m, &converged.layout, &self.layout)).collect();
-        self.best =
-            Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
-        Ok(())
-    }
-
-    /// Remembers how well a set stands.
-    pub(crate) fn remember(&mut self, converged: &Converged) {
-        self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
-        let known = self.standings.get(&converged.names).map_or(f64::NEG_INFINITY, |s| s.log_evidence);
-        if converged.standing.log_evidence >= known {
-            self.standings.insert(converged.names.clone(), converged.standing);
-        }
-    }
-
-    /// Linearises anew at the present best and finds its members there.
-    pub(crate) fn relinearise(&mut self) -> Result<(), DiagnosisError> {
-        let best = self.best.clone();
-        let converged = match self.converge(&best)? {
-            Some(converged) => converged,
-            // It cannot stand at its own point: back to the base model.
-            None => {
-                let base = self.base.clone();
-                self.converge(&base)?.ok_or(NO_FIT)?
-            }
-        };
-        self.settle(converged)
-    }
-
-    /// Standing of a set, if it was fitted at a point of its own.
-    pub(crate) fn standing(&self, set: &Hypothesis) -> Option<Standing> {
-        self.standings.get(&set.names(&self.layout)).copied()
-    }
-
-    /// Log evidence and drop of the misfit that one set has over another: where each fits best if both were
-    /// fitted there, else in the present regression.
-    pub(crate) fn advantage(&self, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
-        match (self.standing(with), self.standing(without)) {
-            (Some(a), Some(b)) => (a.log_evidence - b.log_evidence, b.misfit - a.misfit),
-            _ => (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop),
-        }
     }
 }

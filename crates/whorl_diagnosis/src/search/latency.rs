@@ -7,7 +7,7 @@
 use whorl_dynamics::effects::find;
 
 use crate::search::Search;
-use crate::search::converge::Standing;
+use crate::search::standing::Standing;
 
 /// Latency far from that with which recordings were laid out \[s\].
 const FAR_S: f64 = 2e-3;
@@ -52,8 +52,8 @@ impl Late {
         let evidence = |standing: Option<Standing>| standing.map(|s| s.log_evidence);
         let base = evidence(search.standing(&search.base)).unwrap_or(search.base.log_evidence);
         let best = evidence(search.standing(&search.best)).unwrap_or(search.best.log_evidence);
-        let others = search.standings.iter().filter(|(names, _)| !holds_latency(names));
-        let rival = others.map(|(_, standing)| standing.log_evidence).fold(base, f64::max);
+        let others = search.fitted.values().filter(|c| !holds_latency(&c.names));
+        let rival = others.map(|c| c.standing.log_evidence).fold(base, f64::max);
         let holds_latency = holds_latency(&search.best.names(&search.layout));
         let with = if holds_latency { best } else { search.late.map_or(base, |late| late.log_evidence) };
         let late_s = search.late.map(|late| late.late_s);

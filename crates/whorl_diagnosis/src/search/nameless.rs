@@ -6,6 +6,8 @@
 //! that were tried. This is the regression of a random-walk torque on the recorded channels (Kristensen et al. 2004),
 //! without smoothing the torque first.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 
 use crate::DiagnosisError;
@@ -15,17 +17,20 @@ use crate::evidence::regression::{Colour, Estimate, Normal, Whitened};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::shapes::{Column, Law, Shape, columns_of, laws, shapes, stray};
 use crate::search::Search;
-use crate::search::converge::Converged;
-use crate::search::problem::{Dataset, Problem};
+
+use crate::diagnosis::Unknown;
+use crate::search::problem::{Dataset, Problem, Trust};
+use crate::search::standing::Converged;
 use crate::search::step::dataset;
 use crate::threads;
-use crate::verdict::answer::LARGE;
-use crate::verdict::diagnosis::Unknown;
 use crate::whitening::columns::{LANES, Stray, stray_response};
 use crate::whitening::filter::About;
 
 /// Probability that something is missing that has no name, before any data: as likely as two effects of the catalogue.
 pub(crate) const NAMELESS: f64 = 0.01;
+
+/// A slow random torque beyond this share of what turns the platform is no background.
+pub(crate) const LARGE: f64 = 0.01;
 
 /// Prior sizes that are tried, in units of a law's columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
@@ -69,7 +74,7 @@ impl Search<'_> {
     /// The likeliest torque about one axis that is free in time.
     fn free_torque_beside(&self, at: &Converged) -> Result<Option<Nameless>, DiagnosisError> {
         let mut problem = self.problem.clone();
-        problem.motions.clone_from(&at.motions);
+        problem.motions = Arc::clone(&at.motions);
         problem.nuisance = at.standing.nuisance;
         let starts: Vec<Nuisance> = (0..3)
             .flat_map(|axis| [About::Body(axis), About::World(axis)])
@@ -89,14 +94,10 @@ impl Search<'_> {
                 beside: at.names.clone(),
                 log_evidence: at.standing.log_evidence + gain + NAMELESS.ln() - 6f64.ln(),
                 unknown: Unknown {
-                    variable: "time".to_owned(),
                     frame: frame.to_owned(),
                     axis: axis_name(usize::from(axis)).to_owned(),
-                    parity: "none".to_owned(),
-                    frequency_hz: None,
                     share: 0.0,
-                    size: background.stddev_n_m,
-                    unit: "N m".to_owned(),
+                    ..Unknown::torque_in_time(background.stddev_n_m)
                 },
             }
         }))
@@ -109,7 +110,7 @@ impl Search<'_> {
         let laws = laws(&groups, &columns);
         let error = at.standing.relative_error;
         let mut problem = self.problem.clone();
-        problem.motions.clone_from(&at.motions);
+        problem.motions = Arc::clone(&at.motions);
         problem.nuisance = nuisance;
         let training = dataset(&problem, &at.point, &at.layout, self.colours.clone())?;
         let Some(fit) = Hypothesis::free(&at.layout, &training.total, at.members.clone()) else {
@@ -122,7 +123,7 @@ impl Search<'_> {
         if let Some(held) = self.held_out.as_deref() {
             let mut held = held.clone();
             held.nuisance = nuisance;
-            held.smooth(&at.point, None)?;
+            held.smooth(&at.point, Trust::AsDataSay)?;
             let data = dataset(&held, &at.point, &at.layout, self.held_colours.clone())?;
             let more =
                 joined(&held, at, &data, &groups, &columns, &active, self.held_colours.as_deref(), error)?;
@@ -142,11 +143,8 @@ impl Search<'_> {
             *slot = problem.reference.distance(&at.point, column);
         }
         let penalty: f64 = own.iter().map(|i| values[*i].powi(2) / known(*i).unwrap_or(1.0)).sum();
-        let normal = &joint.normal;
-        let at_point = normal.sum_of_squares - 2.0 * values.dot(&normal.vector)
-            + values.dot(&(&normal.matrix * &values))
-            + penalty;
-        let at_minimum = normal.sum_of_squares - without.drop;
+        let at_point = joint.normal.misfit_at(&values) + penalty;
+        let at_minimum = joint.normal.sum_of_squares - without.drop;
         let misfit = if at_point - at_minimum < NEAR { at_minimum } else { at_point };
         let alone = without.log_evidence - 0.5 * without.drop - 0.5 * misfit
             + joint.log_density
@@ -211,7 +209,7 @@ fn size_of(
     first: usize,
 ) -> f64 {
     let (mut square, mut count) = (0.0, 0.0);
-    for (run, motion) in problem.runs.iter().zip(&problem.motions) {
+    for (run, motion) in problem.runs.iter().zip(problem.motions.iter()) {
         let mut sum = vec![nalgebra::Vector3::zeros(); run.nodes()];
         for (place, column) in law.columns.iter().enumerate() {
             // The columns of a law come after those of the set, in the order of the law.
@@ -255,7 +253,7 @@ fn joined(
         let placed = signal.iter().filter_map(|(i, size)| Some((active.iter().position(|a| a == i)?, *size)));
         *signal = placed.collect();
     }
-    for (r, (run, motion)) in problem.runs.iter().zip(&problem.motions).enumerate() {
+    for (r, (run, motion)) in problem.runs.iter().zip(problem.motions.iter()).enumerate() {
         let (Some(linear), Some(old)) = (linearised.get(r), data.whitened.get(r)) else { continue };
         let responses = threads::map(problem.threads, &chunks, |chunk| {
             let strays: Vec<_> =

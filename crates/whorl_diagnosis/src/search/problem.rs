@@ -13,7 +13,7 @@ use crate::explanations::parameters::{Column, Point, Reference};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
-use crate::whitening::filter::{Background, Forward, Linear, Settings, System, WHEEL};
+use crate::whitening::filter::{Background, Linear, Settings, System, WHEEL};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, threads};
 
@@ -38,7 +38,9 @@ pub(crate) const FREE_RATE_WALK: f64 = 0.3;
 pub(crate) struct Problem {
     pub reference: Reference,
     pub runs: Arc<Vec<Run>>,
-    pub motions: Vec<Motion>,
+    pub motions: Arc<Vec<Motion>>,
+    /// Random walk of the rate of each run that its data supported last [rad/s/sqrt(s)].
+    walks: Vec<f64>,
     pub threads: usize,
     /// Density of the gyro's noise, per run [rad/s sqrt(s)].
     gyro_density: Vec<f64>,
@@ -102,18 +104,29 @@ pub(crate) struct Dataset {
     pub log_density: f64,
 }
 
-/// The run of the filter with the random walk of the rate that the data support best, not below `least`.
-fn likeliest_walk(least: f64, filtered: impl Fn(f64) -> Forward) -> Forward {
-    let mut best = filtered(least);
+/// How far the model's accelerations are trusted while a motion is smoothed: a random walk of the rate [rad/s/sqrt(s)].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Trust {
+    /// To within this walk.
+    Within(f64),
+    /// As far as the data of each run support it.
+    AsDataSay,
+    /// As far as in the last smoothing of the same kind: what one step of a fit changes is less than a factor of five.
+    AsBefore,
+}
+
+/// The random walk of the rate that the data support best, not below `least`.
+fn likeliest_walk(least: f64, log_likelihood: impl Fn(f64) -> f64) -> f64 {
+    let mut best = (least, log_likelihood(least));
     for factor in [5.0, 25.0, 125.0] {
-        let here = filtered(least * factor);
+        let here = (least * factor, log_likelihood(least * factor));
         // A few more would be chance.
-        if here.log_likelihood < best.log_likelihood + 3.0 {
+        if here.1 < best.1 + 3.0 {
             break;
         }
         best = here;
     }
-    best
+    best.0
 }
 
 impl Problem {
@@ -139,7 +152,8 @@ impl Problem {
         });
         let mut problem = Self {
             runs: Arc::default(),
-            motions: Vec::new(),
+            motions: Arc::default(),
+            walks: Vec::new(),
             threads,
             gyro_density: Vec::new(),
             wheel_density: Vec::new(),
@@ -158,7 +172,8 @@ impl Problem {
         }
         problem.runs = Arc::new(runs);
         let mechanics = Mechanics::new(&problem.reference.model)?;
-        problem.motions = threads::map(threads, &problem.runs, |run| Motion::rough(run, mechanics.model()));
+        let motions = threads::map(threads, &problem.runs, |run| Motion::rough(run, mechanics.model()));
+        problem.motions = Arc::new(motions);
         problem.check_attitude()?;
         problem.torques = Torques::of(&problem.runs, &problem.motions, mechanics.model());
         Ok(problem)
@@ -168,14 +183,14 @@ impl Problem {
     /// interval more or less changes the density of the data by more than two like effects differ.
     pub fn settle_stops(&mut self) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model)?;
-        for (run, motion) in Arc::make_mut(&mut self.runs).iter_mut().zip(&self.motions) {
+        for (run, motion) in Arc::make_mut(&mut self.runs).iter_mut().zip(self.motions.iter()) {
             run.near_stop = motion.q_mid.iter().map(|q| mechanics.near_stop(q)).collect();
         }
         Ok(())
     }
 
     fn check_attitude(&self) -> Result<(), DiagnosisError> {
-        for (run, motion) in self.runs.iter().zip(&self.motions) {
+        for (run, motion) in self.runs.iter().zip(self.motions.iter()) {
             if !motion.is_finite() {
                 return Err(DiagnosisError::NoTrajectory {
                     run: run.name.clone(),
@@ -186,18 +201,17 @@ impl Problem {
         Ok(())
     }
 
-    /// Smooths the trajectories with the model at a point. The model's accelerations are trusted to within
-    /// a random walk of `rate_walk` [rad/s/sqrt(s)]; `None`: as far as the data of each run support it.
+    /// Smooths the trajectories with the model at a point.
     ///
     /// Sensitivities are taken along this trajectory. If it followed the gyro's noise, a reading's noise
     /// would be part of its own regressor (errors in variables), and a platform at rest would seem to have
     /// a gyro with a scale error. Hence the model is trusted as far as it is right.
-    pub fn smooth(&mut self, point: &Point, rate_walk: Option<f64>) -> Result<(), DiagnosisError> {
+    pub fn smooth(&mut self, point: &Point, trust: Trust) -> Result<(), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let indices: Vec<usize> = (0..self.runs.len()).collect();
         let smoothed = threads::map(self.threads, &indices, |&r| {
             let (Some(run), Some(motion)) = (self.runs.get(r), self.motions.get(r)) else {
-                return Motion::default();
+                return (Motion::default(), 0.0);
             };
             let (_, prediction) = predict(&mechanics, run, motion);
             let wheel_noise =
@@ -210,11 +224,13 @@ impl Problem {
                 settings: Settings { rate_walk, wheel_noise, ..self.settings(r) },
             };
             let linear = system(0.0).linear();
-            let filtered = |walk: f64| system(walk).filtered(&linear);
-            let forward = match rate_walk {
-                Some(walk) => filtered(walk),
-                None => likeliest_walk(self.settings(r).rate_walk, filtered),
+            let least = self.settings(r).rate_walk;
+            let walk = match (trust, self.walks.get(r)) {
+                (Trust::Within(walk), _) => walk,
+                (Trust::AsBefore, Some(walk)) => walk.max(least),
+                _ => likeliest_walk(least, |walk| system(walk).log_likelihood(&linear)),
             };
+            let forward = system(walk).filtered(&linear);
             let mut better = motion.clone();
             let smoothed = system(0.0).smoothed_from(&linear, &forward);
             for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
@@ -227,9 +243,13 @@ impl Problem {
                 );
             }
             better.fill_middle(run);
-            better
+            (better, walk)
         });
-        self.motions = smoothed;
+        let (motions, walks): (Vec<Motion>, Vec<f64>) = smoothed.into_iter().unzip();
+        self.motions = Arc::new(motions);
+        if !matches!(trust, Trust::Within(_)) {
+            self.walks = walks;
+        }
         self.check_attitude()
     }
 
@@ -240,7 +260,7 @@ impl Problem {
         let mut powers: Vec<f64> = self
             .runs
             .iter()
-            .zip(&self.motions)
+            .zip(self.motions.iter())
             .enumerate()
             .filter(|(_, (run, _))| !run.clamped)
             .filter_map(|(r, (run, motion))| {
@@ -286,18 +306,17 @@ impl Problem {
         let predictions: Vec<_> = self
             .runs
             .iter()
-            .zip(&self.motions)
+            .zip(self.motions.iter())
             .map(|(run, motion)| predict(&mechanics, run, motion).1)
             .collect();
         let systems = |nuisance: Nuisance| -> Vec<System<'_>> {
-            let with = Self { nuisance, ..self.clone() };
-            let all = self.runs.iter().zip(&self.motions).zip(&predictions).enumerate();
+            let all = self.runs.iter().zip(self.motions.iter()).zip(&predictions).enumerate();
             all.map(|(r, ((run, motion), prediction))| System {
                 run,
                 motion,
                 mechanics: &mechanics,
                 prediction,
-                settings: with.settings(r),
+                settings: self.settings_with(nuisance, r),
             })
             .collect()
         };
@@ -372,15 +391,20 @@ impl Problem {
 
     /// Settings of the whitening filter of a run.
     pub fn settings(&self, r: usize) -> Settings {
+        self.settings_with(self.nuisance, r)
+    }
+
+    /// As [`Self::settings`], with other noise.
+    fn settings_with(&self, nuisance: Nuisance, r: usize) -> Settings {
         let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
         let inertia = self.reference.model.wheels().iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
         Settings {
             rate_walk: density(&self.gyro_density) / self.memory_s,
             torque_walk: self.runs.get(r).map_or(0.0, |run| self.friction_walk(run)),
-            gyro_bias_walk: self.nuisance.gyro_bias_walk(density(&self.gyro_density)),
-            background: self.background(self.nuisance),
+            gyro_bias_walk: nuisance.gyro_bias_walk(density(&self.gyro_density)),
+            background: self.background(nuisance),
             wheel_noise: inertia * density(&self.wheel_density) / self.memory_s
-                * STEP.powi(i32::from(self.nuisance.wheel)),
+                * STEP.powi(i32::from(nuisance.wheel)),
         }
     }
 

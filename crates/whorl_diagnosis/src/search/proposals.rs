@@ -8,11 +8,12 @@ use crate::evidence::regression::Colour;
 use crate::explanations::candidates::{Available, Layout, Lines};
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::parameters::Point;
-use crate::search::converge::{Converged, Standings};
 use crate::search::latency::Lateness;
-use crate::search::problem::{Dataset, Problem};
-use crate::search::step::{NO_FIT, base_point_with, dataset};
-use crate::verdict::posterior::log_prior;
+use crate::search::prior::log_prior;
+use crate::search::problem::{Dataset, Problem, Trust};
+use crate::search::rest::{rest, worst};
+use crate::search::standing::{Converged, Fitted};
+use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
 use crate::{DiagnosisError, Options, Progress};
 
 /// Sets that may come so near the best one in log evidence are fitted and weighed: odds of 20,000 to 1, and as much again
@@ -20,7 +21,7 @@ use crate::{DiagnosisError, Options, Progress};
 const WINDOW: f64 = 10.0;
 
 /// A fit that promises so much more has not come to its minimum.
-const UNFINISHED: f64 = 2.0;
+pub(crate) const UNFINISHED: f64 = 2.0;
 
 /// Larger sets that come no nearer than this add nothing.
 const NOTHING_ADDED: f64 = 3.0;
@@ -57,8 +58,8 @@ pub(crate) struct Search<'a> {
     pub held_data: Option<Dataset>,
     pub base: Hypothesis,
     pub best: Hypothesis,
-    /// How sets explain the data where each fits best.
-    pub standings: Standings,
+    /// Sets that were fitted, each where it fits best.
+    pub fitted: Fitted,
     /// The best set with an inertial latency.
     pub late: Option<Lateness>,
 }
@@ -72,14 +73,24 @@ impl<'a> Search<'a> {
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Self, DiagnosisError> {
         progress(Progress { share: 0.1, doing: "smoothing the motion" });
-        let available = Available::of(&problem.runs);
         let point = base_point_with(problem, &mut held_out)?;
         progress(Progress { share: 0.45, doing: "passing every effect through the filter" });
+        Self::at(problem, held_out, options, point)
+    }
+
+    /// Makes the first full regression at a fit of the base model.
+    pub fn at(
+        problem: &'a mut Problem,
+        held_out: Option<&'a mut Problem>,
+        options: &'a Options,
+        point: Point,
+    ) -> Result<Self, DiagnosisError> {
+        let available = Available::of(&problem.runs);
         let lines = Lines::default();
         let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
         let data = dataset(problem, &point, &layout, None)?;
-        let held_data = match &held_out {
-            Some(held) => Some(dataset(held, &point, &layout, None)?),
+        let held_colours = match &held_out {
+            Some(held) => Some(dataset(held, &point, &layout, None)?.colours),
             None => None,
         };
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
@@ -91,15 +102,15 @@ impl<'a> Search<'a> {
             lines,
             with_hidden: false,
             colours: Some(data.colours.clone()),
-            held_colours: held_data.as_ref().map(|h| h.colours.clone()),
+            held_colours,
             point,
             relative_error: 0.0,
             layout,
             data,
-            held_data,
+            held_data: None,
             best: base.clone(),
             base,
-            standings: Standings::new(),
+            fitted: Fitted::new(),
             late: None,
         })
     }
@@ -117,25 +128,19 @@ impl<'a> Search<'a> {
         // The old columns make room for the new ones.
         self.data.whitened = Vec::new();
         self.held_data = None;
-        let error = self.relative_error;
-        self.data = crate::search::step::regression_at(
-            self.problem,
-            &self.point,
-            &self.layout,
-            self.colours.clone(),
-            error,
-        )?;
-        self.held_data = match &self.held_out {
-            Some(held) => Some(crate::search::step::regression_at(
-                held,
-                &self.point,
-                &self.layout,
-                self.held_colours.clone(),
-                error,
-            )?),
-            None => None,
-        };
+        let (colours, error) = (self.colours.clone(), self.relative_error);
+        self.data = regression_at(self.problem, &self.point, &self.layout, colours, error)?;
         self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
+        Ok(())
+    }
+
+    /// The same of the held-out runs: nothing is searched in them, so it is made when it is asked for.
+    pub(crate) fn regress_held(&mut self) -> Result<(), DiagnosisError> {
+        if let Some(held) = &mut self.held_out {
+            held.smooth(&self.point, Trust::AsDataSay)?;
+            let (colours, error) = (self.held_colours.clone(), self.relative_error);
+            self.held_data = Some(regression_at(held, &self.point, &self.layout, colours, error)?);
+        }
         Ok(())
     }
 
@@ -163,61 +168,53 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Weighs the base model, then sets near the best one until none of them is better.
+    /// Weighs the base model, then sets near the best one until none of them is better; ends at the most probable set.
     pub fn run(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         self.open_hidden(progress)?;
         let base = self.base.clone();
         self.best = base.clone();
         let converged = self.converge(&base)?.ok_or(NO_FIT)?;
-        self.remember(&converged);
+        self.remember(converged);
         for round in 0..MOST_ROUNDS {
             progress(Progress { share: 0.6 + 0.05 * round as f64, doing: "comparing explanations" });
             let proposals = self.proposals(round == 0);
-            let leading = self.posterior_of(&self.best).unwrap_or(f64::NEG_INFINITY);
-            let references: Vec<&Hypothesis> = proposals.iter().collect();
-            let mut better: Option<(f64, Converged)> = None;
             if round > 0 && self.standing(&self.base).is_some_and(|s| s.promise > UNFINISHED) {
                 // The base model did not come to its minimum from where it began; from here it may.
                 let base = self.base.clone();
                 if let Some(converged) = self.converge(&base)? {
-                    self.remember(&converged);
+                    self.remember(converged);
                 }
             }
             let least =
                 self.standing(&self.best).map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * WINDOW);
-            for converged in self.converge_all(&references, least)?.into_iter().flatten() {
-                self.remember(&converged);
-                let posterior = converged.standing.worth() + log_prior(&converged.names);
-                if posterior > better.as_ref().map_or(leading + 1e-6, |b| b.0)
-                    && self.is_better_everywhere(&converged)
-                {
-                    better = Some((posterior, converged));
-                }
+            for converged in self.converge_all(&proposals, least)?.into_iter().flatten() {
+                self.remember(converged);
             }
+            let leading = self.fitted(&self.best).map_or(f64::NEG_INFINITY, Converged::log_posterior);
+            let better = self.most_probable().filter(|c| c.log_posterior() > leading + 1e-6).cloned();
             match better {
-                Some((_, converged)) => self.settle(converged)?,
+                Some(converged) => self.settle(converged)?,
                 // With no such noise as is likeliest beside the base model, other effects may come near.
                 None if round == 0 && self.problem.nuisance != Nuisance::default() => {
-                    let mut again = converged_again(self, &base)?;
-                    again.standing.nuisance = Nuisance::default();
-                    self.settle(again)?;
+                    let mut quiet = self.fitted(&self.base).cloned().ok_or(NO_FIT)?;
+                    quiet.standing.nuisance = Nuisance::default();
+                    self.settle(quiet)?;
                 }
                 None => break,
             }
         }
-        Ok(())
+        self.settle_most_probable()
     }
 
-    /// Log posterior of a set, up to a constant; `None` unless it was weighed.
-    pub fn posterior_of(&self, set: &Hypothesis) -> Option<f64> {
-        self.standing(set).map(|s| s.worth() + log_prior(&set.names(&self.layout)))
-    }
-
-    /// Whether a set explains training and held-out data each better than the base model does.
-    fn is_better_everywhere(&self, converged: &Converged) -> bool {
-        let Some(base) = self.standing(&self.base) else { return true };
-        crate::verdict::posterior::explains_more(&converged.standing, &base)
-            && crate::verdict::posterior::is_no_echo(&converged.names, &self.standings)
+    /// Ends where the most probable set fits best.
+    fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
+        let best = self.best.names(&self.layout);
+        let nuisance = self.problem.nuisance;
+        let is_there = |c: &&Converged| c.names == best && c.standing.nuisance == nuisance;
+        if let Some(most) = self.most_probable().filter(|c| !is_there(c)).cloned() {
+            self.settle(most)?;
+        }
+        self.regress_held()
     }
 
     /// Sets that may come near the best one and were not weighed: with one effect more, one less, or another in the place
@@ -297,13 +294,13 @@ impl<'a> Search<'a> {
     /// Makes the columns of lines and hidden states where something is missing.
     fn open_hidden(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         let additions = self.additions(&self.base);
-        let rest = crate::verdict::answer::rest(self.problem, &self.data, &self.layout, &self.base);
+        let left = rest(self.problem, &self.data, &self.layout, &self.base);
         self.lines = crate::explanations::spectrum::lines(self, &self.base);
         let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
         if faint
             || !self.lines.modes.is_empty()
             || self.lines.strongest > 0.8 * crate::explanations::spectrum::CERTAIN
-            || rest[crate::verdict::answer::worst(&rest)].significance() > SOMETHING_LEFT
+            || left[worst(&left)].significance() > SOMETHING_LEFT
             || self.has_faint_line()?
         {
             progress(Progress { share: 0.55, doing: "looking for lines and hidden states" });
@@ -350,9 +347,4 @@ impl<'a> Search<'a> {
         let candidate = self.layout.candidates.get(member.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
-}
-
-/// A set fitted once more, to settle there.
-fn converged_again(search: &Search<'_>, set: &Hypothesis) -> Result<Converged, DiagnosisError> {
-    search.converge(set)?.ok_or(NO_FIT)
 }

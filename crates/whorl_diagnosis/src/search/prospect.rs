@@ -10,13 +10,13 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::normal_probability;
 use whorl_recording::Recording;
 
-use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate, Normal};
-use crate::explanations::candidates::Available;
+use crate::evidence::regression::{BLOCKS_PER_RUN, Normal};
+use crate::explanations::candidates::{Available, SHOWS};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::search::Search;
-use crate::search::problem::{Dataset, FREE_RATE_WALK};
+use crate::search::prior::{SURE, log_prior};
+use crate::search::problem::{Dataset, FREE_RATE_WALK, Trust};
 use crate::search::step::regression_at;
-use crate::verdict::posterior::{SURE, log_prior};
 use crate::{DiagnosisError, Options, prepare};
 
 /// What data say, or would say.
@@ -136,7 +136,7 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
 fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Result<(), DiagnosisError> {
     // The motion of further recordings is that of their readings, whatever effect they hold or not.
     if let Some(held) = &mut search.held_out {
-        held.smooth(&search.point, Some(FREE_RATE_WALK))?;
+        held.smooth(&search.point, Trust::Within(FREE_RATE_WALK))?;
     }
     let further = search.held_out.take();
     let leading = explanations.first().and_then(|set| explanation(search, set));
@@ -244,21 +244,12 @@ fn prospect(
             continue;
         }
         let columns = candidate.options.first().map_or(&[][..], Vec::as_slice);
-        let largest = columns.iter().filter_map(|i| information(search, &both, *i)).fold(0.0, f64::max);
-        let list = if largest > crate::verdict::answer::SHOWS { &mut shown } else { &mut not_shown };
+        let largest =
+            columns.iter().filter_map(|i| search.layout.detectability(&both, *i)).fold(0.0, f64::max);
+        let list = if largest > SHOWS { &mut shown } else { &mut not_shown };
         list.push(candidate.id.to_owned());
     }
     Prospect { log_odds, told_apart, shown, not_shown }
-}
-
-/// Detectability of a column at its unit, the base refitted.
-fn information(search: &Search<'_>, normal: &Normal, column: usize) -> Option<f64> {
-    let mut active: Vec<usize> = search.layout.base.iter().copied().filter(|i| *i != column).collect();
-    active.push(column);
-    let fit =
-        Estimate::new(normal, &active, |c| if c == column { 1e6 } else { search.layout.base_variance(c) })?;
-    let variance = fit.covariance()[(active.len() - 1, active.len() - 1)];
-    (variance > 0.0).then(|| 1.0 / variance)
 }
 
 #[cfg(test)]

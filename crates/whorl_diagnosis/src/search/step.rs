@@ -11,7 +11,7 @@ use crate::evidence::regression::Colour;
 use crate::explanations::candidates::{Available, Layout};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::parameters::{Point, Target};
-use crate::search::problem::{Dataset, FREE_RATE_WALK, Problem};
+use crate::search::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
 
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
@@ -43,12 +43,9 @@ pub(crate) fn regression_at(
     relative_error: f64,
 ) -> Result<Dataset, DiagnosisError> {
     let mut data = dataset(problem, point, layout, colours)?;
-    if relative_error > 0.0 {
-        let discrepancy = problem.discrepancy(&data, point, layout);
-        let (total, log_density) = discrepancy.integrated(&data.total, relative_error);
-        data.total = total;
-        data.log_density += log_density;
-    }
+    let (total, log_density) = problem.integrated(&data, point, layout, relative_error);
+    data.total = total;
+    data.log_density += log_density;
     Ok(data)
 }
 
@@ -91,9 +88,9 @@ pub(crate) fn base_point_with(
 ) -> Result<Point, DiagnosisError> {
     let available = Available::of(&problem.runs);
     let mut point = problem.reference.point();
-    smooth_all(problem, held_out, &point, Some(FREE_RATE_WALK))?;
-    smooth_all(problem, held_out, &point, Some(5e-3))?;
-    for walk in [Some(2e-3), None] {
+    smooth_all(problem, held_out, &point, Trust::Within(FREE_RATE_WALK))?;
+    smooth_all(problem, held_out, &point, Trust::Within(5e-3))?;
+    for trust in [Trust::Within(2e-3), Trust::AsDataSay] {
         // What the model lacks must not bend its constants: it counts as noise until it is found.
         problem.nuisance = problem.likeliest_nuisance(&point, None)?;
         if let Some(held) = held_out {
@@ -103,7 +100,7 @@ pub(crate) fn base_point_with(
         let data = dataset(problem, &point, &layout, None)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         point = point_of(problem, &layout, &point, &base);
-        smooth_all(problem, held_out, &point, walk)?;
+        smooth_all(problem, held_out, &point, trust)?;
     }
     problem.settle_stops()?;
     if let Some(held) = held_out {
@@ -123,11 +120,11 @@ pub(crate) fn smooth_all(
     problem: &mut Problem,
     held_out: &mut Option<&mut Problem>,
     point: &Point,
-    rate_walk: Option<f64>,
+    trust: Trust,
 ) -> Result<(), DiagnosisError> {
-    problem.smooth(point, rate_walk)?;
+    problem.smooth(point, trust)?;
     if let Some(held) = held_out {
-        held.smooth(point, rate_walk)?;
+        held.smooth(point, trust)?;
     }
     Ok(())
 }

@@ -5,19 +5,21 @@
 //! ([`crate::evidence::discrepancy`]); the noise beside what the model states is the likeliest beside this set
 //! ([`crate::evidence::nuisance`]).
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 use whorl_dynamics::effects::{BasePrior, Role};
 
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS, Signal};
-use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
-use crate::search::converge::{Converged, Standing, at_itself};
-use crate::search::problem::{Dataset, Problem};
+use crate::search::converge::{Descended, at_itself};
+use crate::search::problem::{Dataset, Problem, Trust};
+use crate::search::standing::{Converged, Standing};
 use crate::search::step::dataset;
 
 /// What a column is an input of: known signals that enter by the platform's own constants.
@@ -73,19 +75,34 @@ impl Problem {
         let signals = self.signals(point, layout);
         Discrepancy::new(&data.whitened, &node_s, &signals, layout.columns.len(), self.threads)
     }
+
+    /// The normal equations of a regression with errors of formulas of this relative size integrated out, and what the
+    /// log density gains.
+    pub(crate) fn integrated(
+        &self,
+        data: &Dataset,
+        point: &Point,
+        layout: &Layout,
+        relative_error: f64,
+    ) -> (Normal, f64) {
+        if relative_error <= 0.0 {
+            return (data.total.clone(), 0.0);
+        }
+        self.discrepancy(data, point, layout).integrated(&data.total, relative_error)
+    }
 }
 
-/// Regressions of training and held-out data at one point.
-struct Both {
-    data: Dataset,
+/// Regressions of training and held-out data where a set fits best.
+struct Both<'a> {
+    set: &'a Descended,
     of_data: Discrepancy,
     held: Option<(Dataset, Discrepancy)>,
 }
 
-impl Both {
+impl Both<'_> {
     /// Normal equations of the training data, of all data, and what errors of this size add to the log densities.
     fn integrated(&self, relative_error: f64) -> (Normal, f64, Normal, f64) {
-        let (training, log_density) = self.of_data.integrated(&self.data.total, relative_error);
+        let (training, log_density) = self.of_data.integrated(&self.set.data.total, relative_error);
         let mut all = training.clone();
         let mut log_density_of_all = log_density;
         if let Some((held, of_held)) = &self.held {
@@ -93,70 +110,63 @@ impl Both {
             all.add(&more, 1.0);
             log_density_of_all += log_density + held.log_density;
         }
-        let own = self.data.log_density;
+        let own = self.set.data.log_density;
         (training, log_density + own, all, log_density_of_all + own)
     }
 }
 
 impl Search<'_> {
-    /// Weighs a set where it fits best.
+    /// Weighs a set where it fits best, with the noise that a problem expects.
     pub(crate) fn weighed(
         &self,
-        mut converged: Converged,
-        mut problem: Problem,
+        mut set: Descended,
+        problem: &Problem,
     ) -> Result<Option<Converged>, DiagnosisError> {
-        let (point, layout) = (&converged.point, &converged.layout);
-        problem.motions.clone_from(&converged.motions);
-        problem.nuisance = problem.likeliest_nuisance(point, self.colours.as_deref())?;
-        let data = dataset(&problem, point, layout, self.colours.clone())?;
-        let of_data = problem.discrepancy(&data, point, layout);
+        let mut problem = problem.clone();
+        problem.motions = Arc::clone(&set.motions);
+        if set.nuisance != problem.nuisance {
+            set.data = dataset(&problem, &set.point, &set.layout, self.colours.clone())?;
+            set.nuisance = problem.nuisance;
+        }
+        let of_data = problem.discrepancy(&set.data, &set.point, &set.layout);
         let held = match self.held_out.as_deref() {
             Some(held) => {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
-                held.smooth(point, None)?;
-                let data = dataset(&held, point, layout, self.held_colours.clone())?;
-                let of_data = held.discrepancy(&data, point, layout);
+                held.smooth(&set.point, Trust::AsDataSay)?;
+                let data = dataset(&held, &set.point, &set.layout, self.held_colours.clone())?;
+                let of_data = held.discrepancy(&data, &set.point, &set.layout);
                 Some((data, of_data))
             }
             None => None,
         };
-        let both = Both { data, of_data, held };
-        let mut weights: Vec<(f64, Standing)> = Vec::new();
-        for relative_error in RELATIVE_ERRORS {
-            if let Some(standing) = self.standing_with(&converged, &both, relative_error, problem.nuisance) {
-                weights.push((standing.log_evidence, standing));
-            }
-        }
-        let Some((most, best)) = weights.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let both = Both { set: &set, of_data, held };
+        let standings: Vec<Standing> =
+            RELATIVE_ERRORS.iter().filter_map(|error| self.standing_with(&both, *error)).collect();
+        let Some(best) = standings.iter().copied().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+        else {
             return Ok(None);
         };
         // Each error is as likely as the others.
-        let sum: f64 = weights.iter().map(|(evidence, _)| (evidence - most).exp()).sum();
+        let sum: f64 = standings.iter().map(|s| (s.log_evidence - best.log_evidence).exp()).sum();
         let choices = (RELATIVE_ERRORS.len() as f64).ln();
-        converged.standing = Standing {
-            log_evidence: most + sum.ln() - choices + problem.nuisance.log_prior(),
-            promise: converged.standing.promise,
-            training_evidence: converged.standing.training_evidence,
+        let standing = Standing {
+            log_evidence: best.log_evidence + sum.ln() - choices + set.nuisance.log_prior(),
             ..best
         };
-        Ok(Some(converged))
+        let Descended { names, point, motions, layout, members, .. } = set;
+        Ok(Some(Converged { names, standing, point, motions, layout, members }))
     }
 
     /// How a set stands with formulas that err by so much.
-    fn standing_with(
-        &self,
-        converged: &Converged,
-        both: &Both,
-        relative_error: f64,
-        nuisance: Nuisance,
-    ) -> Option<Standing> {
-        let (point, layout) = (&converged.point, &converged.layout);
+    fn standing_with(&self, both: &Both<'_>, relative_error: f64) -> Option<Standing> {
+        let set = both.set;
+        let layout = &set.layout;
         let (training, log_density, all, log_density_of_all) = both.integrated(relative_error);
-        let own = Hypothesis::free(layout, &training, converged.members.clone())?;
-        let (misfit, at) = at_itself(self, layout, &training, &own, point, false)?;
-        let joint = Hypothesis::of(layout, &all, converged.members.clone())?.resized(layout, &all);
-        if joint.members.len() < converged.members.len() {
+        let own = Hypothesis::free(layout, &training, set.members.clone())?;
+        let (misfit, at) = at_itself(self, layout, &training, &own, &set.point, false)?;
+        let joint = Hypothesis::of(layout, &all, set.members.clone())?.resized(layout, &all);
+        if joint.members.len() < set.members.len() {
             return None;
         }
         let (joint_misfit, _) = at_itself(self, layout, &all, &joint, &at, true)?;
@@ -166,23 +176,20 @@ impl Search<'_> {
         for (slot, column) in values.iter_mut().zip(&layout.columns) {
             *slot = self.problem.reference.distance(&at, column);
         }
-        let misfit_of = |normal: &Normal| {
-            normal.sum_of_squares - 2.0 * values.dot(&normal.vector) + values.dot(&(&normal.matrix * &values))
-        };
         let held_log_likelihood = both.held.as_ref().map(|_| {
             let mut held = all.clone();
             held.add(&training, -1.0);
-            log_density_of_all - log_density - 0.5 * misfit_of(&held)
+            log_density_of_all - log_density - 0.5 * held.misfit_at(&values)
         });
         Some(Standing {
             log_evidence: occam + log_density_of_all - 0.5 * joint_misfit,
-            training_evidence: f64::NEG_INFINITY,
+            training_evidence: set.log_evidence,
             log_likelihood: log_density - 0.5 * misfit,
             held_log_likelihood,
             misfit,
-            promise: 0.0,
+            promise: set.promise,
             relative_error,
-            nuisance,
+            nuisance: set.nuisance,
         })
     }
 }

@@ -6,7 +6,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use super::generator::{map, normal, random, record};
 use crate::evidence::nuisance::Nuisance;
 use crate::explanations::parameters::Reference;
-use crate::search::problem::{FREE_RATE_WALK, Problem};
+use crate::search::problem::{FREE_RATE_WALK, Problem, Trust};
 use crate::whitening::columns::predict;
 use crate::whitening::filter::System;
 use crate::whitening::mechanics::Mechanics;
@@ -40,7 +40,7 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
     let found = |run: whorl_recording::Recording| {
         let mut problem = problem_of(&model, &[run]);
         let point = problem.reference.point();
-        problem.smooth(&point, Some(FREE_RATE_WALK)).unwrap();
+        problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
         problem.nuisance = problem.likeliest_nuisance(&point, None).unwrap();
         (problem.nuisance, problem.settings(0).gyro_bias_walk)
     };
@@ -70,7 +70,7 @@ fn a_slow_random_torque_is_found_at_its_size() {
     let run = record(&model, 13, 60.0, Some(&|t, _, _| course[(t * 100.0).round() as usize]));
     let mut problem = problem_of(&model, &[run]);
     let point = problem.reference.point();
-    problem.smooth(&point, Some(FREE_RATE_WALK)).unwrap();
+    problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
     let found = problem.background(problem.likeliest_nuisance(&point, None).unwrap());
     assert!((found.stddev_n_m / stddev_n_m).ln().abs() < 3f64.ln(), "{found:?}");
 }

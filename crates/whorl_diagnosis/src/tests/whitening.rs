@@ -5,7 +5,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use super::generator::record;
 use crate::evidence::regression::Colour;
 use crate::explanations::parameters::Reference;
-use crate::search::problem::Problem;
+use crate::search::problem::{Problem, Trust};
 
 #[test]
 fn noise_that_is_not_as_stated_is_measured_and_told() {
@@ -44,7 +44,7 @@ fn the_true_model_leaves_white_noise() {
     let mut problem = Problem::new(std::slice::from_ref(&run), reference, run.duration_s(), 1).unwrap();
     let point = problem.reference.point();
     for walk in [0.3, 5e-3] {
-        problem.smooth(&point, Some(walk)).unwrap();
+        problem.smooth(&point, Trust::Within(walk)).unwrap();
     }
     let linear = problem.linearise(&point).unwrap();
     let (whitened, readings) = (&linear[0].gains.whitened, &linear[0].gains.readings());

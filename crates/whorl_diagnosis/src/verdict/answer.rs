@@ -6,22 +6,21 @@ use whorl_dynamics::effects::find;
 use whorl_math::statistics::median;
 use whorl_recording::{Channel, Component};
 
-use crate::evidence::excess::{Power, WINDOWS_S, powers};
-use crate::evidence::nuisance::Nuisance;
-use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
-use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::Hypothesis;
-use crate::search::Search;
-use crate::search::nameless::{NAMELESS, Nameless};
-use crate::search::problem::{Dataset, Problem};
-use crate::verdict::diagnosis::{
+use crate::diagnosis::{
     BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
 };
-use crate::verdict::posterior::{Belief, Weighted, explains_more, is_no_echo, log_prior};
+use crate::evidence::nuisance::Nuisance;
+use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
+use crate::explanations::candidates::SHOWS;
+use crate::explanations::hypothesis::Hypothesis;
+use crate::search::Search;
+use crate::search::nameless::{LARGE, NAMELESS, Nameless};
+use crate::search::prior::log_prior;
+use crate::search::problem::{Dataset, Problem};
+use crate::search::rest::{momentum_rms, rest, worst};
+use crate::search::standing::Converged;
+use crate::verdict::posterior::{Belief, Weighted};
 use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
-
-/// Detectability at which an effect shows.
-pub(crate) const SHOWS: f64 = 30.0;
 
 /// An unexplained rest of this many standard deviations is real.
 const REAL_REST: f64 = 8.0;
@@ -32,9 +31,6 @@ const SOMETHING_LEFT: f64 = 3.0;
 /// Formulas that must err by so much call for a comparison with laws that have no name.
 const ROUGH: f64 = 0.05;
 
-/// A slow random torque beyond this share of what turns the platform is no background.
-pub(crate) const LARGE: f64 = 0.01;
-
 /// What is left of an effect is another law's where it is a fifth of the effect's size, (20 %)^2 of its evidence: twice what
 /// its own formula may leave.
 const OTHER_LAW: f64 = 0.04;
@@ -44,62 +40,6 @@ const NOISE_FACTOR: f64 = 1.3;
 
 /// So many of these factors are beyond belief.
 const FAR: f64 = 3.0;
-
-/// Slow power of all runs with a hypothesis.
-pub(crate) fn rest(
-    problem: &Problem,
-    data: &Dataset,
-    layout: &Layout,
-    hypothesis: &Hypothesis,
-) -> [Power; WINDOWS_S.len()] {
-    let mut total = [Power::default(); WINDOWS_S.len()];
-    for of_run in rest_by_run(problem, data, layout, hypothesis) {
-        for (sum, power) in total.iter_mut().zip(of_run) {
-            sum.add(power);
-        }
-    }
-    total
-}
-
-fn rest_by_run(
-    problem: &Problem,
-    data: &Dataset,
-    layout: &Layout,
-    hypothesis: &Hypothesis,
-) -> Vec<[Power; WINDOWS_S.len()]> {
-    let estimate = hypothesis.estimate.spread(layout.columns.len());
-    problem
-        .runs
-        .iter()
-        .zip(&data.whitened)
-        .map(|(run, whitened)| {
-            let duration_s = run.time(run.nodes() - 1) - run.time(0);
-            powers(whitened, &whitened.residual(&estimate), duration_s)
-        })
-        .collect()
-}
-
-/// Two windows, short and long: the whitened momentum residual.
-fn momentum_rms(powers: &[Power; WINDOWS_S.len()]) -> f64 {
-    let mut both = Power::default();
-    for (power, window_s) in powers.iter().zip(WINDOWS_S) {
-        if window_s == 1.0 || window_s == 8.0 {
-            both.add(*power);
-        }
-    }
-    both.rms()
-}
-
-/// The most significant window.
-pub(crate) fn worst(powers: &[Power; WINDOWS_S.len()]) -> usize {
-    let mut best = 0;
-    for (i, power) in powers.iter().enumerate() {
-        if power.significance() > powers[best].significance() {
-            best = i;
-        }
-    }
-    best
-}
 
 impl Search<'_> {
     /// The slow residual before and after.
@@ -179,38 +119,21 @@ impl Search<'_> {
         if alone > 0.0 { (followed / alone).clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Sets that were weighed and explain more than the base model, and the base model.
+    /// Sets that may be believed, each with its weight.
     fn weighed_sets(&self) -> Vec<Weighted> {
-        let base = self.standings.get(&Vec::new()).copied();
-        self.standings
-            .iter()
-            .filter(|(names, standing)| {
-                names.is_empty()
-                    || (base.is_none_or(|base| explains_more(standing, &base))
-                        && is_no_echo(names, &self.standings))
-            })
-            .map(|(names, standing)| Weighted {
-                effects: names.clone(),
-                unknown: self.large_background(standing.nuisance),
-                log_posterior: standing.worth() + log_prior(names),
-                probability: 0.0,
-            })
-            .collect()
+        let weighted = |set: &Converged| Weighted {
+            effects: set.names.clone(),
+            unknown: self.large_background(set.standing.nuisance),
+            log_posterior: set.log_posterior(),
+            probability: 0.0,
+        };
+        self.admissible().map(weighted).collect()
     }
 
-    /// A slow random torque that is more than background: as large as what turns the platform.
+    /// A slow random torque that is more than background: a good part of what turns the platform.
     fn large_background(&self, nuisance: Nuisance) -> Option<Unknown> {
-        let background = self.problem.background(nuisance);
-        (background.stddev_n_m > LARGE * self.problem.torques.body_n_m).then(|| Unknown {
-            variable: "time".to_owned(),
-            frame: "body".to_owned(),
-            axis: "z".to_owned(),
-            parity: "none".to_owned(),
-            frequency_hz: None,
-            share: 1.0,
-            size: background.stddev_n_m,
-            unit: "N m".to_owned(),
-        })
+        let stddev_n_m = self.problem.background(nuisance).stddev_n_m;
+        (stddev_n_m > LARGE * self.problem.torques.body_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
     /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
@@ -219,7 +142,8 @@ impl Search<'_> {
         let mut all = self.weighed_sets();
         let standing = self.standing(&self.best);
         let rhythm = self.rhythm();
-        if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), self.posterior_of(&self.best)) {
+        let best = self.fitted(&self.best).map(Converged::log_posterior);
+        if let (Some((unknown, log_evidence)), Some(best)) = (rhythm.clone(), best) {
             all.push(Weighted {
                 effects: self.best.names(&self.layout),
                 unknown: Some(unknown),
@@ -244,10 +168,10 @@ impl Search<'_> {
                 anchors.push(self.base.clone());
             }
             for anchor in &anchors {
-                let Some(at) = self.converge(anchor)? else { continue };
+                let Some(at) = self.fitted(anchor).cloned() else { continue };
                 let nameless = self.nameless_beside(&at)?;
                 let explained = at.standing.log_evidence
-                    - self.standings.get(&Vec::new()).map_or(f64::INFINITY, |base| base.log_evidence);
+                    - self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
                 // What is left of a set is another law's only where it is a good part of it.
                 let least_n_m = LARGE * self.problem.torques.body_n_m;
                 let is_apart = |law: &Nameless| {
@@ -484,18 +408,8 @@ impl Search<'_> {
                 continue;
             }
             tested += 1;
-            let largest = columns
-                .iter()
-                .filter_map(|i| {
-                    let mut active = self.layout.base.clone();
-                    active.push(*i);
-                    let fit = Estimate::new(normal, &active, |c| {
-                        if c == *i { 1e6 } else { self.layout.base_variance(c) }
-                    })?;
-                    let stddev2 = fit.covariance()[(active.len() - 1, active.len() - 1)];
-                    (stddev2 > 0.0).then(|| 1.0 / stddev2)
-                })
-                .fold(0.0, f64::max);
+            let largest =
+                columns.iter().filter_map(|i| self.layout.detectability(normal, *i)).fold(0.0, f64::max);
             if largest > SHOWS {
                 seen += 1;
             }

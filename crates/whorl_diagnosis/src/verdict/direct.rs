@@ -3,12 +3,12 @@
 use whorl_dynamics::effects::{Sighting, catalogue};
 
 use crate::Unknown;
+use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::explanations::parameters::Point;
 use crate::explanations::spectrum::{CERTAIN, lines};
 use crate::search::Search;
 use crate::search::problem::Problem;
 use crate::search::step::point_of;
-use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 
 /// Power of the attitude sensors' residual against the gyro that no noise has.
 const CONTRADICTION: f64 = 2.5;
@@ -50,16 +50,7 @@ impl Search<'_> {
             }
             None => ("time".to_owned(), lines.torque_hz.first().copied()),
         };
-        let unknown = Unknown {
-            variable,
-            frame: "body".to_owned(),
-            axis: "z".to_owned(),
-            parity: "none".to_owned(),
-            frequency_hz,
-            share: 1.0,
-            size: 0.0,
-            unit: "N m".to_owned(),
-        };
+        let unknown = Unknown { variable, frequency_hz, ..Unknown::torque_in_time(0.0) };
         let places = self.problem.runs.iter().map(|run| run.nodes()).max().unwrap_or(1) as f64;
         Some((unknown, 0.5 * lines.strongest.powi(2) - places.ln()))
     }

@@ -7,6 +7,7 @@ use whorl_dynamics::Effect;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::parameters::{Column, MASS_PROPERTIES, Target, is_base};
 use crate::search::Search;
+use crate::search::proposals::UNFINISHED;
 use crate::search::step::point_of;
 use crate::{DiagnosisError, Fit, FittedParameter};
 
@@ -44,10 +45,11 @@ impl Search<'_> {
             };
             self.best = next;
         }
-        for _ in 0..2 {
+        // A second time where the first did not come to its minimum.
+        if self.relinearise()?.promise > UNFINISHED {
             self.relinearise()?;
         }
-        Ok(())
+        self.regress_held()
     }
 
     /// The fit at the present best.

@@ -1,7 +1,6 @@
 //! What is believed and said: the posterior, the verdict, estimates, words.
 
 pub(crate) mod answer;
-pub(crate) mod diagnosis;
 pub(crate) mod direct;
 pub(crate) mod fit;
 pub(crate) mod posterior;

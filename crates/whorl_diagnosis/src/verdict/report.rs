@@ -8,11 +8,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::diagnosis::ParameterEstimate;
 use crate::explanations::candidates::whole_parts;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::parameters::Column;
 use crate::search::Search;
-use crate::verdict::diagnosis::ParameterEstimate;
 
 /// Choices with a log evidence farther below the best have no weight.
 const NO_WEIGHT: f64 = 9.0;

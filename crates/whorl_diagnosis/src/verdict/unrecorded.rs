@@ -54,7 +54,7 @@ pub(crate) fn pulses(search: &Search<'_>) -> Result<Option<String>, DiagnosisErr
         .problem
         .runs
         .iter()
-        .zip(&search.problem.motions)
+        .zip(search.problem.motions.iter())
         .filter(|(run, _)| run.jets_unrecorded && (run.has_wheel_command || run.has_wheel_speed))
         .collect();
     if runs.is_empty() {

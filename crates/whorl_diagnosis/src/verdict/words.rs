@@ -2,7 +2,7 @@
 
 use whorl_dynamics::effects::find;
 
-use crate::verdict::diagnosis::Candidate;
+use crate::diagnosis::Candidate;
 use crate::{Diagnosis, Explanation, Verdict};
 
 /// So many sets that explain the data as well are read out; all of them are in `confounded_with`.

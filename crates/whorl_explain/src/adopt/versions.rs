@@ -1,6 +1,6 @@
 //! Versions of a model, fitted and compared with the same runs.
 
-use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Options, fit};
+use whorl_diagnosis::{DiagnosisError, Fit, FittedParameter, Fitter, Options};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
 
@@ -52,6 +52,8 @@ pub fn versions(
     let given = compare(case, &mut part(say, 0.0, share(1)))?;
     let mut versions =
         vec![Version { name: "as given".to_owned(), effects: Vec::new(), fit: None, runs: given }];
+    say(share(1), "smoothing the motion");
+    let fitter = Fitter::new(case.training, case.held_out, case.model, case.prior, options);
     let none = Vec::new();
     let mut left_out = Vec::new();
     for (k, effects) in std::iter::once(&none).chain(sets).enumerate() {
@@ -63,7 +65,7 @@ pub fn versions(
         };
         say(share(k + 1), &doing);
         let ids: Vec<&str> = effects.iter().map(String::as_str).collect();
-        let mut fitted = match fit(case.training, case.held_out, case.model, case.prior, &ids, options) {
+        let mut fitted = match fitter.as_ref().map_err(Clone::clone).and_then(|fitter| fitter.fit(&ids)) {
             Ok(fitted) => fitted,
             Err(error) => {
                 left_out.push((name, error));

@@ -7,7 +7,7 @@ use whorl_math::unit_or;
 
 use super::{Fast, fast_part, parameter, row};
 use super::{LEAST_DROP, LEAST_EVIDENCE};
-use crate::verdict::diagnosis::Candidate;
+use crate::diagnosis::Candidate;
 use crate::whitening::mechanics::Mechanics;
 
 /// Cycles a turn at which no imbalance is: what is there is noise.

@@ -7,8 +7,8 @@ use whorl_dynamics::Effect;
 
 use super::{Fast, parameter, row};
 use super::{LEAST_DROP, LEAST_EVIDENCE};
+use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::explanations::spectrum::Spectrum;
-use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 
 /// Slower lines belong to the regression \[Hz\].
 const SLOWEST_HZ: f64 = 4.0;

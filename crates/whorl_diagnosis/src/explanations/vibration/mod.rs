@@ -11,11 +11,11 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{Sighting, catalogue};
 use whorl_trajectory::noise::typical_step_s;
 
+use crate::diagnosis::{Candidate, ParameterEstimate};
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
 use crate::search::Search;
 use crate::search::step::point_of;
-use crate::verdict::diagnosis::{Candidate, ParameterEstimate};
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
 
@@ -202,7 +202,7 @@ pub(crate) fn fast_effects(search: &Search<'_>) -> Vec<Candidate> {
         .problem
         .runs
         .iter()
-        .zip(&search.problem.motions)
+        .zip(search.problem.motions.iter())
         .filter_map(|(run, motion)| Fast::new(run, motion, &mechanics))
         .collect();
     let mut found = Vec::new();

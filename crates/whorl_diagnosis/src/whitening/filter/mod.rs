@@ -200,7 +200,7 @@ enum Keep {
 /// A run of the filter.
 #[derive(Default)]
 pub(crate) struct Forward {
-    pub log_likelihood: f64,
+    log_likelihood: f64,
     whitened: Vec<f64>,
     inverse_stddev: Vec<f64>,
     /// rows x n
@@ -271,6 +271,11 @@ impl System<'_> {
         (forward.whitened, log_density)
     }
 
+    /// Log likelihood of the measurements.
+    pub fn log_likelihood(&self, linear: &Linear) -> f64 {
+        self.forward(linear, Keep::Innovations).log_likelihood
+    }
+
     /// A run of the filter from which the smoother can go back.
     pub fn filtered(&self, linear: &Linear) -> Forward {
         self.forward(linear, Keep::Predictions)
@@ -297,7 +302,16 @@ impl System<'_> {
         let n = linear.n.min(S);
         let nodes = self.run.nodes();
         let noise = self.noise();
-        let mut forward = Forward::default();
+        let rows = linear.rows.len();
+        let room = |size: usize, kept: bool| Vec::with_capacity(if kept { size } else { 0 });
+        let mut forward = Forward {
+            whitened: room(rows, true),
+            inverse_stddev: room(rows, true),
+            gain: room(rows * n, keep != Keep::Innovations),
+            state: room(nodes * n, keep == Keep::Predictions),
+            covariance: room(nodes * n * n, keep == Keep::Predictions),
+            ..Forward::default()
+        };
         let mut p: Square<S> = self.initial_covariance();
         let mut x = [0.0; S];
         for k in 0..nodes {

@@ -84,6 +84,22 @@ pub struct Unknown {
     pub unit: String,
 }
 
+impl Unknown {
+    /// A torque in axes of the body that changes in time by no law that is known.
+    pub(crate) fn torque_in_time(size_n_m: f64) -> Self {
+        Self {
+            variable: "time".to_owned(),
+            frame: "body".to_owned(),
+            axis: "z".to_owned(),
+            parity: "none".to_owned(),
+            frequency_hz: None,
+            share: 1.0,
+            size: size_n_m,
+            unit: "N m".to_owned(),
+        }
+    }
+}
+
 /// A set of explanations and how probable it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Explanation {

@@ -1,0 +1,62 @@
+//! What a set leaves of the data: slow sums that noise alone would not give.
+
+use crate::evidence::excess::{Power, WINDOWS_S, powers};
+use crate::explanations::candidates::Layout;
+use crate::explanations::hypothesis::Hypothesis;
+use crate::search::problem::{Dataset, Problem};
+
+/// Slow power of all runs with a hypothesis.
+pub(crate) fn rest(
+    problem: &Problem,
+    data: &Dataset,
+    layout: &Layout,
+    hypothesis: &Hypothesis,
+) -> [Power; WINDOWS_S.len()] {
+    let mut total = [Power::default(); WINDOWS_S.len()];
+    for of_run in rest_by_run(problem, data, layout, hypothesis) {
+        for (sum, power) in total.iter_mut().zip(of_run) {
+            sum.add(power);
+        }
+    }
+    total
+}
+
+fn rest_by_run(
+    problem: &Problem,
+    data: &Dataset,
+    layout: &Layout,
+    hypothesis: &Hypothesis,
+) -> Vec<[Power; WINDOWS_S.len()]> {
+    let estimate = hypothesis.estimate.spread(layout.columns.len());
+    problem
+        .runs
+        .iter()
+        .zip(&data.whitened)
+        .map(|(run, whitened)| {
+            let duration_s = run.time(run.nodes() - 1) - run.time(0);
+            powers(whitened, &whitened.residual(&estimate), duration_s)
+        })
+        .collect()
+}
+
+/// Two windows, short and long: the whitened momentum residual.
+pub(crate) fn momentum_rms(powers: &[Power; WINDOWS_S.len()]) -> f64 {
+    let mut both = Power::default();
+    for (power, window_s) in powers.iter().zip(WINDOWS_S) {
+        if window_s == 1.0 || window_s == 8.0 {
+            both.add(*power);
+        }
+    }
+    both.rms()
+}
+
+/// The most significant window.
+pub(crate) fn worst(powers: &[Power; WINDOWS_S.len()]) -> usize {
+    let mut best = 0;
+    for (i, power) in powers.iter().enumerate() {
+        if power.significance() > powers[best].significance() {
+            best = i;
+        }
+    }
+    best
+}

@@ -1,0 +1,153 @@
+//! How sets that were fitted stand, and which of them is the present best.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::DiagnosisError;
+use crate::evidence::nuisance::Nuisance;
+use crate::explanations::candidates::Layout;
+use crate::explanations::hypothesis::{Hypothesis, Member};
+use crate::explanations::parameters::Point;
+use crate::layout::motion::Motion;
+use crate::search::Search;
+use crate::search::converge::{SURPRISE, carried};
+use crate::search::prior::{explains_more, is_no_echo, log_prior};
+use crate::search::step::NO_FIT;
+
+/// How a set explains the data at its own point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Standing {
+    /// Log evidence of training and held-out data together, errors of formulas and noise of unknown size integrated out;
+    /// comparable between sets.
+    pub log_evidence: f64,
+    /// Log evidence of the training data alone, at the search's own noise.
+    pub training_evidence: f64,
+    /// Log likelihood of the training data where the set fits them best.
+    pub log_likelihood: f64,
+    /// Log likelihood of held-out data with values that were fitted to the training data.
+    pub held_log_likelihood: Option<f64>,
+    /// Whitened misfit of the training data, prior's penalty included.
+    pub misfit: f64,
+    /// By how much a further step would lower the misfit: of a fit that ended before its minimum.
+    pub promise: f64,
+    /// Relative error of formulas that is likeliest.
+    pub relative_error: f64,
+    /// Noise beside the model's that is likeliest.
+    pub nuisance: Nuisance,
+}
+
+impl Standing {
+    /// What it is worth to believe: a fit that ended before its minimum is given what its next step promised, as far as
+    /// straight formulas can be trusted.
+    pub fn worth(&self) -> f64 {
+        self.log_evidence + (0.5 * self.promise).min(SURPRISE.1)
+    }
+}
+
+/// Sets that were fitted, by their names.
+pub(crate) type Fitted = BTreeMap<Vec<String>, Converged>;
+
+/// A set fitted at its own point.
+#[derive(Debug, Clone)]
+pub(crate) struct Converged {
+    pub names: Vec<String>,
+    pub standing: Standing,
+    pub point: Point,
+    pub motions: Arc<Vec<Motion>>,
+    pub layout: Layout,
+    pub members: Vec<Member>,
+}
+
+impl Converged {
+    /// Log posterior, up to a constant.
+    pub fn log_posterior(&self) -> f64 {
+        self.standing.worth() + log_prior(&self.names)
+    }
+}
+
+impl Search<'_> {
+    /// Makes a converged set the present best: the full regression at its point, with its noise.
+    pub(crate) fn settle(&mut self, converged: Converged) -> Result<(), DiagnosisError> {
+        self.point = converged.point;
+        self.problem.motions = converged.motions;
+        self.problem.nuisance = converged.standing.nuisance;
+        self.relative_error = converged.standing.relative_error;
+        if let Some(held) = &mut self.held_out {
+            held.nuisance = converged.standing.nuisance;
+        }
+        self.regress()?;
+        let members: Vec<Member> =
+            converged.members.iter().filter_map(|m| carried(m, &converged.layout, &self.layout)).collect();
+        self.best =
+            Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
+        // What does not stand where it was fitted explains nothing.
+        if self.best.names(&self.layout) != converged.names {
+            self.fitted.remove(&converged.names);
+        }
+        Ok(())
+    }
+
+    /// Remembers a set where it stands best.
+    pub(crate) fn remember(&mut self, converged: Converged) {
+        self.watch_latency(&converged.names, converged.standing.log_evidence, &converged.point);
+        let known = self.fitted.get(&converged.names);
+        if known.is_none_or(|known| converged.standing.log_evidence >= known.standing.log_evidence) {
+            self.fitted.insert(converged.names.clone(), converged);
+        }
+    }
+
+    /// Sets that were fitted and may be believed: that of no effects, and those that explain training and held-out data each
+    /// better than it does, and by more than an echo of what a smaller set explains.
+    pub(crate) fn admissible(&self) -> impl Iterator<Item = &Converged> {
+        let base = self.fitted.get(&Vec::new());
+        self.fitted.values().filter(move |set| set.names.is_empty() || self.is_admissible(set, base))
+    }
+
+    fn is_admissible(&self, set: &Converged, base: Option<&Converged>) -> bool {
+        let evidence = |names: &[String]| self.fitted.get(names).map(|c| c.standing.log_evidence);
+        base.is_none_or(|base| explains_more(&set.standing, &base.standing))
+            && is_no_echo(&set.names, set.standing.log_evidence, evidence)
+    }
+
+    /// The most probable set that may be believed.
+    pub(crate) fn most_probable(&self) -> Option<&Converged> {
+        self.admissible().max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))
+    }
+
+    /// Linearises anew at the present best and finds its members there.
+    pub(crate) fn relinearise(&mut self) -> Result<Standing, DiagnosisError> {
+        let best = self.best.clone();
+        let converged = match self.converge(&best)? {
+            Some(converged) => converged,
+            // It cannot stand at its own point: back to the base model.
+            None => {
+                let base = self.base.clone();
+                self.converge(&base)?.ok_or(NO_FIT)?
+            }
+        };
+        let standing = converged.standing;
+        self.settle(converged)?;
+        Ok(standing)
+    }
+
+    /// A set where it fits best, if it was fitted there.
+    pub(crate) fn fitted(&self, set: &Hypothesis) -> Option<&Converged> {
+        self.fitted.get(&set.names(&self.layout))
+    }
+
+    /// Standing of a set, if it was fitted at a point of its own.
+    pub(crate) fn standing(&self, set: &Hypothesis) -> Option<Standing> {
+        self.fitted(set).map(|c| c.standing)
+    }
+
+    /// Log evidence that one set has over another, and twice the log likelihood: where each fits best if both were
+    /// fitted there, else in the present regression.
+    pub(crate) fn advantage(&self, with: &Hypothesis, without: &Hypothesis) -> (f64, f64) {
+        match (self.standing(with), self.standing(without)) {
+            (Some(a), Some(b)) => {
+                (a.log_evidence - b.log_evidence, 2.0 * (a.log_likelihood - b.log_likelihood))
+            }
+            _ => (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop),
+        }
+    }
+}
