@@ -16,6 +16,9 @@ const SIZES: u8 = 12;
 /// Size at which a kind of noise begins to show.
 const SHOWS: u8 = 3;
 
+/// Size of each kind from which a climb begins.
+const SOME: u8 = 6;
+
 /// Slowest walk of a gyro's bias: it shows above the white noise only after so long \[s\].
 const SHOWS_AFTER_S: f64 = 200.0;
 
@@ -52,6 +55,20 @@ impl Nuisance {
             0 => density / STEADY_S,
             step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 1),
         }
+    }
+
+    /// Where a climb to the likeliest noise begins: here, and where there is noise, also without any, and with some of each
+    /// kind. A large torque hides that the wheels have noise, and no single step leads from there.
+    pub fn starts(self) -> Vec<Self> {
+        let mut all = vec![self];
+        if self.torque > 0 || self.wheel > 0 {
+            let kinds = [(0, false), (SOME, false), (SOME, true)];
+            let of_kind = |(torque, is_fast)| {
+                [0, SOME].map(|wheel| Self { torque, is_fast, wheel, about: About::All, ..self })
+            };
+            all.extend(kinds.into_iter().flat_map(of_kind));
+        }
+        all
     }
 
     /// What is one step away. Where a kind is absent the likelihood is flat, up to where it begins to show.

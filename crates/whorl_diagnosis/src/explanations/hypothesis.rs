@@ -4,14 +4,26 @@ use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Layout;
 use crate::explanations::parameters::Column;
 
-/// Prior sizes of an effect that are tried, in units of its catalogue prior.
-const SIZES: [f64; 8] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
+/// Prior sizes of an effect that are tried, in units of its catalogue prior. A ball bearing has a thousand times the friction
+/// of an air bearing, and nobody says what a rig turns on.
+const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, LARGEST_SIZE];
+
+/// The largest of them.
+pub(crate) const LARGEST_SIZE: f64 = 1000.0;
+
+/// Sizes from here on are unusual: one rig in so many has such an effect.
+const UNUSUAL: (f64, f64) = (100.0, 100.0);
+
+/// Minus the logarithm of a size's prior probability.
+fn price_of_size(size: f64) -> f64 {
+    (SIZES.len() as f64).ln() + if size >= UNUSUAL.0 { UNUSUAL.1.ln() } else { 0.0 }
+}
 
 /// Sizes that are tried first, with every option.
-const COARSE_SIZES: [f64; 2] = [0.01, 0.3];
+const COARSE_SIZES: [f64; 3] = [0.01, 0.3, 30.0];
 
 /// The same where the column goes with the value's square: a hundredth of a prior shows nothing of it.
-const COARSE_ROOTS: [f64; 2] = [0.3, 3.0];
+const COARSE_ROOTS: [f64; 3] = [0.3, 3.0, 30.0];
 
 /// One effect of a hypothesis and how it enters.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,7 +128,8 @@ impl Hypothesis {
                     .flat_map(|m| &m.columns)
                     .filter(|i| layout.columns[**i].base_stddev == 0.0 && layout.columns[**i].range.0 > -1e-9)
                     .count();
-                let choices: f64 = members.iter().map(|m| ((SIZES.len() * m.options) as f64).ln()).sum();
+                let choices: f64 =
+                    members.iter().map(|m| (m.options as f64).ln() + price_of_size(m.size)).sum();
                 let log_evidence = estimate.log_evidence - choices + signs as f64 * 2f64.ln();
                 return Some(Self { members, estimate, log_evidence });
             };

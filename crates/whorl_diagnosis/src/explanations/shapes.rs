@@ -15,6 +15,8 @@ pub(crate) struct Shape {
     pub variable: String,
     pub parity: &'static str,
     pub frequency_hz: Option<f64>,
+    /// Its frequency was read off the spectrum of what is to be explained.
+    pub is_picked: bool,
     value: Value,
     way: Way,
 }
@@ -64,6 +66,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         variable: variable.to_owned(),
         parity,
         frequency_hz: None,
+        is_picked: false,
         value,
         way: Way::BodyOrRoom,
     };
@@ -188,11 +191,9 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         let sine: Value = Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).sin());
         let cosine: Value =
             Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).cos());
-        let mut first = single("time", "none", sine);
-        first.frequency_hz = Some(hz);
-        let mut second = single("time", "none", cosine);
-        second.frequency_hz = Some(hz);
-        groups.push(vec![first, second]);
+        let shape =
+            |value| Shape { frequency_hz: Some(hz), is_picked: true, ..single("time", "none", value) };
+        groups.push(vec![shape(sine), shape(cosine)]);
     }
     for (wheel, order) in &search.lines.orders {
         let (wheel, order) = (*wheel, *order);
@@ -200,7 +201,8 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         let phase = move |m: &Motion, k: usize| order * m.wheel_angle.get(k).map_or(0.0, |a| a[wheel]);
         let sine: Value = Box::new(move |_, m, k| phase(m, k).sin());
         let cosine: Value = Box::new(move |_, m, k| phase(m, k).cos());
-        let shape = |value| Shape { way: Way::Body, ..single(&format!("{name}_angle"), "none", value) };
+        let angle = format!("{name}_angle");
+        let shape = |value| Shape { way: Way::Body, is_picked: true, ..single(&angle, "none", value) };
         groups.push(vec![shape(sine), shape(cosine)]);
     }
     groups
@@ -213,6 +215,7 @@ fn of_sensors(largest_rate_rad_s: f64) -> Vec<Vec<Shape>> {
         variable: variable.to_owned(),
         parity,
         frequency_hz: None,
+        is_picked: false,
         value,
         way,
     };

@@ -190,7 +190,8 @@ impl Spectrum {
 
     /// As [`Self::add`], with the sum of the variances of each series' entries.
     pub fn add_of(&mut self, list: &[Vec<f64>], variance: f64, stretch: f64) {
-        for series in list {
+        // An axis that no sensor watches has no spectrum.
+        for series in list.iter().filter(|series| series.iter().any(|x| *x != 0.0)) {
             let power = self.fourier.power(series.iter().copied());
             for (m, power) in power.into_iter().enumerate().take(self.size / 2) {
                 let at = (m as f64 / stretch).round() as usize;

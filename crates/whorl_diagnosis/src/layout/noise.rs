@@ -35,8 +35,18 @@ impl NoiseLevels {
         let triaxial = |series: &Series<Vector3<f64>>, stddev: &Vector3<f64>, quantum: f64| {
             Vector3::from_fn(|i, _| floor(spread(series, |v| v[i]), stddev[i], quantum))
         };
-        let gyro =
+        let axes = recording.gyro_axes();
+        let mut gyro =
             triaxial(&recording.gyro_b_rad_s, &sensors.gyro.errors.noise_stddev, sensors.gyro.errors.quantum);
+        let of_axes = |levels: &Vector3<f64>| {
+            let present = levels.iter().zip(axes).filter(|(_, has)| *has).map(|(x, _)| x * x);
+            (present.clone().sum::<f64>() / present.count().max(1) as f64).sqrt()
+        };
+        let gyro_level = of_axes(&gyro);
+        // Axes that the gyro does not have are like those that it has.
+        for (slot, _) in gyro.iter_mut().zip(axes).filter(|(_, has)| !has) {
+            *slot = gyro_level;
+        }
         let accel = triaxial(
             &recording.specific_force_b_m_s2,
             &sensors.accelerometer.errors.noise_stddev,
@@ -52,7 +62,7 @@ impl NoiseLevels {
         let modelled_wheel = sensors.wheel_speed.one_sample_stddev_rad_s();
         let ratio = |measured: &Vector3<f64>, modelled: &Vector3<f64>| measured.norm() / modelled.norm();
         Self {
-            gyro_ratio: ratio(&gyro, &sensors.gyro.errors.noise_stddev),
+            gyro_ratio: gyro_level / of_axes(&sensors.gyro.errors.noise_stddev),
             accel_ratio: ratio(&accel, &sensors.accelerometer.errors.noise_stddev),
             gyro,
             accel,
@@ -81,7 +91,8 @@ pub(crate) fn clipping_and_step(recording: &Recording, model: &PlatformModel) ->
     let largest = values.iter().map(Vector3::amax).fold(0.0, f64::max);
     let at_largest = values.iter().filter(|v| v.amax() >= largest * (1.0 - 1e-9)).count();
     // Noise never repeats its largest value many times unless the output has coarse steps.
-    let step = step_of(values);
+    let axis = recording.gyro_axes().iter().position(|has| *has).unwrap_or(0);
+    let step = step_of(values.iter().map(|v| v[axis]));
     let coarse = step > 0.2 * model.sensors.gyro.errors.noise_stddev.amax();
     let clips = at_largest >= if coarse { 60 } else { 12 } && largest > 0.0;
     let near = values.iter().filter(|v| v.amax() >= largest - 3.0 * step.max(1e-12)).count();
@@ -91,8 +102,8 @@ pub(crate) fn clipping_and_step(recording: &Recording, model: &PlatformModel) ->
 }
 
 /// Smallest nonzero difference that all readings are whole multiples of; 0 = none found.
-fn step_of(values: &[Vector3<f64>]) -> f64 {
-    let mut sorted: Vec<f64> = values.iter().take(20_000).map(|v| v.x).collect();
+fn step_of(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.take(20_000).collect();
     sorted.sort_by(f64::total_cmp);
     let smallest = sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-9).fold(f64::INFINITY, f64::min);
     if !smallest.is_finite() {

@@ -28,7 +28,7 @@ use crate::search::step::{dataset, point_of};
 const MOST_STEPS: usize = 8;
 
 /// Fits of a set, each with the noise that is likeliest where the last one ended.
-const MOST_TURNS: usize = 3;
+const MOST_TURNS: usize = 4;
 
 /// Times that the first step of a fit is shortened.
 const MOST_SHORTER: usize = 3;
@@ -164,6 +164,11 @@ impl Search<'_> {
         // Along a motion of its own.
         let mut problem = self.problem.clone();
         problem.threads = threads;
+        if !ids.is_empty() {
+            // As sharp as it can be: beside the noise that another set needs, a fit may see nothing of this one, and then
+            // the noise stays.
+            problem.nuisance = Nuisance::default();
+        }
         let mut from = self.begin(start, &ids);
         let mut last: Option<Descended> = None;
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
@@ -233,8 +238,10 @@ impl Search<'_> {
         let (anchor, first) = (self.point.clone(), point.clone());
         let of_best = self.best.names(&self.layout);
         let holds_best = is_first && of_best.iter().all(|own| ids.contains(&own.as_str()));
-        let mut allowed =
-            self.standing(&self.best).filter(|_| holds_best).map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
+        let mut allowed = self
+            .standing(&self.best)
+            .filter(|s| holds_best && s.nuisance == problem.nuisance)
+            .map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
         // What the last good step promised.
         let mut promise = 0.0;
         for step in 0..MOST_STEPS {

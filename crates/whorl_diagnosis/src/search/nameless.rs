@@ -61,14 +61,22 @@ struct Joint {
 impl Search<'_> {
     /// Laws beside a set where it fits best, likeliest first.
     pub(crate) fn nameless_beside(&self, at: &Converged) -> Result<Vec<Nameless>, DiagnosisError> {
-        let mut found = self.laws_beside(at, at.standing.nuisance)?;
-        if at.standing.nuisance.torque > 0 {
+        // Beside a random torque that is no background, a law would be told by the little that it explains of it.
+        let is_large = |torque: u8| self.is_large(Nuisance { torque, ..at.standing.nuisance });
+        let torque = (0..=at.standing.nuisance.torque).rev().find(|torque| !is_large(*torque)).unwrap_or(0);
+        let mut found = self.laws_beside(at, Nuisance { torque, ..at.standing.nuisance })?;
+        if torque > 0 {
             // A law that explains the torque leaves none for the noise.
             found.extend(self.laws_beside(at, Nuisance { torque: 0, ..at.standing.nuisance })?);
         }
         found.extend(self.free_torque_beside(at)?);
         found.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         Ok(found)
+    }
+
+    /// Whether the slow random torque of this noise is more than background: a good part of what turns the platform.
+    pub(crate) fn is_large(&self, nuisance: Nuisance) -> bool {
+        self.problem.background(nuisance).stddev_n_m > LARGE * self.problem.torques.body_n_m
     }
 
     /// The likeliest torque about one axis that is free in time.
@@ -81,8 +89,8 @@ impl Search<'_> {
             .flat_map(|about| FIRST_STEPS.map(|torque| Nuisance { torque, about, ..at.standing.nuisance }))
             .collect();
         let (likeliest, density, in_use) = problem.climb(&at.point, &starts, self.colours.as_deref())?;
-        let is_large = problem.background(likeliest).stddev_n_m > LARGE * problem.torques.body_n_m;
-        let best = (likeliest.torque > 0 && is_large).then_some((density - in_use, likeliest));
+        let best =
+            (likeliest.torque > 0 && self.is_large(likeliest)).then_some((density - in_use, likeliest));
         Ok(best.map(|(gain, likeliest)| {
             let background = problem.background(likeliest);
             let (frame, axis) = match likeliest.about {
@@ -168,11 +176,13 @@ impl Search<'_> {
             let gain = with.log_evidence - without.log_evidence;
             let drop = with.drop - without.drop;
             let Some(shape) = groups.get(law.group).and_then(|g| g.first()) else { continue };
+            // A rhythm that was read off the spectrum of these data may have been at any other frequency.
+            let picked = if shape.is_picked { self.problem.frequencies().ln() } else { 0.0 };
             // Of a law about several axes, the axis about which it explains most.
             let axis = law.axis.or_else(|| strongest_axis(law, &laws, &scored));
             found.push(Nameless {
                 beside: at.names.clone(),
-                log_evidence: alone + gain + price,
+                log_evidence: alone + gain + price - picked,
                 unknown: Unknown {
                     variable: shape.variable.clone(),
                     frame: if law.world { "world" } else { "body" }.to_owned(),

@@ -17,7 +17,7 @@ pub(crate) fn log_prior<S: AsRef<str>>(set: &[S]) -> f64 {
     set.iter().map(|id| (PRESENT / (1.0 - PRESENT)).ln() - price(id)).sum()
 }
 
-/// Whether a set explains the training data better than the base model, and held-out data not worse where there are any:
+/// Whether a set explains the training data better than a smaller one, and held-out data not worse where there are any:
 /// what does not let the error fall explains nothing. What held-out data say of a faint effect scatters: a log likelihood
 /// ratio has a variance of twice its mean, which is at most what the training data gained.
 pub(crate) fn explains_more(set: &Standing, base: &Standing) -> bool {
@@ -34,15 +34,19 @@ pub(crate) fn explains_more(set: &Standing, base: &Standing) -> bool {
 /// integrated out; this is for shapes that are wrong.
 const ECHO: f64 = 0.01;
 
+/// A set with one member left out, each in turn.
+pub(crate) fn smaller_sets(names: &[String]) -> impl Iterator<Item = Vec<String>> {
+    let without = |left_out: &String| names.iter().filter(|id| *id != left_out).cloned().collect();
+    names.iter().map(without)
+}
+
 /// Whether a set of this log evidence explains more than each smaller one by more than an echo of what that one explains;
 /// `evidence` is that of other sets, if they were fitted.
 pub(crate) fn is_no_echo(names: &[String], own: f64, evidence: impl Fn(&[String]) -> Option<f64>) -> bool {
     let Some(base) = evidence(&[]) else { return true };
     names.len() < 2
-        || names.iter().all(|left_out| {
-            let rest: Vec<String> = names.iter().filter(|id| *id != left_out).cloned().collect();
-            evidence(&rest).is_none_or(|rest| own - rest > ECHO * (rest - base))
-        })
+        || smaller_sets(names)
+            .all(|rest| evidence(&rest).is_none_or(|rest| own - rest > ECHO * (rest - base)))
 }
 
 #[cfg(test)]

@@ -291,7 +291,7 @@ impl Problem {
         point: &Point,
         colours: Option<&[Vec<Colour>]>,
     ) -> Result<Nuisance, DiagnosisError> {
-        Ok(self.climb(point, &[self.nuisance], colours)?.0)
+        Ok(self.climb(point, &self.nuisance.starts(), colours)?.0)
     }
 
     /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
@@ -369,6 +369,11 @@ impl Problem {
             }
         }
         Ok((likeliest.0, likeliest.1, in_use))
+    }
+
+    /// Frequencies at which a line may be: about as many as the longest run has nodes.
+    pub fn frequencies(&self) -> f64 {
+        self.runs.iter().map(Run::nodes).max().unwrap_or(1).max(1) as f64
     }
 
     fn watches_body(&self) -> bool {

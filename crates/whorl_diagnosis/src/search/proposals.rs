@@ -324,12 +324,13 @@ impl<'a> Search<'a> {
             Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
         let data = dataset(self.problem, &self.point, &layout, self.colours.clone())?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
-        let places = self.problem.runs.iter().map(|r| r.nodes()).max().unwrap_or(1) as f64;
         let mut worth: Vec<(f64, f64)> = Vec::new();
         for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
             let member = Member { candidate: 0, columns: columns.clone(), size: 0.1, options: 1 };
             let Some(fit) = Hypothesis::of(&layout, &data.total, vec![member]) else { continue };
-            let evidence = fit.resized(&layout, &data.total).log_evidence - base.log_evidence - places.ln();
+            let evidence = fit.resized(&layout, &data.total).log_evidence
+                - base.log_evidence
+                - self.problem.frequencies().ln();
             if evidence > 0.0 {
                 worth.push((evidence, hz));
             }

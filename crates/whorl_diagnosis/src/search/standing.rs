@@ -11,7 +11,7 @@ use crate::explanations::parameters::Point;
 use crate::layout::motion::Motion;
 use crate::search::Search;
 use crate::search::converge::{SURPRISE, carried};
-use crate::search::prior::{explains_more, is_no_echo, log_prior};
+use crate::search::prior::{explains_more, is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
 
 /// How a set explains the data at its own point.
@@ -97,16 +97,19 @@ impl Search<'_> {
     }
 
     /// Sets that were fitted and may be believed: that of no effects, and those that explain training and held-out data each
-    /// better than it does, and by more than an echo of what a smaller set explains.
+    /// better than it does and than each smaller set does that they hold, and by more than an echo of what that explains.
     pub(crate) fn admissible(&self) -> impl Iterator<Item = &Converged> {
-        let base = self.fitted.get(&Vec::new());
-        self.fitted.values().filter(move |set| set.names.is_empty() || self.is_admissible(set, base))
+        self.fitted.values().filter(|set| set.names.is_empty() || self.is_admissible(set))
     }
 
-    fn is_admissible(&self, set: &Converged, base: Option<&Converged>) -> bool {
-        let evidence = |names: &[String]| self.fitted.get(names).map(|c| c.standing.log_evidence);
-        base.is_none_or(|base| explains_more(&set.standing, &base.standing))
-            && is_no_echo(&set.names, set.standing.log_evidence, evidence)
+    fn is_admissible(&self, set: &Converged) -> bool {
+        let standing = |names: &[String]| self.fitted.get(names).map(|c| c.standing);
+        let smaller = smaller_sets(&set.names).chain([Vec::new()]);
+        let explains = |names: Vec<String>| standing(&names).is_none_or(|s| explains_more(&set.standing, &s));
+        smaller.into_iter().all(explains)
+            && is_no_echo(&set.names, set.standing.log_evidence, |names| {
+                standing(names).map(|s| s.log_evidence)
+            })
     }
 
     /// The most probable set that may be believed.

@@ -9,7 +9,7 @@ use whorl_dynamics::effects::Contribution;
 use crate::DiagnosisError;
 use crate::evidence::regression::Colour;
 use crate::explanations::candidates::{Available, Layout};
-use crate::explanations::hypothesis::Hypothesis;
+use crate::explanations::hypothesis::{Hypothesis, LARGEST_SIZE};
 use crate::explanations::parameters::{Point, Target};
 use crate::search::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
 
@@ -29,7 +29,8 @@ pub(crate) fn dataset(
     let wide: Vec<f64> = layout
         .columns
         .iter()
-        .map(|c| if c.base_stddev > 0.0 { (2.0 * c.catalogue_stddev).powi(2) } else { 9.0 })
+        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { LARGEST_SIZE })
+        .map(|stddev| stddev * stddev)
         .collect();
     Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
 }

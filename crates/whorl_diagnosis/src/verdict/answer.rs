@@ -130,10 +130,10 @@ impl Search<'_> {
         self.admissible().map(weighted).collect()
     }
 
-    /// A slow random torque that is more than background: a good part of what turns the platform.
+    /// A slow random torque that is more than background.
     fn large_background(&self, nuisance: Nuisance) -> Option<Unknown> {
         let stddev_n_m = self.problem.background(nuisance).stddev_n_m;
-        (stddev_n_m > LARGE * self.problem.torques.body_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
+        self.is_large(nuisance).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
     /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name

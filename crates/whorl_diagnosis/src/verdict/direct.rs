@@ -51,8 +51,7 @@ impl Search<'_> {
             None => ("time".to_owned(), lines.torque_hz.first().copied()),
         };
         let unknown = Unknown { variable, frequency_hz, ..Unknown::torque_in_time(0.0) };
-        let places = self.problem.runs.iter().map(|run| run.nodes()).max().unwrap_or(1) as f64;
-        Some((unknown, 0.5 * lines.strongest.powi(2) - places.ln()))
+        Some((unknown, 0.5 * lines.strongest.powi(2) - self.problem.frequencies().ln()))
     }
 
     /// Clipping and coarse steps of the gyro, which the readings themselves show.
