@@ -154,11 +154,13 @@ impl Search<'_> {
         let at_point = joint.normal.misfit_at(&values) + penalty;
         let at_minimum = joint.normal.sum_of_squares - without.drop;
         let misfit = if at_point - at_minimum < NEAR { at_minimum } else { at_point };
-        let alone = without.log_evidence - 0.5 * without.drop - 0.5 * misfit
+        let relinearised = without.log_evidence - 0.5 * without.drop - 0.5 * misfit
             + joint.log_density
             + choices
             + nuisance.log_prior()
             - (RELATIVE_ERRORS.len() as f64).ln();
+        // The set itself was weighed with its own noise.
+        let alone = if nuisance == at.standing.nuisance { at.standing.log_evidence } else { relinearised };
         let price = NAMELESS.ln() - ((laws.len() * SIZES.len()) as f64).ln();
         let scored = threads::map(self.problem.threads, &laws, |law| {
             let all: Vec<usize> =

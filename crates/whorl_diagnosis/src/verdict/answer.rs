@@ -190,7 +190,7 @@ impl Search<'_> {
         Ok(Belief::new(all))
     }
 
-    /// Noise of each channel of each run over what the model states.
+    /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
     fn noise_scales(&self) -> Vec<NoiseScale> {
         let mut scales = Vec::new();
         for ((run, whitened), colours) in
@@ -208,7 +208,7 @@ impl Search<'_> {
                     _ => 1.0,
                 };
                 let whole = Component::new(component.channel, component.sensor(), 0);
-                channels.entry(whole).or_default().push(ratio * colour.power.sqrt());
+                channels.entry(whole).or_default().push(ratio * colour.power.max(1.0).sqrt());
             }
             scales.extend(channels.into_iter().map(|(component, list)| NoiseScale {
                 run: run.name.clone(),

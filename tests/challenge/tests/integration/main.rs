@@ -3,4 +3,5 @@
 mod filter;
 mod motion;
 mod score;
+mod small_rigs;
 mod valves;
