@@ -15,6 +15,7 @@
 //!
 //! The attitude error is a rotation vector in world axes (x east, y magnetic north, z up).
 
+mod anchor;
 mod covariance;
 mod field;
 mod filter;
