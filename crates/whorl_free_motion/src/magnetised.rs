@@ -1,6 +1,7 @@
 //! Is there iron or a magnet on the sensor?
 
 use super::iron::IronEstimator;
+use super::orientation::{Observed, Orientation, OrientationFilter, Sample, smooth};
 use super::{FreeMotionEstimate, FreeMotionFilter, FreeMotionParameters};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
@@ -114,4 +115,51 @@ impl FreeMotionEstimator {
             self.filter.turn_heading(whorl_math::wrap_angle_rad(change));
         }
     }
+}
+
+impl OrientationFilter for FreeMotionEstimator {
+    const INTERVAL_MEANS: bool = true;
+
+    fn on_imu(&mut self, stamp_ns: i64, sample: &Sample) {
+        if let Some(force) = &sample.force_m_s2 {
+            Self::on_imu(self, stamp_ns, &sample.gyro_rad_s, force);
+        }
+    }
+
+    /// The first vector sensor is the magnetometer; any other is not used.
+    fn on_vector(&mut self, sensor: usize, seen: &Observed) {
+        if sensor == 0 {
+            self.on_magnetometer(&seen.body);
+        }
+    }
+
+    fn orientation(&self) -> Option<Orientation> {
+        self.estimate().map(|estimate| Orientation {
+            q_world_body: estimate.q_world_body,
+            gyro_bias_rad_s: estimate.gyro_bias_rad_s,
+            covariance: self.covariance(),
+        })
+    }
+}
+
+/// [`smooth`] with [`FreeMotionEstimator`]; whether there is a magnet on the sensor is found out first, and its field is
+/// then subtracted from all samples.
+#[must_use]
+pub fn smooth_free_motion(
+    parameters: FreeMotionParameters,
+    samples: &[Sample],
+) -> (Vec<Option<Orientation>>, bool) {
+    let mut first = FreeMotionEstimator::new(parameters);
+    for sample in samples {
+        first.on_sample(sample);
+    }
+    let new = || FreeMotionEstimator::new(parameters);
+    let Some(iron) = first.estimate().filter(|_| first.is_magnetised()) else {
+        return (smooth(new, samples), false);
+    };
+    let mut clean = samples.to_vec();
+    for seen in clean.iter_mut().filter_map(|sample| sample.vectors.first_mut()?.as_mut()) {
+        seen.body -= iron.iron_magnetometer_unit;
+    }
+    (smooth(new, &clean), true)
 }
