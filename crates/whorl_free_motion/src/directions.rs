@@ -223,6 +223,7 @@ impl DirectionFilter {
 }
 
 impl OrientationFilter for DirectionFilter {
+    const IS_COMPLETE: bool = true;
     const INTERVAL_MEANS: bool = false;
 
     fn on_imu(&mut self, stamp_ns: i64, sample: &Sample) {

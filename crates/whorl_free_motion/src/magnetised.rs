@@ -1,7 +1,7 @@
 //! Is there iron or a magnet on the sensor?
 
 use super::iron::IronEstimator;
-use super::orientation::{Observed, Orientation, OrientationFilter, Sample, smooth};
+use super::orientation::{Observed, Orientation, OrientationFilter, Sample, forward, smooth};
 use super::{FreeMotionEstimate, FreeMotionFilter, FreeMotionParameters};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
@@ -118,6 +118,7 @@ impl FreeMotionEstimator {
 }
 
 impl OrientationFilter for FreeMotionEstimator {
+    const IS_COMPLETE: bool = false;
     const INTERVAL_MEANS: bool = true;
 
     fn on_imu(&mut self, stamp_ns: i64, sample: &Sample) {
@@ -142,18 +143,16 @@ impl OrientationFilter for FreeMotionEstimator {
     }
 }
 
-/// [`smooth`] with [`FreeMotionEstimator`]; whether there is a magnet on the sensor is found out first, and its field is
-/// then subtracted from all samples.
+/// [`super::smooth`] with [`FreeMotionEstimator`]; whether there is a magnet on the sensor is found out first, and its field is
+/// then subtracted from all samples, those before it was found included. Gives the orientations, and whether there is one.
 #[must_use]
 pub fn smooth_free_motion(
     parameters: FreeMotionParameters,
     samples: &[Sample],
 ) -> (Vec<Option<Orientation>>, bool) {
-    let mut first = FreeMotionEstimator::new(parameters);
-    for sample in samples {
-        first.on_sample(sample);
-    }
     let new = || FreeMotionEstimator::new(parameters);
+    let mut first = new();
+    forward(&mut first, samples);
     let Some(iron) = first.estimate().filter(|_| first.is_magnetised()) else {
         return (smooth(new, samples), false);
     };

@@ -52,8 +52,11 @@ pub struct Orientation {
 
 /// A filter that is run over recordings.
 pub trait OrientationFilter {
-    /// Whether it takes an inertial sample for the mean over the interval that ends with it, or else for that instant's.
+    /// Whether it takes a gyro sample for the mean over the interval that ends with it, or else for that instant's.
     const INTERVAL_MEANS: bool;
+    /// Whether attitude and bias are all of its state. A filter with further states (scale, field) is joined by its attitude
+    /// alone: what it knows of the bias hangs on the states that are left out.
+    const IS_COMPLETE: bool;
     /// Gyro and accelerometer of a sample.
     fn on_imu(&mut self, stamp_ns: i64, sample: &Sample);
     /// A measurement of a vector sensor, at the time of the latest inertial sample.
@@ -87,12 +90,12 @@ pub fn backward<F: OrientationFilter>(filter: &mut F, samples: &[Sample]) -> Vec
     let end_ns = samples.last().map_or(0, |sample| sample.stamp_ns);
     for index in (0..samples.len()).rev() {
         let Some(sample) = samples.get(index) else { continue };
-        // The mean over the interval that is passed now came with its later end.
+        // The mean rate over the interval that is passed now came with its later end.
         let measured = if F::INTERVAL_MEANS { samples.get(index + 1).unwrap_or(sample) } else { sample };
         let reversed = Sample {
             stamp_ns: end_ns - sample.stamp_ns,
             gyro_rad_s: -measured.gyro_rad_s,
-            force_m_s2: measured.force_m_s2,
+            force_m_s2: sample.force_m_s2,
             vectors: Vec::new(),
         };
         filter.on_imu(reversed.stamp_ns, &reversed);
@@ -120,25 +123,41 @@ fn reversed_in_time(mut o: Orientation) -> Orientation {
 pub fn smooth<F: OrientationFilter>(new: impl Fn() -> F, samples: &[Sample]) -> Vec<Option<Orientation>> {
     let past = forward(&mut new(), samples);
     let future = backward(&mut new(), samples);
-    past.iter().zip(&future).map(|(past, future)| joined(past.as_ref(), future.as_ref())).collect()
+    join::<F>(&past, &future)
 }
 
-fn joined(past: Option<&Orientation>, future: Option<&Orientation>) -> Option<Orientation> {
-    let (Some(past), Some(future)) = (past, future) else { return past.or(future).copied() };
-    let both = || {
-        let [of_past, of_future] = [past, future].map(|o| o.covariance.cholesky().map(|c| c.inverse()));
-        let (of_past, of_future) = (of_past?, of_future?);
-        let covariance = (of_past + of_future).cholesky()?.inverse();
-        let mut apart = Vector6::zeros();
-        let turn = rotation_vector(&(past.q_world_body.inverse() * future.q_world_body));
-        apart.fixed_rows_mut::<3>(0).copy_from(&turn);
-        apart.fixed_rows_mut::<3>(3).copy_from(&(future.gyro_bias_rad_s - past.gyro_bias_rad_s));
-        let correction = covariance * of_future * apart;
-        Some(Orientation {
-            q_world_body: past.q_world_body * quaternion_exp(&Vector3::from(correction.fixed_rows::<3>(0))),
-            gyro_bias_rad_s: past.gyro_bias_rad_s + Vector3::from(correction.fixed_rows::<3>(3)),
-            covariance,
-        })
+/// The estimates from both sides of each sample, joined.
+pub(super) fn join<F: OrientationFilter>(
+    past: &[Option<Orientation>],
+    future: &[Option<Orientation>],
+) -> Vec<Option<Orientation>> {
+    let both = |(past, future): (&Option<Orientation>, &Option<Orientation>)| {
+        let (Some(past), Some(future)) = (past, future) else { return past.or(*future) };
+        let [a, b] = [past, future].map(|o| if F::IS_COMPLETE { *o } else { without_correlation(o) });
+        joined(&a, &b).or(Some(*past))
     };
-    both().or(Some(*past))
+    past.iter().zip(future).map(both).collect()
+}
+
+fn without_correlation(o: &Orientation) -> Orientation {
+    let mut o = *o;
+    o.covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
+    o.covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
+    o
+}
+
+fn joined(past: &Orientation, future: &Orientation) -> Option<Orientation> {
+    let [of_past, of_future] = [past, future].map(|o| o.covariance.cholesky().map(|c| c.inverse()));
+    let (of_past, of_future) = (of_past?, of_future?);
+    let covariance = (of_past + of_future).cholesky()?.inverse();
+    let mut apart = Vector6::zeros();
+    let turn = rotation_vector(&(past.q_world_body.inverse() * future.q_world_body));
+    apart.fixed_rows_mut::<3>(0).copy_from(&turn);
+    apart.fixed_rows_mut::<3>(3).copy_from(&(future.gyro_bias_rad_s - past.gyro_bias_rad_s));
+    let correction = covariance * of_future * apart;
+    Some(Orientation {
+        q_world_body: past.q_world_body * quaternion_exp(&Vector3::from(correction.fixed_rows::<3>(0))),
+        gyro_bias_rad_s: past.gyro_bias_rad_s + Vector3::from(correction.fixed_rows::<3>(3)),
+        covariance,
+    })
 }

@@ -186,6 +186,38 @@ fn the_heading_is_that_of_the_start_where_the_field_is_another() {
     assert!(!estimator.is_magnetised());
 }
 
+/// From the whole recording: the inclination is better than from the past, and the heading is right before a magnet on the
+/// sensor is found. (The simulated start shows north exactly: what is known of it later makes the heading no better.)
+#[test]
+fn smoothing_beats_the_filter_and_knows_the_magnet_from_the_start() {
+    for (magnet, times) in [(Vector3::zeros(), 0.9), (Vector3::new(10.0, -40.0, 20.0), 3.0)] {
+        let conditions = Conditions { magnet, gyro_scale: 0.01, back_s: 85.0, ..usual() };
+        let recorded = record(95.0, &conditions, 11);
+        let samples: Vec<crate::Sample> = recorded
+            .iter()
+            .map(|s| crate::Sample {
+                stamp_ns: s.stamp_ns,
+                gyro_rad_s: s.gyro,
+                force_m_s2: Some(s.force),
+                vectors: vec![Some(crate::Observed { body: s.field, reference_w: None })],
+            })
+            .collect();
+        let (smoothed, magnetised) = crate::smooth_free_motion(FreeMotionParameters::default(), &samples);
+        let causal = crate::forward(&mut FreeMotionEstimator::new(FreeMotionParameters::default()), &samples);
+        let total = |found: &[Option<crate::Orientation>]| {
+            let mut errors = OrientationErrors::default();
+            for (sample, estimate) in recorded.iter().zip(found).filter(|(s, _)| s.scored) {
+                errors.add(&estimate.expect("running").q_world_body, &sample.truth);
+            }
+            errors.root_mean_square_rad().expect("scored").map(f64::to_degrees)
+        };
+        let ([of_smoothed, _, tilted], [of_causal, _, causally_tilted]) = (total(&smoothed), total(&causal));
+        assert!(tilted < 0.8 * causally_tilted, "{magnet}: {tilted} {causally_tilted}");
+        assert_eq!(magnetised, magnet.norm() > 0.0);
+        assert!(of_smoothed * times < of_causal, "{magnet}: {of_smoothed} {of_causal}");
+    }
+}
+
 #[test]
 fn a_magnet_passed_by_hardly_turns_the_heading() {
     // 15 uT to the east turn the field by 40 deg.
