@@ -1,7 +1,8 @@
 //! A hand-held sensor in closed form: angles and position are sums of sines.
 
 use super::covariance::{
-    ATTITUDE, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, Interval, POSITION, Row, STATES, VELOCITY, transition,
+    ATTITUDE, Covariance, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, Interval, POSITION, Row, STATES, VELOCITY,
+    propagate, transition,
 };
 use super::{FreeMotionEstimator, FreeMotionFilter, FreeMotionParameters};
 use crate::OrientationErrors;
@@ -306,6 +307,26 @@ fn bad_samples_do_no_harm() {
     }
     let estimate = estimator.estimate().expect("running");
     assert!(estimate.sigma_rad.iter().all(|s| s.is_finite()));
+}
+
+#[test]
+fn the_growth_is_that_of_the_whole_matrix() {
+    let seed = Covariance::from_fn(|i, j| ((i * 7 + j * 13) as f64).sin());
+    let p = seed * seed.transpose();
+    let block = |k: f64| Matrix3::from_fn(|i, j| (k + i as f64 + 2.0 * j as f64).cos());
+    let interval = Interval {
+        dt_s: 0.05,
+        rotation_s: block(0.3) * 0.05,
+        rotation_rate: [block(1.0) * 0.1, block(2.0) * 0.2, block(3.0) * 0.3],
+        force_w_m_s: Vector3::new(0.1, -0.2, 0.5),
+        east_left: 0.9,
+        noise: Row::from_fn(|i, _| 0.01 * i as f64),
+    };
+    let f = transition(&interval);
+    let expected = f * p * f.transpose() + Covariance::from_diagonal(&interval.noise);
+    let mut grown = p;
+    propagate(&mut grown, &interval);
+    assert!((grown - expected).amax() < 1e-12 * expected.amax());
 }
 
 /// The transition matrix against differences of the motion itself, over an interval with turning and accelerating.
