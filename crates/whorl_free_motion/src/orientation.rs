@@ -14,7 +14,7 @@
 //! A sample's own directions are in the forward estimate only. For linear models with independent noise this is the
 //! optimum; knowledge before the first sample (of biases, of north at the place of both ends) is counted twice.
 
-use nalgebra::{Matrix6, Unit, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Unit, UnitQuaternion, Vector3, Vector6};
 use whorl_math::{quaternion_exp, rotation_vector};
 
 /// A direction, or a field, that was seen.
@@ -48,6 +48,15 @@ pub struct Orientation {
     pub gyro_bias_rad_s: Vector3<f64>,
     /// Of the attitude error (rotation vector, sensor axes \[rad\]) and the bias error [rad/s].
     pub covariance: Matrix6<f64>,
+}
+
+impl Orientation {
+    /// Covariance of the attitude error in world axes \[rad^2\].
+    #[must_use]
+    pub fn covariance_w_rad2(&self) -> Matrix3<f64> {
+        let rotation = *self.q_world_body.to_rotation_matrix().matrix();
+        rotation * self.covariance.fixed_view::<3, 3>(0, 0) * rotation.transpose()
+    }
 }
 
 /// A filter that is run over recordings.

@@ -9,7 +9,7 @@ use anyhow::bail;
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows};
-use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample};
+use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
 use whorl_math::quaternion_exp;
 
 use chosen::Chosen;
@@ -60,6 +60,8 @@ pub struct Arguments {
 #[derive(Default)]
 struct Tally {
     errors: OrientationErrors,
+    /// Sum of squared heading errors over their stated variances.
+    heading: f64,
     first_ns: Option<i64>,
     last_ns: i64,
     samples: u64,
@@ -90,6 +92,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         tally.estimates += 1;
         if let Some(truth) = line.truth {
             tally.errors.add(&estimate.q_world_body, &truth);
+            let [_, heading, _] = orientation_error(&estimate.q_world_body, &truth);
+            tally.heading += heading.powi(2) / estimate.covariance_w_rad2()[(2, 2)].max(f64::MIN_POSITIVE);
         }
         if let Some(out) = &mut out {
             out.write(line.sample.stamp_ns - tally.first_ns.unwrap_or(0), &estimate)?;
@@ -146,6 +150,10 @@ fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> 
                 "error against truth, RMS: {total:.2} deg total, {heading:.2} heading, {inclination:.2} inclination \
                  ({} samples)",
                 tally.errors.count()
+            );
+            println!(
+                "squared heading error over its stated variance: {:.2} on average, 1 expected",
+                tally.heading / tally.errors.count() as f64
             );
         }
         None => println!("the file has no truth to compare with"),

@@ -38,9 +38,7 @@ impl Output {
 
     pub fn write(&mut self, since_start_ns: i64, estimate: &Orientation) -> anyhow::Result<()> {
         let (q, b) = (&estimate.q_world_body, &estimate.gyro_bias_rad_s);
-        let rotation = *q.to_rotation_matrix().matrix();
-        let in_world = rotation * estimate.covariance.fixed_view::<3, 3>(0, 0) * rotation.transpose();
-        let s = in_world.diagonal().map(|v| v.max(0.0).sqrt());
+        let s = estimate.covariance_w_rad2().diagonal().map(|v| v.max(0.0).sqrt());
         write!(
             self.file,
             "{:.6},{:.9},{:.9},{:.9},{:.9},{:.6e},{:.6e},{:.6e},{:.3e},{:.3e},{:.3e}",

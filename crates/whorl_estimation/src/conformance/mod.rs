@@ -105,7 +105,7 @@ pub fn own_convergence_s<K: Kernel>(kind: FilterKind<K>, axis: &Vector3<f64>, an
     use crate::kernels::{DirectionMeasurement, FilterStep, KernelStart, Solution};
     let parameters = parameters();
     let solution = Solution {
-        q_world_body: quaternion_exp(&(axis.normalize() * angle_deg.to_radians())),
+        q_world_body: quaternion_exp(&(axis.into_inner() * angle_deg.to_radians())),
         omega_rad_s: Vector3::zeros(),
         gyro_bias_rad_s: Vector3::zeros(),
         covariance: Matrix6::from_diagonal(&Vector6::new(3.0, 3.0, 3.0, 1e-6, 1e-6, 1e-6)),
