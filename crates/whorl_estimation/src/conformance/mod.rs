@@ -101,7 +101,11 @@ pub fn converges_from_any_attitude<K: Kernel>(kind: FilterKind<K>) {
 /// attitude that is wrong by this angle about this axis of the body with a stated deviation of 100 deg \[s\]; `None`: not
 /// within a minute. The vertical and a direction east come ten times a second.
 #[must_use]
-pub fn own_convergence_s<K: Kernel>(kind: FilterKind<K>, axis: &Vector3<f64>, angle_deg: f64) -> Option<f64> {
+pub fn own_convergence_s<K: Kernel>(
+    kind: FilterKind<K>,
+    axis: nalgebra::Unit<Vector3<f64>>,
+    angle_deg: f64,
+) -> Option<f64> {
     use crate::kernels::{DirectionMeasurement, FilterStep, KernelStart, Solution};
     let parameters = parameters();
     let solution = Solution {
