@@ -439,12 +439,12 @@ fn gains_outside_their_proven_ranges_are_refused_with_the_bound() {
         neighbours: (0..4).filter(|j| *j != i).map(|j| (j, 1.0)).collect(),
         goal_weight: 1.0,
     };
-    // rho = 3/4: the bound is (4/3 - 1.0128) / 1.3 = 0.247.
+    // rho = 3/4: the bound is (1/4) / (1.3 * 3/4) = 0.256.
     let graph = NeighbourGraph::new(&[all(0), all(1), all(2), all(3)]).unwrap();
     let settings = DecentralisedSettings { graph, error_share: 0.3, traffic: None };
     let error = Decentralised::new(settings.clone()).unwrap_err().to_string();
-    assert!(error.contains("error_share = 0.3") && error.contains("0.247"), "{error}");
-    assert!(Decentralised::new(DecentralisedSettings { error_share: 0.24, ..settings }).is_ok());
+    assert!(error.contains("error_share = 0.3") && error.contains("0.256"), "{error}");
+    assert!(Decentralised::new(DecentralisedSettings { error_share: 0.25, ..settings }).is_ok());
 
     let gains = PerceptiveFrameGains {
         bandwidth_rad_s: 0.3,

@@ -49,7 +49,8 @@
 //! formation. `e` lets a group that lost the goal come to rest instead of echoing itself.
 //!
 //! For `c > 0` a platform's loop T stands inside the mean and adds `c (T - 1) w^2/(s + w)^2`: with `|T - 1| <= 1.3` at all
-//! frequencies the same theorem asks for `rho (g + 1.3 c) < 1`, and [`Decentralised::new`] refuses larger `c`. Platforms
+//! frequencies the same theorem asks for `rho (g + 1.3 c) < 1`. What `b = 1` does not allow takes `b = 0.9747`, for which
+//! g = 1, and [`Decentralised::new`] refuses `c` of (1 - rho)/(1.3 rho) and more. Platforms
 //! may have different `w`. All of this is linear: limits of the shapers and large turns are outside of it.
 //!
 //! # Assumptions
@@ -110,7 +111,7 @@ impl Decentralised {
             let allowed = if bound > 1.0 {
                 "0 to 1".to_owned()
             } else {
-                format!("0 to less than {bound:.3}, (1/rho - g) / 1.3 of this graph")
+                format!("0 to less than {bound:.3}, (1 - rho) / (1.3 rho) of this graph")
             };
             return Err(LawError::Gain { law: "decentralised", gain: "error_share", value, allowed });
         }
@@ -118,7 +119,7 @@ impl Decentralised {
             cap.check("decentralised")?;
         }
         let told = vec![None; settings.graph.len()];
-        let rate_share = Self::rate_share(&settings.graph);
+        let rate_share = Self::rate_share(&settings.graph, settings.error_share);
         Ok(Self { settings, rate_share, told, broadcasts: 0 })
     }
 
@@ -126,13 +127,13 @@ impl Decentralised {
     #[must_use]
     pub fn error_share_bound(graph: &NeighbourGraph) -> f64 {
         let rho = graph.spectral_radius();
-        let peak = if Self::rate_share(graph) < 1.0 { 1.0 } else { SHAPER_PEAK };
-        if rho < FOREST_RADIUS { f64::INFINITY } else { ((1.0 / rho - peak) / LOOP_PEAK).max(0.0) }
+        if rho < FOREST_RADIUS { f64::INFINITY } else { (1.0 - rho) / (LOOP_PEAK * rho) }
     }
 
     /// Share of a neighbour's rate that is passed on, `b`: all of it where that is stable at every delay.
-    fn rate_share(graph: &NeighbourGraph) -> f64 {
-        if graph.spectral_radius() * SHAPER_PEAK < 1.0 { 1.0 } else { (0.5 * (1.0 + ECHO)).sqrt() }
+    fn rate_share(graph: &NeighbourGraph, error_share: f64) -> f64 {
+        let with_all = graph.spectral_radius() * (SHAPER_PEAK + LOOP_PEAK * error_share);
+        if with_all < 1.0 { 1.0 } else { (0.5 * (1.0 + ECHO)).sqrt() }
     }
 
     /// Who listens to whom.
