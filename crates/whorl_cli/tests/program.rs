@@ -29,3 +29,47 @@ fn an_experiment_that_does_not_exist_is_an_error_in_words() {
 fn an_unknown_command_is_wrong_usage() {
     assert_eq!(whorl(&["no_such_command"]).status.code(), Some(2));
 }
+
+/// A satellite without an accelerometer, its magnetic reference from columns of the file: half a turn of spin about z while the
+/// sun stands along x, in closed form. From the first line on, and smoothed, the attitude is right.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn a_satellite_is_estimated_from_directions() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, map) = (folder.path().join("orbit.csv"), folder.path().join("orbit.yaml"));
+    let mut text = "t,wx,wy,wz,mx,my,mz,rx,ry,rz,sx,sy,sz,qw,qx,qy,qz\n".to_owned();
+    let rate: f64 = 0.01;
+    for k in 0..300 {
+        let t = f64::from(k);
+        let (sine, cosine) = (rate * t).sin_cos();
+        // Into body axes: turned back about z.
+        let seen = |x: f64, y: f64, z: f64| {
+            format!("{:.9},{:.9},{z:.9}", cosine * x + sine * y, cosine * y - sine * x)
+        };
+        let (north, up) = (2e-3 * t).sin_cos();
+        let (half_sine, half_cosine) = (0.5 * rate * t).sin_cos();
+        text += &format!(
+            "{t},0,0,{rate},{},0,{north:.9},{up:.9},{},{half_cosine:.9},0,0,{half_sine:.9}\n",
+            seen(0.0, north, up),
+            seen(1.0, 0.0, 0.0)
+        );
+    }
+    std::fs::write(&data, text).unwrap();
+    let columns = "csv:\n  ros__parameters:\n    time: {column: t}\n    gyro: {columns: [wx, wy, wz]}\n    vectors:\n      \
+                   field: {columns: [mx, my, mz], reference_columns: [rx, ry, rz]}\n      \
+                   sun: {columns: [sx, sy, sz], reference_world: [1.0, 0.0, 0.0]}\n    \
+                   true_attitude: {columns: [qw, qx, qy, qz]}\n";
+    std::fs::write(&map, columns).unwrap();
+    let (data, map) = (data.to_str().unwrap(), map.to_str().unwrap());
+    for smooth in [&[][..], &["--smooth"][..]] {
+        let arguments = [&["estimate", data, "--channels", map][..], smooth].concat();
+        let told = whorl(&arguments);
+        let text = String::from_utf8_lossy(&told.stdout);
+        assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+        assert!(text.contains("filter directions") && text.contains("RMS: 0.00 deg total"), "{text}");
+        assert!(text.contains("(300 samples)"), "{text}");
+    }
+    let refused = whorl(&["estimate", data, "--channels", map, "--filter", "free_motion"]);
+    let text = String::from_utf8_lossy(&refused.stderr);
+    assert!(text.contains("no accelerometer") && text.contains("directions"), "{text}");
+}

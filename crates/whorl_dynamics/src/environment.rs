@@ -4,6 +4,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use whorl_math::{azimuth_rad, vertical_b};
 
 use crate::PlatformModel;
+use crate::actuators::wheels::available_motor_torque_n_m;
+use crate::effects::Touching;
 
 /// The state of a platform and its surroundings at one instant, as effects see it.
 ///
@@ -41,6 +43,8 @@ pub struct Environment<'a> {
     pub temperature_k: f64,
     /// Sense of the last travel of the linear mass actuators along body x, y, z: -1, 0 (never moved), 1.
     pub ballast_direction: Vector3<f64>,
+    /// Which branch of a contact's law holds; integrators set it.
+    pub touching: Touching,
 }
 
 impl<'a> Environment<'a> {
@@ -68,6 +72,7 @@ impl<'a> Environment<'a> {
             bus_voltage_v: model.bus.initial_v,
             temperature_k: model.sensors.ambient_temperature_k,
             ballast_direction: Vector3::zeros(),
+            touching: Touching::AsItIs,
         }
     }
 
@@ -93,6 +98,16 @@ impl<'a> Environment<'a> {
     #[must_use]
     pub fn wheel_motor_torque(&self, wheel: usize) -> f64 {
         self.wheel_motor_torque_n_m.get(wheel).copied().unwrap_or(0.0)
+    }
+
+    /// What of that torque the motor can give at the wheel's speed \[N m\]: near its largest speed none that would exceed it.
+    /// What makes motors stronger or weaker acts on this part.
+    #[must_use]
+    pub fn available_motor_torque(&self, wheel: usize) -> f64 {
+        let asked_n_m = self.wheel_motor_torque(wheel);
+        self.model.wheels().get(wheel).map_or(asked_n_m, |of| {
+            available_motor_torque_n_m(asked_n_m, self.wheel_speed(wheel), of.max_speed_rad_s)
+        })
     }
 
     /// Heading: the angle of body x about the vertical, from world x towards world y \[rad\], -pi..pi.

@@ -40,11 +40,37 @@ pub(super) struct Interval {
     pub noise: Row,
 }
 
-/// Growth over an interval.
+/// Growth over an interval: `F P F^T + Q` with the [`transition`] F, which is the identity but for a few blocks. As P is
+/// symmetric, `F (F P)^T` is that: F acts on columns twice, at a tenth of the cost of dense products.
 pub(super) fn propagate(p: &mut Covariance, interval: &Interval) {
-    covariance::propagate(p, &transition(interval), &Covariance::from_diagonal(&interval.noise));
+    let force_skew = whorl_math::skew(&interval.force_w_m_s);
+    for _ in 0..2 {
+        for mut column in p.column_iter_mut() {
+            let part = |at: usize| Vector3::new(column[at], column[at + 1], column[at + 2]);
+            let (attitude, velocity) = (part(ATTITUDE), part(VELOCITY));
+            let mut turned = -(interval.rotation_s * part(GYRO_BIAS));
+            for (k, of_rate) in interval.rotation_rate.iter().enumerate() {
+                let gains = Vector3::from_fn(|row, _| column[GYRO_MATRIX + 3 * row + k]);
+                turned += of_rate * gains;
+            }
+            let pushed = -(force_skew * attitude) - interval.rotation_s * part(FORCE_BIAS);
+            for axis in 0..3 {
+                column[POSITION + axis] += velocity[axis] * interval.dt_s;
+                column[VELOCITY + axis] += pushed[axis];
+                column[ATTITUDE + axis] += turned[axis];
+            }
+            column[FIELD] *= interval.east_left;
+        }
+        p.transpose_mut();
+    }
+    covariance::symmetrise(p);
+    for (state, noise) in interval.noise.iter().enumerate() {
+        p[(state, state)] += noise;
+    }
 }
 
+/// The transition of the errors over an interval.
+#[cfg(test)]
 pub(super) fn transition(interval: &Interval) -> Covariance {
     let mut f = Covariance::identity();
     let force_skew = whorl_math::skew(&interval.force_w_m_s);

@@ -1,6 +1,7 @@
 //! The filter itself.
 
 use super::FreeMotionParameters;
+use super::anchor::Anchor;
 use super::covariance::{
     ATTITUDE, Covariance, FIELD, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, IRON, Interval, POSITION, Row, VELOCITY,
     propagate, update,
@@ -9,8 +10,9 @@ use super::rest::RestDetector;
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector2, Vector3};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
 
-/// The covariance is carried in steps of at least this \[s\].
-const COVARIANCE_STEP_S: f64 = 0.01;
+/// The covariance is carried in steps of at least this, the interval of magnetometer samples; within it the sums are exact to
+/// the first order in the error \[s\].
+const COVARIANCE_STEP_S: f64 = 0.05;
 /// A longer gap between samples restarts the filter \[s\].
 const GAP_S: f64 = 1.0;
 
@@ -74,7 +76,7 @@ impl Sums {
 pub struct FreeMotionFilter {
     pub(super) parameters: FreeMotionParameters,
     pub(super) start: Option<Start>,
-    previous: Option<(i64, Vector3<f64>, Vector3<f64>)>,
+    previous_ns: Option<i64>,
     pub(super) q_world_body: UnitQuaternion<f64>,
     pub(super) velocity_w_m_s: Vector3<f64>,
     pub(super) position_w_m: Vector3<f64>,
@@ -101,6 +103,14 @@ pub struct FreeMotionFilter {
     pub(super) turned_rad: f64,
     /// North and up component of the field at the start.
     pub(super) begin: Option<Vector2<f64>>,
+    /// The start's field until the sensor is back at rest there.
+    pub(super) anchor: Anchor,
+    /// Mean of the horizontal and vertical component in motion.
+    pub(super) recent: Vector2<f64>,
+    /// Mean square distance from it.
+    pub(super) recent_spread: f64,
+    /// How long the field has been unlike the start's, in motion \[s\].
+    pub(super) doubt_s: f64,
     /// North and up component of the field where its changes are counted from, and for how long \[s\].
     pub(super) place: Option<(Vector2<f64>, f64)>,
     /// Variance added to the east component for these changes.
@@ -114,7 +124,7 @@ impl FreeMotionFilter {
         Self {
             parameters,
             start: Some(Start::default()),
-            previous: None,
+            previous_ns: None,
             q_world_body: UnitQuaternion::identity(),
             velocity_w_m_s: Vector3::zeros(),
             position_w_m: Vector3::zeros(),
@@ -133,6 +143,10 @@ impl FreeMotionFilter {
             east_mean: 0.0,
             turned_rad: 0.0,
             begin: None,
+            anchor: Anchor::default(),
+            recent: Vector2::zeros(),
+            recent_spread: 0.0,
+            doubt_s: 0.0,
             place: None,
             place_variance: 0.0,
         }
@@ -144,20 +158,21 @@ impl FreeMotionFilter {
         if !(gyro.sum() + force.sum()).is_finite() {
             return;
         }
-        let Some((before_ns, gyro_before, force_before)) = self.previous else {
-            self.previous = Some((stamp_ns, *gyro, *force));
+        let Some(before_ns) = self.previous_ns else {
+            self.previous_ns = Some(stamp_ns);
             return;
         };
         let dt_s = stamp_ns.saturating_sub(before_ns) as f64 * 1e-9;
         if dt_s <= 0.0 {
             return;
         }
-        self.previous = Some((stamp_ns, *gyro, *force));
+        self.previous_ns = Some(stamp_ns);
         if dt_s > GAP_S {
             self.start = Some(Start::default());
             return;
         }
-        let measured = (gyro_before + gyro) * 0.5;
+        // Digital inertial units filter and decimate: a sample is the mean over the interval that ends with it.
+        let measured = *gyro;
         let turn = measured + self.gyro_matrix * measured - self.gyro_bias_rad_s;
         if let Some(start) = &mut self.start {
             start.q *= quaternion_exp(&(turn * dt_s));
@@ -168,7 +183,7 @@ impl FreeMotionFilter {
             self.finish_start();
             return;
         }
-        self.strapdown(dt_s, &turn, &measured, &((force_before + force) * 0.5));
+        self.strapdown(dt_s, &turn, &measured, force);
         let rate = self.rest.add(&self.parameters, dt_s, gyro, force);
         self.since_motion_s += dt_s;
         self.since_field_s += dt_s;
@@ -267,7 +282,10 @@ impl FreeMotionFilter {
             let length = *self.field_length.get_or_insert(field.norm());
             let world = begin * field / length;
             self.field_relative = Vector3::new(0.0, world.x.hypot(world.y), world.z);
-            self.begin = Some(Vector2::new(self.field_relative.y, self.field_relative.z));
+            let begin = Vector2::new(self.field_relative.y, self.field_relative.z);
+            self.begin = Some(begin);
+            self.anchor = Anchor::at(begin);
+            self.recent = begin;
             let north = self.field_relative.y;
             // These components include the field of the iron.
             variance[FIELD] = (p.start_east_sigma * north).powi(2);

@@ -13,21 +13,31 @@
 //!   not depend on the heading differ from those at the start says how far the east component may be trusted elsewhere.
 //! - iron and magnets on the sensor itself turn with it: their field is estimated and subtracted from the samples.
 //!
+//! [`DirectionFilter`] is for vehicles that have directions and no accelerometer, or none that shows the vertical: satellites,
+//! for example. [`smooth`] runs either over a whole recording, forwards and backwards.
+//!
 //! The attitude error is a rotation vector in world axes (x east, y magnetic north, z up).
 
+mod anchor;
 mod covariance;
+mod directions;
 mod field;
 mod filter;
 mod iron;
 mod magnetised;
+mod orientation;
 mod orientation_error;
 mod parameters;
 mod rest;
+#[cfg(test)]
+mod smoothing_tests;
 
 #[cfg(test)]
 mod tests;
 
+pub use directions::{DirectionFilter, DirectionParameters};
 pub use filter::{FreeMotionEstimate, FreeMotionFilter};
-pub use magnetised::FreeMotionEstimator;
+pub use magnetised::{FreeMotionEstimator, smooth_free_motion};
+pub use orientation::{Observed, Orientation, OrientationFilter, Sample, backward, forward, smooth};
 pub use orientation_error::{OrientationErrors, orientation_error};
 pub use parameters::FreeMotionParameters;

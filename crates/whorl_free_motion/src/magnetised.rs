@@ -1,6 +1,7 @@
 //! Is there iron or a magnet on the sensor?
 
 use super::iron::IronEstimator;
+use super::orientation::{Observed, Orientation, OrientationFilter, Sample, forward, smooth};
 use super::{FreeMotionEstimate, FreeMotionFilter, FreeMotionParameters};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
@@ -114,4 +115,50 @@ impl FreeMotionEstimator {
             self.filter.turn_heading(whorl_math::wrap_angle_rad(change));
         }
     }
+}
+
+impl OrientationFilter for FreeMotionEstimator {
+    const IS_COMPLETE: bool = false;
+    const INTERVAL_MEANS: bool = true;
+
+    fn on_imu(&mut self, stamp_ns: i64, sample: &Sample) {
+        if let Some(force) = &sample.force_m_s2 {
+            Self::on_imu(self, stamp_ns, &sample.gyro_rad_s, force);
+        }
+    }
+
+    /// The first vector sensor is the magnetometer; any other is not used.
+    fn on_vector(&mut self, sensor: usize, seen: &Observed) {
+        if sensor == 0 {
+            self.on_magnetometer(&seen.body);
+        }
+    }
+
+    fn orientation(&self) -> Option<Orientation> {
+        self.estimate().map(|estimate| Orientation {
+            q_world_body: estimate.q_world_body,
+            gyro_bias_rad_s: estimate.gyro_bias_rad_s,
+            covariance: self.covariance(),
+        })
+    }
+}
+
+/// [`super::smooth`] with [`FreeMotionEstimator`]; whether there is a magnet on the sensor is found out first, and its field is
+/// then subtracted from all samples, those before it was found included. Gives the orientations, and whether there is one.
+#[must_use]
+pub fn smooth_free_motion(
+    parameters: FreeMotionParameters,
+    samples: &[Sample],
+) -> (Vec<Option<Orientation>>, bool) {
+    let new = || FreeMotionEstimator::new(parameters);
+    let mut first = new();
+    forward(&mut first, samples);
+    let Some(iron) = first.estimate().filter(|_| first.is_magnetised()) else {
+        return (smooth(new, samples), false);
+    };
+    let mut clean = samples.to_vec();
+    for seen in clean.iter_mut().filter_map(|sample| sample.vectors.first_mut()?.as_mut()) {
+        seen.body -= iron.iron_magnetometer_unit;
+    }
+    (smooth(new, &clean), true)
 }

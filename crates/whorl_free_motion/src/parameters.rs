@@ -7,7 +7,8 @@ pub struct FreeMotionParameters {
     pub gravity_m_s2: f64,
     /// Gyro white noise [rad/s/sqrt(Hz)].
     pub gyro_noise_rad_s_sqrt_hz: f64,
-    /// Further angle noise per rate, for scale and misalignment [rad/sqrt(s) per rad/s].
+    /// Further angle noise per rate, for what scale and misalignment leave: a nonlinearity of 0.1 % (data sheets of MEMS gyros,
+    /// e.g. MPU-9250) that lasts for a second [rad/sqrt(s) per rad/s].
     pub gyro_scale_noise_sqrt_s: f64,
     /// Gyro scale and misalignment \[1\].
     pub gyro_matrix_sigma: f64,
@@ -19,11 +20,11 @@ pub struct FreeMotionParameters {
     pub accelerometer_noise_m_s2_sqrt_hz: f64,
     /// Further noise per acceleration of the sensor, for its scale [sqrt(s)].
     pub accelerometer_scale_noise_sqrt_s: f64,
-    /// Initial accelerometer bias [m/s^2].
+    /// Initial accelerometer bias: 5 mg, of a calibrated MEMS unit [m/s^2].
     pub accelerometer_bias_sigma_m_s2: f64,
     /// Its random walk [m/s^2/sqrt(s)].
     pub accelerometer_bias_walk_m_s2_sqrt_s: f64,
-    /// Velocity of the motion [m/s].
+    /// Velocity of the motion: hands and feet move at up to 2 m/s [m/s].
     pub velocity_sigma_m_s: f64,
     /// Distance from the middle of the motion \[m\].
     pub position_sigma_m: f64,
@@ -53,7 +54,7 @@ pub struct FreeMotionParameters {
     pub field_fall_s: f64,
     /// Over this time in motion the field's small-scale inhomogeneity is the same \[s\].
     pub field_short_time_s: f64,
-    /// Field of iron on the sensor, relative to the field's length \[1\].
+    /// Field of iron on the sensor, relative to the field's length: what a calibration leaves, 0.5 uT \[1\].
     pub iron_sigma: f64,
     /// Samples are averaged for this long before the first attitude \[s\].
     pub start_window_s: f64,
@@ -74,15 +75,15 @@ impl Default for FreeMotionParameters {
         Self {
             gravity_m_s2: 9.81,
             gyro_noise_rad_s_sqrt_hz: 3e-4,
-            gyro_scale_noise_sqrt_s: 2e-3,
+            gyro_scale_noise_sqrt_s: 1e-3,
             gyro_matrix_sigma: 5e-3,
             gyro_bias_sigma_rad_s: 0.01,
             gyro_bias_walk_rad_s_sqrt_s: 3e-5,
             accelerometer_noise_m_s2_sqrt_hz: 0.01,
             accelerometer_scale_noise_sqrt_s: 0.01,
-            accelerometer_bias_sigma_m_s2: 0.1,
+            accelerometer_bias_sigma_m_s2: 0.05,
             accelerometer_bias_walk_m_s2_sqrt_s: 2e-3,
-            velocity_sigma_m_s: 0.7,
+            velocity_sigma_m_s: 1.5,
             position_sigma_m: 0.5,
             position_walk_m_sqrt_s: 0.2,
             motion_time_s: 0.5,
@@ -97,7 +98,7 @@ impl Default for FreeMotionParameters {
             field_rise_s: 1.0,
             field_fall_s: 20.0,
             field_short_time_s: 0.5,
-            iron_sigma: 0.003,
+            iron_sigma: 0.01,
             start_window_s: 0.5,
             rest_rate_rad_s: 0.035,
             rest_force_m_s2: 0.5,

@@ -17,12 +17,12 @@
 //! Source: Schwartz 2004, section 2.3 and Figure 2.1.
 //!
 //! # Assumptions
-//! A spherical Earth for targets; a thruster that is fixed in the body.
+//! Targets on the ellipsoid of WGS 84 ([`crate::earth`]), at height zero; a thruster that is fixed in the body.
 
 use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use crate::{EARTH_RADIUS_M, EARTH_RATE_RAD_S};
+use crate::{EARTH_RATE_RAD_S, earth};
 
 /// Directions closer than this are taken as parallel \[rad\].
 const PARALLEL_RAD: f64 = 1e-9;
@@ -34,9 +34,9 @@ const NO_DELTA_V_M_S: f64 = 1e-9;
 pub enum Target {
     /// The centroid of the points below the spacecraft.
     Centroid,
-    /// A point of the Earth.
+    /// A point of the Earth's surface by its geocentric latitude; [`Target::geodetic`] makes one from that of a map.
     Point {
-        /// Geocentric latitude \[rad\].
+        /// Geocentric latitude: of the line from the Earth's centre \[rad\].
         latitude_rad: f64,
         /// East longitude, from the inertial x axis at time 0 \[rad\].
         longitude_rad: f64,
@@ -59,14 +59,21 @@ pub enum TargetError {
     },
 }
 
-/// The point below a spacecraft, in Earth-fixed axes that were the inertial ones at time 0 \[m\].
+/// The point straight below a spacecraft, in Earth-fixed axes that were the inertial ones at time 0 \[m\].
 #[must_use]
 pub fn ground_track_m(position_m: &Vector3<f64>, time_s: f64) -> Vector3<f64> {
     let to_earth = Rotation3::from_axis_angle(&Vector3::z_axis(), -EARTH_RATE_RAD_S * time_s);
-    to_earth * position_m * (EARTH_RADIUS_M / position_m.norm())
+    to_earth * earth::below_m(position_m)
 }
 
 impl Target {
+    /// A point by its geodetic latitude, that of maps (WGS 84), and its east longitude from the inertial x axis at time 0
+    /// \[rad\].
+    #[must_use]
+    pub fn geodetic(latitude_rad: f64, longitude_rad: f64) -> Self {
+        Self::Point { latitude_rad: earth::geocentric_from_geodetic_rad(latitude_rad), longitude_rad }
+    }
+
     /// Where the target is, inertial axes \[m\].
     ///
     /// # Errors
@@ -78,14 +85,15 @@ impl Target {
     ) -> Result<Vector3<f64>, TargetError> {
         match *self {
             Self::Centroid => {
-                let sum: Vector3<f64> = spacecraft_m.iter().map(|r| r / r.norm()).sum();
-                let up = Unit::try_new(sum, 1e-9).ok_or(TargetError::NoCentroid)?;
-                Ok(up.into_inner() * EARTH_RADIUS_M)
+                let sum: Vector3<f64> = spacecraft_m.iter().map(earth::below_m).sum();
+                // Of some metres' length: the points lie around the whole Earth.
+                let inside = Unit::try_new(sum, 1.0).ok_or(TargetError::NoCentroid)?;
+                // Their mean lies inside the Earth; the centroid is the point of the surface nearest to it.
+                Ok(earth::below_m(&(inside.into_inner() * (sum.norm() / spacecraft_m.len() as f64))))
             }
             Self::Point { latitude_rad, longitude_rad } => {
                 let east = longitude_rad + EARTH_RATE_RAD_S * time_s;
-                let (sine, cosine) = latitude_rad.sin_cos();
-                Ok(Vector3::new(cosine * east.cos(), cosine * east.sin(), sine) * EARTH_RADIUS_M)
+                Ok(earth::surface_geocentric_m(latitude_rad, east))
             }
         }
     }
@@ -95,7 +103,7 @@ impl Target {
 #[must_use]
 pub fn elevation_rad(target_m: &Vector3<f64>, spacecraft_m: &Vector3<f64>) -> f64 {
     let to_spacecraft = spacecraft_m - target_m;
-    std::f64::consts::FRAC_PI_2 - to_spacecraft.angle(target_m)
+    std::f64::consts::FRAC_PI_2 - to_spacecraft.angle(&earth::up(target_m))
 }
 
 /// How boresight and thruster are mounted.
@@ -187,6 +195,7 @@ fn any_normal(axis: &Vector3<f64>) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::EARTH_RADIUS_M;
     use proptest::prelude::*;
 
     fn direction() -> impl Strategy<Value = Vector3<f64>> {
@@ -247,6 +256,11 @@ mod tests {
         assert!((centroid - Vector3::new(EARTH_RADIUS_M, 0.0, 0.0)).norm() < 1e-6);
         let opposite = [Vector3::x() * 7e6, -Vector3::x() * 7e6];
         assert_eq!(Target::Centroid.position_m(&opposite, 0.0), Err(TargetError::NoCentroid));
+        // The two latitudes of a number: 0.192 deg or 21 km on the ground at 45 deg.
+        let mapped = Target::geodetic(45_f64.to_radians(), 0.0).position_m(&[], 0.0).unwrap();
+        let central = Target::Point { latitude_rad: 45_f64.to_radians(), longitude_rad: 0.0 };
+        let apart_m = (mapped - central.position_m(&[], 0.0).unwrap()).norm();
+        assert!((apart_m - 21.4e3).abs() < 100.0, "{apart_m}");
         let point = Target::Point { latitude_rad: 0.0, longitude_rad: 0.1 };
         let later = point.position_m(&[], 86164.0905 / 4.0).unwrap();
         assert!((later.y.atan2(later.x) - 0.1 - std::f64::consts::FRAC_PI_2).abs() < 1e-6);

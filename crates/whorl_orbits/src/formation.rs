@@ -1,18 +1,27 @@
 //! Formations that stay together: initial conditions in the Hill frame of a chief on a near-circle.
 //!
+//! On an ellipse a formation started so and brought to the chief's energy stays together, but its shape breathes: the
+//! distance that is promised varies by about `4 e` of itself on the circular formations and by `2 e` on the other two
+//! (two-body motion, the worst over phase and anomaly; a test measures it). More than a fifth is refused.
+//!
 //! Source: C. Sabol, R. Burns, C. A. McLaughlin, "Satellite formation flying design and evolution", J. Spacecraft
 //! and Rockets 38(2), 2001; Schwartz 2004, section 2.1.3. All satisfy (2.31): no drift to first order.
 
 use nalgebra::Vector3;
 use thiserror::Error;
 
+use crate::EARTH_RATE_RAD_S;
+use crate::drift::delta_v_eci_m_s;
 use crate::elements::{Elements, OrbitError};
 use crate::hill::HillState;
 use crate::orbit_state::OrbitState;
-use crate::{EARTH_MU_M3_S2, EARTH_RATE_RAD_S};
+use crate::propagation::Propagator;
 
 /// The linear equations hold for separations well below this share of the chief's radius.
 const LARGEST_SHARE: f64 = 0.02;
+
+/// Share of the promised distance by which an eccentric chief may spoil it.
+const LARGEST_SPOILING: f64 = 0.2;
 
 /// Where a deputy is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +66,19 @@ pub enum FormationError {
         /// The most that is allowed \[m\].
         most_m: f64,
     },
+    /// The chief's orbit is too far from a circle.
+    #[error(
+        "a chief with eccentricity {eccentricity} cannot keep this formation: its distance would vary by {:.0} %; eccentricities up to {most} can",
+        100.0 * .spoiling
+    )]
+    TooEccentric {
+        /// As given.
+        eccentricity: f64,
+        /// Share of the promised distance by which it would vary.
+        spoiling: f64,
+        /// The most that is allowed.
+        most: f64,
+    },
 }
 
 impl Formation {
@@ -69,16 +91,36 @@ impl Formation {
         }
     }
 
+    /// Share of the promised distance by which it varies on an ellipse, for each unit of eccentricity.
+    fn spoiling(&self) -> f64 {
+        match self {
+            Self::InPlane { .. } | Self::InTrack { .. } => 2.0,
+            Self::Circular { .. } | Self::ProjectedCircular { .. } => 4.0,
+        }
+    }
+
+    /// The largest eccentricity of a chief that can keep this formation.
+    #[must_use]
+    pub fn largest_eccentricity(&self) -> f64 {
+        LARGEST_SPOILING / self.spoiling()
+    }
+
     /// The deputy's state relative to a chief with these elements.
     ///
     /// # Errors
-    /// A chief's orbit that cannot be flown, or a separation beyond the linear equations.
+    /// A chief's orbit that cannot be flown, a separation beyond the linear equations, or an ellipse that would not keep
+    /// the formation's shape.
     pub fn deputy(&self, chief: &Elements) -> Result<HillState, FormationError> {
         chief.check()?;
         let most_m = LARGEST_SHARE * chief.semi_major_axis_m;
         let separation_m = self.separation_m();
         if separation_m.is_nan() || separation_m > most_m {
             return Err(FormationError::TooWide { separation_m, most_m });
+        }
+        let (eccentricity, most) = (chief.eccentricity, self.largest_eccentricity());
+        if eccentricity > most {
+            let spoiling = self.spoiling() * eccentricity;
+            return Err(FormationError::TooEccentric { eccentricity, spoiling, most });
         }
         let n = chief.mean_motion_rad_s();
         Ok(match *self {
@@ -119,14 +161,13 @@ fn ellipse(radius_m: f64, cross_track_share: f64, phase_rad: f64, n: f64) -> Hil
     }
 }
 
-/// The deputy's inertial state with its speed changed so that its semi-major axis equals the chief's
-/// exactly: (2.31) without its linearisation. What remains of a drift comes from perturbations.
+/// The deputy's inertial state with its speed changed so that its energy equals the chief's exactly: (2.31) without its
+/// linearisation, on any orbit. What remains of a drift comes from perturbations.
 #[must_use]
-pub fn with_equal_energy(chief: &OrbitState, deputy: &HillState) -> OrbitState {
+pub fn with_equal_energy(propagator: Propagator, chief: &OrbitState, deputy: &HillState) -> OrbitState {
     let state = deputy.deputy(chief);
-    let energy = 0.5 * chief.velocity_m_s.norm_squared() - EARTH_MU_M3_S2 / chief.position_m.norm();
-    let speed = (2.0 * (energy + EARTH_MU_M3_S2 / state.position_m.norm())).max(0.0).sqrt();
-    OrbitState { velocity_m_s: state.velocity_m_s * (speed / state.velocity_m_s.norm()), ..state }
+    let wanted_m_s = delta_v_eci_m_s(propagator, chief, &state);
+    OrbitState { velocity_m_s: state.velocity_m_s + wanted_m_s, ..state }
 }
 
 #[cfg(test)]
@@ -172,7 +213,7 @@ mod tests {
         let ahead_s = ahead_m / (chief.mean_motion_rad_s() * chief.semi_major_axis_m);
         let start = chief.state();
         let track = |formation: Formation| {
-            let deputy = with_equal_energy(&start, &formation.deputy(&chief).unwrap());
+            let deputy = with_equal_energy(Propagator::TwoBody, &start, &formation.deputy(&chief).unwrap());
             let mut worst = 0.0_f64;
             for k in 0..50 {
                 let t = f64::from(k) * 100.0;
@@ -202,8 +243,49 @@ mod tests {
                 - HillState::of(&start, &deputy).position_m)
                 .norm()
         };
-        let (linear, exact) = (drift(deputy.deputy(&start)), drift(with_equal_energy(&start, &deputy)));
+        let (linear, exact) =
+            (drift(deputy.deputy(&start)), drift(with_equal_energy(Propagator::TwoBody, &start, &deputy)));
         assert!(exact < 1.0 && linear > 100.0, "{linear} {exact}");
+    }
+
+    /// By two-body motion over a revolution, from eight anomalies and phases: what the bound on the eccentricity says.
+    #[test]
+    fn an_ellipse_spoils_the_shape_as_stated_and_no_more() {
+        let eccentricity = 0.05;
+        let worst = |distance: &dyn Fn(&Vector3<f64>) -> f64, formation: &dyn Fn(f64) -> Formation| {
+            let mut worst = 0.0_f64;
+            for k in 0..64 {
+                let [anomaly, phase] = [k % 8, k / 8].map(|n| f64::from(n) * std::f64::consts::FRAC_PI_4);
+                let ellipse = Elements {
+                    semi_major_axis_m: (EARTH_RADIUS_M + 500e3) / (1.0 - eccentricity),
+                    eccentricity,
+                    mean_anomaly_rad: anomaly,
+                    ..chief()
+                };
+                let start = ellipse.state();
+                let relative = formation(phase).deputy(&ellipse).unwrap();
+                let deputy = with_equal_energy(Propagator::TwoBody, &start, &relative);
+                for step in 0..40 {
+                    let t = f64::from(step) / 40.0 * ellipse.period_s();
+                    let [c, d] = [&start, &deputy].map(|s| Propagator::TwoBody.after(s, t).unwrap());
+                    worst = worst.max((distance(&HillState::of(&c, &d).position_m) / 1000.0 - 1.0).abs());
+                }
+            }
+            worst
+        };
+        let in_plane = worst(&|p| p.norm(), &|_| Formation::InPlane { ahead_m: 1000.0 });
+        let circular = worst(&|p| p.norm(), &|phase_rad| Formation::Circular { radius_m: 1000.0, phase_rad });
+        let projected = worst(&|p| p.y.hypot(p.z), &|phase_rad| Formation::ProjectedCircular {
+            radius_m: 1000.0,
+            phase_rad,
+        });
+        assert!((in_plane / eccentricity - 2.0).abs() < 0.2, "{in_plane}");
+        assert!((circular / eccentricity - 4.0).abs() < 0.3, "{circular}");
+        assert!((projected / eccentricity - 4.0).abs() < 0.3, "{projected}");
+        let beyond = Elements { eccentricity: 0.06, semi_major_axis_m: 8e6, ..chief() };
+        let refused = Formation::Circular { radius_m: 1e3, phase_rad: 0.0 }.deputy(&beyond).unwrap_err();
+        assert!(refused.to_string().contains("eccentricity 0.06"), "{refused}");
+        assert!(refused.to_string().contains("up to 0.05"), "{refused}");
     }
 
     #[test]

@@ -15,6 +15,8 @@
 //! | [`clohessy_wiltshire`] | its linearisation about a circle, closed form and numerical | 2.25-2.34 |
 //! | [`yamanaka_ankersen`] | the same about an ellipse: state-transition matrix | |
 //! | [`formation`] | in-plane, in-track, circular, projected circular | |
+//! | [`drift`] | equal energies: what stops two orbits drifting apart | 2.31 |
+//! | [`earth`] | the ellipsoid of WGS 84, geodetic and geocentric latitude | |
 //! | [`co_observation`] | targets, desired attitudes | 2.38, Figure 2.1 |
 //! | [`pass`] | every spacecraft over a pass: orbit, relative state, attitude | |
 //! | [`laboratory`] | the pass scaled to the laboratory, and whether platforms can follow it | |
@@ -26,6 +28,8 @@
 pub mod clohessy_wiltshire;
 pub mod co_observation;
 pub mod differences;
+pub mod drift;
+pub mod earth;
 pub mod elements;
 pub mod formation;
 pub mod hill;

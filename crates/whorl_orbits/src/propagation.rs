@@ -20,6 +20,21 @@ pub enum Propagator {
 }
 
 impl Propagator {
+    /// Energy of a unit of mass, which this motion keeps \[m^2/s^2\]. With J2:
+    /// `v^2/2 - mu/r (1 - J2 (R/r)^2 (3 sin^2(latitude) - 1) / 2)`.
+    #[must_use]
+    pub fn energy_m2_s2(self, state: &OrbitState) -> f64 {
+        let r = state.position_m.norm();
+        let oblateness = match self {
+            Self::TwoBody => 0.0,
+            Self::J2 => {
+                let sine2 = (state.position_m.z / r).powi(2);
+                EARTH_J2 * (EARTH_RADIUS_M / r).powi(2) * 0.5 * (3.0 * sine2 - 1.0)
+            }
+        };
+        0.5 * state.velocity_m_s.norm_squared() - EARTH_MU_M3_S2 / r * (1.0 - oblateness)
+    }
+
     /// The state `dt_s` later (or earlier).
     ///
     /// # Errors
@@ -68,4 +83,29 @@ pub fn oblateness_m_s2(position_m: &Vector3<f64>) -> Vector3<f64> {
 pub fn node_drift_rad_s(elements: &Elements) -> f64 {
     let ratio = EARTH_RADIUS_M / elements.parameter_m();
     -1.5 * EARTH_J2 * elements.mean_motion_rad_s() * ratio * ratio * elements.inclination_rad.cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the work of the accelerations, along an inclined ellipse.
+    #[test]
+    fn energy_is_kept() {
+        let start = OrbitState {
+            position_m: Vector3::new(7e6, 1e5, -3e5),
+            velocity_m_s: Vector3::new(100.0, 5500.0, 5400.0),
+        };
+        for propagator in [Propagator::TwoBody, Propagator::J2] {
+            let energy = propagator.energy_m2_s2(&start);
+            for t in [500.0, 1500.0, 4000.0] {
+                let later = propagator.energy_m2_s2(&propagator.after(&start, t).unwrap());
+                assert!((later / energy - 1.0).abs() < 1e-10, "{propagator:?} {t}: {later} {energy}");
+            }
+        }
+        // Without its own potential it is not: kilometres of the semi-major axis.
+        let later = Propagator::J2.after(&start, 1500.0).unwrap();
+        let [a, b] = [start, later].map(|s| Propagator::TwoBody.energy_m2_s2(&s));
+        assert!((a / b - 1.0).abs() > 1e-5);
+    }
 }

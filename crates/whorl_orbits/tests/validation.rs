@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a reference that cannot be read fails the test")]
 
 use nalgebra::Vector3;
+use whorl_orbits::co_observation::{self, Target};
 use whorl_orbits::{
     Elements, HillState, OrbitState, Propagator, clohessy_wiltshire, relative_motion, yamanaka_ankersen,
 };
@@ -96,4 +97,28 @@ fn linear_models_follow_the_reference_to_second_order() {
             assert!(error < allowed + 3e-3 * size, "{}: {error}", case.name);
         }
     }
+}
+
+/// Against pymap3d (reference/make_targets.py made reference/targets.csv).
+#[test]
+fn targets_stand_on_the_ellipsoid_of_wgs_84() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference/targets.csv");
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let mut count = 0;
+    for record in reader.records() {
+        let record = record.unwrap();
+        let number = |i: usize| -> f64 { record[i].parse().unwrap() };
+        let vector = |i: usize| Vector3::new(number(i), number(i + 1), number(i + 2));
+        let [geodetic, geocentric, longitude] = [0, 1, 2].map(|i| number(i).to_radians());
+        let point = Target::geodetic(geodetic, longitude).position_m(&[], 0.0).unwrap();
+        assert!((point - vector(3)).norm() < 1e-6, "{point}");
+        let same = Target::Point { latitude_rad: geocentric, longitude_rad: longitude };
+        assert!((same.position_m(&[], 0.0).unwrap() - vector(3)).norm() < 1e-6);
+        let below = co_observation::ground_track_m(&vector(6), 0.0);
+        assert!((below - vector(9)).norm() < 1e-5, "{below}");
+        let elevation = co_observation::elevation_rad(&point, &vector(6)).to_degrees();
+        assert!((elevation - number(12)).abs() < 1e-8, "{elevation}");
+        count += 1;
+    }
+    assert_eq!(count, 5);
 }

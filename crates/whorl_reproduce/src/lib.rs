@@ -14,6 +14,7 @@ mod filters;
 mod identification;
 mod noise_map;
 mod perturbations;
+mod printed_tables;
 pub mod regression;
 pub mod rigid_body;
 pub mod rotating_earth;
@@ -23,6 +24,7 @@ mod sequential;
 #[path = "../../whorl_identification/src/tests/simulation.rs"]
 mod simulated_runs;
 mod spin;
+mod spin_sentences;
 #[cfg(test)]
 mod tests;
 

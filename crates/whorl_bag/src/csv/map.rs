@@ -47,6 +47,8 @@ pub struct CsvMap {
     pub jets_off: bool,
     /// Character between the cells.
     pub delimiter: u8,
+    /// How late samples of gyro and accelerometer are against their stamps, beyond half the interval that they average \[s\].
+    pub imu_latency_s: f64,
 }
 
 /// Stands for the column of an axis that a sensor does not have.
@@ -82,6 +84,8 @@ pub struct VectorMap {
     /// The same direction in the world; `None`: determined from the file, see
     /// [`super::CsvRecording::vector_reference_world`].
     pub reference_world: Option<Unit<Vector3<f64>>>,
+    /// Columns of the same direction in the world, where it varies in time (a magnetic field along an orbit).
+    pub reference_columns: Option<[String; 3]>,
     /// Whether a value that is the same as in the line before is a measurement of its own. Files often repeat
     /// the last value of a slower sensor: by default such a value is ignored.
     pub repeats: bool,
@@ -138,6 +142,7 @@ impl CsvMap {
             clamped: false,
             jets_off: false,
             delimiter: b',',
+            imu_latency_s: 0.0,
         };
         for channel in Channel::ALL {
             map.read_channel(r, *channel, parts);
@@ -231,6 +236,12 @@ impl CsvMap {
         if self.jets_off && self.jets.is_some() {
             r.reject("jets_off", "the map names the jets' columns as well; allowed: one of the two");
         }
+        self.imu_latency_s = r.f64_or(
+            "imu_latency_s",
+            0.0,
+            whorl_params::range(-1.0..=1.0),
+            "how late gyro and accelerometer are against their stamps; whorl estimate turns its attitudes on by that time [s]",
+        );
         let delimiter =
             r.choice_or("delimiter", ",", &[",", ";", "\t", " ", "|"], "character between the cells");
         self.delimiter = delimiter.bytes().next().unwrap_or(b',');
@@ -243,7 +254,11 @@ fn keys() -> Vec<&'static str> {
         Form::Directions => vec![channel.info().key, SEVERAL],
         _ => vec![channel.info().key],
     });
-    ["time"].into_iter().chain(channels).chain(["closed_loop", "mounting", "jets_off", "delimiter"]).collect()
+    ["time"]
+        .into_iter()
+        .chain(channels)
+        .chain(["closed_loop", "mounting", "jets_off", "imu_latency_s", "delimiter"])
+        .collect()
 }
 
 /// The group of vector sensors, for several of them.
@@ -299,10 +314,25 @@ fn vectors(r: &mut Reader<'_>, key: &str, holds: &str) -> Vec<VectorMap> {
 
 fn vector(r: &mut Reader<'_>, holds: &str) -> VectorMap {
     let given = r.has("reference_world");
+    let reference_columns = r.has("reference_columns").then(|| {
+        let holds = "the same direction in the world, where it varies in time";
+        let names = r.string_array("reference_columns", holds);
+        <[String; 3]>::try_from(names).unwrap_or_else(|names| {
+            r.reject(
+                "reference_columns",
+                format!("has {} names; allowed: three, of x, y and z", names.len()),
+            );
+            Default::default()
+        })
+    });
+    if given && reference_columns.is_some() {
+        r.reject("reference_columns", "reference_world is given as well; allowed: one of the two".to_owned());
+    }
     VectorMap {
         columns: names(r, holds),
         reference_world: given
             .then(|| r.direction("reference_world", "the same direction in the world (east, north, up)")),
+        reference_columns,
         repeats: r.bool_or(
             "repeats",
             false,

@@ -25,6 +25,8 @@ pub struct CsvRow {
     pub vectors_b: Vec<Option<Unit<Vector3<f64>>>>,
     /// Length of each vector, in the unit of its columns.
     pub vector_lengths: Vec<Option<f64>>,
+    /// Direction of each in the world, of sensors with columns for it.
+    pub references_w: Vec<Option<Unit<Vector3<f64>>>>,
     /// Of each jet, if any of them has a number.
     pub jets: Option<JetCommand>,
     /// True attitude.
@@ -52,6 +54,7 @@ pub struct CsvRows {
     time: Column,
     channels: Vec<(Channel, Columns)>,
     vectors: Vec<[Column; 3]>,
+    references: Vec<Option<[Column; 3]>>,
     jets: Option<(JetMap, Vec<Column>)>,
     truth: Option<[Column; 4]>,
     scored: Option<Column>,
@@ -82,6 +85,11 @@ impl CsvRows {
             time: table.column(&map.time.column)?,
             channels: map.channels.iter().map(find).collect::<Result<_, _>>()?,
             vectors: map.vectors.iter().map(|v| table.columns(&v.columns)).collect::<Result<_, _>>()?,
+            references: map
+                .vectors
+                .iter()
+                .map(|v| v.reference_columns.as_ref().map(|names| table.columns(names)).transpose())
+                .collect::<Result<_, _>>()?,
             jets: map
                 .jets
                 .as_ref()
@@ -123,6 +131,11 @@ impl CsvRows {
             vector_lengths.push(numbers.map(|v| Vector3::from(v).norm()));
             vectors_b.push(numbers.and_then(|v| direction(Vector3::from(v))));
         }
+        let mut references_w = Vec::with_capacity(self.references.len());
+        for columns in &self.references {
+            let numbers = columns.map(|columns| table.numbers(&columns)).transpose()?.flatten();
+            references_w.push(numbers.and_then(|v| direction(Vector3::from(v))));
+        }
         let truth = self.truth.map(|columns| table.numbers(&columns)).transpose()?.flatten();
         let scored = self.scored.map(|column| table.number(column)).transpose()?.flatten();
         let world_to_body = self.map.true_attitude.as_ref().is_some_and(|truth| truth.world_to_body);
@@ -132,6 +145,7 @@ impl CsvRows {
             numbers,
             vectors_b,
             vector_lengths,
+            references_w,
             jets: self.jets(time_ns)?,
             q_world_body: truth.and_then(|[w, x, y, z]| {
                 let q = Quaternion::new(w, x, y, z);

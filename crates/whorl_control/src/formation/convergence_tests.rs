@@ -373,6 +373,45 @@ fn a_perceptive_frame_waits_for_who_is_held_back_and_an_open_loop_does_not() {
     assert!(waiting < 0.3, "{waiting}");
 }
 
+/// A ring of 20 of which one knows the goal, with a delay of 4.68/w on every link: with all of the rates passed on, the
+/// largest root of `(s + w)^2 = lambda e^(-s tau) (0.9 s^2 + 2 w s + w^2)` is at +7.4e-4 w, with 0.9747 of them at -1.8e-3 w
+/// (found by Newton's method from a grid of starts in scipy). The ring must come to rest.
+#[test]
+fn a_large_ring_is_stable_at_the_delay_that_excited_it() {
+    let ring = |i: usize| Listening {
+        neighbours: [(i + 19) % 20, (i + 1) % 20].map(|j| (j, 1.0)).to_vec(),
+        goal_weight: if i == 0 { 1.0 } else { 0.0 },
+    };
+    let graph = NeighbourGraph::new(&(0..20).map(ring).collect::<Vec<_>>()).unwrap();
+    // numpy: 0.991397; the power method stops a little above.
+    assert!((graph.spectral_radius() - 0.991_397).abs() < 1e-4, "{}", graph.spectral_radius());
+    let law = Decentralised::new(DecentralisedSettings { graph, error_share: 0.0, traffic: None }).unwrap();
+    // w = 2 rad/s: 2.34 s.
+    let delay_steps = (4.68 / 2.0 / DT_S).round() as usize;
+    let mut lab = Laboratory::new(boxed(&law, 20), &[yaw(0.0); 20], delay_steps);
+    for (i, platform) in lab.platforms.iter_mut().enumerate() {
+        // The mode that grew: neighbours against each other.
+        let q = yaw(if i % 2 == 0 { 1e-3 } else { -1e-3 });
+        platform.shaper.restart(&q);
+        platform.q = q;
+    }
+    let largest = |lab: &Laboratory| {
+        lab.platforms.iter().map(|p| attitude_error(&yaw(0.0), &p.q).norm()).fold(0.0, f64::max)
+    };
+    let mut peak_until = |time_s: f64| {
+        (0..(time_s / DT_S) as usize).fold(0.0_f64, |peak, _| {
+            lab.step();
+            peak.max(largest(&lab))
+        })
+    };
+    // Envelopes 400 s apart: e^(-1.8e-3 * 2 * 400) = 0.23, where the growing mode would give 1.8.
+    peak_until(100.0);
+    let early = peak_until(100.0);
+    peak_until(300.0);
+    let late = peak_until(100.0);
+    assert!(late < 0.5 * early, "{early} {late}");
+}
+
 #[test]
 fn a_lost_member_drops_out_and_the_rest_go_on() {
     let all = |i: usize| Listening {

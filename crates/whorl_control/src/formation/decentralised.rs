@@ -26,15 +26,32 @@
 //! 2006. Schwartz 2004, section 2.4.
 //!
 //! # Stability
-//! Each demand passes a shaper that, inside its limits, is `(s + w)^2 (x_i - demand_i) = 0`. For `c = 0` the
-//! linear closed loop of all deviations from the goal is `(s + w)^2 (I - e^(-s tau) A) x = 0` with A the
-//! neighbours' weights: beside the shapers' own poles it has roots only where `e^(-s tau) A` has the
-//! eigenvalue 1. The goal reaches all platforms ([`super::NeighbourGraph`] refuses other graphs), so A has
-//! a spectral radius `rho < 1` and there are none with `Re s >= 0`: exponentially stable for every graph
-//! and **every delay**. The factor 0.9 on accelerations keeps that true (0.9 rho) and lets a group that
-//! lost the goal come to rest instead of echoing itself. For `c > 0` a platform's loop T stands inside the
-//! mean: with `|T - 1| <= 1.3` at all frequencies the small-gain theorem gives `rho (1 + 1.3 c) < 1`, and
-//! [`Decentralised::new`] refuses larger `c`.
+//! Each demand passes a shaper that, inside its limits, is `(s + w)^2 x_i = s^2 a_i + 2 w s v_i + w^2 q_i` for a demand
+//! with acceleration a, rate v and attitude q. Of what neighbours show, accelerations count with the factor `e = 0.9` and
+//! rates with the factor `b`. For `c = 0` the linear loop of all deviations from the goal is
+//!
+//! ```text
+//! (s + w)^2 x = (e s^2 + 2 b w s + w^2) A(s) x,    A(s)_ij = a_ij e^(-s tau_ij)
+//! ```
+//!
+//! with any delay `tau_ij` on each link. `G = (e s^2 + 2 b w s + w^2)/(s + w)^2` has no pole in the right half-plane and its
+//! largest value on the imaginary axis is `g = 1.0127` for `b = 1`, and exactly 1 for `b = sqrt((1 + e)/2) = 0.9747`:
+//! `(w^2 - e W^2)^2 + 4 b^2 w^2 W^2 <= (w^2 + W^2)^2` at every frequency W needs `4 b^2 - 2 e <= 2`. The matrix of the
+//! moduli of `G A(s)` is at most `g A`, so by the small-gain theorem the loop is exponentially stable for every delay if
+//!
+//! ```text
+//! g rho < 1,    rho: spectral radius of the neighbours' weights A
+//! ```
+//!
+//! which is below 1 because the goal reaches all platforms ([`super::NeighbourGraph`] refuses other graphs). A graph with
+//! `rho < 1/1.0127 = 0.987` takes `b = 1`; any other (a ring of 20 of which one knows the goal has `rho = 0.991` and
+//! would ring with `b = 1` at a delay of `4.68/w`) takes `b = 0.9747`, at the price of a lag of `0.05/w` a hop behind a turning
+//! formation. `e` lets a group that lost the goal come to rest instead of echoing itself.
+//!
+//! For `c > 0` a platform's loop T stands inside the mean and adds `c (T - 1) w^2/(s + w)^2`: with `|T - 1| <= 1.3` at all
+//! frequencies the same theorem asks for `rho (g + 1.3 c) < 1`. What `b = 1` does not allow takes `b = 0.9747`, for which
+//! g = 1, and [`Decentralised::new`] refuses `c` of (1 - rho)/(1.3 rho) and more. Platforms
+//! may have different `w`. All of this is linear: limits of the shapers and large turns are outside of it.
 //!
 //! # Assumptions
 //! All frames lie within a half turn of each other (the mean is then unique); one clock.
@@ -52,8 +69,10 @@ use crate::reference::Reference;
 
 /// Largest `|T - 1|` of a platform's attitude loop that the bound allows for.
 const LOOP_PEAK: f64 = 1.3;
-/// Share of a neighbour's acceleration that is passed on.
+/// Share of a neighbour's acceleration that is passed on: `e`.
 const ECHO: f64 = 0.9;
+/// Largest gain of a shaper with that share and all of the rate: `sqrt(1 + max_x (0.2 x - 0.19 x^2)/(1 + x)^2)`.
+const SHAPER_PEAK: f64 = 1.0128;
 /// Spectral radii below this count as zero: a forest.
 const FOREST_RADIUS: f64 = 0.05;
 /// Share of the proven bound of `c` that is its default.
@@ -74,6 +93,8 @@ pub struct DecentralisedSettings {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decentralised {
     settings: DecentralisedSettings,
+    /// `b` of this graph.
+    rate_share: f64,
     told: Vec<Option<Told>>,
     broadcasts: u64,
 }
@@ -98,7 +119,8 @@ impl Decentralised {
             cap.check("decentralised")?;
         }
         let told = vec![None; settings.graph.len()];
-        Ok(Self { settings, told, broadcasts: 0 })
+        let rate_share = Self::rate_share(&settings.graph, settings.error_share);
+        Ok(Self { settings, rate_share, told, broadcasts: 0 })
     }
 
     /// The share of errors below which the law is proven stable; above 1 for a forest.
@@ -106,6 +128,12 @@ impl Decentralised {
     pub fn error_share_bound(graph: &NeighbourGraph) -> f64 {
         let rho = graph.spectral_radius();
         if rho < FOREST_RADIUS { f64::INFINITY } else { (1.0 - rho) / (LOOP_PEAK * rho) }
+    }
+
+    /// Share of a neighbour's rate that is passed on, `b`: all of it where that is stable at every delay.
+    fn rate_share(graph: &NeighbourGraph, error_share: f64) -> f64 {
+        let with_all = graph.spectral_radius() * (SHAPER_PEAK + LOOP_PEAK * error_share);
+        if with_all < 1.0 { 1.0 } else { (0.5 * (1.0 + ECHO)).sqrt() }
     }
 
     /// Who listens to whom.
@@ -149,8 +177,9 @@ impl Decentralised {
         let neighbours = graph.neighbours(platform).iter().filter_map(|(neighbour, weight)| {
             let motion = self.heard(input, *neighbour)?;
             let frame = input.offsets.get(*neighbour).map(Offset::inverse)?.apply(&motion);
+            let omega_wr_r_rad_s = frame.omega_wr_r_rad_s * self.rate_share;
             let omega_dot_wr_r_rad_s2 = frame.omega_dot_wr_r_rad_s2 * ECHO;
-            Some((Reference { omega_dot_wr_r_rad_s2, ..frame }, *weight))
+            Some((Reference { omega_wr_r_rad_s, omega_dot_wr_r_rad_s2, ..frame }, *weight))
         });
         let goal = Some((input.goals.formation, graph.goal_weight(platform))).filter(|(_, w)| *w > 0.0);
         let sources: Vec<(Reference, f64)> = goal.into_iter().chain(neighbours).collect();

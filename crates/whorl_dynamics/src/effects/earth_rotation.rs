@@ -21,7 +21,7 @@ static INFO: EffectInfo = EffectInfo {
     id: "earth_rotation",
     title: "rotation of the Earth",
     explanation: "The laboratory turns by 15.04 degrees an hour: the gyro reads it, and the gyrostat precesses against the room; with MotionPak-class noise it is below what most runs can show.",
-    equation: "I (dw/dt - w x e) + A J dOm/dt + (w + e) x (I (w + e) + A J Om) = g, gyro reads w + e, e = R^T e_world",
+    equation: "I (dw/dt - w x e) + A J dOm/dt + (w + e) x (I (w + e) + A J Om) = g, gyro reads w + e, accelerometer 2 e x (w x r) + e x (e x r) more, e = R^T e_world",
     source: "Schwartz 2004, eqs. 4.16-4.25, with the centrifugal part in the local vertical (plumb line); derived anew for the gyrostat",
     kind: EffectKind::Torque,
     confusable_with: &["gyro_bias"],
@@ -81,7 +81,14 @@ impl Effect for EarthRotation {
     }
 
     fn measure_imu(&self, values: &[f64], environment: &Environment<'_>, imu: &mut TrueImu) {
-        imu.angular_velocity_b_rad_s += rate_b_rad_s(values, environment);
+        let earth = rate_b_rad_s(values, environment);
+        imu.angular_velocity_b_rad_s += earth;
+        // In axes that do not turn, the sensor at r from the pivot accelerates by d(w + e)/dt x r + (w + e) x ((w + e) x r)
+        // with de/dt = -w x e; beyond the room's w' x r + w x (w x r) that is Coriolis's 2 e x (w x r), and the
+        // centrifugal e x (e x r). That of the pivot itself is in the vertical of the plumb line.
+        let arm = environment.model.sensors.accelerometer.lever_arm_b_m;
+        let motion = environment.omega_wb_b_rad_s.cross(&arm) * 2.0 + earth.cross(&arm);
+        imu.specific_force_b_m_s2 += earth.cross(&motion);
     }
 
     fn evidence(&self) -> Evidence {

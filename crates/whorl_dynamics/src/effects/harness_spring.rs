@@ -16,7 +16,7 @@ static INFO: EffectInfo = EffectInfo {
     id: "harness_spring",
     title: "cable to the base",
     explanation: "A cable or hose to the base twists like a spring and pulls the platform back to one heading.",
-    equation: "g = -(k wrap(yaw - yaw0) + c w.k_b) k_b, wrap to -pi..pi",
+    equation: "g = -(k f(yaw - yaw0) + c w.k_b) k_b, f(x) = x within half a turn; over the last 0.05 rad before half a turn it falls to zero, where the cable goes over to the other side",
     source: "electrical wire to base of Schwartz 2004, Table 3.1; linear torsion spring about the vertical",
     kind: EffectKind::Torque,
     confusable_with: &["bearing_viscous_friction", "air_current"],
@@ -39,6 +39,20 @@ const K: &str = "k_n_m_rad";
 const YAW0: &str = "yaw0_rad";
 const C: &str = "c_n_m_s";
 
+/// Before half a turn the torque falls from its largest to zero over this angle \[rad\]: a torque that jumped there would be
+/// no force of nature, and no integrator could follow it.
+const GOING_OVER_RAD: f64 = 0.05;
+
+/// Twist that counts, of a heading `angle_rad` from the relaxed one: continuous and of period 2 pi.
+fn twist_rad(angle_rad: f64) -> f64 {
+    let angle_rad = wrap_angle_rad(angle_rad);
+    let left_rad = PI - angle_rad.abs();
+    if left_rad >= GOING_OVER_RAD {
+        return angle_rad;
+    }
+    (PI - GOING_OVER_RAD) * (left_rad / GOING_OVER_RAD) * angle_rad.signum()
+}
+
 /// Relaxed headings that are tried.
 const HEADINGS: u32 = 8;
 
@@ -53,7 +67,7 @@ impl Effect for HarnessSpring {
 
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let spring = Spring::of(values);
-        let twist_rad = wrap_angle_rad(environment.yaw_rad() - spring.yaw0_rad);
+        let twist_rad = twist_rad(environment.yaw_rad() - spring.yaw0_rad);
         let twist_rate_rad_s = environment.omega_wb_b_rad_s.dot(&environment.vertical_b);
         -(spring.k_n_m_rad * twist_rad + spring.c_n_m_s * twist_rate_rad_s) * environment.vertical_b
     }
@@ -67,5 +81,27 @@ impl Effect for HarnessSpring {
             [vec![stiffness.clone()], vec![stiffness, starter.along(&origin, C)]]
         });
         Some(starts.collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_twist_is_linear_and_goes_over_without_a_jump() {
+        for angle in [-3.0, -0.5, 0.0, 1.0, 3.09] {
+            assert_eq!(twist_rad(angle), angle);
+        }
+        assert!((twist_rad(PI - 0.025) - 0.5 * (PI - 0.05)).abs() < 1e-12);
+        assert!(twist_rad(PI - 1e-9).abs() < 1e-6 && twist_rad(PI + 1e-9).abs() < 1e-6);
+        let step = 1e-4;
+        let slope = (PI - GOING_OVER_RAD) / GOING_OVER_RAD;
+        for k in 0..100_000 {
+            let angle = step * f64::from(k);
+            let change = (twist_rad(angle + step) - twist_rad(angle)).abs();
+            assert!(change <= slope * step * 1.001, "{angle}: {change}");
+            assert!((twist_rad(angle + TAU) - twist_rad(angle)).abs() < 1e-9);
+        }
     }
 }

@@ -154,6 +154,18 @@ impl EffectSet {
         self.active.iter().map(torque).sum()
     }
 
+    /// Whether any effect is a contact.
+    #[must_use]
+    pub fn has_contact(&self) -> bool {
+        self.active.iter().any(|a| a.effect.contact_tilt_rad(&a.values).is_some())
+    }
+
+    /// Whether any contact touches.
+    #[must_use]
+    pub fn touches(&self, environment: &Environment<'_>) -> bool {
+        self.active.iter().any(|a| a.effect.touches(&a.values, environment))
+    }
+
     /// Sum of [`Effect::reaction_inertia_b_kg_m2`].
     #[must_use]
     pub fn reaction_inertia_b_kg_m2(&self, model: &PlatformModel) -> Matrix3<f64> {

@@ -43,7 +43,7 @@ impl Effect for SupplyVoltage {
     fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
         let loss = Voltage::of(values).wheel_torque_per_v * drop_v(environment);
         for (j, torque) in torque_n_m.iter_mut().enumerate() {
-            *torque -= loss * environment.wheel_motor_torque(j);
+            *torque -= loss * environment.available_motor_torque(j);
         }
     }
 

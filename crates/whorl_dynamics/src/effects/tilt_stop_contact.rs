@@ -75,6 +75,7 @@ impl Effect for TiltStopContact {
             contact.c_n_m_s,
             &environment.vertical_b,
             &environment.omega_wb_b_rad_s,
+            environment.touching,
         )
     }
 
@@ -99,6 +100,33 @@ impl Effect for TiltStopContact {
     fn contact_tilt_rad(&self, values: &[f64]) -> Option<f64> {
         Some(Contact::of(values).angle_rad)
     }
+
+    fn touches(&self, values: &[f64], environment: &Environment<'_>) -> bool {
+        let environment = Environment { touching: Touching::AsItIs, ..*environment };
+        self.torque_b_n_m(values, &environment, &[]) != Vector3::zeros()
+    }
+}
+
+/// Whether a one-sided contact touches, as far as its torque is concerned.
+///
+/// The torque jumps when a contact begins and has a kink when it ends; a Runge-Kutta step across loses its order there.
+/// An integrator keeps the branch over a step and cuts the step where the contact begins or ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Touching {
+    /// As tilt and rate say.
+    #[default]
+    AsItIs,
+    /// The branch without contact, also a little beyond its end.
+    No,
+    /// The branch with contact, also a little beyond its end.
+    Yes,
+}
+
+impl Touching {
+    /// The branch on which a state lies.
+    pub(crate) fn branch(touches: bool) -> Self {
+        if touches { Self::Yes } else { Self::No }
+    }
 }
 
 /// Torque of a one-sided spring and damper at `stop`, body axes [N m].
@@ -113,13 +141,18 @@ pub(crate) fn contact_torque_b_n_m(
     damping_n_m_s: f64,
     vertical_b: &Vector3<f64>,
     omega_wb_b_rad_s: &Vector3<f64>,
+    touching: Touching,
 ) -> Vector3<f64> {
+    if touching == Touching::No {
+        return Vector3::zeros();
+    }
+    let branch = touching == Touching::Yes;
     // `axis_b`: rotation of the body about it increases the angle at unit rate.
     let (depth_rad, axis_b) = match stop {
         TiltLimit::Cone { max_rad } => {
             // Cheap test first, as the stop is rarely touched: cos(x) <= 1 - x^2/2 + x^4/24.
             let square = max_rad * max_rad;
-            if vertical_b.z > 1.0 - square * (0.5 - square / 24.0) {
+            if !branch && vertical_b.z > 1.0 - square * (0.5 - square / 24.0) {
                 return Vector3::zeros();
             }
             let sine = vertical_b.x.hypot(vertical_b.y);
@@ -131,7 +164,7 @@ pub(crate) fn contact_torque_b_n_m(
         }
         TiltLimit::Pitch { max_rad } => {
             // sin(x) >= x - x^3/6.
-            if vertical_b.x.abs() < max_rad * (1.0 - max_rad * max_rad / 6.0) {
+            if !branch && vertical_b.x.abs() < max_rad * (1.0 - max_rad * max_rad / 6.0) {
                 return Vector3::zeros();
             }
             // x . dk/dt = -x . (w x k) = w . (x x k).
@@ -142,11 +175,11 @@ pub(crate) fn contact_torque_b_n_m(
             (elevation_rad.abs() - max_rad, axis_b * elevation_rad.signum())
         }
     };
-    if depth_rad <= 0.0 {
-        return Vector3::zeros();
+    let force_n_m = stiffness_n_m_rad * depth_rad + damping_n_m_s * omega_wb_b_rad_s.dot(&axis_b);
+    if branch {
+        return -force_n_m * axis_b;
     }
-    let rate_rad_s = omega_wb_b_rad_s.dot(&axis_b);
-    -(stiffness_n_m_rad * depth_rad + damping_n_m_s * rate_rad_s).max(0.0) * axis_b
+    if depth_rad <= 0.0 { Vector3::zeros() } else { -force_n_m.max(0.0) * axis_b }
 }
 
 #[cfg(test)]
@@ -162,12 +195,12 @@ mod tests {
             let q = UnitQuaternion::from_scaled_axis(axis * 0.1);
             let cone = TiltLimit::Cone { max_rad: 0.09 };
             // Tilted by +0.1 about `axis`: the torque must be -k * 0.01 about it.
-            let torque = contact_torque_b_n_m(&cone, 100.0, 0.0, &vertical_b(&q), &Vector3::zeros());
+            let torque = contact_torque_b_n_m(&cone, 100.0, 0.0, &vertical_b(&q), &Vector3::zeros(), Touching::AsItIs);
             assert!((torque + axis * 1.0).norm() < 1e-9, "{torque}");
             // Damping acts on the way in only.
-            let inwards = contact_torque_b_n_m(&cone, 100.0, 10.0, &vertical_b(&q), &(axis * 0.05));
+            let inwards = contact_torque_b_n_m(&cone, 100.0, 10.0, &vertical_b(&q), &(axis * 0.05), Touching::AsItIs);
             assert!((inwards + axis * 1.5).norm() < 1e-9, "{inwards}");
-            let outwards = contact_torque_b_n_m(&cone, 100.0, 10.0, &vertical_b(&q), &(axis * -0.5));
+            let outwards = contact_torque_b_n_m(&cone, 100.0, 10.0, &vertical_b(&q), &(axis * -0.5), Touching::AsItIs);
             assert_eq!(outwards.norm(), 0.0, "a stop does not pull");
         }
     }
@@ -177,7 +210,7 @@ mod tests {
         let stop = TiltLimit::Pitch { max_rad: 0.5 };
         for (roll, pitch, yaw) in [(2.0, 0.6, 1.0), (0.0, -0.6, 0.0), (-1.0, 0.6, 3.0)] {
             let q = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
-            let torque = contact_torque_b_n_m(&stop, 100.0, 0.0, &vertical_b(&q), &Vector3::zeros());
+            let torque = contact_torque_b_n_m(&stop, 100.0, 0.0, &vertical_b(&q), &Vector3::zeros(), Touching::AsItIs);
             // By virtual work: rotating the body a little along the torque must lower |elevation|
             // at unit rate, and the size is k times the depth.
             assert!((torque.norm() - 10.0).abs() < 1e-9, "{torque}");
@@ -188,7 +221,7 @@ mod tests {
             assert!((fall / step.norm() - 1.0).abs() < 1e-5, "{fall}");
         }
         let free = UnitQuaternion::from_euler_angles(2.0, 0.4, 1.0);
-        let none = contact_torque_b_n_m(&stop, 100.0, 10.0, &vertical_b(&free), &Vector3::x());
+        let none = contact_torque_b_n_m(&stop, 100.0, 10.0, &vertical_b(&free), &Vector3::x(), Touching::AsItIs);
         assert_eq!(none.norm(), 0.0);
     }
 }

@@ -40,7 +40,7 @@ impl Effect for WheelMotorConstant {
 
     fn add_wheel_torque_n_m(&self, values: &[f64], environment: &Environment<'_>, torque_n_m: &mut [f64]) {
         for (j, torque) in torque_n_m.iter_mut().enumerate() {
-            *torque += Constant::nth(values, j).error * environment.wheel_motor_torque(j);
+            *torque += Constant::nth(values, j).error * environment.available_motor_torque(j);
         }
     }
 

@@ -13,7 +13,7 @@ static INFO: EffectInfo = EffectInfo {
     title: "air drag of a wheel",
     explanation: "Air brakes a fast wheel with the square of its speed. The drag is taken as acting between wheel and housing, so the body takes the torque.",
     equation: "torque on wheel j = -d_j Om_j |Om_j|; the body takes the opposite",
-    source: "turbulent drag of a disk in a housing (Daily and Nece 1960, quadratic part)",
+    source: "drag in proportion to the dynamic pressure: a rough or spoked wheel, whose momentum coefficient does not depend on the Reynolds number (Schlichting, Boundary-Layer Theory, chapter 21). Smooth disks in a housing have Om^1.75 to Om^1.8 when turbulent (Daily and Nece 1960); over a factor of two in speed the square is within 7 % of that",
     kind: EffectKind::Actuator,
     confusable_with: &["wheel_friction"],
     separated_by: "wheel coast-down from high speed to a stop",

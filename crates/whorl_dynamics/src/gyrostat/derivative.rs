@@ -6,7 +6,7 @@ use whorl_math::{quaternion_rate, vertical_b};
 use super::{Gyrostat, RateEquation, State};
 use crate::Environment;
 use crate::actuators::{Actuators, Drives, Instant, OnBody, States};
-use crate::effects::{MAX_HIDDEN_STATES, contact_torque_b_n_m};
+use crate::effects::{MAX_HIDDEN_STATES, Touching, contact_torque_b_n_m};
 
 /// Stiffness of the bearing's own stop over the mean moment of inertia [1/s^2]: a platform rebounds within 0.25 s and
 /// sinks in by less than half a degree at 0.1 rad/s.
@@ -34,6 +34,10 @@ pub(crate) struct Drive {
     pub body_torque_b_n_m: Vector3<f64>,
     /// The body is held still (wheel bench test).
     pub clamped: bool,
+    /// Branch of the bearing's own stop.
+    pub stop: Touching,
+    /// Branch of contacts among the effects.
+    pub contact: Touching,
 }
 
 impl Drive {
@@ -43,6 +47,8 @@ impl Drive {
             equation: *gyrostat.rate_equation(),
             body_torque_b_n_m: Vector3::zeros(),
             clamped: false,
+            stop: Touching::AsItIs,
+            contact: Touching::AsItIs,
         }
     }
 }
@@ -104,8 +110,37 @@ impl Gyrostat {
         environment.time_s = time_s;
         let load = self.model.actuators.show(&state.actuators, &drive.actuators, &mut environment);
         environment.bus_voltage_v = bus.initial_v - bus.discharge_v_s * time_s - bus.sag_v_n_m * load;
+        environment.touching = drive.contact;
         environment.temperature_k = sensors.ambient_temperature_k + sensors.temperature_drift_k_s * time_s;
         environment
+    }
+
+    /// Torque of the bearing's own stop, body axes [N m].
+    fn stop_torque_b_n_m(
+        &self,
+        vertical_b: &Vector3<f64>,
+        omega_wb_b_rad_s: &Vector3<f64>,
+        touching: Touching,
+    ) -> Vector3<f64> {
+        let mean_inertia_kg_m2 = self.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
+        contact_torque_b_n_m(
+            &self.model.tilt_limit,
+            STOP_STIFFNESS_S2 * mean_inertia_kg_m2,
+            STOP_DAMPING_S * mean_inertia_kg_m2,
+            vertical_b,
+            omega_wb_b_rad_s,
+            touching,
+        )
+    }
+
+    /// Whether the bearing's stop touches, and whether a contact among the effects does.
+    #[inline]
+    pub(crate) fn touches(&self, time_s: f64, state: &State, drive: &Drive) -> [bool; 2] {
+        let vertical_b = vertical_b(&state.q_world_body);
+        let stop = self.stop_torque_b_n_m(&vertical_b, &state.omega_wb_b_rad_s, Touching::AsItIs);
+        let contact =
+            self.effects.has_contact() && self.effects.touches(&self.environment(time_s, state, drive));
+        [stop != Vector3::zeros(), contact]
     }
 
     /// Time derivative of `state`.
@@ -121,17 +156,10 @@ impl Gyrostat {
             gravity_offset_b_n_m: *self.model.mass_properties.gravity_offset_b_n_m(),
         };
         let mut forces = actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body);
-        let mean_inertia_kg_m2 = self.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
             + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b)
-            + contact_torque_b_n_m(
-                &self.model.tilt_limit,
-                STOP_STIFFNESS_S2 * mean_inertia_kg_m2,
-                STOP_DAMPING_S * mean_inertia_kg_m2,
-                &vertical_b,
-                &omega,
-            );
+            + self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop);
         if let Some(environment) = &environment {
             torque += self.effects.torque_b_n_m(environment, &state.hidden);
             actuators.add_effects(&self.effects, environment, &state.actuators, &mut forces);

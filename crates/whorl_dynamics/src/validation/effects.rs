@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Matrix3, SymmetricEigen, UnitQuaternion, Vector2, Vector
 use super::{free_platform, ns, plant, set_mass, start};
 use crate::{InitialState, Plant, PlatformModel};
 
-fn add(model: &mut PlatformModel, id: &str, values: &[(&str, f64)]) {
+pub(super) fn add(model: &mut PlatformModel, id: &str, values: &[(&str, f64)]) {
     let values: BTreeMap<String, f64> = values.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
     model.effects.insert(id.to_owned(), values);
 }

@@ -8,6 +8,7 @@ mod effects;
 mod freedom;
 mod jacobi;
 mod motion;
+mod motion_at_stops;
 mod regression;
 mod sensors;
 mod special_functions;

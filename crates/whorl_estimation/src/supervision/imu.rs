@@ -146,7 +146,10 @@ impl AttitudeBiasEstimator {
         let up_w =
             quaternion_exp(&-Vector3::new(vertical.innovation.x, vertical.innovation.y, 0.0)) * Vector3::z();
         let up_b = Unit::new_unchecked(self.state.rotation().tr_mul(&up_w));
-        let used = UsedDirection { direction_b: up_b, variance: 0.5 * vertical.noise.trace() };
+        // One number for both axes, which must not be less than the worse: with a lever arm the gyro's noise falls on one axis
+        // alone.
+        let variance = vertical.noise.symmetric_eigenvalues().max();
+        let used = UsedDirection { direction_b: up_b, variance };
         let result = self.state.covariance.update(&vertical, self.constants.gate_two);
         let (outcome, lost) =
             self.accelerometer.record(&result, 2, sample.stamp_ns, self.parameters.recovery_s);

@@ -27,6 +27,31 @@ fn all_filters_converge_from_any_attitude() {
         .for_each(conformance::converges_from_any_attitude);
 }
 
+/// What docs/estimation.md says of the filters by themselves, without the restart from two vectors.
+#[test]
+fn filters_by_themselves_converge_as_documented() {
+    let slanted = nalgebra::Unit::new_normalize(Vector3::new(0.6, 0.5, 0.6));
+    let axes =
+        [("x", Vector3::x_axis()), ("y", Vector3::y_axis()), ("z", Vector3::z_axis()), ("slanted", slanted)];
+    for kind in [FilterKind::ITERATED, FilterKind::UNSCENTED, FilterKind::INVARIANT] {
+        for (name, axis) in axes {
+            for angle_deg in [90.0, 150.0, 179.0, 180.0] {
+                let within = conformance::own_convergence_s(kind, axis, angle_deg);
+                let text = within.map_or("never".to_owned(), |s| format!("{s:.1} s"));
+                println!("{:<12} {angle_deg:>5} deg about {name:<8} {text}", kind.name);
+                let below = |limit: f64| within.is_some_and(|s| s < limit);
+                let documented = match (kind.name, angle_deg, name) {
+                    ("iterated", angle, _) if angle < 180.0 => below(1.0),
+                    ("iterated" | "invariant", ..) => below(20.0),
+                    (_, angle, "x" | "y") if angle > 170.0 => within.is_none(),
+                    _ => below(60.0),
+                };
+                assert!(documented, "{} {name} {angle_deg}: {text}", kind.name);
+            }
+        }
+    }
+}
+
 #[test]
 fn filters_with_dynamics_follow_a_wheel() {
     conformance::follows_a_wheel(FilterKind::GYROSTAT);
@@ -38,6 +63,17 @@ fn bias_filters_are_consistent_at_each_instant() {
         return;
     }
     super::optimum::BIAS_FILTERS.into_iter().for_each(conformance::is_consistent_with_a_bias);
+}
+
+/// Their errors may be less than stated, not more: one number of noise for both axes of the vertical is that of the worse.
+#[test]
+fn bias_filters_are_not_overconfident_with_a_lever_arm() {
+    for kind in super::optimum::BIAS_FILTERS {
+        let mean = conformance::nees_with_a_lever_arm(kind);
+        println!("{}: NEES {mean:.2} of 3 with a lever arm", kind.name);
+        // 1800 samples of three numbers, of which some hundred are independent: 3 +- 0.25.
+        assert!((1.5..3.2).contains(&mean), "{}: {mean}", kind.name);
+    }
 }
 
 #[test]

@@ -246,7 +246,7 @@ pub(crate) fn sign(x: f64) -> f64 {
 
 /// What the motor can give at this speed of what it was asked: less and less torque that would
 /// exceed the largest speed.
-fn available_motor_torque_n_m(asked_n_m: f64, speed_rad_s: f64, max_speed_rad_s: f64) -> f64 {
+pub(crate) fn available_motor_torque_n_m(asked_n_m: f64, speed_rad_s: f64, max_speed_rad_s: f64) -> f64 {
     if asked_n_m * speed_rad_s <= 0.0 {
         return asked_n_m;
     }

@@ -1,0 +1,204 @@
+//! `whorl estimate`: the attitude of a recorded sensor or vehicle.
+
+mod chosen;
+mod output;
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::Args;
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows};
+use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
+use whorl_math::quaternion_exp;
+
+use chosen::Chosen;
+use output::Output;
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Recording of gyro and what else there is: accelerometer, magnetometer, directions; CSV, also with gzip.
+    #[arg(value_name = "FILE")]
+    recording: PathBuf,
+    /// Map of the file's columns; see params/channels/.
+    #[arg(long, value_name = "MAP")]
+    channels: PathBuf,
+    /// Filter. free_motion: for a sensor in a hand, on a limb or on a trolley, with an accelerometer. directions: for any vehicle
+    /// with directions whose references are known (a satellite). The others are filters of the estimator node that need no model
+    /// of the body, for a sensor that turns about a fixed point. [default: free_motion with an accelerometer, else directions]
+    #[arg(long)]
+    filter: Option<String>,
+    /// Estimates each sample from the whole recording, not from its past alone (free_motion, directions).
+    #[arg(long)]
+    smooth: bool,
+    /// File for the attitudes: time, quaternion (sensor to world, which is east-north-up for free_motion), gyro bias, standard
+    /// deviations.
+    #[arg(long, value_name = "CSV")]
+    out: Option<PathBuf>,
+    /// Adds the whole covariance to that file: 21 columns, upper triangle row by row, attitude error [rad] and gyro bias [rad/s],
+    /// sensor axes.
+    #[arg(long, requires = "out")]
+    covariance: bool,
+    /// Azimuth of magnetic north, from true north towards east [deg]; added to the estimate's heading.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    declination_deg: f64,
+    /// Gyro white noise, filter directions [rad/s/sqrt(Hz)].
+    #[arg(long, value_name = "NOISE", default_value_t = 3e-4)]
+    gyro_noise: f64,
+    /// Random walk of the gyro's bias, filter directions [rad/s/sqrt(s)].
+    #[arg(long, value_name = "WALK", default_value_t = 3e-5)]
+    gyro_bias_walk: f64,
+    /// Bias of the gyro at the start, one standard deviation, filter directions [rad/s].
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.02)]
+    gyro_bias_sigma: f64,
+    /// Noise of each vector sensor in the order of the map, filter directions; the last stands for all further ones [deg].
+    #[arg(long, value_name = "DEG", value_delimiter = ',', default_value = "1.0")]
+    vector_noise_deg: Vec<f64>,
+}
+
+/// Errors against truth and what the recording is.
+#[derive(Default)]
+struct Tally {
+    errors: OrientationErrors,
+    /// Sum of squared heading errors over their stated variances.
+    heading: f64,
+    first_ns: Option<i64>,
+    last_ns: i64,
+    samples: u64,
+    estimates: u64,
+}
+
+/// Carries out `whorl estimate`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    if !arguments.declination_deg.is_finite() {
+        bail!("--declination-deg is not a number");
+    }
+    let map = CsvMap::load(&arguments.channels)?;
+    let mut rows = CsvRows::open(&arguments.recording, &map)?;
+    let mut chosen = Chosen::new(arguments, &map)?;
+    let mut out =
+        arguments.out.as_deref().map(|path| Output::create(path, arguments.covariance)).transpose()?;
+    // Clockwise from above, seen from north to east.
+    let declination =
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -arguments.declination_deg.to_radians());
+    let mut tally = Tally::default();
+    let mut reader = Reader { map: &map, last: vec![None; map.vectors.len()] };
+    let mut take = |tally: &mut Tally, line: &Line, estimate: Option<Orientation>| -> anyhow::Result<()> {
+        let Some(mut estimate) = estimate else { return Ok(()) };
+        // The samples are late: the attitude of now lies a little further on.
+        let rate = line.sample.gyro_rad_s - estimate.gyro_bias_rad_s;
+        let on = quaternion_exp(&(rate * map.imu_latency_s));
+        estimate.q_world_body = declination * estimate.q_world_body * on;
+        tally.estimates += 1;
+        if let Some(truth) = line.truth {
+            tally.errors.add(&estimate.q_world_body, &truth);
+            let [_, heading, _] = orientation_error(&estimate.q_world_body, &truth);
+            tally.heading += heading.powi(2) / estimate.covariance_w_rad2()[(2, 2)].max(f64::MIN_POSITIVE);
+        }
+        if let Some(out) = &mut out {
+            out.write(line.sample.stamp_ns - tally.first_ns.unwrap_or(0), &estimate)?;
+        }
+        Ok(())
+    };
+    let mut kept = Vec::new();
+    while let Some(row) = rows.next_row()? {
+        tally.first_ns.get_or_insert(row.time_ns);
+        tally.last_ns = row.time_ns;
+        let Some(line) = reader.line(&row, chosen.needs_force()) else { continue };
+        tally.samples += 1;
+        if arguments.smooth {
+            kept.push(line);
+        } else {
+            let estimate = chosen.causal(&line.sample);
+            take(&mut tally, &line, estimate)?;
+        }
+    }
+    if arguments.smooth {
+        let samples: Vec<Sample> = kept.iter().map(|line| line.sample.clone()).collect();
+        for (line, estimate) in kept.iter().zip(chosen.smoothed(&samples)?) {
+            take(&mut tally, line, estimate)?;
+        }
+    }
+    if let Some(out) = out {
+        out.finish()?;
+    }
+    tell(arguments, &map, &chosen, &tally)
+}
+
+fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> anyhow::Result<()> {
+    if tally.estimates == 0 {
+        bail!(
+            "{}: {} samples of {} are too few for a first attitude",
+            arguments.recording.display(),
+            tally.samples,
+            if chosen.needs_force() { "gyro and accelerometer" } else { "gyro and two directions" }
+        );
+    }
+    let duration_s = (tally.last_ns - tally.first_ns.unwrap_or(tally.last_ns)) as f64 * 1e-9;
+    let smoothed = if arguments.smooth { ", smoothed" } else { "" };
+    println!("{} samples, {duration_s:.1} s, filter {}{smoothed}", tally.samples, chosen.name());
+    if map.vectors.is_empty() {
+        println!("no magnetometer: the heading is relative to the first attitude, and drifts");
+    }
+    if chosen.is_magnetised() {
+        println!("there is iron or a magnet on the sensor; its field is estimated and removed");
+    }
+    match tally.errors.root_mean_square_rad() {
+        Some(rms) => {
+            let [total, heading, inclination] = rms.map(f64::to_degrees);
+            println!(
+                "error against truth, RMS: {total:.2} deg total, {heading:.2} heading, {inclination:.2} inclination \
+                 ({} samples)",
+                tally.errors.count()
+            );
+            println!(
+                "squared heading error over its stated variance: {:.2} on average, 1 expected",
+                tally.heading / tally.errors.count() as f64
+            );
+        }
+        None => println!("the file has no truth to compare with"),
+    }
+    if let Some(path) = &arguments.out {
+        println!("attitudes: {}", path.display());
+    }
+    Ok(())
+}
+
+/// What a filter takes of a line, and the truth to compare with.
+struct Line {
+    sample: Sample,
+    truth: Option<UnitQuaternion<f64>>,
+}
+
+struct Reader<'a> {
+    map: &'a CsvMap,
+    /// Latest sample of each vector sensor.
+    last: Vec<Option<Vector3<f64>>>,
+}
+
+impl Reader<'_> {
+    fn line(&mut self, row: &CsvRow, needs_force: bool) -> Option<Line> {
+        let gyro_rad_s = row.axes(Channel::Gyro)?;
+        let force_m_s2 = row.axes(Channel::Accelerometer);
+        if needs_force && force_m_s2.is_none() {
+            return None;
+        }
+        let mut vectors = Vec::with_capacity(self.last.len());
+        for (k, (map, last)) in self.map.vectors.iter().zip(&mut self.last).enumerate() {
+            let seen = vector(row, k);
+            // Files repeat the last value of a slower sensor.
+            let is_new = seen.is_some() && (*last != seen || map.repeats);
+            *last = seen.or(*last);
+            let given = row.references_w.get(k).copied().flatten().or(map.reference_world);
+            vectors.push(seen.filter(|_| is_new).map(|body| Observed { body, reference_w: given }));
+        }
+        let sample = Sample { stamp_ns: row.time_ns, gyro_rad_s, force_m_s2, vectors };
+        Some(Line { sample, truth: row.q_world_body.filter(|_| row.scored) })
+    }
+}
+
+/// A vector sensor's sample with its length, which reveals disturbances.
+fn vector(row: &CsvRow, sensor: usize) -> Option<Vector3<f64>> {
+    let direction = row.vectors_b.get(sensor).copied().flatten()?;
+    Some(direction.into_inner() * row.vector_lengths.get(sensor).copied().flatten()?)
+}
