@@ -11,6 +11,7 @@ mod many_participants;
 mod node_deaths;
 mod recorder;
 mod replay_backend;
+mod rogue;
 mod sensor_faults;
 mod services;
 mod start;

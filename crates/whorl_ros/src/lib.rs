@@ -46,7 +46,7 @@ mod statistics;
 mod wake;
 mod worker;
 
-pub use clock::{monotonic, wall_clock};
+pub use clock::{Clock, SET_BACK, monotonic, wall_clock};
 pub use context::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_line};
 pub use error::RosError;
 pub use graph::NodeList;
@@ -57,3 +57,4 @@ pub use participant::{DiscoveredEndpoint, EndpointQos, Participant};
 pub use peers::{ParticipantPrefix, PeerEvent};
 pub use raw::{EndpointId, RawReader, RawSample, RawWriter};
 pub use services::ServiceClient;
+pub use wake::Continued;

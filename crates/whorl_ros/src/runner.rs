@@ -93,6 +93,7 @@ impl<C: Configurable> Runner<C> {
             if now < housekeeping {
                 continue;
             }
+            self.look_at_the_clock()?;
             if now >= silence_check {
                 silence_check = now + SILENCE_CHECK;
                 silence = self.longest_silence(now);
@@ -136,7 +137,19 @@ impl<C: Configurable> Runner<C> {
         }
     }
 
+    /// Says that the computer's clock was set; the node's own time has not changed.
+    fn look_at_the_clock(&mut self) -> Result<(), RosError> {
+        self.shell.clock.now();
+        let Some(step) = self.shell.clock.take_step() else { return Ok(()) };
+        self.shell.statistics.clock_steps += 1;
+        let text = format!("{step}: stamps follow, deadlines do not");
+        self.shell.say(&self.connection, LogLevel::Warn, text);
+        if step.needs_rejoining() { self.rebuild_connection("the clock was set back") } else { Ok(()) }
+    }
+
     fn rebuild_connection(&mut self, reason: &str) -> Result<(), RosError> {
+        // Joining takes from a tenth of a second to several, in which nothing is watched.
+        self.shell.step(&self.connection, Event::Interruption);
         self.connection = self.connection.rebuilt(self.poll.registry())?;
         self.shell.statistics.reconnections += 1;
         self.shell.say(&self.connection, LogLevel::Warn, format!("{reason}: joined the network anew"));

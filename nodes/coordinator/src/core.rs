@@ -359,6 +359,8 @@ impl NodeCore for CoordinatorCore {
                 self.request_abort(now, argument, outputs);
             }
             Event::Shutdown => self.shut_down(now, outputs),
+            // Platforms come to rest when nobody commands them.
+            Event::Interruption => {}
         }
     }
 

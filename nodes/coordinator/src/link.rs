@@ -105,7 +105,7 @@ impl PlatformLink {
         if let Some(latest) = self.latest_sequence
             && message.sequence > latest
         {
-            self.lost_estimates += message.sequence - latest - 1;
+            self.lost_estimates = self.lost_estimates.saturating_add(message.sequence - latest - 1);
         }
         self.latest_sequence = Some(message.sequence);
         let (health, usable) = (message.health, message.usable());
@@ -292,6 +292,7 @@ fn reason_in_words(reason: u8) -> &'static str {
         ControlStatus::REASON_TILT_LIMIT => ": tilt limit",
         ControlStatus::REASON_ABORT => ": abort",
         ControlStatus::REASON_RATE_LIMIT => ": rate limit",
+        ControlStatus::REASON_COMMANDS_REFUSED => ": its driver does not carry out the commands",
         ControlStatus::REASON_EXCITATION_UNKNOWN => ": its parameters have no excitation of this name",
         _ => "",
     }

@@ -2,18 +2,26 @@
 //!
 //! It runs in the driver's own process, so that valves close and wheels coast whatever happens to
 //! the rest of the system. A command holds until its `valid_until`, and never longer than
-//! [`LONGEST_VALIDITY`] after its arrival.
+//! [`LONGEST_VALIDITY`] after its arrival. All deadlines are on the node's time, which nobody can set: see
+//! [`whorl_node::NodeCore::step`].
 
 use std::ops::Range;
 use std::time::Duration;
 
 use whorl_dynamics::actuators::{Actuators, Kind, Motor};
-use whorl_msgs::whorl::ActuatorCommand;
+use whorl_msgs::whorl::{ActuatorCommand, GateState};
 use whorl_node::Timestamp;
 
 /// Everything is off 100 ms after the last command was sent. This value is smaller, to allow for the link delay,
 /// the driver's tick, and scheduling delays of a busy computer.
 pub const LONGEST_VALIDITY: Duration = Duration::from_millis(80);
+
+/// Longest slot that is accepted \[s\]; pulses are clipped to it. Far beyond [`LONGEST_VALIDITY`], which ends every pulse.
+const LONGEST_SLOT_S: f64 = 60.0;
+
+/// A command may be stamped this far ahead of the driver's clock \[s\]: as far as clocks may differ without its validity
+/// being over on arrival. A single stamp from the future would have every later command refused as older.
+const AHEAD_S: f64 = 0.1;
 
 /// A command to the actuators.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,12 +42,14 @@ pub enum Refusal {
     WrongSize,
     /// NaN or infinite.
     NotFinite,
-    /// Negative on-time, or a slot length that is not positive.
+    /// Negative on-time, or a slot length that is not positive or too long.
     OutOfRange,
     /// Not newer than the latest accepted command.
     OutOfOrder,
     /// Its validity ended before it arrived.
     Expired,
+    /// Stamped ahead of the driver's clock.
+    Ahead,
 }
 
 impl Refusal {
@@ -49,9 +59,23 @@ impl Refusal {
         match self {
             Self::WrongSize => "its number of wheels or jets is not the platform's",
             Self::NotFinite => "a value is not finite",
-            Self::OutOfRange => "an on-time is negative or the slot length is not positive",
+            Self::OutOfRange => "an on-time is negative, or the slot length is not within 0 to 60 s",
             Self::OutOfOrder => "it is not newer than the latest accepted command",
             Self::Expired => "its validity ended before it arrived",
+            Self::Ahead => "it is stamped more than 0.1 s ahead of this computer's clock",
+        }
+    }
+
+    /// `GateState::REFUSAL_*`.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::WrongSize => GateState::REFUSAL_WRONG_SIZE,
+            Self::NotFinite => GateState::REFUSAL_NOT_FINITE,
+            Self::OutOfRange => GateState::REFUSAL_OUT_OF_RANGE,
+            Self::OutOfOrder => GateState::REFUSAL_OUT_OF_ORDER,
+            Self::Expired => GateState::REFUSAL_EXPIRED,
+            Self::Ahead => GateState::REFUSAL_AHEAD,
         }
     }
 }
@@ -74,6 +98,8 @@ pub struct Gate {
     motors: Vec<Motors>,
     latest: Option<Latest>,
     counts: GateCounts,
+    last_refusal: Option<Refusal>,
+    switched_off_late: Duration,
 }
 
 /// The motors of one kind of actuator.
@@ -90,7 +116,9 @@ struct Motors {
 struct Latest {
     stamp: Timestamp,
     sequence: u64,
-    slot: Option<u64>,
+    slot: u64,
+    /// When it arrived and was carried out.
+    applied: Timestamp,
     /// End of validity; `None` after a timeout.
     ends: Option<Timestamp>,
 }
@@ -112,6 +140,8 @@ impl Gate {
             motors: motors.collect(),
             latest: None,
             counts: GateCounts::default(),
+            last_refusal: None,
+            switched_off_late: Duration::ZERO,
         }
     }
 
@@ -127,7 +157,26 @@ impl Gate {
         self.latest.and_then(|l| l.ends)
     }
 
-    /// Takes a command that arrived now.
+    /// State, times and counts, without header and number.
+    #[must_use]
+    pub fn state(&self) -> GateState {
+        let open = self.deadline();
+        GateState {
+            state: if open.is_some() { GateState::STATE_OBEYING } else { GateState::STATE_OFF },
+            command_sequence: self.latest.map_or(0, |l| l.sequence),
+            command_stamp: self.latest.map_or_else(Default::default, |l| l.stamp.into()),
+            applied_at: self.latest.map_or_else(Default::default, |l| l.applied.into()),
+            closes_at: open.map_or_else(Default::default, Into::into),
+            switched_off_late_s: self.switched_off_late.as_secs_f64(),
+            accepted: self.counts.accepted,
+            refused: self.counts.refused,
+            timeouts: self.counts.timeouts,
+            refusal: self.last_refusal.map_or(GateState::REFUSAL_NONE, Refusal::code),
+            ..GateState::default()
+        }
+    }
+
+    /// Takes a command that arrived now, by the node's time.
     ///
     /// # Errors
     /// Why it was refused; then nothing changes.
@@ -139,6 +188,7 @@ impl Gate {
             }
             Err(refusal) => {
                 self.counts.refused += 1;
+                self.last_refusal = Some(refusal);
                 Err(refusal)
             }
         }
@@ -156,10 +206,13 @@ impl Gate {
             return Err(Refusal::NotFinite);
         }
         let slot_s = command.jet_slot_length_s;
-        if command.jet_on_time_s.iter().any(|t| *t < 0.0) || !(slot_s > 0.0 && slot_s.is_finite()) {
+        if command.jet_on_time_s.iter().any(|t| *t < 0.0) || !(slot_s > 0.0 && slot_s <= LONGEST_SLOT_S) {
             return Err(Refusal::OutOfRange);
         }
         let stamp = Timestamp::from(command.header.stamp);
+        if stamp.seconds_since(now) > AHEAD_S {
+            return Err(Refusal::Ahead);
+        }
         let ends = Timestamp::from(command.valid_until).min(now + LONGEST_VALIDITY);
         if ends <= now {
             return Err(Refusal::Expired);
@@ -172,32 +225,45 @@ impl Gate {
             return Err(Refusal::OutOfOrder);
         }
         let restarted = self.latest.is_some_and(|l| command.sequence <= l.sequence);
-        let slot_seen = if restarted { None } else { self.latest.and_then(|l| l.slot) };
+        // Commands are taken in order, so any other slot is a newer one. Its number may not be trusted to grow: a single
+        // huge one would close the jets for good.
+        let slot_seen = self.latest.filter(|_| !restarted).map(|l| l.slot);
 
         let clipped = |motors: &Motors| {
             let limited = asked(motors).iter().zip(&motors.limits).map(|(u, limit)| u.clamp(-limit, *limit));
             Action::Motors(motors.kind, limited.collect())
         };
         let mut actions: Vec<Action> = self.motors.iter().map(clipped).collect();
-        if slot_seen.is_none_or(|seen| command.jet_slot > seen) {
+        if slot_seen != Some(command.jet_slot) {
             actions.push(Action::Pulses(command.jet_on_time_s.iter().map(|t| t.min(slot_s)).collect()));
         }
         self.latest = Some(Latest {
             stamp,
             sequence: command.sequence,
-            slot: Some(slot_seen.map_or(command.jet_slot, |seen| seen.max(command.jet_slot))),
+            slot: command.jet_slot,
+            applied: now,
             ends: Some(ends),
         });
         Ok(actions)
     }
 
-    /// Switches everything off if the commands' validity has ended; call at least every 10 ms.
+    /// Switches everything off if the commands' validity has ended by the node's time; call at least every 10 ms.
     pub fn watch(&mut self, now: Timestamp) -> Option<Action> {
         let latest = self.latest.as_mut()?;
-        latest.ends.filter(|ends| *ends <= now)?;
+        let ends = latest.ends.filter(|ends| *ends <= now)?;
         latest.ends = None;
         self.counts.timeouts += 1;
+        self.switched_off_late =
+            Duration::from_nanos(u64::try_from(now.0.saturating_sub(ends.0)).unwrap_or(0));
         Some(Action::AllOff)
+    }
+
+    /// Switches everything off now, whatever the commands' validity: the process is about to be unable to watch.
+    pub fn close(&mut self) -> Action {
+        if let Some(latest) = &mut self.latest {
+            latest.ends = None;
+        }
+        Action::AllOff
     }
 }
 
@@ -277,6 +343,51 @@ mod tests {
         assert_eq!(gate.command(at(80), &command(6, 10, 70, 1)), Err(Refusal::Expired));
         assert_eq!(gate.deadline(), Some(at(60)));
         assert_eq!(gate.counts(), GateCounts { accepted: 1, refused: 5, timeouts: 0 });
+    }
+
+    #[test]
+    fn no_single_command_locks_later_ones_out() {
+        let honest = |gate: &mut Gate, k: i64| {
+            let number = u64::try_from(k).unwrap();
+            gate.command(at(10 * k + 1), &command(number, 10 * k, 10 * k + 60, number / 3))
+        };
+        let mut gate = gate();
+        honest(&mut gate, 0).unwrap();
+        // An hour ahead; more than the tolerance ahead; the largest numbers; a slot that would not end.
+        assert_eq!(gate.command(at(2), &command(1, 3_600_000, 3_600_060, 0)), Err(Refusal::Ahead));
+        assert_eq!(gate.command(at(2), &command(1, 110, 170, 0)), Err(Refusal::Ahead));
+        let mut long = command(1, 2, 60, 0);
+        long.jet_slot_length_s = 1e20;
+        long.jet_on_time_s[0] = 1e20;
+        assert_eq!(gate.command(at(2), &long), Err(Refusal::OutOfRange));
+        gate.command(at(2), &command(u64::MAX, 1, 61, u64::MAX)).unwrap();
+        let mut fired = 0;
+        for k in 1..10 {
+            let actions = honest(&mut gate, k).unwrap();
+            fired += usize::from(actions.iter().any(|a| matches!(a, Action::Pulses(_))));
+        }
+        // Slots 0 (again: the forged one had replaced it), 1, 2 and 3.
+        assert_eq!(fired, 4);
+    }
+
+    #[test]
+    fn the_state_tells_what_was_applied_when_and_how_late_it_ended() {
+        let mut gate = gate();
+        assert_eq!(gate.state(), GateState::default());
+        gate.command(at(11), &command(3, 10, 70, 0)).unwrap();
+        let _ = gate.command(at(12), &command(4, 5000, 5060, 0));
+        let state = gate.state();
+        assert_eq!((state.state, state.command_sequence), (GateState::STATE_OBEYING, 3));
+        assert_eq!(
+            [state.command_stamp, state.applied_at, state.closes_at].map(Timestamp::from),
+            [at(10), at(11), at(70)]
+        );
+        assert_eq!((state.refused, state.refusal), (1, GateState::REFUSAL_AHEAD));
+        // The process was stopped for a second.
+        gate.watch(at(1070)).unwrap();
+        let state = gate.state();
+        assert_eq!((state.state, state.timeouts, state.switched_off_late_s), (GateState::STATE_OFF, 1, 1.0));
+        assert_eq!(Timestamp::from(state.closes_at), at(0));
     }
 
     #[test]
