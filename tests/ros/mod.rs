@@ -1,7 +1,9 @@
 //! The node set as real processes over DDS, on the loopback interface: one fault after the other.
 
+mod clock_steps;
 mod command_silence;
 mod experiment;
+mod forged_ranges;
 mod held;
 mod jet_failure;
 mod leader_stale;

@@ -76,7 +76,7 @@ impl Storage for LockedFile {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
         // A file without a name takes bytes as before, and gives them up when it is closed.
         if self.file.metadata()?.nlink() == 0 {
-            return Err(io::Error::new(io::ErrorKind::NotFound, "it was deleted while it was being written"));
+            return Err(io::Error::other("it was deleted while it was being written"));
         }
         self.file.write_all(bytes)
     }

@@ -153,7 +153,8 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
         }
     };
     monitor.stop();
-    stop(&mut supervisor);
+    let all_well = stop(&mut supervisor);
+    let status = if status == 0 && !all_well { 1 } else { status };
     domain.forget_supervisor(EXPERIMENT);
     ends_with_its_reader.store(true, Ordering::Relaxed);
     // The report is written even for a run that was ended early.
@@ -226,6 +227,7 @@ pub fn watch(
                 }
                 until.get_or_insert(Instant::now() + LAST_LOOK);
             }
+            Some(ended) if ended.by_accident() && restarted(supervisor, &ended) => {}
             Some(ended) => {
                 let Ended { label, status, log } = &ended;
                 tell(format_args!(
@@ -248,17 +250,50 @@ pub fn watch(
     }
 }
 
+/// Starts a node again that ended by accident, and says so; false when it cannot be.
+fn restarted(supervisor: &mut Supervisor, ended: &Ended) -> bool {
+    let Ended { label, status, log } = ended;
+    let status = shell_status(*status);
+    match supervisor.restart(label) {
+        Ok(true) => {
+            tell(format_args!(
+                "warning: {label} ended with status {status} and was started again ({})",
+                log.display()
+            ));
+            true
+        }
+        Ok(false) => false,
+        Err(error) => {
+            tell(format_args!(
+                "error: {label} ended with status {status} and cannot be started again: {error}"
+            ));
+            false
+        }
+    }
+}
+
 /// Exit status as in a shell: 128 plus the signal's number for a process that a signal ended.
 fn shell_status(status: ExitStatus) -> i32 {
     use std::os::unix::process::ExitStatusExt;
     status.code().or_else(|| status.signal().map(|signal| 128 + signal)).unwrap_or(1)
 }
 
-/// Stops everything and reports processes that had to be killed.
-pub fn stop(supervisor: &mut Supervisor) {
-    for label in supervisor.stop() {
+/// Stops everything and reports processes that had to be killed, or that say at their end that they failed, such as a
+/// recorder whose disk was full. False when there is one that failed.
+pub fn stop(supervisor: &mut Supervisor) -> bool {
+    let stopped = supervisor.stop();
+    for label in stopped.killed {
         tell(format_args!("warning: {label} did not stop, killed it"));
     }
+    for ended in &stopped.failed {
+        let Ended { label, status, .. } = ended;
+        tell(format_args!(
+            "error: {label} ended with status {}:\n{}",
+            shell_status(*status),
+            ended.last_words()
+        ));
+    }
+    stopped.failed.is_empty()
 }
 
 /// Ctrl-C, SIGTERM or a closed terminal. Further signals have no effect: everything is already being stopped.

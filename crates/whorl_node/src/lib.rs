@@ -72,6 +72,11 @@ pub trait NodeCore: Send {
     fn finished(&self) -> bool {
         false
     }
+
+    /// Why the node's task failed, once it has [`Self::finished`] without success: the program's exit status says so.
+    fn failure(&self) -> Option<String> {
+        None
+    }
 }
 
 /// A core that can be built from, and reconfigured with, validated parameters.

@@ -28,6 +28,7 @@ pub mod environment;
 mod error;
 mod graph;
 mod log;
+mod memory;
 pub mod names;
 mod node;
 mod nudge;

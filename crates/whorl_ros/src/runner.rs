@@ -11,6 +11,7 @@ use crate::connection::{Connection, Notice};
 use crate::context::NodeContext;
 use crate::endpoints::{Plan, Readable};
 use crate::error::RosError;
+use crate::memory;
 use crate::parameters::ParameterSet;
 use crate::recovery::Reason;
 use crate::shell::{Read, Shell};
@@ -63,6 +64,8 @@ impl<C: Configurable> Runner<C> {
 
     /// Runs until the core has finished or a signal comes.
     pub(crate) fn run(mut self) -> Result<(), RosError> {
+        // After everything that a node loads at the start, recordings among it.
+        memory::limit();
         let network = if self.connection.is_localhost() { "this machine only" } else { "the network" };
         self.shell.say(
             &self.connection,
@@ -111,7 +114,9 @@ impl<C: Configurable> Runner<C> {
         }
         self.shell.step(&self.connection, Event::Shutdown);
         self.shell.say(&self.connection, LogLevel::Info, "stopped".to_owned());
-        self.connection.close()
+        let failure = self.shell.core.failure();
+        self.connection.close()?;
+        failure.map_or(Ok(()), |reason| Err(RosError::Failed { reason }))
     }
 
     fn fire_timer(&mut self) {

@@ -232,6 +232,14 @@ impl PlatformLink {
         })
     }
 
+    /// Whether the platform's controller says that it hears no authority, or no reference: while an experiment runs, both are
+    /// sent all the time, so they do not arrive.
+    pub fn deaf(&self, now: Timestamp, settings: &LinkSettings) -> bool {
+        self.status_fresh(now, settings).is_some_and(|s| {
+            matches!(s.reason, ControlStatus::REASON_NO_AUTHORITY | ControlStatus::REASON_REFERENCE_STALE)
+        })
+    }
+
     /// Whether the platform plays an excitation instead of tracking its reference.
     pub fn excited(&self, now: Timestamp, settings: &LinkSettings) -> bool {
         self.status_fresh(now, settings).is_some_and(|s| {
