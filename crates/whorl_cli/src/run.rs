@@ -105,8 +105,8 @@ fn of_platform(text: &str) -> Result<(String, PathBuf), String> {
     Ok((platform.to_owned(), PathBuf::from(file)))
 }
 
-/// Carries out `whorl run`. The exit status is 0 when the experiment came to its end, 1 when it or a node failed, 2 when
-/// nothing was started, and 130 when it was interrupted.
+/// Carries out `whorl run`. The exit status is 0 when the verdict is that the experiment passed, 1 when it, a node or the
+/// recording failed, 2 when nothing was started, and 130 when it was interrupted.
 pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
     exit_code(try_run(arguments, ends_with_its_reader))
 }
@@ -158,12 +158,22 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     domain.forget_supervisor(EXPERIMENT);
     ends_with_its_reader.store(true, Ordering::Relaxed);
     // The report is written even for a run that was ended early.
-    if run.join("bag").is_dir()
-        && let Err(error) = report::run(std::slice::from_ref(&run), None)
-    {
-        tell(format_args!("error: {error:#}"));
-    }
-    Ok(status)
+    let judged = if run.join("bag").is_dir() {
+        report::write(&run, None)
+    } else {
+        Err(anyhow::anyhow!("{} holds no recording", run.display()))
+    };
+    Ok(match judged {
+        Ok(report) => {
+            report::print(&report);
+            if status == 0 && report.verdict.failed() { 1 } else { status }
+        }
+        Err(error) => {
+            tell(format_args!("error: {error:#}"));
+            say("verdict: FAILED: there is no complete recording");
+            if status == 0 { 1 } else { status }
+        }
+    })
 }
 
 const EXPERIMENT: &str = "experiment";
