@@ -52,7 +52,7 @@ pub struct Verdict {
     pub safe_s: f64,
     /// Time without authority or with a stale reference, likewise \[s\].
     pub uncommanded_s: f64,
-    /// Time in which a reference was clipped at the tilt limit \[s\].
+    /// Time after settling in which a reference was clipped at the tilt limit \[s\].
     pub clipped_s: f64,
     /// Timers of nodes that fired more than a period late.
     pub late_timers: u64,
@@ -166,7 +166,9 @@ fn time_in(data: &PlatformData, (from, to): (f64, f64), wanted: fn(&ControlStatu
 }
 
 fn clipped_s(run: &RunData) -> f64 {
-    let any = |state: &FormationState| state.reference_clipped.contains(&true);
+    // On the way to its first attitude a platform may be led along its limit.
+    let asked = [FormationState::PHASE_MANOEUVRE, FormationState::PHASE_HOLD];
+    let any = |s: &FormationState| asked.contains(&s.phase) && s.reference_clipped.contains(&true);
     let clipped = run.formation.windows(2).filter(|w| any(&w[0].message));
     clipped.map(|w| w[1].stamp_s - w[0].stamp_s).fold(0.0, |total, dt| total + dt)
 }

@@ -232,12 +232,10 @@ impl PlatformLink {
         })
     }
 
-    /// Whether the platform's controller says that it hears no authority, or no reference: while an experiment runs, both are
-    /// sent all the time, so they do not arrive.
+    /// Whether the platform's controller says that it hears no authority: while an experiment runs, it is sent all the time,
+    /// so it does not arrive. A stale reference says less: while the experiment waits, that is what is sent.
     pub fn deaf(&self, now: Timestamp, settings: &LinkSettings) -> bool {
-        self.status_fresh(now, settings).is_some_and(|s| {
-            matches!(s.reason, ControlStatus::REASON_NO_AUTHORITY | ControlStatus::REASON_REFERENCE_STALE)
-        })
+        self.status_fresh(now, settings).is_some_and(|s| s.reason == ControlStatus::REASON_NO_AUTHORITY)
     }
 
     /// Whether the platform plays an excitation instead of tracking its reference.

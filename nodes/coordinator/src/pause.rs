@@ -13,7 +13,7 @@ pub(crate) struct PlatformCondition {
     pub usable: bool,
     /// Its controller follows its reference.
     pub following: bool,
-    /// It can be heard but does not hear: its controller has lost its authority or its reference, which are being sent.
+    /// It can be heard but does not hear: its controller has no authority, which is being sent.
     pub deaf: bool,
     /// The steps move it directly, or the law moves all platforms as one rigid structure.
     pub leads: bool,
