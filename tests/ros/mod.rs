@@ -3,7 +3,7 @@
 mod clock_steps;
 mod command_silence;
 mod experiment;
-mod forged_ranges;
+mod forged;
 mod held;
 mod jet_failure;
 mod leader_stale;

@@ -42,19 +42,29 @@ fn command() -> ActuatorCommand {
     }
 }
 
-/// The platform tracks, and its driver obeys, all the time from `since` on.
-fn assert_tracking(watch: &Watch, since: Timestamp, after: &str) {
-    let log = watch.log();
-    let modes: Vec<u8> =
-        log.after::<ControlStatus>(route(0, Topic::ControlStatus), since).map(|(_, m)| m.mode).collect();
-    assert!(modes.len() > 40, "after {after}: {} statuses\n{}", modes.len(), watch.summary());
-    assert!(modes.iter().all(|mode| *mode == ControlStatus::MODE_TRACK), "after {after}: {modes:?}");
-    let gate: Vec<GateState> =
-        log.after::<GateState>(route(0, Topic::GateState), since).map(|(_, m)| m.clone()).collect();
-    assert!(gate.len() >= 5, "after {after}: the gate said {gate:?}");
-    assert!(gate.iter().all(|state| state.state == GateState::STATE_OBEYING), "after {after}: {gate:?}");
-    let obeyed = gate.last().map_or(0, |s| s.accepted) - gate.first().map_or(0, |s| s.accepted);
-    assert!(obeyed > 40, "after {after}: {obeyed} commands were obeyed");
+/// A second in which the platform tracks and its driver obeys all the time. What is locked out for an hour never has one; a
+/// busy machine has one soon.
+fn assert_tracks_again(formation: &mut Formation, watch: &Watch, after: &str) {
+    let mut seen = String::new();
+    for _ in 0..15 {
+        let since = watch.during(Duration::from_secs(1));
+        formation.check_alive();
+        let log = watch.log();
+        let modes: Vec<u8> =
+            log.after::<ControlStatus>(route(0, Topic::ControlStatus), since).map(|(_, m)| m.mode).collect();
+        let gate: Vec<&GateState> =
+            log.after::<GateState>(route(0, Topic::GateState), since).map(|(_, m)| m).collect();
+        let obeyed = gate.last().map_or(0, |s| s.accepted) - gate.first().map_or(0, |s| s.accepted);
+        if modes.len() > 40
+            && modes.iter().all(|mode| *mode == ControlStatus::MODE_TRACK)
+            && gate.iter().all(|state| state.state == GateState::STATE_OBEYING)
+            && obeyed > 40
+        {
+            return;
+        }
+        seen = format!("modes {modes:?}, gate {gate:?}");
+    }
+    panic!("after {after}: {seen}");
 }
 
 #[test]
@@ -113,11 +123,7 @@ fn no_single_message_ends_a_node_or_locks_its_platform_out() {
     ];
     for (what, writer, make) in &forged {
         writer.publish(&encoded(&make())).unwrap();
-        // A forged command that is valid for a moment may interrupt for as long.
-        watch.during(Duration::from_millis(300));
-        let since = watch.during(Duration::from_secs(1));
-        formation.check_alive();
-        assert_tracking(&watch, since, what);
+        assert_tracks_again(&mut formation, &watch, what);
     }
     // What was refused is told.
     let told = |words: &str| {

@@ -11,6 +11,8 @@ use crate::metrics::Summary;
 const TOLERATED_S: f64 = 0.5;
 /// Late timers per second of the run above which the computer counts as overloaded.
 const LATE_PER_S: f64 = 1.0;
+/// Name of a count in the drivers' diagnostics.
+const COMMAND_TIMEOUTS: &str = "command timeouts";
 /// Share of lost messages that is worth a word.
 const LOST_SHARE: f64 = 1e-3;
 
@@ -56,6 +58,8 @@ pub struct Verdict {
     pub clipped_s: f64,
     /// Timers of nodes that fired more than a period late.
     pub late_timers: u64,
+    /// How often a driver switched off while the experiment ran, because commands came late or not at all.
+    pub command_timeouts: u64,
     /// All in one line.
     pub line: String,
 }
@@ -86,7 +90,13 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
             )
     });
     let clipped_s = clipped_s(run);
-    let late_timers = late_timers(run);
+    let late_timers =
+        latest(run, (f64::NEG_INFINITY, f64::INFINITY), "timer firings more than a period late");
+    let command_timeouts = latest(run, span, COMMAND_TIMEOUTS).saturating_sub(latest(
+        run,
+        (f64::NEG_INFINITY, span.0),
+        COMMAND_TIMEOUTS,
+    ));
 
     let mut reasons = Vec::new();
     match summary.outcome.as_str() {
@@ -130,6 +140,9 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
     } else if late_timers > 0 {
         notes.push(format!("{late_timers} deadlines missed"));
     }
+    if command_timeouts > 0 {
+        notes.push(format!("commands came late or not at all, {command_timeouts} times"));
+    }
     if circumstances.lost as f64 > LOST_SHARE * circumstances.messages as f64 {
         notes.push(format!("{} of {} messages lost", circumstances.lost, circumstances.messages));
     }
@@ -140,7 +153,7 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
         (false, false) => Result::Failed,
     };
     let line = line(result, summary.duration_s, &reasons, &notes);
-    Verdict { result, reasons, notes, safe_s, uncommanded_s, clipped_s, late_timers, line }
+    Verdict { result, reasons, notes, safe_s, uncommanded_s, clipped_s, late_timers, command_timeouts, line }
 }
 
 fn line(result: Result, duration_s: f64, reasons: &[String], notes: &[String]) -> String {
@@ -173,11 +186,12 @@ fn clipped_s(run: &RunData) -> f64 {
     clipped.map(|w| w[1].stamp_s - w[0].stamp_s).fold(0.0, |total, dt| total + dt)
 }
 
-/// Over all nodes, from what they said last.
-fn late_timers(run: &RunData) -> u64 {
+/// The count of that name in the diagnostics, over all nodes, as each said it last within this time.
+fn latest(run: &RunData, (from, to): (f64, f64), key: &str) -> u64 {
     let mut last = std::collections::BTreeMap::new();
-    for status in run.diagnostics.iter().flat_map(|array| &array.message.status) {
-        let count = status.values.iter().find(|v| v.key == "timer firings more than a period late");
+    let within = run.diagnostics.iter().filter(|array| (from..to).contains(&array.stamp_s));
+    for status in within.flat_map(|array| &array.message.status) {
+        let count = status.values.iter().find(|v| v.key == key);
         if let Some(count) = count.and_then(|v| v.value.parse::<u64>().ok()) {
             last.insert(status.name.as_str(), count);
         }

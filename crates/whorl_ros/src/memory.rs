@@ -1,6 +1,6 @@
 //! A limit on a process's memory.
 //!
-//! RustDDS 0.15 allocates without bound when a datagram claims a range of 2^40 samples (docs/upstream/rustdds_ranges.md):
+//! RustDDS 0.15 allocates without bound when a datagram claims a range of 2^40 samples (docs/upstream/rustdds.md):
 //! about a gigabyte a second, until the machine has none left and the kernel ends whatever it likes. With a limit, the
 //! process that was hit ends at once, and is started again by whoever supervises it.
 

@@ -178,6 +178,8 @@ impl NodeCore for DriverCore {
                 }
             }
             Event::Shutdown | Event::Interruption => {
+                // First what is overdue: the process may have been stopped until now.
+                self.watch(now, outputs);
                 let action = self.gate.close();
                 self.hardware.advance_to(now);
                 self.hardware.apply(now, &action);
@@ -384,6 +386,13 @@ mod tests {
         driver.step(at(1000), Event::Message { route, message: &late.into() }, &mut outputs);
         let states: Vec<u8> = gate_states(&outputs).iter().map(|state| state.state).collect();
         assert_eq!(states, [GateState::STATE_OFF, GateState::STATE_OBEYING]);
+
+        // Nor does joining the network anew, which comes first when a process goes on.
+        let (mut driver, model) = self::driver();
+        obeying(&mut driver, &model);
+        outputs.clear();
+        driver.step(at(1000), Event::Interruption, &mut outputs);
+        assert!((gate_states(&outputs)[0].switched_off_late_s - 0.94).abs() < 1e-9, "{outputs:?}");
     }
 
     #[test]
