@@ -40,8 +40,13 @@ impl LocalControlCore {
         mut report: Report,
         outputs: &mut Outputs,
     ) {
-        // Commands are sent all the same: the driver obeys the first one that it can take.
-        if report.mode != ControlStatus::MODE_IDLE && self.inputs.disobeyed(now) {
+        // Commands are sent all the same: the driver obeys the first one that it can take. In safe mode the reason for that
+        // says more: without measurements commands are rare, and the gate closes between them.
+        let points = matches!(
+            report.mode,
+            ControlStatus::MODE_TRACK | ControlStatus::MODE_HOLD | ControlStatus::MODE_EXCITE
+        );
+        if points && self.inputs.disobeyed(now) {
             report.mode = ControlStatus::MODE_SAFE_COAST;
             report.reason = ControlStatus::REASON_COMMANDS_REFUSED;
         }
