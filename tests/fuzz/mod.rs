@@ -121,7 +121,7 @@ proptest! {
 /// One long life. The memory that a core holds at the end is what it held after a tenth of it, but for a little.
 #[test]
 fn the_memory_of_no_core_grows_with_what_it_is_sent() {
-    let messages = repetitions(30_000, 1_000_000);
+    let messages = repetitions(200_000, 1_000_000);
     for (name, core) in cores() {
         let (mut victim, mut generator) = (Victim::new(core), Generator::new(7));
         for _ in 0..messages / 10 {

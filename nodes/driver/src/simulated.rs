@@ -166,7 +166,8 @@ impl Hardware for SimulatedHardware {
 
     fn apply(&mut self, now: Timestamp, action: &Action) {
         let min_on_time_s: Vec<f64> = self.model.jets().iter().map(|j| j.min_on_time_s).collect();
-        let Some(running) = self.running(now) else { return };
+        // A simulation that has stopped carries nothing out; its valves would only collect pulses.
+        let Some(running) = self.running(now).filter(|r| r.diverged.is_none()) else { return };
         // The gate has checked sizes and numbers; pulses too short for a valve are skipped.
         match action {
             Action::Motors(kind, command) => {
