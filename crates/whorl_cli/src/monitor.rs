@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -56,19 +55,19 @@ struct PlatformView {
 
 /// Carries out `whorl monitor`. Fails when the experiment was aborted.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    watch(&arguments.platforms, arguments.stay, &AtomicBool::new(false))
+    whorl_ros::limit_memory();
+    watch(&arguments.platforms, arguments.stay)
 }
 
-/// Shows the formation until the experiment ends (unless `stay` is set) or until it is told to stop. Fails when the
-/// experiment was aborted.
-pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Result<()> {
+/// Shows the formation until the experiment ends, unless `stay` is set. Fails when the experiment was aborted.
+fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
     let network = Network::from_environment()?;
     let mut formation = Listener::new(&network, platforms)?;
     let mut view = View::default();
     let mut screen = Screen::new();
     let mut told = false;
     let mut last_rates = Instant::now();
-    while !stop.load(Ordering::Relaxed) {
+    loop {
         std::thread::sleep(LOOK);
         // DDS's threads may fail, for example after the process was stopped for hours.
         if !formation.participant.is_alive() {
@@ -107,7 +106,6 @@ pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Res
             _ => {}
         }
     }
-    Ok(())
 }
 
 /// Topics of the monitor.

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::io::Write;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, ExitStatus};
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
 use whorl_ros::environment::Network;
 
-use crate::{monitor, report};
+use crate::report;
 
 /// Exit status when nothing was started.
 const NOT_STARTED: u8 = 2;
@@ -325,35 +325,66 @@ impl Interrupted {
     }
 }
 
-/// The live status, in its own thread: joining the network may take seconds, and nothing else must wait for it.
+/// How often a monitor that ended by accident is started again.
+const MONITORS: u32 = 5;
+
+/// The live status, in a process of its own: what reaches it over the network, and ends it, must not end the supervisor.
 pub struct Monitor {
-    thread: Option<JoinHandle<anyhow::Result<()>>>,
-    stop: Arc<AtomicBool>,
+    platforms: Vec<String>,
+    child: Option<Child>,
+    started: u32,
 }
 
 impl Monitor {
     fn start(platforms: Vec<String>) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = Arc::clone(&stop);
-        let thread = std::thread::spawn(move || monitor::watch(&platforms, false, &stopped));
-        Self { thread: Some(thread), stop }
+        let mut monitor = Self { platforms, child: None, started: 0 };
+        monitor.spawn();
+        monitor
+    }
+
+    /// Without a monitor an experiment runs all the same: its end is that of its coordinator.
+    fn spawn(&mut self) {
+        self.started += 1;
+        let program = std::env::current_exe();
+        let child = program.and_then(|program| {
+            let mut command = Command::new(program);
+            // Ctrl-C is for the supervisor.
+            command.arg("monitor").args(&self.platforms).stdin(Stdio::null()).process_group(0).spawn()
+        });
+        match child {
+            Ok(child) => self.child = Some(child),
+            Err(error) => tell(format_args!("warning: there is no live status: {error}")),
+        }
     }
 
     /// The resulting exit status, once the monitor has ended.
     fn status(&mut self) -> Option<u8> {
-        let thread = self.thread.take_if(|thread| thread.is_finished())?;
-        match thread.join() {
-            Ok(Ok(())) => Some(0),
-            Ok(Err(error)) => {
-                tell(format_args!("error: {error:#}"));
-                Some(1)
-            }
-            Err(_) => Some(1),
+        let status = self.child.as_mut()?.try_wait().ok().flatten()?;
+        self.child = None;
+        if let Some(code) = status.code() {
+            return Some(u8::from(code != 0));
         }
+        if self.started < MONITORS {
+            tell(format_args!(
+                "warning: the monitor ended with status {} and was started again",
+                shell_status(status)
+            ));
+            self.spawn();
+        }
+        None
     }
 
-    fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
+    fn stop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+impl Drop for Monitor {
+    fn drop(&mut self) {
+        self.stop();
     }
 }
 

@@ -52,6 +52,7 @@ pub use context::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_li
 pub use error::RosError;
 pub use graph::NodeList;
 pub use log::to_stderr as log_to_stderr;
+pub use memory::limit_memory;
 pub use node::run_node;
 pub use parameter_client::{ParameterClient, ParameterClientError, ParameterDescription};
 pub use participant::{DiscoveredEndpoint, EndpointQos, Participant};

@@ -13,7 +13,7 @@ const VARIABLE: &str = "WHORL_MEMORY_HEADROOM_MIB";
 
 /// Limits the memory of this process to what it holds now and some headroom. Without `/proc`, or when the operating system
 /// refuses, nothing is limited, and the log says so.
-pub(crate) fn limit() {
+pub fn limit_memory() {
     let headroom_mib = match std::env::var(VARIABLE) {
         Err(_) => HEADROOM_MIB,
         Ok(text) => text.parse().unwrap_or_else(|_| {

@@ -65,7 +65,7 @@ impl<C: Configurable> Runner<C> {
     /// Runs until the core has finished or a signal comes.
     pub(crate) fn run(mut self) -> Result<(), RosError> {
         // After everything that a node loads at the start, recordings among it.
-        memory::limit();
+        memory::limit_memory();
         let network = if self.connection.is_localhost() { "this machine only" } else { "the network" };
         self.shell.say(
             &self.connection,
