@@ -2,6 +2,7 @@
 //!
 //! - `closed_loop`: the node set in one simulated process: accuracy, determinism, links, faults.
 //! - `replay`: single cores reproduce recordings, bit for bit.
+//! - `fuzz`: any message into any core.
 //! - `ros`: the node set as real processes over DDS, one fault after the other.
 //!
 //! The processes' programs are those that cargo builds with the tests. README.md tells of variables and of what needs
@@ -11,6 +12,7 @@
 
 mod closed_loop;
 mod doc_examples;
+mod fuzz;
 mod replay;
 mod ros;
 mod support;

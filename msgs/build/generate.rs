@@ -11,6 +11,9 @@ const LONGEST_PLAIN_ARRAY: usize = 32;
 /// Names of fields that Rust keeps for itself.
 const KEYWORDS: [&str; 8] = ["type", "final", "in", "loop", "match", "mod", "ref", "use"];
 
+/// The type that a visitor sees as one value.
+const TIME: (&str, &str) = ("builtin_interfaces", "Time");
+
 /// What is true of a type and decides what it derives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Traits {
@@ -140,6 +143,9 @@ fn structure(definition: &Definition, all: &[Definition]) -> Result<String, Stri
         }
         text += "}\n}\n}\n\n";
     }
+    if (definition.package.as_str(), name.as_str()) != TIME {
+        text += &walk(definition);
+    }
     if !definition.constants.is_empty() {
         let _ = writeln!(text, "impl {name} {{");
         for Constant { ty, name, value, doc: lines } in &definition.constants {
@@ -149,6 +155,25 @@ fn structure(definition: &Definition, all: &[Definition]) -> Result<String, Stri
         text += "}\n\n";
     }
     Ok(text)
+}
+
+/// Shows a visitor every field.
+fn walk(definition: &Definition) -> String {
+    let mut text = format!(
+        "impl crate::fields::Fields for {} {{\n\
+         fn walk(&mut self, name: &'static str, visitor: &mut dyn crate::fields::Visitor) {{\n\
+         visitor.enter(name);\n",
+        definition.name
+    );
+    for field in &definition.fields {
+        let _ = writeln!(
+            text,
+            "crate::fields::Fields::walk(&mut self.{}, {:?}, visitor);",
+            identifier(&field.name),
+            field.name
+        );
+    }
+    text + "visitor.leave();\n}\n}\n\n"
 }
 
 /// Rust attributes with the text of a comment, so that it reads as Markdown.

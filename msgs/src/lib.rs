@@ -11,11 +11,13 @@
 include!(concat!(env!("OUT_DIR"), "/packages.rs"));
 
 mod actuators;
+pub mod bounds;
 pub mod cdr;
 #[cfg(test)]
 mod conformity;
 pub mod definitions;
 mod extensions;
+pub mod fields;
 #[cfg(test)]
 #[path = "../build/parse.rs"]
 mod parse;

@@ -119,6 +119,11 @@ macro_rules! messages {
                 }
             }
 
+            /// Shows a visitor every field of the message.
+            pub fn walk(&mut self, visitor: &mut dyn crate::fields::Visitor) {
+                match self { $(Self::$variant(m) => crate::fields::Fields::walk(m, "", visitor)),+ }
+            }
+
             /// A message of that type with every field at its default.
             #[must_use]
             pub fn default_of(message_type: MessageType) -> Self {
@@ -181,6 +186,8 @@ topics! {
     Temperature "temperature" platform Temperature STREAM 1.0;
     /// Wheel torques and jet on-times, from local control.
     ActuatorCommand "actuators/command" platform ActuatorCommand STREAM 100.0;
+    /// What the driver's gate made of them, from the driver.
+    GateState "actuators/gate" platform GateState STREAM 10.0;
     /// From the estimator.
     AttitudeEstimate "attitude/estimate" platform AttitudeEstimate STREAM 100.0;
     /// Mass properties, from an estimator that identifies while the platform moves.
@@ -211,7 +218,7 @@ topics! {
 }
 
 impl Topic {
-    /// Topics that a driver publishes.
+    /// Measurements that a driver publishes.
     pub const FROM_DRIVER: [Self; 8] = [
         Self::ImuRaw,
         Self::VectorDirection,

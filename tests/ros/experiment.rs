@@ -135,12 +135,12 @@ fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
         (nodes >= NODES).then_some(())
     });
     let code = script.finish(Duration::from_secs(120));
-    assert_eq!(code, Some(0), "{}", script.log());
     let run = script.run().unwrap();
     assert_report(&run, &script.log());
 
     let summary: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["outcome"], "finished", "{}", script.log());
     let pair = &summary["pairs"][0];
     let error_deg = pair["relative_error_rms_rad"].as_f64().unwrap_or(f64::NAN).to_degrees();
     measured(&format!(
@@ -149,6 +149,25 @@ fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
     // Twice what is measured: accuracy is judged in simulation; here, that the chain has it too.
     assert!(error_deg < 0.1, "{error_deg} deg; {summary:#}");
     assert_eq!(pair["from_truth"], true, "{summary:#}");
+    // One verdict: in the file, on the page, as the last line, and by the exit status.
+    let verdict = &summary["verdict"];
+    let line = verdict["line"].as_str().unwrap();
+    assert!(line.contains("target met"), "{line}");
+    // A machine that starves the nodes for a tenth of a second makes a platform safe, and the verdict must say so.
+    let starved = ["safe mode", "no authority"];
+    let reasons = verdict["reasons"].as_array().unwrap();
+    let mut reasons = reasons.iter().map(|reason| reason.as_str().unwrap());
+    assert!(reasons.all(|reason| starved.iter().any(|s| reason.starts_with(s))), "{line}\n{}", script.log());
+    let expected = if line.starts_with("PASSED") { ("passed", 0) } else { ("failed", 1) };
+    assert_eq!(
+        (verdict["result"].as_str().unwrap(), code),
+        (expected.0, Some(expected.1)),
+        "{}",
+        script.log()
+    );
+    let last = script.scripts[0].log().trim_end().lines().last().map(str::to_owned);
+    assert_eq!(last, Some(format!("verdict: {line}")));
+    assert!(std::fs::read_to_string(run.join("report.html")).unwrap().contains(line));
 
     let directory = RunDirectory::open(&run).unwrap();
     let manifest = directory.manifest().unwrap();
@@ -179,6 +198,12 @@ fn ctrl_c_in_the_middle_leaves_no_process_a_readable_bag_and_a_report() {
     script.scripts[0].signal(Signal::INT);
     let code = script.finish(Duration::from_secs(60));
     assert_eq!(code, Some(130), "{}", script.log());
+    let text = script.scripts[0].log();
+    assert!(
+        text.contains("verdict: FAILED: the experiment did not end") || text.contains("aborted"),
+        "{text}"
+    );
+    assert!(!text.contains("NaN"), "{text}");
     let run = script.run().unwrap();
     assert_report(&run, &script.log());
     assert!(readable(&run) > 5000);
@@ -206,6 +231,35 @@ fn ctrl_c_at_any_moment_leaves_no_process_and_only_readable_runs() {
         let state = RunDirectory::open(&run).unwrap().manifest().unwrap().state.clone();
         assert!(matches!(state, RunState::Complete | RunState::Recovered), "after {after_s} s: {state:?}");
     }
+}
+
+#[test]
+fn a_node_that_dies_is_started_again_and_a_run_whose_recording_is_lost_fails() {
+    let mut script = Laboratory::experiment(&["leader_follower_short"]);
+    let told = |script: &Laboratory, words: &str| {
+        wait_for(words, Duration::from_secs(30), || script.scripts[0].log().contains(words).then_some(()));
+    };
+    wait_for("the bag to grow", Duration::from_secs(60), || {
+        let bag = script.run()?.join("bag/bag_0.mcap");
+        (std::fs::metadata(bag).ok()?.len() > 1_000_000).then_some(())
+    });
+    let is_it = |p: &&String| p.contains("/local_control --ros-args") && p.contains("__ns:=/whorl_1");
+    let victim = script.processes().iter().find(is_it).unwrap().clone();
+    let id: i32 = victim.split(' ').next().unwrap().parse().unwrap();
+    // Of a child of the script that this test has started.
+    rustix::process::kill_process(rustix::process::Pid::from_raw(id).unwrap(), Signal::KILL).unwrap();
+    told(&script, "whorl_1_local_control ended with status 137 and was started again");
+    wait_for("the node that was started again", Duration::from_secs(10), || {
+        script.processes().iter().any(|p| is_it(&p) && *p != victim).then_some(())
+    });
+
+    std::fs::remove_dir_all(script.run().unwrap()).unwrap();
+    told(&script, "goes on without a recording");
+    let code = script.finish(Duration::from_secs(120));
+    let log = script.scripts[0].log();
+    assert_eq!(code, Some(1), "{log}");
+    assert!(log.contains("recorder ended with status 1"), "{log}");
+    assert!(log.trim_end().ends_with("verdict: FAILED: there is no complete recording"), "{log}");
 }
 
 #[test]

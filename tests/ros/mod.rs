@@ -1,7 +1,9 @@
 //! The node set as real processes over DDS, on the loopback interface: one fault after the other.
 
+mod clock_steps;
 mod command_silence;
 mod experiment;
+mod forged;
 mod held;
 mod jet_failure;
 mod leader_stale;
@@ -11,6 +13,7 @@ mod many_participants;
 mod node_deaths;
 mod recorder;
 mod replay_backend;
+mod rogue;
 mod sensor_faults;
 mod services;
 mod start;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
+use rustix::process::Signal;
 use whorl_bag::{RunDirectory, RunState};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use whorl_msgs::topics::Topic;
@@ -60,6 +61,53 @@ fn a_killed_recorder_leaves_all_but_the_last_second_and_a_stopped_one_everything
     assert!(imu.count > 250, "{} IMU messages in 4 s", imu.count);
     assert_eq!(imu.sequence.map(|s| s.lost), Some(0), "lost on the loopback interface");
     assert!(directory.parameter_files().len() >= 3, "parameter files are missing");
+}
+
+#[test]
+fn a_recorder_that_was_stopped_and_continued_goes_on_recording() {
+    let (mut formation, watch) = Formation::holding_alone(&[]);
+    let run = formation.folder().join("run");
+    record_into(&mut formation, &run);
+    let bag = run.join("bag/bag_0.mcap");
+    let written = || std::fs::metadata(&bag).map_or(0, |file| file.len());
+    wait_for("the bag to grow", STARTUP, || (written() > 300_000).then_some(()));
+    formation.node("/recorder").signal(Signal::STOP);
+    watch.during(Duration::from_secs(1));
+    formation.node("/recorder").signal(Signal::CONT);
+    let continued = whorl_ros::wall_clock();
+    // Joining the network takes up to some seconds.
+    watch.during(Duration::from_secs(8));
+    formation.stop();
+    let bag = RunDirectory::open(&run).unwrap().bag().unwrap();
+    let messages = bag.messages().map(|message| message.unwrap());
+    let imu = messages.filter(|m| m.topic.name == "/whorl_1/imu/data_raw" && m.log_time > continued);
+    let count = imu.count();
+    assert!(count > 300, "{count} IMU messages in the 8 s after the pause");
+    let manifest = RunDirectory::open(&run).unwrap().manifest().unwrap().clone();
+    assert_eq!(manifest.state, RunState::Complete);
+    let notes = &manifest.description.notes;
+    assert!(notes.iter().any(|(key, text)| key == "interrupted" && text.contains("continued")), "{notes:?}");
+}
+
+#[test]
+fn a_run_directory_that_is_deleted_is_told_at_once_and_by_the_exit_status() {
+    let (mut formation, watch) = Formation::holding_alone(&[]);
+    let run = formation.folder().join("run");
+    record_into(&mut formation, &run);
+    wait_for("the bag to grow", STARTUP, || {
+        let written = std::fs::metadata(run.join("bag/bag_0.mcap")).ok()?.len();
+        (written > 300_000).then_some(())
+    });
+    std::fs::remove_dir_all(&run).unwrap();
+    let what = "the recorder to say that its file is gone";
+    let said = |m: &DiagnosticArray| {
+        m.status.iter().any(|s| {
+            s.name.contains("recorder") && s.level == DiagnosticStatus::ERROR && s.message.contains("deleted")
+        })
+    };
+    watch.wait_next::<DiagnosticArray>(what, route(0, Topic::Diagnostics), Duration::from_secs(10), said);
+    let status = formation.node("/recorder").interrupt(Duration::from_secs(10));
+    assert!(!status.success(), "a lost recording ended with {status}");
 }
 
 /// A file system of a few megabytes, unmounted on drop.

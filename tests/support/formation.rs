@@ -128,6 +128,11 @@ impl Formation {
         self.own_environment.insert(platform.to_owned(), variables);
     }
 
+    /// Gives all nodes these variables.
+    pub fn set_environment_of_all(&mut self, variables: Vec<(String, String)>) {
+        self.environment.extend(variables);
+    }
+
     /// The domain's number.
     pub fn domain(&self) -> u16 {
         self.domain.id

@@ -97,6 +97,7 @@ impl Observer for Recorder {
                 Told::Message(*route, newest.expect("a message that nobody sent"))
             }
             Event::Request { .. } => panic!("nobody calls services in a simulation"),
+            Event::Interruption => panic!("nothing interrupts a simulation"),
         };
         node.clone_into(&mut self.current);
         let steps = self.run.journal.entry(node.to_owned()).or_default();

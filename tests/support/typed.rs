@@ -36,6 +36,7 @@ typed! {
     Excitation whorl::Excitation;
     FormationCommand whorl::FormationCommand;
     FormationState whorl::FormationState;
+    GateState whorl::GateState;
     DiagnosticArray diagnostic_msgs::DiagnosticArray;
     TFMessage tf2_msgs::TFMessage;
 }

@@ -2,6 +2,7 @@
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -73,6 +74,10 @@ pub(crate) fn lock(file: &File, path: &Path) -> Result<(), BagError> {
 
 impl Storage for LockedFile {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        // A file without a name takes bytes as before, and gives them up when it is closed.
+        if self.file.metadata()?.nlink() == 0 {
+            return Err(io::Error::other("it was deleted while it was being written"));
+        }
         self.file.write_all(bytes)
     }
 

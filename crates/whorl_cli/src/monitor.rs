@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use clap::Args;
 use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad};
+use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::topics::PlatformId;
 use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
@@ -16,6 +16,10 @@ use whorl_report::phase_name;
 use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawReader};
 
+use crate::run::tell;
+
+/// Name under which the recorder reports in `/diagnostics`.
+const RECORDER_STATUS: &str = "recorder: bag";
 /// Update interval.
 const LOOK: Duration = Duration::from_millis(100);
 /// Time between two lines when the output is not a terminal.
@@ -36,6 +40,8 @@ pub struct Arguments {
 struct View {
     formation: Option<FormationState>,
     platforms: BTreeMap<u16, PlatformView>,
+    /// Why nothing is recorded any more, as the recorder says.
+    not_recording: Option<String>,
 }
 
 #[derive(Debug, Default)]
@@ -49,18 +55,19 @@ struct PlatformView {
 
 /// Carries out `whorl monitor`. Fails when the experiment was aborted.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    watch(&arguments.platforms, arguments.stay, &AtomicBool::new(false))
+    whorl_ros::limit_memory();
+    watch(&arguments.platforms, arguments.stay)
 }
 
-/// Shows the formation until the experiment ends (unless `stay` is set) or until it is told to stop. Fails when the
-/// experiment was aborted.
-pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Result<()> {
+/// Shows the formation until the experiment ends, unless `stay` is set. Fails when the experiment was aborted.
+fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
     let network = Network::from_environment()?;
     let mut formation = Listener::new(&network, platforms)?;
     let mut view = View::default();
     let mut screen = Screen::new();
+    let mut told = false;
     let mut last_rates = Instant::now();
-    while !stop.load(Ordering::Relaxed) {
+    loop {
         std::thread::sleep(LOOK);
         // DDS's threads may fail, for example after the process was stopped for hours.
         if !formation.participant.is_alive() {
@@ -83,6 +90,11 @@ pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Res
             });
             last_rates = Instant::now();
         }
+        if let (Some(reason), false) = (&view.not_recording, told) {
+            told = true;
+            // Above the status, which is written over.
+            tell(format_args!("error: {reason}; the experiment goes on without a recording"));
+        }
         screen.show(&view.lines(platforms));
         match view.formation.as_ref().map(|f| f.phase) {
             Some(FormationState::PHASE_FINISHED) if !stay => {
@@ -94,7 +106,6 @@ pub fn watch(platforms: &[String], stay: bool, stop: &AtomicBool) -> anyhow::Res
             _ => {}
         }
     }
-    Ok(())
 }
 
 /// Topics of the monitor.
@@ -109,7 +120,9 @@ impl Listener {
         let of_platforms = ids.flat_map(|id| {
             [Topic::AttitudeEstimate, Topic::ControlStatus].map(|topic| Route::platform(id, topic))
         });
-        let routes: Vec<(Route, String)> = std::iter::once(Route::shared(Topic::FormationState))
+        let routes: Vec<(Route, String)> = [Topic::FormationState, Topic::Diagnostics]
+            .map(Route::shared)
+            .into_iter()
             .chain(of_platforms)
             .filter_map(|route| Some((route, route.name(platforms)?)))
             .collect();
@@ -130,6 +143,13 @@ impl View {
         let platform = route.platform.map(|id| self.platforms.entry(id.0).or_default());
         match (platform, message) {
             (_, Message::FormationState(m)) => self.formation = Some(m),
+            (_, Message::DiagnosticArray(m)) => {
+                let recorder = m.status.into_iter().find(|s| s.name == RECORDER_STATUS);
+                if let Some(status) = recorder {
+                    let stopped = status.level >= DiagnosticStatus::ERROR;
+                    self.not_recording = stopped.then_some(status.message);
+                }
+            }
             (Some(platform), Message::AttitudeEstimate(m)) => {
                 platform.estimate = Some(m);
                 platform.estimates += 1;
@@ -154,6 +174,8 @@ impl View {
             }
             None => format!("{name} silent"),
         };
+        let formation =
+            if self.not_recording.is_some() { format!("{formation} NOT RECORDING") } else { formation };
         std::iter::once(formation).chain((0u16..).zip(names).map(platform)).collect()
     }
 }
@@ -249,5 +271,16 @@ mod tests {
         assert!(platform.starts_with("whorl_2 ypr   30.00   0.00   0.00 deg"), "{platform}");
         assert!(platform.contains("err  1.000 deg"), "{platform}");
         assert_eq!(platform.matches("link").count(), 0, "an infinite age is not shown: {platform}");
+        let stopped = DiagnosticStatus {
+            level: DiagnosticStatus::ERROR,
+            name: RECORDER_STATUS.to_owned(),
+            message: "recording stopped: the disk is full".to_owned(),
+            ..DiagnosticStatus::default()
+        };
+        let array =
+            whorl_msgs::diagnostic_msgs::DiagnosticArray { status: vec![stopped], ..Default::default() };
+        view.take(Route::shared(Topic::Diagnostics), array.into());
+        assert_eq!(view.lines(&names)[0], " 12.3/60 s hold NOT RECORDING");
+        assert_eq!(view.not_recording.as_deref(), Some("recording stopped: the disk is full"));
     }
 }

@@ -119,9 +119,9 @@ fn platform(arguments: &Platform, ends_with_its_reader: &AtomicBool) -> anyhow::
     }
     say(format_args!("{platform} is up (logs in {}); Ctrl-C stops it", domain.logs().display()));
     let status = watch(&mut supervisor, None, &interrupted);
-    stop(&mut supervisor);
+    let all_well = stop(&mut supervisor);
     domain.forget_supervisor(platform);
-    Ok(status)
+    Ok(if status == 0 && !all_well { 1 } else { status })
 }
 
 fn coordinator(arguments: &Coordinator) -> anyhow::Result<u8> {

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use whorl_bag::{Manifest, RunDirectory, RunState};
-use whorl_math::deg_from_rad;
-use whorl_report::{Description, RunData, Summary, TopicRow};
+use whorl_math::{deg_from_rad, rad_from_deg};
+use whorl_params::{Kind, ParameterTree, Value};
+use whorl_report::{Circumstances, Description, RunData, Summary, TopicRow, Verdict};
 
 /// Carries out `whorl report`.
 pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
@@ -13,15 +14,31 @@ pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
         bail!("--html needs exactly one RUN; {} were given", runs.len());
     }
     for path in runs {
-        let (page, summary) = write(path, html)?;
-        print_headline(&summary);
-        println!("report: {}", page.display());
+        let report = write(path, html)?;
+        print(&report);
     }
     Ok(())
 }
 
-/// Writes page and numbers of one run; returns where the page is and the numbers.
-pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summary)> {
+/// What was written, and what the run came to.
+pub struct Written {
+    /// The page.
+    pub page: PathBuf,
+    /// The numbers.
+    pub summary: Summary,
+    /// The verdict.
+    pub verdict: Verdict,
+}
+
+/// The headline numbers, where the page is, and the verdict: the last line is what a run came to.
+pub fn print(report: &Written) {
+    print_headline(&report.summary);
+    println!("report: {}", report.page.display());
+    println!("verdict: {}", report.verdict.line);
+}
+
+/// Writes page and numbers of one run.
+pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     let mut run = RunDirectory::open(path)?;
     let recovery = match run.manifest().map(|m| m.state.clone()) {
         Some(RunState::Recording) => run.recover().map(Some)?,
@@ -68,12 +85,38 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<(PathBuf, Summa
         || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
         Path::to_owned,
     );
-    std::fs::write(&page, whorl_report::html(&data, &summary, &description))
+    let verdict = whorl_report::judge(&data, &summary, &circumstances(path, &manifest));
+    std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
-    if let serde_json::Value::Object(entries) = serde_json::to_value(&summary)? {
+    if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
+        entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);
         run.update_summary(&entries)?;
     }
-    Ok((page, summary))
+    Ok(Written { page, summary, verdict })
+}
+
+fn circumstances(path: &Path, manifest: &Manifest) -> Circumstances {
+    Circumstances {
+        target_rad: target_rad(path),
+        incomplete: match &manifest.state {
+            RunState::Stopped(reason) => Some(reason.clone()),
+            RunState::Recovered => Some("the recorder was killed".to_owned()),
+            _ => None,
+        },
+        messages: manifest.message_count(),
+        lost: manifest.lost(),
+    }
+}
+
+/// The target among the parameters of the run; a run without parameters, such as an imported one, has none.
+fn target_rad(path: &Path) -> Option<f64> {
+    let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
+    let tree = ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()?;
+    let target = tree.for_node("/coordinator").get("experiment.target_deg")?.value.converted(Kind::Double)?;
+    match target {
+        Value::Double(target_deg) if target_deg > 0.0 => Some(rad_from_deg(target_deg)),
+        _ => None,
+    }
 }
 
 fn describe(path: &Path, manifest: &Manifest) -> Description {
@@ -121,14 +164,24 @@ pub fn print_headline(summary: &Summary) {
         summary.experiment, summary.law, summary.outcome, summary.duration_s
     );
     for pair in &summary.pairs {
+        if !pair.relative_error_rms_rad.is_finite() {
+            println!(
+                "  {} to {}: no relative pointing error: the formation did not hold",
+                pair.follower, pair.leader
+            );
+            continue;
+        }
+        let known = |rad: f64| {
+            if rad.is_finite() { format!("{:.4}", deg_from_rad(rad)) } else { "unknown".to_owned() }
+        };
         println!(
-            "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); estimators' share {:.4}, control's share {:.4}{}",
+            "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); estimators' share {}, control's share {}{}",
             pair.follower,
             pair.leader,
             deg_from_rad(pair.relative_error_rms_rad),
             deg_from_rad(pair.relative_error_max_rad),
-            deg_from_rad(pair.estimator_error_rms_rad),
-            deg_from_rad(pair.control_error_rms_rad),
+            known(pair.estimator_error_rms_rad),
+            known(pair.control_error_rms_rad),
             if pair.from_truth { "" } else { " (from the estimates, without truth)" },
         );
     }

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::io::Write;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, ExitStatus};
+use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
 use whorl_ros::environment::Network;
 
-use crate::{monitor, report};
+use crate::report;
 
 /// Exit status when nothing was started.
 const NOT_STARTED: u8 = 2;
@@ -105,8 +105,8 @@ fn of_platform(text: &str) -> Result<(String, PathBuf), String> {
     Ok((platform.to_owned(), PathBuf::from(file)))
 }
 
-/// Carries out `whorl run`. The exit status is 0 when the experiment came to its end, 1 when it or a node failed, 2 when
-/// nothing was started, and 130 when it was interrupted.
+/// Carries out `whorl run`. The exit status is 0 when the verdict is that the experiment passed, 1 when it, a node or the
+/// recording failed, 2 when nothing was started, and 130 when it was interrupted.
 pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
     exit_code(try_run(arguments, ends_with_its_reader))
 }
@@ -153,16 +153,27 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
         }
     };
     monitor.stop();
-    stop(&mut supervisor);
+    let all_well = stop(&mut supervisor);
+    let status = if status == 0 && !all_well { 1 } else { status };
     domain.forget_supervisor(EXPERIMENT);
     ends_with_its_reader.store(true, Ordering::Relaxed);
     // The report is written even for a run that was ended early.
-    if run.join("bag").is_dir()
-        && let Err(error) = report::run(std::slice::from_ref(&run), None)
-    {
-        tell(format_args!("error: {error:#}"));
-    }
-    Ok(status)
+    let judged = if run.join("bag").is_dir() {
+        report::write(&run, None)
+    } else {
+        Err(anyhow::anyhow!("{} holds no recording", run.display()))
+    };
+    Ok(match judged {
+        Ok(report) => {
+            report::print(&report);
+            if status == 0 && report.verdict.failed() { 1 } else { status }
+        }
+        Err(error) => {
+            tell(format_args!("error: {error:#}"));
+            say("verdict: FAILED: there is no complete recording");
+            if status == 0 { 1 } else { status }
+        }
+    })
 }
 
 const EXPERIMENT: &str = "experiment";
@@ -226,6 +237,7 @@ pub fn watch(
                 }
                 until.get_or_insert(Instant::now() + LAST_LOOK);
             }
+            Some(ended) if ended.by_accident() && restarted(supervisor, &ended) => {}
             Some(ended) => {
                 let Ended { label, status, log } = &ended;
                 tell(format_args!(
@@ -248,17 +260,50 @@ pub fn watch(
     }
 }
 
+/// Starts a node again that ended by accident, and says so; false when it cannot be.
+fn restarted(supervisor: &mut Supervisor, ended: &Ended) -> bool {
+    let Ended { label, status, log } = ended;
+    let status = shell_status(*status);
+    match supervisor.restart(label) {
+        Ok(true) => {
+            tell(format_args!(
+                "warning: {label} ended with status {status} and was started again ({})",
+                log.display()
+            ));
+            true
+        }
+        Ok(false) => false,
+        Err(error) => {
+            tell(format_args!(
+                "error: {label} ended with status {status} and cannot be started again: {error}"
+            ));
+            false
+        }
+    }
+}
+
 /// Exit status as in a shell: 128 plus the signal's number for a process that a signal ended.
 fn shell_status(status: ExitStatus) -> i32 {
     use std::os::unix::process::ExitStatusExt;
     status.code().or_else(|| status.signal().map(|signal| 128 + signal)).unwrap_or(1)
 }
 
-/// Stops everything and reports processes that had to be killed.
-pub fn stop(supervisor: &mut Supervisor) {
-    for label in supervisor.stop() {
+/// Stops everything and reports processes that had to be killed, or that say at their end that they failed, such as a
+/// recorder whose disk was full. False when there is one that failed.
+pub fn stop(supervisor: &mut Supervisor) -> bool {
+    let stopped = supervisor.stop();
+    for label in stopped.killed {
         tell(format_args!("warning: {label} did not stop, killed it"));
     }
+    for ended in &stopped.failed {
+        let Ended { label, status, .. } = ended;
+        tell(format_args!(
+            "error: {label} ended with status {}:\n{}",
+            shell_status(*status),
+            ended.last_words()
+        ));
+    }
+    stopped.failed.is_empty()
 }
 
 /// Ctrl-C, SIGTERM or a closed terminal. Further signals have no effect: everything is already being stopped.
@@ -280,35 +325,66 @@ impl Interrupted {
     }
 }
 
-/// The live status, in its own thread: joining the network may take seconds, and nothing else must wait for it.
+/// How often a monitor that ended by accident is started again.
+const MONITORS: u32 = 5;
+
+/// The live status, in a process of its own: what reaches it over the network, and ends it, must not end the supervisor.
 pub struct Monitor {
-    thread: Option<JoinHandle<anyhow::Result<()>>>,
-    stop: Arc<AtomicBool>,
+    platforms: Vec<String>,
+    child: Option<Child>,
+    started: u32,
 }
 
 impl Monitor {
     fn start(platforms: Vec<String>) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = Arc::clone(&stop);
-        let thread = std::thread::spawn(move || monitor::watch(&platforms, false, &stopped));
-        Self { thread: Some(thread), stop }
+        let mut monitor = Self { platforms, child: None, started: 0 };
+        monitor.spawn();
+        monitor
+    }
+
+    /// Without a monitor an experiment runs all the same: its end is that of its coordinator.
+    fn spawn(&mut self) {
+        self.started += 1;
+        let program = std::env::current_exe();
+        let child = program.and_then(|program| {
+            let mut command = Command::new(program);
+            // Ctrl-C is for the supervisor.
+            command.arg("monitor").args(&self.platforms).stdin(Stdio::null()).process_group(0).spawn()
+        });
+        match child {
+            Ok(child) => self.child = Some(child),
+            Err(error) => tell(format_args!("warning: there is no live status: {error}")),
+        }
     }
 
     /// The resulting exit status, once the monitor has ended.
     fn status(&mut self) -> Option<u8> {
-        let thread = self.thread.take_if(|thread| thread.is_finished())?;
-        match thread.join() {
-            Ok(Ok(())) => Some(0),
-            Ok(Err(error)) => {
-                tell(format_args!("error: {error:#}"));
-                Some(1)
-            }
-            Err(_) => Some(1),
+        let status = self.child.as_mut()?.try_wait().ok().flatten()?;
+        self.child = None;
+        if let Some(code) = status.code() {
+            return Some(u8::from(code != 0));
         }
+        if self.started < MONITORS {
+            tell(format_args!(
+                "warning: the monitor ended with status {} and was started again",
+                shell_status(status)
+            ));
+            self.spawn();
+        }
+        None
     }
 
-    fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
+    fn stop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+impl Drop for Monitor {
+    fn drop(&mut self) {
+        self.stop();
     }
 }
 

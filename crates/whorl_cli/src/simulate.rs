@@ -120,9 +120,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Some(path) = path else { return Ok(()) };
     println!("run directory: {}", path.display());
     if !arguments.no_report {
-        let (page, summary) = report::write(&path, None)?;
-        report::print_headline(&summary);
-        println!("report: {}", page.display());
+        let report = report::write(&path, None)?;
+        report::print(&report);
+        if report.verdict.failed() {
+            bail!("the run failed; its verdict says why");
+        }
     }
     Ok(())
 }

@@ -21,4 +21,4 @@ pub use error::LaunchError;
 pub use process::{Process, Programs};
 pub use setup::{Backend, DriverSource, Setup, SetupOptions};
 pub use step::run_to_end;
-pub use supervisor::{Ended, Supervisor, become_node};
+pub use supervisor::{Ended, Stopped, Supervisor, become_node};

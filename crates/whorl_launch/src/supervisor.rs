@@ -1,7 +1,8 @@
 //! Running processes.
 
+use std::ffi::OsString;
 use std::fs::File;
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -20,6 +21,12 @@ const NICE: i32 = -10;
 const NODES_END: Duration = Duration::from_secs(3);
 /// The same for the recorder, which closes its files.
 const RECORDER_ENDS: Duration = Duration::from_secs(5);
+/// A process that ended by a signal or a panic is started again so often within [`RESTARTS_WITHIN`], and no more: then it is
+/// not bad luck.
+const RESTARTS: usize = 5;
+const RESTARTS_WITHIN: Duration = Duration::from_secs(60);
+/// Exit code of a Rust program that panicked.
+const PANICKED: i32 = 101;
 /// Number of log lines shown for a failed process.
 const LAST_LINES: usize = 20;
 
@@ -28,15 +35,20 @@ const LAST_LINES: usize = 20;
 pub struct Supervisor {
     children: Vec<Running>,
     domain: Domain,
+    restarts: Vec<(String, Instant)>,
 }
 
 #[derive(Debug)]
 struct Running {
     label: String,
     node: Node,
+    program: PathBuf,
+    arguments: Vec<OsString>,
     child: Child,
     log: PathBuf,
     ended: bool,
+    /// Whether it was asked to end.
+    asked: bool,
 }
 
 /// A process that has ended by itself.
@@ -50,7 +62,22 @@ pub struct Ended {
     pub log: PathBuf,
 }
 
+/// How everything ended.
+#[derive(Debug, Default)]
+pub struct Stopped {
+    /// Labels of processes that did not end in time and were killed.
+    pub killed: Vec<String>,
+    /// Processes that ended, when they were asked to, saying that they had failed.
+    pub failed: Vec<Ended>,
+}
+
 impl Ended {
+    /// Whether it came to its end by an accident, not by its own decision: by a signal (the kernel's, when memory or
+    /// its limit is exhausted, among them), or by a panic.
+    #[must_use]
+    pub fn by_accident(&self) -> bool {
+        self.status.code().is_none_or(|code| code == PANICKED)
+    }
     /// The last lines of its log.
     #[must_use]
     pub fn last_words(&self) -> String {
@@ -65,7 +92,7 @@ impl Supervisor {
     /// Nothing runs yet.
     #[must_use]
     pub fn new(domain: Domain) -> Self {
-        Self { children: Vec::new(), domain }
+        Self { children: Vec::new(), domain, restarts: Vec::new() }
     }
 
     /// Starts a process whose output goes to `LOGS/LABEL.log`.
@@ -77,16 +104,43 @@ impl Supervisor {
         std::fs::create_dir_all(logs).map_err(LaunchError::io("cannot create", logs))?;
         let log = logs.join(format!("{label}.log"));
         let file = File::create(&log).map_err(LaunchError::io("cannot create", &log))?;
-        let errors = file.try_clone().map_err(LaunchError::io("cannot write to", &log))?;
         let program = programs.path(node)?;
-        let mut command = Command::new(&program);
-        command.args(arguments).stdin(Stdio::null()).stdout(file).stderr(errors);
-        // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
-        command.process_group(0);
-        let child = ahead(|| command.spawn()).map_err(LaunchError::io("cannot start", &program))?;
+        let child = spawn(&program, &arguments, file, &log)?;
         self.domain.remember(&label, child.id());
-        self.children.push(Running { label, node, child, log, ended: false });
+        let running = Running { label, node, program, arguments, child, log, ended: false, asked: false };
+        self.children.push(running);
         Ok(())
+    }
+
+    /// Starts a process again that has ended by accident; its log goes on in the same file. False when it has ended too often
+    /// in a short time. A recorder goes on in a directory of its own, whose name ends with a number: a bag that was not
+    /// closed is not written to again.
+    ///
+    /// # Errors
+    /// When the program, or the log, cannot be opened.
+    pub fn restart(&mut self, label: &str) -> Result<bool, LaunchError> {
+        self.restarts.retain(|(_, at)| at.elapsed() < RESTARTS_WITHIN);
+        let often = self.restarts.iter().filter(|(of, _)| of == label).count();
+        let Some(running) = self.children.iter_mut().find(|r| r.label == label && r.ended) else {
+            return Ok(false);
+        };
+        if often >= RESTARTS {
+            return Ok(false);
+        }
+        self.restarts.push((label.to_owned(), Instant::now()));
+        if running.node == Node::Recorder {
+            running.arguments.iter_mut().for_each(number_run_directory);
+        }
+        // A log that is gone, as when the run directory was deleted, must not keep the node from running.
+        let file = File::options()
+            .append(true)
+            .open(&running.log)
+            .or_else(|_| File::options().write(true).open("/dev/null"))
+            .map_err(LaunchError::io("cannot write to", &running.log))?;
+        running.child = spawn(&running.program, &running.arguments, file, &running.log)?;
+        running.ended = false;
+        self.domain.remember(label, running.child.id());
+        Ok(true)
     }
 
     /// A process that has ended since the last call.
@@ -100,15 +154,28 @@ impl Supervisor {
 
     /// Ends everything, the recorder last, so that it records how the others end. Processes that do not end in time are
     /// killed and named.
-    pub fn stop(&mut self) -> Vec<String> {
+    pub fn stop(&mut self) -> Stopped {
         let (mut recorders, mut others): (Vec<Running>, Vec<Running>) =
             self.children.drain(..).partition(|running| running.node == Node::Recorder);
         let mut killed = end(&mut others, NODES_END);
         killed.extend(end(&mut recorders, RECORDER_ENDS));
-        for running in others.iter().chain(&recorders) {
+        let mut failed = Vec::new();
+        for running in others.iter_mut().chain(&mut recorders) {
             self.domain.forget(&running.label);
+            // Waited for already: this only repeats how it ended. Others were reported when they ended.
+            // One that ended by our own signal had not begun to listen for it.
+            let as_asked =
+                |status: &ExitStatus| status.success() || status.signal() == Some(Signal::TERM.as_raw());
+            let status = running.child.try_wait().ok().flatten();
+            let status = status.filter(|status| running.asked && !as_asked(status));
+            let killed = killed.contains(&running.label);
+            failed.extend(status.filter(|_| !killed).map(|status| Ended {
+                label: running.label.clone(),
+                status,
+                log: running.log.clone(),
+            }));
         }
-        killed
+        Stopped { killed, failed }
     }
 }
 
@@ -116,6 +183,26 @@ impl Drop for Supervisor {
     fn drop(&mut self) {
         self.stop();
     }
+}
+
+fn spawn(program: &Path, arguments: &[OsString], log: File, log_path: &Path) -> Result<Child, LaunchError> {
+    let errors = log.try_clone().map_err(LaunchError::io("cannot write to", log_path))?;
+    let mut command = Command::new(program);
+    command.args(arguments).stdin(Stdio::null()).stdout(log).stderr(errors);
+    // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
+    command.process_group(0);
+    ahead(|| command.spawn()).map_err(LaunchError::io("cannot start", program))
+}
+
+/// `run_directory:=RUN` becomes `run_directory:=RUN_part2`, then `RUN_part3`.
+fn number_run_directory(argument: &mut OsString) {
+    const KEY: &str = "run_directory:=";
+    let Some(path) = argument.to_str().and_then(|text| text.strip_prefix(KEY)) else { return };
+    let (stem, number) = path
+        .rsplit_once("_part")
+        .and_then(|(stem, number)| Some((stem, number.parse::<u32>().ok()?)))
+        .unwrap_or((path, 1));
+    *argument = format!("{KEY}{stem}_part{}", number.saturating_add(1)).into();
 }
 
 /// Runs with the nodes' priority, which a process that is started meanwhile inherits from its first instruction on.
@@ -145,6 +232,7 @@ fn end(processes: &mut [Running], within: Duration) -> Vec<String> {
     let began = Instant::now();
     for running in processes.iter_mut() {
         if !has_ended(running) {
+            running.asked = true;
             send(running, Signal::TERM);
         }
     }

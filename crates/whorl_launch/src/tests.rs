@@ -175,7 +175,8 @@ fn the_recorder_is_stopped_last() {
     wait_for("both", || log("driver") == "up\n" && log("recorder") == "up\n");
     assert!(folder.path().join("state/driver.pid").is_file());
     assert!(supervisor.ended().is_none());
-    assert_eq!(supervisor.stop(), Vec::<String>::new());
+    let stopped = supervisor.stop();
+    assert!(stopped.killed.is_empty() && stopped.failed.is_empty(), "{stopped:?}");
     assert_eq!(std::fs::read_to_string(folder.path().join("order")).unwrap(), "driver\nrecorder\n");
     assert!(!folder.path().join("state/driver.pid").exists());
 }
@@ -188,7 +189,9 @@ fn what_does_not_stop_is_killed_and_named() {
     wait_for("the driver", || {
         std::fs::read_to_string(folder.path().join("logs/driver.log")).is_ok_and(|text| text == "up\n")
     });
-    assert_eq!(supervisor.stop(), ["driver"]);
+    let stopped = supervisor.stop();
+    assert_eq!(stopped.killed, ["driver"]);
+    assert!(stopped.failed.is_empty(), "{stopped:?}");
 }
 
 #[test]
@@ -206,6 +209,66 @@ fn a_process_that_fails_is_reported_once_with_its_last_words() {
     let words = ended.last_words();
     assert!(words.starts_with("12\n") && words.ends_with("30\nno device"), "{words}");
     assert!(supervisor.ended().is_none());
+}
+
+#[test]
+fn a_process_that_ends_by_accident_is_started_again_but_not_for_ever() {
+    let folder = tempfile::tempdir().unwrap();
+    // As when the kernel refuses memory.
+    let text = "[ NAME = driver ] && { echo up; kill -ABRT $$; }; exec sleep 60";
+    let mut supervisor = started(folder.path(), text);
+    let mut started_again = 0;
+    loop {
+        let mut ended = None;
+        wait_for("its end", || {
+            ended = supervisor.ended();
+            ended.is_some()
+        });
+        let ended = ended.unwrap();
+        assert!(ended.by_accident() && ended.label == "driver", "{ended:?}");
+        if !supervisor.restart("driver").unwrap() {
+            break;
+        }
+        started_again += 1;
+    }
+    assert_eq!(started_again, 5);
+    let log = std::fs::read_to_string(folder.path().join("logs/driver.log")).unwrap();
+    assert_eq!(log.matches("up").count(), 6, "its log goes on: {log}");
+    assert!(!supervisor.restart("recorder").unwrap(), "it runs");
+}
+
+#[test]
+fn a_recorder_that_is_started_again_records_into_a_directory_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "echo $2; [ $2 = run_directory:=runs/a_part3 ] && exec sleep 60; kill -KILL $$";
+    let programs = programs(folder.path(), text);
+    let mut supervisor = Supervisor::new(Domain::at(1, folder.path().join("state"), folder.path()));
+    let arguments = ["-p", "run_directory:=runs/a"].map(Into::into).to_vec();
+    let process = Process { label: "recorder".to_owned(), node: Node::Recorder, arguments };
+    let logs = folder.path().join("logs");
+    supervisor.start(&programs, process, &logs).unwrap();
+    for _ in 0..2 {
+        wait_for("its end", || supervisor.ended().is_some());
+        assert!(supervisor.restart("recorder").unwrap());
+    }
+    let log = || std::fs::read_to_string(logs.join("recorder.log")).unwrap();
+    wait_for("the third", || log().lines().count() == 3);
+    let lines = ["run_directory:=runs/a", "run_directory:=runs/a_part2", "run_directory:=runs/a_part3"];
+    assert_eq!(log().lines().collect::<Vec<_>>(), lines);
+}
+
+#[test]
+fn a_process_that_says_at_its_end_that_it_failed_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[ NAME = recorder ] && trap 'echo the disk was full; exit 1' TERM; echo up; while :; do sleep 0.01; done";
+    let mut supervisor = started(folder.path(), text);
+    wait_for("the recorder", || {
+        std::fs::read_to_string(folder.path().join("logs/recorder.log")).is_ok_and(|text| text == "up\n")
+    });
+    let stopped = supervisor.stop();
+    let failed: Vec<_> =
+        stopped.failed.iter().map(|ended| (ended.label.as_str(), ended.last_words())).collect();
+    assert_eq!(failed, [("recorder", "up\nthe disk was full".to_owned())]);
 }
 
 #[test]

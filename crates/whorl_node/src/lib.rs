@@ -7,10 +7,12 @@
 
 pub mod nodes;
 mod outputs;
+mod repeats;
 mod timestamp;
 
 pub use nodes::{Node, NodeInfo, NodeInstance, Place, node_set};
 pub use outputs::{LogLevel, LogLine, Outputs, Publication, Response};
+pub use repeats::Repeats;
 pub use timestamp::Timestamp;
 pub use whorl_msgs::topics::{Message, Route, Service, Topic};
 
@@ -36,6 +38,9 @@ pub enum Event<'a> {
         /// The request's only field (experiment name, reason); may be empty.
         argument: &'a str,
     },
+    /// The shell will be away for a while, up to seconds: it joins the network anew. Whoever drives something commands a
+    /// safe state first.
+    Interruption,
     /// The shell is stopping (Ctrl-C, SIGTERM): the last chance to command a safe state.
     Shutdown,
 }
@@ -56,12 +61,21 @@ pub trait NodeCore: Send {
         &[]
     }
 
-    /// Advances the state machine by one event. `now` never decreases.
+    /// Advances the state machine by one event.
+    ///
+    /// `now` is the node's own time: it begins at the computer's time of day and then runs with its monotonic clock, so
+    /// that it never decreases and never jumps, whoever sets the computer's clock. Deadlines, ages and timeouts are
+    /// counted in it. Stamps of messages are the same time: the shell translates them where they come in and go out.
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs);
 
     /// True once the node has finished its task; a shell may then stop it.
     fn finished(&self) -> bool {
         false
+    }
+
+    /// Why the node's task failed, once it has [`Self::finished`] without success: the program's exit status says so.
+    fn failure(&self) -> Option<String> {
+        None
     }
 }
 

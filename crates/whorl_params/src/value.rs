@@ -53,7 +53,7 @@ pub enum Value {
     String(String),
     /// List of booleans.
     BoolArray(Vec<bool>),
-    /// List of integers. An empty YAML list has this type and converts to every list type.
+    /// List of integers. An empty YAML list has this type.
     IntegerArray(Vec<i64>),
     /// List of numbers. A YAML list that mixes integers and numbers has this type.
     DoubleArray(Vec<f64>),
@@ -85,15 +85,26 @@ impl Value {
             return Some(self.clone());
         }
         match (self, kind) {
+            // An empty list has no type: YAML gives it one, `ros2 param set` another.
+            (_, Kind::BoolArray) if self.is_empty_list() => Some(Self::BoolArray(Vec::new())),
+            (_, Kind::IntegerArray) if self.is_empty_list() => Some(Self::IntegerArray(Vec::new())),
+            (_, Kind::DoubleArray) if self.is_empty_list() => Some(Self::DoubleArray(Vec::new())),
+            (_, Kind::StringArray) if self.is_empty_list() => Some(Self::StringArray(Vec::new())),
             (Self::Integer(x), Kind::Double) => exact_f64(*x).map(Self::Double),
             (Self::IntegerArray(xs), Kind::DoubleArray) => {
                 xs.iter().copied().map(exact_f64).collect::<Option<_>>().map(Self::DoubleArray)
             }
-            (Self::IntegerArray(xs), Kind::BoolArray) if xs.is_empty() => Some(Self::BoolArray(Vec::new())),
-            (Self::IntegerArray(xs), Kind::StringArray) if xs.is_empty() => {
-                Some(Self::StringArray(Vec::new()))
-            }
             _ => None,
+        }
+    }
+
+    fn is_empty_list(&self) -> bool {
+        match self {
+            Self::BoolArray(xs) => xs.is_empty(),
+            Self::IntegerArray(xs) => xs.is_empty(),
+            Self::DoubleArray(xs) => xs.is_empty(),
+            Self::StringArray(xs) => xs.is_empty(),
+            Self::Bool(_) | Self::Integer(_) | Self::Double(_) | Self::String(_) => false,
         }
     }
 }

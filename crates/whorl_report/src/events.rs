@@ -134,6 +134,7 @@ fn reason_name(reason: u8) -> &'static str {
         ControlStatus::REASON_RATE_LIMIT => " (rate too high)",
         ControlStatus::REASON_EXCITATION_LIMIT => " (the excitation reached a limit)",
         ControlStatus::REASON_EXCITATION_UNKNOWN => " (no excitation of that name)",
+        ControlStatus::REASON_COMMANDS_REFUSED => " (the driver does not carry out the commands)",
         _ => "",
     }
 }

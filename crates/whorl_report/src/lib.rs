@@ -14,6 +14,7 @@ mod metrics;
 mod page;
 mod reproduction;
 mod series;
+mod verdict;
 
 pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings};
@@ -24,3 +25,4 @@ pub use explanation::{
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
+pub use verdict::{Circumstances, Result as RunResult, Verdict, judge};

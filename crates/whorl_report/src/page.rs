@@ -8,6 +8,7 @@ use crate::document::{Document, code, heading_row, number, right, table, text};
 use crate::events::happenings;
 use crate::figures::{link_figure, pair_figures, platform_figures};
 use crate::metrics::{Attitudes, PairSummary, Summary, hold_intervals, relative_errors};
+use crate::verdict::Verdict;
 
 /// Contents of the page besides the data.
 #[derive(Debug, Clone, Default)]
@@ -41,8 +42,9 @@ pub struct TopicRow {
 
 /// The report as one self-contained HTML document.
 #[must_use]
-pub fn html(run: &RunData, summary: &Summary, description: &Description) -> String {
+pub fn html(run: &RunData, summary: &Summary, verdict: &Verdict, description: &Description) -> String {
     let mut page = Document::new(&description.title);
+    page.paragraph(if verdict.failed() { "warning" } else { "" }, &format!("Verdict: {}", verdict.line));
     for warning in &description.warnings {
         page.paragraph("warning", warning);
     }
@@ -73,7 +75,9 @@ fn summary_tables(page: &mut Document, summary: &Summary) {
             "#acquired after [s]",
         ];
         let row = |pair: &PairSummary| {
-            let source = if pair.from_truth { "" } else { " (from the estimates, without truth)" };
+            // Without numbers there is nothing that truth could be missing from.
+            let estimated = !pair.from_truth && pair.relative_error_rms_rad.is_finite();
+            let source = if estimated { " (from the estimates, without truth)" } else { "" };
             vec![
                 text(&format!("{} to {}{source}", pair.follower, pair.leader)),
                 angle(pair.relative_error_rms_rad),

@@ -82,6 +82,7 @@ impl NodeCore for Echo {
                 outputs.respond(true, "finishing");
                 self.finished = true;
             }
+            Event::Interruption => {}
             Event::Shutdown => {
                 // The last word, which a test waits for.
                 outputs

@@ -59,6 +59,12 @@ pub enum RosError {
     /// The core refused its parameters.
     #[error("{0}")]
     Core(String),
+    /// The node ran to its end, but its task failed.
+    #[error("{reason}")]
+    Failed {
+        /// Why.
+        reason: String,
+    },
     /// A platform's node outside the namespace of a platform.
     #[error(
         "the namespace {namespace} is not that of a platform ({platforms}): start the node with \

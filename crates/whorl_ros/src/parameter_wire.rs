@@ -48,6 +48,8 @@ pub(crate) fn from_wire(wire: &raw::ParameterValue) -> Result<Value, String> {
         T::INTEGER_ARRAY => Value::IntegerArray(wire.int_array.clone()),
         T::DOUBLE_ARRAY => Value::DoubleArray(wire.double_array.clone()),
         T::STRING_ARRAY => Value::StringArray(wire.string_array.clone()),
+        // What some versions of `ros2 param set` make of `[]`.
+        T::BYTE_ARRAY if wire.byte_array.is_empty() => Value::IntegerArray(Vec::new()),
         T::NOT_SET => return Err("a parameter cannot be deleted while the node runs".into()),
         other => return Err(format!("parameter type {other} is not supported")),
     })

@@ -10,6 +10,14 @@ use crate::parameter_wire::{describe, empty_descriptor, from_wire, to_wire};
 /// Reads, checks and applies a whole set of parameters; the reason when it is refused.
 pub(crate) type Apply<'a> = dyn FnMut(&NodeParameters) -> Result<Vec<Descriptor>, String> + 'a;
 
+/// Whether a value stands for none. `ros2 param dump` writes `null` for a parameter that is not set, and `ros2 param load`
+/// sends what it reads of it: the text `None` (rclpy, `parameter_dict_from_yaml_file`).
+fn says_unset(wire: &raw::ParameterValue) -> bool {
+    wire.ptype == raw::ParameterType::NOT_SET
+        || (wire.ptype == raw::ParameterType::STRING
+            && ["None", "null"].contains(&wire.string_value.as_str()))
+}
+
 /// Every ROS 2 node has this parameter.
 const USE_SIM_TIME: &str = "use_sim_time";
 
@@ -134,6 +142,9 @@ impl ParameterSet {
         let mut parameters = self.parameters.clone();
         let mut changed = Vec::new();
         for change in changes {
+            if self.find(&change.name).is_some_and(|d| d.value.is_none()) && says_unset(&change.value) {
+                continue;
+            }
             let value = from_wire(&change.value).map_err(|problem| format!("{}: {problem}", change.name))?;
             if let Some(descriptor) = self.find(&change.name) {
                 let same = descriptor.value.is_some()
@@ -261,6 +272,43 @@ mod tests {
         let mut applied = Vec::new();
         assert!(set.set(&[change("axes", 3_i64)], &mut apply(&mut applied)).unwrap().is_empty());
         assert!(applied.is_empty());
+    }
+
+    #[derive(Debug, Clone, PartialEq)]
+    struct Lists {
+        failed: Vec<i64>,
+        names: Vec<String>,
+        source: Option<String>,
+    }
+
+    fn lists(r: &mut Reader<'_>) -> Option<Lists> {
+        Some(Lists {
+            failed: r.i64_array_or("failed", &[1], range(0..=11), "failed jets"),
+            names: r.string_array_or("names", &["a"], "names"),
+            source: r.optional_string("source", "recording"),
+        })
+    }
+
+    #[test]
+    fn an_empty_list_of_any_type_empties_a_list_and_a_dump_can_be_loaded() {
+        let tree = ParameterTree::from_texts(&[("p.yaml", "/**:\n  ros__parameters: {}\n")], &[]).unwrap();
+        let parameters = tree.for_node("/driver");
+        let (_, descriptors) = read(&parameters, lists).unwrap();
+        let mut set = ParameterSet::new(parameters, descriptors);
+        let mut applied = Vec::new();
+        let mut apply = |parameters: &NodeParameters| {
+            let (new, descriptors) = read(parameters, lists).map_err(|e| e.to_string())?;
+            applied.push(new);
+            Ok(descriptors)
+        };
+        // What `ros2 param set NODE failed "[]"` sends: booleans, or bytes.
+        let mut bytes = change("names", 0_i64);
+        bytes.value = raw::ParameterValue { ptype: raw::ParameterType::BYTE_ARRAY, ..to_wire(None) };
+        set.set(&[change("failed", Value::BoolArray(vec![])), bytes], &mut apply).unwrap();
+        // A dump of everything, as `ros2 param load` sends it back.
+        let unset = raw::Parameter { name: "source".into(), value: to_wire(None) };
+        assert!(set.set(&[unset, change("source", "None")], &mut apply).unwrap().is_empty());
+        assert_eq!(applied, [Lists { failed: vec![], names: vec![], source: None }]);
     }
 
     #[test]

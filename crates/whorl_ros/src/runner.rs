@@ -11,6 +11,7 @@ use crate::connection::{Connection, Notice};
 use crate::context::NodeContext;
 use crate::endpoints::{Plan, Readable};
 use crate::error::RosError;
+use crate::memory;
 use crate::parameters::ParameterSet;
 use crate::recovery::Reason;
 use crate::shell::{Read, Shell};
@@ -63,6 +64,8 @@ impl<C: Configurable> Runner<C> {
 
     /// Runs until the core has finished or a signal comes.
     pub(crate) fn run(mut self) -> Result<(), RosError> {
+        // After everything that a node loads at the start, recordings among it.
+        memory::limit_memory();
         let network = if self.connection.is_localhost() { "this machine only" } else { "the network" };
         self.shell.say(
             &self.connection,
@@ -93,6 +96,7 @@ impl<C: Configurable> Runner<C> {
             if now < housekeeping {
                 continue;
             }
+            self.look_at_the_clock()?;
             if now >= silence_check {
                 silence_check = now + SILENCE_CHECK;
                 silence = self.longest_silence(now);
@@ -110,7 +114,9 @@ impl<C: Configurable> Runner<C> {
         }
         self.shell.step(&self.connection, Event::Shutdown);
         self.shell.say(&self.connection, LogLevel::Info, "stopped".to_owned());
-        self.connection.close()
+        let failure = self.shell.core.failure();
+        self.connection.close()?;
+        failure.map_or(Ok(()), |reason| Err(RosError::Failed { reason }))
     }
 
     fn fire_timer(&mut self) {
@@ -136,7 +142,19 @@ impl<C: Configurable> Runner<C> {
         }
     }
 
+    /// Says that the computer's clock was set; the node's own time has not changed.
+    fn look_at_the_clock(&mut self) -> Result<(), RosError> {
+        self.shell.clock.now();
+        let Some(step) = self.shell.clock.take_step() else { return Ok(()) };
+        self.shell.statistics.clock_steps += 1;
+        let text = format!("{step}: stamps follow, deadlines do not");
+        self.shell.say(&self.connection, LogLevel::Warn, text);
+        if step.needs_rejoining() { self.rebuild_connection("the clock was set back") } else { Ok(()) }
+    }
+
     fn rebuild_connection(&mut self, reason: &str) -> Result<(), RosError> {
+        // Joining takes from a tenth of a second to several, in which nothing is watched.
+        self.shell.step(&self.connection, Event::Interruption);
         self.connection = self.connection.rebuilt(self.poll.registry())?;
         self.shell.statistics.reconnections += 1;
         self.shell.say(&self.connection, LogLevel::Warn, format!("{reason}: joined the network anew"));

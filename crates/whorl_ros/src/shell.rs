@@ -3,8 +3,9 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
+use whorl_msgs::bounds::OutOfBounds;
 use whorl_msgs::{Message, MessageType, Route, Topic};
-use whorl_node::{Configurable, Event, LogLevel, LogLine, Outputs, Response, Timestamp};
+use whorl_node::{Configurable, Event, LogLevel, LogLine, Outputs, Repeats, Response, Timestamp};
 use whorl_params::Reader;
 
 use crate::clock::{Clock, monotonic};
@@ -32,6 +33,7 @@ pub(crate) struct Shell<C: Configurable> {
     publications: Vec<Route>,
     bytes: Vec<u8>,
     undeclared: HashSet<Route>,
+    refusals: Repeats,
     pub(crate) stop: bool,
 }
 
@@ -60,6 +62,7 @@ impl<C: Configurable> Shell<C> {
             publications: plan.publications.iter().map(|(route, _)| *route).collect(),
             bytes: Vec::new(),
             undeclared: HashSet::new(),
+            refusals: Repeats::default(),
             stop: false,
             core,
         }
@@ -76,7 +79,7 @@ impl<C: Configurable> Shell<C> {
         self.core.step(now, event, &mut self.outputs);
         let mut outputs = std::mem::take(&mut self.outputs);
         for publication in outputs.messages.drain(..) {
-            self.publish(connection, publication.route, &publication.message);
+            self.publish(connection, publication.route, publication.message);
         }
         for line in outputs.log.drain(..) {
             self.log(connection, now, &line);
@@ -87,7 +90,8 @@ impl<C: Configurable> Shell<C> {
         response
     }
 
-    pub(crate) fn publish(&mut self, connection: &Connection, route: Route, message: &Message) {
+    /// Sends a message of the core, whose stamps are the node's time.
+    pub(crate) fn publish(&mut self, connection: &Connection, route: Route, mut message: Message) {
         let Some(writer) = connection.endpoints().writer(route) else {
             self.statistics.undeclared += 1;
             if self.undeclared.insert(route) {
@@ -95,6 +99,7 @@ impl<C: Configurable> Shell<C> {
             }
             return;
         };
+        self.clock.to_time_of_day(&mut message);
         match message
             .encode_into(&mut self.bytes)
             .map_err(RosError::from)
@@ -125,7 +130,7 @@ impl<C: Configurable> Shell<C> {
         if let Some(rosout) = &connection.endpoints().rosout {
             // `rcl` names loggers with dots and without the leading slash.
             let logger = full_name.trim_start_matches('/').replace('/', ".");
-            if log::publish(rosout, &logger, now, line).is_err() {
+            if log::publish(rosout, &logger, self.clock.time_of_day(now), line).is_err() {
                 self.statistics.publish_failures += 1;
             }
         }
@@ -135,7 +140,7 @@ impl<C: Configurable> Shell<C> {
         self.statistics.parameter_sets_refused = self.parameters.refused();
         let now = self.clock.now();
         let report = self.statistics.report(&self.name.full(), now);
-        self.publish(connection, Route::shared(Topic::Diagnostics), &report.into());
+        self.publish(connection, Route::shared(Topic::Diagnostics), report.into());
     }
 
     pub(crate) fn take_messages(&mut self, connection: &Connection, generation: usize, index: usize) {
@@ -157,11 +162,25 @@ impl<C: Configurable> Shell<C> {
                 continue;
             }
             match Message::decode(message_type, &sample.bytes) {
-                Ok(message) => {
-                    self.step(connection, Event::Message { route, message: &message });
-                }
+                Ok(mut message) => match message.check_bounds() {
+                    Ok(()) => {
+                        self.clock.to_own(&mut message);
+                        self.step(connection, Event::Message { route, message: &message });
+                    }
+                    Err(error) => self.out_of_bounds(connection, index, &error),
+                },
                 Err(error) => self.undecodable(connection, index, &error.into()),
             }
+        }
+    }
+
+    fn out_of_bounds(&mut self, connection: &Connection, index: usize, error: &OutOfBounds) {
+        let now = self.clock.now();
+        let Some((topic, counts)) = self.statistics.subscriptions.get_mut(index) else { return };
+        counts.out_of_bounds += 1;
+        let text = self.refusals.admit(now, || format!("{topic}: a message is refused: {error}"));
+        if let Some(text) = text {
+            self.say(connection, LogLevel::Warn, text);
         }
     }
 

@@ -26,35 +26,62 @@ pub(crate) struct SubscriptionCounts {
     pub lost: u64,
     pub old: u64,
     pub undecodable: u64,
-    /// Monotonic time of the last sample.
+    /// Refused because a field is outside its bounds.
+    pub out_of_bounds: u64,
+    /// Monotonic time of the last sample that was delivered.
     pub last: Option<Duration>,
-    last_number: HashMap<EndpointId, i64>,
+    writers: HashMap<EndpointId, Heard>,
 }
+
+/// What was heard of one writer.
+#[derive(Debug, Clone, Copy)]
+struct Heard {
+    /// Number of the latest sample that was delivered.
+    latest: i64,
+    /// Number of the latest old one, and how many came since, each newer than the one before.
+    old: (i64, u32),
+}
+
+/// So many old samples in a row, each newer than the one before, are no repetition, which is a writer's history of at most
+/// ten: the writer is there, and a number that it never sent had been taken for its latest.
+const STREAM_OF_OLD: u32 = 20;
 
 impl SubscriptionCounts {
     /// Records a sample by its writer's count.
     pub(crate) fn arrival(&mut self, now: Duration, writer: EndpointId, number: i64) -> Arrival {
-        self.last = Some(now);
-        match self.last_number.insert(writer, number) {
-            Some(last) if number <= last => {
-                self.last_number.insert(writer, last);
-                self.old += 1;
-                return Arrival::Old;
+        let fresh = Heard { latest: number, old: (i64::MIN, 0) };
+        match self.writers.get_mut(&writer) {
+            Some(heard) if number <= heard.latest => {
+                let (last, streak) = heard.old;
+                heard.old = (number, if number > last { streak + 1 } else { 1 });
+                if heard.old.1 < STREAM_OF_OLD {
+                    self.old += 1;
+                    return Arrival::Old;
+                }
+                *heard = fresh;
             }
-            Some(last) => self.lost += u64::try_from(number - last - 1).unwrap_or(0),
-            None => {}
+            Some(heard) => {
+                let missing = number.saturating_sub(heard.latest).saturating_sub(1);
+                self.lost = self.lost.saturating_add(u64::try_from(missing).unwrap_or(0));
+                *heard = fresh;
+            }
+            None => {
+                self.writers.insert(writer, fresh);
+            }
         }
+        // Not before: who only repeats himself has said nothing.
+        self.last = Some(now);
         self.received += 1;
         Arrival::Fresh
     }
 
     /// Writers heard so far.
     pub(crate) fn writers(&self) -> impl Iterator<Item = &EndpointId> {
-        self.last_number.keys()
+        self.writers.keys()
     }
 
     fn forget(&mut self, writer: EndpointId) {
-        self.last_number.remove(&writer);
+        self.writers.remove(&writer);
     }
 }
 
@@ -69,6 +96,8 @@ pub(crate) struct Statistics {
     pub parameter_sets_refused: u64,
     pub renewals: u64,
     pub reconnections: u64,
+    /// How often the computer's clock was set.
+    pub clock_steps: u64,
     pub missing_participants: usize,
     gone: Vec<(Duration, EndpointId)>,
     reported: Reported,
@@ -84,6 +113,7 @@ struct Reported {
     received: Vec<u64>,
     sent: Vec<u64>,
     undecodable: u64,
+    out_of_bounds: u64,
     publish_failures: u64,
 }
 
@@ -111,8 +141,13 @@ impl Statistics {
         });
     }
 
-    pub(crate) fn undecodable(&self) -> u64 {
-        self.subscriptions.iter().map(|(_, counts)| counts.undecodable).sum()
+    fn total(&self, count: impl Fn(&SubscriptionCounts) -> u64) -> u64 {
+        self.subscriptions.iter().map(|(_, counts)| count(counts)).sum()
+    }
+
+    fn topics_with(&self, count: impl Fn(&SubscriptionCounts) -> u64) -> String {
+        let topics = self.subscriptions.iter().filter(|(_, counts)| count(counts) > 0);
+        topics.map(|(topic, _)| topic.as_str()).collect::<Vec<_>>().join(", ")
     }
 
     /// The node's entry in `/diagnostics`; rates are since the last call.
@@ -128,12 +163,13 @@ impl Statistics {
             value(
                 format!("in {topic}"),
                 format!(
-                    "{:.1} Hz, {} received, {} lost, {} old, {} undecodable",
+                    "{:.1} Hz, {} received, {} lost, {} old, {} undecodable, {} out of bounds",
                     rate(counts.received, self.reported.received.get(index)),
                     counts.received,
                     counts.lost,
                     counts.old,
-                    counts.undecodable
+                    counts.undecodable,
+                    counts.out_of_bounds
                 ),
             );
         }
@@ -150,20 +186,21 @@ impl Statistics {
             ("parameter sets refused", self.parameter_sets_refused),
             ("renewals of the endpoints", self.renewals),
             ("reconnections", self.reconnections),
+            ("steps of the computer's clock", self.clock_steps),
             ("missing participants", self.missing_participants as u64),
         ] {
             value(key.to_owned(), count.to_string());
         }
-        let undecodable = self.undecodable();
+        let undecodable = self.total(|counts| counts.undecodable);
+        let out_of_bounds = self.total(|counts| counts.out_of_bounds);
         let mut problems = Vec::new();
         if undecodable > self.reported.undecodable {
-            let topics: Vec<_> = self
-                .subscriptions
-                .iter()
-                .filter(|(_, counts)| counts.undecodable > 0)
-                .map(|(topic, _)| topic.as_str())
-                .collect();
-            problems.push(format!("undecodable messages on {}", topics.join(", ")));
+            problems
+                .push(format!("undecodable messages on {}", self.topics_with(|counts| counts.undecodable)));
+        }
+        if out_of_bounds > self.reported.out_of_bounds {
+            let topics = self.topics_with(|counts| counts.out_of_bounds);
+            problems.push(format!("messages out of bounds on {topics}"));
         }
         if self.publish_failures > self.reported.publish_failures {
             problems.push("messages could not be sent".to_owned());
@@ -176,6 +213,7 @@ impl Statistics {
             received: self.subscriptions.iter().map(|(_, counts)| counts.received).collect(),
             sent: self.publications.iter().map(|(_, sent)| *sent).collect(),
             undecodable,
+            out_of_bounds,
             publish_failures: self.publish_failures,
         };
         DiagnosticArray {
@@ -207,6 +245,27 @@ mod tests {
         assert_eq!((counts.received, counts.lost, counts.old), (4, 2, 2));
         // Another writer counts for itself.
         assert_eq!(counts.arrival(Duration::ZERO, EndpointId([2; 16]), 1), Arrival::Fresh);
+    }
+
+    #[test]
+    fn a_forged_number_does_not_deafen() {
+        let mut counts = SubscriptionCounts::default();
+        let second = |n: i64| Duration::from_millis(u64::try_from(n).unwrap() * 10);
+        (1..=100).for_each(|n| assert_eq!(counts.arrival(second(n), W, n), Arrival::Fresh));
+        // In the writer's name, with its number and 2^33, and with the largest one.
+        for forged in [101 + (1 << 33), i64::MAX] {
+            assert_eq!(counts.arrival(second(101), W, forged), Arrival::Fresh);
+        }
+        let heard_of: Vec<i64> =
+            (101..=200).filter(|n| counts.arrival(second(*n), W, *n) == Arrival::Fresh).collect();
+        assert_eq!(heard_of, (120..=200).collect::<Vec<_>>());
+        assert_eq!(counts.last, Some(second(200)));
+        // Silence is told from old samples alone: the endpoints are renewed when nothing new comes.
+        assert_eq!(counts.arrival(second(999), W, 150), Arrival::Old);
+        assert_eq!(counts.last, Some(second(200)));
+        // A history that is repeated, even twice, is not delivered again.
+        let repeated = (191..=200).chain(191..=200);
+        assert_eq!(repeated.filter(|n| counts.arrival(second(999), W, *n) == Arrival::Fresh).count(), 0);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::io::Read;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use mio::net::UnixStream;
@@ -54,6 +56,32 @@ impl Alarm {
 pub(crate) const END: &[i32] = &[SIGINT, SIGTERM];
 /// Signals that tell a node that it had been stopped.
 pub(crate) const CONTINUE: &[i32] = &[SIGCONT];
+
+/// Tells whether this process was stopped and continued: that ends the background threads of RustDDS. For programs without
+/// an event loop of this crate.
+#[derive(Debug)]
+pub struct Continued(Arc<AtomicBool>);
+
+impl Continued {
+    /// From now on.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn watch() -> Result<Self, RosError> {
+        let flag = Arc::new(AtomicBool::new(false));
+        for &signal in CONTINUE {
+            signal_hook::flag::register(signal, Arc::clone(&flag))
+                .map_err(RosError::io("watching for signals"))?;
+        }
+        Ok(Self(flag))
+    }
+
+    /// Whether it was since the last call.
+    #[must_use]
+    pub fn take(&self) -> bool {
+        self.0.swap(false, Ordering::Relaxed)
+    }
+}
 
 /// Signals as events.
 #[derive(Debug)]

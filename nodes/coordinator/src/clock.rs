@@ -30,6 +30,8 @@ const LONGEST_EXCHANGE_S: f64 = 2.0;
 const SAME_S: f64 = 2e-3;
 /// The applied offset is updated when it differs from the measured one by more than this \[s\].
 const FOLLOW_S: f64 = 1e-3;
+/// Most exchanges that are kept: a window of requests at the higher rate.
+const MOST_EXCHANGES: usize = 3000;
 /// With fewer exchanges, requests are sent at the higher rate.
 const ENOUGH: usize = 10;
 
@@ -66,6 +68,9 @@ impl SenderClock {
         }
         let new = Exchange { at: now, there_s: told.seconds_since(asked), back_s: now.seconds_since(told) };
         self.exchanges.retain(|e| (0.0..=WINDOW_S).contains(&now.seconds_since(e.at)));
+        if self.exchanges.len() >= MOST_EXCHANGES {
+            self.exchanges.pop_front();
+        }
         self.exchanges.push_back(new);
         let (mut there_s, mut back_s) = self.quickest_s(now);
         if there_s + back_s < 0.0 {

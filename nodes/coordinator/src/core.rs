@@ -206,6 +206,7 @@ impl CoordinatorCore {
             age_s: link.age_s(at),
             fresh: link.fresh(at, settings),
             following: link.following(at, settings),
+            deaf: link.deaf(at, settings),
             excited: link.excited(at, settings),
             reference: link.reference(at, settings),
         };
@@ -359,11 +360,18 @@ impl NodeCore for CoordinatorCore {
                 self.request_abort(now, argument, outputs);
             }
             Event::Shutdown => self.shut_down(now, outputs),
+            // Platforms come to rest when nobody commands them.
+            Event::Interruption => {}
         }
     }
 
     fn finished(&self) -> bool {
         self.finished
+    }
+
+    fn failure(&self) -> Option<String> {
+        let reason = self.abort_reason().filter(|_| self.finished)?;
+        Some(format!("the experiment was aborted: {reason}"))
     }
 }
 

@@ -105,7 +105,7 @@ impl PlatformLink {
         if let Some(latest) = self.latest_sequence
             && message.sequence > latest
         {
-            self.lost_estimates += message.sequence - latest - 1;
+            self.lost_estimates = self.lost_estimates.saturating_add(message.sequence - latest - 1);
         }
         self.latest_sequence = Some(message.sequence);
         let (health, usable) = (message.health, message.usable());
@@ -232,6 +232,12 @@ impl PlatformLink {
         })
     }
 
+    /// Whether the platform's controller says that it hears no authority: while an experiment runs, it is sent all the time,
+    /// so it does not arrive. A stale reference says less: while the experiment waits, that is what is sent.
+    pub fn deaf(&self, now: Timestamp, settings: &LinkSettings) -> bool {
+        self.status_fresh(now, settings).is_some_and(|s| s.reason == ControlStatus::REASON_NO_AUTHORITY)
+    }
+
     /// Whether the platform plays an excitation instead of tracking its reference.
     pub fn excited(&self, now: Timestamp, settings: &LinkSettings) -> bool {
         self.status_fresh(now, settings).is_some_and(|s| {
@@ -292,6 +298,7 @@ fn reason_in_words(reason: u8) -> &'static str {
         ControlStatus::REASON_TILT_LIMIT => ": tilt limit",
         ControlStatus::REASON_ABORT => ": abort",
         ControlStatus::REASON_RATE_LIMIT => ": rate limit",
+        ControlStatus::REASON_COMMANDS_REFUSED => ": its driver does not carry out the commands",
         ControlStatus::REASON_EXCITATION_UNKNOWN => ": its parameters have no excitation of this name",
         _ => "",
     }

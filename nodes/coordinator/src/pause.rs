@@ -13,6 +13,8 @@ pub(crate) struct PlatformCondition {
     pub usable: bool,
     /// Its controller follows its reference.
     pub following: bool,
+    /// It can be heard but does not hear: its controller has no authority, which is being sent.
+    pub deaf: bool,
     /// The steps move it directly, or the law moves all platforms as one rigid structure.
     pub leads: bool,
 }
@@ -52,12 +54,14 @@ impl PauseWatch {
     ) -> PauseDecision {
         let (mut link_down, mut fault) = (false, false);
         for (condition, since) in conditions.iter().zip(&mut self.not_following_since) {
-            // A platform without a fresh estimate is a link fault, regardless of its controller.
-            let stopped = condition.fresh && !(condition.following && condition.usable);
+            // A platform without a fresh estimate is a link fault, regardless of its controller; so is one that cannot hear
+            // us: a link that is cut in one direction is as much cut as one that is cut in both.
+            let stopped = condition.fresh && (condition.deaf || !(condition.following && condition.usable));
             *since = if stopped { since.or(Some(now)) } else { None };
-            fault |= (condition.leads || faults.wait_for_followers)
-                && since.is_some_and(|since| now.seconds_since(since) > faults.grace_s);
-            link_down |= !condition.fresh && (condition.leads || link.leader_waits);
+            let for_long = since.is_some_and(|since| now.seconds_since(since) > faults.grace_s);
+            let cut = !condition.fresh || (condition.deaf && for_long);
+            fault |= (condition.leads || faults.wait_for_followers) && for_long && !condition.deaf;
+            link_down |= cut && (condition.leads || link.leader_waits);
         }
         self.link_since = if link_down { self.link_since.or(Some(now)) } else { None };
         self.fault_since = if fault { self.fault_since.or(Some(now)) } else { None };
@@ -81,7 +85,7 @@ mod tests {
     use super::*;
 
     const GOOD: PlatformCondition =
-        PlatformCondition { fresh: true, usable: true, following: true, leads: true };
+        PlatformCondition { fresh: true, usable: true, following: true, deaf: false, leads: true };
     const FAULTS: FaultSettings =
         FaultSettings { wait_for_followers: true, grace_s: 1.0, timeout_s: 20.0, abort_for_s: 10.0 };
 
@@ -137,8 +141,30 @@ mod tests {
     }
 
     #[test]
+    fn a_platform_that_hears_nothing_is_waited_for_as_one_that_is_not_heard() {
+        // For 125 s, cut in one direction, and in both; far beyond the time for a platform that fails.
+        let deaf = PlatformCondition { following: false, deaf: true, ..GOOD };
+        let silent = PlatformCondition { fresh: false, usable: false, following: false, ..GOOD };
+        for cut in [deaf, silent] {
+            let mut watch = PauseWatch::new(2);
+            let after_grace: Vec<PauseDecision> = (0..1250)
+                .map(|k| watch.evaluate(at(f64::from(k) * 0.1), &[GOOD, cut], &link(true), &FAULTS))
+                .skip(11)
+                .collect();
+            assert!(after_grace.iter().all(|decision| *decision == PauseDecision::Wait), "{cut:?}");
+            assert_eq!(watch.evaluate(at(125.0), &[GOOD, GOOD], &link(true), &FAULTS), PauseDecision::Go);
+            let for_ever = watch.evaluate(at(126.0), &[GOOD, cut], &link(true), &FAULTS);
+            assert_ne!(for_ever, PauseDecision::LinkTimeout, "{cut:?}");
+            watch.evaluate(at(128.0), &[GOOD, cut], &link(true), &FAULTS);
+            let late = watch.evaluate(at(429.0), &[GOOD, cut], &link(true), &FAULTS);
+            assert_eq!(late, PauseDecision::LinkTimeout, "{cut:?}");
+        }
+    }
+
+    #[test]
     fn a_stale_leader_always_pauses_a_stale_follower_only_if_told() {
-        let stale = PlatformCondition { fresh: false, usable: false, following: false, leads: true };
+        let stale =
+            PlatformCondition { fresh: false, usable: false, following: false, deaf: false, leads: true };
         let follower = PlatformCondition { leads: false, ..stale };
         for (conditions, waits, verdict) in [
             ([stale, GOOD], false, PauseDecision::Wait),

@@ -33,6 +33,8 @@ pub(crate) struct Sight {
     pub fresh: bool,
     /// Whether its controller follows its reference.
     pub following: bool,
+    /// Whether its controller says that it does not get what is being sent to it.
+    pub deaf: bool,
     /// Whether it plays an excitation instead of tracking its reference.
     pub excited: bool,
     /// The reference that another coordinator gives it, if fresh.
@@ -327,11 +329,13 @@ impl Run {
     }
 
     fn conditions(&self, parameters: &Parameters, sights: &[Sight]) -> Vec<PlatformCondition> {
-        let other = PlatformCondition { fresh: true, usable: true, following: true, leads: false };
+        let other =
+            PlatformCondition { fresh: true, usable: true, following: true, deaf: false, leads: false };
         let condition = |(platform, sight): (usize, &Sight)| PlatformCondition {
             fresh: sight.fresh,
             usable: sight.motion.is_some(),
             following: sight.following,
+            deaf: sight.deaf,
             leads: self.law.needs_all() || self.law.leads(platform),
         };
         // Other platforms have their own coordinators.

@@ -6,13 +6,18 @@ use nalgebra::Vector3;
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Route, Topic};
-use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+use whorl_msgs::whorl::ActuatorCommand;
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Repeats, Timestamp};
 
-use crate::gate::{Action, Gate};
+use crate::gate::Gate;
 use crate::hardware::Hardware;
 use crate::parameters::{Backend, Parameters};
 
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+const GATE_PERIOD: Duration = Duration::from_millis(100);
+/// A timeout that is noticed within this many ticks acted at its own instant: it fell between two of them. One that is
+/// noticed later acts when it is noticed, because this process was stopped or starved, and did nothing meanwhile.
+const TICKS_IN_TIME: u32 = 2;
 
 /// The driver of one platform.
 pub struct DriverCore {
@@ -21,6 +26,9 @@ pub struct DriverCore {
     gate: Gate,
     hardware: Box<dyn Hardware>,
     next_diagnostics: Option<Timestamp>,
+    next_gate: Option<Timestamp>,
+    gate_sequence: u64,
+    refusals: Repeats,
     measured: Vec<(Topic, Message)>,
 }
 
@@ -34,25 +42,76 @@ impl DriverCore {
             parameters,
             hardware,
             next_diagnostics: None,
+            next_gate: None,
+            gate_sequence: 0,
+            refusals: Repeats::default(),
             measured: Vec::new(),
         }
     }
 
-    fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
+    /// Switches everything off when commands have stopped coming, and says so.
+    fn watch(&mut self, now: Timestamp, outputs: &mut Outputs) {
         let deadline = self.gate.deadline();
-        // The timeout acts at its own instant, not at the tick after it.
-        if let Some((action, deadline)) = self.gate.watch(now).zip(deadline) {
-            self.hardware.advance_to(deadline);
-            self.hardware.apply(deadline, &action);
-            outputs.log(
-                LogLevel::Warn,
-                format!(
-                    "{}: no valid actuator command: valves closed, wheel torque zero",
-                    self.parameters.name
-                ),
+        let Some((action, deadline)) = self.gate.watch(now).zip(deadline) else { return };
+        let in_time = now <= deadline + self.parameters.period() * TICKS_IN_TIME;
+        let at = if in_time { deadline } else { now };
+        self.hardware.advance_to(at);
+        self.hardware.apply(at, &action);
+        let name = &self.parameters.name;
+        if in_time {
+            let text = format!("{name}: no valid actuator command: valves closed, wheel torque zero");
+            outputs.log(LogLevel::Warn, text);
+        } else {
+            let late_s = now.seconds_since(deadline);
+            let text = format!(
+                "{name}: this process did not run when the commands ended: valves closed and wheel torque zero \
+                 {late_s:.3} s late, unless the hardware's own watchdog acted"
             );
+            outputs.log(LogLevel::Error, text);
         }
+        self.publish_gate(now, outputs);
+    }
+
+    fn publish_gate(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        self.next_gate = Some(now + GATE_PERIOD);
+        let mut state = self.gate.state();
+        state.header = Header { stamp: now.into(), frame_id: self.frame_id.clone() };
+        state.sequence = self.gate_sequence;
+        self.gate_sequence += 1;
+        outputs.publish(Route::platform(self.parameters.platform, Topic::GateState), state);
+    }
+
+    fn command(&mut self, now: Timestamp, command: &ActuatorCommand, outputs: &mut Outputs) {
+        // First: what this process slept through has happened before this command.
+        self.watch(now, outputs);
+        let was_open = self.gate.deadline().is_some();
+        match self.gate.command(now, command) {
+            Ok(actions) => {
+                self.hardware.advance_to(now);
+                actions.iter().for_each(|action| self.hardware.apply(now, action));
+                if !was_open {
+                    self.publish_gate(now, outputs);
+                }
+            }
+            Err(refusal) => {
+                let text = || {
+                    let (name, number) = (&self.parameters.name, command.sequence);
+                    format!("{name}: actuator command {number} refused: {}", refusal.reason())
+                };
+                if let Some(text) = self.refusals.admit(now, text) {
+                    outputs.log(LogLevel::Warn, text);
+                }
+            }
+        }
+    }
+
+    fn tick(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        self.watch(now, outputs);
         self.hardware.advance_to(now);
+        self.hardware.heartbeat(now);
+        if self.next_gate.is_none_or(|due| due <= now) {
+            self.publish_gate(now, outputs);
+        }
         self.hardware.measurements(now, &self.frame_id, &mut self.measured);
         for (topic, message) in self.measured.drain(..) {
             outputs.publish(Route::platform(self.parameters.platform, topic), message);
@@ -94,7 +153,8 @@ impl NodeCore for DriverCore {
 
     fn publications(&self) -> Vec<Route> {
         let measurements = Topic::FROM_DRIVER.map(|topic| Route::platform(self.parameters.platform, topic));
-        measurements.into_iter().chain([Route::shared(Topic::Diagnostics)]).collect()
+        let gate = Route::platform(self.parameters.platform, Topic::GateState);
+        measurements.into_iter().chain([gate, Route::shared(Topic::Diagnostics)]).collect()
     }
 
     fn timer_period(&self) -> Option<Duration> {
@@ -105,21 +165,7 @@ impl NodeCore for DriverCore {
         match event {
             Event::Timer => self.tick(now, outputs),
             Event::Message { message: Message::ActuatorCommand(command), .. } => {
-                match self.gate.command(now, command) {
-                    Ok(actions) => {
-                        self.hardware.advance_to(now);
-                        actions.iter().for_each(|action| self.hardware.apply(now, action));
-                    }
-                    Err(refusal) => outputs.log(
-                        LogLevel::Warn,
-                        format!(
-                            "{}: actuator command {} refused: {}",
-                            self.parameters.name,
-                            command.sequence,
-                            refusal.reason()
-                        ),
-                    ),
-                }
+                self.command(now, command, outputs);
             }
             // Without commands the masses keep their position: no timeout is needed.
             Event::Message { route, message: Message::Vector3Stamped(moment) }
@@ -131,9 +177,13 @@ impl NodeCore for DriverCore {
                     self.hardware.move_ballast(now, moment_b_n_m);
                 }
             }
-            Event::Shutdown => {
+            Event::Shutdown | Event::Interruption => {
+                // First what is overdue: the process may have been stopped until now.
+                self.watch(now, outputs);
+                let action = self.gate.close();
                 self.hardware.advance_to(now);
-                self.hardware.apply(now, &Action::AllOff);
+                self.hardware.apply(now, &action);
+                self.publish_gate(now, outputs);
             }
             Event::Message { .. } | Event::Request { .. } => {}
         }
@@ -165,131 +215,4 @@ impl Configurable for DriverCore {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simulated::{SimulatedHardware, Start};
-    use whorl_dynamics::PlatformModel;
-    use whorl_msgs::topics::PlatformId;
-    use whorl_msgs::whorl::{ActuatorCommand, ThrusterState};
-
-    use crate::faults::{Fault, FaultKind};
-
-    fn at(ms: i64) -> Timestamp {
-        Timestamp(1_700_000_000_000_000_000 + ms * 1_000_000)
-    }
-
-    fn driver() -> (DriverCore, PlatformModel) {
-        let model = PlatformModel::whorl_1_reference();
-        let hardware = SimulatedHardware::new(model.clone(), Start::default(), 1, Vec::new()).unwrap();
-        let backend = Backend::Simulated {
-            truth: Box::new(model.clone()),
-            start: Start::default(),
-            seed: 1,
-            faults: Vec::new(),
-        };
-        let parameters =
-            Parameters { platform: PlatformId(0), name: "whorl_1".into(), model: model.clone(), backend };
-        (DriverCore::new(parameters, Box::new(hardware)), model)
-    }
-
-    fn thrusters(outputs: &Outputs) -> ThrusterState {
-        let found = outputs.messages.iter().find_map(|p| match &p.message {
-            Message::ThrusterState(m) => Some(m.clone()),
-            _ => None,
-        });
-        found.unwrap()
-    }
-
-    #[test]
-    fn silence_closes_the_valves_at_the_deadline_and_not_at_the_next_tick() {
-        let (mut driver, model) = driver();
-        let mut outputs = Outputs::default();
-        let mut tick = |driver: &mut DriverCore, ms: i64| {
-            outputs.clear();
-            driver.step(at(ms), Event::Timer, &mut outputs);
-            thrusters(&outputs)
-        };
-        tick(&mut driver, 0);
-        let mut jet_on_time_s = vec![0.0; model.jets().len()];
-        jet_on_time_s[2] = 0.2;
-        let command = ActuatorCommand {
-            header: Header { stamp: at(0).into(), frame_id: String::new() },
-            valid_until: at(53).into(),
-            wheel_torque_n_m: vec![0.0; model.wheels().len()],
-            jet_slot_length_s: 0.2,
-            jet_on_time_s,
-            ..ActuatorCommand::default()
-        };
-        let message = Message::from(command);
-        let route = Route::platform(PlatformId(0), Topic::ActuatorCommand);
-        driver.step(at(3), Event::Message { route, message: &message }, &mut Outputs::default());
-        assert!(tick(&mut driver, 50).valve_open[2]);
-        let after = tick(&mut driver, 60);
-        assert!(!after.valve_open[2]);
-        // Opened at 3 ms, closed at 53 ms.
-        assert!((after.total_on_time_s[2] - 0.050).abs() < 1e-9, "{}", after.total_on_time_s[2]);
-    }
-
-    #[test]
-    fn a_new_slot_replaces_what_is_left_of_the_one_before() {
-        let (mut driver, model) = driver();
-        let mut slot = |sequence: u64, now_ms: i64, on_time_s: [f64; 3]| {
-            let mut jet_on_time_s = vec![0.0; model.jets().len()];
-            jet_on_time_s[..3].copy_from_slice(&on_time_s);
-            let command = ActuatorCommand {
-                header: Header { stamp: at(now_ms).into(), frame_id: String::new() },
-                sequence,
-                valid_until: at(now_ms + 60).into(),
-                wheel_torque_n_m: vec![0.0; model.wheels().len()],
-                jet_slot: sequence,
-                jet_slot_length_s: 0.1,
-                jet_on_time_s,
-            };
-            let route = Route::platform(PlatformId(0), Topic::ActuatorCommand);
-            driver.step(
-                at(now_ms),
-                Event::Message { route, message: &command.into() },
-                &mut Outputs::default(),
-            );
-        };
-        slot(0, 0, [0.1, 0.1, 0.0]);
-        slot(1, 30, [0.0, 0.05, 0.02]);
-        let mut outputs = Outputs::default();
-        driver.step(at(90), Event::Timer, &mut outputs);
-        let total_on_time_s = thrusters(&outputs).total_on_time_s;
-        for (jet, expected_s) in [0.03, 0.03 + 0.05, 0.02].into_iter().enumerate() {
-            assert!((total_on_time_s[jet] - expected_s).abs() < 1e-9, "jet {jet}: {}", total_on_time_s[jet]);
-        }
-    }
-
-    #[test]
-    fn measurements_come_at_their_rates() {
-        let (mut driver, _) = driver();
-        let mut outputs = Outputs::default();
-        (0..100).for_each(|k| driver.step(at(10 * k), Event::Timer, &mut outputs));
-        let count = |topic| outputs.messages.iter().filter(|p| p.route.topic == topic).count();
-        let topics =
-            [Topic::ImuRaw, Topic::TruthState, Topic::VectorDirection, Topic::Battery, Topic::Temperature];
-        assert_eq!(topics.map(count), [100, 100, 10, 10, 1]);
-    }
-
-    #[test]
-    fn faults_can_be_injected_while_running_and_nothing_else_changed() {
-        let (mut driver, _) = driver();
-        let mut changed = driver.parameters.clone();
-        let Backend::Simulated { faults, seed, .. } = &mut changed.backend else { panic!() };
-        faults.push(Fault {
-            kind: FaultKind::JetStuckClosed { jet: 1 },
-            start_s: 0.0,
-            length_s: f64::INFINITY,
-        });
-        let seed_was = *seed;
-        driver.reconfigure(&changed).unwrap();
-        let mut outputs = Outputs::default();
-        driver.step(at(0), Event::Timer, &mut outputs);
-        assert_eq!(thrusters(&outputs).health[..3], [0, ThrusterState::HEALTH_FAILED, 0]);
-        let Backend::Simulated { seed, .. } = &mut changed.backend else { panic!() };
-        *seed = seed_was + 1;
-        assert!(driver.reconfigure(&changed).is_err());
-    }
-}
+mod tests;

@@ -2,18 +2,26 @@
 //!
 //! It runs in the driver's own process, so that valves close and wheels coast whatever happens to
 //! the rest of the system. A command holds until its `valid_until`, and never longer than
-//! [`LONGEST_VALIDITY`] after its arrival.
+//! [`LONGEST_VALIDITY`] after its arrival. All deadlines are on the node's time, which nobody can set: see
+//! [`whorl_node::NodeCore::step`].
 
 use std::ops::Range;
 use std::time::Duration;
 
 use whorl_dynamics::actuators::{Actuators, Kind, Motor};
-use whorl_msgs::whorl::ActuatorCommand;
+use whorl_msgs::whorl::{ActuatorCommand, GateState};
 use whorl_node::Timestamp;
 
 /// Everything is off 100 ms after the last command was sent. This value is smaller, to allow for the link delay,
 /// the driver's tick, and scheduling delays of a busy computer.
 pub const LONGEST_VALIDITY: Duration = Duration::from_millis(80);
+
+/// Longest slot that is accepted \[s\]; pulses are clipped to it. Far beyond [`LONGEST_VALIDITY`], which ends every pulse.
+const LONGEST_SLOT_S: f64 = 60.0;
+
+/// A command may be stamped this far ahead of the driver's clock \[s\]: as far as clocks may differ without its validity
+/// being over on arrival. A single stamp from the future would have every later command refused as older.
+const AHEAD_S: f64 = 0.1;
 
 /// A command to the actuators.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,12 +42,14 @@ pub enum Refusal {
     WrongSize,
     /// NaN or infinite.
     NotFinite,
-    /// Negative on-time, or a slot length that is not positive.
+    /// Negative on-time, or a slot length that is not positive or too long.
     OutOfRange,
     /// Not newer than the latest accepted command.
     OutOfOrder,
     /// Its validity ended before it arrived.
     Expired,
+    /// Stamped ahead of the driver's clock.
+    Ahead,
 }
 
 impl Refusal {
@@ -49,9 +59,23 @@ impl Refusal {
         match self {
             Self::WrongSize => "its number of wheels or jets is not the platform's",
             Self::NotFinite => "a value is not finite",
-            Self::OutOfRange => "an on-time is negative or the slot length is not positive",
+            Self::OutOfRange => "an on-time is negative, or the slot length is not within 0 to 60 s",
             Self::OutOfOrder => "it is not newer than the latest accepted command",
             Self::Expired => "its validity ended before it arrived",
+            Self::Ahead => "it is stamped more than 0.1 s ahead of this computer's clock",
+        }
+    }
+
+    /// `GateState::REFUSAL_*`.
+    #[must_use]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::WrongSize => GateState::REFUSAL_WRONG_SIZE,
+            Self::NotFinite => GateState::REFUSAL_NOT_FINITE,
+            Self::OutOfRange => GateState::REFUSAL_OUT_OF_RANGE,
+            Self::OutOfOrder => GateState::REFUSAL_OUT_OF_ORDER,
+            Self::Expired => GateState::REFUSAL_EXPIRED,
+            Self::Ahead => GateState::REFUSAL_AHEAD,
         }
     }
 }
@@ -74,6 +98,8 @@ pub struct Gate {
     motors: Vec<Motors>,
     latest: Option<Latest>,
     counts: GateCounts,
+    last_refusal: Option<Refusal>,
+    switched_off_late: Duration,
 }
 
 /// The motors of one kind of actuator.
@@ -90,7 +116,9 @@ struct Motors {
 struct Latest {
     stamp: Timestamp,
     sequence: u64,
-    slot: Option<u64>,
+    slot: u64,
+    /// When it arrived and was carried out.
+    applied: Timestamp,
     /// End of validity; `None` after a timeout.
     ends: Option<Timestamp>,
 }
@@ -112,6 +140,8 @@ impl Gate {
             motors: motors.collect(),
             latest: None,
             counts: GateCounts::default(),
+            last_refusal: None,
+            switched_off_late: Duration::ZERO,
         }
     }
 
@@ -127,7 +157,26 @@ impl Gate {
         self.latest.and_then(|l| l.ends)
     }
 
-    /// Takes a command that arrived now.
+    /// State, times and counts, without header and number.
+    #[must_use]
+    pub fn state(&self) -> GateState {
+        let open = self.deadline();
+        GateState {
+            state: if open.is_some() { GateState::STATE_OBEYING } else { GateState::STATE_OFF },
+            command_sequence: self.latest.map_or(0, |l| l.sequence),
+            command_stamp: self.latest.map_or_else(Default::default, |l| l.stamp.into()),
+            applied_at: self.latest.map_or_else(Default::default, |l| l.applied.into()),
+            closes_at: open.map_or_else(Default::default, Into::into),
+            switched_off_late_s: self.switched_off_late.as_secs_f64(),
+            accepted: self.counts.accepted,
+            refused: self.counts.refused,
+            timeouts: self.counts.timeouts,
+            refusal: self.last_refusal.map_or(GateState::REFUSAL_NONE, Refusal::code),
+            ..GateState::default()
+        }
+    }
+
+    /// Takes a command that arrived now, by the node's time.
     ///
     /// # Errors
     /// Why it was refused; then nothing changes.
@@ -139,6 +188,7 @@ impl Gate {
             }
             Err(refusal) => {
                 self.counts.refused += 1;
+                self.last_refusal = Some(refusal);
                 Err(refusal)
             }
         }
@@ -156,10 +206,13 @@ impl Gate {
             return Err(Refusal::NotFinite);
         }
         let slot_s = command.jet_slot_length_s;
-        if command.jet_on_time_s.iter().any(|t| *t < 0.0) || !(slot_s > 0.0 && slot_s.is_finite()) {
+        if command.jet_on_time_s.iter().any(|t| *t < 0.0) || !(slot_s > 0.0 && slot_s <= LONGEST_SLOT_S) {
             return Err(Refusal::OutOfRange);
         }
         let stamp = Timestamp::from(command.header.stamp);
+        if stamp.seconds_since(now) > AHEAD_S {
+            return Err(Refusal::Ahead);
+        }
         let ends = Timestamp::from(command.valid_until).min(now + LONGEST_VALIDITY);
         if ends <= now {
             return Err(Refusal::Expired);
@@ -172,118 +225,47 @@ impl Gate {
             return Err(Refusal::OutOfOrder);
         }
         let restarted = self.latest.is_some_and(|l| command.sequence <= l.sequence);
-        let slot_seen = if restarted { None } else { self.latest.and_then(|l| l.slot) };
+        // Commands are taken in order, so any other slot is a newer one. Its number may not be trusted to grow: a single
+        // huge one would close the jets for good.
+        let slot_seen = self.latest.filter(|_| !restarted).map(|l| l.slot);
 
         let clipped = |motors: &Motors| {
             let limited = asked(motors).iter().zip(&motors.limits).map(|(u, limit)| u.clamp(-limit, *limit));
             Action::Motors(motors.kind, limited.collect())
         };
         let mut actions: Vec<Action> = self.motors.iter().map(clipped).collect();
-        if slot_seen.is_none_or(|seen| command.jet_slot > seen) {
+        if slot_seen != Some(command.jet_slot) {
             actions.push(Action::Pulses(command.jet_on_time_s.iter().map(|t| t.min(slot_s)).collect()));
         }
         self.latest = Some(Latest {
             stamp,
             sequence: command.sequence,
-            slot: Some(slot_seen.map_or(command.jet_slot, |seen| seen.max(command.jet_slot))),
+            slot: command.jet_slot,
+            applied: now,
             ends: Some(ends),
         });
         Ok(actions)
     }
 
-    /// Switches everything off if the commands' validity has ended; call at least every 10 ms.
+    /// Switches everything off if the commands' validity has ended by the node's time; call at least every 10 ms.
     pub fn watch(&mut self, now: Timestamp) -> Option<Action> {
         let latest = self.latest.as_mut()?;
-        latest.ends.filter(|ends| *ends <= now)?;
+        let ends = latest.ends.filter(|ends| *ends <= now)?;
         latest.ends = None;
         self.counts.timeouts += 1;
+        self.switched_off_late =
+            Duration::from_nanos(u64::try_from(now.0.saturating_sub(ends.0)).unwrap_or(0));
         Some(Action::AllOff)
+    }
+
+    /// Switches everything off now, whatever the commands' validity: the process is about to be unable to watch.
+    pub fn close(&mut self) -> Action {
+        if let Some(latest) = &mut self.latest {
+            latest.ends = None;
+        }
+        Action::AllOff
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use whorl_dynamics::PlatformModel;
-    use whorl_msgs::std_msgs::Header;
-
-    fn at(ms: i64) -> Timestamp {
-        Timestamp(ms * 1_000_000)
-    }
-
-    fn command(sequence: u64, stamp_ms: i64, valid_ms: i64, slot: u64) -> ActuatorCommand {
-        ActuatorCommand {
-            header: Header { stamp: at(stamp_ms).into(), frame_id: String::new() },
-            sequence,
-            valid_until: at(valid_ms).into(),
-            wheel_torque_n_m: vec![0.1, -9.0],
-            jet_slot: slot,
-            jet_slot_length_s: 0.1,
-            jet_on_time_s: vec![0.02, 0.5],
-        }
-    }
-
-    fn gate() -> Gate {
-        let mut model = PlatformModel::whorl_1_reference();
-        model.wheels_mut().truncate(2);
-        model.jets_mut().truncate(2);
-        Gate::new(&model.actuators)
-    }
-
-    #[test]
-    fn wheels_follow_every_command_and_a_slot_fires_once() {
-        let mut gate = gate();
-        let wheels = Action::Motors(Kind::Wheels, vec![0.1, -0.5]);
-        let pulses = Action::Pulses(vec![0.02, 0.1]);
-        assert_eq!(gate.command(at(1), &command(0, 0, 60, 4)), Ok(vec![wheels.clone(), pulses.clone()]));
-        assert_eq!(gate.command(at(11), &command(1, 10, 70, 4)), Ok(vec![wheels.clone()]));
-        // The first command of slot 5 was lost: the second one fires it.
-        assert_eq!(gate.command(at(31), &command(3, 30, 90, 5)), Ok(vec![wheels, pulses]));
-    }
-
-    #[test]
-    fn silence_switches_everything_off_once_at_the_end_of_validity() {
-        let mut gate = gate();
-        gate.command(at(1), &command(0, 0, 60, 0)).unwrap();
-        assert_eq!(gate.deadline(), Some(at(60)));
-        assert_eq!(gate.watch(at(59)), None);
-        assert_eq!(gate.watch(at(60)), Some(Action::AllOff));
-        assert_eq!(gate.watch(at(61)), None);
-        assert_eq!(gate.counts().timeouts, 1);
-    }
-
-    #[test]
-    fn no_command_holds_longer_than_a_tenth_of_a_second() {
-        let mut gate = gate();
-        gate.command(at(1), &command(0, 0, 3_600_000, 0)).unwrap();
-        assert_eq!(gate.watch(at(80)), None);
-        assert_eq!(gate.watch(at(81)), Some(Action::AllOff));
-    }
-
-    #[test]
-    fn bad_commands_are_refused_and_change_nothing() {
-        let mut gate = gate();
-        gate.command(at(1), &command(5, 0, 60, 0)).unwrap();
-        let mut nan = command(6, 10, 70, 1);
-        nan.wheel_torque_n_m[0] = f64::NAN;
-        let mut short = command(6, 10, 70, 1);
-        short.jet_on_time_s.pop();
-        let mut negative = command(6, 10, 70, 1);
-        negative.jet_on_time_s[0] = -0.01;
-        assert_eq!(gate.command(at(11), &nan), Err(Refusal::NotFinite));
-        assert_eq!(gate.command(at(11), &short), Err(Refusal::WrongSize));
-        assert_eq!(gate.command(at(11), &negative), Err(Refusal::OutOfRange));
-        assert_eq!(gate.command(at(11), &command(5, 0, 70, 1)), Err(Refusal::OutOfOrder));
-        assert_eq!(gate.command(at(80), &command(6, 10, 70, 1)), Err(Refusal::Expired));
-        assert_eq!(gate.deadline(), Some(at(60)));
-        assert_eq!(gate.counts(), GateCounts { accepted: 1, refused: 5, timeouts: 0 });
-    }
-
-    #[test]
-    fn a_restarted_sender_is_obeyed_at_once() {
-        let mut gate = gate();
-        gate.command(at(1), &command(500, 0, 60, 50)).unwrap();
-        let actions = gate.command(at(211), &command(0, 210, 270, 0)).unwrap();
-        assert_eq!(actions.len(), 2, "its first slot fires although its counter is smaller");
-    }
-}
+mod tests;

@@ -12,6 +12,10 @@ pub trait Hardware: Send {
     /// Advances simulated hardware to `now`. Real hardware does nothing here.
     fn advance_to(&mut self, now: Timestamp);
 
+    /// The driver runs. Called at every tick, which is what the watchdog of the valve board waits for: hardware passes it
+    /// on as an edge of its heartbeat line.
+    fn heartbeat(&mut self, _now: Timestamp) {}
+
     /// Executes the gate's decision, now.
     fn apply(&mut self, now: Timestamp, action: &Action);
 

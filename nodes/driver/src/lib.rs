@@ -63,7 +63,9 @@ impl DriverCore {
     ) -> Result<Self, DriverError> {
         let hardware: Box<dyn Hardware> = match &parameters.backend {
             Backend::Simulated { truth, start, seed, faults } => {
-                Box::new(SimulatedHardware::new((**truth).clone(), start.clone(), *seed, faults.clone())?)
+                let hardware =
+                    SimulatedHardware::new((**truth).clone(), start.clone(), *seed, faults.clone())?;
+                Box::new(hardware.with_watchdog(parameters.watchdog_s))
             }
             Backend::Replay { source, .. } if recording.is_empty() => {
                 let (source_name, platform) = (source.clone(), parameters.name.clone());

@@ -48,6 +48,8 @@ pub struct Parameters {
     pub name: String,
     /// The platform's model, as estimator and control use it.
     pub model: PlatformModel,
+    /// The valve board switches everything off this long after the driver's last heartbeat \[s\]; 0: it has no watchdog.
+    pub watchdog_s: f64,
     /// What is driven.
     pub backend: Backend,
 }
@@ -69,6 +71,13 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let seed =
         r.i64_or("seed", 1, range(0..), "seed of the simulated sensors' noise; platforms of one seed differ");
     let kind = r.choice_or("backend", "sim", &["sim", "replay", "hardware"], "what the driver drives");
+    let watchdog_s = r.f64_or(
+        "watchdog_s",
+        0.2,
+        range(0.0..=10.0),
+        "the simulated valve board switches everything off this long after the driver's last heartbeat [s]; 0: it has \
+         no watchdog",
+    );
     let source = r.group("replay", |r| {
         r.string_or("source", "", "recording to replay: run directory, bag or CSV file")
     });
@@ -105,6 +114,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         platform: platform_id,
         name,
         model,
+        watchdog_s,
         backend: match kind {
             "replay" => Backend::Replay { source, channels },
             "hardware" => Backend::Hardware { devices },

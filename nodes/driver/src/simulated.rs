@@ -39,6 +39,8 @@ pub struct SimulatedHardware {
     start: Start,
     seed: u64,
     faults: Vec<Fault>,
+    /// Of the valve board.
+    watchdog: Option<Duration>,
     /// Created at the first call, which gives the start time.
     running: Option<Running>,
     /// Of each kind of actuator that has motors: the topic of its joint states, and the joints' names.
@@ -54,6 +56,8 @@ struct Running {
     truth_sequence: u64,
     driven_s: Vec<f64>,
     valve_closes: Vec<Timestamp>,
+    /// When the valve board saw the driver last; `None`: its watchdog has acted, or it has not seen it yet.
+    heartbeat: Option<Timestamp>,
     last_good_rate: Option<Vector3<f64>>,
 }
 
@@ -79,7 +83,14 @@ impl SimulatedHardware {
         // too, so that an invalid platform is refused at once.
         Plant::new(&model, &initial_state(&start, Timestamp(0)), seed)?;
         let joint_names = joint_names(&model.actuators);
-        Ok(Self { model, start, seed, faults, running: None, joint_names })
+        Ok(Self { model, start, seed, faults, watchdog: None, running: None, joint_names })
+    }
+
+    /// Gives the valve board a watchdog: it switches everything off this long after the last heartbeat \[s\]. Zero: none.
+    #[must_use]
+    pub fn with_watchdog(mut self, watchdog_s: f64) -> Self {
+        self.watchdog = (watchdog_s > 0.0).then(|| Duration::from_secs_f64(watchdog_s));
+        self
     }
 
     fn running(&mut self, now: Timestamp) -> Option<&mut Running> {
@@ -95,6 +106,7 @@ impl SimulatedHardware {
                 truth_sequence: 0,
                 driven_s: vec![0.0; self.model.jets().len()],
                 valve_closes: vec![now; self.model.jets().len()],
+                heartbeat: None,
                 last_good_rate: None,
             });
         }
@@ -122,7 +134,7 @@ fn initial_state(start: &Start, now: Timestamp) -> InitialState {
 
 impl Hardware for SimulatedHardware {
     fn advance_to(&mut self, now: Timestamp) {
-        let faults = self.faults.clone();
+        let (faults, watchdog) = (self.faults.clone(), self.watchdog);
         let Some(running) = self.running(now) else { return };
         let elapsed_s = now.seconds_since(running.began);
         for jet in 0..running.driven_s.len() {
@@ -137,14 +149,25 @@ impl Hardware for SimulatedHardware {
                 let _ = running.plant.set_jet_failure(jet, failure);
             }
         }
-        if now.0 > running.plant.now_ns() && running.diverged.is_none() {
-            running.diverged = running.plant.advance_to(now.0).err();
+        let barks = running.heartbeat.zip(watchdog).map(|(last, after)| last + after);
+        if let Some(at) = barks.filter(|at| *at <= now) {
+            running.heartbeat = None;
+            running.advance_to(at);
+            running.switch_off(at);
+        }
+        running.advance_to(now);
+    }
+
+    fn heartbeat(&mut self, now: Timestamp) {
+        if let Some(running) = self.running(now) {
+            running.heartbeat = Some(now);
         }
     }
 
     fn apply(&mut self, now: Timestamp, action: &Action) {
         let min_on_time_s: Vec<f64> = self.model.jets().iter().map(|j| j.min_on_time_s).collect();
-        let Some(running) = self.running(now) else { return };
+        // A simulation that has stopped carries nothing out; its valves would only collect pulses.
+        let Some(running) = self.running(now).filter(|r| r.diverged.is_none()) else { return };
         // The gate has checked sizes and numbers; pulses too short for a valve are skipped.
         match action {
             Action::Motors(kind, command) => {
@@ -165,11 +188,7 @@ impl Hardware for SimulatedHardware {
                     }
                 }
             }
-            Action::AllOff => {
-                running.plant.stop_motors();
-                running.plant.close_all_valves(now.0);
-                running.valve_closes.fill(now);
-            }
+            Action::AllOff => running.switch_off(now),
         }
     }
 
@@ -247,6 +266,18 @@ fn due(next: &mut Timestamp, now: Timestamp, period: Option<Duration>) -> bool {
 }
 
 impl Running {
+    fn advance_to(&mut self, now: Timestamp) {
+        if now.0 > self.plant.now_ns() && self.diverged.is_none() {
+            self.diverged = self.plant.advance_to(now.0).err();
+        }
+    }
+
+    fn switch_off(&mut self, now: Timestamp) {
+        self.plant.stop_motors();
+        self.plant.close_all_valves(now.0);
+        self.valve_closes.fill(now);
+    }
+
     /// What the platform's inertial sensors send: NaN on gyro axes that it does not have, and an accelerometer that it does
     /// not have marked as such (`sensor_msgs/Imu`).
     fn imu(&mut self, header: &Header, sensors: &whorl_dynamics::platform::SensorSuite) -> Imu {

@@ -10,7 +10,7 @@ use whorl_msgs::std_msgs::Header;
 use whorl_msgs::tf2_msgs::TFMessage;
 use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ThrusterState};
-use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Repeats, Timestamp};
 
 use crate::Parameters;
 use crate::identifying::Identifying;
@@ -18,13 +18,18 @@ use crate::identifying::Identifying;
 /// How often staleness is checked when no IMU sample arrives.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+/// A measurement stamped further ahead of this computer's clock is refused \[s\]: the filter would take every later one for
+/// an old one.
+const AHEAD_S: f64 = 1.0;
 
 /// The estimator of one platform.
 pub struct EstimatorCore {
     parameters: Parameters,
     filter: Estimator,
     identifying: Option<Identifying>,
-    thrusters_before: Option<u64>,
+    thrusters_before: Option<Timestamp>,
+    ahead: u64,
+    ahead_lines: Repeats,
     sequence: u64,
     last_published: Option<Timestamp>,
     next_tf: Option<Timestamp>,
@@ -42,6 +47,8 @@ impl EstimatorCore {
             filter: Estimator::new(parameters.kind, parameters.filter, parameters.body)?,
             identifying: parameters.identification.as_ref().map(Identifying::new),
             thrusters_before: None,
+            ahead: 0,
+            ahead_lines: Repeats::default(),
             parameters,
             sequence: 0,
             last_published: None,
@@ -116,6 +123,23 @@ impl EstimatorCore {
         outputs.publish(Route::shared(Topic::Tf), TFMessage { transforms: vec![transform] });
     }
 
+    /// Whether a measurement is stamped so far in the future that it must not be used.
+    fn is_ahead(&mut self, now: Timestamp, route: Route, message: &Message, outputs: &mut Outputs) -> bool {
+        let ahead_s = message.header().map_or(0.0, |header| Timestamp::from(header.stamp).seconds_since(now));
+        if ahead_s <= AHEAD_S {
+            return false;
+        }
+        self.ahead += 1;
+        let text = || {
+            let (name, topic) = (&self.parameters.name, route.topic.info().name);
+            format!("{name}: {topic} refused: stamped {ahead_s:.1} s ahead of this computer's clock")
+        };
+        if let Some(text) = self.ahead_lines.admit(now, text) {
+            outputs.log(LogLevel::Warn, text);
+        }
+        true
+    }
+
     /// Wheel speeds and torques as momentum and torque in body axes.
     fn wheels_arrived(&mut self, wheels: &JointState) {
         if let Some(identifying) = &mut self.identifying {
@@ -135,11 +159,12 @@ impl EstimatorCore {
     /// Valve times as an angular impulse.
     fn thrusters_arrived(&mut self, thrusters: &ThrusterState) {
         let torques = &self.parameters.jet_torque_b_n_m;
-        let next = self.thrusters_before.is_none_or(|before| thrusters.sequence > before);
+        let stamp = Timestamp::from(thrusters.header.stamp);
+        let next = self.thrusters_before.is_none_or(|before| stamp > before);
         if thrusters.on_time_s.len() != torques.len() || !next {
             return;
         }
-        self.thrusters_before = Some(thrusters.sequence);
+        self.thrusters_before = Some(stamp);
         if let Some(identifying) = &mut self.identifying {
             identifying.on_jets(&thrusters.on_time_s);
         }
@@ -190,6 +215,7 @@ impl EstimatorCore {
                 value: counts.total().to_string(),
             })
             .collect();
+        values.push(KeyValue { key: "samples ahead of the clock".to_owned(), value: self.ahead.to_string() });
         let runs = self.filter.chosen_filter_runs();
         values.push(KeyValue {
             key: "filter".to_owned(),
@@ -251,6 +277,11 @@ impl NodeCore for EstimatorCore {
     }
 
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
+        if let Event::Message { route, message } = &event
+            && self.is_ahead(now, *route, message, outputs)
+        {
+            return;
+        }
         match event {
             Event::Message { message: Message::Imu(imu), .. } => {
                 let calibration = &self.parameters.calibration;
@@ -299,7 +330,7 @@ impl NodeCore for EstimatorCore {
                 }
                 self.diagnostics(now, outputs);
             }
-            Event::Message { .. } | Event::Request { .. } | Event::Shutdown => {}
+            Event::Message { .. } | Event::Request { .. } | Event::Interruption | Event::Shutdown => {}
         }
     }
 }

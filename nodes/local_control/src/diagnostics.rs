@@ -36,6 +36,7 @@ pub fn reason_text(reason: u8) -> &'static str {
             "the excitation came to a limit of tilt, rate or wheel speed"
         }
         ControlStatus::REASON_EXCITATION_UNKNOWN => "there is no excitation of this name",
+        ControlStatus::REASON_COMMANDS_REFUSED => "the driver does not carry out the commands",
         _ => "unknown reason",
     }
 }

@@ -6,12 +6,18 @@ use whorl_control::Reference;
 use whorl_dynamics::actuators::{ActuatorKind, Actuators, Joints, KINDS, Kind, MotorChannel};
 use whorl_msgs::sensor_msgs::{Imu, JointState};
 use whorl_msgs::std_msgs::Header;
-use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, Excitation, ThrusterState};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, Excitation, GateState, ThrusterState};
 use whorl_node::Timestamp;
 
 /// Equal consecutive gyro samples that count as a frozen sensor: with noise, every sample of a
 /// working sensor differs.
 const FROZEN_SAMPLES: u32 = 10;
+
+/// Longest validity that a reference or an excitation may claim \[s\]. Coordinators renew both fifty times a second.
+const LONGEST_VALIDITY_S: f64 = 5.0;
+
+/// How long the driver's gate may be closed although commands are sent \[s\]: three of its messages.
+const CLOSED_FOR_S: f64 = 0.3;
 
 /// Counts of messages that were not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -91,6 +97,9 @@ pub struct Inputs {
     joints: [Joints; KINDS],
     thruster_order: Order,
     jet_failed: Vec<bool>,
+    gate_order: Order,
+    /// Since when the driver's gate has been closed, and when it was said last.
+    gate_closed: Option<(Timestamp, Timestamp)>,
     refused: Refused,
     max_age_s: f64,
 }
@@ -118,6 +127,8 @@ impl Inputs {
             joints: actuators.kinds().map(at_rest),
             thruster_order: Order::default(),
             jet_failed: vec![false; actuators.jets.list.len()],
+            gate_order: Order::default(),
+            gate_closed: None,
             refused: Refused::default(),
             max_age_s,
         }
@@ -201,7 +212,8 @@ impl Inputs {
         };
         let admitted = self.reference_order.admit(&message.header, now, self.max_age_s, &mut self.refused);
         let Some(stamp) = admitted else { return };
-        let valid_for_s = Timestamp::from(message.valid_until).seconds_since(stamp).max(0.0);
+        let valid_for_s =
+            Timestamp::from(message.valid_until).seconds_since(stamp).clamp(0.0, LONGEST_VALIDITY_S);
         self.reference = Some((stamp, valid_for_s, reference, message.mode));
     }
 
@@ -218,7 +230,7 @@ impl Inputs {
         }
         let admitted = self.excitation_order.admit(&message.header, now, self.max_age_s, &mut self.refused);
         let Some(stamp) = admitted else { return };
-        let valid_for_s = Timestamp::from(message.valid_until).seconds_since(stamp);
+        let valid_for_s = Timestamp::from(message.valid_until).seconds_since(stamp).min(LONGEST_VALIDITY_S);
         self.excitation = Some((stamp, valid_for_s, message.name.clone(), message.elapsed_s));
     }
 
@@ -272,6 +284,23 @@ impl Inputs {
                 *failed = *health == ThrusterState::HEALTH_FAILED;
             }
         }
+    }
+
+    /// Takes the state of the driver's gate.
+    pub fn gate_arrived(&mut self, now: Timestamp, message: &GateState) {
+        if self.gate_order.admit(&message.header, now, self.max_age_s, &mut self.refused).is_none() {
+            return;
+        }
+        let since = self.gate_closed.map_or(now, |(since, _)| since);
+        self.gate_closed = (message.state == GateState::STATE_OFF).then_some((since, now));
+    }
+
+    /// Whether the driver does not carry out what it is commanded: its gate stays closed although commands are sent,
+    /// because it refuses them or they do not reach it. A driver that says nothing about its gate is believed.
+    pub fn disobeyed(&self, now: Timestamp) -> bool {
+        self.gate_closed.is_some_and(|(since, last)| {
+            now.seconds_since(since) > CLOSED_FOR_S && now.seconds_since(last) <= CLOSED_FOR_S
+        })
     }
 
     /// Jets that the driver reports as failed.

@@ -33,7 +33,23 @@ pub(crate) struct Report {
 
 impl LocalControlCore {
     /// Publishes command and status of a step and notes what it was.
-    pub(crate) fn finish(&mut self, now: Timestamp, stamp: Timestamp, report: Report, outputs: &mut Outputs) {
+    pub(crate) fn finish(
+        &mut self,
+        now: Timestamp,
+        stamp: Timestamp,
+        mut report: Report,
+        outputs: &mut Outputs,
+    ) {
+        // Commands are sent all the same: the driver obeys the first one that it can take. In safe mode the reason for that
+        // says more: without measurements commands are rare, and the gate closes between them.
+        let points = matches!(
+            report.mode,
+            ControlStatus::MODE_TRACK | ControlStatus::MODE_HOLD | ControlStatus::MODE_EXCITE
+        );
+        if points && self.inputs.disobeyed(now) {
+            report.mode = ControlStatus::MODE_SAFE_COAST;
+            report.reason = ControlStatus::REASON_COMMANDS_REFUSED;
+        }
         let stamp = self.latest_stamp.map_or(stamp, |latest| latest.max(stamp));
         if (self.mode, self.reason) != (report.mode, report.reason) {
             let safe =

@@ -8,11 +8,13 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
 use whorl_bag::{Manifest, RawSample, RunDescription, RunWriter};
-use whorl_node::Timestamp;
+use whorl_node::{Repeats, Timestamp};
 use whorl_params::Value;
 use whorl_recorder::{Parameters, RecordedTopic, RecorderCore, Status};
 use whorl_ros::recovery::{Action, Recovery, RecoveryTimes};
-use whorl_ros::{EndpointQos, NodeContext, Participant, RawReader, RosError, monotonic, wall_clock};
+use whorl_ros::{
+    Clock, Continued, EndpointQos, NodeContext, Participant, RawReader, RosError, monotonic, wall_clock,
+};
 
 /// Polling interval of the readers. Samples carry the time of their arrival, so a long interval costs
 /// no accuracy and little processor time.
@@ -22,6 +24,8 @@ const LOOK: Duration = Duration::from_millis(10);
 const DEPTH: u16 = 150;
 /// Time between two ticks of the recording, and between two checks of the other participants.
 const TICK: Duration = Duration::from_millis(100);
+/// Time between two checks of the threads of DDS.
+const LIVELINESS: Duration = Duration::from_secs(1);
 
 /// A recording in progress.
 pub struct Recording {
@@ -50,6 +54,11 @@ impl Recording {
             status: Arc::clone(&status),
             stop: Arc::clone(&stop),
             recovery: Recovery::new(RecoveryTimes::default()),
+            clock: Clock::default(),
+            continued: Continued::watch()?,
+            next_liveliness: monotonic() + LIVELINESS,
+            unreadable: Repeats::default(),
+            notes: Vec::new(),
         };
         let thread = std::thread::Builder::new()
             .name("recording".to_owned())
@@ -155,6 +164,13 @@ struct Worker {
     status: Arc<Mutex<Status>>,
     stop: Arc<AtomicBool>,
     recovery: Recovery,
+    /// Log times are its: they must not go back when the computer's clock is set.
+    clock: Clock,
+    continued: Continued,
+    next_liveliness: Duration,
+    unreadable: Repeats,
+    /// For the manifest.
+    notes: Vec<(&'static str, String)>,
 }
 
 impl Worker {
@@ -166,7 +182,8 @@ impl Worker {
             let now = monotonic();
             if now >= next_tick || stopping {
                 next_tick = now + TICK;
-                self.core.tick(wall_clock());
+                self.core.tick(self.clock.now());
+                self.look_after_connection(now);
                 *self.status.lock().unwrap_or_else(PoisonError::into_inner) = self.core.status();
                 self.look_after_peers(now);
             }
@@ -175,7 +192,47 @@ impl Worker {
             }
             std::thread::sleep(LOOK);
         }
-        Ok(self.core.finish().finish(wall_clock())?)
+        let mut run = self.core.finish();
+        for (key, text) in self.notes {
+            run.note(key, text);
+        }
+        Ok(run.finish(wall_clock())?)
+    }
+
+    /// Joins the network anew when the connection has become useless: readers would be silent for ever, without an error.
+    fn look_after_connection(&mut self, now: Duration) {
+        let mut reason = None;
+        if self.continued.take() {
+            reason = Some(("interrupted", "the recorder was stopped and continued".to_owned()));
+        }
+        if let Some(step) = self.clock.take_step() {
+            tracing::warn!("{step}: times in the recording go on steadily, stamps in messages do not");
+            self.notes.push(("clock_set", format!("{} at {}", step, self.clock.now())));
+            if step.needs_rejoining() {
+                reason = Some(("interrupted", "the clock was set back".to_owned()));
+            }
+        }
+        if now >= self.next_liveliness {
+            self.next_liveliness = now + LIVELINESS;
+            if reason.is_none() && !self.participant.is_alive() {
+                reason = Some(("interrupted", "the threads of DDS had ended".to_owned()));
+            }
+        }
+        let Some((key, text)) = reason else { return };
+        tracing::warn!("{text}: joining the network anew; what comes meanwhile is not recorded");
+        let topics: Vec<RecordedTopic> = self.core.topics().cloned().collect();
+        match self.rejoin(&topics) {
+            Ok(()) => self.notes.push((key, format!("{text}, at {}", self.clock.now()))),
+            // The next check of the threads tries again.
+            Err(error) => tracing::error!("cannot join the network, nothing is recorded: {error:#}"),
+        }
+    }
+
+    fn rejoin(&mut self, topics: &[RecordedTopic]) -> Result<(), RosError> {
+        let network = self.participant.network().clone();
+        (self.participant, self.readers) = Participant::with(&network, |p| readers(p, topics))?;
+        self.recovery = Recovery::new(RecoveryTimes::default());
+        Ok(())
     }
 
     fn take(&mut self) {
@@ -184,7 +241,7 @@ impl Worker {
             loop {
                 match reader.take() {
                     Ok(Some(sample)) => {
-                        let log_time = sample.receive_time;
+                        let log_time = self.clock.own_time(sample.receive_time);
                         self.core.sample(
                             topic,
                             RawSample {
@@ -200,7 +257,8 @@ impl Worker {
                     }
                     Ok(None) => break,
                     Err(error) => {
-                        tracing::warn!("{error}");
+                        let text = self.unreadable.admit(self.clock.now(), || error.to_string());
+                        text.iter().for_each(|text| tracing::warn!("{text}"));
                         break;
                     }
                 }
@@ -210,10 +268,7 @@ impl Worker {
 
     fn renew(&mut self, topics: &[RecordedTopic]) -> Result<(), RosError> {
         match readers(&self.participant, topics) {
-            Err(RosError::Stuck { .. }) => {
-                let network = self.participant.network().clone();
-                (self.participant, self.readers) = Participant::with(&network, |p| readers(p, topics))?;
-            }
+            Err(RosError::Stuck { .. }) => self.rejoin(topics)?,
             other => self.readers = other?,
         }
         Ok(())

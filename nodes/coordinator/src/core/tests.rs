@@ -61,6 +61,8 @@ struct Platform {
     authority_until: Timestamp,
     /// Neither sends nor receives.
     cut: bool,
+    /// Sends, but does not receive.
+    deaf: bool,
     /// Reports safe mode and stays where it is.
     safe: bool,
     /// Until when it plays an excitation, and the yaw rate that it then has [rad/s].
@@ -102,6 +104,7 @@ impl Laboratory {
             reference: None,
             authority_until: Timestamp(0),
             cut: false,
+            deaf: false,
             safe: false,
             excited_until: Timestamp(0),
             excited_rad_s: 0.1,
@@ -179,6 +182,16 @@ impl Laboratory {
             ControlStatus::MODE_IDLE
         };
         let mut status = ControlStatus { mode, ..ControlStatus::default() };
+        if mode == ControlStatus::MODE_IDLE {
+            status.reason = ControlStatus::REASON_NO_AUTHORITY;
+        }
+        // As local control does: the coordinator itself holds the reference while the experiment waits.
+        if self.references[index].last().is_some_and(|r| r.mode == AttitudeReference::MODE_HOLD)
+            && mode == ControlStatus::MODE_TRACK
+        {
+            status.mode = ControlStatus::MODE_HOLD;
+            status.reason = ControlStatus::REASON_REFERENCE_STALE;
+        }
         status.header.stamp = self.now.into();
         status
     }
@@ -199,12 +212,12 @@ impl Laboratory {
                     let index = usize::from(index);
                     self.references[index].push(reference.clone());
                     let platform = &mut self.platforms[index];
-                    if !platform.cut {
+                    if !platform.cut && !platform.deaf {
                         platform.reference = Some((reference.header.stamp.into(), reference_of(reference)));
                     }
                 }
                 (Message::FormationCommand(command), _) => {
-                    for platform in self.platforms.iter_mut().filter(|p| !p.cut) {
+                    for platform in self.platforms.iter_mut().filter(|p| !p.cut && !p.deaf) {
                         let gives = command.command == FormationCommand::COMMAND_TRACK
                             || command.command == FormationCommand::COMMAND_HOLD;
                         platform.authority_until =

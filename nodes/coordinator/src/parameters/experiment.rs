@@ -1,14 +1,16 @@
 //! Name, start and end of an experiment.
 
-use whorl_params::Reader;
+use whorl_params::{Reader, range};
 
 /// Name, start and end of an experiment.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentSettings {
     /// Its name.
     pub name: String,
     /// One line on what it shows; may be empty.
     pub description: String,
+    /// Relative pointing error in hold, RMS, that the run is judged by \[deg\]; 0: it is not. Read by the report.
+    pub target_deg: f64,
     /// Whether it starts automatically as soon as all platforms are ready.
     pub auto_start: bool,
     /// Zero of yaw angles.
@@ -41,6 +43,12 @@ pub(super) fn read(r: &mut Reader<'_>) -> ExperimentSettings {
     ExperimentSettings {
         name: r.string_or("name", "unnamed", "name of the experiment"),
         description: r.string_or("description", "", "one line on what it shows"),
+        target_deg: r.f64_or(
+            "target_deg",
+            0.0,
+            range(0.0..=180.0),
+            "relative pointing error in hold, RMS, that the verdict on the run asks for [deg]; 0: none",
+        ),
         auto_start: r.bool_or(
             "auto_start",
             true,

@@ -217,6 +217,7 @@ impl NodeCore for LocalControlCore {
             Topic::AttitudeEstimate,
             Topic::ImuRaw,
             Topic::ThrusterState,
+            Topic::GateState,
             Topic::AttitudeReference,
             Topic::Excitation,
         ];
@@ -251,6 +252,7 @@ impl NodeCore for LocalControlCore {
                     self.inputs.joints_arrived(now, route.topic.info().name, joints);
                 }
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
+                Message::GateState(state) => self.inputs.gate_arrived(now, state),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
                 Message::Excitation(excitation) => self.inputs.excitation_arrived(now, excitation),
                 // If every platform has its own coordinator, a command names the platform it is for.
@@ -265,7 +267,7 @@ impl NodeCore for LocalControlCore {
                 _ => {}
             },
             Event::Timer => self.on_timer(now, outputs),
-            Event::Shutdown => {
+            Event::Shutdown | Event::Interruption => {
                 let stamp = self.latest_stamp.unwrap_or_default();
                 self.idle(now, stamp, outputs);
             }

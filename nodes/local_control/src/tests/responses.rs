@@ -41,6 +41,36 @@ fn turning() -> Rig {
 }
 
 #[test]
+fn a_driver_that_does_not_obey_is_not_reported_as_tracking() {
+    use whorl_msgs::std_msgs::Header;
+    use whorl_msgs::topics::{PlatformId, Route, Topic};
+    use whorl_msgs::whorl::GateState;
+    let mut rig = tracking();
+    let say = |rig: &mut Rig, state: u8| {
+        let header = Header { stamp: rig.now.into(), frame_id: String::new() };
+        rig.send(
+            Route::platform(PlatformId(0), Topic::GateState),
+            GateState { header, state, ..GateState::default() },
+        );
+    };
+    // Its gate closes for a moment, as when commands were late.
+    say(&mut rig, GateState::STATE_OFF);
+    rig.run(0.1);
+    assert_eq!(rig.mode(), (TRACK, ControlStatus::REASON_NONE));
+    let sent = rig.commands.len();
+    for _ in 0..5 {
+        say(&mut rig, GateState::STATE_OFF);
+        rig.run(0.1);
+    }
+    assert_eq!(rig.mode(), (COAST, ControlStatus::REASON_COMMANDS_REFUSED));
+    // Commands are still sent: how else could it obey again?
+    assert!(rig.commands.len() - sent >= 45, "{}", rig.commands.len() - sent);
+    say(&mut rig, GateState::STATE_OBEYING);
+    rig.run(0.1);
+    assert_eq!(rig.mode(), (TRACK, ControlStatus::REASON_NONE));
+}
+
+#[test]
 fn without_authority_everything_is_off() {
     let mut rig = Rig::holding("whorl_1", &[], balanced());
     rig.heartbeat = None;

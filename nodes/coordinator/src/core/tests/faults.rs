@@ -75,6 +75,22 @@ fn a_platform_that_moved_while_unseen_starts_anew_from_where_it_is() {
 }
 
 #[test]
+fn a_link_that_is_cut_towards_a_platform_only_is_waited_for_as_one_that_is_cut_both_ways() {
+    // Far beyond `faults.timeout_s`.
+    for platform in [0, 1] {
+        let mut lab = slewing();
+        lab.platforms[platform].deaf = true;
+        lab.run(125.0);
+        assert_ne!(lab.core.phase(), FormationState::PHASE_ABORTED, "{:?}", lab.core.abort_reason());
+        assert!(lab.state().step.contains("waiting"), "{}", lab.state().step);
+        lab.platforms[platform].deaf = false;
+        lab.run_until(FormationState::PHASE_FINISHED, 60.0);
+        lab.check_end();
+        assert_eq!(lab.core.failure(), None);
+    }
+}
+
+#[test]
 fn safe_mode_pauses_the_experiment_and_it_goes_on_after() {
     let mut lab = slewing();
     lab.platforms[1].safe = true;
@@ -108,6 +124,7 @@ fn a_platform_that_stays_in_safe_mode_or_silent_aborts_the_experiment() {
         assert_eq!(lab.commands.last().unwrap().command, FormationCommand::COMMAND_ABORT);
         lab.run(10.0);
         assert!(lab.core.finished());
+        assert!(lab.core.failure().unwrap().contains("whorl_1"), "{:?}", lab.core.failure());
     }
 }
 

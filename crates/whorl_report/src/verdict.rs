@@ -1,0 +1,305 @@
+//! One verdict on a run: the same words on the terminal, on the page, in `summary.json` and behind the exit status.
+
+use serde::Serialize;
+use whorl_math::deg_from_rad;
+use whorl_msgs::whorl::{ControlStatus, FormationState};
+
+use crate::data::{PlatformData, RunData};
+use crate::metrics::Summary;
+
+/// A fault that is over within this time \[s\] does not fail a run: authority and references take a moment to arrive.
+const TOLERATED_S: f64 = 0.5;
+/// Late timers per second of the run above which the computer counts as overloaded.
+const LATE_PER_S: f64 = 1.0;
+/// Name of a count in the drivers' diagnostics.
+const COMMAND_TIMEOUTS: &str = "command timeouts";
+/// Share of lost messages that is worth a word.
+const LOST_SHARE: f64 = 1e-3;
+
+/// What is known of a run beside its messages.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Circumstances {
+    /// The experiment's target for the relative pointing error in hold, RMS \[rad\], if it has one.
+    pub target_rad: Option<f64>,
+    /// Why the recording is not complete, if it is not.
+    pub incomplete: Option<String>,
+    /// Messages recorded.
+    pub messages: u64,
+    /// Messages lost on the way to the recorder.
+    pub lost: u64,
+}
+
+/// What a run came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Result {
+    /// The experiment came to its end and did what it was meant to.
+    Passed,
+    /// It did not; the reasons say why.
+    Failed,
+    /// No experiment was started: a recording of platforms alone.
+    NotJudged,
+}
+
+/// The verdict.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// What the run came to.
+    pub result: Result,
+    /// Why it failed; empty when it did not.
+    pub reasons: Vec<String>,
+    /// What else is worth knowing.
+    pub notes: Vec<String>,
+    /// Time in safe mode, of the platform that was in it longest \[s\].
+    pub safe_s: f64,
+    /// Time without authority or with a stale reference, likewise \[s\].
+    pub uncommanded_s: f64,
+    /// Time after settling in which a reference was clipped at the tilt limit \[s\].
+    pub clipped_s: f64,
+    /// Timers of nodes that fired more than a period late.
+    pub late_timers: u64,
+    /// How often a driver switched off while the experiment ran, because commands came late or not at all.
+    pub command_timeouts: u64,
+    /// All in one line.
+    pub line: String,
+}
+
+impl Verdict {
+    /// Whether an exit status should say that the run failed.
+    #[must_use]
+    pub fn failed(&self) -> bool {
+        self.result == Result::Failed
+    }
+}
+
+/// Judges a run.
+#[must_use]
+pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) -> Verdict {
+    let span = running(run);
+    let longest = |wanted: fn(&ControlStatus) -> bool| {
+        run.platforms.values().map(|data| time_in(data, span, wanted)).fold(0.0, f64::max)
+    };
+    let safe_s = longest(|status| {
+        matches!(status.mode, ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST)
+    });
+    let uncommanded_s = longest(|status| {
+        matches!(status.mode, ControlStatus::MODE_IDLE | ControlStatus::MODE_HOLD)
+            && matches!(
+                status.reason,
+                ControlStatus::REASON_NO_AUTHORITY | ControlStatus::REASON_REFERENCE_STALE
+            )
+    });
+    let clipped_s = clipped_s(run);
+    let late_timers =
+        latest(run, (f64::NEG_INFINITY, f64::INFINITY), "timer firings more than a period late");
+    let command_timeouts = latest(run, span, COMMAND_TIMEOUTS).saturating_sub(latest(
+        run,
+        (f64::NEG_INFINITY, span.0),
+        COMMAND_TIMEOUTS,
+    ));
+
+    let mut reasons = Vec::new();
+    match summary.outcome.as_str() {
+        // One that nobody started is a recording.
+        "finished" | "ready" => {}
+        "aborted" => reasons.push("the experiment was aborted".to_owned()),
+        phase => reasons.push(format!("the experiment did not end: it was in phase {phase}")),
+    }
+    let mut fault = |seconds: f64, what: &str| {
+        if seconds > TOLERATED_S {
+            reasons.push(format!("{what} for {seconds:.1} s"));
+        }
+    };
+    fault(safe_s, "safe mode");
+    fault(uncommanded_s, "no authority or a stale reference");
+    fault(clipped_s, "reference clipped at the tilt limit");
+    let mut notes = Vec::new();
+    for pair in &summary.pairs {
+        let error_deg = deg_from_rad(pair.relative_error_rms_rad);
+        let of = format!("{} to {}", pair.follower, pair.leader);
+        match circumstances.target_rad {
+            _ if pair.hold_s <= 0.0 => {}
+            Some(target_rad) if pair.relative_error_rms_rad <= target_rad => {
+                notes.push(format!("target met: {of} {error_deg:.3} deg of {:.3}", deg_from_rad(target_rad)));
+            }
+            // An error that is not known has not met its target.
+            Some(target_rad) => {
+                let found =
+                    if error_deg.is_finite() { format!("{error_deg:.3} deg") } else { "unknown".to_owned() };
+                reasons
+                    .push(format!("target missed: {of} {found}, target {:.3} deg", deg_from_rad(target_rad)));
+            }
+            None => {}
+        }
+    }
+    if let Some(why) = &circumstances.incomplete {
+        reasons.push(format!("the recording is not complete: {why}"));
+    }
+    if late_timers as f64 > LATE_PER_S * summary.duration_s {
+        notes.push(format!("this computer was overloaded: {late_timers} deadlines missed"));
+    } else if late_timers > 0 {
+        notes.push(format!("{late_timers} deadlines missed"));
+    }
+    if command_timeouts > 0 {
+        notes.push(format!("commands came late or not at all, {command_timeouts} times"));
+    }
+    if circumstances.lost as f64 > LOST_SHARE * circumstances.messages as f64 {
+        notes.push(format!("{} of {} messages lost", circumstances.lost, circumstances.messages));
+    }
+    let not_started = run.formation.is_empty() || summary.outcome == "ready";
+    let result = match (not_started, reasons.is_empty()) {
+        (true, _) => Result::NotJudged,
+        (false, true) => Result::Passed,
+        (false, false) => Result::Failed,
+    };
+    let line = line(result, summary.duration_s, &reasons, &notes);
+    Verdict { result, reasons, notes, safe_s, uncommanded_s, clipped_s, late_timers, command_timeouts, line }
+}
+
+fn line(result: Result, duration_s: f64, reasons: &[String], notes: &[String]) -> String {
+    let head = match result {
+        Result::Passed => format!("PASSED after {duration_s:.1} s"),
+        Result::Failed => format!("FAILED: {}", reasons.join("; ")),
+        Result::NotJudged => "not judged: no experiment was started".to_owned(),
+    };
+    if notes.is_empty() { head } else { format!("{head} ({})", notes.join("; ")) }
+}
+
+/// From the start of the experiment to its end \[s\].
+fn running(run: &RunData) -> (f64, f64) {
+    let started = run.formation.iter().find(|s| s.message.run_elapsed_s > 0.0);
+    let ended = run.formation.iter().find(|s| s.message.phase >= FormationState::PHASE_FINISHED);
+    (started.map_or(f64::INFINITY, |s| s.stamp_s), ended.map_or(f64::INFINITY, |s| s.stamp_s))
+}
+
+fn time_in(data: &PlatformData, (from, to): (f64, f64), wanted: fn(&ControlStatus) -> bool) -> f64 {
+    let steps: Vec<_> = data.control.iter().filter(|c| (from..to).contains(&c.stamp_s)).collect();
+    let lengths = steps.windows(2).filter(|w| wanted(&w[0].message)).map(|w| w[1].stamp_s - w[0].stamp_s);
+    lengths.fold(0.0, |total, dt| total + dt)
+}
+
+fn clipped_s(run: &RunData) -> f64 {
+    // On the way to its first attitude a platform may be led along its limit.
+    let asked = [FormationState::PHASE_MANOEUVRE, FormationState::PHASE_HOLD];
+    let any = |s: &FormationState| asked.contains(&s.phase) && s.reference_clipped.contains(&true);
+    let clipped = run.formation.windows(2).filter(|w| any(&w[0].message));
+    clipped.map(|w| w[1].stamp_s - w[0].stamp_s).fold(0.0, |total, dt| total + dt)
+}
+
+/// The count of that name in the diagnostics, over all nodes, as each said it last within this time.
+fn latest(run: &RunData, (from, to): (f64, f64), key: &str) -> u64 {
+    let mut last = std::collections::BTreeMap::new();
+    let within = run.diagnostics.iter().filter(|array| (from..to).contains(&array.stamp_s));
+    for status in within.flat_map(|array| &array.message.status) {
+        let count = status.values.iter().find(|v| v.key == key);
+        if let Some(count) = count.and_then(|v| v.value.parse::<u64>().ok()) {
+            last.insert(status.name.as_str(), count);
+        }
+    }
+    last.values().fold(0, |total: u64, count| total.saturating_add(*count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_msgs::std_msgs::Header;
+    use whorl_msgs::topics::Message;
+    use whorl_node::Timestamp;
+
+    fn header(time_s: f64) -> Header {
+        Header { stamp: Timestamp::from_seconds(1000.0 + time_s).into(), frame_id: String::new() }
+    }
+
+    fn add(run: &mut RunData, topic: &str, time_s: f64, message: impl Into<Message>) {
+        run.add(topic, Timestamp::from_seconds(1000.0 + time_s).0, message.into());
+    }
+
+    /// Ten seconds of an experiment; modes and clipping by time.
+    fn run(last_phase: u8, status: impl Fn(f64) -> (u8, u8), clipped: impl Fn(f64) -> bool) -> RunData {
+        let mut run = RunData::default();
+        for k in 0..=100 {
+            let time_s = f64::from(k) * 0.1;
+            let phase = if k == 100 { last_phase } else { FormationState::PHASE_HOLD };
+            let state = FormationState {
+                header: header(time_s),
+                phase,
+                run_elapsed_s: time_s + 0.01,
+                platforms: vec!["whorl_1".to_owned()],
+                reference_clipped: vec![clipped(time_s)],
+                ..FormationState::default()
+            };
+            add(&mut run, "/formation/state", time_s, state);
+            let (mode, reason) = status(time_s);
+            let status = ControlStatus { header: header(time_s), mode, reason, ..ControlStatus::default() };
+            add(&mut run, "/whorl_1/control/status", time_s, status);
+        }
+        run
+    }
+
+    fn verdict(run: &RunData, circumstances: &Circumstances) -> Verdict {
+        judge(run, &crate::metrics::summarise(run), circumstances)
+    }
+
+    const TRACKING: (u8, u8) = (ControlStatus::MODE_TRACK, ControlStatus::REASON_NONE);
+
+    #[test]
+    fn a_run_that_did_what_it_was_meant_to_passes() {
+        let run = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false);
+        let verdict = verdict(&run, &Circumstances::default());
+        assert_eq!((verdict.result, verdict.line.as_str()), (Result::Passed, "PASSED after 10.0 s"));
+    }
+
+    #[test]
+    fn what_finished_without_tracking_has_failed() {
+        let safe = |time_s: f64| {
+            if time_s < 5.0 {
+                TRACKING
+            } else {
+                (ControlStatus::MODE_SAFE_COAST, ControlStatus::REASON_ESTIMATE_STALE)
+            }
+        };
+        let safe = run(FormationState::PHASE_FINISHED, safe, |_| false);
+        let safe = verdict(&safe, &Circumstances::default());
+        assert_eq!(safe.line, "FAILED: safe mode for 4.9 s");
+        let stale = |_: f64| (ControlStatus::MODE_HOLD, ControlStatus::REASON_REFERENCE_STALE);
+        let stale = run(FormationState::PHASE_FINISHED, stale, |_| false);
+        assert!(verdict(&stale, &Circumstances::default()).line.contains("stale reference for 9.9 s"));
+    }
+
+    #[test]
+    fn a_clipped_reference_an_abort_and_a_lost_recording_are_reasons() {
+        let clipped = run(FormationState::PHASE_FINISHED, |_| TRACKING, |t| (2.0..5.0).contains(&t));
+        let clipped = verdict(&clipped, &Circumstances::default());
+        assert_eq!(clipped.line, "FAILED: reference clipped at the tilt limit for 3.0 s");
+        let aborted = run(FormationState::PHASE_ABORTED, |_| TRACKING, |_| false);
+        let lost = Circumstances {
+            incomplete: Some("the disk was full".to_owned()),
+            messages: 1000,
+            lost: 20,
+            ..Circumstances::default()
+        };
+        assert_eq!(
+            verdict(&aborted, &lost).line,
+            "FAILED: the experiment was aborted; the recording is not complete: the disk was full (20 of 1000 messages lost)"
+        );
+    }
+
+    #[test]
+    fn what_was_interrupted_is_not_called_finished_and_has_no_numbers_that_are_none() {
+        let mut run = RunData::default();
+        let state = FormationState {
+            header: header(0.0),
+            phase: FormationState::PHASE_SETTLE,
+            platforms: vec!["whorl_1".to_owned()],
+            ..FormationState::default()
+        };
+        add(&mut run, "/formation/state", 0.0, state);
+        let target = Circumstances { target_rad: Some(0.002), ..Circumstances::default() };
+        let verdict = verdict(&run, &target);
+        assert_eq!(verdict.line, "FAILED: the experiment did not end: it was in phase settle");
+        assert_eq!(
+            judge(&RunData::default(), &crate::metrics::summarise(&RunData::default()), &target).result,
+            Result::NotJudged
+        );
+    }
+}

@@ -1,0 +1,138 @@
+//! Fault rows: single messages that no node would send.
+
+use std::time::Duration;
+
+use whorl_msgs::diagnostic_msgs::DiagnosticArray;
+use whorl_msgs::sensor_msgs::Imu;
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Message, Topic};
+use whorl_msgs::whorl::{
+    ActuatorCommand, AttitudeEstimate, AttitudeReference, ControlStatus, FormationCommand, GateState,
+};
+use whorl_node::Timestamp;
+use whorl_ros::{EndpointQos, Participant, RawWriter, wall_clock};
+
+use crate::support::formation::Formation;
+use crate::support::simulation::encoded;
+use crate::support::watch::{Watch, route};
+
+const HOUR: Duration = Duration::from_secs(3600);
+
+fn writer(participant: &Participant, topic: Topic) -> RawWriter {
+    let info = topic.info();
+    let name = route(0, topic).name(&["whorl_1"]).unwrap();
+    participant.writer(&name, info.message_type.name(), EndpointQos::from(info.qos)).unwrap()
+}
+
+fn header(stamp: Timestamp) -> Header {
+    Header { stamp: stamp.into(), frame_id: String::new() }
+}
+
+/// A command that is valid now, with one wheel turning.
+fn command() -> ActuatorCommand {
+    let now = wall_clock();
+    ActuatorCommand {
+        header: header(now),
+        sequence: 1,
+        valid_until: (now + Duration::from_millis(60)).into(),
+        wheel_torque_n_m: vec![0.01, 0.0, 0.0],
+        jet_slot: 1,
+        jet_slot_length_s: 0.1,
+        jet_on_time_s: vec![0.0; 12],
+    }
+}
+
+/// A second in which the platform tracks and its driver obeys all the time. What is locked out for an hour never has one; a
+/// busy machine has one soon.
+fn assert_tracks_again(formation: &mut Formation, watch: &Watch, after: &str) {
+    let mut seen = String::new();
+    for _ in 0..15 {
+        let since = watch.during(Duration::from_secs(1));
+        formation.check_alive();
+        let log = watch.log();
+        let modes: Vec<u8> =
+            log.after::<ControlStatus>(route(0, Topic::ControlStatus), since).map(|(_, m)| m.mode).collect();
+        let gate: Vec<&GateState> =
+            log.after::<GateState>(route(0, Topic::GateState), since).map(|(_, m)| m).collect();
+        let obeyed = gate.last().map_or(0, |s| s.accepted) - gate.first().map_or(0, |s| s.accepted);
+        if modes.len() > 40
+            && modes.iter().all(|mode| *mode == ControlStatus::MODE_TRACK)
+            && gate.iter().all(|state| state.state == GateState::STATE_OBEYING)
+            && obeyed > 40
+        {
+            return;
+        }
+        seen = format!("modes {modes:?}, gate {gate:?}");
+    }
+    panic!("after {after}: {seen}");
+}
+
+#[test]
+fn no_single_message_ends_a_node_or_locks_its_platform_out() {
+    let jets = "/**/local_control: {ros__parameters: {actuators: both}}";
+    let (mut formation, watch) = Formation::holding_alone(&[jets]);
+    let participant = formation.participant();
+    let commands = writer(&participant, Topic::ActuatorCommand);
+    let estimates = writer(&participant, Topic::AttitudeEstimate);
+    let references = writer(&participant, Topic::AttitudeReference);
+    let authority = writer(&participant, Topic::FormationCommand);
+    let measurements = writer(&participant, Topic::ImuRaw);
+    watch.during(Duration::from_secs(2));
+
+    let ahead = || header(wall_clock() + HOUR);
+    type Forged<'w> = (&'static str, &'w RawWriter, Box<dyn Fn() -> Message>);
+    let forged: [Forged<'_>; 9] = [
+        (
+            "a pulse of 1e20 s",
+            &commands,
+            Box::new(|| {
+                let mut m = command();
+                m.jet_slot_length_s = 1e20;
+                m.jet_on_time_s[0] = 1e20;
+                m.into()
+            }),
+        ),
+        ("slot 2^64-1", &commands, Box::new(|| ActuatorCommand { jet_slot: u64::MAX, ..command() }.into())),
+        ("slot 2^53", &commands, Box::new(|| ActuatorCommand { jet_slot: 1 << 53, ..command() }.into())),
+        ("sequence 2^53", &commands, Box::new(|| ActuatorCommand { sequence: 1 << 53, ..command() }.into())),
+        (
+            "a command an hour ahead",
+            &commands,
+            Box::new(move || ActuatorCommand { header: ahead(), ..command() }.into()),
+        ),
+        (
+            "an estimate an hour ahead",
+            &estimates,
+            Box::new(move || AttitudeEstimate { header: ahead(), health: 1, ..Default::default() }.into()),
+        ),
+        (
+            "a reference an hour ahead",
+            &references,
+            Box::new(move || AttitudeReference { header: ahead(), ..Default::default() }.into()),
+        ),
+        (
+            "an authority an hour ahead",
+            &authority,
+            Box::new(move || FormationCommand { header: ahead(), ..Default::default() }.into()),
+        ),
+        (
+            "a measurement an hour ahead",
+            &measurements,
+            Box::new(move || Imu { header: ahead(), ..Default::default() }.into()),
+        ),
+    ];
+    for (what, writer, make) in &forged {
+        writer.publish(&encoded(&make())).unwrap();
+        assert_tracks_again(&mut formation, &watch, what);
+    }
+    // What was refused is told.
+    let told = |words: &str| {
+        let log = watch.log();
+        log.of::<DiagnosticArray>(route(0, Topic::Diagnostics)).flat_map(|(_, m)| &m.status).any(|s| {
+            s.message.contains(words) || s.values.iter().any(|v| v.key.contains(words) && v.value != "0")
+        })
+    };
+    for words in ["messages out of bounds on /whorl_1/actuators/command", "samples ahead of the clock"] {
+        assert!(told(words), "nobody said '{words}'");
+    }
+}
