@@ -12,10 +12,11 @@ use whorl_recording::{Mounting, Recording, Series};
 const STEP_S: f64 = 0.01;
 
 /// A platform with one wheel about z and no jets.
+#[expect(clippy::expect_used, reason = "a sphere is realisable")]
 fn rig(freedom: Freedom, inertia_kg_m2: f64, wheel_kg_m2: f64) -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
-    model.mass_properties =
-        MassProperties::new(Matrix3::identity() * inertia_kg_m2, Vector3::zeros(), 1.0).unwrap();
+    model.mass_properties = MassProperties::new(Matrix3::identity() * inertia_kg_m2, Vector3::zeros(), 1.0)
+        .expect("a sphere is realisable");
     (model.freedom, model.tilt_limit) = (freedom, TiltLimit::NONE);
     model.jets_mut().clear();
     model.wheels_mut().truncate(1);
@@ -32,13 +33,15 @@ fn rig(freedom: Freedom, inertia_kg_m2: f64, wheel_kg_m2: f64) -> PlatformModel 
     model
 }
 
+#[expect(clippy::expect_used, reason = "a test fails by panicking")]
 fn explained(runs: &[Recording], held_out: &[Recording], model: &PlatformModel) -> Diagnosis {
-    diagnose(runs, held_out, model, &ModelPrior::typical(model), &Options::default(), &mut |_| {}).unwrap()
+    diagnose(runs, held_out, model, &ModelPrior::typical(model), &Options::default(), &mut |_| {})
+        .expect("the runs can be diagnosed")
 }
 
 fn estimate(found: &Diagnosis, effect: &str, parameter: &str) -> f64 {
-    let row = found.candidates.iter().find(|c| c.effect == effect).unwrap();
-    row.parameters.iter().find(|p| p.name.ends_with(parameter)).unwrap().estimate
+    let rows = found.candidates.iter().filter(|c| c.effect == effect).flat_map(|c| &c.parameters);
+    rows.filter(|p| p.name.ends_with(parameter)).map(|p| p.estimate).next().unwrap_or(f64::NAN)
 }
 
 /// A wheel of 1e-4 kg m^2 with dry friction alone: its speed falls along a straight line, to nothing in 3.5 s.
