@@ -1,12 +1,14 @@
 //! `whorl compare`: how far a model is from recorded runs.
 
+use anyhow::bail;
 use serde_json::json;
-use whorl_explain::{ComparedRun, compare, prediction_error};
+use whorl_explain::adopt::versions;
+use whorl_explain::{Case, ComparedRun, Say, compare, prediction_error};
 use whorl_math::three_digits;
 use whorl_validation::comparison::INITIAL_STATE_RULE;
 use whorl_validation::{Comparison, FloorSource};
 
-use crate::explain::ExplainArguments;
+use crate::explain::{ExplainArguments, options};
 use crate::progress;
 use crate::table::print;
 
@@ -18,12 +20,24 @@ const SCHEMA: u32 = 1;
 pub struct Arguments {
     #[command(flatten)]
     explain: ExplainArguments,
+    /// Refits the platform's own parameters within their priors first, to all runs but held-out ones: what is then left
+    /// is what the model lacks
+    #[arg(long)]
+    refit: bool,
 }
 
 /// Carries out `whorl compare`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
-    let compared = progress::watched("comparing the runs", |say| compare(&runs.case(), say))?;
+    let mut runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
+    let (compared, given) = if arguments.refit {
+        let (given, refitted) =
+            progress::watched("refitting and comparing", |say| refitted(&runs.case(), say))?;
+        println!("{}", said_of_refit(&given, &refitted));
+        runs.facts.push(("model".to_owned(), REFITTED.to_owned()));
+        (refitted, Some(given))
+    } else {
+        (progress::watched("comparing the runs", |say| compare(&runs.case(), say))?, None)
+    };
     for run in &compared {
         println!(
             "{}{}",
@@ -51,14 +65,46 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for gaps in runs.gaps() {
         println!("\nnote: {gaps}");
     }
-    arguments.explain.write_json(|| as_json(&runs.known.platform, &compared))?;
+    arguments.explain.write_json(|| as_json(&runs.known.platform, &compared, given.as_deref()))?;
     let page = whorl_report::comparison_html(&compared, &runs.facts);
     let page = arguments.explain.write_page("compare.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
 }
 
-fn as_json(platform: &str, compared: &[ComparedRun]) -> anyhow::Result<serde_json::Value> {
+/// The model of a comparison after a refit, in words.
+const REFITTED: &str = "the platform's own parameters refitted to the runs, held-out ones excepted";
+
+/// All runs compared with the model as given, and with its own parameters refitted.
+fn refitted(case: &Case<'_>, say: &mut Say<'_>) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
+    let (versions, left_out) = versions(case, &[], &options(), say)?;
+    let mut versions = versions.into_iter();
+    match (versions.next(), versions.next(), left_out.first()) {
+        (Some(given), Some(refitted), _) => Ok((given.runs, refitted.runs)),
+        (.., Some((_, error))) => bail!("the platform's own parameters cannot be refitted: {error}"),
+        _ => bail!("the platform's own parameters cannot be refitted"),
+    }
+}
+
+/// "As given, ...; refitted, ...".
+fn said_of_refit(given: &[ComparedRun], refitted: &[ComparedRun]) -> String {
+    let error = |runs: &[ComparedRun]| match (prediction_error(runs, false), prediction_error(runs, true)) {
+        (Some(training), Some(held_out)) => format!("{training:.2} times the noise (held out {held_out:.2})"),
+        (Some(training), None) => format!("{training:.2} times the noise"),
+        _ => "unknown".to_owned(),
+    };
+    format!(
+        "Prediction error with the model as given: {}; with {REFITTED}: {}. All that follows is with the refitted model.",
+        error(given),
+        error(refitted)
+    )
+}
+
+fn as_json(
+    platform: &str,
+    compared: &[ComparedRun],
+    given: Option<&[ComparedRun]>,
+) -> anyhow::Result<serde_json::Value> {
     let mut list = Vec::new();
     for run in compared {
         let mut value = serde_json::to_value(&run.comparison)?;
@@ -75,6 +121,9 @@ fn as_json(platform: &str, compared: &[ComparedRun]) -> anyhow::Result<serde_jso
         "initial_state_rule": INITIAL_STATE_RULE,
         "prediction_error": prediction_error(compared, false),
         "held_out_prediction_error": prediction_error(compared, true),
+        "refitted": given.is_some(),
+        "prediction_error_as_given": given.and_then(|runs| prediction_error(runs, false)),
+        "held_out_prediction_error_as_given": given.and_then(|runs| prediction_error(runs, true)),
         "runs": list,
     }))
 }
