@@ -58,20 +58,9 @@ pub fn linear_delta_v_hill_m_s(chief: &OrbitState, deputy: &HillState) -> Vector
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::elements::Elements;
-    use crate::{EARTH_RADIUS_M, yamanaka_ankersen};
+    use crate::elements::{Elements, test_chief as chief};
+    use crate::yamanaka_ankersen;
     use proptest::prelude::*;
-
-    fn chief(eccentricity: f64, mean_anomaly_rad: f64) -> Elements {
-        Elements {
-            semi_major_axis_m: (EARTH_RADIUS_M + 500e3) / (1.0 - eccentricity),
-            eccentricity,
-            inclination_rad: 0.9,
-            node_rad: 0.3,
-            perigee_rad: 0.5,
-            mean_anomaly_rad,
-        }
-    }
 
     /// In-track position of a deputy after some revolutions of its chief less that at the start, for each revolution \[m\].
     fn drift_m(propagator: Propagator, chief: &OrbitState, deputy: &OrbitState, period_s: f64) -> f64 {

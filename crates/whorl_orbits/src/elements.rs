@@ -203,6 +203,19 @@ impl Elements {
     }
 }
 
+/// A chief for tests, 500 km above the ground at its perigee.
+#[cfg(test)]
+pub(crate) fn test_chief(eccentricity: f64, mean_anomaly_rad: f64) -> Elements {
+    Elements {
+        semi_major_axis_m: (crate::EARTH_RADIUS_M + 500e3) / (1.0 - eccentricity),
+        eccentricity,
+        inclination_rad: 0.9,
+        node_rad: 0.3,
+        perigee_rad: 0.5,
+        mean_anomaly_rad,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -103,20 +103,9 @@ fn second(e: f64, at: &Scaling, j: f64) -> Matrix4<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::EARTH_RADIUS_M;
+    use crate::elements::test_chief as chief;
     use crate::{clohessy_wiltshire, relative_motion};
     use proptest::prelude::*;
-
-    fn chief(eccentricity: f64, mean_anomaly_rad: f64) -> Elements {
-        Elements {
-            semi_major_axis_m: (EARTH_RADIUS_M + 500e3) / (1.0 - eccentricity),
-            eccentricity,
-            inclination_rad: 0.9,
-            node_rad: 0.3,
-            perigee_rad: 0.5,
-            mean_anomaly_rad,
-        }
-    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]

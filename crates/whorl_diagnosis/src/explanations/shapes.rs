@@ -7,7 +7,7 @@ use whorl_math::{azimuth_rad, vertical_b};
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
 use crate::search::Search;
-use crate::search::problem::Torques;
+use crate::search::torques::Torques;
 use crate::whitening::columns::Stray;
 
 /// A variable, and its shape as odd or even.

@@ -1,5 +1,6 @@
 //! Which sets come near the best one, each fitted and weighed where it fits best.
 
+pub(crate) mod climb;
 pub(crate) mod converge;
 pub(crate) mod latency;
 pub(crate) mod nameless;
@@ -10,6 +11,7 @@ pub(crate) mod prospect;
 pub(crate) mod rest;
 pub(crate) mod standing;
 pub(crate) mod step;
+pub(crate) mod torques;
 pub(crate) mod weigh;
 
 pub(crate) use proposals::Search;

@@ -1,6 +1,5 @@
 //! Recordings made ready: trajectories smoothed, whitened, linearised.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -8,12 +7,13 @@ use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::evidence::nuisance::{Nuisance, STEP};
-use crate::evidence::regression::{Colour, Normal, Whitened, coloured, rows_by_reading};
+use crate::evidence::regression::{Colour, Normal, Whitened};
 use crate::explanations::parameters::{Column, Point, Reference};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
+use crate::search::torques::Torques;
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
-use crate::whitening::filter::{Background, Linear, Settings, System, WHEEL};
+use crate::whitening::filter::{Background, Settings, System, WHEEL};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, threads};
 
@@ -51,45 +51,6 @@ pub(crate) struct Problem {
     pub nuisance: Nuisance,
     /// What turns the platform, by which torques are measured that have no formula.
     pub torques: Torques,
-}
-
-/// Root mean square of the torques that were at work.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Torques {
-    /// On the body [N m].
-    pub body_n_m: f64,
-    /// On each wheel [N m].
-    pub wheel_n_m: Vec<f64>,
-}
-
-/// Time over which rates are compared to see what torque was at work \[s\]; one interval at least.
-const AT_WORK_S: f64 = 0.5;
-
-impl Torques {
-    fn of(runs: &[Run], motions: &[Motion], model: &whorl_dynamics::PlatformModel) -> Self {
-        let inertia = model.mass_properties.inertia_b_kg_m2();
-        let (mut body, mut count) = (0.0, 0.0);
-        let mut wheel = vec![0.0; model.wheels().len()];
-        for (run, motion) in runs.iter().zip(motions) {
-            let apart = ((AT_WORK_S / run.node_s().max(1e-9)).round() as usize).max(1);
-            for k in (apart..run.nodes()).step_by(apart) {
-                let time_s = (run.time(k) - run.time(k - apart)).max(1e-9);
-                if let (Some(before), Some(after)) = (motion.omega.get(k - apart), motion.omega.get(k)) {
-                    body += (inertia * (after - before) / time_s).norm_squared();
-                }
-                if let (Some(before), Some(after)) = (motion.wheel.get(k - apart), motion.wheel.get(k)) {
-                    for ((slot, w), (a, b)) in
-                        wheel.iter_mut().zip(model.wheels()).zip(after.iter().zip(before))
-                    {
-                        *slot += (w.spin_inertia_kg_m2 * (a - b) / time_s).powi(2);
-                    }
-                }
-                count += 1.0;
-            }
-        }
-        let rms = |square: f64| (square / f64::max(count, 1.0)).sqrt().max(f64::MIN_POSITIVE);
-        Self { body_n_m: rms(body), wheel_n_m: wheel.into_iter().map(rms).collect() }
-    }
 }
 
 /// The whitened regression of a set of runs at a point.
@@ -284,99 +245,12 @@ impl Problem {
         Ok(powers.get(powers.len() / 2).copied().unwrap_or(1.0))
     }
 
-    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
-    /// from the noise in use, step by step along each of its sizes.
-    pub fn likeliest_nuisance(
-        &self,
-        point: &Point,
-        colours: Option<&[Vec<Colour>]>,
-    ) -> Result<Nuisance, DiagnosisError> {
-        Ok(self.climb(point, &self.nuisance.starts(), colours)?.0)
-    }
-
-    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
-    /// with the noise in use.
-    pub fn climb(
-        &self,
-        point: &Point,
-        starts: &[Nuisance],
-        colours: Option<&[Vec<Colour>]>,
-    ) -> Result<(Nuisance, f64, f64), DiagnosisError> {
-        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
-        let predictions: Vec<_> = self
-            .runs
-            .iter()
-            .zip(self.motions.iter())
-            .map(|(run, motion)| predict(&mechanics, run, motion).1)
-            .collect();
-        let systems = |nuisance: Nuisance| -> Vec<System<'_>> {
-            let all = self.runs.iter().zip(self.motions.iter()).zip(&predictions).enumerate();
-            all.map(|(r, ((run, motion), prediction))| System {
-                run,
-                motion,
-                mechanics: &mechanics,
-                prediction,
-                settings: self.settings_with(nuisance, r),
-            })
-            .collect()
-        };
-        let mut linears: BTreeMap<Nuisance, Vec<Linear>> = BTreeMap::new();
-        let mut known: BTreeMap<Nuisance, f64> = BTreeMap::new();
-        let mut posterior = |nuisance: Nuisance| -> f64 {
-            if let Some(found) = known.get(&nuisance) {
-                return *found;
-            }
-            let kind = Nuisance { bias: 0, wheel: 0, torque: nuisance.torque.min(1), ..nuisance };
-            let systems = systems(nuisance);
-            let linear =
-                linears.entry(kind).or_insert_with(|| threads::map(self.threads, &systems, System::linear));
-            let all: Vec<_> = systems.into_iter().zip(linear.iter()).enumerate().collect();
-            let sum: f64 = threads::map(self.threads, &all, |(r, (system, linear))| {
-                let (mut innovations, log_density) = system.innovations(linear);
-                if let Some(colours) = colours.and_then(|c| c.get(*r)) {
-                    let rows = rows_by_reading(linear.rows.iter().map(|row| row.reading));
-                    coloured(&mut innovations, &rows, colours);
-                }
-                log_density - 0.5 * innovations.iter().map(|e| e * e).sum::<f64>()
-            })
-            .iter()
-            .sum();
-            let found = sum + nuisance.log_prior();
-            known.insert(nuisance, found);
-            found
-        };
-        let in_use = posterior(self.nuisance);
-        let mut likeliest = (self.nuisance, f64::NEG_INFINITY);
-        for start in starts {
-            let value = posterior(*start);
-            if value > likeliest.1 {
-                likeliest = (*start, value);
-            }
-        }
-        loop {
-            let mut next = None;
-            for neighbour in
-                likeliest.0.neighbours(self.watches_body(), !self.reference.model.wheels().is_empty())
-            {
-                let here = posterior(neighbour);
-                if here > next.map_or(likeliest.1, |n: (Nuisance, f64)| n.1) + 1e-9 {
-                    next = Some((neighbour, here));
-                }
-            }
-            match next {
-                Some(better) => likeliest = better,
-                None => break,
-            }
-        }
-        Ok((likeliest.0, likeliest.1, in_use))
-    }
-
     /// Frequencies at which a line may be: about as many as the longest run has nodes.
     pub fn frequencies(&self) -> f64 {
         self.runs.iter().map(Run::nodes).max().unwrap_or(1).max(1) as f64
     }
 
-    fn watches_body(&self) -> bool {
+    pub fn watches_body(&self) -> bool {
         self.runs.iter().any(|run| !run.clamped)
     }
 
@@ -400,7 +274,7 @@ impl Problem {
     }
 
     /// As [`Self::settings`], with other noise.
-    fn settings_with(&self, nuisance: Nuisance, r: usize) -> Settings {
+    pub fn settings_with(&self, nuisance: Nuisance, r: usize) -> Settings {
         let density = |list: &[f64]| list.get(r).copied().unwrap_or(1e-4);
         let inertia = self.reference.model.wheels().iter().map(|w| w.spin_inertia_kg_m2).fold(1e-6, f64::max);
         Settings {

@@ -13,8 +13,11 @@ const INERTIA_KG_M2: f64 = 8.6;
 
 /// What parameters belong to, and how large it is.
 pub(super) trait RigSize {
-    /// Usual size here over that on the dissertation's platform, of a parameter of this unit.
-    fn factor(&self, unit: &str) -> f64;
+    /// Usual size here over that on the dissertation's platform, of a parameter of this unit. Effects on a part state their
+    /// sizes relative to it.
+    fn factor(&self, _unit: &str) -> f64 {
+        1.0
+    }
 }
 
 impl RigSize for PlatformModel {
@@ -29,17 +32,9 @@ impl RigSize for PlatformModel {
     }
 }
 
-impl RigSize for Wheel {
-    fn factor(&self, _unit: &str) -> f64 {
-        1.0
-    }
-}
+impl RigSize for Wheel {}
 
-impl RigSize for Jet {
-    fn factor(&self, _unit: &str) -> f64 {
-        1.0
-    }
-}
+impl RigSize for Jet {}
 
 /// A parameter with its usual size on a rig; its range grows with it, and never shrinks.
 pub(super) fn for_size_of(part: &impl RigSize, spec: ParameterSpec) -> ParameterSpec {

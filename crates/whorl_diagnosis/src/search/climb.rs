@@ -1,0 +1,101 @@
+//! The noise beside what the model states that is likeliest at a point.
+
+use std::collections::BTreeMap;
+
+use crate::evidence::nuisance::Nuisance;
+use crate::evidence::regression::{Colour, coloured, rows_by_reading};
+use crate::explanations::parameters::Point;
+use crate::search::problem::Problem;
+use crate::whitening::columns::predict;
+use crate::whitening::filter::{Linear, System};
+use crate::whitening::mechanics::Mechanics;
+use crate::{DiagnosisError, threads};
+
+impl Problem {
+    /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
+    /// from the noise in use, step by step along each of its sizes.
+    pub fn likeliest_nuisance(
+        &self,
+        point: &Point,
+        colours: Option<&[Vec<Colour>]>,
+    ) -> Result<Nuisance, DiagnosisError> {
+        Ok(self.climb(point, &self.nuisance.starts(), colours)?.0)
+    }
+
+    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
+    /// with the noise in use.
+    pub fn climb(
+        &self,
+        point: &Point,
+        starts: &[Nuisance],
+        colours: Option<&[Vec<Colour>]>,
+    ) -> Result<(Nuisance, f64, f64), DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let predictions: Vec<_> = self
+            .runs
+            .iter()
+            .zip(self.motions.iter())
+            .map(|(run, motion)| predict(&mechanics, run, motion).1)
+            .collect();
+        let systems = |nuisance: Nuisance| -> Vec<System<'_>> {
+            let all = self.runs.iter().zip(self.motions.iter()).zip(&predictions).enumerate();
+            all.map(|(r, ((run, motion), prediction))| System {
+                run,
+                motion,
+                mechanics: &mechanics,
+                prediction,
+                settings: self.settings_with(nuisance, r),
+            })
+            .collect()
+        };
+        let mut linears: BTreeMap<Nuisance, Vec<Linear>> = BTreeMap::new();
+        let mut known: BTreeMap<Nuisance, f64> = BTreeMap::new();
+        let mut posterior = |nuisance: Nuisance| -> f64 {
+            if let Some(found) = known.get(&nuisance) {
+                return *found;
+            }
+            let kind = Nuisance { bias: 0, wheel: 0, torque: nuisance.torque.min(1), ..nuisance };
+            let systems = systems(nuisance);
+            let linear =
+                linears.entry(kind).or_insert_with(|| threads::map(self.threads, &systems, System::linear));
+            let all: Vec<_> = systems.into_iter().zip(linear.iter()).enumerate().collect();
+            let sum: f64 = threads::map(self.threads, &all, |(r, (system, linear))| {
+                let (mut innovations, log_density) = system.innovations(linear);
+                if let Some(colours) = colours.and_then(|c| c.get(*r)) {
+                    let rows = rows_by_reading(linear.rows.iter().map(|row| row.reading));
+                    coloured(&mut innovations, &rows, colours);
+                }
+                log_density - 0.5 * innovations.iter().map(|e| e * e).sum::<f64>()
+            })
+            .iter()
+            .sum();
+            let found = sum + nuisance.log_prior();
+            known.insert(nuisance, found);
+            found
+        };
+        let in_use = posterior(self.nuisance);
+        let mut likeliest = (self.nuisance, f64::NEG_INFINITY);
+        for start in starts {
+            let value = posterior(*start);
+            if value > likeliest.1 {
+                likeliest = (*start, value);
+            }
+        }
+        loop {
+            let mut next = None;
+            for neighbour in
+                likeliest.0.neighbours(self.watches_body(), !self.reference.model.wheels().is_empty())
+            {
+                let here = posterior(neighbour);
+                if here > next.map_or(likeliest.1, |n: (Nuisance, f64)| n.1) + 1e-9 {
+                    next = Some((neighbour, here));
+                }
+            }
+            match next {
+                Some(better) => likeliest = better,
+                None => break,
+            }
+        }
+        Ok((likeliest.0, likeliest.1, in_use))
+    }
+}
