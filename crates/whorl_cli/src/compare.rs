@@ -28,16 +28,18 @@ pub struct Arguments {
 
 /// Carries out `whorl compare`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let mut runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
+    let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let (compared, given) = if arguments.refit {
         let (given, refitted) =
             progress::watched("refitting and comparing", |say| refitted(&runs.case(), say))?;
-        println!("{}", said_of_refit(&given, &refitted));
-        runs.facts.push(("model".to_owned(), REFITTED.to_owned()));
         (refitted, Some(given))
     } else {
         (progress::watched("comparing the runs", |say| compare(&runs.case(), say))?, None)
     };
+    let of_model = given.as_ref().map(|given| said_of_refit(given, &compared));
+    if let Some(of_model) = &of_model {
+        println!("{of_model}");
+    }
     for run in &compared {
         println!(
             "{}{}",
@@ -66,14 +68,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("\nnote: {gaps}");
     }
     arguments.explain.write_json(|| as_json(&runs.known.platform, &compared, given.as_deref()))?;
-    let page = whorl_report::comparison_html(&compared, &runs.facts);
+    let page = whorl_report::comparison_html(&compared, of_model.as_deref(), &runs.facts);
     let page = arguments.explain.write_page("compare.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
 }
-
-/// The model of a comparison after a refit, in words.
-const REFITTED: &str = "the platform's own parameters refitted to the runs, held-out ones excepted";
 
 /// All runs compared with the model as given, and with its own parameters refitted.
 fn refitted(case: &Case<'_>, say: &mut Say<'_>) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
@@ -94,7 +93,7 @@ fn said_of_refit(given: &[ComparedRun], refitted: &[ComparedRun]) -> String {
         _ => "unknown".to_owned(),
     };
     format!(
-        "Prediction error with the model as given: {}; with {REFITTED}: {}. All that follows is with the refitted model.",
+        "Prediction error with the model as given: {}; with the platform's own parameters refitted to the runs, held-out ones excepted: {}. All that follows is with the refitted model.",
         error(given),
         error(refitted)
     )

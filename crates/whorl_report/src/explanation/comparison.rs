@@ -18,10 +18,13 @@ pub(super) fn title(run: &ComparedRun) -> String {
     format!("{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" })
 }
 
-/// The page as one self-contained HTML document.
+/// The page as one self-contained HTML document; `of_model` says first which model it is, where that is not the given one.
 #[must_use]
-pub fn comparison_html(runs: &[ComparedRun], about: &Facts) -> String {
+pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Facts) -> String {
     let mut page = Document::new("How far off is the model?");
+    if let Some(of_model) = of_model {
+        page.paragraph("answer", of_model);
+    }
     for run in runs {
         page.paragraph("answer", &run.comparison.answer());
     }
