@@ -261,7 +261,8 @@ def friction_loss(lab):
 def cable(lab):
     """A hinge's own spring; on a ball two cords from the rim to the base, which twist and stretch."""
     if lab.kind == "hinge":
-        lab.joint["stiffness"] = lab.scale * 0.05
+        # So stiff that no run turns by half a turn: beyond, a cable winds up, which is another effect.
+        lab.joint["stiffness"] = lab.scale * 0.5
         return "harness_spring"
     r = lab.radius
     lab.world = "".join(f'<site name="base{k}" pos="{s * 2 * r:.9g} 0 0"/>' for k, s in enumerate((1, -1)))
