@@ -35,6 +35,7 @@ mod report;
 mod reproduce;
 mod run;
 mod runs;
+mod shapes;
 mod simulate;
 mod table;
 mod where_;

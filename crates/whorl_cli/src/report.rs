@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use whorl_bag::{Manifest, RunDirectory, RunState};
 use whorl_math::{deg_from_rad, rad_from_deg};
-use whorl_params::{Kind, ParameterTree, Value};
+use whorl_params::ParameterTree;
+use crate::shapes::{number, shapes};
 use whorl_report::{Circumstances, Description, RunData, Summary, TopicRow, Verdict};
 
 /// Carries out `whorl report`.
@@ -69,7 +70,8 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     }
     let manifest = run.manifest_or_from_bag()?;
     let summary = whorl_report::summarise(&data);
-    let mut description = describe(path, &manifest);
+    let parameters = effective_parameters(path);
+    let mut description = describe(path, &manifest, parameters.as_ref());
     if recovery.is_some() {
         description
             .warnings
@@ -85,7 +87,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
         Path::to_owned,
     );
-    let verdict = whorl_report::judge(&data, &summary, &circumstances(path, &manifest));
+    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest));
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
@@ -95,9 +97,9 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     Ok(Written { page, summary, verdict })
 }
 
-fn circumstances(path: &Path, manifest: &Manifest) -> Circumstances {
+fn circumstances(target_rad: Option<f64>, manifest: &Manifest) -> Circumstances {
     Circumstances {
-        target_rad: target_rad(path),
+        target_rad,
         incomplete: match &manifest.state {
             RunState::Stopped(reason) => Some(reason.clone()),
             RunState::Recovered => Some("the recorder was killed".to_owned()),
@@ -108,18 +110,18 @@ fn circumstances(path: &Path, manifest: &Manifest) -> Circumstances {
     }
 }
 
-/// The target among the parameters of the run; a run without parameters, such as an imported one, has none.
-fn target_rad(path: &Path) -> Option<f64> {
+/// The parameters of the run; one without any, such as an imported one, has none.
+fn effective_parameters(path: &Path) -> Option<ParameterTree> {
     let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
-    let tree = ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()?;
-    let target = tree.for_node("/coordinator").get("experiment.target_deg")?.value.converted(Kind::Double)?;
-    match target {
-        Value::Double(target_deg) if target_deg > 0.0 => Some(rad_from_deg(target_deg)),
-        _ => None,
-    }
+    ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
 }
 
-fn describe(path: &Path, manifest: &Manifest) -> Description {
+fn target_rad(parameters: &ParameterTree) -> Option<f64> {
+    let target_deg = number(&parameters.for_node("/coordinator"), "experiment.target_deg")?;
+    (target_deg > 0.0).then(|| rad_from_deg(target_deg))
+}
+
+fn describe(path: &Path, manifest: &Manifest, parameters: Option<&ParameterTree>) -> Description {
     let d = &manifest.description;
     let mut facts = vec![
         ("run".to_owned(), path.display().to_string()),
@@ -154,6 +156,9 @@ fn describe(path: &Path, manifest: &Manifest) -> Description {
             })
             .collect(),
         warnings: Vec::new(),
+        shapes: parameters.map(|p| shapes(p, &d.platforms)).unwrap_or_default(),
+        target_rad: parameters.and_then(target_rad),
+        link_stale_s: parameters.and_then(|p| number(&p.for_node("/coordinator"), "link.stale_s")),
     }
 }
 
