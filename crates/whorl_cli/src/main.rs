@@ -22,6 +22,7 @@ mod export;
 mod history;
 mod identify;
 mod import;
+mod live;
 mod model_file;
 mod monitor;
 mod next;
@@ -37,6 +38,7 @@ mod run;
 mod runs;
 mod shapes;
 mod simulate;
+mod subscription;
 mod table;
 mod where_;
 
@@ -86,6 +88,8 @@ enum Command {
     },
     /// Shows phase, attitudes, errors, links and gas of a running formation; ends with the experiment.
     Monitor(monitor::Arguments),
+    /// Shows a running formation in a browser: in 3-D, with its errors, links, modes and faults; starts and aborts it.
+    Live(live::Arguments),
     /// Writes report.html and summary.json of recorded runs, and prints the headline numbers.
     Report {
         /// Run directories or rosbag2 directories.
@@ -150,6 +154,7 @@ fn main() -> ExitCode {
         Command::Platforms(arguments) => platforms::run(&arguments),
         Command::Start { experiment } => command::start(experiment),
         Command::Abort { reason } => command::abort(reason),
+        Command::Live(arguments) => live::run(&arguments, &ends_with_its_reader),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Report { runs, html } => report::run(&runs, html.as_deref()),
         Command::Import(arguments) => import::run(&arguments),

@@ -111,7 +111,7 @@ fn circumstances(target_rad: Option<f64>, manifest: &Manifest) -> Circumstances 
 }
 
 /// The parameters of the run; one without any, such as an imported one, has none.
-fn effective_parameters(path: &Path) -> Option<ParameterTree> {
+pub fn effective_parameters(path: &Path) -> Option<ParameterTree> {
     let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
     ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
 }

@@ -18,3 +18,5 @@ pub const SCENE: &str = include_str!("../assets/scene.js");
 pub(crate) const REPLAY: &str = include_str!("../assets/replay.js");
 /// Draws what a page holds.
 pub(crate) const PAGE: &str = include_str!("../assets/page.js");
+/// Shows a running formation.
+pub(crate) const LIVE: &str = include_str!("../assets/live.js");

@@ -11,6 +11,7 @@ mod events;
 mod explanation;
 mod figure;
 mod figures;
+mod live;
 mod metrics;
 mod page;
 mod replay;
@@ -25,6 +26,7 @@ pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, next_html,
     whereabouts_html,
 };
+pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
