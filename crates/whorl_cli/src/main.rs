@@ -12,6 +12,7 @@ mod calibrate;
 mod campaign;
 mod command;
 mod compare;
+mod compare_runs;
 mod demo;
 mod diagnose;
 mod effects;
@@ -22,6 +23,7 @@ mod export;
 mod history;
 mod identify;
 mod import;
+mod index;
 mod live;
 mod model_file;
 mod monitor;
@@ -37,6 +39,7 @@ mod reproduce;
 mod run;
 mod runs;
 mod shapes;
+mod shell;
 mod simulate;
 mod subscription;
 mod table;
@@ -99,6 +102,10 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
     },
+    /// Lists runs: experiment, law, seed, verdict, errors, effects of the models; sorts, filters, and makes a page of them.
+    Runs(index::Arguments),
+    /// What differs between two runs: parameters, and results beyond noise; a page with both in every plot.
+    CompareRuns(compare_runs::Arguments),
     /// Imports measurements of another system (CSV, or a bag with other topics) as a run directory.
     Import(import::Arguments),
     /// Writes the measurements of a run as CSV.
@@ -132,6 +139,17 @@ enum Command {
     Demo(demo::Command),
     /// Recomputes figures and tables of the dissertation and compares them with the printed values.
     Reproduce(reproduce::Arguments),
+    /// Prints the completions of a shell, e.g. `source <(whorl completions bash)`.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Writes manual pages: one for whorl and one for each command.
+    Man {
+        /// Folder to write them into.
+        #[arg(value_name = "FOLDER")]
+        folder: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -172,6 +190,13 @@ fn main() -> ExitCode {
         Command::Balance(arguments) => balance::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
+        Command::CompareRuns(arguments) => compare_runs::run(&arguments),
+        Command::Runs(arguments) => index::run(&arguments),
+        Command::Completions { shell } => {
+            shell::completions(shell);
+            Ok(())
+        }
+        Command::Man { folder } => shell::man(&folder),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::shapes::{number, shapes};
 use anyhow::{Context, bail};
 use whorl_bag::{Manifest, RunDirectory, RunState};
 use whorl_math::{deg_from_rad, rad_from_deg};
 use whorl_params::ParameterTree;
-use crate::shapes::{number, shapes};
 use whorl_report::{Circumstances, Description, RunData, Summary, TopicRow, Verdict};
 
 /// Carries out `whorl report`.
@@ -38,14 +38,24 @@ pub fn print(report: &Written) {
     println!("verdict: {}", report.verdict.line);
 }
 
-/// Writes page and numbers of one run.
-pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
-    let mut run = RunDirectory::open(path)?;
-    let recovery = match run.manifest().map(|m| m.state.clone()) {
-        Some(RunState::Recording) => run.recover().map(Some)?,
+/// A run in memory.
+pub struct ReadRun {
+    /// Its messages.
+    pub data: RunData,
+    directory: RunDirectory,
+    /// Whether its recorder was killed.
+    recovered: bool,
+    undecodable: u64,
+}
+
+/// Reads the messages of a run.
+pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
+    let mut directory = RunDirectory::open(path)?;
+    let recovery = match directory.manifest().map(|m| m.state.clone()) {
+        Some(RunState::Recording) => directory.recover().map(Some)?,
         _ => None,
     };
-    let bag = run.bag()?;
+    let bag = directory.bag()?;
     let mut data = RunData::default();
     let mut undecodable = 0u64;
     for message in bag.messages() {
@@ -68,11 +78,17 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
             bag.topics().iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ")
         );
     }
+    Ok(ReadRun { data, directory, recovered: recovery.is_some(), undecodable })
+}
+
+/// Writes page and numbers of one run.
+pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
+    let ReadRun { data, directory: run, recovered, undecodable } = read(path)?;
     let manifest = run.manifest_or_from_bag()?;
     let summary = whorl_report::summarise(&data);
     let parameters = effective_parameters(path);
     let mut description = describe(path, &manifest, parameters.as_ref());
-    if recovery.is_some() {
+    if recovered {
         description
             .warnings
             .push("The recorder was killed; the report covers the run up to its last second.".to_owned());

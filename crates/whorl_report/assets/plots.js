@@ -78,6 +78,17 @@
         ctx.stroke();
       }
     }
+    ctx.restore();
+  }
+
+  // Limits, and the names of the steps, above the curves; one that would cover the one before is left out.
+  function drawLabels(u, spec) {
+    const { ctx, bbox } = u;
+    const ratio = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
     ctx.setLineDash([6 * ratio, 3 * ratio]);
     ctx.textAlign = "left";
     ctx.textBaseline = "alphabetic";
@@ -92,20 +103,11 @@
       ctx.stroke();
       ctx.fillText(limit.n, bbox.left + bbox.width - ctx.measureText(limit.n).width - 4 * ratio, y - 3 * ratio);
     }
-    ctx.restore();
-  }
-
-  // Names of the steps, above the curves; one that would cover the one before is left out.
-  function drawLabels(u, spec) {
-    if (!spec.time) return;
-    const { ctx, bbox } = u;
-    const ratio = devicePixelRatio;
-    ctx.save();
     ctx.font = `${10 * ratio}px system-ui, sans-serif`;
     ctx.textAlign = "left";
     ctx.textBaseline = "alphabetic";
     ctx.fillStyle = css("--soft");
-    const named = marks.events.filter((e) => e.label && concerns(e.who, spec));
+    const named = !spec.time ? [] : marks.events.filter((e) => e.label && concerns(e.who, spec));
     named.forEach((event, i) => {
       const at = Math.max(u.valToPos(event.t, "x", true), bbox.left);
       const next = i + 1 < named.length ? u.valToPos(named[i + 1].t, "x", true) : bbox.left + bbox.width;
@@ -214,7 +216,11 @@
         whorl.seek((time ?? u.scales.x.min) + step * (u.scales.x.max - u.scales.x.min) * (e.shiftKey ? 0.05 : 0.005));
       });
     }
-    chart.set = (curves) => { spec.curves = curves; u.setData(aligned(spec)); };
+    chart.set = (curves) => {
+      spec.curves = curves;
+      u.setData(aligned(spec));
+      if (!u.over.matches(":hover")) u.setLegend({ idx: u.data[0].length - 1 }, false);
+    };
     charts.push(chart);
     new ResizeObserver(() => {
       const width = place.clientWidth;

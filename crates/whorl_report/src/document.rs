@@ -26,6 +26,8 @@ pub(crate) struct Document {
     figures: Vec<Value>,
     timeline: Option<Timeline>,
     replay: Option<Value>,
+    /// Scripts of the page's own.
+    scripts: Vec<&'static str>,
 }
 
 impl Document {
@@ -38,7 +40,13 @@ impl Document {
             figures: Vec::new(),
             timeline: None,
             replay: None,
+            scripts: Vec::new(),
         }
+    }
+
+    /// A script at the end of the page.
+    pub fn script(&mut self, script: &'static str) {
+        self.scripts.push(script);
     }
 
     /// Figures over time that come after this share its time, its marks, one cursor and one zoom.
@@ -62,7 +70,8 @@ impl Document {
                 span id="state" class="state" {}
             }
         });
-        let figure = (!beside.is_empty()).then(|| self.drawn(beside, self.timeline.as_ref().map(|t| t.span_s)));
+        let figure =
+            (!beside.is_empty()).then(|| self.drawn(beside, self.timeline.as_ref().map(|t| t.span_s)));
         self.add(html! {
             div class="first" {
                 div class="scene" {
@@ -102,8 +111,9 @@ impl Document {
                     }
                     @if !self.figures.is_empty() {
                         noscript { p class="warning" { "The figures are drawn by a script; this browser runs none." } }
-                        (self.scripts())
+                        (self.drawing())
                     }
+                    @for script in &self.scripts { script { (PreEscaped(script)) } }
                 }
             }
         };
@@ -111,10 +121,12 @@ impl Document {
     }
 
     /// The numbers of the figures, compressed, and what draws them.
-    fn scripts(&self) -> Markup {
+    fn drawing(&self) -> Markup {
         let mut data = Map::new();
         data.insert("figures".to_owned(), Value::Array(self.figures.clone()));
-        data.extend(self.timeline.iter().flat_map(Timeline::stored).map(|(key, value)| (key.to_owned(), value)));
+        data.extend(
+            self.timeline.iter().flat_map(Timeline::stored).map(|(key, value)| (key.to_owned(), value)),
+        );
         data.extend(self.replay.iter().map(|frames| ("scene".to_owned(), frames.clone())));
         html! {
             script id="data" type="text/plain" { (PreEscaped(packed(&Value::Object(data)))) }
@@ -277,7 +289,8 @@ mod tests {
         let packed = html.split_once("type=\"text/plain\">").unwrap().1.split_once('<').unwrap().0;
         let mut text = String::new();
         let bytes = STANDARD.decode(packed).unwrap();
-        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(bytes.as_slice()), &mut text).unwrap();
+        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(bytes.as_slice()), &mut text)
+            .unwrap();
         let data: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(data["figures"][0]["curves"][0]["y"], serde_json::json!([1.0, 2.5]));
         assert!(html.contains("F, ; a: 1.00 to 2.50"), "an alternative text");
@@ -285,7 +298,14 @@ mod tests {
 
     #[test]
     fn scripts_cannot_end_themselves() {
-        let all = [assets::UPLOT, assets::PLOTS, assets::SCENE, assets::REPLAY, assets::PAGE, assets::UPLOT_LICENCE];
+        let all = [
+            assets::UPLOT,
+            assets::PLOTS,
+            assets::SCENE,
+            assets::REPLAY,
+            assets::PAGE,
+            assets::UPLOT_LICENCE,
+        ];
         assert!(all.iter().all(|script| !script.contains("</script")));
     }
 }

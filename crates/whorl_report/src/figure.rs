@@ -66,7 +66,12 @@ impl Figure {
     pub fn spoken(&self) -> String {
         let curves = self.curves.iter().chain(&self.dashed).filter_map(|c| {
             let [low, high] = range(c.value.iter().copied())?;
-            Some(format!("{}: {} to {}", c.name, whorl_math::three_digits(low), whorl_math::three_digits(high)))
+            Some(format!(
+                "{}: {} to {}",
+                c.name,
+                whorl_math::three_digits(low),
+                whorl_math::three_digits(high)
+            ))
         });
         let curves: Vec<String> = curves.collect();
         format!("{}, {}; {}", self.title, self.y_label, curves.join("; "))
@@ -218,10 +223,13 @@ mod tests {
     #[test]
     fn what_is_not_finite_is_a_gap_and_bands_keep_their_width() {
         assert_eq!(rounded(&[f64::NAN, 1.0]), [None, Some(1.0)]);
-        let edge =
-            |v: f64| Curve::new("e", (0..10_000).map(move |i| (i as f64, if i == 5000 { 9.0 * v } else { v })));
+        let edge = |v: f64| {
+            Curve::new("e", (0..10_000).map(move |i| (i as f64, if i == 5000 { 9.0 * v } else { v })))
+        };
         let band = stored_band(&edge(-1.0), &edge(1.0), 0, true);
-        let largest = |key: &str| band[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs()).fold(0.0, f64::max);
+        let largest = |key: &str| {
+            band[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs()).fold(0.0, f64::max)
+        };
         assert_eq!((largest("low"), largest("high")), (9.0, 9.0));
     }
 }

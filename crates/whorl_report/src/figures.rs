@@ -163,7 +163,9 @@ fn tilt_figure(data: &PlatformData, shape: Option<&PlatformShape>) -> Figure {
 
 fn wheel_limits(shape: Option<&PlatformShape>) -> Vec<Limit> {
     let Some(speed) = shape.and_then(|s| s.wheel_speed_max_rad_s) else { return Vec::new() };
-    [1.0, -1.0].map(|sign| Limit { name: "largest speed".to_owned(), value: sign * rpm_from_rad_s(speed) }).to_vec()
+    [1.0, -1.0]
+        .map(|sign| Limit { name: "largest speed".to_owned(), value: sign * rpm_from_rad_s(speed) })
+        .to_vec()
 }
 
 /// Convergence of the mass properties estimated in motion: three figures with three curves each.

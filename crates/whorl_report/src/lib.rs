@@ -11,8 +11,10 @@ mod events;
 mod explanation;
 mod figure;
 mod figures;
+mod index;
 mod live;
 mod metrics;
+mod overlay;
 mod page;
 mod replay;
 mod reproduction;
@@ -26,8 +28,10 @@ pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, next_html,
     whereabouts_html,
 };
+pub use index::{IndexRow, index_html};
 pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
+pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 pub use page::{Description, TopicRow, html};
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};

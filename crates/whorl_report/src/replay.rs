@@ -88,7 +88,9 @@ pub(crate) fn stored(run: &RunData, shapes: &[PlatformShape]) -> Value {
     let shapes: Vec<PlatformShape> = run
         .platforms
         .keys()
-        .map(|name| shapes.iter().find(|s| &s.name == name).cloned().unwrap_or_else(|| PlatformShape::unknown(name)))
+        .map(|name| {
+            shapes.iter().find(|s| &s.name == name).cloned().unwrap_or_else(|| PlatformShape::unknown(name))
+        })
         .collect();
     let begun = run.formation.iter().find(|s| s.message.run_elapsed_s > 0.0);
     json!({
@@ -105,10 +107,8 @@ fn platform(run: &RunData, name: &str, data: &PlatformData, times: &[f64]) -> Va
     let attitudes = Attitudes::new(data);
     let actual = if attitudes.truth.is_empty() { &attitudes.estimate } else { &attitudes.truth };
     let control = Latest::new(&data.control);
-    let momentum: Vec<Option<Vector3<f64>>> = times
-        .iter()
-        .map(|t| control.at(*t).map(|c| Vector3::from(c.wheel_momentum_b_n_m_s)))
-        .collect();
+    let momentum: Vec<Option<Vector3<f64>>> =
+        times.iter().map(|t| control.at(*t).map(|c| Vector3::from(c.wheel_momentum_b_n_m_s))).collect();
     let index = |m: &whorl_msgs::whorl::FormationState| m.platforms.iter().position(|p| p == name);
     let formation = Latest::new(&run.formation);
     let of_formation = |value: fn(&whorl_msgs::whorl::FormationState, usize) -> Option<f64>, scale: f64| {
@@ -226,7 +226,8 @@ mod tests {
     #[test]
     fn attitudes_keep_their_sign_through_a_full_turn() {
         let turn = |t: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), t);
-        let series = AttitudeSeries::new((0..700).map(|i| (f64::from(i) * 0.01, turn(f64::from(i) * 0.01).into())));
+        let series =
+            AttitudeSeries::new((0..700).map(|i| (f64::from(i) * 0.01, turn(f64::from(i) * 0.01).into())));
         let times: Vec<f64> = (0..69).map(|i| f64::from(i) * 0.1).collect();
         let parts: Vec<Vec<Option<f64>>> =
             quaternions(&series, &times).iter().map(|p| decoded(p, 1e5)).collect();

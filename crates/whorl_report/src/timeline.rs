@@ -20,12 +20,18 @@ pub struct Timeline {
 }
 
 impl Timeline {
+    /// A time without marks.
+    pub fn plain(span_s: Interval) -> Self {
+        Self { span_s, ..Self::default() }
+    }
+
     /// Of a run: hold phases, safe modes and clipped references shaded, steps and faults marked.
     pub fn new(run: &RunData, happenings: &[Happening]) -> Self {
         let mut shades: Vec<Value> =
             hold_intervals(run).into_iter().map(|interval| shade(interval, "hold", ALL)).collect();
         for (name, data) in &run.platforms {
-            let safe = |mode| matches!(mode, ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST);
+            let safe =
+                |mode| matches!(mode, ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST);
             let states = data.control.iter().map(|c| (c.stamp_s, safe(c.message.mode)));
             shades.extend(stretches(states).into_iter().map(|s| shade(s, "safe", name)));
             let clipped = run.formation.iter().filter_map(|s| {
@@ -55,7 +61,8 @@ impl Timeline {
 pub(crate) fn steps(run: &RunData) -> Vec<(f64, String)> {
     let mut list: Vec<(f64, String)> = Vec::new();
     for state in &run.formation {
-        let name = if state.message.step.is_empty() { phase_name(state.message.phase) } else { &state.message.step };
+        let name =
+            if state.message.step.is_empty() { phase_name(state.message.phase) } else { &state.message.step };
         if list.last().is_none_or(|(_, last)| last != name) {
             list.push((state.stamp_s, name.to_owned()));
         }

@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use axum::extract::ws::Utf8Bytes;
 use clap::Args;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 use tokio::sync::watch;
 use whorl_msgs::topics::Topic;
 use whorl_params::ParameterTree;
@@ -25,6 +27,8 @@ use crate::subscription::Subscription;
 use server::Server;
 use view::View;
 
+/// Where the page is served unless another port is given.
+pub const PORT: u16 = 8470;
 /// Time between two frames.
 const FRAME: Duration = Duration::from_millis(33);
 /// Silence after which the reason is looked for.
@@ -42,7 +46,7 @@ pub struct Arguments {
     #[arg(long, default_value = "127.0.0.1", value_name = "ADDRESS")]
     bind: IpAddr,
     /// Port; 0: any free one.
-    #[arg(long, default_value_t = 8470)]
+    #[arg(long, default_value_t = PORT)]
     port: u16,
     /// No commands, not even with the token.
     #[arg(long)]
@@ -81,14 +85,30 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let fragment = token.as_ref().map_or_else(String::new, |token| format!("#token={token}"));
     say(format_args!("live at http://{address}/{fragment}"));
     if !address.ip().is_loopback() {
-        tell(format_args!("warning: everybody who reaches {address} can watch; only who knows the token can command"));
+        tell(format_args!(
+            "warning: everybody who reaches {address} can watch; only who knows the token can command"
+        ));
     }
     let server = Arc::new(Server { address, page, frames, token });
     let serving = axum::serve(listener, server::routes(server));
+    let stopped = stop_signal()?;
     tokio::select! {
+        _ = stopped => Ok(()),
         ended = serving.into_future() => Ok(ended?),
         error = failed => Err(error.unwrap_or_else(|_| anyhow::anyhow!("listening to the formation has ended"))),
     }
+}
+
+/// Comes with Ctrl-C, or when somebody else ends this process.
+fn stop_signal() -> anyhow::Result<tokio::sync::oneshot::Receiver<()>> {
+    let (stop, stopped) = tokio::sync::oneshot::channel();
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        if signals.forever().next().is_some() {
+            let _ = stop.send(());
+        }
+    })?;
+    Ok(stopped)
 }
 
 /// Listens to the formation in a thread of its own and replaces the frame. The error, if there is one, comes through

@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Browsers send nothing but a name or a reason.
 const LARGEST_REQUEST: usize = 1024;
 /// Scripts and styles are in the page; nothing else may be loaded or called.
-const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'; base-uri 'none'; \
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; base-uri 'none'; \
                       form-action 'none'; frame-ancestors 'none'";
 
 /// What the server needs.
@@ -78,7 +78,8 @@ async fn page(State(server): State<Arc<Server>>) -> Response {
 
 async fn frames(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) -> Response {
     if server.frames.receiver_count() >= BROWSERS {
-        return (StatusCode::SERVICE_UNAVAILABLE, format!("{BROWSERS} browsers are served already\n")).into_response();
+        return (StatusCode::SERVICE_UNAVAILABLE, format!("{BROWSERS} browsers are served already\n"))
+            .into_response();
     }
     let receiver = server.frames.subscribe();
     upgrade.max_message_size(LARGEST_REQUEST).on_upgrade(move |socket| stream(socket, receiver))
@@ -129,7 +130,8 @@ async fn command(
 
 /// Compares digests, so that the time it takes tells nothing of the token.
 fn authorised(headers: &HeaderMap, token: &str) -> bool {
-    let given = headers.get(AUTHORIZATION).and_then(|v| v.to_str().ok()).and_then(|v| v.strip_prefix("Bearer "));
+    let given =
+        headers.get(AUTHORIZATION).and_then(|v| v.to_str().ok()).and_then(|v| v.strip_prefix("Bearer "));
     given.is_some_and(|given| Sha256::digest(given) == Sha256::digest(token))
 }
 

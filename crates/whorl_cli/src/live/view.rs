@@ -131,7 +131,11 @@ impl View {
             run_s: formation.map_or(0.0, |f| f.run_elapsed_s),
             length_s: formation.map_or(0.0, |f| f.run_length_s),
             platforms,
-            faults: faults.into_iter().take(FAULTS).map(|(who, (_, what))| (who.clone(), what.clone())).collect(),
+            faults: faults
+                .into_iter()
+                .take(FAULTS)
+                .map(|(who, (_, what))| (who.clone(), what.clone()))
+                .collect(),
         }
     }
 }
@@ -196,7 +200,8 @@ mod tests {
     #[test]
     fn what_is_silent_is_not_shown_as_if_it_were_alive() {
         let mut view = View::default();
-        let estimate = AttitudeEstimate { health: AttitudeEstimate::HEALTH_OK, ..AttitudeEstimate::default() };
+        let estimate =
+            AttitudeEstimate { health: AttitudeEstimate::HEALTH_OK, ..AttitudeEstimate::default() };
         let route = Route::platform(PlatformId(1), Topic::AttitudeEstimate);
         view.take(10.0, route, estimate.into());
         assert_eq!(view.frame(10.5, &names()).platforms[1].q, Some([1.0, 0.0, 0.0, 0.0]));
