@@ -65,11 +65,16 @@ fn the_live_page_shows_and_aborts_a_run() {
     }
 
     // It takes little of a computer.
-    let before = formation.node("live").resources().map(|(_, cpu_s)| cpu_s);
+    let mut seen = || {
+        let frames = browser.value(&page, "Number(document.body.dataset.frames)").as_f64();
+        formation.node("live").resources().zip(frames).map(|((_, cpu_s), frames)| (cpu_s, frames))
+    };
+    let before = seen();
     std::thread::sleep(Duration::from_secs(5));
-    let after = formation.node("live").resources().map(|(_, cpu_s)| cpu_s);
-    if let (Some(before), Some(after)) = (before, after) {
-        measured(&format!("whorl live with a browser: {:.1} % of a core", (after - before) / 5.0 * 100.0));
+    if let (Some((cpu_before, before)), Some((cpu_after, after))) = (before, seen()) {
+        let (cpu, frames) = ((cpu_after - cpu_before) / 5.0 * 100.0, (after - before) / 5.0);
+        measured(&format!("whorl live with a browser: {cpu:.1} % of a core, {frames:.1} frames a second"));
+        assert!(frames > 5.0, "{frames} frames a second");
     }
 
     // A node dies and comes back.

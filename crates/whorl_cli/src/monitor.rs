@@ -214,6 +214,7 @@ impl Screen {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use whorl_msgs::topics::PlatformId;
 
     #[test]
     fn the_line_says_what_is_silent_and_what_is_known() {

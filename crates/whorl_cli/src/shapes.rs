@@ -17,7 +17,7 @@ fn shape(tree: &ParameterTree, coordinator: &NodeParameters, name: &str) -> Plat
     let wheel = |key: &str| {
         let of_one = |w: &&str| number(&p, &format!("model.wheels.{w}.{key}"));
         let default = number(&p, &format!("model.wheel_defaults.{key}"));
-        p.children("model.wheels").iter().filter_map(|w| of_one(&w).or(default)).reduce(f64::max)
+        p.children("model.wheels").iter().filter_map(|w| of_one(w).or(default)).reduce(f64::max)
     };
     let speed = wheel("max_speed_rad_s");
     PlatformShape {

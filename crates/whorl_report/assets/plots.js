@@ -17,6 +17,8 @@
   whorl.setMarks = (shades, events, range) => { marks = { shades, events }; span = range; };
   whorl.onTime = (listener) => listeners.push(listener);
   whorl.time = () => time;
+  // A reader points at a time; a replay sees to more.
+  whorl.seek = (t, source) => whorl.setTime(t, source);
   whorl.setTime = (t, source) => {
     time = t;
     for (const chart of charts) if (chart.visible && chart !== source) follow(chart);
@@ -89,6 +91,17 @@
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
+    // The edges of bands stay visible where curves cover them.
+    ctx.strokeStyle = css("--soft");
+    ctx.lineWidth = ratio;
+    ctx.setLineDash([2 * ratio, 2 * ratio]);
+    for (const band of spec.bands || []) {
+      for (const edge of [band.low, band.high]) {
+        ctx.beginPath();
+        band.x.forEach((t, i) => ctx.lineTo(u.valToPos(t, "x", true), u.valToPos(edge[i], "y", true)));
+        ctx.stroke();
+      }
+    }
     ctx.setLineDash([6 * ratio, 3 * ratio]);
     ctx.textAlign = "left";
     ctx.textBaseline = "alphabetic";
@@ -181,8 +194,9 @@
         })),
       ],
       axes: [axis(spec.xlabel || "time [s]", { size: 34 }), axis(spec.ylabel, { size: 58, values: spec.log ? undefined : (u, vs) => vs.map(shown) })],
-      legend: { markers: { width: 3, stroke: (u, i) => (i ? `var(${colour(spec.curves[i - 1].c)})` : "transparent"),
-        dash: (u, i) => (i && spec.curves[i - 1].d ? "dashed" : "solid") } },
+      // Full: a solid curve; hollow: a dashed one.
+      legend: { markers: { width: 2, stroke: (u, i) => (i ? `var(${colour(spec.curves[i - 1].c)})` : "transparent"),
+        fill: (u, i) => (i && !spec.curves[i - 1].d ? `var(${colour(spec.curves[i - 1].c)})` : "transparent") } },
       cursor: {
         y: false, dataIdx: (u, s, index) => (s ? nearest(u, s, index) : index), drag: { x: true, y: false, dist: 4 },
         bind: { dblclick: (u, target, handler) => (e) => (spec.time && span ? zoom(span, null) : handler(e)) },

@@ -90,7 +90,8 @@ impl Figure {
                 entry.insert("n".to_owned(), json!(curve.name));
                 entry.insert("c".to_owned(), json!(colour(i)));
                 entry.insert("y".to_owned(), json!(rounded(&curve.value)));
-                if dashed {
+                // Further curves than colours are told apart by their dashes.
+                if dashed || i >= COLOURS {
                     entry.insert("d".to_owned(), json!(true));
                 }
                 Value::Object(entry)
