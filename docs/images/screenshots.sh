@@ -18,5 +18,5 @@ picture() {
         --screenshot="docs/images/$1.png" "file://$work/$1/report.html#t=$2" 2>/dev/null
 }
 
-picture leader_follower 45 600
-picture behavioural 60 600
+picture leader_follower 45 640
+picture behavioural 60 640
