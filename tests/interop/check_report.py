@@ -4,7 +4,8 @@
 usage: check_report.py REPORT.html [--screenshot FILE.png]
 
 Checked: the console is free of errors, nothing is fetched, plots are drawn, the replay and the plots show the
-same instant, the picture of the page is not blank, and the page is not too large. Needs Chromium (CHROMIUM, default `chromium` on the PATH) and nothing but Python's library.
+same instant, the picture of the page is not blank, and the page is not too large. Needs Chromium (CHROMIUM,
+default `chromium` on the PATH) and nothing but Python's library.
 """
 
 from __future__ import annotations
