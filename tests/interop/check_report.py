@@ -3,8 +3,9 @@
 
 usage: check_report.py REPORT.html [--screenshot FILE.png]
 
-Checked: the console is free of errors, nothing is fetched, plots are drawn, and the picture of the page is
-not blank. Needs Chromium (CHROMIUM, default `chromium` on the PATH) and nothing but Python's library.
+Checked: the console is free of errors, nothing is fetched, plots are drawn, the replay and the plots show the
+same instant, the picture of the page is not blank, and the page is not too large. Needs Chromium (CHROMIUM,
+default `chromium` on the PATH) and nothing but Python's library.
 """
 
 from __future__ import annotations
@@ -93,23 +94,45 @@ def undo_filter(kind: int, line: bytearray, above: bytearray, step: int) -> None
         line[i] = (line[i] + add) & 255
 
 
+def replay_problems(page: str, time_s: float) -> list[str]:
+    """What is wrong with the replay of a page that was opened at this time: slider, scene and plots must agree."""
+    problems = []
+    clock = re.search(r'<output id="clock">([0-9.]+) of', page)
+    if clock is None or abs(float(clock.group(1)) - time_s) > 0.01:
+        problems.append(f"the replay shows {clock and clock.group(1)} s instead of {time_s} s")
+    if re.search(r'<canvas id="scene"[^>]*data-drawn="[1-9]', page) is None:
+        problems.append("the three-dimensional view is not drawn")
+    # The first value of a legend is the time under the shared cursor.
+    shown = [float(t) for t in re.findall(r'time \[s\]</div></th><td class="u-value">([0-9.]+)</td>', page)]
+    if not shown or any(abs(t - time_s) > 0.5 for t in shown):
+        problems.append(f"the plots' cursors are at {shown} s instead of {time_s} s")
+    return problems
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("report", type=Path)
     parser.add_argument("--screenshot", type=Path)
+    parser.add_argument("--largest-mb", type=float, default=2.0, help="largest size of the page [MB]")
     arguments = parser.parse_args()
     url = arguments.report.resolve().as_uri()
     problems = []
+    size_mb = arguments.report.stat().st_size * 1e-6
+    if size_mb > arguments.largest_mb:
+        problems.append(f"the page has {size_mb:.1f} MB, more than {arguments.largest_mb} MB")
 
-    drawn = chromium("--dump-dom", url)
+    drawn = chromium("--dump-dom", f"{url}#t=7.5")
     problems += [f"console: {line}" for line in console_errors(drawn.stderr)]
-    plots = len(re.findall(r'class="main-svg"', drawn.stdout))
-    places = len(re.findall(r'class="[^"]*plotly-graph-div', drawn.stdout))
+    places = len(re.findall(r'class="plot" id="figure_', drawn.stdout))
+    plots = len(re.findall(r'class="uplot', drawn.stdout))
     if plots == 0 or plots < places:
         problems.append(f"{plots} drawings for {places} plots")
-    paths = len(re.findall(r'class="js-line"', drawn.stdout))
+    # A row of the legend for every curve, and one for the time.
+    paths = len(re.findall(r'class="u-series', drawn.stdout)) - plots
     if paths < 10:
         problems.append(f"only {paths} curves")
+    if 'id="scene"' in drawn.stdout:
+        problems += replay_problems(drawn.stdout, 7.5)
 
     with tempfile.TemporaryDirectory() as folder:
         picture = arguments.screenshot or Path(folder) / "report.png"

@@ -9,6 +9,7 @@ mod jet_failure;
 mod leader_stale;
 mod link_cut;
 mod links;
+mod live;
 mod many_participants;
 mod node_deaths;
 mod recorder;

@@ -1,6 +1,7 @@
 //! Helpers of the tests: binaries, processes, domains, an observer on the network, simulations.
 
 pub mod binaries;
+pub mod browser;
 pub mod clock;
 pub mod domain;
 pub mod formation;

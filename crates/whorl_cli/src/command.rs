@@ -14,21 +14,33 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Carries out `whorl start`.
 pub fn start(experiment: String) -> anyhow::Result<()> {
-    call(Service::StartExperiment, &StartExperimentRequest { experiment })
+    println!("{}", request_start(experiment)?);
+    Ok(())
 }
 
 /// Carries out `whorl abort`.
 pub fn abort(reason: String) -> anyhow::Result<()> {
+    println!("{}", request_abort(reason)?);
+    Ok(())
+}
+
+/// Starts the experiment; an empty name is whichever is loaded. Returns what the coordinator says; its refusal is an
+/// error.
+pub fn request_start(experiment: String) -> anyhow::Result<String> {
+    call(Service::StartExperiment, &StartExperimentRequest { experiment })
+}
+
+/// Ends the experiment, likewise.
+pub fn request_abort(reason: String) -> anyhow::Result<String> {
     call(Service::AbortExperiment, &AbortExperimentRequest { reason })
 }
 
-fn call(service: Service, request: &impl Serialize) -> anyhow::Result<()> {
+fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {
     let client = |participant: &_| ServiceClient::new(participant, service.name(), service.type_name());
     let (participant, client) = Participant::with(&Network::from_environment()?, client)?;
     let response: ExperimentResponse = client.call(&participant, request, TIMEOUT)?;
     if !response.success {
         bail!("{}", response.message);
     }
-    println!("{}", response.message);
-    Ok(())
+    Ok(response.message)
 }

@@ -12,6 +12,7 @@ mod calibrate;
 mod campaign;
 mod command;
 mod compare;
+mod compare_runs;
 mod demo;
 mod diagnose;
 mod effects;
@@ -22,6 +23,8 @@ mod export;
 mod history;
 mod identify;
 mod import;
+mod index;
+mod live;
 mod model_file;
 mod monitor;
 mod next;
@@ -35,7 +38,10 @@ mod report;
 mod reproduce;
 mod run;
 mod runs;
+mod shapes;
+mod shell;
 mod simulate;
+mod subscription;
 mod table;
 mod where_;
 
@@ -85,6 +91,8 @@ enum Command {
     },
     /// Shows phase, attitudes, errors, links and gas of a running formation; ends with the experiment.
     Monitor(monitor::Arguments),
+    /// Shows a running formation in a browser: in 3-D, with its errors, links, modes and faults; starts and aborts it.
+    Live(live::Arguments),
     /// Writes report.html and summary.json of recorded runs, and prints the headline numbers.
     Report {
         /// Run directories or rosbag2 directories.
@@ -94,6 +102,10 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
     },
+    /// Lists runs: experiment, law, seed, verdict, errors, effects of the models; sorts, filters, and makes a page of them.
+    Runs(index::Arguments),
+    /// What differs between two runs: parameters, and results beyond noise; a page with both in every plot.
+    CompareRuns(compare_runs::Arguments),
     /// Imports measurements of another system (CSV, or a bag with other topics) as a run directory.
     Import(import::Arguments),
     /// Writes the measurements of a run as CSV.
@@ -127,6 +139,17 @@ enum Command {
     Demo(demo::Command),
     /// Recomputes figures and tables of the dissertation and compares them with the printed values.
     Reproduce(reproduce::Arguments),
+    /// Prints the completions of a shell, e.g. `source <(whorl completions bash)`.
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Writes manual pages: one for whorl and one for each command.
+    Man {
+        /// Folder to write them into.
+        #[arg(value_name = "FOLDER")]
+        folder: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -149,6 +172,7 @@ fn main() -> ExitCode {
         Command::Platforms(arguments) => platforms::run(&arguments),
         Command::Start { experiment } => command::start(experiment),
         Command::Abort { reason } => command::abort(reason),
+        Command::Live(arguments) => live::run(&arguments, &ends_with_its_reader),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Report { runs, html } => report::run(&runs, html.as_deref()),
         Command::Import(arguments) => import::run(&arguments),
@@ -166,6 +190,13 @@ fn main() -> ExitCode {
         Command::Balance(arguments) => balance::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
+        Command::CompareRuns(arguments) => compare_runs::run(&arguments),
+        Command::Runs(arguments) => index::run(&arguments),
+        Command::Completions { shell } => {
+            shell::completions(shell);
+            Ok(())
+        }
+        Command::Man { folder } => shell::man(&folder),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

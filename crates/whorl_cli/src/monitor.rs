@@ -9,19 +9,20 @@ use clap::Args;
 use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad};
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
-use whorl_msgs::topics::PlatformId;
 use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
 use whorl_report::phase_name;
 use whorl_ros::environment::Network;
-use whorl_ros::{EndpointQos, Participant, RawReader};
 
 use crate::run::tell;
+use crate::subscription::Subscription;
 
 /// Name under which the recorder reports in `/diagnostics`.
 const RECORDER_STATUS: &str = "recorder: bag";
 /// Update interval.
 const LOOK: Duration = Duration::from_millis(100);
+/// Silence after which the reason is looked for.
+const SILENCE: Duration = Duration::from_secs(5);
 /// Time between two lines when the output is not a terminal.
 const LINE: Duration = Duration::from_secs(2);
 
@@ -62,25 +63,24 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 /// Shows the formation until the experiment ends, unless `stay` is set. Fails when the experiment was aborted.
 fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
     let network = Network::from_environment()?;
-    let mut formation = Listener::new(&network, platforms)?;
+    let shared = [Topic::FormationState, Topic::Diagnostics];
+    let of_platforms = [Topic::AttitudeEstimate, Topic::ControlStatus];
+    let mut formation = Subscription::new(&network, platforms, &shared, &of_platforms)?;
+    let begun = Instant::now();
+    let (mut heard, mut hinted) = (false, false);
     let mut view = View::default();
     let mut screen = Screen::new();
     let mut told = false;
     let mut last_rates = Instant::now();
     loop {
         std::thread::sleep(LOOK);
-        // DDS's threads may fail, for example after the process was stopped for hours.
-        if !formation.participant.is_alive() {
-            formation = Listener::new(&network, platforms)?;
-        }
-        for (route, reader) in &formation.readers {
-            reader.drain_notifications();
-            while let Some(sample) = reader.take()? {
-                // Messages that cannot be decoded are counted by the nodes that receive them.
-                if let Ok(message) = Message::decode(route.topic.info().message_type, &sample.bytes) {
-                    view.take(*route, message);
-                }
-            }
+        formation.drain(|route, message| {
+            heard = true;
+            view.take(route, message);
+        })?;
+        if !heard && !hinted && begun.elapsed() >= SILENCE {
+            hinted = true;
+            tell(format_args!("{}", formation.hint()));
         }
         let since = last_rates.elapsed();
         if since >= Duration::from_secs(1) {
@@ -105,36 +105,6 @@ fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
             }
             _ => {}
         }
-    }
-}
-
-/// Topics of the monitor.
-struct Listener {
-    readers: Vec<(Route, RawReader)>,
-    participant: Participant,
-}
-
-impl Listener {
-    fn new(network: &Network, platforms: &[String]) -> anyhow::Result<Self> {
-        let ids = (0..u16::try_from(platforms.len()).unwrap_or(u16::MAX)).map(PlatformId);
-        let of_platforms = ids.flat_map(|id| {
-            [Topic::AttitudeEstimate, Topic::ControlStatus].map(|topic| Route::platform(id, topic))
-        });
-        let routes: Vec<(Route, String)> = [Topic::FormationState, Topic::Diagnostics]
-            .map(Route::shared)
-            .into_iter()
-            .chain(of_platforms)
-            .filter_map(|route| Some((route, route.name(platforms)?)))
-            .collect();
-        let (participant, readers) = Participant::with(network, |participant| {
-            let reader = |(route, name): &(Route, String)| {
-                let info = route.topic.info();
-                let qos = EndpointQos::from(info.qos);
-                Ok((*route, participant.reader(name, info.message_type.name(), qos)?))
-            };
-            routes.iter().map(reader).collect()
-        })?;
-        Ok(Self { readers, participant })
     }
 }
 
@@ -244,6 +214,7 @@ impl Screen {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use whorl_msgs::topics::PlatformId;
 
     #[test]
     fn the_line_says_what_is_silent_and_what_is_known() {

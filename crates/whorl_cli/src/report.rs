@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::shapes::{number, shapes};
 use anyhow::{Context, bail};
 use whorl_bag::{Manifest, RunDirectory, RunState};
 use whorl_math::{deg_from_rad, rad_from_deg};
-use whorl_params::{Kind, ParameterTree, Value};
+use whorl_params::ParameterTree;
 use whorl_report::{Circumstances, Description, RunData, Summary, TopicRow, Verdict};
 
 /// Carries out `whorl report`.
@@ -37,14 +38,24 @@ pub fn print(report: &Written) {
     println!("verdict: {}", report.verdict.line);
 }
 
-/// Writes page and numbers of one run.
-pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
-    let mut run = RunDirectory::open(path)?;
-    let recovery = match run.manifest().map(|m| m.state.clone()) {
-        Some(RunState::Recording) => run.recover().map(Some)?,
+/// A run in memory.
+pub struct ReadRun {
+    /// Its messages.
+    pub data: RunData,
+    directory: RunDirectory,
+    /// Whether its recorder was killed.
+    recovered: bool,
+    undecodable: u64,
+}
+
+/// Reads the messages of a run.
+pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
+    let mut directory = RunDirectory::open(path)?;
+    let recovery = match directory.manifest().map(|m| m.state.clone()) {
+        Some(RunState::Recording) => directory.recover().map(Some)?,
         _ => None,
     };
-    let bag = run.bag()?;
+    let bag = directory.bag()?;
     let mut data = RunData::default();
     let mut undecodable = 0u64;
     for message in bag.messages() {
@@ -67,10 +78,17 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
             bag.topics().iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ")
         );
     }
+    Ok(ReadRun { data, directory, recovered: recovery.is_some(), undecodable })
+}
+
+/// Writes page and numbers of one run.
+pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
+    let ReadRun { data, directory: run, recovered, undecodable } = read(path)?;
     let manifest = run.manifest_or_from_bag()?;
     let summary = whorl_report::summarise(&data);
-    let mut description = describe(path, &manifest);
-    if recovery.is_some() {
+    let parameters = effective_parameters(path);
+    let mut description = describe(path, &manifest, parameters.as_ref());
+    if recovered {
         description
             .warnings
             .push("The recorder was killed; the report covers the run up to its last second.".to_owned());
@@ -85,7 +103,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
         Path::to_owned,
     );
-    let verdict = whorl_report::judge(&data, &summary, &circumstances(path, &manifest));
+    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest));
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
@@ -95,9 +113,9 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     Ok(Written { page, summary, verdict })
 }
 
-fn circumstances(path: &Path, manifest: &Manifest) -> Circumstances {
+fn circumstances(target_rad: Option<f64>, manifest: &Manifest) -> Circumstances {
     Circumstances {
-        target_rad: target_rad(path),
+        target_rad,
         incomplete: match &manifest.state {
             RunState::Stopped(reason) => Some(reason.clone()),
             RunState::Recovered => Some("the recorder was killed".to_owned()),
@@ -108,18 +126,18 @@ fn circumstances(path: &Path, manifest: &Manifest) -> Circumstances {
     }
 }
 
-/// The target among the parameters of the run; a run without parameters, such as an imported one, has none.
-fn target_rad(path: &Path) -> Option<f64> {
+/// The parameters of the run; one without any, such as an imported one, has none.
+pub fn effective_parameters(path: &Path) -> Option<ParameterTree> {
     let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
-    let tree = ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()?;
-    let target = tree.for_node("/coordinator").get("experiment.target_deg")?.value.converted(Kind::Double)?;
-    match target {
-        Value::Double(target_deg) if target_deg > 0.0 => Some(rad_from_deg(target_deg)),
-        _ => None,
-    }
+    ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
 }
 
-fn describe(path: &Path, manifest: &Manifest) -> Description {
+fn target_rad(parameters: &ParameterTree) -> Option<f64> {
+    let target_deg = number(&parameters.for_node("/coordinator"), "experiment.target_deg")?;
+    (target_deg > 0.0).then(|| rad_from_deg(target_deg))
+}
+
+fn describe(path: &Path, manifest: &Manifest, parameters: Option<&ParameterTree>) -> Description {
     let d = &manifest.description;
     let mut facts = vec![
         ("run".to_owned(), path.display().to_string()),
@@ -154,6 +172,9 @@ fn describe(path: &Path, manifest: &Manifest) -> Description {
             })
             .collect(),
         warnings: Vec::new(),
+        shapes: parameters.map(|p| shapes(p, &d.platforms)).unwrap_or_default(),
+        target_rad: parameters.and_then(target_rad),
+        link_stale_s: parameters.and_then(|p| number(&p.for_node("/coordinator"), "link.stale_s")),
     }
 }
 

@@ -49,6 +49,12 @@ pub struct Arguments {
     /// Seed of the simulated hardware.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Shows the run in a browser, at the address that is printed.
+    #[arg(long)]
+    live: bool,
+    /// Port of the live page; 0: any free one.
+    #[arg(long, default_value_t = crate::live::PORT, requires = "live")]
+    live_port: u16,
     #[command(flatten)]
     folders: Folders,
 }
@@ -144,6 +150,7 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
             started = supervisor.start(&programs, process, &run.join("logs"));
         }
     }
+    let mut page = arguments.live.then(|| LivePage::start(&setup.platforms, &run, arguments.live_port));
     let mut monitor = Monitor::start(setup.platforms.clone());
     let status = match started {
         Ok(()) => watch(&mut supervisor, Some(&mut monitor), &interrupted),
@@ -153,6 +160,8 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
         }
     };
     monitor.stop();
+    // Before the programs end, so that nobody looks at a page that shows nothing.
+    drop(page.take());
     let all_well = stop(&mut supervisor);
     let status = if status == 0 && !all_well { 1 } else { status };
     domain.forget_supervisor(EXPERIMENT);
@@ -376,6 +385,33 @@ impl Monitor {
 
     fn stop(&mut self) {
         if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// The page in the browser, in a process of its own: whatever happens to it, the experiment goes on.
+struct LivePage(Option<Child>);
+
+impl LivePage {
+    fn start(platforms: &[String], run: &Path, port: u16) -> Self {
+        let child = std::env::current_exe().and_then(|program| {
+            let mut command = Command::new(program);
+            command.arg("live").args(platforms).arg("--run").arg(run).args(["--port", &port.to_string()]);
+            // Ctrl-C is for the supervisor.
+            command.stdin(Stdio::null()).process_group(0).spawn()
+        });
+        if let Err(error) = &child {
+            tell(format_args!("warning: there is no live page: {error}"));
+        }
+        Self(child.ok())
+    }
+}
+
+impl Drop for LivePage {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
             let _ = child.kill();
             let _ = child.wait();
         }

@@ -1,40 +1,91 @@
 //! Building blocks of every page: head, style, tables, figures.
 
+use std::io::Write;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::{Map, Value};
 use whorl_math::three_digits;
 
-use crate::figure::{Figure, script};
+use crate::assets;
+use crate::figure::Figure;
 use crate::metrics::Interval;
-
-const STYLE: &str = "
-body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: 0.2rem; } h2 { margin-top: 2.2rem; border-bottom: 1px solid #ccc; }
-h3 { margin: 1.4rem 0 0; font-size: 1rem; } p.caption { margin: 0; color: #555; font-size: 0.87rem; }
-table { border-collapse: collapse; margin: 0.8rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.2rem 0.7rem; border-bottom: 1px solid #e2e2e2; text-align: left; vertical-align: top; }
-th { font-weight: 600; } td.n, th.n { text-align: right; } td.code { font-family: ui-monospace, monospace; font-size: 0.85rem; }
-tr.fault td { background: #fdf1ea; } .warning { background: #fff4d6; border-left: 4px solid #e69f00; padding: 0.5rem 1rem; }
-.wide { overflow-x: auto; } .wide td, .wide th { padding: 0.2rem 0.45rem; font-size: 0.85rem; } td.good { color: #006d4b; } td.bad { color: #a33b00; font-weight: 600; }
-p.answer { font-size: 1.15rem; margin: 0.5rem 0; } p.rule { color: #555; font-size: 0.9rem; }
-.figure { break-inside: avoid; } .plot { height: 300px; } details summary { cursor: pointer; }
-@media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-before: auto; } }
-";
+use crate::timeline::Timeline;
 
 /// A page under construction.
 #[derive(Debug, Clone)]
 pub(crate) struct Document {
     title: String,
     body: Vec<Markup>,
-    figures: usize,
+    /// Identifier and text of the headings, for the table of contents.
+    headings: Vec<(String, String)>,
+    /// The figures as the page's script reads them.
+    figures: Vec<Value>,
+    timeline: Option<Timeline>,
+    replay: Option<Value>,
+    /// Scripts of the page's own.
+    scripts: Vec<&'static str>,
 }
 
 impl Document {
     /// An empty page with this heading.
     pub fn new(title: &str) -> Self {
-        Self { title: title.to_owned(), body: Vec::new(), figures: 0 }
+        Self {
+            title: title.to_owned(),
+            body: Vec::new(),
+            headings: Vec::new(),
+            figures: Vec::new(),
+            timeline: None,
+            replay: None,
+            scripts: Vec::new(),
+        }
     }
 
-    /// The whole page: head, style, the script that draws figures, the heading and what was added.
+    /// A script at the end of the page.
+    pub fn script(&mut self, script: &'static str) {
+        self.scripts.push(script);
+    }
+
+    /// Figures over time that come after this share its time, its marks, one cursor and one zoom.
+    pub fn set_timeline(&mut self, timeline: Timeline) {
+        self.timeline = Some(timeline);
+    }
+
+    /// The bar with the time slider, and the three-dimensional view beside `beside`. Needs a timeline.
+    pub fn replay(&mut self, frames: Value, beside: &Figure) {
+        self.replay = Some(frames);
+        self.add(html! {
+            div class="bar" role="group" aria-label="Replay" {
+                button id="play" type="button" { "Play" }
+                select id="speed" aria-label="Speed" {
+                    @for speed in ["0.25", "1", "2", "5", "20", "100"] {
+                        option value=(speed) selected[speed == "1"] { (speed) "\u{d7}" }
+                    }
+                }
+                input id="time" type="range" min="0" value="0" aria-label="Time";
+                output id="clock" {}
+                span id="state" class="state" {}
+            }
+        });
+        let figure =
+            (!beside.is_empty()).then(|| self.drawn(beside, self.timeline.as_ref().map(|t| t.span_s)));
+        self.add(html! {
+            div class="first" {
+                div class="scene" {
+                    canvas id="scene" tabindex="0" role="img"
+                        aria-label="The platforms in three dimensions at the time of the slider. Drag or arrow keys turn the view, + and - zoom." {}
+                    p id="key" class="key" {}
+                    div class="wide" { table id="numbers" {} }
+                }
+                @if let Some(figure) = figure { (figure) }
+            }
+        });
+    }
+
+    /// The whole page: head, style, the heading, what was added, and the scripts and numbers that draw the figures.
     pub fn finish(self) -> String {
         let page = html! {
             (DOCTYPE)
@@ -42,19 +93,48 @@ impl Document {
                 head {
                     meta charset="utf-8";
                     title { (self.title) }
-                    meta name="viewport" content="width=device-width";
-                    style { (PreEscaped(STYLE)) }
-                    (PreEscaped(script()))
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    @if !self.figures.is_empty() {
+                        style { (PreEscaped(assets::UPLOT_STYLE)) }
+                    }
+                    style { (PreEscaped(assets::STYLE)) }
                 }
                 body {
                     h1 { (self.title) }
+                    @if self.headings.len() > 2 {
+                        nav class="contents" aria-label="Contents" {
+                            @for (id, text) in &self.headings { a href=(format!("#{id}")) { (text) } " " }
+                        }
+                    }
                     @for part in &self.body {
                         (part) "\n"
                     }
+                    @if !self.figures.is_empty() {
+                        noscript { p class="warning" { "The figures are drawn by a script; this browser runs none." } }
+                        (self.drawing())
+                    }
+                    @for script in &self.scripts { script { (PreEscaped(script)) } }
                 }
             }
         };
         page.into_string()
+    }
+
+    /// The numbers of the figures, compressed, and what draws them.
+    fn drawing(&self) -> Markup {
+        let mut data = Map::new();
+        data.insert("figures".to_owned(), Value::Array(self.figures.clone()));
+        data.extend(
+            self.timeline.iter().flat_map(Timeline::stored).map(|(key, value)| (key.to_owned(), value)),
+        );
+        data.extend(self.replay.iter().map(|frames| ("scene".to_owned(), frames.clone())));
+        html! {
+            script id="data" type="text/plain" { (PreEscaped(packed(&Value::Object(data)))) }
+            script { (PreEscaped(format!("/*!\nuPlot: {}*/\n", assets::UPLOT_LICENCE))) (PreEscaped(assets::UPLOT)) }
+            @for script in [assets::PLOTS, assets::SCENE, assets::REPLAY, assets::PAGE] {
+                script { (PreEscaped(script)) }
+            }
+        }
     }
 
     /// Anything else.
@@ -64,7 +144,9 @@ impl Document {
 
     /// A subheading.
     pub fn heading(&mut self, text: &str) {
-        self.add(html! { h2 { (text) } });
+        let id = format!("section_{}", self.headings.len() + 1);
+        self.add(html! { h2 id=(id) { (text) } });
+        self.headings.push((id, text.to_owned()));
     }
 
     /// A paragraph of a class (`answer`, `rule`, `warning`; empty for none).
@@ -84,26 +166,33 @@ impl Document {
         self.add(html! { div class="wide" { (table(headings, rows)) } });
     }
 
-    /// A figure, unless it is empty.
-    pub fn figure(&mut self, figure: &Figure, x_range: Option<(f64, f64)>) {
-        self.figure_with_bands(figure, &[], x_range);
+    /// A figure, unless it is empty; without a range its horizontal axis is fitted to the curves.
+    pub fn figure(&mut self, figure: &Figure, x_range: Option<Interval>) {
+        if !figure.is_empty() {
+            let drawn = self.drawn(figure, x_range);
+            self.add(drawn);
+        }
     }
 
-    /// The same with shaded stretches of time.
-    pub fn figure_with_bands(&mut self, figure: &Figure, shaded: &[Interval], x_range: Option<(f64, f64)>) {
-        if figure.is_empty() {
-            return;
-        }
-        self.figures += 1;
-        let drawn = figure.html(&format!("figure_{}", self.figures), shaded, x_range);
-        self.add(html! {
+    fn drawn(&mut self, figure: &Figure, x_range: Option<Interval>) -> Markup {
+        let id = format!("figure_{}", self.figures.len() + 1);
+        self.figures.push(figure.stored(&id, x_range, self.timeline.is_some()));
+        html! {
             div class="figure" {
                 h3 { (figure.title) }
                 p class="caption" { (figure.caption) }
-                div class="plot" { (PreEscaped(drawn)) }
+                div class="plot" id=(id) role="img" tabindex="0" aria-label=(figure.spoken()) {}
             }
-        });
+        }
     }
+}
+
+/// As text that a page can hold: compressed (raw DEFLATE), then in base 64.
+fn packed(value: &Value) -> String {
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+    // Writing to memory does not fail.
+    let _ = encoder.write_all(value.to_string().as_bytes());
+    STANDARD.encode(encoder.finish().unwrap_or_default())
 }
 
 /// A table, as in [`Document::table`], that does not scroll.
@@ -188,5 +277,35 @@ mod tests {
         let html = page.finish();
         assert!(html.contains("a &lt; b &amp; &quot;c&quot;") && html.contains("<h1>&lt;b&gt;</h1>"));
         assert!(html.ends_with("</body></html>"));
+        assert!(!html.contains("<script"), "no figures, no scripts");
+    }
+
+    #[test]
+    fn the_numbers_of_the_figures_are_in_the_page() {
+        let mut page = Document::new("t");
+        let curve = crate::series::Curve::new("a", [(0.0, 1.0), (0.5, 2.5)]);
+        page.figure(&Figure { title: "F".to_owned(), curves: vec![curve], ..Figure::default() }, None);
+        let html = page.finish();
+        let packed = html.split_once("type=\"text/plain\">").unwrap().1.split_once('<').unwrap().0;
+        let mut text = String::new();
+        let bytes = STANDARD.decode(packed).unwrap();
+        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(bytes.as_slice()), &mut text)
+            .unwrap();
+        let data: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(data["figures"][0]["curves"][0]["y"], serde_json::json!([1.0, 2.5]));
+        assert!(html.contains("F, ; a: 1.00 to 2.50"), "an alternative text");
+    }
+
+    #[test]
+    fn scripts_cannot_end_themselves() {
+        let all = [
+            assets::UPLOT,
+            assets::PLOTS,
+            assets::SCENE,
+            assets::REPLAY,
+            assets::PAGE,
+            assets::UPLOT_LICENCE,
+        ];
+        assert!(all.iter().all(|script| !script.contains("</script")));
     }
 }

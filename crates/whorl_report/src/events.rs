@@ -111,7 +111,9 @@ fn changes<T: PartialEq + Clone>(values: impl Iterator<Item = (f64, T)>, mut cha
     }
 }
 
-fn mode_name(mode: u8) -> &'static str {
+/// A mode of control in words.
+#[must_use]
+pub fn mode_name(mode: u8) -> &'static str {
     match mode {
         ControlStatus::MODE_IDLE => "idle",
         ControlStatus::MODE_TRACK => "tracking",

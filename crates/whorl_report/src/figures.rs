@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad, rpm_from_rad_s};
 
 use crate::data::{PlatformData, RunData};
-use crate::figure::Figure;
+use crate::figure::{Figure, Limit};
 use crate::metrics::{Attitudes, RelativeError, estimator_errors};
+use crate::replay::PlatformShape;
 use crate::series::{AttitudeSeries, Curve, components};
 
 const XYZ: [&str; 3] = ["x", "y", "z"];
@@ -15,7 +16,12 @@ const XYZ: [&str; 3] = ["x", "y", "z"];
 const FILTER_SETTLING_S: f64 = 2.0;
 
 /// Relative error of a pair and the links.
-pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> Vec<Figure> {
+pub fn pair_figures(
+    follower: &str,
+    leader: &str,
+    errors: &[RelativeError],
+    target_rad: Option<f64>,
+) -> Vec<Figure> {
     let angle = |name: &str, f: &dyn Fn(&RelativeError) -> Option<f64>| {
         Curve::new(name, errors.iter().filter_map(|e| Some((e.time_s, deg_from_rad(f(e)?)))))
     };
@@ -24,7 +30,7 @@ pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> V
             title: format!("Relative pointing error of {follower} to {leader}"),
             caption:
                 "Angle between the relative attitude and the commanded one, and its two parts: the error \
-                      of the estimators and the error of the controllers. Grey: hold."
+                      of the estimators and the error of the controllers. Shaded: hold."
                     .to_owned(),
             y_label: "angle [deg]".to_owned(),
             curves: vec![
@@ -32,6 +38,10 @@ pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> V
                 angle("estimator", &|e| e.estimator_rad.map(|v| v.norm())),
                 angle("control", &|e| Some(e.control_rad.norm())),
             ],
+            limits: target_rad
+                .map(|t| Limit { name: "target (RMS in hold)".to_owned(), value: deg_from_rad(t) })
+                .into_iter()
+                .collect(),
             log: true,
             ..Figure::default()
         },
@@ -46,7 +56,7 @@ pub fn pair_figures(follower: &str, leader: &str, errors: &[RelativeError]) -> V
 }
 
 /// Age of every platform's estimate at the coordinator.
-pub fn link_figure(run: &RunData) -> Figure {
+pub fn link_figure(run: &RunData, stale_s: Option<f64>) -> Figure {
     let names = run.formation.last().map(|s| s.message.platforms.clone()).unwrap_or_default();
     let curves = names.iter().enumerate().map(|(i, name)| {
         let ages = run.formation.iter().filter_map(|s| {
@@ -60,13 +70,19 @@ pub fn link_figure(run: &RunData) -> Figure {
         caption: "Age of each platform's newest estimate whenever the coordinator used it.".to_owned(),
         y_label: "age [ms]".to_owned(),
         curves: curves.collect(),
+        limits: stale_s.map(|s| Limit { name: "stale".to_owned(), value: s * 1e3 }).into_iter().collect(),
         ..Figure::default()
     }
 }
 
 /// Everything about one platform.
-pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figure> {
+pub fn platform_figures(
+    data: &PlatformData,
+    attitudes: &Attitudes,
+    shape: Option<&PlatformShape>,
+) -> Vec<Figure> {
     let mut figures = attitude_figures(attitudes);
+    figures.push(tilt_figure(data, shape));
     figures.push(Figure {
         title: "Control error".to_owned(),
         caption: "Rotation from reference to estimated attitude, body axes, as used by the controller."
@@ -105,6 +121,7 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
         caption: "Relative to the body.".to_owned(),
         y_label: "speed [rpm]".to_owned(),
         curves: wheel_speeds(data),
+        limits: wheel_limits(shape),
         ..Figure::default()
     });
     figures.push(Figure {
@@ -122,6 +139,33 @@ pub fn platform_figures(data: &PlatformData, attitudes: &Attitudes) -> Vec<Figur
     figures.extend(mass_property_figures(data));
     figures.retain(|f| !f.is_empty());
     figures
+}
+
+/// The angle that the bearing limits.
+fn tilt_figure(data: &PlatformData, shape: Option<&PlatformShape>) -> Figure {
+    let limit = shape.and_then(|s| s.tilt.as_ref());
+    let stop = |l: &crate::replay::TiltLimit| Limit {
+        name: "stop of the bearing".to_owned(),
+        value: deg_from_rad(l.max_rad),
+    };
+    Figure {
+        title: "Tilt".to_owned(),
+        caption: "Angle that the bearing limits, as estimated.".to_owned(),
+        y_label: "tilt [deg]".to_owned(),
+        curves: vec![Curve::new(
+            "tilt",
+            data.control.iter().map(|c| (c.stamp_s, deg_from_rad(c.message.tilt_rad))),
+        )],
+        limits: limit.map(stop).into_iter().collect(),
+        ..Figure::default()
+    }
+}
+
+fn wheel_limits(shape: Option<&PlatformShape>) -> Vec<Limit> {
+    let Some(speed) = shape.and_then(|s| s.wheel_speed_max_rad_s) else { return Vec::new() };
+    [1.0, -1.0]
+        .map(|sign| Limit { name: "largest speed".to_owned(), value: sign * rpm_from_rad_s(speed) })
+        .to_vec()
 }
 
 /// Convergence of the mass properties estimated in motion: three figures with three curves each.

@@ -4,25 +4,35 @@
 //! one file that opens offline. The pages that explain data ([`comparison_html`], [`whereabouts_html`],
 //! [`diagnosis_html`], [`adoption_html`]) are built in the same way.
 
+pub mod assets;
 mod data;
 mod document;
 mod events;
 mod explanation;
 mod figure;
 mod figures;
+mod index;
+mod live;
 mod metrics;
+mod overlay;
 mod page;
+mod replay;
 mod reproduction;
 mod series;
+mod timeline;
 mod verdict;
 
 pub use data::{PlatformData, Recorded, RunData};
-pub use events::{Happening, happenings};
+pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, next_html,
     whereabouts_html,
 };
+pub use index::{IndexRow, index_html};
+pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
+pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 pub use page::{Description, TopicRow, html};
+pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
 pub use verdict::{Circumstances, Result as RunResult, Verdict, judge};

@@ -4,10 +4,13 @@ use maud::{Markup, html};
 use whorl_math::deg_from_rad;
 
 use crate::data::RunData;
-use crate::document::{Document, code, heading_row, number, right, table, text};
-use crate::events::happenings;
+use crate::document::{Document, code, heading_row, number, right, text};
+use crate::events::{Happening, happenings};
+use crate::figure::Figure;
 use crate::figures::{link_figure, pair_figures, platform_figures};
-use crate::metrics::{Attitudes, PairSummary, Summary, hold_intervals, relative_errors};
+use crate::metrics::{Attitudes, PairSummary, Summary, relative_errors};
+use crate::replay::{self, PlatformShape};
+use crate::timeline::Timeline;
 use crate::verdict::Verdict;
 
 /// Contents of the page besides the data.
@@ -21,6 +24,12 @@ pub struct Description {
     pub topics: Vec<TopicRow>,
     /// Sentences shown in a warning box on top (recording cut short, topics missing, ...).
     pub warnings: Vec<String>,
+    /// What is known of the platforms' shapes and limits; the others are drawn plainly.
+    pub shapes: Vec<PlatformShape>,
+    /// Relative pointing error that was asked for \[rad\].
+    pub target_rad: Option<f64>,
+    /// Age at which a link counts as stale \[s\].
+    pub link_stale_s: Option<f64>,
 }
 
 /// A recorded topic.
@@ -48,11 +57,17 @@ pub fn html(run: &RunData, summary: &Summary, verdict: &Verdict, description: &D
     for warning in &description.warnings {
         page.paragraph("warning", warning);
     }
+    let happened = happenings(run);
+    page.set_timeline(Timeline::new(run, &happened));
+    let mut formation = formation_figures(run, description);
+    // The first figure stands beside the replay, in the first screen.
+    let first = if formation.is_empty() { Figure::default() } else { formation.remove(0) };
+    page.replay(replay::stored(run, &description.shapes), &first);
     summary_tables(&mut page, summary);
-    facts(&mut page, description);
-    figures(&mut page, run);
-    happenings_table(&mut page, run);
+    figures(&mut page, run, description, &formation);
+    happenings_table(&mut page, &happened);
     topics_table(&mut page, &description.topics);
+    facts(&mut page, description);
     page.finish()
 }
 
@@ -89,7 +104,7 @@ fn summary_tables(page: &mut Document, summary: &Summary) {
             ]
         };
         let rows: Vec<Vec<Markup>> = summary.pairs.iter().map(row).collect();
-        page.add(table(&headings, &rows));
+        page.table(&headings, &rows);
     }
     type Cell = fn(&crate::metrics::PlatformSummary) -> Markup;
     let rows: [(&str, Cell); 15] = [
@@ -122,7 +137,7 @@ fn summary_tables(page: &mut Document, summary: &Summary) {
     let cells = |(label, cell): (&str, Cell)| {
         std::iter::once(text(label)).chain(summary.platforms.iter().map(cell)).collect()
     };
-    page.add(table(&headings, &rows.map(cells)));
+    page.table(&headings, &rows.map(cells));
 }
 
 fn facts(page: &mut Document, description: &Description) {
@@ -136,42 +151,58 @@ fn facts(page: &mut Document, description: &Description) {
     });
 }
 
-fn figures(page: &mut Document, run: &RunData) {
-    let hold = hold_intervals(run);
-    let span = Some((0.0, run.duration_s));
+/// Relative errors of all pairs, then the links.
+fn formation_figures(run: &RunData, description: &Description) -> Vec<Figure> {
     let attitudes: std::collections::BTreeMap<_, _> =
         run.platforms.iter().map(|(name, data)| (name, Attitudes::new(data))).collect();
-    page.heading("Formation");
+    let mut figures = Vec::new();
     for (follower, leader) in crate::metrics::pairs(run) {
         let (Some(f), Some(l)) = (attitudes.get(&follower), attitudes.get(&leader)) else { continue };
         let errors = relative_errors(run, &follower, &leader, [f, l]);
-        for figure in pair_figures(&follower, &leader, &errors) {
-            page.figure_with_bands(&figure, &hold, span);
-        }
+        figures.extend(pair_figures(&follower, &leader, &errors, description.target_rad));
     }
-    page.figure_with_bands(&link_figure(run), &hold, span);
+    figures.push(link_figure(run, description.link_stale_s));
+    figures.retain(|f| !f.is_empty());
+    figures
+}
+
+fn figures(page: &mut Document, run: &RunData, description: &Description, formation: &[Figure]) {
+    let span = Some((0.0, run.duration_s));
+    if !formation.is_empty() {
+        page.heading("Formation");
+    }
+    for figure in formation {
+        page.figure(figure, span);
+    }
     for (name, data) in &run.platforms {
         page.heading(&format!("Platform {name}"));
-        let Some(attitudes) = attitudes.get(name) else { continue };
-        for figure in platform_figures(data, attitudes) {
-            page.figure_with_bands(&figure, &hold, span);
+        let shape = description.shapes.iter().find(|s| &s.name == name);
+        for mut figure in platform_figures(data, &Attitudes::new(data), shape) {
+            figure.platform.clone_from(name);
+            page.figure(&figure, span);
         }
     }
 }
 
-fn happenings_table(page: &mut Document, run: &RunData) {
-    let all = happenings(run);
+fn happenings_table(page: &mut Document, all: &[Happening]) {
     let faults = all.iter().filter(|h| h.fault).count();
     page.heading("What happened");
     page.paragraph(
         "",
-        &format!("{} changes, {faults} of them faults or responses to faults (shaded).", all.len()),
+        &format!(
+            "{} changes, {faults} of them faults or responses to faults (shaded). A click shows the instant in the replay.",
+            all.len()
+        ),
     );
     page.add(html! {
-        table {
-            (heading_row(&["#time [s]", "who", "what"]))
-            @for h in &all {
-                tr class=[h.fault.then_some("fault")] { (number(h.time_s, 2)) (text(&h.who)) (text(&h.what)) }
+        div class="wide" {
+            table {
+                (heading_row(&["#time [s]", "who", "what"]))
+                @for h in all {
+                    tr class=[h.fault.then_some("fault")] data-time=(format!("{:.3}", h.time_s)) {
+                        (number(h.time_s, 2)) (text(&h.who)) (text(&h.what))
+                    }
+                }
             }
         }
     });
@@ -191,7 +222,7 @@ fn topics_table(page: &mut Document, topics: &[TopicRow]) {
         ]
     };
     let rows: Vec<Vec<Markup>> = topics.iter().map(row).collect();
-    page.add(table(&headings, &rows));
+    page.table(&headings, &rows);
 }
 
 fn angle(rad: f64) -> Markup {

@@ -9,6 +9,7 @@ use super::{Facts, facts};
 use crate::document::{Document, judged, number, significant, text};
 use crate::figure::Figure;
 use crate::series::Curve;
+use crate::timeline::Timeline;
 
 /// Largest ratio to the noise floor that is shown as good.
 const GOOD_RATIO: f64 = 1.1;
@@ -40,6 +41,10 @@ pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Fac
     );
     for run in runs {
         error_table(&mut page, run);
+    }
+    // The time of one run is shared by its figures; several runs have nothing in common but its zero.
+    if let [run] = runs {
+        page.set_timeline(Timeline::plain((0.0, run.comparison.duration_s)));
     }
     for run in runs {
         run_section(&mut page, run);

@@ -1,0 +1,193 @@
+//! `whorl live`: the formation in a browser.
+
+mod server;
+mod view;
+
+use std::io::Read;
+use std::net::{IpAddr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use axum::extract::ws::Utf8Bytes;
+use clap::Args;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use tokio::sync::watch;
+use whorl_msgs::topics::Topic;
+use whorl_params::ParameterTree;
+use whorl_report::{PlatformShape, live_html};
+use whorl_ros::environment::Network;
+
+use crate::run::{say, tell};
+use crate::shapes::shapes;
+use crate::subscription::Subscription;
+use server::Server;
+use view::View;
+
+/// Where the page is served unless another port is given.
+pub const PORT: u16 = 8470;
+/// Time between two frames.
+const FRAME: Duration = Duration::from_millis(33);
+/// Silence after which the reason is looked for.
+const SILENCE: Duration = Duration::from_secs(5);
+const SHARED: [Topic; 2] = [Topic::FormationState, Topic::Diagnostics];
+const OF_PLATFORMS: [Topic; 4] =
+    [Topic::AttitudeEstimate, Topic::AttitudeReference, Topic::ControlStatus, Topic::ThrusterState];
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Names of the platforms.
+    #[arg(default_values_t = ["whorl_1".to_owned(), "whorl_2".to_owned()], value_name = "PLATFORM")]
+    platforms: Vec<String>,
+    /// Address to serve the page at; one that is not of this machine alone lets everybody who reaches it watch.
+    #[arg(long, default_value = "127.0.0.1", value_name = "ADDRESS")]
+    bind: IpAddr,
+    /// Port; 0: any free one.
+    #[arg(long, default_value_t = PORT)]
+    port: u16,
+    /// No commands, not even with the token.
+    #[arg(long)]
+    read_only: bool,
+    /// Run directory whose parameters say what the platforms look like (limits, jets) [default: the files of --params].
+    #[arg(long, value_name = "RUN")]
+    run: Option<PathBuf>,
+    /// Parameter folder.
+    #[arg(long, default_value = "params", value_name = "DIR")]
+    params: PathBuf,
+}
+
+/// Carries out `whorl live`, until it is stopped.
+pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<()> {
+    whorl_ros::limit_memory();
+    // A browser that closes its connection is no reason to end.
+    ends_with_its_reader.store(false, Ordering::Relaxed);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(serve(arguments))
+}
+
+async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
+    let wanted = SocketAddr::new(arguments.bind, arguments.port);
+    let listener = tokio::net::TcpListener::bind(wanted)
+        .await
+        .with_context(|| format!("cannot serve at {wanted}: --port takes another one, 0 any that is free"))?;
+    let address = listener.local_addr()?;
+    let network = Network::from_environment()?;
+    let subscription = Subscription::new(&network, &arguments.platforms, &SHARED, &OF_PLATFORMS)?;
+    let token = if arguments.read_only { None } else { Some(secret()?) };
+    let (frames, _) = watch::channel(Utf8Bytes::default());
+    let failed = feed(subscription, arguments.platforms.clone(), frames.clone())?;
+
+    let looks = Looks::new(arguments);
+    let page = Box::new(move || live_html(&looks.shapes()));
+    let fragment = token.as_ref().map_or_else(String::new, |token| format!("#token={token}"));
+    say(format_args!("live at http://{address}/{fragment}"));
+    if !address.ip().is_loopback() {
+        tell(format_args!(
+            "warning: everybody who reaches {address} can watch; only who knows the token can command"
+        ));
+    }
+    let server = Arc::new(Server { address, page, frames, token });
+    let serving = axum::serve(listener, server::routes(server));
+    let stopped = stop_signal()?;
+    tokio::select! {
+        _ = stopped => Ok(()),
+        ended = serving.into_future() => Ok(ended?),
+        error = failed => Err(error.unwrap_or_else(|_| anyhow::anyhow!("listening to the formation has ended"))),
+    }
+}
+
+/// Comes with Ctrl-C, or when somebody else ends this process.
+fn stop_signal() -> anyhow::Result<tokio::sync::oneshot::Receiver<()>> {
+    let (stop, stopped) = tokio::sync::oneshot::channel();
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        if signals.forever().next().is_some() {
+            let _ = stop.send(());
+        }
+    })?;
+    Ok(stopped)
+}
+
+/// Listens to the formation in a thread of its own and replaces the frame. The error, if there is one, comes through
+/// the channel.
+fn feed(
+    mut subscription: Subscription,
+    platforms: Vec<String>,
+    frames: watch::Sender<Utf8Bytes>,
+) -> anyhow::Result<tokio::sync::oneshot::Receiver<anyhow::Error>> {
+    let (failed, receiver) = tokio::sync::oneshot::channel();
+    std::thread::Builder::new().name("formation".to_owned()).spawn(move || {
+        let begun = Instant::now();
+        let mut view = View::default();
+        let (mut heard, mut hinted) = (false, false);
+        loop {
+            std::thread::sleep(FRAME);
+            let now_s = begun.elapsed().as_secs_f64();
+            let drained = subscription.drain(|route, message| {
+                heard = true;
+                view.take(now_s, route, message);
+            });
+            if let Err(error) = drained {
+                let _ = failed.send(error);
+                return;
+            }
+            if !heard && !hinted && begun.elapsed() > SILENCE {
+                hinted = true;
+                tell(subscription.hint());
+            }
+            // Without a browser nothing is written.
+            if frames.receiver_count() > 0 {
+                let frame = view.frame(now_s, &platforms);
+                frames.send_replace(serde_json::to_string(&frame).unwrap_or_default().into());
+            }
+        }
+    })?;
+    Ok(receiver)
+}
+
+/// Where the parameters are that say what platforms look like.
+struct Looks {
+    platforms: Vec<String>,
+    run: Option<PathBuf>,
+    params: PathBuf,
+}
+
+impl Looks {
+    fn new(arguments: &Arguments) -> Self {
+        Self {
+            platforms: arguments.platforms.clone(),
+            run: arguments.run.clone(),
+            params: arguments.params.clone(),
+        }
+    }
+
+    /// Read for every page: the recorder writes a run's parameters only when it has started.
+    fn shapes(&self) -> Vec<PlatformShape> {
+        self.tree().map_or_else(
+            || self.platforms.iter().map(|name| PlatformShape::unknown(name)).collect(),
+            |tree| shapes(&tree, &self.platforms),
+        )
+    }
+
+    fn tree(&self) -> Option<ParameterTree> {
+        let of_run = self.run.as_deref().and_then(crate::report::effective_parameters);
+        of_run.or_else(|| {
+            let names: Vec<&str> = self.platforms.iter().map(String::as_str).collect();
+            let files = whorl_params::standard_layers(&self.params, &names, None);
+            let there: Vec<PathBuf> = files.into_iter().filter(|f| Path::is_file(f)).collect();
+            ParameterTree::load(&there, &[]).ok()
+        })
+    }
+}
+
+/// 128 random bits.
+fn secret() -> anyhow::Result<String> {
+    let mut bytes = [0u8; 16];
+    std::fs::File::open("/dev/urandom")
+        .and_then(|mut file| file.read_exact(&mut bytes))
+        .context("there is no source of randomness for the token (--read-only needs none)")?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}

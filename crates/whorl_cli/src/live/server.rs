@@ -1,0 +1,164 @@
+//! The web server of the live page: the page, a stream of frames, and two commands.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
+use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::http::header::{AUTHORIZATION, CACHE_CONTROL, CONTENT_SECURITY_POLICY, HOST, ORIGIN};
+use axum::http::{HeaderMap, StatusCode};
+use axum::middleware::{self, Next};
+use axum::response::{Html, IntoResponse, Response};
+use axum::routing::{get, post};
+use sha2::{Digest, Sha256};
+use tokio::sync::watch;
+
+use crate::command::{request_abort, request_start};
+
+/// Browsers that are served at the same time.
+const BROWSERS: usize = 32;
+/// A browser that takes nothing for this long is left.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Browsers send nothing but a name or a reason.
+const LARGEST_REQUEST: usize = 1024;
+/// Scripts and styles are in the page; nothing else may be loaded or called.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; base-uri 'none'; \
+                      form-action 'none'; frame-ancestors 'none'";
+
+/// What the server needs.
+pub struct Server {
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// Makes the page.
+    pub page: Box<dyn Fn() -> String + Send + Sync>,
+    /// The latest frame: a browser that is slow misses some, and nobody waits for it.
+    pub frames: watch::Sender<Utf8Bytes>,
+    /// What a browser must know to command; `None`: nobody commands.
+    pub token: Option<String>,
+}
+
+/// The routes.
+pub fn routes(server: Arc<Server>) -> Router {
+    Router::new()
+        .route("/", get(page))
+        .route("/frames", get(frames))
+        .route("/start", post(start))
+        .route("/abort", post(abort))
+        .layer(DefaultBodyLimit::max(LARGEST_REQUEST))
+        .layer(middleware::from_fn_with_state(Arc::clone(&server), same_site))
+        .with_state(server)
+}
+
+/// Refuses pages of other sites: those that call from the user's browser (by their origin), and those whose name was
+/// made to point here (by the host they call).
+async fn same_site(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
+    match refusal(server.address, request.headers()) {
+        Some(why) => (StatusCode::FORBIDDEN, why).into_response(),
+        None => next.run(request).await,
+    }
+}
+
+fn refusal(address: SocketAddr, headers: &HeaderMap) -> Option<&'static str> {
+    let header = |name| headers.get(name).and_then(|v| v.to_str().ok());
+    let host = header(HOST).unwrap_or_default();
+    let named = host.rsplit_once(':').map_or(host, |(name, _)| name).trim_matches(['[', ']']);
+    let is_address = named.parse::<std::net::IpAddr>().is_ok() || named == "localhost";
+    if address.ip().is_loopback() && !is_address {
+        return Some("call this page by its address\n");
+    }
+    let from_elsewhere = header(ORIGIN).is_some_and(|origin| origin.strip_prefix("http://") != Some(host));
+    from_elsewhere.then_some("another site's page may not read or command a formation\n")
+}
+
+async fn page(State(server): State<Arc<Server>>) -> Response {
+    ([(CONTENT_SECURITY_POLICY, POLICY), (CACHE_CONTROL, "no-store")], Html((server.page)())).into_response()
+}
+
+async fn frames(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) -> Response {
+    if server.frames.receiver_count() >= BROWSERS {
+        return (StatusCode::SERVICE_UNAVAILABLE, format!("{BROWSERS} browsers are served already\n"))
+            .into_response();
+    }
+    let receiver = server.frames.subscribe();
+    upgrade.max_message_size(LARGEST_REQUEST).on_upgrade(move |socket| stream(socket, receiver))
+}
+
+async fn stream(mut socket: WebSocket, mut frames: watch::Receiver<Utf8Bytes>) {
+    loop {
+        tokio::select! {
+            changed = frames.changed() => {
+                let frame = frames.borrow_and_update().clone();
+                let sent = tokio::time::timeout(PATIENCE, socket.send(Message::Text(frame))).await;
+                if changed.is_err() || !matches!(sent, Ok(Ok(()))) {
+                    return;
+                }
+            }
+            received = socket.recv() => if !matches!(received, Some(Ok(_))) {
+                return;
+            }
+        }
+    }
+}
+
+async fn start(State(server): State<Arc<Server>>, headers: HeaderMap, name: String) -> Response {
+    command(&server, &headers, move || request_start(name)).await
+}
+
+async fn abort(State(server): State<Arc<Server>>, headers: HeaderMap, reason: String) -> Response {
+    let reason = if reason.is_empty() { "by the live page".to_owned() } else { reason };
+    command(&server, &headers, move || request_abort(reason)).await
+}
+
+async fn command(
+    server: &Server,
+    headers: &HeaderMap,
+    call: impl FnOnce() -> anyhow::Result<String> + Send + 'static,
+) -> Response {
+    if !server.token.as_ref().is_some_and(|token| authorised(headers, token)) {
+        let why = "commands need the token of the address that whorl live printed; without it the page is read-only\n";
+        return (StatusCode::UNAUTHORIZED, why).into_response();
+    }
+    // The coordinator may take seconds to answer; frames go on meanwhile.
+    match tokio::task::spawn_blocking(call).await {
+        Ok(Ok(said)) => said.into_response(),
+        Ok(Err(error)) => (StatusCode::CONFLICT, format!("{error:#}")).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    }
+}
+
+/// Compares digests, so that the time it takes tells nothing of the token.
+fn authorised(headers: &HeaderMap, token: &str) -> bool {
+    let given =
+        headers.get(AUTHORIZATION).and_then(|v| v.to_str().ok()).and_then(|v| v.strip_prefix("Bearer "));
+    given.is_some_and(|given| Sha256::digest(given) == Sha256::digest(token))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(list: &[(&'static str, &str)]) -> HeaderMap {
+        list.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap())).collect()
+    }
+
+    #[test]
+    fn pages_of_other_sites_are_refused() {
+        let here: SocketAddr = "127.0.0.1:8470".parse().unwrap();
+        let refused = |list: &[(&'static str, &str)]| refusal(here, &headers(list)).is_some();
+        assert!(!refused(&[("host", "127.0.0.1:8470")]));
+        assert!(!refused(&[("host", "localhost:8470"), ("origin", "http://localhost:8470")]));
+        assert!(refused(&[("host", "127.0.0.1:8470"), ("origin", "https://example.org")]));
+        assert!(refused(&[("host", "127.0.0.1:8470"), ("origin", "http://127.0.0.1:80")]));
+        assert!(refused(&[("host", "rebound.example.org:8470")]), "a name that was made to point here");
+    }
+
+    #[test]
+    fn only_the_token_commands() {
+        assert!(authorised(&headers(&[("authorization", "Bearer abc")]), "abc"));
+        assert!(!authorised(&headers(&[("authorization", "Bearer abd")]), "abc"));
+        assert!(!authorised(&headers(&[("authorization", "abc")]), "abc"));
+        assert!(!authorised(&HeaderMap::new(), "abc"));
+    }
+}

@@ -1,0 +1,45 @@
+//! `whorl completions` and `whorl man`: what a shell knows of the command.
+
+use std::path::Path;
+
+use anyhow::Context;
+use clap::CommandFactory;
+use clap_complete::Shell;
+
+/// Prints the completions of a shell.
+pub fn completions(shell: Shell) {
+    clap_complete::generate(shell, &mut crate::Arguments::command(), "whorl", &mut std::io::stdout());
+}
+
+/// Writes a manual page for the command and for each of its commands.
+pub fn man(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    clap_mangen::generate_to(crate::Arguments::command(), folder)
+        .with_context(|| format!("cannot write manual pages into {}", folder.display()))?;
+    println!("manual pages: {} (try: man -l {})", folder.display(), folder.join("whorl.1").display());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_described_and_well_formed() {
+        let command = crate::Arguments::command();
+        command.clone().debug_assert();
+        for sub in command.get_subcommands() {
+            assert!(sub.get_about().is_some(), "{} has no description", sub.get_name());
+        }
+    }
+
+    #[test]
+    fn manual_pages_are_written_for_every_command() {
+        let folder = tempfile::tempdir().unwrap();
+        man(folder.path()).unwrap();
+        for name in ["whorl.1", "whorl-live.1", "whorl-diagnose.1"] {
+            let page = std::fs::read_to_string(folder.path().join(name)).unwrap();
+            assert!(page.contains(".SH SYNOPSIS"), "{name}");
+        }
+    }
+}
