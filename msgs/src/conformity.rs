@@ -60,7 +60,8 @@ fn the_interface_package_depends_on_what_its_messages_use() {
     let definitions = ["msg", "srv"].iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
     let mut used = BTreeSet::from(["builtin_interfaces".to_owned()]);
     for path in definitions.map(|entry| entry.unwrap().path()) {
-        let of_field = |line: &str| Some(line.split_once('/')?.0.to_owned()).filter(|p| !p.contains(['#', ' ']));
+        let of_field =
+            |line: &str| Some(line.split_once('/')?.0.to_owned()).filter(|p| !p.contains(['#', ' ']));
         used.extend(read(&path).lines().filter_map(of_field));
     }
     assert!(used.contains("std_msgs") && used.contains("geometry_msgs"), "{used:?}");

@@ -25,4 +25,4 @@ pub use explanation::{
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
-pub use verdict::{Circumstances, Result as RunResult, Verdict, judge};
+pub use verdict::{Circumstances, Result as RunResult, Verdict as RunVerdict, judge};

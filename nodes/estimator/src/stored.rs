@@ -66,3 +66,39 @@ impl Stored {
         Some((sum(|of| of.momentum_b_n_m_s), sum(|of| of.rate_b_n_m)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_dynamics::PlatformModel;
+
+    /// Three wheels of 0.02 kg m^2 along the body axes, by hand.
+    #[test]
+    fn wheels_store_inertia_times_speed_and_change_it_by_their_torque() {
+        let mut actuators = PlatformModel::whorl_1_reference().actuators;
+        for (wheel, axis) in actuators.wheels.0.iter_mut().zip([Vector3::x(), Vector3::y(), Vector3::z()]) {
+            wheel.spin_axis_b = nalgebra::Unit::new_normalize(axis);
+            wheel.spin_inertia_kg_m2 = 0.02;
+        }
+        let mut stored = Stored::new(&actuators);
+        assert_eq!(stored.topics().collect::<Vec<_>>(), [Topic::WheelState]);
+        let state = JointState {
+            velocity: vec![100.0, -50.0, 0.0],
+            effort: vec![0.0, 0.1, -0.2],
+            ..JointState::default()
+        };
+        let (momentum, rate) = stored.arrived(&actuators, Topic::WheelState, &state).unwrap();
+        assert!((momentum - Vector3::new(2.0, -1.0, 0.0)).norm() < 1e-12, "{momentum}");
+        assert!((rate - Vector3::new(0.0, 0.1, -0.2)).norm() < 1e-12, "{rate}");
+    }
+
+    #[test]
+    fn messages_about_other_joints_are_left_alone() {
+        let actuators = PlatformModel::whorl_1_reference().actuators;
+        let mut stored = Stored::new(&actuators);
+        let two = JointState { velocity: vec![1.0; 2], ..JointState::default() };
+        assert_eq!(stored.arrived(&actuators, Topic::WheelState, &two), None);
+        let three = JointState { velocity: vec![1.0; 3], ..JointState::default() };
+        assert_eq!(stored.arrived(&actuators, Topic::ImuRaw, &three), None);
+    }
+}
