@@ -179,19 +179,19 @@ impl EstimatorCore {
                 (LogLevel::Warn, "attitude found from gravity alone: the heading is assumed")
             }
             FilterEvent::RestartedAfterGap => {
-                (LogLevel::Warn, "attitude started anew after a gap in the IMU data")
+                (LogLevel::Warn, "attitude restarted after a gap in the IMU data")
             }
             FilterEvent::RestartedAfterOutliers => {
-                (LogLevel::Warn, "attitude started anew: the accelerometer kept disagreeing with it")
+                (LogLevel::Warn, "attitude restarted: the accelerometer kept disagreeing with it")
             }
             FilterEvent::RestartedAfterClockStep => {
-                (LogLevel::Warn, "attitude started anew after a step of the clock")
+                (LogLevel::Warn, "attitude restarted after a step of the clock")
             }
             FilterEvent::RestartedAfterDivergence => {
-                (LogLevel::Error, "attitude started anew: the filter diverged")
+                (LogLevel::Error, "attitude restarted: the filter diverged")
             }
             FilterEvent::HeadingForgotten => {
-                (LogLevel::Warn, "heading started anew: the vector sensor kept disagreeing with it")
+                (LogLevel::Warn, "heading restarted: the vector sensor kept disagreeing with it")
             }
         };
         outputs.log(level, format!("{}: {text}", self.parameters.name));
