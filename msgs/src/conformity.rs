@@ -4,6 +4,8 @@
 //! messages whose fields all differ, with their CDR bytes, and the constants. A message that was added since is
 //! not in it; what it is made by has been tested with all others.
 
+use std::collections::BTreeSet;
+
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
@@ -48,6 +50,30 @@ fn rust_types_have_the_fields_of_their_definitions() {
     }
     // As many as there were when the golden file was written, each full and empty.
     assert_eq!(compared.len(), 2 * 27);
+}
+
+/// The interface package declares every package whose messages its own use, and no other.
+#[test]
+fn the_interface_package_depends_on_what_its_messages_use() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |path: &std::path::Path| std::fs::read_to_string(path).unwrap();
+    let definitions = ["msg", "srv"].iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
+    let mut used = BTreeSet::from(["builtin_interfaces".to_owned()]);
+    for path in definitions.map(|entry| entry.unwrap().path()) {
+        let of_field =
+            |line: &str| Some(line.split_once('/')?.0.to_owned()).filter(|p| !p.contains(['#', ' ']));
+        used.extend(read(&path).lines().filter_map(of_field));
+    }
+    assert!(used.contains("std_msgs") && used.contains("geometry_msgs"), "{used:?}");
+    let (package, cmake) = (read(&root.join("package.xml")), read(&root.join("CMakeLists.txt")));
+    let declared = package.split("<depend>").skip(1).filter_map(|rest| rest.split_once("</depend>"));
+    let declared: BTreeSet<String> = declared.map(|(name, _)| name.to_owned()).collect();
+    assert_eq!(declared, used);
+    for name in &used {
+        assert!(cmake.contains(&format!("find_package({name} REQUIRED)")), "{name} is not looked for");
+    }
+    let listed = cmake.split_once("DEPENDENCIES ").and_then(|(_, rest)| rest.split_once('\n')).unwrap().0;
+    assert_eq!(listed.split_whitespace().map(str::to_owned).collect::<BTreeSet<_>>(), used);
 }
 
 #[test]

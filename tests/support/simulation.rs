@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::sync::Arc;
 use std::time::Duration;
 
 use nalgebra::UnitQuaternion;
@@ -67,9 +68,9 @@ struct Recorder {
 impl Observer for Recorder {
     type Error = Infallible;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), Infallible> {
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Infallible> {
         let place = self.run.published.len();
-        self.run.published.push((now, route, message.clone()));
+        self.run.published.push((now, route, Message::clone(message)));
         if self.with_journal {
             self.by_route.entry(route).or_default().push(place);
             if let Some(step) = self.run.journal.get_mut(&self.current).and_then(|steps| steps.last_mut()) {

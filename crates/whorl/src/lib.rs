@@ -11,6 +11,7 @@
 //! | turn a wanted torque into wheel torques and jet pulses | [`allocation`] |
 //! | track attitudes, and hold a formation | [`control`] |
 //! | estimate attitude from gyro, accelerometer and directions | [`estimation`] |
+//! | estimate the orientation of a sensor in a hand, on a limb or on a vehicle | [`free_motion`] |
 //! | compute the orbits and attitudes of a co-observation pass | [`orbits`] |
 //! | read and write recordings | [`recording`], [`bag`] |
 //! | identify mass properties | [`identification`] |
@@ -135,6 +136,28 @@ pub mod control {
 /// ```
 pub mod estimation {
     pub use whorl_estimation::*;
+}
+
+/// Orientation of a sensor that moves freely: gyro with accelerometer and magnetometer, or with known directions.
+///
+/// ```
+/// use whorl::free_motion::{FreeMotionEstimator, FreeMotionParameters};
+/// use whorl::nalgebra::{UnitQuaternion, Vector3};
+///
+/// // A sensor that lies rolled by 0.3 rad where the field is 22 uT north and 42 uT down. World axes: east, north, up.
+/// let q_world_sensor = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.3);
+/// let seen = |world: Vector3<f64>| q_world_sensor.inverse() * world;
+/// let mut estimator = FreeMotionEstimator::new(FreeMotionParameters::default());
+/// for k in 0..300 {
+///     estimator.on_imu(k * 10_000_000, &Vector3::zeros(), &seen(Vector3::new(0.0, 0.0, 9.81)));
+///     estimator.on_magnetometer(&seen(Vector3::new(0.0, 22.0, -42.0)));
+/// }
+/// let estimate = estimator.estimate().ok_or("no estimate yet")?;
+/// assert!(estimate.q_world_body.angle_to(&q_world_sensor) < 1e-3);
+/// # Ok::<(), &str>(())
+/// ```
+pub mod free_motion {
+    pub use whorl_free_motion::*;
 }
 
 /// Two-body, relative and elliptic motion; co-observation passes and their scaling to the laboratory.

@@ -91,18 +91,6 @@ impl Zonotope {
         zonotope
     }
 
-    /// The attainable torques [N m] of a demand's effectors, bounds, mode and failures.
-    ///
-    /// # Errors
-    /// [`TorqueDemandError`] when the demand is not well formed.
-    pub fn of_demand(effectors: &Effectors, demand: &TorqueDemand) -> Result<Self, TorqueDemandError> {
-        demand.check(effectors)?;
-        let mut problem = Problem::default();
-        problem.fill(effectors, demand);
-        let generators: Vec<_> = problem.columns.iter().map(|a| a * problem.scale_n_m).collect();
-        Ok(Self::new(&generators, problem.offset * problem.scale_n_m))
-    }
-
     /// Least and largest alpha in 0..=1 with alpha * `torque` attainable; `None` when there is none.
     #[must_use]
     pub fn alpha_range(&self, torque: &Vector3<f64>) -> Option<(f64, f64)> {

@@ -48,12 +48,6 @@ impl RunDirectory {
         &self.path
     }
 
-    /// The bag in it.
-    #[must_use]
-    pub fn bag_path(&self) -> &Path {
-        &self.bag
-    }
-
     /// The manifest; `None` for a plain bag.
     #[must_use]
     pub fn manifest(&self) -> Option<&Manifest> {

@@ -1,6 +1,7 @@
 //! One run of a campaign, in memory.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
@@ -40,11 +41,11 @@ fn unused(topic: Topic) -> bool {
 impl Observer for Keeper {
     type Error = BagError;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), BagError> {
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), BagError> {
         if let Some(writer) = &mut self.writer {
             writer.write_message(route, now, message)?;
         }
-        if let Message::DiagnosticArray(array) = message {
+        if let Message::DiagnosticArray(array) = &**message {
             let values =
                 array.status.iter().filter(|s| s.name == "coordinator: experiment").flat_map(|s| &s.values);
             let counted = values.filter(|v| v.key == "broadcasts").find_map(|v| v.value.parse().ok());
@@ -52,7 +53,7 @@ impl Observer for Keeper {
         } else if !unused(route.topic)
             && let Some(name) = route.name(&self.names)
         {
-            self.data.add(&name, now.0, message.clone());
+            self.data.add(&name, now.0, Message::clone(message));
         }
         Ok(())
     }

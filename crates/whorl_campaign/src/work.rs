@@ -51,7 +51,7 @@ impl Folder {
                 }
                 if held != text {
                     return Err(io::Error::other(format!(
-                        "{} holds another campaign, or its parameters have changed since it was begun; use another folder",
+                        "{} holds another campaign, or its parameters have changed since it began; use another folder",
                         path.display()
                     )));
                 }

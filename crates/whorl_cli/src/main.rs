@@ -52,7 +52,8 @@ use std::sync::atomic::AtomicBool;
 
 use clap::{Parser, Subcommand};
 
-/// Formation coordination for spherical air-bearing platforms.
+/// Runs, simulates and records spherical air-bearing platforms in formation, and explains why a rig does not do what its
+/// model says.
 #[derive(Debug, Parser)]
 #[command(name = "whorl", version, about, arg_required_else_help = true)]
 struct Arguments {
@@ -75,18 +76,18 @@ enum Command {
     Orbit(orbit::Arguments),
     /// Writes a parameter folder for any number of platforms.
     Platforms(platforms::Arguments),
-    /// Estimates quaternions from the recording of a gyro, an accelerometer and a magnetometer.
+    /// Estimates attitude from the recording of a gyro with an accelerometer, a magnetometer or other direction sensors.
     Estimate(estimate::Arguments),
     /// Starts the experiment that the coordinator has loaded.
     Start {
-        /// Name of the experiment, as a check; without it, whichever is loaded is started.
-        #[arg(default_value = "")]
+        /// Name of the experiment, as a check [default: whichever is loaded].
+        #[arg(default_value = "", hide_default_value = true)]
         experiment: String,
     },
     /// Ends the running experiment: every platform goes to its safe mode.
     Abort {
         /// Reason, for the log.
-        #[arg(default_value = "")]
+        #[arg(default_value = "", hide_default_value = true)]
         reason: String,
     },
     /// Shows phase, attitudes, errors, links and gas of a running formation; ends with the experiment.

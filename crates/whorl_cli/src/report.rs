@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use whorl_bag::{Manifest, RunDirectory, RunState};
 use whorl_math::{deg_from_rad, rad_from_deg};
 use whorl_params::ParameterTree;
-use whorl_report::{Circumstances, Description, RunData, Summary, TopicRow, Verdict};
+use whorl_report::{Circumstances, Description, RunData, RunVerdict, Summary, TopicRow};
 
 /// Carries out `whorl report`.
 pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
@@ -28,7 +28,7 @@ pub struct Written {
     /// The numbers.
     pub summary: Summary,
     /// The verdict.
-    pub verdict: Verdict,
+    pub verdict: RunVerdict,
 }
 
 /// The headline numbers, where the page is, and the verdict: the last line is what a run came to.

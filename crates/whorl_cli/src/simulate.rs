@@ -2,6 +2,7 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
@@ -58,7 +59,7 @@ struct Recording {
 impl Observer for Recording {
     type Error = BagError;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), BagError> {
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), BagError> {
         self.messages += 1;
         match &mut self.writer {
             Some(writer) => writer.write_message(route, now, message),

@@ -52,8 +52,8 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
+use whorl_dynamics::actuators::Actuators;
 use whorl_dynamics::gyrostat::RateEquation;
-use whorl_dynamics::platform::Wheel;
 use whorl_math::attitude_error;
 
 use crate::reference::Reference;
@@ -110,7 +110,7 @@ pub enum TrackingError {
         /// The bound.
         bound_s: f64,
     },
-    /// The inertia is not positive definite once the wheels' spin inertia is subtracted.
+    /// The inertia is not positive definite once that of the moving parts (wheels' spin inertia) is subtracted.
     #[error("inertia less the wheels' spin inertia is not positive definite")]
     Inertia,
 }
@@ -160,19 +160,19 @@ pub struct TrackingLaw {
 
 impl TrackingLaw {
     /// Checked constructor, for a platform of this inertia about the centre of rotation (wheels locked, body axes
-    /// [kg m^2]) with these wheels.
+    /// [kg m^2]) with these actuators: what their motors turn does not resist.
     ///
     /// # Errors
     /// [`TrackingError`] naming the first gain that is out of range, an unstable integral time, or that the inertia
-    /// less the wheels' is not positive definite.
+    /// less that of the moving parts is not positive definite.
     pub fn new(
         inertia_b_kg_m2: Matrix3<f64>,
-        wheels: &[Wheel],
+        actuators: &Actuators,
         gains: TrackingGains,
     ) -> Result<Self, TrackingError> {
         check_gains(&gains)?;
         let equation =
-            RateEquation::with_free_wheels(inertia_b_kg_m2, wheels).ok_or(TrackingError::Inertia)?;
+            RateEquation::with_free_parts(inertia_b_kg_m2, actuators).ok_or(TrackingError::Inertia)?;
         Ok(Self {
             equation,
             gains,

@@ -10,8 +10,8 @@ pub struct BodyModel {
     pub inertia_kg_m2: Matrix3<f64>,
     /// m g r_cg, body axes [N m].
     pub gravity_offset_b_n_m: Vector3<f64>,
-    /// Whether it has wheels: their momentum must then arrive with the samples.
-    pub has_wheels: bool,
+    /// Whether it has wheels or other parts that store momentum: this must then arrive with the samples.
+    pub stores_momentum: bool,
     /// Relative error of the inertia \[1\].
     pub inertia_relative_sigma: f64,
     /// White torque noise [N m/sqrt(Hz)].
@@ -42,7 +42,7 @@ impl BodyModel {
         Self {
             inertia_kg_m2,
             gravity_offset_b_n_m,
-            has_wheels: true,
+            stores_momentum: true,
             inertia_relative_sigma: 0.02,
             torque_noise_n_m_sqrt_hz: 3e-5,
             torque_sigma_n_m: 0.02,

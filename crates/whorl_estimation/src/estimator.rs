@@ -130,7 +130,8 @@ impl<K: Kernel> Estimator<K> {
         self.kind.start.is_none() || self.kernel.is_some()
     }
 
-    /// The wheels' momentum relative to the body and the torque of their motors on them, body axes.
+    /// Momentum of the wheels, or of whatever else stores it, relative to the body, and the rate at which motors change
+    /// it (the torque on the wheels), body axes.
     pub fn on_wheels(&mut self, stamp_ns: i64, momentum_b_n_m_s: Vector3<f64>, torque_b_n_m: Vector3<f64>) {
         let finite = (momentum_b_n_m_s.sum() + torque_b_n_m.sum()).is_finite();
         if finite
@@ -247,7 +248,7 @@ impl<K: Kernel> Estimator<K> {
 
     /// Momentum of the wheels at a stamp, carried on from the last message; zero without wheels.
     fn wheels_at(&self, stamp_ns: i64) -> Option<Vector3<f64>> {
-        if !self.kind.needs_body || !self.body.is_some_and(|body| body.has_wheels) {
+        if !self.kind.needs_body || !self.body.is_some_and(|body| body.stores_momentum) {
             return Some(Vector3::zeros());
         }
         let wheels = self.wheels?;

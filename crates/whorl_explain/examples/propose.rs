@@ -4,6 +4,7 @@
 //! then every manoeuvre is rehearsed on the platform that the leading explanation describes.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -99,7 +100,7 @@ struct Recorder(RunWriter);
 impl Observer for Recorder {
     type Error = BagError;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), BagError> {
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), BagError> {
         self.0.write_message(route, now, message)
     }
 

@@ -22,16 +22,6 @@ pub const NAMES: [&str; MASS_PARAMETERS] =
 pub const UNITS: [&str; MASS_PARAMETERS] =
     ["kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "N m", "N m", "N m"];
 
-/// Keys below `model.` in parameter files; the last three are elements of one vector.
-pub const INERTIA_KEYS: [&str; 6] = [
-    "inertia_kg_m2.xx",
-    "inertia_kg_m2.xy",
-    "inertia_kg_m2.xz",
-    "inertia_kg_m2.yy",
-    "inertia_kg_m2.yz",
-    "inertia_kg_m2.zz",
-];
-
 /// The vector of these mass properties.
 #[must_use]
 pub fn mass_vector(mass: &MassProperties) -> MassVector {

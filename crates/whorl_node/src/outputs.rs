@@ -1,5 +1,7 @@
 //! Outputs of a step of a core.
 
+use std::sync::Arc;
+
 use whorl_msgs::topics::{Message, Route};
 
 /// One message to publish.
@@ -7,8 +9,8 @@ use whorl_msgs::topics::{Message, Route};
 pub struct Publication {
     /// Where it goes.
     pub route: Route,
-    /// The message.
-    pub message: Message,
+    /// The message; shared by those that get it.
+    pub message: Arc<Message>,
 }
 
 /// Severity of a log line, as in `rcl_interfaces/Log`.
@@ -56,7 +58,7 @@ pub struct Outputs {
 impl Outputs {
     /// Appends a message.
     pub fn publish(&mut self, route: Route, message: impl Into<Message>) {
-        self.messages.push(Publication { route, message: message.into() });
+        self.messages.push(Publication { route, message: Arc::new(message.into()) });
     }
 
     /// Appends a log line.

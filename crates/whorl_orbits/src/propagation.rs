@@ -78,13 +78,6 @@ pub fn oblateness_m_s2(position_m: &Vector3<f64>) -> Vector3<f64> {
     ) * size
 }
 
-/// Drift of the node by J2, averaged over a revolution \[rad/s\] (Schaub and Junkins, equation 11.86).
-#[must_use]
-pub fn node_drift_rad_s(elements: &Elements) -> f64 {
-    let ratio = EARTH_RADIUS_M / elements.parameter_m();
-    -1.5 * EARTH_J2 * elements.mean_motion_rad_s() * ratio * ratio * elements.inclination_rad.cos()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

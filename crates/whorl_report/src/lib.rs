@@ -35,4 +35,4 @@ pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differ
 pub use page::{Description, TopicRow, html};
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
-pub use verdict::{Circumstances, Result as RunResult, Verdict, judge};
+pub use verdict::{Circumstances, Result as RunResult, Verdict as RunVerdict, judge};

@@ -147,7 +147,7 @@ fn parameters(model: &PlatformModel) -> Parameters {
 fn filtered<K: Kernel>(kind: FilterKind<K>, model: &PlatformModel, run: &Run) -> Option<Result> {
     let mass = &model.mass_properties;
     let mut body = BodyModel::new(*mass.inertia_b_kg_m2(), *mass.gravity_offset_b_n_m());
-    body.has_wheels = false;
+    body.stores_momentum = false;
     let first = run.truth.samples.first()?;
     let off = run.start_error.angle() > 0.1;
     let (angle, bias) = if off { (3.0, 1e-5) } else { (1e-4, 1e-5) };

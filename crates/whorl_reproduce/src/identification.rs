@@ -14,9 +14,7 @@ use crate::regression::{
     Form, Method, RegressionError, Solution, StateSeries, Weighting, estimated_series, rows, solve,
 };
 use crate::rigid_body::simulate_rigid_body;
-
-/// Printed: estimate and percent error, torque method then momentum integral.
-pub type Printed = [[&'static str; 4]; MASS_PARAMETERS];
+use crate::study::{Printed, bang_bang, quieten};
 
 const TABLE_4_2: Printed = [
     ["6.15", "0.77", "6.15", "0.73"],
@@ -56,11 +54,6 @@ const TABLE_4_4: Printed = [
 
 /// The sign of the printed errors is that of the true value, not that of the error.
 const SIGN_NOTE: &str = "The text says that a negative percent error means an estimate smaller than expected. The printed signs are those of the true values (every product and offset that is negative has a negative error, whichever way it is off): they are 100 |estimate - truth| / truth. Ours are 100 (estimate - truth) / |truth|.";
-
-/// Bang-bang of +-0.01 N m about x with a period of 10 s (section 4.6.4).
-pub fn bang_bang(t: f64) -> Vector3<f64> {
-    Vector3::new(if t.rem_euclid(10.0) < 5.0 { 0.01 } else { -0.01 }, 0.0, 0.0)
-}
 
 fn printed_run(model: &PlatformModel) -> StateSeries {
     simulate_rigid_body(&model.mass_properties, (level(), Vector3::zeros()), &bang_bang, 0.1, 1001, 20)
@@ -203,21 +196,6 @@ fn loss_sentence(truth: &MassVector, ours: &[MassVector]) -> String {
         excited(trajectory),
         percent(trajectory, 5)
     )
-}
-
-/// Sensors of the study: read at 10 Hz, with this share of the MotionPak's noise, offsets calibrated out.
-pub fn quieten(model: &mut PlatformModel, share: f64) {
-    let sensors = &mut model.sensors;
-    sensors.rate_hz = 10.0;
-    for errors in [&mut sensors.gyro.errors, &mut sensors.accelerometer.errors] {
-        errors.noise_stddev *= share;
-        errors.bias_turn_on_stddev.fill(0.0);
-        errors.bias_walk.fill(0.0);
-    }
-    if let Some(vector) = &mut sensors.vector {
-        vector.noise_stddev_rad *= share;
-        vector.rate_hz = 10.0;
-    }
 }
 
 fn stddevs(found: &Identification) -> String {

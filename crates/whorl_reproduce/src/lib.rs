@@ -25,6 +25,7 @@ mod sequential;
 mod simulated_runs;
 mod spin;
 mod spin_sentences;
+mod study;
 #[cfg(test)]
 mod tests;
 

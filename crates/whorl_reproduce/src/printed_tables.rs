@@ -20,9 +20,9 @@ use whorl_recording::Recording;
 use whorl_report::ReproducedPlot;
 
 use crate::data::{level, measured, rigid_whorl_1};
-use crate::identification::{Printed, bang_bang, quieten};
 use crate::regression::{Form, Method, StateSeries, Weighting, estimated_series, rows, solve};
 use crate::rigid_body::simulate_rigid_body;
+use crate::study::{Printed, bang_bang, quieten};
 
 /// Noise over that of the MotionPak II.
 const NOISE: [f64; 9] = [0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];

@@ -129,7 +129,7 @@ impl Participant {
         };
         for _ in 1..ATTEMPTS {
             match attempt() {
-                Err(error @ RosError::Stuck { .. }) => tracing::warn!("{error}: joining the network anew"),
+                Err(error @ RosError::Stuck { .. }) => tracing::warn!("{error}: rejoining the network"),
                 other => return other,
             }
         }

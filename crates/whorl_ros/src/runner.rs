@@ -157,7 +157,7 @@ impl<C: Configurable> Runner<C> {
         self.shell.step(&self.connection, Event::Interruption);
         self.connection = self.connection.rebuilt(self.poll.registry())?;
         self.shell.statistics.reconnections += 1;
-        self.shell.say(&self.connection, LogLevel::Warn, format!("{reason}: joined the network anew"));
+        self.shell.say(&self.connection, LogLevel::Warn, format!("{reason}: rejoined the network"));
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! The shell around a core: messages in, messages and log lines out.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use whorl_msgs::bounds::OutOfBounds;
@@ -79,7 +80,7 @@ impl<C: Configurable> Shell<C> {
         self.core.step(now, event, &mut self.outputs);
         let mut outputs = std::mem::take(&mut self.outputs);
         for publication in outputs.messages.drain(..) {
-            self.publish(connection, publication.route, publication.message);
+            self.publish(connection, publication.route, Arc::unwrap_or_clone(publication.message));
         }
         for line in outputs.log.drain(..) {
             self.log(connection, now, &line);

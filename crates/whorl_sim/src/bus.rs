@@ -19,7 +19,7 @@ pub trait Observer {
     ///
     /// # Errors
     /// Ends the simulation.
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), Self::Error>;
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Self::Error>;
 
     /// A node wrote a log line.
     fn logged(&mut self, now: Timestamp, node: &str, line: &LogLine);
@@ -201,18 +201,17 @@ impl Bus {
         }
         for publication in outputs.messages.drain(..) {
             observer.published(self.now, publication.route, &publication.message)?;
-            self.send(host, publication.route, publication.message);
+            self.send(host, publication.route, &publication.message);
         }
         self.outputs = outputs;
         Ok(())
     }
 
-    fn send(&mut self, from: Host, route: Route, message: Message) {
+    fn send(&mut self, from: Host, route: Route, message: &Arc<Message>) {
         let Some(slot) = self.route_index(route) else { return };
         if self.subscribers[slot].is_empty() {
             return;
         }
-        let message = Arc::new(message);
         let mut stepped = std::mem::take(&mut self.stepped);
         stepped.clone_from(&self.subscribers[slot]);
         for &node in &stepped {
@@ -223,7 +222,7 @@ impl Bus {
                 self.link.delay(self.now, [from, self.nodes[node].host])
             };
             if let Some(delay) = delay {
-                let message = Arc::clone(&message);
+                let message = Arc::clone(message);
                 self.push(self.now + delay, node, Delivery::Message { route, message });
             }
         }

@@ -14,6 +14,7 @@ use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Repeats, Time
 
 use crate::Parameters;
 use crate::identifying::Identifying;
+use crate::stored::Stored;
 
 /// How often staleness is checked when no IMU sample arrives.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
@@ -27,6 +28,7 @@ pub struct EstimatorCore {
     parameters: Parameters,
     filter: Estimator,
     identifying: Option<Identifying>,
+    stored: Stored,
     thrusters_before: Option<Timestamp>,
     ahead: u64,
     ahead_lines: Repeats,
@@ -46,6 +48,7 @@ impl EstimatorCore {
         Ok(Self {
             filter: Estimator::new(parameters.kind, parameters.filter, parameters.body)?,
             identifying: parameters.identification.as_ref().map(Identifying::new),
+            stored: Stored::new(&parameters.actuators),
             thrusters_before: None,
             ahead: 0,
             ahead_lines: Repeats::default(),
@@ -140,20 +143,14 @@ impl EstimatorCore {
         true
     }
 
-    /// Wheel speeds and torques as momentum and torque in body axes.
-    fn wheels_arrived(&mut self, wheels: &JointState) {
-        if let Some(identifying) = &mut self.identifying {
-            identifying.on_wheels(wheels);
+    /// Speeds and torques of wheels, or states of other joints, as momentum and its rate in body axes.
+    fn joints_arrived(&mut self, topic: Topic, state: &JointState) {
+        if let Some(identifying) = self.identifying.as_mut().filter(|_| topic == Topic::WheelState) {
+            identifying.on_wheels(state);
         }
-        let own = &self.parameters.wheels;
-        if wheels.velocity.len() != own.len() {
-            return;
+        if let Some((momentum, rate)) = self.stored.arrived(&self.parameters.actuators, topic, state) {
+            self.filter.on_wheels(Timestamp::from(state.header.stamp).0, momentum, rate);
         }
-        let speeds = own.iter().zip(&wheels.velocity);
-        let momentum = speeds.map(|(w, speed)| w.spin_axis_b.into_inner() * (w.inertia_kg_m2 * speed)).sum();
-        let torques = own.iter().zip(&wheels.effort);
-        let torque = torques.map(|(w, torque)| w.spin_axis_b.into_inner() * *torque).sum();
-        self.filter.on_wheels(Timestamp::from(wheels.header.stamp).0, momentum, torque);
     }
 
     /// Valve times as an angular impulse.
@@ -182,19 +179,19 @@ impl EstimatorCore {
                 (LogLevel::Warn, "attitude found from gravity alone: the heading is assumed")
             }
             FilterEvent::RestartedAfterGap => {
-                (LogLevel::Warn, "attitude started anew after a gap in the IMU data")
+                (LogLevel::Warn, "attitude restarted after a gap in the IMU data")
             }
             FilterEvent::RestartedAfterOutliers => {
-                (LogLevel::Warn, "attitude started anew: the accelerometer kept disagreeing with it")
+                (LogLevel::Warn, "attitude restarted: the accelerometer kept disagreeing with it")
             }
             FilterEvent::RestartedAfterClockStep => {
-                (LogLevel::Warn, "attitude started anew after a step of the clock")
+                (LogLevel::Warn, "attitude restarted after a step of the clock")
             }
             FilterEvent::RestartedAfterDivergence => {
-                (LogLevel::Error, "attitude started anew: the filter diverged")
+                (LogLevel::Error, "attitude restarted: the filter diverged")
             }
             FilterEvent::HeadingForgotten => {
-                (LogLevel::Warn, "heading started anew: the vector sensor kept disagreeing with it")
+                (LogLevel::Warn, "heading restarted: the vector sensor kept disagreeing with it")
             }
         };
         outputs.log(level, format!("{}: {text}", self.parameters.name));
@@ -252,7 +249,7 @@ impl NodeCore for EstimatorCore {
     fn subscriptions(&self) -> Vec<Route> {
         let mut topics = vec![Topic::ImuRaw, Topic::VectorDirection];
         if self.parameters.kind.needs_body || self.identifying.is_some() {
-            topics.extend([Topic::WheelState, Topic::ThrusterState]);
+            topics.extend(self.stored.topics().chain([Topic::ThrusterState]));
         }
         if self.identifying.is_some() {
             topics.push(Topic::BallastMoment);
@@ -320,7 +317,9 @@ impl NodeCore for EstimatorCore {
                 }
                 self.note(event, outputs);
             }
-            Event::Message { message: Message::JointState(wheels), .. } => self.wheels_arrived(wheels),
+            Event::Message { route, message: Message::JointState(state) } => {
+                self.joints_arrived(route.topic, state);
+            }
             Event::Message { message: Message::ThrusterState(thrusters), .. } => {
                 self.thrusters_arrived(thrusters);
             }
@@ -365,6 +364,9 @@ impl Configurable for EstimatorCore {
         }
         if parameters.identification != self.parameters.identification {
             self.identifying = parameters.identification.as_ref().map(Identifying::new);
+        }
+        if parameters.actuators != self.parameters.actuators {
+            self.stored = Stored::new(&parameters.actuators);
         }
         self.parameters = parameters.clone();
         Ok(())

@@ -8,6 +8,7 @@ mod calibration;
 mod core;
 mod identifying;
 pub mod parameters;
+mod stored;
 
 pub use crate::calibration::Calibration;
 pub use crate::core::EstimatorCore;

@@ -5,7 +5,8 @@
 
 mod body;
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
+use whorl_dynamics::actuators::Actuators;
 use whorl_dynamics::{Gyrostat, PlatformModel};
 use whorl_estimation::{
     AccelerationRejection, BodyModel, FilterKind, GyroSampling, Parameters as FilterParameters,
@@ -31,8 +32,8 @@ pub struct Parameters {
     pub filter: FilterParameters,
     /// The body, for filters that use its equation of motion.
     pub body: Option<BodyModel>,
-    /// Wheels, in the order of the messages.
-    pub wheels: Vec<SpinningWheel>,
+    /// What moves on the platform, as its motors' messages say.
+    pub actuators: Actuators,
     /// Torque of each jet at the reference pressure, body axes [N m].
     pub jet_torque_b_n_m: Vec<Vector3<f64>>,
     /// Known errors of the sensors.
@@ -43,15 +44,6 @@ pub struct Parameters {
     pub tf_position_w_m: Vector3<f64>,
     /// Whether and how mass properties are estimated while the platform moves.
     pub identification: Option<Identification>,
-}
-
-/// Properties of a wheel that the estimator needs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SpinningWheel {
-    /// Spin axis, body axes.
-    pub spin_axis_b: Unit<Vector3<f64>>,
-    /// Inertia about it [kg m^2].
-    pub inertia_kg_m2: f64,
 }
 
 /// Reads them for the platform in whose namespace the node is. `None` when they are unusable: the reader then
@@ -98,10 +90,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     if let Some(Err(error)) = body.as_ref().map(BodyModel::check) {
         r.reject(error.name, error.to_string());
     }
-    let wheels = model.iter().flat_map(|m| m.wheels());
-    let wheels = wheels
-        .map(|w| SpinningWheel { spin_axis_b: w.spin_axis_b, inertia_kg_m2: w.spin_inertia_kg_m2 })
-        .collect();
+    let actuators = model.as_ref().map(|m| m.actuators.clone()).unwrap_or_default();
     let jets = model.iter().flat_map(|m| m.jets());
     let jet_torque_b_n_m = jets.map(whorl_dynamics::platform::Jet::torque_b_n_m).collect();
     let (index, name) = own?;
@@ -113,7 +102,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         kind,
         filter,
         body,
-        wheels,
+        actuators,
         jet_torque_b_n_m,
         calibration,
         tf_rate_hz,

@@ -196,7 +196,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     }
     for (group, gains) in [("tracking", gains), ("tracking_jets", jet_gains)] {
         let total = *model.mass_properties.inertia_b_kg_m2();
-        if let Err(error) = TrackingLaw::new(total, model.wheels(), gains) {
+        if let Err(error) = TrackingLaw::new(total, &model.actuators, gains) {
             r.reject(group, error.to_string());
         }
     }

@@ -219,7 +219,7 @@ impl Worker {
             }
         }
         let Some((key, text)) = reason else { return };
-        tracing::warn!("{text}: joining the network anew; what comes meanwhile is not recorded");
+        tracing::warn!("{text}: rejoining the network; what is sent meanwhile is not recorded");
         let topics: Vec<RecordedTopic> = self.core.topics().cloned().collect();
         match self.rejoin(&topics) {
             Ok(()) => self.notes.push((key, format!("{text}, at {}", self.clock.now()))),

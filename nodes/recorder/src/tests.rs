@@ -142,7 +142,7 @@ fn diagnostics_tell_losses_silence_and_a_full_disk() {
         let mut outputs = Outputs::default();
         core.step(Timestamp(second * 1_000_000_000), Event::Timer, &mut outputs);
         logs.extend(outputs.log);
-        let Message::DiagnosticArray(array) = &outputs.messages[0].message else { panic!() };
+        let Message::DiagnosticArray(array) = &*outputs.messages[0].message else { panic!() };
         seen.push((array.status[0].level, array.status[0].message.clone()));
         assert_eq!(array.status[0].values[0].value, "runs/x");
     }

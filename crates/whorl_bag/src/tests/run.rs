@@ -1,5 +1,7 @@
 //! Run directories.
 
+use std::sync::Arc;
+
 use whorl_msgs::whorl::AttitudeEstimate;
 use whorl_msgs::{PlatformId, Route, Topic, sensor_msgs};
 use whorl_node::Timestamp;
@@ -207,7 +209,7 @@ fn a_run_written_in_the_background_is_the_same_to_the_byte() {
     let route = Route::platform(PlatformId(1), Topic::AttitudeEstimate);
     // More than one batch, and a rest.
     for sequence in 0..3000 {
-        let message = AttitudeEstimate { sequence, ..AttitudeEstimate::default() }.into();
+        let message = Arc::new(AttitudeEstimate { sequence, ..AttitudeEstimate::default() }.into());
         foreground.write_message(route, time(sequence), &message).unwrap();
         background.write_message(route, time(sequence), &message).unwrap();
     }
@@ -225,6 +227,6 @@ fn the_reason_why_a_background_recording_stopped_is_told() {
         RunWriter::create_in(&directory.path().join("run"), description(), START, BagOptions::default());
     let mut run = crate::BackgroundRunWriter::new(run.unwrap());
     let unknown = Route::platform(PlatformId(2), Topic::ImuRaw);
-    run.write_message(unknown, time(0), &sensor_msgs::Imu::default().into()).unwrap();
+    run.write_message(unknown, time(0), &Arc::new(sensor_msgs::Imu::default().into())).unwrap();
     assert!(matches!(run.finish(START), Err(BagError::UnknownPlatform { platform: 2, count: 2 })));
 }

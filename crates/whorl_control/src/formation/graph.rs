@@ -88,11 +88,6 @@ impl LeaderGraph {
     pub fn leaders_first(&self) -> &[usize] {
         &self.order
     }
-
-    /// Those without a leader.
-    pub fn roots(&self) -> impl Iterator<Item = usize> + '_ {
-        self.leaders.iter().enumerate().filter(|(_, leader)| leader.is_none()).map(|(platform, _)| platform)
-    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
+use whorl_dynamics::actuators::Actuators;
 use whorl_math::{attitude_error, quaternion_exp};
 
 use super::shaper_tests::{DT_S, dumbbell};
@@ -127,7 +128,7 @@ fn body(drawn: &Drawn) -> Body {
         inertia_b_kg_m2: drawn.inertia,
         wheel_momentum_b_n_m_s: Vector3::from(drawn.wheels),
         disturbance_b_n_m: Vector3::from(drawn.disturbance),
-        law: TrackingLaw::new(scaled * scaled.transpose(), &[], gains).unwrap(),
+        law: TrackingLaw::new(scaled * scaled.transpose(), &Actuators::default(), gains).unwrap(),
         shaper: ReferenceShaper::new(dumbbell(), 2.0, &q).unwrap(),
         omega: Vector3::zeros(),
         q,

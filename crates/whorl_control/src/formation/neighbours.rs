@@ -123,12 +123,6 @@ impl NeighbourGraph {
         self.goal.get(platform).copied().unwrap_or(0.0)
     }
 
-    /// How many listen to a platform.
-    #[must_use]
-    pub fn listeners(&self, platform: usize) -> usize {
-        self.neighbours.iter().filter(|own| own.iter().any(|(j, _)| *j == platform)).count()
-    }
-
     /// Which platforms the goal reaches when only some can be heard.
     pub fn reached_from_goal(&self, heard: impl Fn(usize) -> bool) -> Vec<bool> {
         let platforms = self.goal.len();

@@ -1,5 +1,6 @@
 use super::*;
 use nalgebra::{Unit, Vector3};
+use whorl_dynamics::actuators::wheels::{Wheel, Wheels};
 use whorl_math::{integrate_rate, quaternion_exp};
 
 /// Table 4.1 of the dissertation.
@@ -8,8 +9,9 @@ fn total_b_kg_m2() -> Matrix3<f64> {
 }
 
 /// Three wheels of 0.05 kg m^2 about the body axes.
-fn wheels() -> [Wheel; 3] {
-    [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(wheel)
+fn wheels() -> Actuators {
+    let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
+    Actuators { wheels: Wheels(axes.map(wheel).to_vec()), ..Actuators::default() }
 }
 
 fn resisting_b_kg_m2() -> Matrix3<f64> {
@@ -101,7 +103,7 @@ fn gyroscopic_feed_forward_matches_the_torque_of_a_steady_turn() {
     // omega x I omega = (0, 0, (I_yy - I_xx)/2 w^2), plus omega x h_w for h_w = h e_z:
     // w h (1, -1, 0)/sqrt 2.
     let total_b_kg_m2 = Matrix3::from_diagonal(&Vector3::new(6.0, 8.0, 12.0));
-    let mut law = TrackingLaw::new(total_b_kg_m2, &[], gains()).unwrap();
+    let mut law = TrackingLaw::new(total_b_kg_m2, &Actuators::default(), gains()).unwrap();
     let (rate, stored) = (0.3, 4.0);
     let omega = Vector3::new(1.0, 1.0, 0.0) * (rate / 2.0_f64.sqrt());
     let q = UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1);

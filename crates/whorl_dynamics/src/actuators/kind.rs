@@ -68,6 +68,17 @@ pub trait ActuatorKind: fmt::Debug {
     fn momentum_b_n_m_s(&self, _joints: &Joints) -> Vector3<f64> {
         Vector3::zeros()
     }
+
+    /// The part of that momentum's rate that their motors make, body axes [N m]; `effort` is the measured torque of
+    /// each motor about its axis [N m].
+    fn momentum_rate_b_n_m(&self, _joints: &Joints, _effort: &[f64]) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    /// Noise of that momentum, per axis, when speeds are measured with this one [N m s].
+    fn momentum_noise_n_m_s(&self, _speed_noise_rad_s: f64) -> f64 {
+        0.0
+    }
 }
 
 /// Channels by which a kind's motors are commanded and measured.

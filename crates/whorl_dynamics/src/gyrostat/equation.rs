@@ -25,7 +25,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use whorl_math::skew;
 
-use crate::actuators::wheels::Wheel;
+use crate::actuators::Actuators;
 use crate::platform::freedom::Freedom;
 
 /// Torque of the gravity offset, -(m g r_cg) x k (eq. 4.74) [N m]: offset and upward vertical in the same axes.
@@ -101,13 +101,12 @@ impl RateEquation {
         &self.freedom
     }
 
-    /// For wheels with known torques: these turn freely, others count as locked.
+    /// For moving parts with known torques, of whatever kind (wheels, gimbals): all of them turn freely.
     #[must_use]
-    pub fn with_free_wheels<'a>(
-        inertia_b_kg_m2: Matrix3<f64>,
-        wheels: impl IntoIterator<Item = &'a Wheel>,
-    ) -> Option<Self> {
-        Self::new(inertia_b_kg_m2, without_wheels(inertia_b_kg_m2, wheels))
+    pub fn with_free_parts(inertia_b_kg_m2: Matrix3<f64>, actuators: &Actuators) -> Option<Self> {
+        let mut left = inertia_b_kg_m2;
+        actuators.take_out(None, &mut left);
+        Self::new(inertia_b_kg_m2, left)
     }
 
     /// For a rigid body, or wheels with known speeds.
@@ -223,17 +222,6 @@ impl RateEquation {
             by_torque: *inverse,
         }
     }
-}
-
-/// An inertia less the spin inertia of wheels along their axes, I - A J A^T, body axes [kg m^2].
-pub(crate) fn without_wheels<'a>(
-    inertia_b_kg_m2: Matrix3<f64>,
-    wheels: impl IntoIterator<Item = &'a Wheel>,
-) -> Matrix3<f64> {
-    wheels.into_iter().fold(inertia_b_kg_m2, |left, wheel| {
-        let axis = wheel.spin_axis_b.into_inner();
-        left - axis * axis.transpose() * wheel.spin_inertia_kg_m2
-    })
 }
 
 /// The matrix that turns the six inertia elements (xx, xy, xz, yy, yz, zz, matrix elements with their sign) into I v:
@@ -408,15 +396,17 @@ mod tests {
     /// (I - J) dw/dt = g - u.
     #[test]
     fn a_free_wheel_does_not_resist() {
-        let mut wheel = crate::PlatformModel::whorl_1_reference().wheels()[2].clone();
+        let mut actuators = crate::PlatformModel::whorl_1_reference().actuators;
+        let wheel = &mut actuators.wheels.0[2];
         wheel.spin_axis_b = Vector3::z_axis();
         wheel.spin_inertia_kg_m2 = 0.3;
+        actuators.wheels.0.drain(..2);
         let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
-        let equation = RateEquation::with_free_wheels(inertia, [&wheel]).expect("positive definite");
+        let equation = RateEquation::with_free_parts(inertia, &actuators).expect("positive definite");
         let (zero, torque, on_wheel) = (Vector3::zeros(), Vector3::z() * 0.5, Vector3::z() * 0.2);
         let acceleration = equation.acceleration_b_rad_s2(&zero, &zero, &torque, &on_wheel);
         assert!((acceleration - Vector3::z() * (0.3 / 11.7)).norm() < 1e-16);
-        assert_eq!(RateEquation::with_free_wheels(Matrix3::identity() * 0.2, [&wheel]), None);
+        assert_eq!(RateEquation::with_free_parts(Matrix3::identity() * 0.2, &actuators), None);
     }
 
     #[test]

@@ -64,7 +64,7 @@ pub fn waits_for_wheels_only_if_needed<K: Kernel>(kind: FilterKind<K>) {
 fn puppet() -> BodyModel {
     let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
     let mut body = BodyModel::new(inertia, Vector3::zeros());
-    body.has_wheels = false;
+    body.stores_momentum = false;
     body.torque_sigma_n_m = 3.0;
     body.rate_sigma_rad_s = 0.05;
     body
@@ -296,7 +296,7 @@ pub fn is_consistent_with_dynamics<K: Kernel>(kind: FilterKind<K>) {
     let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
     let torque_noise = 0.02;
     let mut body = BodyModel::new(inertia, Vector3::zeros());
-    body.has_wheels = false;
+    body.stores_momentum = false;
     body.wheel_momentum_noise_n_m_s = 0.0;
     body.torque_noise_n_m_sqrt_hz = torque_noise;
     (body.torque_sigma_n_m, body.torque_walk_n_m_sqrt_s) = (0.0, 0.0);

@@ -287,12 +287,6 @@ impl GyrostatFilter {
     pub fn torque_b_n_m(&self) -> Vector3<f64> {
         self.torque_b_n_m
     }
-
-    /// Accelerometer bias, body axes [m/s^2].
-    #[must_use]
-    pub fn accelerometer_bias_b_m_s2(&self) -> Vector3<f64> {
-        self.force_bias_m_s2
-    }
 }
 
 impl Kernel for GyrostatFilter {

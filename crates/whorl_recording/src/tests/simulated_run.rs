@@ -1,6 +1,7 @@
 //! A simulated run, recorded and read back.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
@@ -21,8 +22,8 @@ struct Recorder {
 impl Observer for Recorder {
     type Error = BagError;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), BagError> {
-        self.messages.push((route, message.clone()));
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), BagError> {
+        self.messages.push((route, Message::clone(message)));
         self.writer.write_message(route, now, message)
     }
 

@@ -4,6 +4,7 @@
 
 use std::convert::Infallible;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use nalgebra::UnitQuaternion;
@@ -24,8 +25,8 @@ struct Watch {
 impl Observer for Watch {
     type Error = Infallible;
 
-    fn published(&mut self, _: Timestamp, route: Route, message: &Message) -> Result<(), Infallible> {
-        match (route.platform, message) {
+    fn published(&mut self, _: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Infallible> {
+        match (route.platform, &**message) {
             (Some(PlatformId(id)), Message::AttitudeEstimate(m)) if route.topic == Topic::TruthState => {
                 self.latest[usize::from(id)] = m.q_world_body.to_unit().unwrap();
                 if id == 1 {

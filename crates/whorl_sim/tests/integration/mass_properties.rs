@@ -4,6 +4,7 @@
 
 use std::convert::Infallible;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use nalgebra::Vector3;
@@ -22,8 +23,8 @@ struct Watch {
 impl Observer for Watch {
     type Error = Infallible;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), Infallible> {
-        match message {
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Infallible> {
+        match &**message {
             Message::ParameterEstimate(m) => self.estimates.push(m.clone()),
             Message::Vector3Stamped(m) if route.topic == Topic::BallastMoment => {
                 self.moments.push((now.seconds(), m.vector.into()));

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -28,9 +29,9 @@ struct Watch {
 impl Observer for Watch {
     type Error = Infallible;
 
-    fn published(&mut self, now: Timestamp, route: Route, message: &Message) -> Result<(), Infallible> {
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Infallible> {
         *self.sent.entry((self.stepping.clone(), route.topic.info().name)).or_default() += 1;
-        match (route.platform, message) {
+        match (route.platform, &**message) {
             (Some(PlatformId(id)), Message::AttitudeEstimate(m)) if route.topic == Topic::TruthState => {
                 self.truth.insert(id, m.q_world_body.to_unit().unwrap());
             }

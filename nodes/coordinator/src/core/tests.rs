@@ -207,7 +207,7 @@ impl Laboratory {
         self.core.step(self.now, event, &mut self.outputs);
         self.log.extend(self.outputs.log.iter().map(|line| line.text.clone()));
         for publication in &self.outputs.messages {
-            match (&publication.message, publication.route.platform) {
+            match (&*publication.message, publication.route.platform) {
                 (Message::AttitudeReference(reference), Some(PlatformId(index))) => {
                     let index = usize::from(index);
                     self.references[index].push(reference.clone());

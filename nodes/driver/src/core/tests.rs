@@ -32,7 +32,7 @@ fn driver() -> (DriverCore, PlatformModel) {
 }
 
 fn thrusters(outputs: &Outputs) -> ThrusterState {
-    let found = outputs.messages.iter().find_map(|p| match &p.message {
+    let found = outputs.messages.iter().find_map(|p| match &*p.message {
         Message::ThrusterState(m) => Some(m.clone()),
         _ => None,
     });
@@ -115,7 +115,7 @@ fn obeying(driver: &mut DriverCore, model: &PlatformModel) {
 }
 
 fn gate_states(outputs: &Outputs) -> Vec<GateState> {
-    let of = |p: &whorl_node::Publication| match &p.message {
+    let of = |p: &whorl_node::Publication| match &*p.message {
         Message::GateState(state) => Some(state.clone()),
         _ => None,
     };

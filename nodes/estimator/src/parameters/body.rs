@@ -1,6 +1,7 @@
 //! Model uncertainty assumed by filters that use the body's equation of motion.
 
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::actuators::ActuatorKind;
 use whorl_estimation::BodyModel;
 use whorl_params::{Reader, range};
 
@@ -57,12 +58,10 @@ pub(super) fn read(
         ..d
     });
     let model = model?;
-    let wheels = model.wheels();
-    let tachometer = &model.sensors.wheel_speed;
-    let speed_noise = tachometer.one_sample_stddev_rad_s();
-    let largest = wheels.iter().map(|w| w.spin_inertia_kg_m2).fold(0.0, f64::max);
-    body.has_wheels = !wheels.is_empty();
-    body.wheel_momentum_noise_n_m_s = speed_noise * largest;
+    let speed_noise_rad_s = model.sensors.wheel_speed.one_sample_stddev_rad_s();
+    let noise = |kind: &dyn ActuatorKind| kind.momentum_noise_n_m_s(speed_noise_rad_s);
+    body.stores_momentum = model.actuators.motor_ranges().iter().any(|range| !range.is_empty());
+    body.wheel_momentum_noise_n_m_s = model.actuators.kinds().map(noise).into_iter().fold(0.0, f64::max);
     let accelerometer = &model.sensors.accelerometer.errors;
     body.accelerometer_bias_sigma_m_s2 = accelerometer.bias_turn_on_stddev.amax();
     body.accelerometer_bias_walk_m_s2_sqrt_s = accelerometer.bias_walk.amax();

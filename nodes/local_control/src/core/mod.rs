@@ -105,7 +105,7 @@ impl LocalControlCore {
         };
         let envelope = TiltEnvelope::new(adjusted.tilt_limit, limits.reference_tilt_margin_rad)?;
         Ok(Self {
-            law: TrackingLaw::new(inertia_b_kg_m2, adjusted.wheels(), gains)?,
+            law: TrackingLaw::new(inertia_b_kg_m2, &adjusted.actuators, gains)?,
             safe_mode: SafeMode::new(parameters.safe_mode)?,
             safe_envelope: TiltEnvelope::new(adjusted.tilt_limit, limits.safe_tilt_margin_rad)?,
             target: Target::new(parameters.rejoin, limits.deceleration_rad_s2, envelope),

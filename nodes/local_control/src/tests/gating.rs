@@ -1,5 +1,7 @@
 //! Bad messages are dropped and counted, and change nothing.
 
+use std::sync::Arc;
+
 use super::rig::*;
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::Reference;
@@ -25,7 +27,7 @@ fn count(rig: &mut Rig, key: &str) -> u64 {
     rig.now = Timestamp(rig.now.0 + 2_000_000_000);
     let mut outputs = Outputs::default();
     rig.core.step(rig.now, Event::Timer, &mut outputs);
-    let array = outputs.messages.into_iter().find_map(|p| match p.message {
+    let array = outputs.messages.into_iter().find_map(|p| match Arc::unwrap_or_clone(p.message) {
         Message::DiagnosticArray(array) => Some(array),
         _ => None,
     });

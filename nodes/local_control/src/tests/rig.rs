@@ -2,6 +2,7 @@
 //! coordinator of a few lines and a driver of a few lines.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rand_distr::{Distribution, StandardNormal};
@@ -136,7 +137,7 @@ impl Rig {
         self.core.step(self.now, event, &mut outputs);
         self.log.extend(outputs.log.into_iter().map(|line| line.text));
         for publication in outputs.messages {
-            match publication.message {
+            match Arc::unwrap_or_clone(publication.message) {
                 Message::ActuatorCommand(command) => {
                     self.obey(&command);
                     self.commands.push(command);

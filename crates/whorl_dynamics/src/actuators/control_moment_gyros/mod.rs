@@ -180,6 +180,18 @@ impl ActuatorKind for ControlMomentGyros {
                 + gyro.gimbal_axis_b.into_inner() * (gyro.gimbal_inertia_kg_m2 * joints.velocity(j))
         })
     }
+
+    /// h0 dgamma/dt t: the gimbals' rate turns the rotors, whatever torque that takes.
+    fn momentum_rate_b_n_m(&self, joints: &Joints, _effort: &[f64]) -> Vector3<f64> {
+        self.0.iter().enumerate().fold(Vector3::zeros(), |sum, (j, gyro)| {
+            let across = gyro.axes_b(joints.position(j)).1;
+            sum + across * (gyro.rotor_momentum_n_m_s * joints.velocity(j))
+        })
+    }
+
+    fn momentum_noise_n_m_s(&self, speed_noise_rad_s: f64) -> f64 {
+        self.0.iter().map(|gyro| gyro.gimbal_inertia_kg_m2).fold(0.0, f64::max) * speed_noise_rad_s
+    }
 }
 
 /// How well gyros are known.

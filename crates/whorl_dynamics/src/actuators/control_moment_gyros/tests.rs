@@ -93,6 +93,23 @@ fn momentum_and_the_jacobi_integral_of_free_gimbals_stay() {
     assert!(swung > 0.3, "the gimbals really swing: {swung}");
 }
 
+/// By differences of the momentum itself, at several gimbal angles.
+#[test]
+fn momentum_changes_at_the_rate_that_its_derivative_says() {
+    let gyros = ControlMomentGyros(vec![
+        gyro(Vector3::y(), Vector3::x()),
+        gyro(Vector3::new(0.3, 0.4, 1.0), Vector3::new(1.0, -0.2, 0.1)),
+    ]);
+    let (rate, h) = ([0.3, -0.2], 1e-5);
+    let at = |time_s: f64| Joints {
+        position_rad: vec![0.7 + rate[0] * time_s, -0.4 + rate[1] * time_s],
+        velocity_rad_s: rate.to_vec(),
+    };
+    let numeric = (gyros.momentum_b_n_m_s(&at(h)) - gyros.momentum_b_n_m_s(&at(-h))) / (2.0 * h);
+    let given = gyros.momentum_rate_b_n_m(&at(0.0), &[]);
+    assert!((given - numeric).norm() < 1e-9 && given.norm() > 0.3, "{given} {numeric}");
+}
+
 #[test]
 fn the_allocation_column_is_the_torque_that_the_plant_gives() {
     let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));

@@ -5,7 +5,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::{MAX_WHEELS, Wheel, Wheels};
 use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
 use crate::effects::{EffectSet, ThrustLag};
-use crate::gyrostat::equation::without_wheels;
 use crate::platform::sensors::SensorSuite;
 use crate::sensing::JointSample;
 use crate::Environment;
@@ -76,9 +75,13 @@ impl KindDynamics for Wheels {
     }
 
     fn take_out(&self, drive: Option<&Drive>, left: &mut Matrix3<f64>) {
-        let is_free = |j: &usize| drive.is_none_or(|drive| !drive.stuck[*j]);
-        let free = (0..self.0.len()).filter(is_free).filter_map(|j| self.0.get(j));
-        *left = without_wheels(*left, free);
+        // I - A J A^T, of the wheels that turn freely.
+        for (j, wheel) in self.0.iter().enumerate() {
+            if drive.is_none_or(|drive| !drive.stuck[j]) {
+                let axis = wheel.spin_axis_b.into_inner();
+                *left -= axis * axis.transpose() * wheel.spin_inertia_kg_m2;
+            }
+        }
     }
 
     #[inline]

@@ -141,6 +141,15 @@ impl ActuatorKind for Wheels {
     fn momentum_b_n_m_s(&self, joints: &Joints) -> Vector3<f64> {
         self.stored_b_n_m_s(joints)
     }
+
+    fn momentum_rate_b_n_m(&self, _joints: &Joints, effort_n_m: &[f64]) -> Vector3<f64> {
+        let torques = self.0.iter().zip(effort_n_m);
+        torques.fold(Vector3::zeros(), |sum, (wheel, u)| sum + wheel.spin_axis_b.into_inner() * *u)
+    }
+
+    fn momentum_noise_n_m_s(&self, speed_noise_rad_s: f64) -> f64 {
+        self.0.iter().map(|wheel| wheel.spin_inertia_kg_m2).fold(0.0, f64::max) * speed_noise_rad_s
+    }
 }
 
 /// How well wheels are known.
