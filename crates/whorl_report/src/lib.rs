@@ -19,8 +19,8 @@ mod verdict;
 pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings};
 pub use explanation::{
-    Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, next_html,
-    whereabouts_html,
+    Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
+    next_html, whereabouts_html,
 };
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use page::{Description, TopicRow, html};

@@ -7,6 +7,7 @@
 mod check;
 mod definition;
 mod expression;
+mod formula;
 mod program;
 mod quantity;
 mod spline;
@@ -18,6 +19,7 @@ use nalgebra::Vector3;
 
 pub use definition::{ActsOn, Definition, DefinitionError, WrittenCurve, WrittenParameter, WrittenState};
 pub use expression::FUNCTIONS;
+pub use formula::Formula;
 pub use quantity::{Axes, QUANTITIES, Quantity, QuantityForm};
 pub use spline::CurveShape;
 pub use units::Dimension;

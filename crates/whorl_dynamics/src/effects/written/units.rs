@@ -142,6 +142,23 @@ impl Dimension {
         Ok((dimension, size))
     }
 
+    /// A unit of this dimension that [`Self::parse`] reads: the usual one, else of base units.
+    #[must_use]
+    pub fn unit(self) -> String {
+        let usual = self.to_string();
+        if Self::parse(&usual).is_ok_and(|(dimension, _)| dimension == self) {
+            return usual;
+        }
+        let factor = |(name, halves): (&str, &i16)| match *halves {
+            0 => None,
+            h if h % 2 == 0 => Some(format!("{name}^{}", h / 2)),
+            h => Some(format!("sqrt({name})^{h}")),
+        };
+        let parts: Vec<String> =
+            ["kg", "m", "s", "A", "K"].into_iter().zip(&self.twice).filter_map(factor).collect();
+        parts.join(" ")
+    }
+
     fn plain(of: [i16; 5]) -> Self {
         Self { twice: of.map(|x| 2 * x) }
     }
@@ -240,6 +257,9 @@ mod tests {
             assert_eq!(of(&of(text).to_string()), of(text), "{text} shown as {}", of(text));
         }
         assert_eq!(of("N m").to_string(), "N m");
+        for text in ["1/N/m", "m^3/N/s", "V^3/K^2", "N m/V/V/K"] {
+            assert_eq!(of(&of(text).unit()), of(text), "{text} as {}", of(text).unit());
+        }
         assert_eq!((of("N m/V") * of("V") * of("V")).to_string(), "N m V");
         assert_eq!(of("rad/s"), Dimension::RATE);
         assert_eq!(of("rad/s/sqrt(s)") * of("sqrt(s)"), Dimension::RATE);
