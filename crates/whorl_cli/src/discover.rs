@@ -167,7 +167,7 @@ fn answer(found: &Discovery) -> Vec<String> {
             held(best)
         )),
         _ if best.probability >= SURE => sentences.push(format!(
-            "{} It has {} among {} laws that came near{}. Equation: torque = {}.",
+            "{} It has {}, of {} laws tried{}. Equation: torque = {}.",
             best.sentence,
             percent(best),
             found.tried,

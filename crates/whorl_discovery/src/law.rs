@@ -7,7 +7,7 @@ use whorl_dynamics::effects::written::{
 
 use crate::DiscoveryError;
 use crate::search::{Ground, Proposal};
-use crate::terms::{Direction, Term};
+use crate::terms::{Direction, Term, two_digits};
 
 /// Largest plausible coefficient, over the one that was found.
 const LARGEST: f64 = 100.0;
@@ -38,6 +38,16 @@ fn factor_dimension(term: &Term) -> Result<Dimension, DiscoveryError> {
     Ok(Formula::new(&text)?.dimension())
 }
 
+/// Unit of a torque over this.
+fn torque_per(dimension: Dimension) -> String {
+    let per = (Dimension::NONE / dimension).unit();
+    match per.strip_prefix('1') {
+        Some("") => "N m".to_owned(),
+        Some(below) if below.starts_with('/') => format!("N m{below}"),
+        _ => format!("N m {per}"),
+    }
+}
+
 /// Makes an effect of a proposal, under this id.
 pub(crate) fn law_of(ground: &Ground<'_>, proposal: &Proposal, id: &str) -> Result<Law, DiscoveryError> {
     let several = proposal.terms.len() > 1;
@@ -47,11 +57,11 @@ pub(crate) fn law_of(ground: &Ground<'_>, proposal: &Proposal, id: &str) -> Resu
     let mut is_passive = true;
     for (i, (term, coefficient)) in proposal.terms.iter().zip(&proposal.coefficients).enumerate() {
         let name = |of: &str| if several { format!("{of}{}", i + 1) } else { of.to_owned() };
-        let unit = (Dimension::TORQUE / factor_dimension(term)?).unit();
+        let unit = torque_per(factor_dimension(term)?);
         // What may only brake is written with its sign, so that its coefficient is never negative.
         let brakes = term.can_be_passive(&ground.variables) && *coefficient < 0.0;
         is_passive &= brakes;
-        let size = coefficient.abs();
+        let size = two_digits(coefficient.abs());
         parameters.push(WrittenParameter {
             name: name("k"),
             unit,
@@ -71,12 +81,12 @@ pub(crate) fn law_of(ground: &Ground<'_>, proposal: &Proposal, id: &str) -> Resu
             parameters.push(WrittenParameter {
                 name: name(shape.name),
                 unit: shape.unit.clone(),
-                range: (shape.value / SHAPE_RANGE, shape.value * SHAPE_RANGE),
+                range: (two_digits(shape.value / SHAPE_RANGE), two_digits(shape.value * SHAPE_RANGE)),
                 neutral: shape.value,
                 prior: 0.5 * shape.value,
                 role: Role::Shape,
                 known: false,
-                starts: vec![0.4 * shape.value, shape.value, 2.5 * shape.value],
+                starts: vec![two_digits(0.4 * shape.value), shape.value, two_digits(2.5 * shape.value)],
                 meaning: shape.meaning.to_owned(),
             });
             if term.is_lag {
@@ -163,7 +173,7 @@ pub(crate) fn curve_of(
         return Ok(None);
     }
     let brakes = term.direction == Direction::AlongRate;
-    let size_n_m = ground.bench.torque_at_work_n_m();
+    let size_n_m = two_digits(ground.bench.torque_at_work_n_m());
     let curve = WrittenCurve {
         name: "torque".to_owned(),
         of: variable.text.clone(),
@@ -202,7 +212,7 @@ fn knots(values: &[f64], from_zero: bool) -> Vec<f64> {
         let i = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
         sorted.get(i).copied().unwrap_or(0.0)
     };
-    let mut knots: Vec<f64> = (0..KNOTS).map(|i| at(i as f64 / (KNOTS - 1) as f64)).collect();
+    let mut knots: Vec<f64> = (0..KNOTS).map(|i| two_digits(at(i as f64 / (KNOTS - 1) as f64))).collect();
     if from_zero && let Some(first) = knots.first_mut() {
         *first = 0.0;
     }

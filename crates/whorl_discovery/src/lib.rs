@@ -159,7 +159,7 @@ pub fn discover(
         wheels: model.wheels().len(),
         run_s: lengths.into_iter().fold(f64::INFINITY, f64::min),
     };
-    let proposed = proposals(&ground, &mut |share, doing| say(0.1 + 0.4 * share, doing))?;
+    let (proposed, tried) = proposals(&ground, &mut |share, doing| say(0.1 + 0.4 * share, doing))?;
     let mut laws: Vec<Law> = Vec::new();
     for proposal in &proposed {
         if laws.len() >= WEIGHED {
@@ -187,7 +187,7 @@ pub fn discover(
         Some(proposal) => drawn(&ground, proposal, best)?,
         None => None,
     };
-    Ok(Discovery { laws: list, tried: proposed.len(), drawn })
+    Ok(Discovery { laws: list, tried, drawn })
 }
 
 /// Registers the laws for as long as they are weighed.

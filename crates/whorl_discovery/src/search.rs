@@ -109,11 +109,11 @@ fn best_of(scored: &[(f64, usize)], terms: &[Term], count: usize) -> Vec<Term> {
     scored.iter().take(count).filter_map(|(_, i)| terms.get(*i).cloned()).collect()
 }
 
-/// Laws of up to three terms, best first.
+/// Laws of up to three terms, best first, and how many were tried.
 pub(crate) fn proposals(
     ground: &Ground<'_>,
     say: &mut dyn FnMut(f64, &str),
-) -> Result<Vec<Proposal>, DiscoveryError> {
+) -> Result<(Vec<Proposal>, usize), DiscoveryError> {
     let singles = single_terms(&ground.variables);
     let first = alone(ground, &singles, &mut |share| say(0.5 * share, "terms of one variable"))?;
     // Products and lags of what shows alone, about the axes about which it shows.
@@ -147,11 +147,12 @@ pub(crate) fn proposals(
     let list: Vec<Term> = chosen.into_iter().map(|(_, t)| t).collect();
     let terms = best_of(&scored, &list, COMBINED);
     say(0.85, "combining terms");
-    combined(ground, &terms)
+    let (found, tried) = combined(ground, &terms)?;
+    Ok((found, tried + singles.len() + compounds.len()))
 }
 
 /// Laws of the given terms, alone and together.
-fn combined(ground: &Ground<'_>, terms: &[Term]) -> Result<Vec<Proposal>, DiscoveryError> {
+fn combined(ground: &Ground<'_>, terms: &[Term]) -> Result<(Vec<Proposal>, usize), DiscoveryError> {
     let own = columns(ground.bench, terms, ground.wheels, ground.largest_rate_rad_s)?;
     let regression = regression(ground, &own)?;
     let list = placed(&own);
@@ -182,6 +183,7 @@ fn combined(ground: &Ground<'_>, terms: &[Term]) -> Result<Vec<Proposal>, Discov
     let sets: Vec<Vec<usize>> = (0..list.len()).map(|i| vec![i]).collect();
     let mut level: Vec<(f64, Vec<usize>)> = sets.par_iter().filter_map(score_of).collect();
     let mut all = level.clone();
+    let mut tried = 0;
     for _ in 1..MOST_TERMS {
         level.sort_by(|a, b| b.0.total_cmp(&a.0));
         level.truncate(30);
@@ -201,6 +203,7 @@ fn combined(ground: &Ground<'_>, terms: &[Term]) -> Result<Vec<Proposal>, Discov
                     .collect::<Vec<_>>()
             })
             .collect();
+        tried += grown.len();
         let next: Vec<(f64, Vec<usize>)> = grown
             .par_iter()
             .filter_map(|(before, set)| score_of(set).filter(|(after, _)| *after > before + WORTH_A_TERM))
@@ -212,5 +215,5 @@ fn combined(ground: &Ground<'_>, terms: &[Term]) -> Result<Vec<Proposal>, Discov
     }
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     all.truncate(60);
-    Ok(all.iter().filter_map(|(_, set)| make(set)).collect())
+    Ok((all.iter().filter_map(|(_, set)| make(set)).collect(), tried))
 }

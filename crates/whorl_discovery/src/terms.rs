@@ -131,7 +131,7 @@ pub(crate) fn sizes(formulas: &[Formula], intervals: &[Interval<'_>]) -> Vec<f64
 /// Factors of one variable: text, shape, words, and how many symbols beyond the variable.
 fn factors(v: &Variable) -> Vec<(String, Option<Shape>, String, f64)> {
     let x = &v.text;
-    let size = |share: f64| whorl_math_round(share * v.largest);
+    let size = |share: f64| two_digits(share * v.largest);
     let shape = |name: &'static str, share: f64, meaning: &'static str| {
         Some(Shape { name, unit: v.unit.clone(), value: size(share), meaning })
     };
@@ -178,12 +178,12 @@ fn factors(v: &Variable) -> Vec<(String, Option<Shape>, String, f64)> {
 }
 
 /// Rounded to two digits: a place to start from, not a result.
-fn whorl_math_round(x: f64) -> f64 {
+pub(crate) fn two_digits(x: f64) -> f64 {
     if x == 0.0 || !x.is_finite() {
         return x;
     }
-    let scale = 10f64.powf(x.abs().log10().floor() - 1.0);
-    (x / scale).round() * scale
+    // By way of text: the nearest double of two digits.
+    format!("{x:.1e}").parse().unwrap_or(x)
 }
 
 /// Prices of choices, as logarithms of one over the number of alternatives.
@@ -302,7 +302,7 @@ pub(crate) fn single_terms(variables: &[Variable]) -> Vec<Term> {
     }
     for share in [0.1, 0.25, 0.5] {
         let shape = |name: &'static str, meaning: &'static str| {
-            Some(Shape { name, unit: "rad/s".into(), value: whorl_math_round(share * largest), meaning })
+            Some(Shape { name, unit: "rad/s".into(), value: two_digits(share * largest), meaning })
         };
         let price = prices.direction + prices.of_symbols(3.0);
         for (function, name, meaning, words) in [
@@ -402,7 +402,7 @@ impl Term {
         let axis = |i: usize| ["(1, 0, 0)", "(0, 1, 0)", "(0, 0, 1)"].get(i).copied().unwrap_or("(0, 0, 1)");
         match self.direction {
             Direction::AlongRate => {
-                Some(format!("unit(rate, {} [rad/s])", whorl_math_round(FADE * largest_rate_rad_s).max(1e-9)))
+                Some(format!("unit(rate, {} [rad/s])", two_digits(FADE * largest_rate_rad_s).max(1e-9)))
             }
             Direction::Body(i) => Some(axis(i).to_owned()),
             Direction::World(2) => Some("vertical".to_owned()),
