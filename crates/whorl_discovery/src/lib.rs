@@ -12,6 +12,8 @@ mod law;
 mod search;
 mod signals;
 mod terms;
+#[cfg(test)]
+mod tests;
 
 use serde::Serialize;
 use whorl_diagnosis::laws::{LawBench, LawSignal, Weighed};
@@ -25,7 +27,7 @@ use crate::law::{Law, curve_of, law_of};
 use crate::search::{Ground, proposals};
 
 /// Laws that are weighed where each fits best.
-const WEIGHED: usize = 6;
+const WEIGHED: usize = 8;
 
 /// Log prior of something that has no name, of an effect of the catalogue, as in the diagnosis.
 const NAMELESS: f64 = 0.01;
@@ -161,11 +163,11 @@ pub fn discover(
     };
     let (proposed, tried) = proposals(&ground, &mut |share, doing| say(0.1 + 0.4 * share, doing))?;
     let mut laws: Vec<Law> = Vec::new();
-    for proposal in &proposed {
+    for proposal in proposed.iter().flat_map(with_parts) {
         if laws.len() >= WEIGHED {
             break;
         }
-        let law = law_of(&ground, proposal, &format!("{id}_candidate_{}", laws.len() + 1))?;
+        let law = law_of(&ground, &proposal, &format!("{id}_candidate_{}", laws.len() + 1))?;
         // The same equation from two starts of its shape is one law.
         if laws.iter().all(|other| other.definition.equation != law.definition.equation) {
             laws.push(law);
@@ -188,6 +190,36 @@ pub fn discover(
         None => None,
     };
     Ok(Discovery { laws: list, tried, drawn })
+}
+
+/// A proposal and every smaller one that is part of it: the regression is linear, and where each law fits best, one of its
+/// terms may have nothing left to do.
+fn with_parts(proposal: &search::Proposal) -> Vec<search::Proposal> {
+    let count = proposal.terms.len();
+    let of = |mask: usize| {
+        let holds = |i: &usize| mask & (1 << i) != 0;
+        search::Proposal {
+            terms: (0..count).filter(holds).filter_map(|i| proposal.terms.get(i).cloned()).collect(),
+            coefficients: (0..count)
+                .filter(holds)
+                .filter_map(|i| proposal.coefficients.get(i).copied())
+                .collect(),
+            score: proposal.score,
+        }
+    };
+    (1..1_usize << count).rev().map(of).collect()
+}
+
+/// Whether a term of a law ended without a coefficient: then it is another, smaller law.
+fn has_idle_term(law: &Law, weighed: &Weighed) -> bool {
+    let values = weighed.values.first().map_or(&[][..], |(_, values)| values);
+    law.proposal.terms.len() > 1
+        && law
+            .definition
+            .parameters
+            .iter()
+            .zip(values)
+            .any(|(p, value)| p.role == whorl_dynamics::effects::Role::Amplitude && *value == 0.0)
 }
 
 /// Registers the laws for as long as they are weighed.
@@ -227,6 +259,9 @@ fn ranked(
     for (i, weighed) in weighed.into_iter().enumerate() {
         let Some(weighed) = weighed else { continue };
         let law = i.checked_sub(1).and_then(|i| laws.get(i));
+        if law.is_some_and(|law| has_idle_term(law, &weighed)) {
+            continue;
+        }
         let set = i.checked_sub(1 + laws.len()).and_then(|i| named.get(i));
         let (log_prior, kind) = match (law, set) {
             (Some(law), _) => (NAMELESS.ln() + law.log_prior, if law.is_curve { "curve" } else { "law" }),
