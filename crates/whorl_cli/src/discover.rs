@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             println!("{sentence}");
         }
         println!("{reason} --anyway searches nevertheless.");
-        arguments.explain.write_json(|| as_json(&runs, &diagnosis, None, &[reason.clone()]))?;
+        arguments.explain.write_json(|| as_json(&runs, &diagnosis, None, std::slice::from_ref(&reason)))?;
         if arguments.write.is_some() || arguments.write_curve.is_some() {
             bail!("nothing was written: there is no law to write");
         }

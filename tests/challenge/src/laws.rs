@@ -138,7 +138,7 @@ fn judge_law(built: &Built, score: &mut Score) -> Result<()> {
         return Ok(());
     };
     // Rates about body z and about the vertical are the same to a platform that is nearly level.
-    let right_variable = best.variables.iter().any(|v| *v == variable);
+    let right_variable = best.variables.contains(&variable);
     let right_form = best.kind == "law" && best.equation.contains(&form);
     let error = adopted(built, best.definition.clone())?;
     score.variable += usize::from(right_variable);

@@ -121,9 +121,8 @@ fn with_files_loaded(arguments: &Arguments) -> anyhow::Result<Vec<String>> {
     let files = arguments.context.model.iter().chain(&arguments.out).cloned();
     for source in files.chain(runs).filter(|path| path.exists()) {
         // What is wrong with a run is reported when it is read.
-        match load_effects(&source) {
-            Err(RecordingError::Parameters(errors)) => return Err(errors.into()),
-            Ok(()) | Err(_) => {}
+        if let Err(RecordingError::Parameters(errors)) = load_effects(&source) {
+            return Err(errors.into());
         }
     }
     let named = |item: &String| -> anyhow::Result<String> {

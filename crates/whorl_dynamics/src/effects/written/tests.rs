@@ -44,7 +44,7 @@ fn states(model: &PlatformModel, check: impl Fn(&Environment<'_>)) {
     };
     for _ in 0..200 {
         let scale = 10f64.powf(2.0 * next() - 1.0);
-        let q = UnitQuaternion::from_euler_angles(0.5 * next(), 0.4 * next(), 3.14 * next());
+        let q = UnitQuaternion::from_euler_angles(0.5 * next(), 0.4 * next(), 3.1 * next());
         let rate = Vector3::new(next(), next(), next()) * scale;
         let speeds = [200.0 * next(), 100.0 * next(), -50.0 * next()];
         let environment = Environment {

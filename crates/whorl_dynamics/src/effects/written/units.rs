@@ -205,7 +205,7 @@ impl fmt::Display for Dimension {
         for first in 0..derived {
             for second in 0..derived {
                 for (a, b) in (-4..=4).flat_map(|a| (-4..=4).map(move |b| (a, b))) {
-                    if (first == second && b != 0) || (a == 0 && b != 0) {
+                    if b != 0 && (first == second || a == 0) {
                         continue;
                     }
                     let of = |i: usize, halves: i16| {
