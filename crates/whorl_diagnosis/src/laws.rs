@@ -14,9 +14,9 @@ use whorl_recording::Recording;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::regression::{Colour, Estimate, Normal, Whitened};
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::parameters::Point;
+use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::problem::{Problem, Trust};
+use crate::evidence::problem::{Problem, Trust};
 use crate::search::prospect::make_columns_for;
 use crate::search::step::{NO_FIT, base_point_with, dataset};
 use crate::whitening::columns::{GROUPS, LANES, Stray, stray_response};
@@ -258,8 +258,8 @@ impl LawBench {
     }
 
     fn base_layout(&self) -> crate::explanations::candidates::Layout {
-        let available = crate::explanations::candidates::Available::of(&self.problem.runs);
-        let lines = crate::explanations::candidates::Lines::default();
+        let available = crate::parameters::available::Available::of(&self.problem.runs);
+        let lines = crate::explanations::lines::Lines::default();
         crate::explanations::candidates::Layout::of_effects(
             &self.problem.reference,
             &self.point,
