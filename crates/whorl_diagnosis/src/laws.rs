@@ -12,11 +12,11 @@ use whorl_dynamics::{Environment, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::problem::{Problem, Trust};
 use crate::evidence::regression::{Colour, Estimate, Normal, Whitened};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::Point;
 use crate::search::Search;
-use crate::evidence::problem::{Problem, Trust};
 use crate::search::prospect::make_columns_for;
 use crate::search::step::{NO_FIT, base_point_with, dataset};
 use crate::whitening::columns::{GROUPS, LANES, Stray, stray_response};

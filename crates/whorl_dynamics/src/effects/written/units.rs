@@ -216,7 +216,11 @@ impl fmt::Display for Dimension {
                     let mut parts = vec![(first, a), (second, b)];
                     parts.extend(left.twice.iter().enumerate().map(|(i, h)| (derived + i, *h)));
                     parts.retain(|(_, halves)| *halves != 0);
-                    let cost = parts.iter().map(|(_, h)| 3 + h.abs() + i16::from(*h < 0)).sum();
+                    // Torques come first: what an effect gives is said in N m.
+                    let cost = parts
+                        .iter()
+                        .map(|(i, h)| if *i == 0 { 0 } else { 3 } + h.abs() + i16::from(*h < 0))
+                        .sum();
                     if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                         best = Some((cost, parts));
                     }
@@ -257,6 +261,7 @@ mod tests {
             assert_eq!(of(&of(text).to_string()), of(text), "{text} shown as {}", of(text));
         }
         assert_eq!(of("N m").to_string(), "N m");
+        assert_eq!(of("A s").to_string(), "N m/V");
         for text in ["1/N/m", "m^3/N/s", "V^3/K^2", "N m/V/V/K"] {
             assert_eq!(of(&of(text).unit()), of(text), "{text} as {}", of(text).unit());
         }
