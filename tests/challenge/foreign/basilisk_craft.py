@@ -20,6 +20,9 @@ from case import Jet, Rig, Run, SensorErrors, Sensors, Wheel, turned
 from faults import gyro_scaled, gyro_turned, jet_turned, jet_weak, sensors_late, wheel_heavier, wheel_tilted
 
 STEP_S = 2e-3
+# The last stage of a Runge-Kutta step, a sixth of it, finds a jet still open at the very time at which it closes: a pulse of
+# N steps has the impulse of N + 1/6 (measured with a jet alone).
+LAST_STAGE_S = STEP_S / 6
 
 
 class Craft:
@@ -133,7 +136,7 @@ class Craft:
         sim.ExecuteSimulation()
         sines = [(rng.uniform(0.03, 1.5, 5), rng.uniform(0, 2 * np.pi, 5)) for _ in range(3)]
         target = rng.normal(0.0, 0.3)
-        due = sorted((round(on, 2), off - on, j) for j, mine in enumerate(pulses) for on, off in mine)
+        due = sorted((round(on, 2), off - on - LAST_STAGE_S, j) for j, mine in enumerate(pulses) for on, off in mine)
         time, command = [], []
         for k in range(int(seconds / every)):
             t = k * every
@@ -144,7 +147,9 @@ class Craft:
             started = [d for d in due if d[0] < t + every / 2 and d[0] >= t - every / 2]
             if started:
                 requests = messaging.THRArrayOnTimeCmdMsgPayload()
-                requests.OnTimeRequest = [sum(d[1] for d in started if d[2] == j) for j in range(len(self.jets))]
+                # A request without a jet would end the pulse that this jet has begun.
+                left = [[d[0] + d[1] - t for d in due if d[2] == j and d[0] < t + every / 2 < d[0] + d[1]] for j in range(len(self.jets))]
+                requests.OnTimeRequest = [max(mine, default=0.0) for mine in left]
                 jets_msg.write(requests, now)
             time.append(t), command.append(u)
             # Executed up to and including t; commands given now act from here on.
@@ -183,8 +188,8 @@ class Craft:
         for _ in self.jets:
             t, mine = rng.uniform(1.0, 6.0), []
             while t < seconds - 1.0:
-                on, length = round(t, 2), round(rng.uniform(0.05, 0.3), 3)
-                mine.append((on, on + length))
+                on, length = round(t, 2), STEP_S * round(rng.uniform(0.05, 0.3) / STEP_S)
+                mine.append((on, on + length + LAST_STAGE_S))
                 t += rng.uniform(3.0, 9.0)
             out.append(mine)
         return out

@@ -155,7 +155,8 @@ class Laboratory:
                 mujoco.mj_forward(model, data)
                 time.append(t), sensed.append(data.sensordata.copy()), command.append(u)
             for j, list_of in enumerate(pulses):
-                late = t - self.jet_delay_s
+                # On the grid of steps, where pulses begin and end.
+                late = STEP_S * round((t - self.jet_delay_s) / STEP_S)
                 data.ctrl[wheels + j] = any(on <= late < off for on, off in list_of)
             data.qfrc_applied[:] = 0.0
             if kick:
@@ -208,7 +209,7 @@ class Laboratory:
             t, mine = rng.uniform(1.0, 6.0), []
             while t < seconds - 1.0:
                 on, length = (STEP_S * round(x / STEP_S) for x in (t, rng.uniform(0.05, 0.3)))
-                mine.append((on, on + length))
+                mine.append((on, STEP_S * round((on + length) / STEP_S)))
                 t += rng.uniform(3.0, 9.0)
             out.append(mine)
         return out
@@ -301,6 +302,8 @@ def panel(lab):
         f'<inertial pos="0 {half:.9g} 0" mass="{mass:.9g}" diaginertia="{inertia:.9g} {inertia / 9:.9g} {inertia:.9g}"/></body>'
     )
     c = at + np.array([0, half, 0])
+    # Who mounts a panel balances the platform again: the hub's centre of mass moves the other way.
+    lab.com = lab.com - [0.0, mass * c[1] / lab.mass, 0.0]
     lab.extra_mass, lab.extra_moment = mass, mass * c
     lab.extra_inertia = np.diag([inertia, inertia / 9, inertia]) + mass * (c @ c * np.eye(3) - np.outer(c, c))
     return "flexible_mode"

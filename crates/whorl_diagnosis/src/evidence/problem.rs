@@ -7,7 +7,8 @@ use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::evidence::nuisance::{Nuisance, STEP};
-use crate::evidence::regression::{Colour, Normal, Whitened};
+use crate::evidence::palette::Colours;
+use crate::evidence::regression::{Colour, Normal, Whitened, colour_log_density};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
 use crate::layout::torques::Torques;
@@ -60,7 +61,7 @@ pub(crate) struct Dataset {
     pub total: Normal,
     pub whitened: Vec<Whitened>,
     /// Colour of each channel of each run.
-    pub colours: Vec<Vec<Colour>>,
+    pub colours: Colours,
     /// Log density of innovations of zero, up to a constant: sum of the logarithms of their inverse sizes.
     pub log_density: f64,
 }
@@ -377,7 +378,7 @@ impl Problem {
         mut whitened: Vec<Whitened>,
         columns: usize,
         wide: &[f64],
-        colours: Option<Vec<Vec<Colour>>>,
+        colours: Option<Colours>,
     ) -> Dataset {
         let colours = colours.unwrap_or_else(|| {
             let mut total = Normal::zeros(columns);
@@ -420,6 +421,9 @@ impl Problem {
                 blocks.push(block);
             }
         }
-        Dataset { blocks, total, whitened, colours, log_density: 0.0 }
+        let of_run =
+            |(slot, colours): (&Whitened, &Vec<Colour>)| colour_log_density(&slot.rows_by_reading(), colours);
+        let log_density = whitened.iter().zip(&colours).map(of_run).sum();
+        Dataset { blocks, total, whitened, colours, log_density }
     }
 }

@@ -201,6 +201,11 @@ pub(crate) fn coloured(series: &mut [f64], rows: &[Vec<usize>], colours: &[Colou
     }
 }
 
+/// Log density that the sizes of these colours give the innovations of a run, where these are zero.
+pub(crate) fn colour_log_density(rows: &[Vec<usize>], colours: &[Colour]) -> f64 {
+    rows.iter().zip(colours).map(|(rows, colour)| -(rows.len() as f64) * colour.stddev.ln()).sum()
+}
+
 /// Colour of one channel's whitened innovation: an autoregressive model and its innovation's size.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Colour {

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::palette::Palette;
 use crate::evidence::problem::Problem;
-use crate::evidence::regression::{Colour, coloured, rows_by_reading};
+use crate::evidence::regression::{colour_log_density, coloured, rows_by_reading};
 use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Linear, System};
@@ -17,9 +18,12 @@ impl Problem {
     pub fn likeliest_nuisance(
         &self,
         point: &Point,
-        colours: Option<&[Vec<Colour>]>,
+        colours: Option<&Palette>,
     ) -> Result<Nuisance, DiagnosisError> {
-        Ok(self.climb(point, &self.nuisance.starts(), colours)?.0)
+        let mut starts = self.nuisance.starts();
+        // What another set needed may be needed here.
+        starts.extend(colours.into_iter().flat_map(Palette::noise));
+        Ok(self.climb(point, &starts, colours)?.0)
     }
 
     /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
@@ -28,7 +32,7 @@ impl Problem {
         &self,
         point: &Point,
         starts: &[Nuisance],
-        colours: Option<&[Vec<Colour>]>,
+        colours: Option<&Palette>,
     ) -> Result<(Nuisance, f64, f64), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let predictions: Vec<_> = self
@@ -61,11 +65,13 @@ impl Problem {
             let all: Vec<_> = systems.into_iter().zip(linear.iter()).enumerate().collect();
             let sum: f64 = threads::map(self.threads, &all, |(r, (system, linear))| {
                 let (mut innovations, log_density) = system.innovations(linear);
-                if let Some(colours) = colours.and_then(|c| c.get(*r)) {
+                let mut of_colours = 0.0;
+                if let Some(colours) = colours.and_then(|c| c.training(nuisance)).and_then(|c| c.get(*r)) {
                     let rows = rows_by_reading(linear.rows.iter().map(|row| row.reading));
                     coloured(&mut innovations, &rows, colours);
+                    of_colours = colour_log_density(&rows, colours);
                 }
-                log_density - 0.5 * innovations.iter().map(|e| e * e).sum::<f64>()
+                log_density + of_colours - 0.5 * innovations.iter().map(|e| e * e).sum::<f64>()
             })
             .iter()
             .sum();

@@ -113,13 +113,21 @@ pub(crate) fn at_itself(
 impl Search<'_> {
     /// Fits a set that holds in the present regression where it fits best. `None` if it cannot stand there.
     pub(crate) fn converge(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
-        self.converge_towards(start, f64::NEG_INFINITY, self.problem.threads)
+        let noise = if start.members.is_empty() { self.problem.nuisance } else { Nuisance::default() };
+        self.converge_towards(start, noise, f64::NEG_INFINITY, self.problem.threads)
     }
 
-    /// As [`Self::converge`]; given up where it is, once it cannot come to a log evidence of `least` of the training data.
+    /// As [`Self::converge`], from no noise beside what the model states.
+    pub(crate) fn converge_sharply(&self, start: &Hypothesis) -> Result<Option<Converged>, DiagnosisError> {
+        self.converge_towards(start, Nuisance::default(), f64::NEG_INFINITY, self.problem.threads)
+    }
+
+    /// As [`Self::converge`], from this noise: beside the noise that another set needs, a fit may see nothing of this one,
+    /// and then the noise stays. Given up where it is, once it cannot come to a log evidence of `least` of the training data.
     fn converge_towards(
         &self,
         start: &Hypothesis,
+        noise: Nuisance,
         least: f64,
         threads: usize,
     ) -> Result<Option<Converged>, DiagnosisError> {
@@ -131,18 +139,14 @@ impl Search<'_> {
         // Along a motion of its own.
         let mut problem = self.problem.clone();
         problem.threads = threads;
-        if !ids.is_empty() {
-            // As sharp as it can be: beside the noise that another set needs, a fit may see nothing of this one, and then
-            // the noise stays.
-            problem.nuisance = Nuisance::default();
-        }
+        problem.nuisance = noise;
         let mut from = self.begin(start, &ids);
         let mut last: Option<Descended> = None;
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         for turn in 0..MOST_TURNS {
             let Some(descended) = self.descend(&mut problem, from, &ids, least, turn == 0)? else { break };
             problem.motions = Arc::clone(&descended.motions);
-            problem.nuisance = problem.likeliest_nuisance(&descended.point, self.colours.as_deref())?;
+            problem.nuisance = problem.likeliest_nuisance(&descended.point, Some(&self.palette))?;
             from = Begin {
                 point: descended.point.clone(),
                 layout: descended.layout.clone(),
@@ -168,9 +172,11 @@ impl Search<'_> {
         least: f64,
     ) -> Result<Vec<Option<Converged>>, DiagnosisError> {
         let each = if starts.len() > 1 { 1 } else { self.problem.threads };
-        crate::threads::map(self.problem.threads, starts, |start| self.converge_towards(start, least, each))
-            .into_iter()
-            .collect()
+        crate::threads::map(self.problem.threads, starts, |start| {
+            self.converge_towards(start, Nuisance::default(), least, each)
+        })
+        .into_iter()
+        .collect()
     }
 
     /// Where a set that holds in the present regression begins its fit.
@@ -211,6 +217,7 @@ impl Search<'_> {
             .map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
         // What the last good step promised.
         let mut promise = 0.0;
+        let colours = self.palette.training(problem.nuisance).cloned();
         for step in 0..MOST_STEPS {
             let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
             problem.smooth(&point, trust)?;
@@ -218,7 +225,7 @@ impl Search<'_> {
                 Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
             members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
             layout = here;
-            let data = dataset(problem, &point, &layout, self.colours.clone())?;
+            let data = dataset(problem, &point, &layout, colours.clone())?;
             let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);
             let Some(mut fit) = Hypothesis::of(&layout, &total, members.clone()) else { break };
             if fit.members.len() < ids.len() {

@@ -13,7 +13,7 @@ use nalgebra::DVector;
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::regression::{Colour, Estimate, Normal, Whitened};
+use crate::evidence::regression::{Estimate, Normal, Whitened};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::shapes::{Column, Law, Shape, columns_of, laws, shapes, stray};
 use crate::search::Search;
@@ -88,7 +88,7 @@ impl Search<'_> {
             .flat_map(|axis| [About::Body(axis), About::World(axis)])
             .flat_map(|about| FIRST_STEPS.map(|torque| Nuisance { torque, about, ..at.standing.nuisance }))
             .collect();
-        let (likeliest, density, in_use) = problem.climb(&at.point, &starts, self.colours.as_deref())?;
+        let (likeliest, density, in_use) = problem.climb(&at.point, &starts, Some(&self.palette))?;
         let best =
             (likeliest.torque > 0 && self.is_large(likeliest)).then_some((density - in_use, likeliest));
         Ok(best.map(|(gain, likeliest)| {
@@ -120,21 +120,20 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.motions = Arc::clone(&at.motions);
         problem.nuisance = nuisance;
-        let training = dataset(&problem, &at.point, &at.layout, self.colours.clone())?;
+        let training = dataset(&problem, &at.point, &at.layout, self.palette.training(nuisance).cloned())?;
         let Some(fit) = Hypothesis::free(&at.layout, &training.total, at.members.clone()) else {
             return Ok(Vec::new());
         };
         let active = fit.estimate.active.clone();
         let variances = fit.variances(&at.layout);
-        let mut joint =
-            joined(&problem, at, &training, &groups, &columns, &active, self.colours.as_deref(), error)?;
+        let mut joint = joined(&problem, at, &training, &groups, &columns, &active, error)?;
         if let Some(held) = self.held_out.as_deref() {
             let mut held = held.clone();
             held.nuisance = nuisance;
             held.smooth(&at.point, Trust::AsDataSay)?;
-            let data = dataset(&held, &at.point, &at.layout, self.held_colours.clone())?;
-            let more =
-                joined(&held, at, &data, &groups, &columns, &active, self.held_colours.as_deref(), error)?;
+            let colours = self.palette.held_out(nuisance).cloned();
+            let data = dataset(&held, &at.point, &at.layout, colours)?;
+            let more = joined(&held, at, &data, &groups, &columns, &active, error)?;
             joint.normal.add(&more.normal, 1.0);
             joint.log_density += more.log_density;
         }
@@ -243,7 +242,6 @@ fn size_of(
 }
 
 /// The regression of a set's columns and of all laws' columns, errors of the set's formulas integrated out.
-#[expect(clippy::too_many_arguments)]
 fn joined(
     problem: &Problem,
     at: &Converged,
@@ -251,7 +249,6 @@ fn joined(
     groups: &[Vec<Shape>],
     columns: &[Column],
     active: &[usize],
-    colours: Option<&[Vec<Colour>]>,
     relative_error: f64,
 ) -> Result<Joint, DiagnosisError> {
     let linearised = problem.linearise(&at.point)?;
@@ -279,7 +276,7 @@ fn joined(
             node: old.node.clone(),
             nodes: old.nodes,
         };
-        if let Some(colours) = colours.and_then(|c| c.get(r)) {
+        if let Some(colours) = data.colours.get(r) {
             slot.colour(colours, problem.threads);
         }
         let mut groups = old.selected(active);

@@ -4,8 +4,8 @@
 use whorl_dynamics::effects::Rhythm;
 
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::palette::Palette;
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::evidence::regression::Colour;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::{CERTAIN, Lines};
@@ -50,9 +50,8 @@ pub(crate) struct Search<'a> {
     pub lines: Lines,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
-    /// Colours of the noise, kept from the first full regression.
-    pub colours: Option<Vec<Vec<Colour>>>,
-    pub held_colours: Option<Vec<Vec<Colour>>>,
+    /// Colours of the noise, from the first full regressions.
+    pub palette: Palette,
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
     pub relative_error: f64,
@@ -92,10 +91,7 @@ impl<'a> Search<'a> {
         let lines = Lines::default();
         let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
         let data = dataset(problem, &point, &layout, None)?;
-        let held_colours = match &held_out {
-            Some(held) => Some(dataset(held, &point, &layout, None)?.colours),
-            None => None,
-        };
+        let palette = palette(problem, held_out.as_deref(), &point, &layout, &data)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         Ok(Self {
             problem,
@@ -104,8 +100,7 @@ impl<'a> Search<'a> {
             options,
             lines,
             with_hidden: false,
-            colours: Some(data.colours.clone()),
-            held_colours,
+            palette,
             point,
             relative_error: 0.0,
             layout,
@@ -142,7 +137,8 @@ impl<'a> Search<'a> {
         // The old columns make room for the new ones.
         self.data.whitened = Vec::new();
         self.held_data = None;
-        let (colours, error) = (self.colours.clone(), self.relative_error);
+        let colours = self.palette.training(self.problem.nuisance).cloned();
+        let error = self.relative_error;
         self.data = regression_at(self.problem, &self.point, &self.layout, colours, error)?;
         self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
         Ok(())
@@ -152,7 +148,8 @@ impl<'a> Search<'a> {
     pub(crate) fn regress_held(&mut self) -> Result<(), DiagnosisError> {
         if let Some(held) = &mut self.held_out {
             held.smooth(&self.point, Trust::AsDataSay)?;
-            let (colours, error) = (self.held_colours.clone(), self.relative_error);
+            let colours = self.palette.held_out(held.nuisance).cloned();
+            let error = self.relative_error;
             self.held_data = Some(regression_at(held, &self.point, &self.layout, colours, error)?);
         }
         Ok(())
@@ -187,8 +184,7 @@ impl<'a> Search<'a> {
         self.open_hidden(progress)?;
         let base = self.base.clone();
         self.best = base.clone();
-        let converged = self.converge(&base)?.ok_or(NO_FIT)?;
-        self.remember(converged);
+        self.weigh_base(&base)?;
         for round in 0..MOST_ROUNDS {
             progress(Progress { share: 0.6 + 0.05 * round as f64, doing: "comparing explanations" });
             let proposals = self.proposals(round == 0);
@@ -207,7 +203,10 @@ impl<'a> Search<'a> {
             let leading = self.fitted(&self.best).map_or(f64::NEG_INFINITY, Converged::log_posterior);
             let better = self.most_probable().filter(|c| c.log_posterior() > leading + 1e-6).cloned();
             match better {
-                Some(converged) => self.settle(converged)?,
+                Some(converged) => {
+                    self.settle(converged)?;
+                    self.sharpen()?;
+                }
                 // With no such noise as is likeliest beside the base model, other effects may come near.
                 None if round == 0 && self.problem.nuisance != Nuisance::default() => {
                     let mut quiet = self.fitted(&self.base).cloned().ok_or(NO_FIT)?;
@@ -218,6 +217,53 @@ impl<'a> Search<'a> {
             }
         }
         self.settle_most_probable()
+    }
+
+    /// Fits the base model from the noise in use, and as sharply as any other set: constants of the platform that are far
+    /// from the given ones look like noise until they are fitted, and beside so much noise they stay where they are.
+    fn weigh_base(&mut self, base: &Hypothesis) -> Result<(), DiagnosisError> {
+        let converged = self.converge(base)?.ok_or(NO_FIT)?;
+        self.remember(converged);
+        if self.problem.nuisance == Nuisance::default() {
+            return Ok(());
+        }
+        let beside = self.standing(base).map(|s| s.nuisance);
+        if let Some(sharp) = self.converge_sharply(base)? {
+            self.remember(sharp);
+        }
+        match self.fitted(base).cloned() {
+            Some(best) if Some(best.standing.nuisance) != beside => self.settle(best),
+            _ => Ok(()),
+        }
+    }
+
+    /// Looks at the present best set again without the noise that the base model needed. The colour of the innovations without
+    /// it was estimated beside a model that lacked this set, and some of what that one lacked was taken for colour.
+    fn sharpen(&mut self) -> Result<(), DiagnosisError> {
+        let quiet = Nuisance::default();
+        if !self.palette.has_several() || self.problem.nuisance == quiet {
+            return Ok(());
+        }
+        let colours = |problem: &Problem| {
+            let mut problem = problem.clone();
+            problem.nuisance = quiet;
+            Ok::<_, DiagnosisError>(dataset(&problem, &self.point, &self.layout, None)?.colours)
+        };
+        let (training, held_out) =
+            (colours(self.problem)?, self.held_out.as_deref().map(colours).transpose()?);
+        self.palette.replace(quiet, training, held_out);
+        // Evidence with other colours does not compare.
+        let palette = &self.palette;
+        self.fitted.retain(|_, c| !palette.is_beside(quiet, c.standing.nuisance));
+        for set in [self.base.clone(), self.best.clone()] {
+            if let Some(sharp) = self.converge_sharply(&set)? {
+                self.remember(sharp);
+            }
+        }
+        match self.most_probable().cloned() {
+            Some(most) if most.standing.nuisance != self.problem.nuisance => self.settle(most),
+            _ => Ok(()),
+        }
     }
 
     /// Ends where the most probable set fits best.
@@ -336,7 +382,12 @@ impl<'a> Search<'a> {
         let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
         let layout =
             Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
-        let data = dataset(self.problem, &self.point, &layout, self.colours.clone())?;
+        let data = dataset(
+            self.problem,
+            &self.point,
+            &layout,
+            self.palette.training(self.problem.nuisance).cloned(),
+        )?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         let mut worth: Vec<(f64, f64)> = Vec::new();
         for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
@@ -362,4 +413,28 @@ impl<'a> Search<'a> {
         let candidate = self.layout.candidates.get(member.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
+}
+
+/// Colours of the noise beside what the base model needs, and beside none where it needs some: a set that explains what looked
+/// like noise is whitened without.
+fn palette(
+    problem: &Problem,
+    held_out: Option<&Problem>,
+    point: &Point,
+    layout: &Layout,
+    data: &Dataset,
+) -> Result<Palette, DiagnosisError> {
+    let colours = |problem: &Problem| Ok::<_, DiagnosisError>(dataset(problem, point, layout, None)?.colours);
+    let mut palette = Palette::default();
+    palette.add(problem.nuisance, data.colours.clone(), held_out.map(colours).transpose()?);
+    if problem.nuisance != Nuisance::default() {
+        let quiet = |problem: &Problem| {
+            let mut quiet = problem.clone();
+            quiet.nuisance = Nuisance::default();
+            quiet
+        };
+        let of_held_out = held_out.map(|held| colours(&quiet(held))).transpose()?;
+        palette.add(Nuisance::default(), colours(&quiet(problem))?, of_held_out);
+    }
+    Ok(palette)
 }

@@ -7,10 +7,10 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Contribution;
 
 use crate::DiagnosisError;
+use crate::evidence::palette::Colours;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
-use crate::evidence::regression::Colour;
 use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::{Hypothesis, LARGEST_SIZE};
+use crate::explanations::hypothesis::{Hypothesis, LARGEST_USUAL};
 use crate::parameters::available::Available;
 use crate::parameters::{Point, Target};
 
@@ -22,7 +22,7 @@ pub(crate) fn dataset(
     problem: &Problem,
     point: &Point,
     layout: &Layout,
-    colours: Option<Vec<Vec<Colour>>>,
+    colours: Option<Colours>,
 ) -> Result<Dataset, DiagnosisError> {
     let linearised = problem.linearise(point)?;
     let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
@@ -30,10 +30,11 @@ pub(crate) fn dataset(
     let wide: Vec<f64> = layout
         .columns
         .iter()
-        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { LARGEST_SIZE })
+        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { LARGEST_USUAL })
         .map(|stddev| stddev * stddev)
         .collect();
-    Ok(Dataset { log_density, ..problem.dataset(whitened, layout.columns.len(), &wide, colours) })
+    let data = problem.dataset(whitened, layout.columns.len(), &wide, colours);
+    Ok(Dataset { log_density: data.log_density + log_density, ..data })
 }
 
 /// As [`dataset`], with errors of formulas of this relative size integrated out.
@@ -41,7 +42,7 @@ pub(crate) fn regression_at(
     problem: &Problem,
     point: &Point,
     layout: &Layout,
-    colours: Option<Vec<Vec<Colour>>>,
+    colours: Option<Colours>,
     relative_error: f64,
 ) -> Result<Dataset, DiagnosisError> {
     let mut data = dataset(problem, point, layout, colours)?;

@@ -125,7 +125,8 @@ impl Search<'_> {
         let mut problem = problem.clone();
         problem.motions = Arc::clone(&set.motions);
         if set.nuisance != problem.nuisance {
-            set.data = dataset(&problem, &set.point, &set.layout, self.colours.clone())?;
+            let colours = self.palette.training(problem.nuisance).cloned();
+            set.data = dataset(&problem, &set.point, &set.layout, colours)?;
             set.nuisance = problem.nuisance;
         }
         let of_data = problem.discrepancy(&set.data, &set.point, &set.layout);
@@ -134,7 +135,8 @@ impl Search<'_> {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
                 held.smooth(&set.point, Trust::AsDataSay)?;
-                let data = dataset(&held, &set.point, &set.layout, self.held_colours.clone())?;
+                let colours = self.palette.held_out(problem.nuisance).cloned();
+                let data = dataset(&held, &set.point, &set.layout, colours)?;
                 let of_data = held.discrepancy(&data, &set.point, &set.layout);
                 Some((data, of_data))
             }

@@ -25,7 +25,7 @@ impl RigSize for PlatformModel {
         let ratio = self.mass_properties.inertia_b_kg_m2().trace() / 3.0 / INERTIA_KG_M2;
         match unit {
             "sqrt(kg) m" => ratio.sqrt(),
-            "A m^2" => ratio,
+            "A m^2" | "kg m^2" => ratio,
             _ if unit.starts_with("N m") => ratio,
             _ => 1.0,
         }
@@ -39,12 +39,14 @@ impl RigSize for Jet {}
 /// A parameter with its usual size on a rig; its range grows with it, and never shrinks.
 pub(super) fn for_size_of(part: &impl RigSize, spec: ParameterSpec) -> ParameterSpec {
     let factor = part.factor(spec.unit);
-    if spec.known || spec.base.is_some() || !factor.is_finite() || factor <= 0.0 {
+    if spec.known || !factor.is_finite() || factor <= 0.0 {
         return spec;
     }
     let wider = factor.max(1.0);
+    // How well the platform's own parameters are known says its file.
+    let prior_factor = if spec.base.is_some() { 1.0 } else { factor };
     ParameterSpec {
-        prior_stddev: spec.prior_stddev * factor,
+        prior_stddev: spec.prior_stddev * prior_factor,
         min: spec.min * wider,
         max: spec.max * wider,
         ..spec
@@ -76,6 +78,8 @@ mod tests {
         model.mass_properties = scaled(100.0);
         let large = size(&model, "bearing_viscous_friction");
         assert!((large.0 / stddev - 100.0).abs() < 1e-9 && large.1 > 90.0 * max);
+        // Nor may a correction of the platform's own parameters end where that of a small platform would.
+        assert!(size(&model, "inertia_products").1 > 90.0 * 20.0);
         // A sensor does not care.
         assert_eq!(size(&model, "gyro_scale"), size(&PlatformModel::whorl_1_reference(), "gyro_scale"));
     }
