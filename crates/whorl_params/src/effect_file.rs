@@ -372,7 +372,7 @@ mod tests {
         assert!(found.contains("wrong.yaml:3: equation = "), "{found}");
         let found = error("N m s^3", "N q");
         assert!(
-            found.contains("wrong.yaml:5: parameters.d.unit = N q: ") && found.contains("no unit"),
+            found.contains("wrong.yaml:5: parameters.d.unit = \"N q\": ") && found.contains("no unit"),
             "{found}"
         );
         let found = error("passive: true", "pasive: true");
