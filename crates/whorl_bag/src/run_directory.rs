@@ -75,11 +75,13 @@ impl RunDirectory {
         }
     }
 
-    /// The copies of the parameter files, in the order in which they were given. Empty for a plain bag.
+    /// The copies of the parameter files, in the order in which they were given. Empty for a plain bag. Files of effects,
+    /// in a folder `effects` of their own, are none.
     #[must_use]
     pub fn parameter_files(&self) -> Vec<PathBuf> {
         let files = self.manifest.iter().flat_map(|manifest| &manifest.parameters);
-        files.map(|file| self.path.join(&file.file)).collect()
+        let is_effect = |path: &PathBuf| path.parent().is_some_and(|folder| folder.ends_with("effects"));
+        files.map(|file| self.path.join(&file.file)).filter(|path| !is_effect(path)).collect()
     }
 
     /// `summary.json`; empty when there is none.

@@ -134,6 +134,20 @@ impl RunWriter {
         self.store_parameters(name, &source.to_string_lossy(), &bytes)
     }
 
+    /// Copies the file of an effect into `params/effects/`, where the readers of the parameter files in `params/` look for
+    /// it; that of a simulation's truth into `params/truth/effects/`.
+    ///
+    /// # Errors
+    /// [`BagError::NotFound`], [`BagError::Io`].
+    pub fn add_effect_file(&mut self, source: &Path) -> Result<(), BagError> {
+        let bytes = std::fs::read(source).map_err(|e| BagError::io("cannot read", source, e))?;
+        let name = source.file_name().map(Path::new).unwrap_or(Path::new("effect.yaml"));
+        let is_of_truth =
+            source.parent().and_then(Path::parent).is_some_and(|folder| folder.ends_with("truth"));
+        let folder = Path::new(if is_of_truth { "truth/effects" } else { "effects" });
+        self.store_parameters(&folder.join(name), &source.to_string_lossy(), &bytes)
+    }
+
     /// Stores a parameter file from memory in `params/`, e.g. `effective.yaml`: the parameters as they were
     /// after all layers and overrides.
     ///

@@ -141,6 +141,9 @@ fn open(spec: &RunSpec, set: &NodeSet, folder: &Path) -> Result<RunWriter, BagEr
     for layer in &spec.layers {
         writer.add_parameter_file(layer)?;
     }
+    for file in whorl_params::effect_files_beside(&spec.layers) {
+        writer.add_effect_file(&file)?;
+    }
     writer.add_parameters(
         "effective.yaml",
         "the parameters in force",

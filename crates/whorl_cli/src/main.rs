@@ -15,6 +15,7 @@ mod compare;
 mod compare_runs;
 mod demo;
 mod diagnose;
+mod discover;
 mod effects;
 mod estimate;
 mod excitation;
@@ -117,6 +118,8 @@ enum Command {
     Where(where_::Arguments),
     /// Which physical effect the model lacks: a verdict in words, then every effect tested.
     Diagnose(diagnose::Arguments),
+    /// Which law is missing where no effect of the catalogue explains the data; writes it as an effect.
+    Discover(discover::Arguments),
     /// Adds physical effects to a platform's model, refits it and shows the errors before and after.
     Adopt(adopt::Arguments),
     /// What was adopted into a platform's model, when, and how much it improved the predictions.
@@ -181,6 +184,7 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Where(arguments) => where_::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Discover(arguments) => discover::run(&arguments),
         Command::Adopt(arguments) => adopt::run(&arguments),
         Command::History(arguments) => history::run(&arguments),
         Command::Next(arguments) => next::run(&arguments),

@@ -187,6 +187,9 @@ fn open_run(
     for layer in layers {
         writer.add_parameter_file(layer)?;
     }
+    for file in whorl_params::effect_files_beside(layers) {
+        writer.add_effect_file(&file)?;
+    }
     writer.add_parameters(
         "effective.yaml",
         "the parameters in force",

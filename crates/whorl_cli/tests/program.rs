@@ -12,7 +12,7 @@ fn help_lists_the_commands() {
     let help = whorl(&["--help"]);
     let text = String::from_utf8_lossy(&help.stdout);
     assert!(help.status.success());
-    for command in ["simulate", "diagnose", "adopt", "reproduce", "report"] {
+    for command in ["simulate", "diagnose", "discover", "adopt", "reproduce", "report"] {
         assert!(text.contains(&format!("\n  {command} ")), "{text}");
     }
 }
@@ -72,4 +72,47 @@ fn a_satellite_is_estimated_from_directions() {
     let refused = whorl(&["estimate", data, "--channels", map, "--filter", "free_motion"]);
     let text = String::from_utf8_lossy(&refused.stderr);
     assert!(text.contains("no accelerometer") && text.contains("directions"), "{text}");
+}
+
+/// An effect in `effects/` beside the parameter files is known to commands without a rebuild; the simulated hardware has it, and
+/// the run carries its file. A mistake in it is reported with its line.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn effects_are_read_from_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params");
+    let params = folder.path().join("params");
+    for inner in ["effects", "truth/effects", "experiments"] {
+        std::fs::create_dir_all(params.join(inner)).unwrap();
+    }
+    for file in ["common.yaml", "whorl_1.yaml", "whorl_2.yaml", "experiments/swing.yaml"] {
+        std::fs::copy(root.join(file), params.join(file)).unwrap();
+    }
+    let effect = "effect:\n  title: \"a push\"\n  equation: \"push * vertical\"\n  parameters:\n    push: {unit: \"N m\", range: [-1.0, 1.0], prior: 0.1}\n";
+    std::fs::write(params.join("effects/known_push.yaml"), effect).unwrap();
+    std::fs::write(params.join("truth/effects/hidden_push.yaml"), effect).unwrap();
+    let truth = "/whorl_1/driver:\n  ros__parameters:\n    truth:\n      effects:\n        hidden_push: {push: 0.002}\n";
+    std::fs::write(params.join("truth/whorl_1.yaml"), truth).unwrap();
+    let model = params.join("whorl_1.yaml").display().to_string();
+    let listed = whorl(&["effects", "--model", &model]);
+    let text = String::from_utf8_lossy(&listed.stdout);
+    assert!(text.contains("\n  known_push ") && !text.contains("hidden_push"), "{text}");
+
+    let run = folder.path().join("run").display().to_string();
+    let experiment = params.join("experiments/swing.yaml").display().to_string();
+    let simulated = whorl(&["simulate", "--experiment", &experiment, "--out", &run, "--no-report"]);
+    assert!(simulated.status.success(), "{}", String::from_utf8_lossy(&simulated.stderr));
+    for file in ["params/effects/known_push.yaml", "params/truth/effects/hidden_push.yaml"] {
+        assert_eq!(std::fs::read_to_string(std::path::Path::new(&run).join(file)).unwrap(), effect);
+    }
+    // From the run alone: what the truth knows is no candidate.
+    let listed = whorl(&["effects", "--model", &format!("{run}/params/whorl_1.yaml")]);
+    let text = String::from_utf8_lossy(&listed.stdout);
+    assert!(text.contains("\n  known_push ") && !text.contains("hidden_push"), "{text}");
+
+    let wrong = params.join("effects/known_push.yaml");
+    std::fs::write(&wrong, effect.replace("N m", "N m/V")).unwrap();
+    let refused = whorl(&["effects", &wrong.display().to_string()]);
+    let text = String::from_utf8_lossy(&refused.stderr);
+    assert!(text.contains("known_push.yaml:3: equation") && text.contains("not a torque (N m)"), "{text}");
 }

@@ -18,6 +18,7 @@ mod error;
 mod evidence;
 mod explanations;
 mod fitter;
+pub mod laws;
 mod layout;
 mod options;
 mod parameters;

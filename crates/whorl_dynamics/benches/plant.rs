@@ -6,6 +6,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
+use whorl_dynamics::effects::written::{Definition, WrittenEffect, WrittenParameter};
+use whorl_dynamics::effects::{Role, register};
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
 
 fn with_effects(effects: &[(&str, &[(&str, f64)])]) -> PlatformModel {
@@ -15,6 +17,38 @@ fn with_effects(effects: &[(&str, &[(&str, f64)])]) -> PlatformModel {
         model.effects.insert((*id).to_owned(), values);
     }
     model
+}
+
+fn parameter(name: &str, unit: &str, range: (f64, f64), neutral: f64) -> WrittenParameter {
+    WrittenParameter {
+        name: name.into(),
+        unit: unit.into(),
+        range,
+        neutral,
+        prior: 0.1,
+        role: if neutral == 0.0 { Role::Amplitude } else { Role::Shape },
+        known: false,
+        starts: Vec::new(),
+        meaning: String::new(),
+    }
+}
+
+fn friction() -> Definition {
+    Definition {
+        id: "written_friction".into(),
+        equation: "-c * rate".into(),
+        parameters: vec![parameter("c", "N m s", (0.0, 5.0), 0.0)],
+        ..Definition::default()
+    }
+}
+
+fn power_drag() -> Definition {
+    Definition {
+        id: "written_drag".into(),
+        equation: "-d * (norm(rate) / 0.1 [rad/s])^p * unit(rate, 1e-12 [rad/s])".into(),
+        parameters: vec![parameter("d", "N m", (0.0, 5.0), 0.0), parameter("p", "1", (1.0, 2.5), 1.5)],
+        ..Definition::default()
+    }
 }
 
 fn second(bencher: &mut criterion::Bencher<'_>, model: &PlatformModel, sampled: bool) {
@@ -60,6 +94,17 @@ fn plant(criterion: &mut Criterion) {
         ("thruster_rise", &[("tau_s", 0.004)]),
     ]);
     group.bench_function("three effects, sampled", |b| second(b, &three, true));
+    // The same friction, compiled in and as data.
+    let built_in = with_effects(&[("bearing_viscous_friction", &[("c_n_m_s", 0.02)])]);
+    group.bench_function("a friction, built in", |b| second(b, &built_in, false));
+    register(WrittenEffect::new(friction()).expect("a friction")).expect("a new id");
+    let written = with_effects(&[("written_friction", &[("c", 0.02)])]);
+    group.bench_function("a friction, written", |b| second(b, &written, false));
+    let drag = with_effects(&[("air_drag_power", &[("d_n_m", 0.02), ("exponent", 1.7)])]);
+    group.bench_function("a drag, built in", |b| second(b, &drag, false));
+    register(WrittenEffect::new(power_drag()).expect("a drag")).expect("a new id");
+    let written = with_effects(&[("written_drag", &[("d", 0.02), ("p", 1.7)])]);
+    group.bench_function("a drag, written", |b| second(b, &written, false));
     group.finish();
 }
 

@@ -32,6 +32,7 @@ mod command_line;
 mod descriptor;
 mod document;
 mod edit;
+mod effect_file;
 mod error;
 mod formation;
 mod limits;
@@ -53,6 +54,9 @@ pub use catalogue::{ListedDefault, ListedParameter, list_parameters};
 pub use command_line::Override;
 pub use descriptor::{Descriptor, NumericRange};
 pub use edit::{set_in_file, set_in_text};
+pub use effect_file::{
+    EFFECTS_FOLDER, effect_files_beside, effect_yaml, load_effect, load_effects_beside, read_effect,
+};
 pub use error::{Origin, ParameterError, ParameterErrors};
 pub use formation::{Formation, LAW_ON_PLATFORMS, formation, own_platform};
 pub use limits::{Limits, any, non_negative, positive, range};

@@ -23,7 +23,7 @@ mod write;
 pub use component::Component;
 pub use csv::{ExportedCsv, ImportedCsv, export_csv, platform_parts, read_csv};
 pub use error::RecordingError;
-pub use model::{KnownPlatform, read_model};
+pub use model::{KnownPlatform, load_effects, read_model};
 pub use read::{ReadOptions, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use series::{ChannelSeries, Series};

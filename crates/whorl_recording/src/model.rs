@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use whorl_bag::RunDirectory;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_params::{
-    ModelStep, ParameterTree, PriorEntry, model_history, platform_model_with_prior, read_shared,
+    ModelStep, ParameterTree, PriorEntry, load_effects_beside, model_history, platform_model_with_prior,
+    read_shared,
 };
 
 use crate::RecordingError;
@@ -41,6 +42,7 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
                 .into(),
         ));
     }
+    load_beside(&files)?;
     let tree = ParameterTree::load(&files, &[])?;
     let present = tree.namespaces_with("model");
     let platform = match (platform, present.as_slice()) {
@@ -65,6 +67,22 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
     // Without a model there were errors, which have been returned.
     let (model, known) = read.ok_or_else(|| no_model("it is incomplete".into()))?;
     Ok(KnownPlatform { platform, model, prior: known.prior, prior_entries: known.entries, history, files })
+}
+
+/// Adds the effects that belong to a parameter file, or to the parameters saved in a run directory, to the catalogue of
+/// this process, as [`read_model`] does.
+///
+/// # Errors
+/// What is wrong with one of their files, with file, line and key.
+pub fn load_effects(source: &Path) -> Result<(), RecordingError> {
+    load_beside(&parameter_files(source)?)
+}
+
+/// Not those of a simulation's truth: nobody but its driver may know them.
+fn load_beside(files: &[PathBuf]) -> Result<(), RecordingError> {
+    let is_of_truth = |file: &&PathBuf| file.parent().is_some_and(|folder| folder.ends_with("truth"));
+    let known: Vec<PathBuf> = files.iter().filter(|file| !is_of_truth(file)).cloned().collect();
+    Ok(load_effects_beside(&known)?)
 }
 
 /// The platform of a run directory that has only one.

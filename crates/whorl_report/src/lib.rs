@@ -25,8 +25,8 @@ mod verdict;
 pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
-    Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, next_html,
-    whereabouts_html,
+    Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
+    next_html, whereabouts_html,
 };
 pub use index::{IndexRow, index_html};
 pub use live::live_html;

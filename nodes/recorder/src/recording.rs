@@ -131,6 +131,9 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
     for file in &context.arguments().parameter_files {
         run.add_parameter_file(file)?;
     }
+    for file in whorl_params::effect_files_beside(&context.arguments().parameter_files) {
+        run.add_effect_file(&file)?;
+    }
     let effective = context.tree().effective_yaml();
     run.add_parameters("effective.yaml", "all files and -p arguments of the recorder", effective.as_bytes())?;
     Ok(run)

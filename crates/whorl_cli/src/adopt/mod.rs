@@ -9,10 +9,13 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use whorl_dynamics::effects::find;
 use whorl_explain::adopt;
+use whorl_params::load_effect;
+use whorl_recording::{RecordingError, load_effects};
 
 use self::output::as_json;
 use self::tables::{print_parameters, print_versions};
 use self::writing::write;
+use crate::effects::is_effect_file;
 use crate::explain::options;
 use crate::progress;
 use crate::provenance::provenance;
@@ -21,7 +24,7 @@ use crate::runs::{OutputArguments, RunArguments, RunContext};
 /// Arguments of `whorl adopt`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Runs to fit, then the effects to adopt.
+    /// Runs to fit, then the effects to adopt: ids, or files of effects (NAME.yaml).
     #[arg(required = true, value_name = "RUN... EFFECT")]
     items: Vec<String>,
     /// Parameter file to change.
@@ -41,8 +44,9 @@ pub struct Arguments {
 
 /// Carries out `whorl adopt`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let items = with_files_loaded(arguments)?;
     let (run_paths, effects): (Vec<&String>, Vec<&String>) =
-        arguments.items.iter().partition(|item| find(item).is_none() || Path::new(item.as_str()).exists());
+        items.iter().partition(|item| find(item).is_none() || Path::new(item.as_str()).exists());
     if let Some(missing) = run_paths.iter().find(|p| !Path::new(p.as_str()).exists()) {
         bail!("{missing} is neither a run nor an effect; `whorl effects` lists the effects");
     }
@@ -108,4 +112,24 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = arguments.output.write_page(&run_arguments, "adopt.html", &page)?;
     println!("page: {}", page.display());
     Ok(())
+}
+
+/// The items, files of effects replaced by the ids under which they are known from now on; effects that belong to the
+/// parameter files are known, too.
+fn with_files_loaded(arguments: &Arguments) -> anyhow::Result<Vec<String>> {
+    let runs = arguments.items.iter().map(PathBuf::from).filter(|path| path.is_dir());
+    let files = arguments.context.model.iter().chain(&arguments.out).cloned();
+    for source in files.chain(runs).filter(|path| path.exists()) {
+        // What is wrong with a run is reported when it is read.
+        if let Err(RecordingError::Parameters(errors)) = load_effects(&source) {
+            return Err(errors.into());
+        }
+    }
+    let named = |item: &String| -> anyhow::Result<String> {
+        if !is_effect_file(item) {
+            return Ok(item.clone());
+        }
+        Ok(load_effect(Path::new(item))?.info().id.to_owned())
+    };
+    arguments.items.iter().map(named).collect()
 }

@@ -29,6 +29,8 @@ const EXPERIMENT: &str = "swing";
 const SEPARATE: &str = "separate";
 /// The platform's parameter file in the session's folder.
 const MODEL: &str = "params/whorl_1.yaml";
+/// The law that is found, as an effect.
+const LAW: &str = "found_law.yaml";
 /// Lines that are shown of a command's answer.
 const FEW: usize = 14;
 const MANY: usize = 40;
@@ -45,9 +47,13 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct HiddenEffect {
-    /// The effect to hide, one of params/demo/hidden_effect.yaml [default: drawn].
+    /// The effect to hide, one of params/demo/hidden_effect.yaml, or outside.yaml [default: drawn].
     #[arg(long, value_name = "NAME")]
     effect: Option<String>,
+    /// Hides an effect that no catalogue has, one of params/demo/outside.yaml: its law is searched for and written as an
+    /// effect (`whorl discover`), and adopted.
+    #[arg(long)]
+    outside: bool,
     /// Seed of the secret, of its size and of all noise [default: drawn].
     #[arg(long)]
     seed: Option<u64>,
@@ -88,9 +94,16 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
     // Any number: the hasher of every process is seeded at random.
     let seed = arguments.seed.unwrap_or_else(|| RandomState::new().hash_one(0) % 100_000);
     let known = read_model(&model, Some(PLATFORM))?;
-    let choice = params.join("demo/hidden_effect.yaml");
+    let choice = params.join(if arguments.outside { "demo/outside.yaml" } else { "demo/hidden_effect.yaml" });
     let secret = Secret::draw(&choice, arguments.effect.as_deref(), PLATFORM, &known.model, seed)?;
     let truth = session.folder.join(format!("params/truth/{PLATFORM}.yaml"));
+    if arguments.outside {
+        // Only the simulated hardware may know it.
+        let (known, hidden) =
+            (session.folder.join("params/demo"), session.folder.join("params/truth/effects"));
+        copy_folder(&params.join("demo/effects"), &hidden)?;
+        std::fs::remove_dir_all(&known).with_context(|| format!("cannot empty {}", known.display()))?;
+    }
     std::fs::write(&truth, &secret.truth).with_context(|| format!("cannot write {}", truth.display()))?;
 
     session
@@ -125,7 +138,15 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
         fitted.push(&separate);
         diagnosed = diagnose(&fitted)?;
     }
-    let found: Vec<&str> = diagnosed.effects.iter().map(String::as_str).collect();
+    let mut found: Vec<&str> = diagnosed.effects.iter().map(String::as_str).collect();
+    if arguments.outside {
+        if !found.is_empty() {
+            bail!("{} was named, but the secret is outside the catalogue", found.join(" and "));
+        }
+        session.headline("no effect of the catalogue explains it: which law does?");
+        ask(&[&["discover"], &fitted[..], &["--write", LAW]].concat(), "discover", MANY)?;
+        found = vec![LAW];
+    }
     if found.is_empty() {
         bail!("no effect was named; the secret was {}: {}", secret.effect, secret.parameters);
     }
@@ -146,7 +167,10 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
     say(format_args!("{:<44} {a:>10.2} {b:>10.2}", "prediction error of the new run (1 = noise)"));
     let [c, d] = pointing.map(deg_from_rad);
     say(format_args!("{:<44} {c:>10.4} {d:>10.4}", "pointing error [deg RMS]"));
-    if !found.contains(&secret.effect.as_str()) {
+    if arguments.outside {
+        // The name was never known: what counts is the law, printed above beside the secret's, and the errors.
+        say(format_args!("the secret's law: {}", secret.equation));
+    } else if !found.contains(&secret.effect.as_str()) {
         bail!("found {}, but the secret was {}", found.join(" and "), secret.effect);
     }
     for ([before, after], what) in [(prediction, "prediction"), (pointing, "pointing")] {

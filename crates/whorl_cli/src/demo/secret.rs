@@ -8,7 +8,7 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::find;
-use whorl_params::{ParameterTree, Reader, any, read};
+use whorl_params::{ParameterTree, Reader, any, load_effects_beside, read};
 
 /// An effect with the range of each parameter.
 type Candidate = (String, Vec<(String, [f64; 2])>);
@@ -30,6 +30,8 @@ impl Choice {
                 r.children("").into_iter().map(|id| (id.clone(), r.group(&id, ranges))).collect()
             }),
         })?;
+        // Those that no catalogue has stand beside the file.
+        load_effects_beside(&[file.to_owned()])?;
         if let Some(unknown) = choice.effects.iter().map(|(id, _)| id).find(|id| find(id).is_none()) {
             bail!("{}: there is no effect {unknown}; `whorl effects` lists them", file.display());
         }
@@ -56,6 +58,8 @@ pub struct Secret {
     pub effect: String,
     /// Its parameters in the notation of a parameter file.
     pub parameters: String,
+    /// Its equation.
+    pub equation: &'static str,
     /// The whole parameter file of the truth.
     pub truth: String,
 }
@@ -114,7 +118,8 @@ impl Secret {
              gravity_offset_n_m: [{:.5}, {:.5}, {:.4}]\n      effects:\n        {id}: {parameters}\n",
             inertia.x, inertia.y, inertia.z, offset.x, offset.y, offset.z
         );
-        Ok(Self { effect: id, parameters, truth })
+        let equation = find(&id).map_or("", |effect| effect.info().equation);
+        Ok(Self { effect: id, parameters, equation, truth })
     }
 }
 

@@ -4,24 +4,28 @@
 //! estimator and controller compensate it, all from the one definition in its file, which also says
 //! what else those uses need: the role of each parameter, the data that show the effect, ways to start
 //! a search. No other file names an effect by its id (a test reads the sources). To add an effect to the
-//! system: write a file beside the others and name it in `register!` below; `docs/adding_an_effect.md`.
+//! system: write a file beside the others and name it in `register!` below, or without a rebuild as data ([`written`],
+//! [`register`]); `docs/adding_an_effect.md`.
 
 mod base;
 mod effect;
 mod error;
 mod named;
 mod parameter;
+mod registry;
 mod search;
 mod set;
 mod size;
 #[cfg(test)]
 mod tests;
 mod tilted;
+pub mod written;
 
 pub use base::BasePrior;
 pub use effect::{Effect, EffectInfo, EffectKind, TrueImu};
 pub use error::EffectError;
 pub use parameter::{ParameterSpec, Part, Regressed, Role};
+pub use registry::{RegisterError, catalogue, find, register, registered, withdraw};
 pub use search::{
     Clues, Contribution, Direction, Evidence, Grouping, Need, Resonance, Rhythm, Sighting, Start, Starter,
 };
@@ -34,9 +38,9 @@ macro_rules! register {
     ($($module:ident::$effect:ident),* $(,)?) => {
         $(mod $module;)*
 
-        /// Every effect, torques first, then actuators, sensors and hidden states.
+        /// The effects that are compiled in: torques first, then actuators, sensors and hidden states.
         #[must_use]
-        pub fn catalogue() -> &'static [&'static dyn Effect] {
+        pub fn built_in() -> &'static [&'static dyn Effect] {
             static CATALOGUE: &[&dyn Effect] = &[$(&$module::$effect),*];
             CATALOGUE
         }
@@ -94,10 +98,4 @@ register! {
     flexible_mode::FlexibleMode,
     winding_cable::WindingCable,
     unmodelled_torque::UnmodelledTorque,
-}
-
-/// The effect with this id.
-#[must_use]
-pub fn find(id: &str) -> Option<&'static dyn Effect> {
-    catalogue().iter().copied().find(|effect| effect.info().id == id)
 }

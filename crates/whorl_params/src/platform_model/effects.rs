@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use whorl_dynamics::PlatformModel;
-use whorl_dynamics::effects::{catalogue, find};
+use whorl_dynamics::effects::catalogue;
 
+use crate::effect_file::{EFFECTS_FOLDER, find_or_load};
 use crate::limits::range;
 use crate::nearest::nearest;
 use crate::reader::Reader;
@@ -15,13 +16,23 @@ pub(super) fn read(r: &mut Reader<'_>, model: &PlatformModel) -> BTreeMap<String
     let mut effects = BTreeMap::new();
     r.group("effects", |r| {
         for id in r.children_with_overlay("") {
-            let Some(effect) = find(&id) else {
+            let found = find_or_load(&id, r.parameters().files().iter().map(|file| &**file));
+            if let Some(Err(errors)) = &found {
+                r.reject_group(&id, format!("its file is wrong: {errors}"));
+                continue;
+            }
+            let Some(Ok(effect)) = found else {
                 let ids = || catalogue().iter().map(|effect| effect.info().id);
                 let hint = match nearest(&id, ids()) {
                     Some(near) => format!("did you mean {near}?"),
                     None => format!("the catalogue has: {}", ids().collect::<Vec<_>>().join(", ")),
                 };
-                r.reject_group(&id, format!("unknown effect; {hint}"));
+                r.reject_group(
+                    &id,
+                    format!(
+                        "unknown effect, and there is no {EFFECTS_FOLDER}/{id}.yaml beside the file; {hint}"
+                    ),
+                );
                 continue;
             };
             let mut values = BTreeMap::new();

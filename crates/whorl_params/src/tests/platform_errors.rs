@@ -103,7 +103,7 @@ fn effects_are_checked_against_the_catalogue() {
     let table = [
         (
             "bearing_viscous_friktion: {c_n_m_s: 0.1}",
-            "t.yaml:5: truth.effects.bearing_viscous_friktion: unknown effect; did you mean bearing_viscous_friction?",
+            "t.yaml:5: truth.effects.bearing_viscous_friktion: unknown effect, and there is no effects/bearing_viscous_friktion.yaml beside the file; did you mean bearing_viscous_friction?",
         ),
         (
             "bearing_viscous_friction: {c_nms: 0.1}",

@@ -4,6 +4,7 @@
 mod adoption;
 mod comparison;
 mod diagnosis;
+mod discovery;
 mod proposal;
 mod versions;
 mod whereabouts;
@@ -11,6 +12,7 @@ mod whereabouts;
 pub use adoption::adoption_html;
 pub use comparison::comparison_html;
 pub use diagnosis::diagnosis_html;
+pub use discovery::discovery_html;
 pub use proposal::{NextPage, PlannedMotion, next_html};
 pub use whereabouts::whereabouts_html;
 

@@ -74,6 +74,9 @@ pub struct Answer {
     /// The most similar effect.
     pub nearest: Option<String>,
     pub foreign: Option<String>,
+    /// Variable and form of a drawn law, as `whorl discover` writes them, and the law itself in words.
+    #[serde(skip)]
+    pub law: Option<(String, String, String)>,
     pub salt: String,
 }
 
@@ -403,6 +406,7 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
         separation: f64::INFINITY,
         nearest: None,
         foreign: None,
+        law: None,
         salt: format!("{:016x}", rand_salt(&key)),
     };
     let mut hidden = stand.hidden(&[]);
@@ -426,6 +430,11 @@ pub fn build(laboratory: &Laboratory, stand: &Arc<Stand>, spec: &Spec) -> Result
                 hidden = at(size);
                 answer.lambda = reached;
             }
+            answer.law = hidden
+                .foreign
+                .law
+                .as_ref()
+                .map(|law| (law.variable_text().to_owned(), law.form(), format!("{law:?}")));
             answer.foreign = Some(name);
         }
         Cell::Pair => {

@@ -5,7 +5,8 @@ use rand_pcg::Pcg64;
 
 use super::catalogue::Stage;
 use crate::scenario::{between, index, normal, sign};
-use crate::truth::{Foreign, Plan};
+use crate::truth::law::{Shape, Variable};
+use crate::truth::{DrawnLaw, Foreign, Plan};
 
 /// Their names.
 pub const FOREIGN: [&str; 18] = [
@@ -102,6 +103,20 @@ pub fn expected(name: &str) -> Expected {
             ],
         ),
         "dead_gyro" => (&["rate", "gyro"], &[], &["gyro_scale", "gyro_misalignment"]),
+        DRAWN_LAW => (
+            &["rate", "tilt", "yaw", "heading"],
+            &[],
+            &[
+                "bearing_viscous_friction",
+                "bearing_coulomb_friction",
+                "air_drag_quadratic",
+                "bearing_turbine",
+                "air_current",
+                "magnetic_torque",
+                "harness_spring",
+                "anisoelastic_sag",
+            ],
+        ),
         "iron" => (
             &["yaw", "azimuth", "heading"],
             &[],
@@ -123,6 +138,39 @@ fn now_and_then(rng: &mut Pcg64, plans: &[Plan], lasts: (f64, f64), pauses: (f64
         time_s += length + between(rng, pauses.0, pauses.1);
     }
     times
+}
+
+/// Name of a law that is drawn; no case of the usual cells.
+pub const DRAWN_LAW: &str = "drawn_law";
+
+/// Draws a law that the catalogue does not have: no line, no friction that it knows.
+fn drawn_law(stage: &Stage, rng: &mut Pcg64) -> DrawnLaw {
+    let variables = [
+        Variable::RollRate,
+        Variable::PitchRate,
+        Variable::YawRate,
+        Variable::YawRate,
+        Variable::Rate,
+        Variable::TiltX,
+        Variable::TiltY,
+        Variable::Heading,
+    ];
+    let variable = variables[index(rng, variables.len())];
+    let shapes = [Shape::Square, Shape::Cube, Shape::SignedSquare, Shape::DeadZone, Shape::Saturation];
+    let shape = match variable {
+        Variable::Heading => Shape::Sine(2 + index(rng, 2) as u8),
+        // The square along the rate has a name.
+        Variable::Rate => [Shape::Cube, Shape::DeadZone][index(rng, 2)],
+        _ => shapes[index(rng, shapes.len())],
+    };
+    let axis = (variable != Variable::Rate).then(|| (index(rng, 2) == 1, index(rng, 3)));
+    let scale = match variable {
+        Variable::TiltX | Variable::TiltY => stage.largest_tilt_rad,
+        Variable::RollRate | Variable::PitchRate => 0.3 * stage.largest_rate_rad_s,
+        _ => stage.largest_rate_rad_s,
+    };
+    let sign = if axis.is_none() { 1.0 } else { sign(rng) };
+    DrawnLaw { variable, shape, axis, scale: scale.max(1e-3), size_n_m: 1e-3 * sign }
 }
 
 /// Draws one: at size 1, and how large it may be.
@@ -166,6 +214,7 @@ pub fn draw(name: &str, stage: &Stage, plans: &[Plan], rng: &mut Pcg64) -> Forei
         "one_way_friction" => foreign.ratchet_n_m_s = 0.02,
         "dead_gyro" => foreign.dead_rad_s = 1e-3,
         "iron" => foreign.iron_rad = 0.02 * sign(rng),
+        DRAWN_LAW => foreign.law = Some(drawn_law(stage, rng)),
         _ => foreign.voltage_torque_n_m_v = 2e-3 * sign(rng),
     }
     foreign
@@ -193,6 +242,7 @@ pub fn scaled(foreign: &Foreign, size: f64) -> Foreign {
         ratchet_n_m_s: foreign.ratchet_n_m_s * size,
         dead_rad_s: foreign.dead_rad_s * size,
         iron_rad: foreign.iron_rad * size,
+        law: foreign.law.clone().map(|law| DrawnLaw { size_n_m: law.size_n_m * size, ..law }),
         ..foreign.clone()
     }
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::law::DrawnLaw;
+
 /// Effects outside the library.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Foreign {
@@ -52,6 +54,8 @@ pub struct Foreign {
     pub dead_rad_s: f64,
     /// Iron near the vector sensor: its direction turns about the vertical with twice the heading \[rad\].
     pub iron_rad: f64,
+    /// A law that was drawn.
+    pub law: Option<DrawnLaw>,
 }
 
 /// Time in which grease warms \[s\].
@@ -84,6 +88,9 @@ impl Foreign {
             torque += self.fan_b_n_m;
         }
         torque += k * (self.creep_n_m * (time_s / 8.0).max(0.0).ln_1p());
+        if let Some(law) = &self.law {
+            torque += law.torque(bn, omega);
+        }
         torque += k.cross(&self.battery_n_m) * f64::from(u8::from(time_s > self.battery_s));
         // A sector of some 45 deg to both sides.
         torque + bn * self.door_world_n_m * (3.0 * ((yaw - self.door_rad).cos() - 1.0)).exp()

@@ -1,0 +1,233 @@
+//! `whorl discover`: the law of what no effect of the catalogue explains.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use whorl_diagnosis::{Diagnosis, Verdict};
+use whorl_discovery::{Discovery, WeighedLaw, discover};
+use whorl_math::three_digits;
+use whorl_params::effect_yaml;
+
+use crate::explain::{ExplainArguments, SearchArguments};
+use crate::progress;
+use crate::provenance::provenance;
+use crate::runs::{Runs, write};
+use crate::table::print;
+
+/// Version of the JSON output.
+const SCHEMA: u32 = 1;
+
+/// Probability from which the best law is called the law.
+const SURE: f64 = 0.9;
+
+/// Sets of effects of the catalogue that compete with laws.
+const COMPETITORS: usize = 3;
+
+/// Arguments of `whorl discover`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    explain: ExplainArguments,
+    #[command(flatten)]
+    search: SearchArguments,
+    /// Writes the best law as an effect: NAME.yaml, which `whorl adopt RUN... NAME.yaml --out FILE` takes.
+    #[arg(long, value_name = "NAME.yaml")]
+    write: Option<PathBuf>,
+    /// Writes the measured curve as an effect, even where a law is more probable.
+    #[arg(long, value_name = "NAME.yaml")]
+    write_curve: Option<PathBuf>,
+    /// Searches even if a named effect explains the data, or nothing is missing.
+    #[arg(long)]
+    anyway: bool,
+}
+
+/// Carries out `whorl discover`.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    for path in arguments.write.iter().chain(&arguments.write_curve) {
+        id_of(path)?;
+    }
+    let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
+    let options = arguments.search.options();
+    let case = runs.case();
+    let diagnosis = progress::watched("asking the catalogue", |say| {
+        let mut said = |p: whorl_diagnosis::Progress| say(p.share, p.doing);
+        whorl_diagnosis::diagnose(case.training, case.held_out, case.model, case.prior, &options, &mut said)
+    })?;
+    if let Some(reason) = settled(&diagnosis).filter(|_| !arguments.anyway) {
+        for sentence in diagnosis.answer() {
+            println!("{sentence}");
+        }
+        println!("{reason} --anyway searches nevertheless.");
+        arguments.explain.write_json(|| as_json(&runs, &diagnosis, None, std::slice::from_ref(&reason)))?;
+        if arguments.write.is_some() || arguments.write_curve.is_some() {
+            bail!("nothing was written: there is no law to write");
+        }
+        return Ok(());
+    }
+    let named: Vec<Vec<String>> = diagnosis
+        .explanations
+        .iter()
+        .filter(|e| !e.effects.is_empty() && !e.with_unknown)
+        .map(|e| e.effects.clone())
+        .chain(diagnosis.candidates.iter().map(|c| vec![c.effect.clone()]))
+        .fold(Vec::new(), |mut list, set| {
+            if !list.contains(&set) && list.len() < COMPETITORS {
+                list.push(set);
+            }
+            list
+        });
+    let id = arguments.write.as_deref().map_or_else(|| Ok("discovered_law".to_owned()), id_of)?;
+    let found = progress::watched("searching for a law", |say| {
+        discover(case.training, case.held_out, case.model, case.prior, &named, &id, &options, say)
+    })?;
+    let answer = answer(&found);
+    for sentence in &answer {
+        println!("{sentence}");
+    }
+    println!();
+    print_laws(&found);
+    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let provenance = provenance(&arguments.explain.runs, &command)?;
+    if let Some(path) = &arguments.write {
+        let best = found.best().with_context(|| "nothing was written: no law is more probable than none")?;
+        written(path, best, &provenance)?;
+    }
+    if let Some(path) = &arguments.write_curve {
+        let curve = found.laws.iter().find(|law| law.kind == "curve");
+        let curve =
+            curve.with_context(|| "nothing was written: what is missing is no function of one variable")?;
+        written(path, curve, &provenance)?;
+    }
+    arguments.explain.write_json(|| as_json(&runs, &diagnosis, Some(&found), &answer))?;
+    let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
+    let page = arguments.explain.write_page("discover.html", &page)?;
+    println!("page: {}", page.display());
+    Ok(())
+}
+
+/// Why there is nothing to search for, if so.
+fn settled(diagnosis: &Diagnosis) -> Option<String> {
+    match diagnosis.verdict {
+        Verdict::Named | Verdict::Confounded => {
+            Some("The catalogue explains the data: no other law is searched for.".to_owned())
+        }
+        Verdict::NothingMissing => Some("Nothing is missing: no law is searched for.".to_owned()),
+        Verdict::NotEnoughInformation | Verdict::Unknown => None,
+    }
+}
+
+fn id_of(path: &Path) -> anyhow::Result<String> {
+    if path.extension().is_none_or(|e| e != "yaml") {
+        bail!("{}: the file of an effect is called NAME.yaml, NAME being its id", path.display());
+    }
+    let id = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let plain = id.starts_with(|c: char| c.is_ascii_lowercase())
+        && id.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+    if !plain {
+        bail!("{}: the file's name is the effect's id; allowed: small letters, digits and _", path.display());
+    }
+    Ok(id)
+}
+
+fn written(path: &Path, law: &WeighedLaw, provenance: &str) -> anyhow::Result<()> {
+    let definition = law.definition.clone().with_context(|| "this law is no effect of its own")?;
+    let id = id_of(path)?;
+    let fitted: Vec<String> =
+        law.parameters.iter().map(|p| format!("{} = {} {}", p.name, three_digits(p.value), p.unit)).collect();
+    let comment = format!("{}\nFitted here: {}.\n{provenance}", law.sentence, fitted.join(", "));
+    let definition = whorl_dynamics::effects::written::Definition { id: id.clone(), ..definition };
+    write(path, &effect_yaml(&definition, &comment))?;
+    println!(
+        "{}: written. Adopt it: whorl adopt RUN... {} --out PLATFORM.yaml",
+        path.display(),
+        path.display()
+    );
+    Ok(())
+}
+
+/// The answer in sentences.
+fn answer(found: &Discovery) -> Vec<String> {
+    let mut sentences = Vec::new();
+    let Some(best) = found.laws.first() else { return vec!["Nothing could be weighed.".to_owned()] };
+    let percent = |law: &WeighedLaw| format!("{:.0} %", 100.0 * law.probability);
+    let held = |law: &WeighedLaw| match law.held_out_gain {
+        Some(gain) => format!(", held-out log likelihood {gain:+.1}"),
+        None => String::new(),
+    };
+    match best.kind {
+        "nothing" => sentences.push(format!(
+            "No law is more probable than none ({}): what is missing is no simple function of what was recorded.",
+            percent(best)
+        )),
+        "effect" => sentences.push(format!("{} It is likelier than any law that was found ({}).", best.sentence, percent(best))),
+        "curve" => sentences.push(format!(
+            "Measured, not understood: {} No formula fits as well ({}{}).",
+            best.sentence,
+            percent(best),
+            held(best)
+        )),
+        _ if best.probability >= SURE => sentences.push(format!(
+            "{} It has {}, of {} laws tried{}. Equation: torque = {}.",
+            best.sentence,
+            percent(best),
+            found.tried,
+            held(best),
+            best.equation
+        )),
+        _ => {
+            sentences.push(format!(
+                "Several laws explain the data about as well. The likeliest ({}{}): {} Equation: torque = {}.",
+                percent(best),
+                held(best),
+                best.sentence,
+                best.equation
+            ));
+            let others = found.laws.iter().skip(1).filter(|law| law.probability > 0.05);
+            let others: Vec<String> = others.map(|law| format!("{} ({})", law.equation, percent(law))).collect();
+            if !others.is_empty() {
+                sentences.push(format!("Also possible: {}. A run with other rates or attitudes would tell.", others.join("; ")));
+            }
+        }
+    }
+    if let Some(best) = found.best().filter(|law| !law.parameters.is_empty() && law.kind == "law") {
+        let values: Vec<String> = best
+            .parameters
+            .iter()
+            .map(|p| format!("{} = {} {}", p.name, three_digits(p.value), p.unit))
+            .collect();
+        sentences.push(format!("Fitted: {}.", values.join(", ")));
+    }
+    sentences
+}
+
+fn print_laws(found: &Discovery) {
+    let rows: Vec<Vec<String>> = found
+        .laws
+        .iter()
+        .map(|law| {
+            vec![
+                law.kind.to_owned(),
+                format!("{:.1}", 100.0 * law.probability),
+                format!("{:.1}", law.log_evidence),
+                law.held_out_gain.map_or_else(|| "-".to_owned(), |gain| format!("{gain:.1}")),
+                if law.equation.is_empty() { law.sentence.clone() } else { law.equation.clone() },
+            ]
+        })
+        .collect();
+    print(&["", "#probability %", "#log evidence", "#held out", "equation"].map(str::to_owned), &rows);
+}
+
+fn as_json(
+    runs: &Runs,
+    diagnosis: &Diagnosis,
+    found: Option<&Discovery>,
+    answer: &[String],
+) -> anyhow::Result<serde_json::Value> {
+    Ok(serde_json::json!({
+        "schema": SCHEMA,
+        "platform": runs.known.platform,
+        "catalogue": { "verdict": diagnosis.verdict, "effects": diagnosis.effects, "unknown": diagnosis.unknown },
+        "answer": answer,
+        "discovery": found.map(serde_json::to_value).transpose()?,
+    }))
+}
