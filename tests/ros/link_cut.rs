@@ -40,7 +40,7 @@ fn the_formation_rejoins_by_itself_after_a_cut_of_a_minute() {
     let mut formation = Formation::new(&PLATFORMS, &[LONG_HOLD])
         .in_namespaces(&lan.hosts[0], &[&lan.hosts[0], &lan.hosts[1]]);
     // One observer on each side, so that messages are observed without crossing the link.
-    let network = Network { domain_id: formation.domain(), interfaces: None, static_peers: Vec::new() };
+    let network = Network { interfaces: None, ..Network::localhost(formation.domain()) };
     let watches = [0, 1].map(|host| lan.on_host(host, || Watch::on(network.clone(), &PLATFORMS)));
     formation.start_all();
     formation.wait_for_step(&watches[0], "hold");

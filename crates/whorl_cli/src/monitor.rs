@@ -14,7 +14,8 @@ use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
 use whorl_report::phase_name;
 use whorl_ros::environment::Network;
-use whorl_ros::{EndpointQos, Participant, RawReader};
+use whorl_ros::{EndpointQos, Participant, RawReader, SECOND_PUBLISHER};
+use whorl_security::policy::MONITOR;
 
 use crate::run::tell;
 
@@ -24,6 +25,9 @@ const RECORDER_STATUS: &str = "recorder: bag";
 const LOOK: Duration = Duration::from_millis(100);
 /// Time between two lines when the output is not a terminal.
 const LINE: Duration = Duration::from_secs(2);
+
+/// A second publisher is told of again after this time.
+const CONTEST_AGAIN: Duration = Duration::from_secs(5);
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -42,6 +46,8 @@ struct View {
     platforms: BTreeMap<u16, PlatformView>,
     /// Why nothing is recorded any more, as the recorder says.
     not_recording: Option<String>,
+    /// Which node refuses a second publisher, and of what.
+    contested: Option<String>,
 }
 
 #[derive(Debug, Default)]
@@ -61,11 +67,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Shows the formation until the experiment ends, unless `stay` is set. Fails when the experiment was aborted.
 fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
-    let network = Network::from_environment()?;
+    let network = Network::from_environment()?.secured(MONITOR)?;
     let mut formation = Listener::new(&network, platforms)?;
     let mut view = View::default();
     let mut screen = Screen::new();
     let mut told = false;
+    let mut last_contest: Option<Instant> = None;
     let mut last_rates = Instant::now();
     loop {
         std::thread::sleep(LOOK);
@@ -94,6 +101,12 @@ fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
             told = true;
             // Above the status, which is written over.
             tell(format_args!("error: {reason}; the experiment goes on without a recording"));
+        }
+        if let Some(text) = view.contested.take()
+            && last_contest.is_none_or(|at| at.elapsed() >= CONTEST_AGAIN)
+        {
+            last_contest = Some(Instant::now());
+            tell(format_args!("error: {text}"));
         }
         screen.show(&view.lines(platforms));
         match view.formation.as_ref().map(|f| f.phase) {
@@ -144,6 +157,10 @@ impl View {
         match (platform, message) {
             (_, Message::FormationState(m)) => self.formation = Some(m),
             (_, Message::DiagnosticArray(m)) => {
+                let contested = m.status.iter().find(|s| s.message.contains(SECOND_PUBLISHER));
+                if let Some(status) = contested {
+                    self.contested = Some(format!("{}: {}", status.name, status.message));
+                }
                 let recorder = m.status.into_iter().find(|s| s.name == RECORDER_STATUS);
                 if let Some(status) = recorder {
                     let stopped = status.level >= DiagnosticStatus::ERROR;

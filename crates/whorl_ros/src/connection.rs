@@ -10,8 +10,9 @@ use crate::environment::Network;
 use crate::error::RosError;
 use crate::nudge::Nudge;
 use crate::participant::Participant;
-use crate::peers::PeerEvent;
+use crate::peers::{ParticipantPrefix, PeerEvent};
 use crate::raw::EndpointId;
+use crate::services::ServiceServer;
 use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
 
 /// The old endpoints are dropped this long after the new ones were created at the latest.
@@ -135,9 +136,7 @@ impl Connection {
         registry: &Registry,
     ) -> Result<Option<Notice>, RosError> {
         let missing_before = self.recovery.missing();
-        while let Some(event) = self.participant.peer_event() {
-            self.peer(now, event);
-        }
+        self.hear_of_peers(now);
         if self.try_promote(now, registry)? {
             return Ok(Some(Notice::Renewed));
         }
@@ -152,6 +151,29 @@ impl Connection {
             }
             None => Ok((self.recovery.missing() > missing_before).then_some(Notice::Missing)),
         }
+    }
+
+    fn hear_of_peers(&mut self, now: Duration) {
+        while let Some(event) = self.participant.peer_event() {
+            self.peer(now, event);
+        }
+    }
+
+    /// Sends the answers to services whose readers are known by now; true when others still wait.
+    pub(crate) fn release_answers(&mut self, now: Duration) -> Result<bool, RosError> {
+        if !self.generations().flat_map(Endpoints::servers).any(ServiceServer::is_holding) {
+            return Ok(false);
+        }
+        self.hear_of_peers(now);
+        let mut result = Ok(());
+        for server in self.generations().flat_map(Endpoints::servers) {
+            let readers = self.matched.get(&server.responses.id());
+            let is_known = |to: &ParticipantPrefix| {
+                readers.is_some_and(|readers| readers.iter().any(|reader| reader.participant() == *to))
+            };
+            result = result.and(server.release(now, is_known));
+        }
+        result.map(|()| self.generations().flat_map(Endpoints::servers).any(ServiceServer::is_holding))
     }
 
     fn peer(&mut self, now: Duration, event: PeerEvent) {
