@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use whorl_msgs::diagnostic_msgs::DiagnosticArray;
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Topic};
@@ -160,9 +160,12 @@ fn a_second_publisher_is_refused_and_reported() {
                     ActuatorCommand { wheel_torque_n_m: vec![0.01], ..command() }.into()
                 }
                 Topic::AttitudeReference => {
-                    AttitudeReference { header, sequence, q_world_reference: turned, ..Default::default() }.into()
+                    AttitudeReference { header, sequence, q_world_reference: turned, ..Default::default() }
+                        .into()
                 }
-                _ => AttitudeEstimate { header, health: 1, q_world_body: turned, ..Default::default() }.into(),
+                _ => {
+                    AttitudeEstimate { header, health: 1, q_world_body: turned, ..Default::default() }.into()
+                }
             };
             writer.publish(&encoded(&message)).unwrap();
         }
@@ -187,8 +190,8 @@ fn a_second_publisher_is_refused_and_reported() {
     for topic in topics {
         let name = route(0, topic).name(&["whorl_1"]).unwrap();
         let told = watch.log().of::<DiagnosticArray>(route(0, Topic::Diagnostics)).any(|(_, m)| {
-            let words = format!("{} {name}", whorl_ros::SECOND_PUBLISHER);
-            m.status.iter().any(|s| s.level == 2 && s.message.contains(&words))
+            let said = |text: &str| text.contains(whorl_ros::SECOND_PUBLISHER) && text.contains(&name);
+            m.status.iter().any(|s| s.level == DiagnosticStatus::ERROR && said(&s.message))
         });
         assert!(told, "nobody reported the second publisher of {name}");
     }

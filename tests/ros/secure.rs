@@ -5,6 +5,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use whorl_msgs::geometry_msgs::Quaternion;
 use whorl_msgs::topics::{Message, Topic};
 use whorl_msgs::whorl::{ActuatorCommand, AttitudeReference, ControlStatus, FormationCommand, GateState};
 use whorl_node::Timestamp;
@@ -21,12 +22,14 @@ use super::forged::heartbeat_of;
 
 /// How long each attack goes on, and longer than DDS needs to find a participant.
 const ATTACK: Duration = Duration::from_secs(8);
+const SOON: Duration = Duration::from_secs(30);
 const WRITTEN: [Topic; 4] =
     [Topic::ActuatorCommand, Topic::AttitudeReference, Topic::FormationCommand, Topic::AttitudeEstimate];
-const READ: [Topic; 4] = [Topic::ImuRaw, Topic::AttitudeEstimate, Topic::ControlStatus, Topic::FormationState];
+const READ: [Topic; 4] =
+    [Topic::ImuRaw, Topic::AttitudeEstimate, Topic::ControlStatus, Topic::FormationState];
 
 /// False, after saying so, where the tests were built without security.
-fn is_built(what: &str) -> bool {
+pub(super) fn is_built(what: &str) -> bool {
     if !cfg!(feature = "security") {
         skipped(what, "built without `--features security`");
     }
@@ -93,8 +96,21 @@ fn forged(topic: Topic) -> Message {
             let valid_until = (now + Duration::from_millis(60)).into();
             ActuatorCommand { header, valid_until, wheel_torque_n_m: vec![0.01], ..Default::default() }.into()
         }
-        Topic::AttitudeReference => AttitudeReference { header, sequence: 1 << 40, ..Default::default() }.into(),
-        Topic::FormationCommand => FormationCommand { header, sequence: 1 << 40, ..Default::default() }.into(),
+        Topic::AttitudeReference => {
+            let q_world_reference = Quaternion { x: 0.0, y: 0.0, z: 1.0, w: 0.0 };
+            let valid_until = (now + Duration::from_millis(200)).into();
+            AttitudeReference {
+                header,
+                sequence: 1 << 40,
+                valid_until,
+                q_world_reference,
+                ..Default::default()
+            }
+            .into()
+        }
+        Topic::FormationCommand => {
+            FormationCommand { header, sequence: 1 << 40, ..Default::default() }.into()
+        }
         _ => Message::default_of(topic.info().message_type),
     }
 }
@@ -111,7 +127,8 @@ fn heard(watch: &Watch, since: Timestamp) -> usize {
 /// removed.
 fn unchecked(keystore: &Keystore, at: &Path, domain: u16) -> Keystore {
     let copy = |from: &str| {
-        let status = std::process::Command::new("cp").arg("-r").arg(keystore.path().join(from)).arg(at).status();
+        let status =
+            std::process::Command::new("cp").arg("-r").arg(keystore.path().join(from)).arg(at).status();
         assert!(status.unwrap().success());
     };
     std::fs::create_dir_all(at).unwrap();
@@ -151,6 +168,8 @@ fn nothing_gets_in_and_nothing_gets_out_without_the_right_keys() {
         |m| m.mode == ControlStatus::MODE_TRACK,
     );
 
+    // In their first seconds nodes join anew for a peer whose handshake does not end, as a stranger's never does.
+    std::thread::sleep(Duration::from_secs(25));
     let domain = formation.domain();
     let others = new_keystore(&formation.folder().join("other_authority"), domain);
     let own = formation.keystore.clone().unwrap();
@@ -176,12 +195,29 @@ fn nothing_gets_in_and_nothing_gets_out_without_the_right_keys() {
         }
         assert_eq!(heard(&watch, since), 0, "{who}: commands got in");
         let log = watch.log();
-        let modes: Vec<u8> =
-            log.after::<ControlStatus>(route(0, Topic::ControlStatus), since).map(|(_, m)| m.mode).collect();
-        assert!(modes.len() > 100, "{who}: the platform fell silent: {} statuses", modes.len());
-        let tracking = modes.iter().filter(|mode| **mode == ControlStatus::MODE_TRACK).count();
-        // A busy machine may cost a moment; what is steered or locked out loses all of it.
-        assert!(tracking * 10 >= modes.len() * 9, "{who}: {tracking} of {} statuses track", modes.len());
+        let statuses: Vec<&ControlStatus> =
+            log.after::<ControlStatus>(route(0, Topic::ControlStatus), since).map(|(_, m)| m).collect();
+        assert!(statuses.len() > 100, "{who}: the platform fell silent: {} statuses", statuses.len());
+        let errors_rad: Vec<f64> = statuses
+            .iter()
+            .filter(|status| status.mode == ControlStatus::MODE_TRACK)
+            .map(|status| nalgebra::Vector3::from(status.attitude_error_b_rad).norm())
+            .collect();
+        let worst_rad = errors_rad.iter().copied().fold(0.0, f64::max);
+        // A busy machine may cost moments; who is steered turns by 180 deg, who is locked out never tracks again.
+        assert!(worst_rad < 0.2, "{who}: the platform was steered: {worst_rad} rad");
+        let (tracking, all) = (errors_rad.len(), statuses.len());
+        // Who has keys of the formation, and a program of his own, can keep others busy; see docs/security.md.
+        assert!(
+            who.contains("own checks") || tracking * 4 > all,
+            "{who}: {tracking} of {all} statuses track"
+        );
+        drop(log);
+        drop(intruder);
+        let again = format!("the platform to track after one {who}");
+        watch.wait_next::<ControlStatus>(&again, route(0, Topic::ControlStatus), SOON, |m| {
+            m.mode == ControlStatus::MODE_TRACK
+        });
     }
     // The right keys do get in, so that the above says something.
     let since = wall_clock();
@@ -213,7 +249,8 @@ fn enforced_security_starts_nothing_without_its_keys() {
     };
     let permissions = std::fs::read_to_string(driver.join("permissions.p7s")).unwrap();
     assert!(permissions.contains("rt/rosout"));
-    std::fs::write(driver.join("permissions.p7s"), permissions.replacen("rt/rosout", "rt/rosinn", 1)).unwrap();
+    std::fs::write(driver.join("permissions.p7s"), permissions.replacen("rt/rosout", "rt/rosinn", 1))
+        .unwrap();
     start("joining domain", &[]);
     std::fs::remove_file(driver.join("permissions.p7s")).unwrap();
     start("permissions.p7s", &[]);

@@ -24,6 +24,8 @@ const NOT_STARTED: u8 = 2;
 pub const INTERRUPTED: u8 = 130;
 /// Interval at which the processes are polled.
 const LOOK: Duration = Duration::from_millis(100);
+/// Time between the starts of two secured nodes: each exchanges keys with all that are there already.
+const BETWEEN_SECURED: Duration = Duration::from_millis(300);
 /// Time that the monitor has to report the end of an experiment after the first node has finished.
 const LAST_LOOK: Duration = Duration::from_secs(2);
 
@@ -147,6 +149,9 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     for process in setup.everything(&run, git_commit(&folders.root).as_deref()) {
         if started.is_ok() && !interrupted.yes() {
             started = supervisor.start(&programs, process, &run.join("logs"));
+            if arguments.secure {
+                std::thread::sleep(BETWEEN_SECURED);
+            }
         }
     }
     let mut monitor = Monitor::start(setup.platforms.clone(), environment);

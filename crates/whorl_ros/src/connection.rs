@@ -5,15 +5,17 @@ use std::time::{Duration, Instant};
 
 use mio::{Registry, Token};
 
+use crate::clock::monotonic;
 use crate::endpoints::{Endpoints, Plan, Readable};
 use crate::environment::Network;
 use crate::error::RosError;
+use crate::handshakes::Handshakes;
 use crate::nudge::Nudge;
 use crate::participant::Participant;
 use crate::peers::{ParticipantPrefix, PeerEvent};
 use crate::raw::EndpointId;
-use crate::services::ServiceServer;
 use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
+use crate::services::ServiceServer;
 
 /// The old endpoints are dropped this long after the new ones were created at the latest.
 const OVERLAP: Duration = Duration::from_secs(1);
@@ -39,6 +41,8 @@ pub(crate) struct Connection {
     matched: HashMap<EndpointId, HashSet<EndpointId>>,
     lost_writers: Vec<EndpointId>,
     recovery: Recovery,
+    /// Where traffic is secured.
+    handshakes: Option<Handshakes>,
     nudge: Nudge,
     generation: usize,
     plan: Plan,
@@ -47,7 +51,8 @@ pub(crate) struct Connection {
 
 impl Connection {
     pub(crate) fn new(network: &Network, plan: Plan, registry: &Registry) -> Result<Self, RosError> {
-        Self::with_generation(network, plan, registry, 0)
+        let handshakes = network.enclave.is_some().then(|| Handshakes::new(monotonic()));
+        Self::with_generation(network, plan, registry, 0, handshakes)
     }
 
     fn with_generation(
@@ -55,6 +60,7 @@ impl Connection {
         plan: Plan,
         registry: &Registry,
         generation: usize,
+        handshakes: Option<Handshakes>,
     ) -> Result<Self, RosError> {
         let (participant, mut current) =
             Participant::with(network, |participant| Endpoints::new(participant, &plan, generation))?;
@@ -70,6 +76,7 @@ impl Connection {
             } else {
                 RecoveryTimes::default()
             }),
+            handshakes,
             nudge: Nudge::new(participant.network(), participant.participant_number())?,
             generation,
             plan,
@@ -84,7 +91,9 @@ impl Connection {
 
     /// The same endpoints in a new participant, after the background threads of the old one have ended.
     pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
-        Self::with_generation(self.participant.network(), self.plan.clone(), registry, self.generation + 1)
+        let handshakes = self.handshakes.as_ref().map(Handshakes::renewed);
+        let network = self.participant.network();
+        Self::with_generation(network, self.plan.clone(), registry, self.generation + 1, handshakes)
     }
 
     /// The endpoints to write with.
@@ -137,6 +146,7 @@ impl Connection {
     ) -> Result<Option<Notice>, RosError> {
         let missing_before = self.recovery.missing();
         self.hear_of_peers(now);
+        self.look_at_handshakes(now)?;
         if self.try_promote(now, registry)? {
             return Ok(Some(Notice::Renewed));
         }
@@ -156,6 +166,20 @@ impl Connection {
     fn hear_of_peers(&mut self, now: Duration) {
         while let Some(event) = self.participant.peer_event() {
             self.peer(now, event);
+        }
+    }
+
+    /// Fails with [`RosError::Stuck`] when a handshake does not end: then only a new participant helps.
+    fn look_at_handshakes(&mut self, now: Duration) -> Result<(), RosError> {
+        let Some(handshakes) = self.handshakes.as_mut().filter(|handshakes| handshakes.are_due(now)) else {
+            return Ok(());
+        };
+        let endpoints =
+            [self.participant.discovered_readers(), self.participant.discovered_writers()].concat();
+        let known: HashSet<ParticipantPrefix> = endpoints.iter().map(|e| e.endpoint.participant()).collect();
+        match handshakes.stuck(now, |peer| known.contains(peer)) {
+            0 => Ok(()),
+            count => Err(RosError::Stuck { doing: format!("exchanging keys with {count} participant(s)") }),
         }
     }
 
@@ -193,6 +217,9 @@ impl Connection {
             PeerEvent::Discovered(_) => {}
         }
         self.recovery.peer(now, event);
+        if let Some(handshakes) = &mut self.handshakes {
+            handshakes.peer(now, event);
+        }
     }
 
     fn unmatch(&mut self, gone: impl Fn(&EndpointId) -> bool) {

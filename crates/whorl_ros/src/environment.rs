@@ -84,7 +84,12 @@ impl Network {
     /// This machine only.
     #[must_use]
     pub fn localhost(domain_id: u16) -> Self {
-        Self { domain_id, interfaces: Some(vec![Ipv4Addr::LOCALHOST.into()]), static_peers: Vec::new(), enclave: None }
+        Self {
+            domain_id,
+            interfaces: Some(vec![Ipv4Addr::LOCALHOST.into()]),
+            static_peers: Vec::new(),
+            enclave: None,
+        }
     }
 
     /// Reads the environment of this process.

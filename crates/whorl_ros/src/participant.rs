@@ -3,6 +3,8 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
+#[cfg(feature = "security")]
+use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
 use ros2_client::dds::rustdds::{
     DomainParticipant, DomainParticipantBuilder, DomainParticipantStatusEvent, Publisher, QosPolicies,
     QosPolicyBuilder, StatusEvented, Subscriber, Topic, TopicKind,
@@ -11,8 +13,6 @@ use ros2_client::dds::rustdds::{
     no_key::{DataWriter, SimpleDataReader},
     policy::{Durability, History, Reliability},
 };
-#[cfg(feature = "security")]
-use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
 use whorl_msgs::topics::Qos;
 
 use crate::environment::Network;

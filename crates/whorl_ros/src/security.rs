@@ -155,9 +155,11 @@ mod tests {
             ("ROS_SECURITY_STRATEGY", "Enforce"),
         ];
         // No keystore; nothing in it; programs that cannot.
-        for (count, is_built, expected) in
-            [(1, true, "ROS_SECURITY_KEYSTORE"), (2, true, "identity_ca.cert.pem"), (2, false, "--features security")]
-        {
+        for (count, is_built, expected) in [
+            (1, true, "ROS_SECURITY_KEYSTORE"),
+            (2, true, "identity_ca.cert.pem"),
+            (2, false, "--features security"),
+        ] {
             let permitted = with(&all[..count], is_built);
             assert!(matches!(permitted, Ok(Choice::Permitted(_))), "{permitted:?}");
             let enforced: Vec<_> = all[..count].iter().chain(&all[2..]).copied().collect();

@@ -17,7 +17,10 @@ use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate};
 use whorl_msgs::{Message, MessageType, PlatformId, Route, Topic};
 use whorl_params::Value;
 use whorl_ros::environment::Network;
-use whorl_ros::{DiscoveredEndpoint, EndpointQos, NodeList, ParameterClient, Participant, RawReader, RawWriter, ServiceClient};
+use whorl_ros::{
+    DiscoveredEndpoint, EndpointQos, NodeList, ParameterClient, Participant, RawReader, RawWriter,
+    ServiceClient,
+};
 
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 const LONG: Duration = Duration::from_secs(10);

@@ -168,6 +168,9 @@ mod tests {
     fn a_folder_without_the_files_is_named_and_the_command_that_makes_one() {
         let folder = tempfile::tempdir().unwrap();
         let text = Keystore::open(folder.path()).unwrap_err().to_string();
-        assert!(text.contains("public/identity_ca.cert.pem") && text.contains("whorl security create"), "{text}");
+        assert!(
+            text.contains("public/identity_ca.cert.pem") && text.contains("whorl security create"),
+            "{text}"
+        );
     }
 }

@@ -59,10 +59,8 @@ fn access(topic: Topic) -> (&'static [Node], &'static [Node]) {
 /// The grants of a formation: every node that its platforms and their coordinators can have, monitor and operator.
 #[must_use]
 pub fn grants<S: AsRef<str>>(platforms: &[S]) -> Vec<Grant> {
-    let nodes: Vec<NodeInstance> = node_set(platforms, true)
-        .into_iter()
-        .filter(|instance| instance.node.info().is_program)
-        .collect();
+    let nodes: Vec<NodeInstance> =
+        node_set(platforms, true).into_iter().filter(|instance| instance.node.info().is_program).collect();
     let mut grants: Vec<Grant> = nodes.iter().map(|node| of_node(node, platforms)).collect();
     let mut monitor = empty(MONITOR);
     monitor.subscribe.extend(EVERY_TOPIC.map(str::to_owned));

@@ -64,7 +64,13 @@ pub(crate) fn verified(signed: &[u8], authority: &X509) -> Result<String, ErrorS
     none.push(authority.clone())?;
     let mut document = Vec::new();
     // The authority itself is trusted; whether it may sign mail is not the question here.
-    message.verify(&none, &store, content.as_deref(), Some(&mut document), Pkcs7Flags::TEXT | Pkcs7Flags::NOVERIFY)?;
+    message.verify(
+        &none,
+        &store,
+        content.as_deref(),
+        Some(&mut document),
+        Pkcs7Flags::TEXT | Pkcs7Flags::NOVERIFY,
+    )?;
     Ok(String::from_utf8_lossy(&document).into_owned())
 }
 
@@ -96,7 +102,8 @@ fn certificate(
     builder.set_subject_name(subject)?;
     builder.set_issuer_name(issuer)?;
     builder.set_pubkey(key)?;
-    let (not_before, not_after) = (Asn1Time::from_unix(now_s - VALID_BEFORE_S)?, Asn1Time::from_unix(now_s + VALID_FOR_S)?);
+    let (not_before, not_after) =
+        (Asn1Time::from_unix(now_s - VALID_BEFORE_S)?, Asn1Time::from_unix(now_s + VALID_FOR_S)?);
     builder.set_not_before(&not_before)?;
     builder.set_not_after(&not_after)?;
     let mut constraints = BasicConstraints::new();

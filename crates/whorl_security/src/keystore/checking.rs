@@ -70,9 +70,17 @@ fn governed(text: &str, domain: u16, say: Say<'_>) {
         return say("governance.p7s holds no XML".to_owned(), true);
     };
     if !has_domain(document.root(), domain) {
-        say(format!("governance.p7s is not for domain {domain} (ROS_DOMAIN_ID): {}", domains(document.root())), true);
+        say(
+            format!(
+                "governance.p7s is not for domain {domain} (ROS_DOMAIN_ID): {}",
+                domains(document.root())
+            ),
+            true,
+        );
     }
-    if texts(document.root(), "allow_unauthenticated_participants").any(|text| text.eq_ignore_ascii_case("true")) {
+    if texts(document.root(), "allow_unauthenticated_participants")
+        .any(|text| text.eq_ignore_ascii_case("true"))
+    {
         say("governance.p7s lets participants without a certificate take part".to_owned(), false);
     }
 }
@@ -142,14 +150,19 @@ fn body(text: &str) -> &str {
 }
 
 fn texts<'a>(node: Node<'a, '_>, tag: &'static str) -> impl Iterator<Item = &'a str> {
-    node.descendants().filter(move |node| node.has_tag_name(tag)).filter_map(|node| node.text()).map(str::trim)
+    node.descendants()
+        .filter(move |node| node.has_tag_name(tag))
+        .filter_map(|node| node.text())
+        .map(str::trim)
 }
 
 fn has_domain(node: Node<'_, '_>, domain: u16) -> bool {
     let number = |text: &str| text.parse::<u16>().ok();
     let named = node
         .descendants()
-        .filter(|node| node.has_tag_name("id") && node.parent().is_some_and(|parent| parent.has_tag_name("domains")))
+        .filter(|node| {
+            node.has_tag_name("id") && node.parent().is_some_and(|parent| parent.has_tag_name("domains"))
+        })
         .any(|node| node.text().map(str::trim).and_then(number) == Some(domain));
     let mut ranges = node.descendants().filter(|node| node.has_tag_name("id_range"));
     named
@@ -167,6 +180,8 @@ fn domains(node: Node<'_, '_>) -> String {
 fn seconds(text: &str) -> Option<i64> {
     DateTime::parse_from_rfc3339(text)
         .map(|time| time.timestamp())
-        .or_else(|_| NaiveDateTime::parse_from_str(text, "%Y-%m-%dT%H:%M:%S").map(|time| time.and_utc().timestamp()))
+        .or_else(|_| {
+            NaiveDateTime::parse_from_str(text, "%Y-%m-%dT%H:%M:%S").map(|time| time.and_utc().timestamp())
+        })
         .ok()
 }

@@ -29,7 +29,8 @@ impl Keystore {
             make_folder(folder)?;
         }
         let there = |name: &str| {
-            public.join(format!("{name}.cert.pem")).is_file() && private.join(format!("{name}.key.pem")).is_file()
+            public.join(format!("{name}.cert.pem")).is_file()
+                && private.join(format!("{name}.key.pem")).is_file()
         };
         if !(there("identity_ca") && there("permissions_ca")) {
             let (certificate, key) = (public.join("ca.cert.pem"), private.join("ca.key.pem"));
