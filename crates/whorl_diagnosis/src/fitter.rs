@@ -4,9 +4,9 @@ use whorl_dynamics::effects::{catalogue, find};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
-use crate::explanations::parameters::Point;
+use crate::evidence::problem::Problem;
+use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::problem::Problem;
 use crate::search::prospect::make_columns_for;
 use crate::search::step::base_point_with;
 use crate::{DiagnosisError, Options, SlowResidual, prepare};

@@ -20,6 +20,7 @@ mod explanations;
 mod fitter;
 mod layout;
 mod options;
+mod parameters;
 mod search;
 #[cfg(test)]
 mod tests;
@@ -82,8 +83,8 @@ struct Answer {
 
 /// One search and its answer.
 fn answer(
-    problem: &mut search::problem::Problem,
-    held_out: Option<&mut search::problem::Problem>,
+    problem: &mut evidence::problem::Problem,
+    held_out: Option<&mut evidence::problem::Problem>,
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Answer, DiagnosisError> {
@@ -116,7 +117,7 @@ fn prepare(
     options: &Options,
     late_s: Option<f64>,
     progress: &mut dyn FnMut(Progress),
-) -> Result<(search::problem::Problem, Option<search::problem::Problem>), DiagnosisError> {
+) -> Result<(evidence::problem::Problem, Option<evidence::problem::Problem>), DiagnosisError> {
     progress(Progress { share: 0.0, doing: "reading the recordings" });
     if training.is_empty() {
         return Err(DiagnosisError::NoRecording);
@@ -126,16 +127,16 @@ fn prepare(
             return Err(DiagnosisError::UnknownEffect { id: id.clone() });
         }
     }
-    let mut reference = explanations::parameters::Reference::new(model, prior);
+    let mut reference = parameters::Reference::new(model, prior);
     reference.late_s = late_s.unwrap_or(reference.late_s);
     // All runs, including held-out ones, use bins of the same width, chosen to limit the number of nodes.
     let recordings = training.iter().chain(held_out);
     let total_s: f64 = recordings.map(Recording::duration_s).sum();
-    let problem = search::problem::Problem::new(training, reference.clone(), total_s, options.threads)?;
+    let problem = evidence::problem::Problem::new(training, reference.clone(), total_s, options.threads)?;
     let held = if held_out.is_empty() {
         None
     } else {
-        Some(search::problem::Problem::new(held_out, reference, total_s, options.threads)?)
+        Some(evidence::problem::Problem::new(held_out, reference, total_s, options.threads)?)
     };
     Ok((problem, held))
 }

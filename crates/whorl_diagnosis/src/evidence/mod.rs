@@ -3,4 +3,5 @@
 pub(crate) mod discrepancy;
 pub(crate) mod excess;
 pub(crate) mod nuisance;
+pub(crate) mod problem;
 pub(crate) mod regression;

@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::{
-    Clues, Direction, Grouping, Need, Part, Regressed, Resonance, Role, Start, catalogue, find,
+    Clues, Direction, Grouping, Part, Regressed, Resonance, Role, Start, catalogue, find,
 };
 
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::modes::Mode;
-use crate::explanations::parameters::{Column, Point, Reference, Target};
-use crate::layout::run::Run;
+use crate::explanations::lines::{Lines, Mode};
+use crate::parameters::available::Available;
+use crate::parameters::{Column, Point, Reference, Target};
 
 /// One effect that may be missing.
 #[derive(Debug, Clone)]
@@ -34,100 +34,6 @@ pub(crate) struct Layout {
     /// Columns of the base model.
     pub base: Vec<usize>,
     pub candidates: Vec<Candidate>,
-}
-
-/// What the recordings hold, as far as it decides which effects can be tested.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Available {
-    pub body: bool,
-    pub jets: bool,
-    pub wheels: bool,
-    pub wheel_command: bool,
-    pub accel: bool,
-    pub vector: bool,
-    pub temperature: bool,
-    pub voltage: bool,
-    pub ballast: bool,
-    pub bin_s: f64,
-    /// Largest rate about any axis that lasted a few bins [rad/s].
-    pub largest_rate_rad_s: f64,
-    /// Largest tilt that lasted a few bins \[rad\].
-    pub largest_tilt_rad: f64,
-    /// The gyro's readings pile up at a limit.
-    pub clips: bool,
-}
-
-impl Available {
-    pub fn of(runs: &[Run]) -> Self {
-        let any = |test: &dyn Fn(&Run) -> bool| runs.iter().any(test);
-        Self {
-            body: any(&|r| !r.clamped),
-            jets: any(&|r| !r.clamped && r.jet_pulses.iter().any(|p| !p.is_empty())),
-            wheels: any(&|r| !r.wheel_command.is_empty()),
-            wheel_command: any(&|r| r.has_wheel_command),
-            accel: any(&|r| !r.clamped && r.accel.iter().any(|a| a.count > 0.0)),
-            vector: any(&|r| !r.clamped && !r.vectors.is_empty()),
-            temperature: any(&|r| r.has_temperature),
-            voltage: any(&|r| r.has_voltage),
-            ballast: any(&|r| r.ballast_direction.iter().any(|d| d.norm() > 0.0)),
-            bin_s: runs.iter().map(|r| r.length(0)).fold(0.0, f64::max),
-            largest_rate_rad_s: largest(runs, |r| &r.gyro, |w| w.amax()),
-            largest_tilt_rad: largest(runs, |r| &r.accel, |f| f.x.hypot(f.y).atan2(f.z)),
-            clips: any(&|r| r.gyro_clips_at_rad_s.is_some()),
-        }
-    }
-
-    /// Whether these data could show the effect at all.
-    pub fn can_test(&self, effect: &dyn Effect) -> bool {
-        effect.evidence().iter().any(|needs| needs.iter().all(|need| self.has(*need)))
-    }
-
-    fn has(&self, need: Need) -> bool {
-        match need {
-            Need::FreeBody => self.body,
-            Need::Jets => self.jets,
-            Need::Wheels => self.wheels,
-            Need::WheelCommands => self.wheel_command,
-            Need::Accelerometer => self.accel,
-            Need::VectorSensor => self.vector,
-            Need::Temperature => self.temperature,
-            Need::BusVoltage => self.voltage,
-            Need::Ballast => self.ballast,
-            Need::UnclippedGyro => !self.clips,
-        }
-    }
-}
-
-/// Largest size of the mean of five bins in a row.
-fn largest(
-    runs: &[Run],
-    means: impl Fn(&Run) -> &Vec<whorl_trajectory::bins::Mean3>,
-    size: impl Fn(&nalgebra::Vector3<f64>) -> f64,
-) -> f64 {
-    runs.iter()
-        .flat_map(|run| {
-            let whole: Vec<_> = means(run).iter().filter(|m| m.count > 0.0).map(|m| m.value).collect();
-            whole
-                .windows(5)
-                .map(|w| size(&(w.iter().sum::<nalgebra::Vector3<f64>>() / 5.0)))
-                .collect::<Vec<_>>()
-        })
-        .fold(0.0, f64::max)
-}
-
-/// Lines found in the spectrum of the residual \[Hz\].
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Lines {
-    pub torque_hz: Vec<f64>,
-    pub sensor_hz: Vec<f64>,
-    /// All that were noticed, the faint ones as well.
-    pub faint_hz: Vec<f64>,
-    /// Lines over the angle of a wheel: wheel, cycles per turn.
-    pub orders: Vec<(usize, f64)>,
-    /// Resonances that the motion drives.
-    pub modes: Vec<Mode>,
-    /// Standard deviations by which the strongest line stands out.
-    pub strongest: f64,
 }
 
 /// What effects are told of the data, to find where they may start.

@@ -2,7 +2,7 @@
 
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Layout;
-use crate::explanations::parameters::Column;
+use crate::parameters::Column;
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior. A ball bearing has a thousand times the friction
 /// of an air bearing, and nobody says what a rig turns on.
@@ -37,6 +37,36 @@ pub(crate) struct Member {
 }
 
 impl Member {
+    /// The same effect as columns of another layout.
+    pub fn carried(&self, from: &Layout, to: &Layout) -> Option<Self> {
+        let id = from.candidates.get(self.candidate)?.id;
+        let candidate = to.candidates.iter().position(|c| c.id == id)?;
+        let old: Vec<_> = self.columns.iter().filter_map(|i| from.columns.get(*i)).collect();
+        let special = old.iter().any(|c| c.origin.is_some());
+        let mut columns: Vec<usize> = to.candidates[candidate]
+            .options
+            .iter()
+            .flatten()
+            .copied()
+            .filter(|i| special || to.columns.get(*i).is_some_and(|c| old.iter().any(|o| o.index == c.index)))
+            .collect();
+        columns.sort_unstable();
+        columns.dedup();
+        // Columns that had to leave a fit elsewhere, against their sign, may have theirs here.
+        let options = &to.candidates[candidate].options;
+        if !columns.is_empty() && !options.contains(&columns) {
+            let holds = |option: &&Vec<usize>| columns.iter().all(|i| option.contains(i));
+            if let Some(whole) = options.iter().filter(holds).min_by_key(|option| option.len()) {
+                columns.clone_from(whole);
+            }
+        }
+        // A place on a grid is paid for by the prior of what it became.
+        let was_place = special && old.iter().all(|c| c.step.iter().all(|s| *s == 0.0));
+        let is_paid = was_place || (special && columns.iter().any(|i| to.columns[*i].is_shape));
+        let options = if is_paid { 1 } else { self.options };
+        Some(Self { candidate, columns, size: self.size, options })
+    }
+
     /// Prior standard deviation of one of its columns, in the column's units.
     fn prior_stddev(&self, column: &Column) -> f64 {
         if column.is_shape {
@@ -242,9 +272,9 @@ mod tests {
     use whorl_dynamics::{ModelPrior, PlatformModel};
 
     use super::*;
-    use crate::explanations::candidates::{Available, Lines};
-    use crate::explanations::modes::Mode;
-    use crate::explanations::parameters::Reference;
+    use crate::explanations::lines::{Lines, Mode};
+    use crate::parameters::Reference;
+    use crate::parameters::available::Available;
 
     /// A boom whose participation is six times what the catalogue expects: its square, in which the regression is
     /// linear, is forty times.

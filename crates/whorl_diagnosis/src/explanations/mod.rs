@@ -2,9 +2,10 @@
 
 pub(crate) mod candidates;
 pub(crate) mod hypothesis;
+pub(crate) mod lines;
 pub(crate) mod modes;
-pub(crate) mod parameters;
 pub(crate) mod physical;
+pub(crate) mod place;
 pub(crate) mod shapes;
 pub(crate) mod spectrum;
 pub(crate) mod vibration;

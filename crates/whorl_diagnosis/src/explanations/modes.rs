@@ -11,8 +11,8 @@ use whorl_recording::Channel;
 use whorl_trajectory::spectrum::Fourier;
 
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::spectrum::{CERTAIN, gamma_significance};
-use crate::search::Search;
+use crate::explanations::lines::{CERTAIN, Mode, gamma_significance};
+use crate::explanations::place::Place;
 
 /// Slower resonances are told from slow torques by the regression itself \[Hz\].
 const SLOWEST_HZ: f64 = 0.15;
@@ -22,17 +22,6 @@ const DAMPING: [f64; 3] = [0.004, 0.012, 0.04];
 
 /// Modes that are looked at, strongest first.
 const MOST_MODES: usize = 3;
-
-/// A resonance that the motion drives.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Mode {
-    pub hz: f64,
-    pub damping_ratio: f64,
-    /// Body axis that drives it and that it turns.
-    pub axis_b: Vector3<f64>,
-    /// Standard deviations by which it stands out.
-    pub significance: f64,
-}
 
 /// Spectra of one run.
 struct Spectra {
@@ -45,9 +34,9 @@ struct Spectra {
     length_s: f64,
 }
 
-fn spectra(search: &Search<'_>, of: &Hypothesis) -> Vec<Spectra> {
-    let estimate = of.estimate.spread(search.layout.columns.len());
-    let data = search.problem.runs.iter().zip(search.problem.motions.iter()).zip(&search.data.whitened);
+fn spectra(place: Place<'_>, of: &Hypothesis) -> Vec<Spectra> {
+    let estimate = of.estimate.spread(place.layout.columns.len());
+    let data = place.problem.runs.iter().zip(place.problem.motions.iter()).zip(&place.data.whitened);
     data.filter(|((run, _), _)| !run.clamped && run.nodes() >= 64)
         .map(|((run, motion), whitened)| {
             let nodes = run.nodes();
@@ -114,11 +103,11 @@ fn correlate(runs: &[Spectra], hz: f64, damping_ratio: f64) -> ([Vector3<f64>; 3
 }
 
 /// Modes in what a hypothesis leaves, strongest first.
-pub(crate) fn modes(search: &Search<'_>, of: &Hypothesis) -> Vec<Mode> {
-    let runs = spectra(search, of);
+pub(crate) fn modes(place: Place<'_>, of: &Hypothesis) -> Vec<Mode> {
+    let runs = spectra(place, of);
     let longest_s = runs.iter().map(|r| r.length_s).fold(0.0, f64::max);
-    let fastest_hz = 0.3 / search.available.bin_s.max(1e-3);
-    let inertia = search.problem.reference.model.mass_properties.inertia_b_kg_m2().diagonal();
+    let fastest_hz = 0.3 / place.available.bin_s.max(1e-3);
+    let inertia = place.problem.reference.model.mass_properties.inertia_b_kg_m2().diagonal();
     let mut found: Vec<Mode> = Vec::new();
     let mut here: Vec<(f64, f64)> = Vec::new();
     for damping_ratio in DAMPING.into_iter().filter(|_| longest_s > 0.0) {

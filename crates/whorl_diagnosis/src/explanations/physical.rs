@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, INERTIA_TOLERANCE};
 
-use crate::explanations::parameters::{Point, Reference};
+use crate::parameters::{Point, Reference};
 
 /// Halvings of a step.
 const HALVINGS: u32 = 6;
@@ -64,7 +64,7 @@ pub(crate) fn between(from: &Point, to: &Point, share: f64) -> Point {
         match from.effects.get(id) {
             Some(start) => values.iter_mut().zip(start).for_each(|(v, s)| *v = mix(*s, *v)),
             // Corrections of the base model start from nothing.
-            None if crate::explanations::parameters::is_base(id) => {
+            None if crate::parameters::is_base(id) => {
                 values.iter_mut().for_each(|v| *v = mix(0.0, *v));
             }
             None => {}

@@ -4,10 +4,10 @@
 use nalgebra::Vector3;
 use whorl_math::{azimuth_rad, vertical_b};
 
+use crate::explanations::place::Place;
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
-use crate::search::Search;
-use crate::search::torques::Torques;
+use crate::layout::torques::Torques;
 use crate::whitening::columns::Stray;
 
 /// A variable, and its shape as odd or even.
@@ -60,7 +60,7 @@ const SHARE: f64 = 0.02;
 
 type Value = Box<dyn Fn(&Run, &Motion, usize) -> f64 + Sync + Send>;
 
-pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
+pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     let mut groups: Vec<Vec<Shape>> = Vec::new();
     let single = |variable: &str, parity: &'static str, value: Value| Shape {
         variable: variable.to_owned(),
@@ -99,7 +99,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         groups.push(vec![Shape { way, ..single(variable, "even", kink) }]);
         groups.push(vec![Shape { way, ..single(variable, "odd", sense) }]);
     };
-    let problem = &*search.problem;
+    let problem = place.problem;
     let largest = |of: &dyn Fn(&Motion, usize) -> f64| {
         let each = problem.runs.iter().zip(problem.motions.iter());
         let all = each.flat_map(|(run, motion)| (0..run.nodes()).map(move |k| of(motion, k).abs()));
@@ -114,14 +114,14 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     for (i, name) in ["tilt_x", "tilt_y"].into_iter().enumerate() {
         add(name, 0.5 * tilt, 0.0, Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| vertical_b(q)[i])));
     }
-    for (j, wheel) in search.problem.reference.model.wheels().iter().enumerate() {
+    for (j, wheel) in place.problem.reference.model.wheels().iter().enumerate() {
         let name = format!("{}_speed", wheel.name);
         let scale = largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
         add(&name, 0.5 * scale, 0.0, Box::new(move |_, m, k| m.wheel.get(k).map_or(0.0, |w| w[j])));
     }
     let of_run = |values: fn(&Run) -> &Vec<f64>| -> (f64, f64) {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for run in search.problem.runs.iter() {
+        for run in place.problem.runs.iter() {
             for x in values(run) {
                 low = low.min(*x);
                 high = high.max(*x);
@@ -135,13 +135,13 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
             add(name, half, centre, Box::new(move |run, _, k| values(run).get(k).copied().unwrap_or(0.0)));
         }
     };
-    if search.problem.runs.iter().all(|r| r.has_pressure) {
+    if place.problem.runs.iter().all(|r| r.has_pressure) {
         slow("tank_pressure", |r| &r.pressure_pa);
     }
-    if search.problem.runs.iter().all(|r| r.has_voltage) {
+    if place.problem.runs.iter().all(|r| r.has_voltage) {
         slow("bus_voltage", |r| &r.voltage_v);
     }
-    if search.problem.runs.iter().all(|r| r.has_temperature) {
+    if place.problem.runs.iter().all(|r| r.has_temperature) {
         slow("temperature", |r| &r.temperature_k);
     }
     slow("time", |r| &r.times.node_s);
@@ -158,7 +158,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
     });
     groups.push(friction.collect());
     // Drag of a wheel by any law, which may change with time.
-    for (j, wheel) in search.problem.reference.model.wheels().iter().enumerate() {
+    for (j, wheel) in place.problem.reference.model.wheels().iter().enumerate() {
         let scale = 0.5 * largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
         let speed = move |m: &Motion, k: usize| m.wheel.get(k).map_or(0.0, |w| w[j]) / scale;
         let late = |run: &Run, k: usize| {
@@ -185,7 +185,7 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
         let first = single("yaw", "none", sine);
         groups.push(vec![first, single("yaw", "none", cosine)]);
     }
-    for hz in &search.lines.torque_hz {
+    for hz in &place.lines.torque_hz {
         let hz = *hz;
         let w = std::f64::consts::TAU * hz;
         let sine: Value = Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).sin());
@@ -195,9 +195,9 @@ pub(crate) fn shapes(search: &Search<'_>) -> Vec<Vec<Shape>> {
             |value| Shape { frequency_hz: Some(hz), is_picked: true, ..single("time", "none", value) };
         groups.push(vec![shape(sine), shape(cosine)]);
     }
-    for (wheel, order) in &search.lines.orders {
+    for (wheel, order) in &place.lines.orders {
         let (wheel, order) = (*wheel, *order);
-        let name = search.problem.reference.model.wheels().get(wheel).map_or("wheel", |w| w.name.as_str());
+        let name = place.problem.reference.model.wheels().get(wheel).map_or("wheel", |w| w.name.as_str());
         let phase = move |m: &Motion, k: usize| order * m.wheel_angle.get(k).map_or(0.0, |a| a[wheel]);
         let sine: Value = Box::new(move |_, m, k| phase(m, k).sin());
         let cosine: Value = Box::new(move |_, m, k| phase(m, k).cos());

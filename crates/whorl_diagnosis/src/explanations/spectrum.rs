@@ -5,9 +5,9 @@ use whorl_math::statistics::median;
 use whorl_recording::Channel;
 use whorl_trajectory::spectrum::Fourier;
 
-use crate::explanations::candidates::Lines;
 use crate::explanations::hypothesis::Hypothesis;
-use crate::search::Search;
+use crate::explanations::lines::{CERTAIN, Lines, gamma_significance};
+use crate::explanations::place::Place;
 
 /// Lines looked at, strongest first.
 const MOST_LINES: usize = 2;
@@ -17,9 +17,6 @@ const MOST_FAINT: usize = 6;
 
 /// Standard deviations from which on a peak is a line at all.
 const NOTICED: f64 = 3.5;
-
-/// Standard deviations above which no line of some 10^4 frequencies is chance.
-pub(crate) const CERTAIN: f64 = 5.5;
 
 /// Lines are looked for up to this many per turn of a wheel.
 const HIGHEST_ORDER: f64 = 1.6;
@@ -44,12 +41,12 @@ pub(crate) struct Peak {
 
 /// Finds lines in the whitened residual of the gyro, about axes of the room and of the body: torques that
 /// have a rhythm of their own, or that of a wheel.
-pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
-    let estimate = of.estimate.spread(search.layout.columns.len());
+pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
+    let estimate = of.estimate.spread(place.layout.columns.len());
     // Of each run: the residual at every node about axes of the body, and of each wheel's speed.
     let mut residuals: Vec<Residual> = Vec::new();
-    let wheels = search.problem.reference.model.wheels().len();
-    for (r, (run, whitened)) in search.problem.runs.iter().zip(&search.data.whitened).enumerate() {
+    let wheels = place.problem.reference.model.wheels().len();
+    for (r, (run, whitened)) in place.problem.runs.iter().zip(&place.data.whitened).enumerate() {
         if run.clamped || run.nodes() < 64 {
             continue;
         }
@@ -72,7 +69,7 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
         residuals.push(Residual { run: r, rate: series, speeds });
     }
     let step_s = |r: usize| {
-        let run = &search.problem.runs[r];
+        let run = &place.problem.runs[r];
         (run.time(run.nodes() - 1) - run.time(0)) / (run.nodes() - 1) as f64
     };
     let Some(first_step_s) = residuals.first().map(|r| step_s(r.run)) else { return Lines::default() };
@@ -81,7 +78,7 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
     let mut in_room = Spectrum::new(size);
     for Residual { run, rate: series, .. } in &residuals {
         let stretch = step_s(*run) / first_step_s;
-        let motion = &search.problem.motions[*run];
+        let motion = &place.problem.motions[*run];
         let turned: Vec<Vector3<f64>> =
             series.iter().zip(&motion.q).map(|(e, q)| q.transform_vector(e)).collect();
         in_body.add(&axes(series), stretch);
@@ -98,7 +95,7 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
             chosen.push(peak);
         }
     }
-    let orders = wheel_orders(search, &residuals);
+    let orders = wheel_orders(place, &residuals);
     let hz: Vec<f64> = chosen.iter().map(|p| p.frequency).take(MOST_LINES).collect();
     let strongest = chosen.first().map_or(0.0, |p| p.significance);
     let strongest_order = orders.first().map_or(0.0, |o| o.2);
@@ -106,7 +103,7 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
         torque_hz: hz.clone(),
         sensor_hz: hz,
         faint_hz: chosen.iter().map(|p| p.frequency).collect(),
-        modes: crate::explanations::modes::modes(search, of),
+        modes: crate::explanations::modes::modes(place, of),
         strongest: strongest.max(strongest_order),
         // A line over time is blurred over a wheel's angle, and the other way round.
         orders: if strongest_order > CERTAIN.max(strongest) {
@@ -118,13 +115,13 @@ pub(crate) fn lines(search: &Search<'_>, of: &Hypothesis) -> Lines {
 }
 
 /// Lines over the angle of each wheel: wheel, cycles per turn, significance; strongest first.
-fn wheel_orders(search: &Search<'_>, residuals: &[Residual]) -> Vec<(usize, f64, f64)> {
+fn wheel_orders(place: Place<'_>, residuals: &[Residual]) -> Vec<(usize, f64, f64)> {
     // Steps of the angle, small against a cycle of the highest order.
     let step_turns = 0.16 / HIGHEST_ORDER;
     let mut found = Vec::new();
-    for wheel in 0..search.problem.reference.model.wheels().len() {
+    for wheel in 0..place.problem.reference.model.wheels().len() {
         let turns = |r: usize| -> Vec<f64> {
-            let motion = &search.problem.motions[r];
+            let motion = &place.problem.motions[r];
             motion.wheel_angle.iter().map(|a| a[wheel] / std::f64::consts::TAU).collect()
         };
         let mut gridded: Vec<[Vec<f64>; 4]> = Vec::new();
@@ -238,13 +235,6 @@ impl Spectrum {
         }
         peaks
     }
-}
-
-/// Standard deviations of the normal law with the same tail as a sum of `degrees` exponential variates
-/// (Wilson and Hilferty 1931).
-pub(crate) fn gamma_significance(sum: f64, degrees: f64) -> f64 {
-    let spread = 1.0 / (9.0 * degrees);
-    ((sum / degrees).max(0.0).cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 #[cfg(test)]

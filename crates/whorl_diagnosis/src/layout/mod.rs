@@ -7,3 +7,4 @@ pub(crate) mod motion;
 pub(crate) mod noise;
 pub(crate) mod run;
 pub(crate) mod surroundings;
+pub(crate) mod torques;

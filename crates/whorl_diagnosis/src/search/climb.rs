@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::problem::Problem;
 use crate::evidence::regression::{Colour, coloured, rows_by_reading};
-use crate::explanations::parameters::Point;
-use crate::search::problem::Problem;
+use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;

@@ -12,16 +12,17 @@ use whorl_dynamics::effects::find;
 
 use crate::DiagnosisError;
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::{Estimate, Normal};
-use crate::explanations::candidates::{Layout, Lines};
+use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::explanations::parameters::Point;
+use crate::explanations::lines::Lines;
 use crate::explanations::physical::between;
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
+use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::problem::{Dataset, Problem, Trust};
-use crate::search::standing::Converged;
+use crate::search::standing::{Converged, SURPRISE};
 use crate::search::step::{dataset, point_of};
 
 /// Steps of a fit, those taken back included.
@@ -35,10 +36,6 @@ const MOST_SHORTER: usize = 3;
 
 /// A further step that promises less log likelihood is not taken.
 const CONVERGED: f64 = 0.3;
-
-/// What a fit may still gain: so many times what its next step promises, and this much log evidence. Steps promise
-/// what straight formulas would bring, and formulas bend.
-pub(crate) const SURPRISE: (f64, f64) = (4.0, 3.0);
 
 /// Misfit by which a larger set may fall behind the leading one on its way to where it fits best: beyond it, a step went
 /// too far.
@@ -68,36 +65,6 @@ struct Begin {
     point: Point,
     layout: Layout,
     members: Vec<Member>,
-}
-
-/// A member as the columns of another layout.
-pub(crate) fn carried(member: &Member, from: &Layout, to: &Layout) -> Option<Member> {
-    let id = from.candidates.get(member.candidate)?.id;
-    let candidate = to.candidates.iter().position(|c| c.id == id)?;
-    let old: Vec<_> = member.columns.iter().filter_map(|i| from.columns.get(*i)).collect();
-    let special = old.iter().any(|c| c.origin.is_some());
-    let mut columns: Vec<usize> = to.candidates[candidate]
-        .options
-        .iter()
-        .flatten()
-        .copied()
-        .filter(|i| special || to.columns.get(*i).is_some_and(|c| old.iter().any(|o| o.index == c.index)))
-        .collect();
-    columns.sort_unstable();
-    columns.dedup();
-    // Columns that had to leave a fit elsewhere, against their sign, may have theirs here.
-    let options = &to.candidates[candidate].options;
-    if !columns.is_empty() && !options.contains(&columns) {
-        let holds = |option: &&Vec<usize>| columns.iter().all(|i| option.contains(i));
-        if let Some(whole) = options.iter().filter(holds).min_by_key(|option| option.len()) {
-            columns.clone_from(whole);
-        }
-    }
-    // A place on a grid is paid for by the prior of what it became.
-    let was_place = special && old.iter().all(|c| c.step.iter().all(|s| *s == 0.0));
-    let is_paid = was_place || (special && columns.iter().any(|i| to.columns[*i].is_shape));
-    let options = if is_paid { 1 } else { member.options };
-    Some(Member { candidate, columns, size: member.size, options })
 }
 
 /// Misfit at a point itself, not where the regression's minimum is, and that point. Where an effect's shape is
@@ -212,7 +179,7 @@ impl Search<'_> {
         // Effects that have left the set leave the point.
         point.effects.retain(|id, _| {
             ids.contains(id)
-                || crate::explanations::parameters::is_base(id)
+                || crate::parameters::is_base(id)
                 || self.problem.reference.model.effects.contains_key(*id)
         });
         self.problem.reference.withdraw(&mut point, ids);
@@ -249,7 +216,7 @@ impl Search<'_> {
             problem.smooth(&point, trust)?;
             let here =
                 Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
-            members = members.iter().filter_map(|m| carried(m, &layout, &here)).collect();
+            members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
             layout = here;
             let data = dataset(problem, &point, &layout, self.colours.clone())?;
             let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);

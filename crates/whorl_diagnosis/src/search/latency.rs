@@ -81,7 +81,7 @@ impl Search<'_> {
         &mut self,
         names: &[String],
         log_evidence: f64,
-        point: &crate::explanations::parameters::Point,
+        point: &crate::parameters::Point,
     ) {
         let is_better = |known: &Lateness| {
             names.len() < known.members || (names.len() == known.members && log_evidence > known.log_evidence)

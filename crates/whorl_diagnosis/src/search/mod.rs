@@ -5,13 +5,11 @@ pub(crate) mod converge;
 pub(crate) mod latency;
 pub(crate) mod nameless;
 pub(crate) mod prior;
-pub(crate) mod problem;
 pub(crate) mod proposals;
 pub(crate) mod prospect;
 pub(crate) mod rest;
 pub(crate) mod standing;
 pub(crate) mod step;
-pub(crate) mod torques;
 pub(crate) mod weigh;
 
 pub(crate) use proposals::Search;

@@ -19,7 +19,7 @@ use crate::explanations::shapes::{Column, Law, Shape, columns_of, laws, shapes, 
 use crate::search::Search;
 
 use crate::diagnosis::Unknown;
-use crate::search::problem::{Dataset, Problem, Trust};
+use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::search::standing::Converged;
 use crate::search::step::dataset;
 use crate::threads;
@@ -113,7 +113,7 @@ impl Search<'_> {
 
     /// Laws of simple shape beside a set, with this noise.
     fn laws_beside(&self, at: &Converged, nuisance: Nuisance) -> Result<Vec<Nameless>, DiagnosisError> {
-        let groups = shapes(self);
+        let groups = shapes(self.place());
         let columns = columns_of(&groups);
         let laws = laws(&groups, &columns);
         let error = at.standing.relative_error;

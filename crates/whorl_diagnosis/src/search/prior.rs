@@ -2,8 +2,6 @@
 
 use whorl_dynamics::effects::find;
 
-use crate::search::standing::Standing;
-
 /// Probability that makes an explanation the answer.
 pub(crate) const SURE: f64 = 0.95;
 
@@ -15,18 +13,6 @@ const PRESENT: f64 = 0.005;
 pub(crate) fn log_prior<S: AsRef<str>>(set: &[S]) -> f64 {
     let price = |id: &S| find(id.as_ref()).map_or(0.0, |effect| effect.price_nats());
     set.iter().map(|id| (PRESENT / (1.0 - PRESENT)).ln() - price(id)).sum()
-}
-
-/// Whether a set explains the training data better than a smaller one, and held-out data not worse where there are any:
-/// what does not let the error fall explains nothing. What held-out data say of a faint effect scatters: a log likelihood
-/// ratio has a variance of twice its mean, which is at most what the training data gained.
-pub(crate) fn explains_more(set: &Standing, base: &Standing) -> bool {
-    let held = match (set.held_log_likelihood, base.held_log_likelihood) {
-        (Some(set), Some(base)) => set - base,
-        _ => 0.0,
-    };
-    let gain = set.log_likelihood - base.log_likelihood;
-    gain > 0.0 && held > -(2.0 * gain).sqrt()
 }
 
 /// Share of the evidence of a set that its own wrong formulas may leave to a further effect: no real friction, plenum or fan
@@ -47,30 +33,4 @@ pub(crate) fn is_no_echo(names: &[String], own: f64, evidence: impl Fn(&[String]
     names.len() < 2
         || smaller_sets(names)
             .all(|rest| evidence(&rest).is_none_or(|rest| own - rest > ECHO * (rest - base)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::evidence::nuisance::Nuisance;
-
-    #[test]
-    fn what_lets_the_error_stand_explains_nothing() {
-        let standing = |log_likelihood: f64, held: Option<f64>| Standing {
-            log_evidence: log_likelihood,
-            training_evidence: 0.0,
-            log_likelihood,
-            held_log_likelihood: held,
-            misfit: 0.0,
-            promise: 0.0,
-            relative_error: 0.0,
-            nuisance: Nuisance::default(),
-        };
-        let base = standing(-10.0, Some(-5.0));
-        assert!(explains_more(&standing(-2.0, Some(-4.0)), &base));
-        assert!(explains_more(&standing(-2.0, Some(-5.5)), &base));
-        assert!(!explains_more(&standing(-2.0, Some(-9.5)), &base));
-        assert!(!explains_more(&standing(-11.0, Some(-4.0)), &base));
-        assert!(explains_more(&standing(-2.0, None), &standing(-10.0, None)));
-    }
 }

@@ -4,13 +4,16 @@
 use whorl_dynamics::effects::Rhythm;
 
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::Colour;
-use crate::explanations::candidates::{Available, Layout, Lines};
+use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::explanations::parameters::Point;
+use crate::explanations::lines::{CERTAIN, Lines};
+use crate::explanations::place::Place;
+use crate::parameters::Point;
+use crate::parameters::available::Available;
 use crate::search::latency::Lateness;
 use crate::search::prior::log_prior;
-use crate::search::problem::{Dataset, Problem, Trust};
 use crate::search::rest::{rest, worst};
 use crate::search::standing::{Converged, Fitted};
 use crate::search::step::{NO_FIT, base_point_with, dataset, regression_at};
@@ -113,6 +116,17 @@ impl<'a> Search<'a> {
             fitted: Fitted::new(),
             late: None,
         })
+    }
+
+    /// The present regression, for those who look for explanations in it.
+    pub(crate) fn place(&self) -> Place<'_> {
+        Place {
+            problem: self.problem,
+            available: &self.available,
+            lines: &self.lines,
+            layout: &self.layout,
+            data: &self.data,
+        }
     }
 
     /// The full regression at the present point, along the present motion.
@@ -295,11 +309,11 @@ impl<'a> Search<'a> {
     fn open_hidden(&mut self, progress: &mut dyn FnMut(Progress)) -> Result<(), DiagnosisError> {
         let additions = self.additions(&self.base);
         let left = rest(self.problem, &self.data, &self.layout, &self.base);
-        self.lines = crate::explanations::spectrum::lines(self, &self.base);
+        self.lines = crate::explanations::spectrum::lines(self.place(), &self.base);
         let faint = additions.first().is_some_and(|h| h.log_evidence - self.base.log_evidence > FAINT);
         if faint
             || !self.lines.modes.is_empty()
-            || self.lines.strongest > 0.8 * crate::explanations::spectrum::CERTAIN
+            || self.lines.strongest > 0.8 * CERTAIN
             || left[worst(&left)].significance() > SOMETHING_LEFT
             || self.has_faint_line()?
         {

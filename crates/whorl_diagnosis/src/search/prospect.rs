@@ -10,12 +10,13 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::normal_probability;
 use whorl_recording::Recording;
 
+use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Trust};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Normal};
-use crate::explanations::candidates::{Available, SHOWS};
+use crate::explanations::candidates::SHOWS;
 use crate::explanations::hypothesis::Hypothesis;
+use crate::parameters::available::Available;
 use crate::search::Search;
 use crate::search::prior::{SURE, log_prior};
-use crate::search::problem::{Dataset, FREE_RATE_WALK, Trust};
 use crate::search::step::regression_at;
 use crate::{DiagnosisError, Options, prepare};
 
@@ -125,7 +126,7 @@ pub(crate) fn make_columns_for(search: &mut Search<'_>, ids: &[&str]) -> Result<
     };
     if ids.iter().any(on_demand) && !search.with_hidden {
         search.with_hidden = true;
-        search.lines = crate::explanations::spectrum::lines(search, &search.base);
+        search.lines = crate::explanations::spectrum::lines(search.place(), &search.base);
         search.relinearise()?;
     }
     Ok(())

@@ -1,9 +1,9 @@
 //! What a set leaves of the data: slow sums that noise alone would not give.
 
 use crate::evidence::excess::{Power, WINDOWS_S, powers};
+use crate::evidence::problem::{Dataset, Problem};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::Hypothesis;
-use crate::search::problem::{Dataset, Problem};
 
 /// Slow power of all runs with a hypothesis.
 pub(crate) fn rest(

@@ -7,12 +7,15 @@ use crate::DiagnosisError;
 use crate::evidence::nuisance::Nuisance;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
-use crate::explanations::parameters::Point;
 use crate::layout::motion::Motion;
+use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::converge::{SURPRISE, carried};
-use crate::search::prior::{explains_more, is_no_echo, log_prior, smaller_sets};
+use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
+
+/// What a fit may still gain: so many times what its next step promises, and this much log evidence. Steps promise
+/// what straight formulas would bring, and formulas bend.
+pub(crate) const SURPRISE: (f64, f64) = (4.0, 3.0);
 
 /// How a set explains the data at its own point.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +44,18 @@ impl Standing {
     /// straight formulas can be trusted.
     pub fn worth(&self) -> f64 {
         self.log_evidence + (0.5 * self.promise).min(SURPRISE.1)
+    }
+
+    /// Whether a set explains the training data better than a smaller one, and held-out data not worse where there are any:
+    /// what does not let the error fall explains nothing. What held-out data say of a faint effect scatters: a log likelihood
+    /// ratio has a variance of twice its mean, which is at most what the training data gained.
+    pub fn explains_more(&self, base: &Self) -> bool {
+        let held = match (self.held_log_likelihood, base.held_log_likelihood) {
+            (Some(set), Some(base)) => set - base,
+            _ => 0.0,
+        };
+        let gain = self.log_likelihood - base.log_likelihood;
+        gain > 0.0 && held > -(2.0 * gain).sqrt()
     }
 }
 
@@ -77,7 +92,7 @@ impl Search<'_> {
         }
         self.regress()?;
         let members: Vec<Member> =
-            converged.members.iter().filter_map(|m| carried(m, &converged.layout, &self.layout)).collect();
+            converged.members.iter().filter_map(|m| m.carried(&converged.layout, &self.layout)).collect();
         self.best =
             Hypothesis::of(&self.layout, &self.data.total, members).unwrap_or_else(|| self.base.clone());
         // What does not stand where it was fitted explains nothing.
@@ -105,7 +120,7 @@ impl Search<'_> {
     fn is_admissible(&self, set: &Converged) -> bool {
         let standing = |names: &[String]| self.fitted.get(names).map(|c| c.standing);
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
-        let explains = |names: Vec<String>| standing(&names).is_none_or(|s| explains_more(&set.standing, &s));
+        let explains = |names: Vec<String>| standing(&names).is_none_or(|s| set.standing.explains_more(&s));
         smaller.into_iter().all(explains)
             && is_no_echo(&set.names, set.standing.log_evidence, |names| {
                 standing(names).map(|s| s.log_evidence)
@@ -152,5 +167,30 @@ impl Search<'_> {
             }
             _ => (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lets_the_error_stand_explains_nothing() {
+        let standing = |log_likelihood: f64, held: Option<f64>| Standing {
+            log_evidence: log_likelihood,
+            training_evidence: 0.0,
+            log_likelihood,
+            held_log_likelihood: held,
+            misfit: 0.0,
+            promise: 0.0,
+            relative_error: 0.0,
+            nuisance: Nuisance::default(),
+        };
+        let base = standing(-10.0, Some(-5.0));
+        assert!(standing(-2.0, Some(-4.0)).explains_more(&base));
+        assert!(standing(-2.0, Some(-5.5)).explains_more(&base));
+        assert!(!standing(-2.0, Some(-9.5)).explains_more(&base));
+        assert!(!standing(-11.0, Some(-4.0)).explains_more(&base));
+        assert!(standing(-2.0, None).explains_more(&standing(-10.0, None)));
     }
 }

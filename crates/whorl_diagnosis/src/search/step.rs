@@ -7,11 +7,12 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Contribution;
 
 use crate::DiagnosisError;
+use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
 use crate::evidence::regression::Colour;
-use crate::explanations::candidates::{Available, Layout};
+use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, LARGEST_SIZE};
-use crate::explanations::parameters::{Point, Target};
-use crate::search::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
+use crate::parameters::available::Available;
+use crate::parameters::{Point, Target};
 
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };

@@ -12,13 +12,13 @@ use whorl_dynamics::effects::{BasePrior, Role};
 
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS, Signal};
+use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::parameters::{Column, Point, Target, is_base};
+use crate::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
 use crate::search::converge::{Descended, at_itself};
-use crate::search::problem::{Dataset, Problem, Trust};
 use crate::search::standing::{Converged, Standing};
 use crate::search::step::dataset;
 

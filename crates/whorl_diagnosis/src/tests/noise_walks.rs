@@ -5,8 +5,8 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{map, normal, random, record};
 use crate::evidence::nuisance::Nuisance;
-use crate::explanations::parameters::Reference;
-use crate::search::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::parameters::Reference;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::System;
 use crate::whitening::mechanics::Mechanics;

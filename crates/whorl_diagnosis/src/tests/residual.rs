@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{normal, random, record};
-use crate::explanations::parameters::Reference;
-use crate::search::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::problem::{FREE_RATE_WALK, Problem, Trust};
+use crate::parameters::Reference;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Settings, System, WHEEL};
 use crate::whitening::mechanics::Mechanics;

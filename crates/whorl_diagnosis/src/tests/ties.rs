@@ -4,10 +4,10 @@ use nalgebra::DVector;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::{map, record, wrong_model};
+use crate::evidence::problem::Problem;
 use crate::evidence::regression::Normal;
-use crate::explanations::parameters::Reference;
+use crate::parameters::Reference;
 use crate::search::Search;
-use crate::search::problem::Problem;
 use crate::{Options, Verdict, diagnose};
 
 /// Runs `test` on the search at the start of a run in which nothing is missing, with another held out.

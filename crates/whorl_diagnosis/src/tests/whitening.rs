@@ -3,9 +3,9 @@
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
+use crate::evidence::problem::{Problem, Trust};
 use crate::evidence::regression::Colour;
-use crate::explanations::parameters::Reference;
-use crate::search::problem::{Problem, Trust};
+use crate::parameters::Reference;
 
 #[test]
 fn noise_that_is_not_as_stated_is_measured_and_told() {

@@ -10,15 +10,17 @@ use crate::diagnosis::{
     BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
 };
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::problem::{Dataset, Problem};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
 use crate::explanations::candidates::SHOWS;
 use crate::explanations::hypothesis::Hypothesis;
+use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
 use crate::search::nameless::{LARGE, NAMELESS, Nameless};
 use crate::search::prior::log_prior;
-use crate::search::problem::{Dataset, Problem};
 use crate::search::rest::{momentum_rms, rest, worst};
 use crate::search::standing::Converged;
+use crate::search::step::point_of;
 use crate::verdict::posterior::{Belief, Weighted};
 use crate::{Diagnosis, DiagnosisError, NextManoeuvre, SCHEMA, Verdict};
 
@@ -159,7 +161,7 @@ impl Search<'_> {
             // A line may be that of a torque of another kind, although nothing slow is left.
             && !self.best.names(&self.layout).iter().any(|id| find(id).is_some_and(|e| e.rhythm().is_some()));
         if !is_clean {
-            self.lines = crate::explanations::spectrum::lines(self, &self.best);
+            self.lines = crate::explanations::spectrum::lines(self.place(), &self.best);
             let mut anchors = vec![self.best.clone()];
             // Alone, where the best set does not explain the data.
             let is_poor =
@@ -304,7 +306,8 @@ impl Search<'_> {
         let mut remarks: Vec<String> =
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let mut direct: Vec<Candidate> = self.digital().into_iter().collect();
-        direct.extend(crate::explanations::vibration::fast_effects(self));
+        let at = point_of(self.problem, &self.layout, &self.point, &self.best);
+        direct.extend(fast_effects(self.place(), &at, &self.options.exclude));
         let contradiction = self.contradiction();
         let belief = self.belief(left)?;
         let mut verdict = belief.verdict(self.could_have_seen());

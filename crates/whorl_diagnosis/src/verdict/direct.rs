@@ -4,10 +4,11 @@ use whorl_dynamics::effects::{Sighting, catalogue};
 
 use crate::Unknown;
 use crate::diagnosis::{Candidate, ParameterEstimate};
-use crate::explanations::parameters::Point;
-use crate::explanations::spectrum::{CERTAIN, lines};
+use crate::evidence::problem::Problem;
+use crate::explanations::lines::CERTAIN;
+use crate::explanations::spectrum::lines;
+use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::problem::Problem;
 use crate::search::step::point_of;
 
 /// Power of the attitude sensors' residual against the gyro that no noise has.
@@ -38,7 +39,7 @@ impl Search<'_> {
     /// A rhythm that is left in the residual and that no effect has, and its log evidence: the height of the peak as that of
     /// a normal variable, less the number of frequencies at which it might have been.
     pub(crate) fn rhythm(&self) -> Option<(Unknown, f64)> {
-        let lines = lines(self, &self.best);
+        let lines = lines(self.place(), &self.best);
         let least = if self.best.members.is_empty() { 1.5 } else { 2.0 } * CERTAIN;
         if lines.strongest < least {
             return None;

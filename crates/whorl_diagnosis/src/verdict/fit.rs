@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use whorl_dynamics::Effect;
 
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::parameters::{Column, MASS_PROPERTIES, Target, is_base};
+use crate::parameters::{Column, MASS_PROPERTIES, Target, is_base};
 use crate::search::Search;
 use crate::search::proposals::UNFINISHED;
 use crate::search::step::point_of;
@@ -131,7 +131,7 @@ impl Search<'_> {
     /// The model at a point, with the base effects folded into its constants.
     fn folded(
         &self,
-        point: &crate::explanations::parameters::Point,
+        point: &crate::parameters::Point,
     ) -> Result<whorl_dynamics::PlatformModel, DiagnosisError> {
         let reference = &self.problem.reference;
         let mut constants = point.clone();

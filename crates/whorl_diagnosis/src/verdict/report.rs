@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::diagnosis::ParameterEstimate;
 use crate::explanations::candidates::whole_parts;
 use crate::explanations::hypothesis::Hypothesis;
-use crate::explanations::parameters::Column;
+use crate::parameters::Column;
 use crate::search::Search;
 
 /// Choices with a log evidence farther below the best have no weight.

@@ -12,10 +12,10 @@ use whorl_dynamics::effects::{Sighting, catalogue};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::diagnosis::{Candidate, ParameterEstimate};
+use crate::explanations::place::Place;
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
-use crate::search::Search;
-use crate::search::step::point_of;
+use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::mechanics::Mechanics;
 
@@ -185,24 +185,21 @@ fn row(effect: &dyn Effect, drop: f64, evidence: f64, parameters: Vec<ParameterE
     }
 }
 
-/// Fast effects that the samples show: an unbalanced wheel, a vibration.
-pub(crate) fn fast_effects(search: &Search<'_>) -> Vec<Candidate> {
+/// Fast effects that the samples show about a model at a point: an unbalanced wheel, a vibration.
+pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) -> Vec<Candidate> {
     let tested = |id: &str| {
-        search.layout.candidates.iter().any(|c| c.id == id)
-            || (!search.options.exclude.iter().any(|e| e == id)
-                && !search.problem.reference.model.effects.contains_key(id))
+        place.layout.candidates.iter().any(|c| c.id == id)
+            || (!exclude.iter().any(|e| e == id) && !place.problem.reference.model.effects.contains_key(id))
     };
-    let point = point_of(search.problem, &search.layout, &search.point, &search.best);
-    let Some(mechanics) =
-        search.problem.reference.model_at(&point).ok().and_then(|m| Mechanics::new(&m).ok())
+    let Some(mechanics) = place.problem.reference.model_at(point).ok().and_then(|m| Mechanics::new(&m).ok())
     else {
         return Vec::new();
     };
-    let mut runs: Vec<Fast<'_>> = search
+    let mut runs: Vec<Fast<'_>> = place
         .problem
         .runs
         .iter()
-        .zip(search.problem.motions.iter())
+        .zip(place.problem.motions.iter())
         .filter_map(|(run, motion)| Fast::new(run, motion, &mechanics))
         .collect();
     let mut found = Vec::new();

@@ -12,10 +12,10 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Channel, Component};
 
 use crate::DiagnosisError;
-use crate::explanations::parameters::{Point, Reference};
 use crate::layout::inputs::Inputs;
 use crate::layout::motion::Motion;
 use crate::layout::run::Run;
+use crate::parameters::{Point, Reference};
 use crate::whitening::filter::{Gains, RATE, System, WHEEL, across};
 use crate::whitening::mechanics::{Mechanics, Prediction};
 use change::{Change, changes};

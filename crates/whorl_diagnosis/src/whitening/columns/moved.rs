@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::{Effect, EffectKind, Environment, Gyrostat, TrueImu};
 
 use crate::DiagnosisError;
-use crate::explanations::parameters::{Column, Point, Reference, Target};
+use crate::parameters::{Column, Point, Reference, Target};
 use crate::whitening::mechanics::Mechanics;
 
 /// Share of a column's unit by which values are changed to see the difference.

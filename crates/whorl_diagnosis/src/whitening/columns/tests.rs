@@ -7,8 +7,8 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use super::change::{Change, changes};
 use super::moved::{Moved, Way};
 use super::{LANES, Linearised, Stray};
-use crate::explanations::parameters::{Point, Reference};
-use crate::search::problem::Problem;
+use crate::evidence::problem::Problem;
+use crate::parameters::{Point, Reference};
 use crate::tests::generator::record;
 
 /// Largest difference of two series of numbers over the largest of the second.

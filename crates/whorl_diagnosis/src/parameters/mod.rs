@@ -1,5 +1,7 @@
 //! The parameters of a fit: the platform's own and those of effects, and the model at their values.
 
+pub(crate) mod available;
+
 use std::collections::BTreeMap;
 
 use nalgebra::Matrix3;
@@ -7,7 +9,7 @@ use whorl_dynamics::effects::{Part, Role, catalogue, find};
 use whorl_dynamics::{Effect, MassProperties, ModelPrior, PlatformModel};
 
 use crate::DiagnosisError;
-use crate::explanations::candidates::Available;
+use crate::parameters::available::Available;
 
 /// Group of the principal moments of inertia, which are no effect.
 pub(crate) const MASS_PROPERTIES: &str = "mass_properties";

@@ -8,10 +8,10 @@ use whorl_trajectory::noise::typical_step_s;
 
 use crate::evidence::nuisance::{Nuisance, STEP};
 use crate::evidence::regression::{Colour, Normal, Whitened};
-use crate::explanations::parameters::{Column, Point, Reference};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
-use crate::search::torques::Torques;
+use crate::layout::torques::Torques;
+use crate::parameters::{Column, Point, Reference};
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
 use crate::whitening::filter::{Background, Settings, System, WHEEL};
 use crate::whitening::mechanics::Mechanics;
