@@ -62,7 +62,7 @@ fn rejoins(what: &str, prepared: impl FnOnce(Formation) -> Formation, within: Du
     formation.wait_for_step(&watches[0], "hold");
     let [here, there] = &watches;
     let status = route(1, Topic::ControlStatus);
-    there.wait_next::<ControlStatus>("the follower to track", status, SOON, |m| {
+    there.wait_next::<ControlStatus>("the follower to track", status, within, |m| {
         m.mode == ControlStatus::MODE_TRACK
     });
 

@@ -150,6 +150,8 @@ mod making {
 mod checking;
 #[cfg(feature = "security")]
 mod making;
+#[cfg(all(test, feature = "security"))]
+mod trials;
 
 #[cfg(test)]
 mod tests {
