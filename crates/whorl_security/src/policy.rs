@@ -1,8 +1,9 @@
 //! Who may write and read what: one enclave for each node, with no more rights than it needs.
 //!
-//! The rows of [`access`] are the whole policy of topics; a test compares them with what the cores declare. A node on a
-//! platform may use the topics of its own platform; the coordinator, whose task is the formation, those of all
-//! platforms. A coordinator that runs on a platform commands that platform only.
+//! The rows of `access` are the whole policy of topics. A node whose core declares more does not start where traffic is
+//! secured (the tests of `ros::secure` start them). A node on a platform may use the topics of its own platform; the
+//! coordinator, whose task is the formation, those of all platforms. A coordinator that runs on a platform commands that
+//! platform only.
 
 use std::collections::BTreeSet;
 
