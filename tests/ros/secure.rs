@@ -219,9 +219,9 @@ fn nothing_gets_in_and_nothing_gets_out_without_the_right_keys() {
         // A busy machine may cost moments; who is steered turns by 180 deg, who is locked out never tracks again.
         assert!(worst_rad < 0.2, "{who}: the platform was steered: {worst_rad} rad");
         let (tracking, all) = (errors_rad.len(), statuses.len());
-        // Who has keys of the formation, and a program of his own, can keep others busy; see docs/security.md.
+        // Who has keys of the formation can keep others busy; see docs/security.md.
         assert!(
-            who.contains("own checks") || tracking * 4 > all,
+            who.contains("another platform") || tracking * 4 > all,
             "{who}: {tracking} of {all} statuses track"
         );
         drop(log);
