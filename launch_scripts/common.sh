@@ -12,20 +12,25 @@ die() {
 }
 
 # build_programs ARGUMENTS...: builds everything, unless the caller brings programs (WHORL_BIN), says --no-build or asks
-# for --help. Sets `arguments`: the others.
+# for --help. With security, which needs OpenSSL, for --secure and where ROS_SECURITY_ENABLE is true. Sets `arguments`: the others.
 build_programs() {
-    local argument build=yes
+    local argument build=yes features=()
     arguments=()
+    [ "${ROS_SECURITY_ENABLE:-}" != true ] || features=(--features security)
     for argument in "$@"; do
         case $argument in
             --no-build) build=no ;;
+            --secure) features=(--features security); arguments+=("$argument") ;;
             -h | --help) build=no; help=yes; arguments+=("$argument") ;;
             *) arguments+=("$argument") ;;
         esac
     done
     if [ "$build" = yes ] && [ -z "${WHORL_BIN:-}" ]; then
         command -v cargo >/dev/null || die "cargo is not on the PATH: install a Rust toolchain (https://rustup.rs)"
-        (cd "$root" && cargo build --release --locked --workspace --bins)
+        if [ "${#features[@]}" -gt 0 ] && ! pkg-config --exists openssl 2>/dev/null; then
+            die "security needs OpenSSL's headers to build: install libssl-dev and pkg-config (Debian, Ubuntu)"
+        fi
+        (cd "$root" && cargo build --release --locked --workspace --bins ${features[@]+"${features[@]}"})
     fi
     [ -x "$bin/whorl" ] || die "$bin/whorl is not there: build with 'cargo build --release', or run without --no-build"
 }

@@ -230,6 +230,19 @@ impl Topic {
         Self::TruthState,
     ];
 
+    /// Whether one node alone may write it: commands, references and estimates, by which a platform moves.
+    #[must_use]
+    pub fn has_one_publisher(self) -> bool {
+        matches!(
+            self,
+            Self::ActuatorCommand
+                | Self::BallastMoment
+                | Self::AttitudeReference
+                | Self::Excitation
+                | Self::AttitudeEstimate
+        )
+    }
+
     /// The topic with this name relative to its namespace.
     #[must_use]
     pub fn find(name: &str, per_platform: bool) -> Option<Self> {

@@ -21,7 +21,17 @@ const MOST_BYTES: u64 = 1 << 30;
 
 /// A HEARTBEAT (RTPS 2.5, 9.4.5.7) of the writer of discovered writers, in the name of a participant.
 fn heartbeat(participant: [u8; 12], first: i64, last: i64) -> Vec<u8> {
-    let (reader, writer) = ([0, 0, 3, 0xc7], [0, 0, 3, 0xc2]);
+    heartbeat_of([0, 0, 3, 0xc7], [0, 0, 3, 0xc2], participant, first, last)
+}
+
+/// A HEARTBEAT from and to any endpoint.
+pub(super) fn heartbeat_of(
+    reader: [u8; 4],
+    writer: [u8; 4],
+    participant: [u8; 12],
+    first: i64,
+    last: i64,
+) -> Vec<u8> {
     let number = |n: i64| [((n >> 32) as i32).to_le_bytes(), (n as u32).to_le_bytes()].concat();
     let body = [&reader[..], &writer, &number(first), &number(last), &1_000_000_i32.to_le_bytes()].concat();
     let length = u16::try_from(body.len()).unwrap().to_le_bytes();

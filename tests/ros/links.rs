@@ -85,7 +85,7 @@ impl Laboratory {
                 .ok()?;
             formation.set_environment(platform, variables);
         }
-        let network = Network { domain_id: formation.domain(), interfaces: None, static_peers: Vec::new() };
+        let network = Network { interfaces: None, ..Network::localhost(formation.domain()) };
         // The observer sits on the ground, whose clock is that of this test.
         let watch = lan.on_host(0, || Watch::on(network, &PLATFORMS));
         formation.start_all();

@@ -15,6 +15,7 @@ mod node_deaths;
 mod recorder;
 mod replay_backend;
 mod rogue;
+mod secure;
 mod sensor_faults;
 mod services;
 mod start;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use whorl_msgs::diagnostic_msgs::DiagnosticArray;
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, Topic};
@@ -135,4 +135,65 @@ fn no_single_message_ends_a_node_or_locks_its_platform_out() {
     for words in ["messages out of bounds on /whorl_1/actuators/command", "samples ahead of the clock"] {
         assert!(told(words), "nobody said '{words}'");
     }
+}
+
+/// Somebody else's program, or a second node set, commands the same platform.
+#[test]
+fn a_second_publisher_is_refused_and_reported() {
+    let (mut formation, watch) = Formation::holding_alone(&[]);
+    let participant = formation.participant();
+    let topics = [Topic::ActuatorCommand, Topic::AttitudeReference, Topic::AttitudeEstimate];
+    let writers = topics.map(|topic| (topic, writer(&participant, topic)));
+    let status = route(0, Topic::ControlStatus);
+    watch.wait_next::<ControlStatus>("the platform to track", status, Duration::from_secs(10), |m| {
+        m.mode == ControlStatus::MODE_TRACK
+    });
+    let since = wall_clock();
+    // A wheel at full torque, a turn by 180 deg, an estimate that says it is upside down: 50 times a second.
+    for sequence in 0..250 {
+        for (topic, writer) in &writers {
+            let header = header(wall_clock());
+            let turned = whorl_msgs::geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: 1.0, w: 0.0 };
+            let message: Message = match topic {
+                // A driver that listened to it would refuse it, and count: it is for one wheel.
+                Topic::ActuatorCommand => {
+                    ActuatorCommand { wheel_torque_n_m: vec![0.01], ..command() }.into()
+                }
+                Topic::AttitudeReference => {
+                    AttitudeReference { header, sequence, q_world_reference: turned, ..Default::default() }
+                        .into()
+                }
+                _ => {
+                    AttitudeEstimate { header, health: 1, q_world_body: turned, ..Default::default() }.into()
+                }
+            };
+            writer.publish(&encoded(&message)).unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    formation.check_alive();
+    {
+        let log = watch.log();
+        // A busy machine makes it refuse commands of its own local control, which come late, for another reason.
+        let heard = log
+            .after::<GateState>(route(0, Topic::GateState), since)
+            .filter(|(_, m)| m.refusal == GateState::REFUSAL_WRONG_SIZE);
+        assert_eq!(heard.count(), 0, "the driver listened to it");
+        let errors: Vec<f64> = log
+            .after::<ControlStatus>(status, since)
+            .filter(|(_, m)| m.mode == ControlStatus::MODE_TRACK)
+            .map(|(_, m)| nalgebra::Vector3::from(m.attitude_error_b_rad).norm())
+            .collect();
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        assert!(errors.len() > 100 && worst < 0.1, "{} statuses, error {worst} rad", errors.len());
+    }
+    for topic in topics {
+        let name = route(0, topic).name(&["whorl_1"]).unwrap();
+        let told = watch.log().of::<DiagnosticArray>(route(0, Topic::Diagnostics)).any(|(_, m)| {
+            let said = |text: &str| text.contains(whorl_ros::SECOND_PUBLISHER) && text.contains(&name);
+            m.status.iter().any(|s| s.level == DiagnosticStatus::ERROR && said(&s.message))
+        });
+        assert!(told, "nobody reported the second publisher of {name}");
+    }
+    assert!(formation.node("/whorl_1/driver").log().contains("REFUSED"));
 }

@@ -65,6 +65,9 @@ fn build(folder: &Path) {
         .args(["build", "--workspace", "--bins", "--locked", "--target-dir"])
         .arg(folder.parent().unwrap())
         .current_dir(root());
+    if cfg!(feature = "security") {
+        cargo.args(["--features", "security"]);
+    }
     match folder.file_name().and_then(|n| n.to_str()) {
         // As the tests themselves.
         Some("debug") => cargo.args(["--profile", "test"]),

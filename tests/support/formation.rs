@@ -10,6 +10,8 @@ use tempfile::TempDir;
 use whorl_node::Node;
 use whorl_ros::Participant;
 use whorl_ros::environment::Network;
+use whorl_security::Keystore;
+use whorl_security::policy::{MONITOR, grants};
 
 use super::domain::Domain;
 use super::machine::{Load, Share};
@@ -57,6 +59,27 @@ pub const LONG_HOLD_ALONE: &str = r#"
     initial: {yaw_deg: 0.0, pitch_deg: -0.6, roll_deg: 2.0}
 "#;
 
+/// What SROS2 reads, apart from the keystore's folder.
+pub const SECURITY_VARIABLES: [&str; 3] =
+    ["ROS_SECURITY_ENABLE", "ROS_SECURITY_STRATEGY", "ROS_SECURITY_ENCLAVE_OVERRIDE"];
+
+/// Variables that enforce security with a keystore.
+pub fn keystore_variables(path: &Path) -> Vec<(String, String)> {
+    let variables =
+        [("ENABLE", "true".into()), ("STRATEGY", "Enforce".into()), ("KEYSTORE", path.display().to_string())];
+    variables.map(|(name, value)| (format!("ROS_SECURITY_{name}"), value)).into()
+}
+
+/// A keystore for both platforms with an authority of its own.
+pub fn new_keystore(path: &Path, domain: u16) -> Keystore {
+    let now_s = whorl_ros::wall_clock().0 / 1_000_000_000;
+    let keystore = Keystore::create(path, domain, now_s).unwrap();
+    for grant in grants(&["whorl_1", "whorl_2"]) {
+        keystore.add(&grant, domain, now_s).unwrap();
+    }
+    keystore
+}
+
 /// Processes of one domain, their parameter files and logs.
 pub struct Formation {
     nodes: BTreeMap<String, Process>,
@@ -68,6 +91,8 @@ pub struct Formation {
     namespaces: Vec<String>,
     /// Variables of each platform's nodes alone.
     own_environment: BTreeMap<String, Vec<(String, String)>>,
+    /// Where traffic is secured.
+    pub keystore: Option<Keystore>,
     folder: TempDir,
     domain: Domain,
     _share: Share,
@@ -92,6 +117,7 @@ impl Formation {
             environment: Vec::new(),
             namespaces: Vec::new(),
             own_environment: BTreeMap::new(),
+            keystore: None,
             folder,
             domain: Domain::take(),
             _share: share,
@@ -128,6 +154,20 @@ impl Formation {
         self.own_environment.insert(platform.to_owned(), variables);
     }
 
+    /// Secures all traffic, with keys made for this formation.
+    pub fn secured(mut self) -> Self {
+        let path = self.folder().join("keystore");
+        self.set_environment_of_all(keystore_variables(&path));
+        self.keystore = Some(new_keystore(&path, self.domain()));
+        self
+    }
+
+    /// This machine's network, with the keys of an enclave where traffic is secured.
+    pub fn network(&self, enclave: &str) -> Network {
+        let folder = self.keystore.as_ref().map(|keystore| keystore.enclave_folder(enclave).unwrap());
+        Network { enclave: folder, ..Network::localhost(self.domain()) }
+    }
+
     /// Gives all nodes these variables.
     pub fn set_environment_of_all(&mut self, variables: Vec<(String, String)>) {
         self.environment.extend(variables);
@@ -145,7 +185,7 @@ impl Formation {
 
     /// An observer in the formation's domain.
     pub fn watch(&self) -> Watch {
-        Watch::new(self.domain(), &self.platforms)
+        Watch::on(self.network(MONITOR), &self.platforms)
     }
 
     /// A participant in the formation's domain.
@@ -210,6 +250,8 @@ impl Formation {
         };
         for variable in
             ["ROS_LOCALHOST_ONLY", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RUST_LOG"]
+                .into_iter()
+                .chain(SECURITY_VARIABLES)
         {
             command.env_remove(variable);
         }

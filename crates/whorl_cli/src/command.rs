@@ -8,6 +8,7 @@ use whorl_msgs::topics::{ExperimentResponse, Service};
 use whorl_msgs::whorl::srv::{AbortExperimentRequest, StartExperimentRequest};
 use whorl_ros::environment::Network;
 use whorl_ros::{Participant, ServiceClient};
+use whorl_security::policy::OPERATOR;
 
 /// How long the coordinator may take to be found and to answer.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -37,7 +38,7 @@ pub fn request_abort(reason: String) -> anyhow::Result<String> {
 
 fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {
     let client = |participant: &_| ServiceClient::new(participant, service.name(), service.type_name());
-    let (participant, client) = Participant::with(&Network::from_environment()?, client)?;
+    let (participant, client) = Participant::with(&Network::from_environment()?.secured(OPERATOR)?, client)?;
     let response: ExperimentResponse = client.call(&participant, request, TIMEOUT)?;
     if !response.success {
         bail!("{}", response.message);

@@ -39,6 +39,7 @@ mod report;
 mod reproduce;
 mod run;
 mod runs;
+mod security;
 mod shapes;
 mod shell;
 mod simulate;
@@ -138,6 +139,9 @@ enum Command {
     Balance(balance::Arguments),
     /// Calibrates sensors from recordings and writes the result into the platform's file.
     Calibrate(calibrate::Arguments),
+    /// Makes, lists and checks keystores (SROS2): keys, certificates and permissions of the nodes.
+    #[command(subcommand)]
+    Security(security::Command),
     /// Shows on simulated hardware, over DDS, what Whorl does.
     #[command(subcommand)]
     Demo(demo::Command),
@@ -194,6 +198,7 @@ fn main() -> ExitCode {
         Command::Excitation(arguments) => excitation::run(&arguments),
         Command::Balance(arguments) => balance::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Security(command) => security::run(&command),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::CompareRuns(arguments) => compare_runs::run(&arguments),
         Command::Runs(arguments) => index::run(&arguments),

@@ -12,7 +12,9 @@ use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
 use whorl_report::phase_name;
+use whorl_ros::SECOND_PUBLISHER;
 use whorl_ros::environment::Network;
+use whorl_security::policy::MONITOR;
 
 use crate::run::tell;
 use crate::subscription::Subscription;
@@ -25,6 +27,9 @@ const LOOK: Duration = Duration::from_millis(100);
 const SILENCE: Duration = Duration::from_secs(5);
 /// Time between two lines when the output is not a terminal.
 const LINE: Duration = Duration::from_secs(2);
+
+/// A second publisher is told of again after this time.
+const CONTEST_AGAIN: Duration = Duration::from_secs(5);
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -43,6 +48,8 @@ struct View {
     platforms: BTreeMap<u16, PlatformView>,
     /// Why nothing is recorded any more, as the recorder says.
     not_recording: Option<String>,
+    /// Which node refuses a second publisher, and of what.
+    contested: Option<String>,
 }
 
 #[derive(Debug, Default)]
@@ -62,7 +69,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Shows the formation until the experiment ends, unless `stay` is set. Fails when the experiment was aborted.
 fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
-    let network = Network::from_environment()?;
+    let network = Network::from_environment()?.secured(MONITOR)?;
     let shared = [Topic::FormationState, Topic::Diagnostics];
     let of_platforms = [Topic::AttitudeEstimate, Topic::ControlStatus];
     let mut formation = Subscription::new(&network, platforms, &shared, &of_platforms)?;
@@ -71,6 +78,7 @@ fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
     let mut view = View::default();
     let mut screen = Screen::new();
     let mut told = false;
+    let mut last_contest: Option<Instant> = None;
     let mut last_rates = Instant::now();
     loop {
         std::thread::sleep(LOOK);
@@ -95,6 +103,12 @@ fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
             // Above the status, which is written over.
             tell(format_args!("error: {reason}; the experiment goes on without a recording"));
         }
+        if let Some(text) = view.contested.take()
+            && last_contest.is_none_or(|at| at.elapsed() >= CONTEST_AGAIN)
+        {
+            last_contest = Some(Instant::now());
+            tell(format_args!("error: {text}"));
+        }
         screen.show(&view.lines(platforms));
         match view.formation.as_ref().map(|f| f.phase) {
             Some(FormationState::PHASE_FINISHED) if !stay => {
@@ -114,6 +128,10 @@ impl View {
         match (platform, message) {
             (_, Message::FormationState(m)) => self.formation = Some(m),
             (_, Message::DiagnosticArray(m)) => {
+                let contested = m.status.iter().find(|s| s.message.contains(SECOND_PUBLISHER));
+                if let Some(status) = contested {
+                    self.contested = Some(format!("{}: {}", status.name, status.message));
+                }
                 let recorder = m.status.into_iter().find(|s| s.name == RECORDER_STATUS);
                 if let Some(status) = recorder {
                     let stopped = status.level >= DiagnosticStatus::ERROR;

@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
 use whorl_ros::environment::Network;
 
-use crate::report;
+use crate::{report, security};
 
 /// Exit status when nothing was started.
 const NOT_STARTED: u8 = 2;
@@ -24,6 +24,8 @@ const NOT_STARTED: u8 = 2;
 pub const INTERRUPTED: u8 = 130;
 /// Interval at which the processes are polled.
 const LOOK: Duration = Duration::from_millis(100);
+/// Time between the starts of two secured nodes: each exchanges keys with all that are there already.
+const BETWEEN_SECURED: Duration = Duration::from_millis(300);
 /// Time that the monitor has to report the end of an experiment after the first node has finished.
 const LAST_LOOK: Duration = Duration::from_secs(2);
 
@@ -55,6 +57,10 @@ pub struct Arguments {
     /// Port of the live page; 0: any free one.
     #[arg(long, default_value_t = crate::live::PORT, requires = "live")]
     live_port: u16,
+    /// Authenticate and encrypt all traffic (SROS2), with the keys in ROS_SECURITY_KEYSTORE or, where that is not set,
+    /// with new ones for this domain; nobody without keys takes part. Needs programs built with `--features security`.
+    #[arg(long)]
+    secure: bool,
     #[command(flatten)]
     folders: Folders,
 }
@@ -138,20 +144,24 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
         programs.path(process.node)?;
     }
     let _lease = domain.take()?;
+    let environment = if arguments.secure { security::environment(&setup.platforms)? } else { Vec::new() };
     let interrupted = Interrupted::new()?;
     ends_with_its_reader.store(false, Ordering::Relaxed);
     let run = folders.new_run(arguments.out.as_deref(), &setup)?;
     domain.remember_supervisor(EXPERIMENT);
 
-    let mut supervisor = Supervisor::new(domain.clone());
+    let mut supervisor = Supervisor::new(domain.clone()).with_environment(environment.clone());
     let mut started = Ok(());
     for process in setup.everything(&run, git_commit(&folders.root).as_deref()) {
         if started.is_ok() && !interrupted.yes() {
             started = supervisor.start(&programs, process, &run.join("logs"));
+            if arguments.secure {
+                std::thread::sleep(BETWEEN_SECURED);
+            }
         }
     }
     let mut page = arguments.live.then(|| LivePage::start(&setup.platforms, &run, arguments.live_port));
-    let mut monitor = Monitor::start(setup.platforms.clone());
+    let mut monitor = Monitor::start(setup.platforms.clone(), environment);
     let status = match started {
         Ok(()) => watch(&mut supervisor, Some(&mut monitor), &interrupted),
         Err(error) => {
@@ -340,13 +350,14 @@ const MONITORS: u32 = 5;
 /// The live status, in a process of its own: what reaches it over the network, and ends it, must not end the supervisor.
 pub struct Monitor {
     platforms: Vec<String>,
+    environment: Vec<(String, String)>,
     child: Option<Child>,
     started: u32,
 }
 
 impl Monitor {
-    fn start(platforms: Vec<String>) -> Self {
-        let mut monitor = Self { platforms, child: None, started: 0 };
+    fn start(platforms: Vec<String>, environment: Vec<(String, String)>) -> Self {
+        let mut monitor = Self { platforms, environment, child: None, started: 0 };
         monitor.spawn();
         monitor
     }
@@ -358,6 +369,7 @@ impl Monitor {
         let child = program.and_then(|program| {
             let mut command = Command::new(program);
             // Ctrl-C is for the supervisor.
+            command.envs(self.environment.iter().cloned());
             command.arg("monitor").args(&self.platforms).stdin(Stdio::null()).process_group(0).spawn()
         });
         match child {

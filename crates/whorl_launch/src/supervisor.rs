@@ -36,6 +36,7 @@ pub struct Supervisor {
     children: Vec<Running>,
     domain: Domain,
     restarts: Vec<(String, Instant)>,
+    environment: Vec<(String, String)>,
 }
 
 #[derive(Debug)]
@@ -92,7 +93,14 @@ impl Supervisor {
     /// Nothing runs yet.
     #[must_use]
     pub fn new(domain: Domain) -> Self {
-        Self { children: Vec::new(), domain, restarts: Vec::new() }
+        Self { children: Vec::new(), domain, restarts: Vec::new(), environment: Vec::new() }
+    }
+
+    /// With these variables in the environment of every process that it starts.
+    #[must_use]
+    pub fn with_environment(mut self, environment: Vec<(String, String)>) -> Self {
+        self.environment = environment;
+        self
     }
 
     /// Starts a process whose output goes to `LOGS/LABEL.log`.
@@ -105,7 +113,7 @@ impl Supervisor {
         let log = logs.join(format!("{label}.log"));
         let file = File::create(&log).map_err(LaunchError::io("cannot create", &log))?;
         let program = programs.path(node)?;
-        let child = spawn(&program, &arguments, file, &log)?;
+        let child = spawn(&program, &arguments, &self.environment, file, &log)?;
         self.domain.remember(&label, child.id());
         let running = Running { label, node, program, arguments, child, log, ended: false, asked: false };
         self.children.push(running);
@@ -137,7 +145,7 @@ impl Supervisor {
             .open(&running.log)
             .or_else(|_| File::options().write(true).open("/dev/null"))
             .map_err(LaunchError::io("cannot write to", &running.log))?;
-        running.child = spawn(&running.program, &running.arguments, file, &running.log)?;
+        running.child = spawn(&running.program, &running.arguments, &self.environment, file, &running.log)?;
         running.ended = false;
         self.domain.remember(label, running.child.id());
         Ok(true)
@@ -185,10 +193,16 @@ impl Drop for Supervisor {
     }
 }
 
-fn spawn(program: &Path, arguments: &[OsString], log: File, log_path: &Path) -> Result<Child, LaunchError> {
+fn spawn(
+    program: &Path,
+    arguments: &[OsString],
+    environment: &[(String, String)],
+    log: File,
+    log_path: &Path,
+) -> Result<Child, LaunchError> {
     let errors = log.try_clone().map_err(LaunchError::io("cannot write to", log_path))?;
     let mut command = Command::new(program);
-    command.args(arguments).stdin(Stdio::null()).stdout(log).stderr(errors);
+    command.args(arguments).envs(environment.iter().cloned()).stdin(Stdio::null()).stdout(log).stderr(errors);
     // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
     command.process_group(0);
     ahead(|| command.spawn()).map_err(LaunchError::io("cannot start", program))

@@ -73,6 +73,8 @@ pub struct Arguments {
     pub parameters: Vec<String>,
     /// `--params-file`, in the order given.
     pub parameter_files: Vec<PathBuf>,
+    /// `--enclave`: whose keys are used.
+    pub enclave: Option<String>,
     /// `--log-level`.
     pub log_level: Option<LevelFilter>,
     /// Whether log lines go to `/rosout`.
@@ -135,9 +137,12 @@ impl Arguments {
                 self.rosout = true;
                 Ok(())
             }
-            // Launch files pass these to every node; they change nothing here: there is no
-            // security enclave, and the log always goes to stderr.
-            "-e" | "--enclave" | "--log-config-file" => value("a value").map(|_| ()),
+            "-e" | "--enclave" => {
+                self.enclave = Some(value("an enclave, e.g. /whorl_1/driver")?.to_owned());
+                Ok(())
+            }
+            // Launch files pass these to every node; they change nothing here: the log always goes to stderr.
+            "--log-config-file" => value("a file").map(|_| ()),
             "--enable-stdout-logs"
             | "--disable-stdout-logs"
             | "--enable-external-lib-logs"
@@ -197,6 +202,7 @@ ROS arguments, after --ros-args and up to -- or the end:
   -p key:=value            a parameter; wins over every file
   --params-file FILE       a parameter file; may be repeated, later files win
   --log-level LEVEL        debug, info, warn, error, off (RUST_LOG sets it too)
+  -e, --enclave /NAME      whose keys are used where security is on [default: the node's full name]
   --disable-rosout-logs    log to stderr only
 
 Environment:
@@ -204,6 +210,9 @@ Environment:
   ROS_AUTOMATIC_DISCOVERY_RANGE  LOCALHOST (default), SUBNET; OFF is refused
   ROS_LOCALHOST_ONLY             1 = LOCALHOST, 0 = SUBNET; wins over the range, as in ROS 2
   ROS_STATIC_PEERS               addresses of further machines, separated by ;
+  ROS_SECURITY_ENABLE            true: DDS Security (SROS2), with the keys in ROS_SECURITY_KEYSTORE
+  ROS_SECURITY_STRATEGY          Enforce: without its keys a node does not start; Permissive (default): it warns
+  ROS_SECURITY_ENCLAVE_OVERRIDE  wins over --enclave
   WHORL_INTERFACE                name or address of the interface(s) for SUBNET, separated by ,
   RUST_LOG                       log filter, e.g. info,whorl_estimator=debug";
 
@@ -227,6 +236,7 @@ mod tests {
         assert_eq!(a.parameters, ["a.b:=1.5", "est:c:=[1,2]"]);
         assert_eq!(a.parameter_files, [PathBuf::from("x.yaml"), PathBuf::from("y.yaml")]);
         assert_eq!(a.log_level, Some(LevelFilter::DEBUG));
+        assert_eq!(parse("--ros-args -e /a/b").unwrap().enclave.as_deref(), Some("/a/b"));
         assert_eq!(a.remaps, [NameRemap { from: "imu/data_raw".into(), to: "/imu".into() }]);
         assert!(a.rosout && a.other.is_empty());
     }

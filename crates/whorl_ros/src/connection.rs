@@ -5,14 +5,17 @@ use std::time::{Duration, Instant};
 
 use mio::{Registry, Token};
 
+use crate::clock::monotonic;
 use crate::endpoints::{Endpoints, Plan, Readable};
 use crate::environment::Network;
 use crate::error::RosError;
+use crate::handshakes::Handshakes;
 use crate::nudge::Nudge;
 use crate::participant::Participant;
-use crate::peers::PeerEvent;
+use crate::peers::{ParticipantPrefix, PeerEvent};
 use crate::raw::EndpointId;
 use crate::recovery::{Action, Reason, Recovery, RecoveryTimes};
+use crate::services::ServiceServer;
 
 /// The old endpoints are dropped this long after the new ones were created at the latest.
 const OVERLAP: Duration = Duration::from_secs(1);
@@ -38,6 +41,8 @@ pub(crate) struct Connection {
     matched: HashMap<EndpointId, HashSet<EndpointId>>,
     lost_writers: Vec<EndpointId>,
     recovery: Recovery,
+    /// Where traffic is secured.
+    handshakes: Option<Handshakes>,
     nudge: Nudge,
     generation: usize,
     plan: Plan,
@@ -46,7 +51,8 @@ pub(crate) struct Connection {
 
 impl Connection {
     pub(crate) fn new(network: &Network, plan: Plan, registry: &Registry) -> Result<Self, RosError> {
-        Self::with_generation(network, plan, registry, 0)
+        let handshakes = network.enclave.is_some().then(|| Handshakes::new(monotonic()));
+        Self::with_generation(network, plan, registry, 0, handshakes)
     }
 
     fn with_generation(
@@ -54,6 +60,7 @@ impl Connection {
         plan: Plan,
         registry: &Registry,
         generation: usize,
+        handshakes: Option<Handshakes>,
     ) -> Result<Self, RosError> {
         let (participant, mut current) =
             Participant::with(network, |participant| Endpoints::new(participant, &plan, generation))?;
@@ -69,6 +76,7 @@ impl Connection {
             } else {
                 RecoveryTimes::default()
             }),
+            handshakes,
             nudge: Nudge::new(participant.network(), participant.participant_number())?,
             generation,
             plan,
@@ -83,7 +91,9 @@ impl Connection {
 
     /// The same endpoints in a new participant, after the background threads of the old one have ended.
     pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
-        Self::with_generation(self.participant.network(), self.plan.clone(), registry, self.generation + 1)
+        let handshakes = self.handshakes.as_ref().map(Handshakes::renewed);
+        let network = self.participant.network();
+        Self::with_generation(network, self.plan.clone(), registry, self.generation + 1, handshakes)
     }
 
     /// The endpoints to write with.
@@ -135,9 +145,8 @@ impl Connection {
         registry: &Registry,
     ) -> Result<Option<Notice>, RosError> {
         let missing_before = self.recovery.missing();
-        while let Some(event) = self.participant.peer_event() {
-            self.peer(now, event);
-        }
+        self.hear_of_peers(now);
+        self.look_at_handshakes(now)?;
         if self.try_promote(now, registry)? {
             return Ok(Some(Notice::Renewed));
         }
@@ -152,6 +161,43 @@ impl Connection {
             }
             None => Ok((self.recovery.missing() > missing_before).then_some(Notice::Missing)),
         }
+    }
+
+    fn hear_of_peers(&mut self, now: Duration) {
+        while let Some(event) = self.participant.peer_event() {
+            self.peer(now, event);
+        }
+    }
+
+    /// Fails with [`RosError::Stuck`] when a handshake does not end: then only a new participant helps.
+    fn look_at_handshakes(&mut self, now: Duration) -> Result<(), RosError> {
+        let Some(handshakes) = self.handshakes.as_mut().filter(|handshakes| handshakes.are_due(now)) else {
+            return Ok(());
+        };
+        let endpoints =
+            [self.participant.discovered_readers(), self.participant.discovered_writers()].concat();
+        let known: HashSet<ParticipantPrefix> = endpoints.iter().map(|e| e.endpoint.participant()).collect();
+        match handshakes.stuck(now, |peer| known.contains(peer)) {
+            0 => Ok(()),
+            count => Err(RosError::Stuck { doing: format!("exchanging keys with {count} participant(s)") }),
+        }
+    }
+
+    /// Sends the answers to services whose readers are known by now; true when others still wait.
+    pub(crate) fn release_answers(&mut self, now: Duration) -> Result<bool, RosError> {
+        if !self.generations().flat_map(Endpoints::servers).any(ServiceServer::is_holding) {
+            return Ok(false);
+        }
+        self.hear_of_peers(now);
+        let mut result = Ok(());
+        for server in self.generations().flat_map(Endpoints::servers) {
+            let readers = self.matched.get(&server.responses.id());
+            let is_known = |to: &ParticipantPrefix| {
+                readers.is_some_and(|readers| readers.iter().any(|reader| reader.participant() == *to))
+            };
+            result = result.and(server.release(now, is_known));
+        }
+        result.map(|()| self.generations().flat_map(Endpoints::servers).any(ServiceServer::is_holding))
     }
 
     fn peer(&mut self, now: Duration, event: PeerEvent) {
@@ -171,6 +217,9 @@ impl Connection {
             PeerEvent::Discovered(_) => {}
         }
         self.recovery.peer(now, event);
+        if let Some(handshakes) = &mut self.handshakes {
+            handshakes.peer(now, event);
+        }
     }
 
     fn unmatch(&mut self, gone: impl Fn(&EndpointId) -> bool) {

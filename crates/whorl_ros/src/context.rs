@@ -65,6 +65,8 @@ impl NodeContext {
             arguments.namespace.as_deref().unwrap_or("/"),
             arguments.name.as_deref().unwrap_or(options.name),
         )?;
+        let enclave = arguments.enclave.clone().unwrap_or_else(|| name.full());
+        let network = network.secured(&enclave)?;
         let overrides = arguments
             .parameters
             .iter()

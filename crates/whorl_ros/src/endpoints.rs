@@ -165,6 +165,12 @@ impl Endpoints {
         self.writers.iter().find(|(r, _)| *r == route).map(|(_, writer)| writer)
     }
 
+    /// Servers of all services.
+    pub(crate) fn servers(&self) -> impl Iterator<Item = &ServiceServer> {
+        let services = self.services.iter().map(|(_, server)| server);
+        services.chain(self.parameters.iter().map(|(_, server)| server))
+    }
+
     /// Ids of everything that must find its peers again after a renewal, in the order of the plan.
     pub(crate) fn ids(&self) -> impl Iterator<Item = EndpointId> {
         let readers = self.subscriptions.iter().map(RawReader::id);
@@ -186,10 +192,7 @@ impl Endpoints {
         node: &NodeName,
         alive: bool,
     ) -> Result<(), RosError> {
-        let servers = || {
-            let services = self.services.iter().map(|(_, server)| server);
-            services.chain(self.parameters.iter().map(|(_, server)| server))
-        };
+        let servers = || self.servers();
         let readers = self.subscriptions.iter().map(RawReader::id);
         let readers = readers.chain(servers().map(|server| server.requests.id()));
         let writers = self.writers.iter().map(|(_, writer)| writer.id());

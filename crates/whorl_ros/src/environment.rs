@@ -4,8 +4,11 @@
 //! <https://docs.ros.org/en/jazzy/Tutorials/Advanced/Improved-Dynamic-Discovery.html>
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
 
 use thiserror::Error;
+
+use crate::security::{self, Choice, SecurityRefusal};
 
 /// An environment variable with an invalid value.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -64,6 +67,8 @@ pub struct Network {
     pub interfaces: Option<Vec<IpAddr>>,
     /// Machines to which we announce ourselves by unicast.
     pub static_peers: Vec<Ipv4Addr>,
+    /// Folder of the keys with which we take part; `None` where the network is open.
+    pub enclave: Option<PathBuf>,
 }
 
 /// An IPv4 address of this machine.
@@ -79,7 +84,12 @@ impl Network {
     /// This machine only.
     #[must_use]
     pub fn localhost(domain_id: u16) -> Self {
-        Self { domain_id, interfaces: Some(vec![Ipv4Addr::LOCALHOST.into()]), static_peers: Vec::new() }
+        Self {
+            domain_id,
+            interfaces: Some(vec![Ipv4Addr::LOCALHOST.into()]),
+            static_peers: Vec::new(),
+            enclave: None,
+        }
     }
 
     /// Reads the environment of this process.
@@ -135,7 +145,28 @@ impl Network {
             .collect::<Result<_, _>>()?;
         let interfaces =
             set("WHORL_INTERFACE").map(|chosen| choose_interfaces(&chosen, addresses)).transpose()?;
-        Ok(Self { domain_id, interfaces, static_peers })
+        Ok(Self { domain_id, interfaces, static_peers, enclave: None })
+    }
+
+    /// With the keys that the environment of this process asks for: those of `enclave`, unless
+    /// `ROS_SECURITY_ENCLAVE_OVERRIDE` names another. Says on stderr when security was asked for, but is permitted to be off.
+    ///
+    /// # Errors
+    /// [`SecurityRefusal`].
+    pub fn secured(self, enclave: &str) -> Result<Self, SecurityRefusal> {
+        let variable = |name: &str| std::env::var(name).ok();
+        let folder = match security::choose(variable, enclave, cfg!(feature = "security"))? {
+            Choice::Open => None,
+            Choice::Enclave(folder) => Some(folder),
+            Choice::Permitted(refusal) => {
+                tracing::warn!(
+                    target: "whorl",
+                    "WITHOUT SECURITY, which ROS_SECURITY_STRATEGY permits (Enforce does not): {refusal}"
+                );
+                None
+            }
+        };
+        Ok(Self { enclave: folder, ..self })
     }
 
     /// Whether all traffic stays on this machine.

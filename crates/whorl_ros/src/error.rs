@@ -11,6 +11,9 @@ pub enum RosError {
     /// The environment.
     #[error(transparent)]
     Environment(#[from] crate::environment::EnvironmentError),
+    /// Security.
+    #[error(transparent)]
+    Security(#[from] crate::security::SecurityRefusal),
     /// A name.
     #[error(transparent)]
     Name(#[from] crate::names::NameError),

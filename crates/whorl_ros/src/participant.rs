@@ -3,6 +3,8 @@
 use std::net::IpAddr;
 use std::time::Duration;
 
+#[cfg(feature = "security")]
+use ros2_client::dds::rustdds::DomainParticipantSecurityConfigFiles;
 use ros2_client::dds::rustdds::{
     DomainParticipant, DomainParticipantBuilder, DomainParticipantStatusEvent, Publisher, QosPolicies,
     QosPolicyBuilder, StatusEvented, Subscriber, Topic, TopicKind,
@@ -183,7 +185,7 @@ impl Participant {
     pub fn dds_writer(&self, topic: &str, dds_type: &str, qos: EndpointQos) -> Result<RawWriter, RosError> {
         let writer =
             self.create(format!("creating a writer of {topic}"), topic, dds_type, qos, Entities::writer)?;
-        Ok(RawWriter::new(self.worker.keep(writer), topic.to_owned()))
+        Ok(RawWriter::new(self.worker.keep(writer), topic.to_owned(), self.network.enclave.is_some()))
     }
 
     fn create<T: Send + 'static>(
@@ -348,6 +350,12 @@ impl Entities {
             .socket_send_buffer_size(SOCKET_BUFFER_BYTES);
         if let Some(interfaces) = &network.interfaces {
             builder = builder.with_only_networks(interfaces.iter().copied());
+        }
+        #[cfg(feature = "security")]
+        if let Some(folder) = &network.enclave {
+            // SROS2 does not encrypt private keys.
+            let files = DomainParticipantSecurityConfigFiles::with_ros_default_names(folder, String::new());
+            builder = builder.builtin_security(files);
         }
         let participant = builder.build().map_err(error)?;
         let publisher = participant.create_publisher(&QosPolicies::default()).map_err(error)?;

@@ -181,11 +181,16 @@ impl Source for RawReader {
 pub struct RawWriter {
     writer: Kept<DataWriter<Bytes, RawCdr>>,
     topic: String,
+    is_encrypted: bool,
 }
 
+/// RustDDS 0.15 decrypts a payload only if its length is a multiple of this; what is appended, no decoder reads (RTPS
+/// itself allows padding after the data, 9.4.2.12).
+const ENCRYPTED_ALIGNMENT: usize = 4;
+
 impl RawWriter {
-    pub(crate) fn new(writer: Kept<DataWriter<Bytes, RawCdr>>, topic: String) -> Self {
-        Self { writer, topic }
+    pub(crate) fn new(writer: Kept<DataWriter<Bytes, RawCdr>>, topic: String, is_encrypted: bool) -> Self {
+        Self { writer, topic, is_encrypted }
     }
 
     /// Sends one message: little-endian CDR with its 4-byte header.
@@ -208,8 +213,15 @@ impl RawWriter {
             .source_timestamp(DdsTimestamp::now())
             .related_sample_identity_opt(related)
             .build();
+        let payload = if self.is_encrypted && !payload.len().is_multiple_of(ENCRYPTED_ALIGNMENT) {
+            let mut padded = payload.to_vec();
+            padded.resize(payload.len().next_multiple_of(ENCRYPTED_ALIGNMENT), 0);
+            padded.into()
+        } else {
+            Bytes::copy_from_slice(payload)
+        };
         self.writer
-            .write_with_options(Bytes::copy_from_slice(payload), options)
+            .write_with_options(payload, options)
             .map_err(|error| RosError::dds(format!("writing {}", self.topic), error))
     }
 

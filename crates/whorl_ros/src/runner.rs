@@ -93,6 +93,14 @@ impl<C: Configurable> Runner<C> {
             }
             self.fire_timer();
             let now = monotonic();
+            match self.connection.release_answers(now) {
+                Ok(true) => housekeeping = housekeeping.min(now + HOUSEKEEPING_WHILE_RENEWING),
+                Ok(false) => {}
+                Err(error) => {
+                    let text = format!("a request could not be answered: {error}");
+                    self.shell.say(&self.connection, LogLevel::Warn, text);
+                }
+            }
             if now < housekeeping {
                 continue;
             }
@@ -166,7 +174,7 @@ impl<C: Configurable> Runner<C> {
             Err(error @ RosError::Stuck { .. }) => return self.rebuild_connection(&error.to_string()),
             other => other?,
         };
-        self.shell.statistics.writers_gone(now, self.connection.take_lost_writers());
+        self.shell.writers_gone(now, self.connection.take_lost_writers());
         self.shell.statistics.missing_participants = self.connection.recovery().missing();
         self.shell.statistics.renewals = self.connection.recovery().renewals();
         let missing = self.connection.recovery().missing();

@@ -5,14 +5,17 @@
 //! Cyclone DDS puts 16 bytes in front of the payload (half the client's id, a count). We answer
 //! each client in the way it asked, told apart by the vendor number in its id.
 
+use std::cell::RefCell;
 use std::time::{Duration, Instant};
 
 use ros2_client::dds::rustdds::{SequenceNumber, rpc::SampleIdentity};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use whorl_msgs::cdr;
 
+use crate::clock::monotonic;
 use crate::error::RosError;
 use crate::participant::{EndpointQos, Participant};
+use crate::peers::ParticipantPrefix;
 use crate::raw::{EndpointId, RawReader, RawSample, RawWriter};
 
 /// Vendor number of Cyclone DDS, the first two bytes of its ids
@@ -22,7 +25,14 @@ const CYCLONE_HEADER_BYTES: usize = 16;
 
 /// Identifies a request, so that the answer finds its way back.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum RequestId {
+pub(crate) struct RequestId {
+    from: ParticipantPrefix,
+    way: Way,
+}
+
+/// How the client recognises its answer.
+#[derive(Debug, Clone, Copy)]
+enum Way {
     Enhanced(SampleIdentity),
     /// The 16 bytes, in little-endian.
     Cyclone([u8; CYCLONE_HEADER_BYTES]),
@@ -38,7 +48,21 @@ pub(crate) struct TextRequest {
 pub(crate) struct ServiceServer {
     pub(crate) requests: RawReader,
     pub(crate) responses: RawWriter,
+    held: RefCell<Vec<HeldAnswer>>,
 }
+
+/// An answer whose reader is not yet known: what is written before that is lost.
+#[derive(Debug)]
+struct HeldAnswer {
+    to: ParticipantPrefix,
+    bytes: Vec<u8>,
+    related: Option<SampleIdentity>,
+    /// Monotonic time.
+    until: Duration,
+}
+
+/// How long an answer waits for its reader, which a client announces right after it was created.
+const LONGEST_HOLD: Duration = Duration::from_secs(1);
 
 impl ServiceServer {
     /// Offers `/name` of type `package/srv/Type`.
@@ -47,6 +71,7 @@ impl ServiceServer {
         Ok(Self {
             requests: participant.dds_reader(&names.request, &names.request_type, EndpointQos::SERVICE)?,
             responses: participant.dds_writer(&names.response, &names.response_type, EndpointQos::SERVICE)?,
+            held: RefCell::default(),
         })
     }
 
@@ -56,18 +81,41 @@ impl ServiceServer {
         Ok(self.requests.take()?.map(split_request))
     }
 
-    /// Answers.
+    /// Prepares an answer, which [`Self::release`] sends.
     pub(crate) fn respond<T: Serialize>(&self, id: RequestId, response: &T) -> Result<(), RosError> {
-        let bytes = cdr::encode("service response", response)?;
-        match id {
-            RequestId::Enhanced(identity) => self.responses.write(&bytes, Some(identity)),
-            RequestId::Cyclone(header) => {
-                let mut with_header = bytes;
-                with_header.splice(4..4, header);
-                self.responses.write(&with_header, None)
+        let mut bytes = cdr::encode("service response", response)?;
+        let related = match id.way {
+            Way::Enhanced(identity) => Some(identity),
+            Way::Cyclone(header) => {
+                bytes.splice(4..4, header);
+                None
             }
-        }
-        .map(|_| ())
+        };
+        let until = monotonic() + LONGEST_HOLD;
+        self.held.borrow_mut().push(HeldAnswer { to: id.from, bytes, related, until });
+        Ok(())
+    }
+
+    /// Whether an answer waits for its reader.
+    pub(crate) fn is_holding(&self) -> bool {
+        !self.held.borrow().is_empty()
+    }
+
+    /// Sends the answers whose reader is known, and those that have waited for long enough.
+    pub(crate) fn release(
+        &self,
+        now: Duration,
+        is_known: impl Fn(&ParticipantPrefix) -> bool,
+    ) -> Result<(), RosError> {
+        let mut failure = Ok(());
+        self.held.borrow_mut().retain(|answer| {
+            let waits = now < answer.until && !is_known(&answer.to);
+            if !waits && let Err(error) = self.responses.write(&answer.bytes, answer.related) {
+                failure = Err(error);
+            }
+            waits
+        });
+        failure
     }
 }
 
@@ -83,7 +131,7 @@ fn split_request(sample: RawSample) -> (RequestId, Vec<u8>) {
             header[..8].reverse();
             header[8..].reverse();
         }
-        return (RequestId::Cyclone(header), bytes);
+        return (RequestId { from: writer.participant(), way: Way::Cyclone(header) }, bytes);
     }
     let sent =
         SampleIdentity { writer_guid: writer.guid(), sequence_number: SequenceNumber::from(sequence_number) };
@@ -93,7 +141,7 @@ fn split_request(sample: RawSample) -> (RequestId, Vec<u8>) {
     if identity.sequence_number == SequenceNumber::UNKNOWN {
         identity.sequence_number = sent.sequence_number;
     }
-    (RequestId::Enhanced(identity), bytes)
+    (RequestId { from: writer.participant(), way: Way::Enhanced(identity) }, bytes)
 }
 
 struct ServiceNames {
@@ -209,7 +257,7 @@ mod tests {
         bytes.extend(1..=16);
         bytes.extend([0xaa, 0xbb]);
         let (id, payload) = split_request(sample(CYCLONE, bytes, None));
-        assert!(matches!(id, RequestId::Cyclone(h) if h[0] == 1 && h[15] == 16));
+        assert!(matches!(id.way, Way::Cyclone(h) if h[0] == 1 && h[15] == 16));
         assert_eq!(payload, [0, 1, 0, 0, 0xaa, 0xbb]);
     }
 
@@ -220,7 +268,7 @@ mod tests {
             sequence_number: SequenceNumber::UNKNOWN,
         };
         let (id, payload) = split_request(sample([1, 15], vec![0, 1, 0, 0, 5], Some(theirs)));
-        let RequestId::Enhanced(identity) = id else { panic!("{id:?}") };
+        let Way::Enhanced(identity) = id.way else { panic!("{id:?}") };
         assert_eq!(identity.writer_guid, theirs.writer_guid);
         assert_eq!(i64::from(identity.sequence_number), 17);
         assert_eq!(payload.len(), 5);

@@ -16,7 +16,9 @@ use crate::error::RosError;
 use crate::log;
 use crate::names::NodeName;
 use crate::parameters::ParameterSet;
-use crate::statistics::{Arrival, Statistics};
+use crate::raw::EndpointId;
+use crate::sole::{SolePublisher, Verdict};
+use crate::statistics::{Arrival, SECOND_PUBLISHER, Statistics};
 
 /// A node's single definition of its parameters.
 pub(crate) type Read<P> = Box<dyn Fn(&mut Reader<'_>) -> Option<P>>;
@@ -31,6 +33,9 @@ pub(crate) struct Shell<C: Configurable> {
     pub(crate) parameters: ParameterSet,
     pub(crate) read: Read<C::Parameters>,
     subscriptions: Vec<(Route, MessageType)>,
+    /// In the order of `subscriptions`; `None` for topics that several nodes write.
+    publishers: Vec<Option<SolePublisher>>,
+    contests: Repeats,
     publications: Vec<Route>,
     bytes: Vec<u8>,
     undeclared: HashSet<Route>,
@@ -60,6 +65,15 @@ impl<C: Configurable> Shell<C> {
                 .iter()
                 .map(|(route, _)| (*route, route.topic.info().message_type))
                 .collect(),
+            publishers: plan
+                .subscriptions
+                .iter()
+                .map(|(route, _)| {
+                    let sole = route.topic.has_one_publisher();
+                    sole.then(|| SolePublisher::new(route.topic.info().rate_hz))
+                })
+                .collect(),
+            contests: Repeats::default(),
             publications: plan.publications.iter().map(|(route, _)| *route).collect(),
             bytes: Vec::new(),
             undeclared: HashSet::new(),
@@ -164,6 +178,7 @@ impl<C: Configurable> Shell<C> {
             }
             match Message::decode(message_type, &sample.bytes) {
                 Ok(mut message) => match message.check_bounds() {
+                    Ok(()) if self.is_refused(connection, index, sample.writer) => {}
                     Ok(()) => {
                         self.clock.to_own(&mut message);
                         self.step(connection, Event::Message { route, message: &message });
@@ -173,6 +188,41 @@ impl<C: Configurable> Shell<C> {
                 Err(error) => self.undecodable(connection, index, &error.into()),
             }
         }
+    }
+
+    /// Whether a sample is not from the publisher of its topic.
+    fn is_refused(&mut self, connection: &Connection, index: usize, writer: EndpointId) -> bool {
+        let Some(Some(publisher)) = self.publishers.get_mut(index) else { return false };
+        let verdict = publisher.admit(monotonic(), writer.participant());
+        let Some((topic, counts)) = self.statistics.subscriptions.get_mut(index) else { return false };
+        match verdict {
+            Verdict::Accepted => {}
+            Verdict::Refused => counts.second_publisher += 1,
+            Verdict::Contested(other) => {
+                counts.contested += 1;
+                let topic = topic.clone();
+                let now = self.clock.now();
+                let text = self.contests.admit(now, || {
+                    let id = hexadecimal(&other);
+                    format!(
+                        "{topic}: {SECOND_PUBLISHER} this topic and is REFUSED (participant {id}): is another node set, \
+                         or another person, in this domain?"
+                    )
+                });
+                if let Some(text) = text {
+                    self.say(connection, LogLevel::Error, text);
+                }
+            }
+        }
+        verdict == Verdict::Refused
+    }
+
+    /// Participants that left hold no topic any more.
+    pub(crate) fn writers_gone(&mut self, now: Duration, writers: Vec<EndpointId>) {
+        for writer in &writers {
+            self.publishers.iter_mut().flatten().for_each(|publisher| publisher.gone(writer.participant()));
+        }
+        self.statistics.writers_gone(now, writers);
     }
 
     fn out_of_bounds(&mut self, connection: &Connection, index: usize, error: &OutOfBounds) {
@@ -194,4 +244,8 @@ impl<C: Configurable> Shell<C> {
             self.say(connection, LogLevel::Warn, text);
         }
     }
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

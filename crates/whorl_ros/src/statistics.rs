@@ -28,6 +28,10 @@ pub(crate) struct SubscriptionCounts {
     pub undecodable: u64,
     /// Refused because a field is outside its bounds.
     pub out_of_bounds: u64,
+    /// Refused because another participant is the topic's publisher.
+    pub second_publisher: u64,
+    /// Accepted from the topic's publisher after such a one had been refused: both are alive.
+    pub contested: u64,
     /// Monotonic time of the last sample that was delivered.
     pub last: Option<Duration>,
     writers: HashMap<EndpointId, Heard>,
@@ -103,6 +107,9 @@ pub(crate) struct Statistics {
     reported: Reported,
 }
 
+/// How `/diagnostics` reports that two participants write a topic of one; the monitor shows it at once.
+pub const SECOND_PUBLISHER: &str = "a second publisher writes";
+
 /// Longer than DDS's cache keeps a sample that everybody has read.
 const REMEMBER_GONE_WRITERS: Duration = Duration::from_secs(60);
 
@@ -114,6 +121,7 @@ struct Reported {
     sent: Vec<u64>,
     undecodable: u64,
     out_of_bounds: u64,
+    contested: u64,
     publish_failures: u64,
 }
 
@@ -163,13 +171,14 @@ impl Statistics {
             value(
                 format!("in {topic}"),
                 format!(
-                    "{:.1} Hz, {} received, {} lost, {} old, {} undecodable, {} out of bounds",
+                    "{:.1} Hz, {} received, {} lost, {} old, {} undecodable, {} out of bounds, {} from a second publisher",
                     rate(counts.received, self.reported.received.get(index)),
                     counts.received,
                     counts.lost,
                     counts.old,
                     counts.undecodable,
-                    counts.out_of_bounds
+                    counts.out_of_bounds,
+                    counts.second_publisher
                 ),
             );
         }
@@ -202,6 +211,12 @@ impl Statistics {
             let topics = self.topics_with(|counts| counts.out_of_bounds);
             problems.push(format!("messages out of bounds on {topics}"));
         }
+        let contested = self.total(|counts| counts.contested);
+        let is_contested = contested > self.reported.contested;
+        if is_contested {
+            let topics = self.topics_with(|counts| counts.contested);
+            problems.push(format!("{SECOND_PUBLISHER} {topics}: refused"));
+        }
         if self.publish_failures > self.reported.publish_failures {
             problems.push("messages could not be sent".to_owned());
         }
@@ -214,12 +229,17 @@ impl Statistics {
             sent: self.publications.iter().map(|(_, sent)| *sent).collect(),
             undecodable,
             out_of_bounds,
+            contested,
             publish_failures: self.publish_failures,
         };
         DiagnosticArray {
             header: Header { stamp: now.into(), frame_id: String::new() },
             status: vec![DiagnosticStatus {
-                level: if problems.is_empty() { DiagnosticStatus::OK } else { DiagnosticStatus::WARN },
+                level: match (is_contested, problems.is_empty()) {
+                    (true, _) => DiagnosticStatus::ERROR,
+                    (false, true) => DiagnosticStatus::OK,
+                    (false, false) => DiagnosticStatus::WARN,
+                },
                 name: format!("{}: transport", node.trim_start_matches('/')),
                 message: if problems.is_empty() { "ok".to_owned() } else { problems.join("; ") },
                 hardware_id: String::new(),

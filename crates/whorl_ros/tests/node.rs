@@ -17,7 +17,10 @@ use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate};
 use whorl_msgs::{Message, MessageType, PlatformId, Route, Topic};
 use whorl_params::Value;
 use whorl_ros::environment::Network;
-use whorl_ros::{NodeList, ParameterClient, Participant, RawReader, RawWriter, ServiceClient};
+use whorl_ros::{
+    DiscoveredEndpoint, EndpointQos, NodeList, ParameterClient, Participant, RawReader, RawWriter,
+    ServiceClient,
+};
 
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
 const LONG: Duration = Duration::from_secs(10);
@@ -239,6 +242,36 @@ fn a_service_is_called_and_answers() {
     }
 }
 
+/// As a client that asks right after it was created: the server knows the request before it knows the reader of answers.
+#[test]
+fn an_answer_waits_for_its_reader() {
+    let _node = Node::start(159);
+    let participant = Participant::new(&Network::localhost(159)).unwrap();
+    let service = EndpointQos::SERVICE;
+    let request_type = "whorl_msgs::srv::dds_::StartExperiment_Request_";
+    let answer_type = "whorl_msgs::srv::dds_::StartExperiment_Response_";
+    let requests = participant.dds_writer("rq/coordinator/startRequest", request_type, service).unwrap();
+    let servers = |list: Vec<DiscoveredEndpoint>, topic: &str| list.iter().any(|e| e.dds_topic == topic);
+    until("the server", || {
+        let found = servers(participant.discovered_readers(), "rq/coordinator/startRequest")
+            && servers(participant.discovered_writers(), "rr/coordinator/startReply");
+        found.then_some(())
+    });
+    // The own reader is among the discovered ones too: wait until the node has matched it.
+    std::thread::sleep(Duration::from_millis(500));
+    let mut experiment = vec![0, 1, 0, 0, 5, 0, 0, 0];
+    experiment.extend(b"late\0");
+    requests.publish(&experiment).unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    let answers = participant.dds_reader("rr/coordinator/startReply", answer_type, service).unwrap();
+    let answer = until("the answer", || {
+        answers.drain_notifications();
+        answers.take().unwrap()
+    });
+    let text = String::from_utf8_lossy(&answer.bytes).into_owned();
+    assert!(text.contains("echo of late"), "{text}");
+}
+
 #[test]
 fn parameters_are_read_set_in_range_and_refused_with_the_reason() {
     let _node = Node::start(154);
@@ -321,6 +354,7 @@ fn a_wrong_start_is_refused_with_what_is_wrong() {
         (&["--", "stray"], None, "stray"),
         (&[], Some(("ROS_DOMAIN_ID", "233")), "ROS_DOMAIN_ID"),
         (&[], Some(("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")), "LOCALHOST"),
+        (&[], Some(("ROS_SECURITY_ENABLE", "True")), "allowed: true, false"),
     ] {
         let text = refused(arguments, variable);
         assert!(text.contains(expected), "{expected}: {text}");

@@ -74,7 +74,7 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
         .await
         .with_context(|| format!("cannot serve at {wanted}: --port takes another one, 0 any that is free"))?;
     let address = listener.local_addr()?;
-    let network = Network::from_environment()?;
+    let network = Network::from_environment()?.secured(whorl_security::policy::MONITOR)?;
     let subscription = Subscription::new(&network, &arguments.platforms, &SHARED, &OF_PLATFORMS)?;
     let token = if arguments.read_only { None } else { Some(secret()?) };
     let (frames, _) = watch::channel(Utf8Bytes::default());
