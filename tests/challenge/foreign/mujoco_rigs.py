@@ -277,7 +277,8 @@ def cable(lab):
 
 def pendulum(lab):
     """A mass on a rod that swings in a damped cardan joint inside the platform."""
-    mass, rod = 0.05 * lab.mass, (GRAVITY_M_S2 / (2 * np.pi * 0.7) ** 2)
+    # Of 0.7 Hz, and no longer than what fits into a small rig.
+    mass, rod = 0.05 * lab.mass, min(GRAVITY_M_S2 / (2 * np.pi * 0.7) ** 2, 0.5 * lab.radius)
     at = np.array([0.0, 0.0, -0.2 * lab.radius])
     lab.body += (
         f'<body pos="{text(at)}"><joint type="hinge" axis="1 0 0" damping="{0.02 * mass * rod * rod:.9g}"/>'
