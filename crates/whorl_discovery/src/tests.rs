@@ -64,19 +64,19 @@ fn recorded(
     run
 }
 
-fn found(torque: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64> + Copy) -> Discovery {
+/// `id`: each test has its own, as the catalogue is one for the process.
+fn found(id: &str, torque: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64> + Copy) -> Discovery {
     let model = PlatformModel::whorl_1_reference();
     let training = [recorded(&model, 1, torque), recorded(&model, 2, torque)];
     let held_out = [recorded(&model, 3, torque)];
     let prior = ModelPrior::typical(&model);
     let named = [vec!["bearing_viscous_friction".to_owned()]];
-    discover(&training, &held_out, &model, &prior, &named, "t_found", &Options::default(), &mut |_, _| {})
-        .unwrap()
+    discover(&training, &held_out, &model, &prior, &named, id, &Options::default(), &mut |_, _| {}).unwrap()
 }
 
 #[test]
 fn a_torque_with_the_square_of_the_yaw_rate_is_found() {
-    let discovery = found(|rate, vertical_b| vertical_b * (3.0 * rate.z * rate.z));
+    let discovery = found("t_found", |rate, vertical_b| vertical_b * (3.0 * rate.z * rate.z));
     let best = discovery.best().unwrap();
     assert!(best.equation.starts_with("k * rate.z^2 * "), "{:#?}", discovery.laws);
     let k = best.parameters.iter().find(|p| p.name == "k").unwrap();
@@ -110,7 +110,7 @@ fn a_torque_with_the_square_of_the_yaw_rate_is_found() {
 
 #[test]
 fn no_law_is_invented_where_nothing_is_missing() {
-    let discovery = found(|_, _| Vector3::zeros());
+    let discovery = found("t_nothing", |_, _| Vector3::zeros());
     assert!(discovery.best().is_none(), "{:#?}", discovery.laws);
     assert_eq!(discovery.laws.first().map(|law| law.kind), Some("nothing"));
 }

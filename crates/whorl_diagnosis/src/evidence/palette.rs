@@ -10,6 +10,15 @@ use crate::evidence::regression::Colour;
 /// Colours of each channel of each run.
 pub(crate) type Colours = Vec<Vec<Colour>>;
 
+/// Relative difference of two sizes of innovations that changes no answer: that of a standard deviation from 1,000 samples.
+const ALIKE: f64 = 0.02;
+
+/// Whether two estimates of the same colours give innovations of the same size.
+pub(crate) fn alike(one: &Colours, other: &Colours) -> bool {
+    let all = one.iter().flatten().zip(other.iter().flatten());
+    all.into_iter().all(|(a, b)| (a.stddev / b.stddev - 1.0).abs() < ALIKE)
+}
+
 /// Colours of training and held-out runs, each with the noise beside which they were estimated.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Palette {
@@ -30,11 +39,6 @@ impl Palette {
     /// Of the held-out runs, beside noise nearest to this.
     pub fn held_out(&self, beside: Nuisance) -> Option<&Colours> {
         self.nearest(beside).and_then(|(_, _, held_out)| held_out.as_ref())
-    }
-
-    /// Whether colours were estimated beside noise of several sizes.
-    pub fn has_several(&self) -> bool {
-        self.entries.len() > 1
     }
 
     /// New colours in the place of those that were estimated beside this noise.

@@ -4,7 +4,7 @@
 use whorl_dynamics::effects::Rhythm;
 
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::palette::Palette;
+use crate::evidence::palette::{Palette, alike};
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
@@ -237,20 +237,22 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Looks at the present best set again without the noise that the base model needed. The colour of the innovations without
-    /// it was estimated beside a model that lacked this set, and some of what that one lacked was taken for colour.
+    /// Estimates the colour of the innovations again where the present best set stands, without the noise that the base model
+    /// needed: the first was estimated beside a model that lacked this set, and some of what that one lacked was taken for
+    /// colour. Where it differs, base model and best set are weighed again.
     fn sharpen(&mut self) -> Result<(), DiagnosisError> {
         let quiet = Nuisance::default();
-        if !self.palette.has_several() || self.problem.nuisance == quiet {
-            return Ok(());
-        }
         let colours = |problem: &Problem| {
             let mut problem = problem.clone();
             problem.nuisance = quiet;
             Ok::<_, DiagnosisError>(dataset(&problem, &self.point, &self.layout, None)?.colours)
         };
-        let (training, held_out) =
-            (colours(self.problem)?, self.held_out.as_deref().map(colours).transpose()?);
+        let training = colours(self.problem)?;
+        if self.problem.nuisance == quiet && self.palette.training(quiet).is_some_and(|c| alike(c, &training))
+        {
+            return Ok(());
+        }
+        let held_out = self.held_out.as_deref().map(colours).transpose()?;
         self.palette.replace(quiet, training, held_out);
         // Evidence with other colours does not compare.
         let palette = &self.palette;
@@ -261,8 +263,8 @@ impl<'a> Search<'a> {
             }
         }
         match self.most_probable().cloned() {
-            Some(most) if most.standing.nuisance != self.problem.nuisance => self.settle(most),
-            _ => Ok(()),
+            Some(most) => self.settle(most),
+            None => Ok(()),
         }
     }
 
