@@ -6,10 +6,11 @@ use crate::parameters::Column;
 
 /// Prior sizes of an effect that are tried, in units of its catalogue prior. A ball bearing has a thousand times the friction
 /// of an air bearing, and nobody says what a rig turns on.
-const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, LARGEST_USUAL, 100.0, 1000.0];
+const SIZES: [f64; 10] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1000.0];
 
-/// The largest of them that is not unusual.
-pub(crate) const LARGEST_USUAL: f64 = 10.0;
+/// Prior size of all effects together in the regression that shows the colour of the noise. At a thousand, columns of single
+/// precision that nearly coincide leave more than the noise; at ten, friction of a ball bearing is left.
+pub(crate) const TOGETHER: f64 = 100.0;
 
 /// Sizes from here on are unusual: one rig in so many has such an effect.
 const UNUSUAL: (f64, f64) = (100.0, 100.0);

@@ -10,7 +10,7 @@ use crate::DiagnosisError;
 use crate::evidence::palette::Colours;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
 use crate::explanations::candidates::Layout;
-use crate::explanations::hypothesis::{Hypothesis, LARGEST_USUAL};
+use crate::explanations::hypothesis::{Hypothesis, TOGETHER};
 use crate::parameters::available::Available;
 use crate::parameters::{Point, Target};
 
@@ -30,7 +30,7 @@ pub(crate) fn dataset(
     let wide: Vec<f64> = layout
         .columns
         .iter()
-        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { LARGEST_USUAL })
+        .map(|c| if c.base_stddev > 0.0 { 2.0 * c.catalogue_stddev } else { TOGETHER })
         .map(|stddev| stddev * stddev)
         .collect();
     let data = problem.dataset(whitened, layout.columns.len(), &wide, colours);
