@@ -9,6 +9,7 @@ use crate::policy::grants;
 const NOW_S: i64 = 1_800_000_000;
 const YEAR_S: i64 = 365 * 86_400;
 
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn keystore(folder: &std::path::Path, domain: u16) -> Keystore {
     let keystore = Keystore::create(folder, domain, NOW_S).unwrap();
     for grant in grants(&["whorl_1"]) {
