@@ -13,7 +13,7 @@ use whorl_recording::Recording;
 
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Problem, Trust};
-use crate::evidence::regression::{Colour, Estimate, Normal, Whitened};
+use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::Point;
 use crate::search::Search;
@@ -293,33 +293,10 @@ impl LawBench {
                 let strays: Vec<Stray> = chunk.iter().map(own).collect();
                 stray_response(run, linear, &strays)
             });
-            let colours: &[Colour] = data.colours.get(r).map_or(&[], Vec::as_slice);
-            let mut slot = Whitened {
-                groups: responses.into_iter().flatten().collect(),
-                y: vec![0.0; old.y.len()],
-                reading: old.reading.clone(),
-                node: old.node.clone(),
-                nodes: old.nodes,
-            };
-            slot.colour(colours, problem.threads);
-            let mut groups = old.selected(&all);
-            let padded = groups.len() * LANES;
-            groups.append(&mut slot.groups);
-            let combined = Whitened { groups, y: old.y.clone(), ..slot };
-            let place = |i: usize| if i < base { i } else { padded + i - base };
-            let width = padded + signals.len().next_multiple_of(LANES);
-            let mut of_run = Normal::zeros(width);
-            for block in combined.normals(width, problem.threads, 1) {
-                of_run.add(&block, 1.0);
-            }
-            for i in 0..base + signals.len() {
-                normal.vector[i] += of_run.vector[place(i)];
-                for j in 0..base + signals.len() {
-                    normal.matrix[(i, j)] += of_run.matrix[(place(i), place(j))];
-                }
-            }
-            normal.sum_of_squares += of_run.sum_of_squares;
-            normal.rows += of_run.rows;
+            let responses = responses.into_iter().flatten().collect();
+            let colours = data.colours.get(r).map_or(&[][..], Vec::as_slice);
+            let widened = old.widened(&all, responses, signals.len(), colours, problem.threads);
+            widened.add_unfilled(&widened.normal(problem.threads), &mut normal);
         }
         Ok(normal)
     }

@@ -185,6 +185,69 @@ impl Whitened {
     }
 }
 
+/// Some columns of a run's regression, and further ones behind them.
+pub(crate) struct Widened {
+    pub whitened: Whitened,
+    own: usize,
+    further: usize,
+}
+
+impl Whitened {
+    /// The columns `own` of this run, and behind them `count` further ones whose responses, in groups, have yet to take these
+    /// colours.
+    pub fn widened(
+        &self,
+        own: &[usize],
+        responses: Vec<Vec<Lanes>>,
+        count: usize,
+        colours: &[Colour],
+        threads: usize,
+    ) -> Widened {
+        let alike = |groups, y| Self {
+            groups,
+            y,
+            reading: self.reading.clone(),
+            node: self.node.clone(),
+            nodes: self.nodes,
+        };
+        let mut further = alike(responses, vec![0.0; self.y.len()]);
+        further.colour(colours, threads);
+        let mut groups = self.selected(own);
+        groups.append(&mut further.groups);
+        Widened { whitened: alike(groups, self.y.clone()), own: own.len(), further: count }
+    }
+}
+
+impl Widened {
+    /// Columns, with those that fill the last group of either part.
+    pub fn width(&self) -> usize {
+        self.own.next_multiple_of(LANES) + self.further.next_multiple_of(LANES)
+    }
+
+    /// Normal equations of all columns, filling ones included.
+    pub fn normal(&self, threads: usize) -> Normal {
+        let mut normal = Normal::zeros(self.width());
+        for block in self.whitened.normals(self.width(), threads, 1) {
+            normal.add(&block, 1.0);
+        }
+        normal
+    }
+
+    /// Adds normal equations of all columns to those that have no filling ones.
+    pub fn add_unfilled(&self, of_run: &Normal, total: &mut Normal) {
+        let padded = self.own.next_multiple_of(LANES);
+        let place = |i: usize| if i < self.own { i } else { padded + i - self.own };
+        for i in 0..self.own + self.further {
+            total.vector[i] += of_run.vector[place(i)];
+            for j in 0..self.own + self.further {
+                total.matrix[(i, j)] += of_run.matrix[(place(i), place(j))];
+            }
+        }
+        total.sum_of_squares += of_run.sum_of_squares;
+        total.rows += of_run.rows;
+    }
+}
+
 /// Rows of each component, in order; components in their own order.
 pub(crate) fn rows_by_reading(readings: impl Iterator<Item = Component>) -> Vec<Vec<usize>> {
     let mut rows: BTreeMap<Component, Vec<usize>> = BTreeMap::new();

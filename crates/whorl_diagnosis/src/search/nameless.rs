@@ -13,7 +13,7 @@ use nalgebra::DVector;
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::regression::{Estimate, Normal, Whitened};
+use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::shapes::{Column, Law, Shape, columns_of, laws, shapes, stray};
 use crate::search::Search;
@@ -269,38 +269,15 @@ fn joined(
                 chunk.iter().map(|column| stray(groups, column, run, motion, &problem.torques)).collect();
             stray_response(run, linear, &strays)
         });
-        let mut slot = Whitened {
-            groups: responses.into_iter().flatten().collect(),
-            y: vec![0.0; old.y.len()],
-            reading: old.reading.clone(),
-            node: old.node.clone(),
-            nodes: old.nodes,
-        };
-        if let Some(colours) = data.colours.get(r) {
-            slot.colour(colours, problem.threads);
-        }
-        let mut groups = old.selected(active);
-        let padded = groups.len() * LANES;
-        groups.append(&mut slot.groups);
-        let combined = Whitened { groups, y: old.y.clone(), ..slot };
-        let place = |i: usize| if i < active.len() { i } else { padded + i - active.len() };
-        let width = padded + total.next_multiple_of(LANES);
-        let mut of_run = Normal::zeros(width);
-        for block in combined.normals(width, problem.threads, 1) {
-            of_run.add(&block, 1.0);
-        }
-        let combined = std::slice::from_ref(&combined);
-        let discrepancy = Discrepancy::new(combined, &[run.node_s()], &signals, width, problem.threads);
-        let (of_run, gained) = discrepancy.integrated(&of_run, relative_error);
+        let responses = responses.into_iter().flatten().collect();
+        let colours = data.colours.get(r).map_or(&[][..], Vec::as_slice);
+        let widened = old.widened(active, responses, total, colours, problem.threads);
+        let combined = std::slice::from_ref(&widened.whitened);
+        let (node_s, width) = ([run.node_s()], widened.width());
+        let discrepancy = Discrepancy::new(combined, &node_s, &signals, width, problem.threads);
+        let (of_run, gained) = discrepancy.integrated(&widened.normal(problem.threads), relative_error);
         log_density += gained;
-        for i in 0..active.len() + total {
-            normal.vector[i] += of_run.vector[place(i)];
-            for j in 0..active.len() + total {
-                normal.matrix[(i, j)] += of_run.matrix[(place(i), place(j))];
-            }
-        }
-        normal.sum_of_squares += of_run.sum_of_squares;
-        normal.rows += of_run.rows;
+        widened.add_unfilled(&of_run, &mut normal);
     }
     Ok(Joint { normal, log_density })
 }
