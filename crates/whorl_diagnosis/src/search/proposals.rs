@@ -248,8 +248,7 @@ impl<'a> Search<'a> {
             Ok::<_, DiagnosisError>(dataset(&problem, &self.point, &self.layout, None)?.colours)
         };
         let training = colours(self.problem)?;
-        if self.problem.nuisance == quiet && self.palette.training(quiet).is_some_and(|c| alike(c, &training))
-        {
+        if self.palette.training(quiet).is_some_and(|c| alike(c, &training)) {
             return Ok(());
         }
         let held_out = self.held_out.as_deref().map(colours).transpose()?;
