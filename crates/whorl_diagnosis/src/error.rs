@@ -50,3 +50,14 @@ pub enum DiagnosisError {
         what: &'static str,
     },
 }
+
+impl DiagnosisError {
+    /// What came of a trial; `None` where no platform can be as it was tried: that ends the trial, not the diagnosis.
+    pub(crate) fn possible<T>(result: Result<T, Self>) -> Result<Option<T>, Self> {
+        match result {
+            Ok(found) => Ok(Some(found)),
+            Err(Self::Model(_) | Self::Effect(_)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}

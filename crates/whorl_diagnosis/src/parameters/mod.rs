@@ -162,7 +162,8 @@ impl Reference {
         for (id, values) in &point.effects {
             let Some(effect) = find(id) else { continue };
             let mut map = BTreeMap::new();
-            for (spec, value) in effect.parameters(&self.model).iter().zip(values) {
+            // Ranges grow with the platform, so they are those of the platform that was moved.
+            for (spec, value) in effect.parameters(&model).iter().zip(values) {
                 map.insert(spec.name.clone(), value.max(spec.min).min(spec.max));
             }
             model.effects.insert((*id).to_owned(), map);

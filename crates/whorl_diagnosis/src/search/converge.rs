@@ -159,7 +159,7 @@ impl Search<'_> {
             }
         }
         match last {
-            Some(descended) => self.weighed(descended, &problem),
+            Some(descended) => Ok(DiagnosisError::possible(self.weighed(descended, &problem))?.flatten()),
             None => Ok(None),
         }
     }
@@ -220,12 +220,13 @@ impl Search<'_> {
         let colours = self.palette.training(problem.nuisance).cloned();
         for step in 0..MOST_STEPS {
             let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
-            problem.smooth(&point, trust)?;
             let here =
                 Layout::of_effects(&self.problem.reference, &point, &self.available, ids, &Lines::default());
+            let smoothed = problem.smooth(&point, trust);
+            let made = smoothed.and_then(|()| dataset(problem, &point, &here, colours.clone()));
+            let Some(data) = DiagnosisError::possible(made)? else { break };
             members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
             layout = here;
-            let data = dataset(problem, &point, &layout, colours.clone())?;
             let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);
             let Some(mut fit) = Hypothesis::of(&layout, &total, members.clone()) else { break };
             if fit.members.len() < ids.len() {

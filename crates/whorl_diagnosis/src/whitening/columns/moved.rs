@@ -10,6 +10,9 @@ use crate::whitening::mechanics::Mechanics;
 /// Share of a column's unit by which values are changed to see the difference.
 const DIFFERENCE: f64 = 0.1;
 
+/// Shares of that change that are tried in turn, until a platform can be so.
+const SHARES: [f64; 5] = [1.0, -1.0, 0.1, -0.1, 0.01];
+
 /// The platform moved along a column.
 #[derive(Debug, Clone)]
 pub(crate) struct Moved {
@@ -66,14 +69,15 @@ impl Moved {
         if column.range.1 < units + reference.distance(point, column) {
             units = -units;
         }
-        let moved = match reference.model_at(&reference.moved(point, column, units)) {
-            Ok(model) => model,
-            Err(_) => {
-                units = -units;
-                reference.model_at(&reference.moved(point, column, units))?
-            }
+        // At the edge of what a platform can be, only a step the other way or a small one stays within.
+        let moved = |share: f64| {
+            let model = reference.model_at(&reference.moved(point, column, share * units))?;
+            Ok::<_, DiagnosisError>((Mechanics::new(&model)?, share * units))
         };
-        let mechanics = Mechanics::new(&moved)?;
+        let [first, others @ ..] = SHARES;
+        let (mechanics, units) = others
+            .into_iter()
+            .fold(moved(first), |found, share| found.or_else(|e| moved(share).map_err(|_| e)))?;
         let (readings, motion) = match column.target {
             Target::Moment(_) => (false, Some(Way::Whole)),
             Target::Effect(effect) if effect.info().kind == EffectKind::Sensor => (true, None),
