@@ -193,12 +193,12 @@ impl LawBench {
             let of_run = |r: &usize| {
                 let (run, motion) = (problem.runs.get(*r)?, problem.motions.get(*r)?);
                 let inputs = mechanics.inputs(run);
-                let motors: Vec<_> = (0..run.nodes()).map(|k| mechanics.motors(run, k)).collect();
-                let intervals: Vec<Interval<'_>> = motors
+                let drives: Vec<_> = (0..run.nodes()).map(|k| mechanics.drive(run, motion, k)).collect();
+                let intervals: Vec<Interval<'_>> = drives
                     .iter()
                     .enumerate()
-                    .filter_map(|(k, motors)| {
-                        let environment = mechanics.interval_environment(run, motion, &inputs, motors, k)?;
+                    .filter_map(|(k, drive)| {
+                        let environment = mechanics.interval_environment(run, motion, &inputs, drive, k)?;
                         Some(Interval { environment, length_s: run.length_or_zero(k) })
                     })
                     .collect();

@@ -18,6 +18,9 @@ use crate::layout::noise::NoiseLevels;
 /// Whether it holds enough is a matter of information, not of seconds.
 const NEEDS: Needs = Needs { shortest_s: 0.5, free: false, accelerometer: false };
 
+/// A wheel that turns slower than this stands, for a good tachometer too \[rad/s\].
+const SLOWEST_RAD_S: f64 = 0.3;
+
 /// Speeds or torques of the wheels; entries beyond the platform's own stay zero.
 pub(crate) type Wheels = [f64; MAX_WHEELS];
 
@@ -93,6 +96,11 @@ pub(crate) struct Run {
 impl Run {
     pub fn nodes(&self) -> usize {
         self.times.node_s.len()
+    }
+
+    /// A wheel slower than this may stand still, as far as its tachometer's noise lets one see \[rad/s\].
+    pub fn standstill_rad_s(&self) -> f64 {
+        (4.0 * self.noise.wheel).max(SLOWEST_RAD_S)
     }
 
     /// Neither attitude nor momentum can be known: wheels turn, and the gyro is the only sensor.

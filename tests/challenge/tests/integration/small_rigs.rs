@@ -142,3 +142,64 @@ fn a_gimbal_with_one_gyro_axis_tells_its_friction_and_that_it_lacks_nothing() {
         );
     }
 }
+
+/// Rate after a millisecond under a torque and dry friction: a body stops where its rate would change sign, and stands for
+/// as long as friction holds it.
+fn slid(rate_rad_s: f64, drive_n_m: f64, friction_n_m: f64, inertia_kg_m2: f64) -> f64 {
+    if rate_rad_s == 0.0 && drive_n_m.abs() <= friction_n_m {
+        return 0.0;
+    }
+    let sense = if rate_rad_s == 0.0 { drive_n_m } else { rate_rad_s }.signum();
+    let next = rate_rad_s + (drive_n_m - friction_n_m * sense) / inertia_kg_m2 * 1e-3;
+    if next * rate_rad_s < 0.0 { 0.0 } else { next }
+}
+
+/// A minute of a body on a shaft whose wheel is driven by slow waves and has dry friction: it comes to rest and sticks, breaks
+/// loose and sticks again.
+fn sticking(seed: u64, model: &PlatformModel, friction_n_m: f64) -> Recording {
+    let mut random = Pcg64::new(seed.into(), 7);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+    let (bias, side) = (2e-3 * normal(), if seed.is_multiple_of(2) { 1.0 } else { -1.0 });
+    let inertia_kg_m2 = model.mass_properties.inertia_b_kg_m2()[(2, 2)];
+    let wheel_kg_m2 = model.wheels()[0].spin_inertia_kg_m2;
+    let alone_kg_m2 = inertia_kg_m2 - wheel_kg_m2;
+    let mut recording = Recording {
+        name: format!("sticking_{seed}"),
+        no_gyro_axis: [true, true, false],
+        ..Recording::default()
+    };
+    let (mut rate, mut speed) = (0.1 * side, 15.0 * side);
+    for k in 0..60_000 {
+        let time_s = 1e-3 * f64::from(k);
+        let wave = |hz: f64, phase: f64| (std::f64::consts::TAU * hz * time_s + phase).sin();
+        let torque =
+            3e-4 * (wave(0.11 + 0.01 * seed as f64, 0.0) + wave(0.23, seed as f64) + 0.6 * wave(0.47, 1.0));
+        if k % 10 == 0 {
+            recording.gyro_b_rad_s.time_s.push(time_s);
+            recording.gyro_b_rad_s.value.push(Vector3::new(0.0, 0.0, rate + bias + 1e-3 * normal()));
+            recording.wheel_speed_rad_s.time_s.push(time_s);
+            recording.wheel_speed_rad_s.value.push(vec![speed + 0.1 * normal()]);
+            recording.wheel_torque_command_n_m.time_s.push(time_s);
+            recording.wheel_torque_command_n_m.value.push(vec![torque]);
+        }
+        // What the wheel gains the body loses.
+        let before = speed;
+        speed = slid(speed, torque, friction_n_m, wheel_kg_m2 * alone_kg_m2 / inertia_kg_m2);
+        rate -= wheel_kg_m2 / inertia_kg_m2 * (speed - before);
+    }
+    recording
+}
+
+/// A wheel that sticks has no law there: friction is whatever holds it. It must not count against the law.
+#[test]
+fn dry_friction_is_named_where_a_wheel_sticks() {
+    let shaft = Freedom::Hinge { axis_b: Unit::new_normalize(Vector3::z()) };
+    let model = rig(shaft, 0.1, 3e-4);
+    let friction_n_m = 2e-4;
+    let run = |seed| sticking(seed, &model, friction_n_m);
+    let found = explained(&[run(1), run(2)], &[run(3)], &model);
+    assert_eq!(found.verdict, Verdict::Named, "{:?} {:?}", found.explanations, found.unknown);
+    assert_eq!(found.effects, ["wheel_friction"]);
+    let ratio = estimate(&found, "wheel_friction", "coulomb_n_m") / friction_n_m;
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
+}

@@ -216,8 +216,8 @@ fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &[Moved], chan
     let with_steps = walkers.iter().any(Walker::has_hidden_states);
     let mut steps = Steps::default();
     for k in 0..nodes {
-        let motors = base.mechanics.motors(run, k);
-        let interval = base.mechanics.interval_environment(run, motion, &base.inputs, &motors, k);
+        let drive = base.mechanics.drive(run, motion, k);
+        let interval = base.mechanics.interval_environment(run, motion, &base.inputs, &drive, k);
         let shared = match &interval {
             Some(interval) if with_steps && steps.fill(run, motion, k) => steps.environments(interval),
             _ => StepEnvironments::default(),

@@ -306,5 +306,6 @@ pub(crate) fn predict(mechanics: &Mechanics, run: &Run, motion: &Motion) -> (Inp
     let inputs = mechanics.inputs(run);
     let mut prediction = mechanics.accelerations(run, motion, &inputs);
     mechanics.readings(run, motion, &inputs, &mut prediction);
+    prediction.torque_slope = mechanics.torque_slopes(run, motion, &inputs);
     (inputs, prediction)
 }

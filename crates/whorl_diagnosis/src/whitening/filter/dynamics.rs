@@ -36,7 +36,13 @@ impl System<'_> {
         put(a, n, ANGLE, ANGLE, &-skew(omega));
         put(a, n, ANGLE, RATE, &Matrix3::identity());
         let momentum = self.mechanics.gyrostat.momentum_b_n_m_s(omega, &speed[..self.wheels()]);
-        let rate = self.mechanics.gyrostat.rate_equation().linearised(omega, &momentum, &offset, &up);
+        let mut rate = self.mechanics.gyrostat.rate_equation().linearised(omega, &momentum, &offset, &up);
+        if let Some(slope) = self.prediction.torque_slope.get(k) {
+            let damping = rate.by_torque * slope.by_rate;
+            // What settles within an interval does no more than settle.
+            rate.by_rate += damping / (damping.norm() * self.run.length(k)).max(1.0);
+            rate.by_attitude += rate.by_torque * slope.by_attitude;
+        }
         put(a, n, RATE, ANGLE, &rate.by_attitude);
         put(a, n, RATE, RATE, &rate.by_rate);
         for (j, wheel) in model.wheels().iter().enumerate() {

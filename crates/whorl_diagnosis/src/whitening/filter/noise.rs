@@ -141,15 +141,22 @@ impl System<'_> {
         }
         for (j, (wheel, covariance)) in model.wheels().iter().zip(&noise.wheel).enumerate() {
             let speed = self.motion.wheel_mid.get(k).and_then(|w| w.get(j)).copied().unwrap_or(0.0);
-            let near_zero = speed.abs() < (4.0 * self.run.noise.wheel).max(0.3);
             let at_limit = speed.abs() > 0.985 * wheel.max_speed_rad_s;
+            // Dry friction that pulls either way, anew in each interval.
+            let either_way = wheel.coulomb_friction_n_m * (2.0 * h).sqrt();
+            let motor = self.run.wheel_command.get(j).map_or(0.0, |command| command.mean_at(k));
             let intensity = if !self.run.has_wheel_command {
                 0.5 * wheel.max_torque_n_m
-            } else if self.run.has_wheel_speed && (near_zero || at_limit) {
+            } else if self.run.has_wheel_speed && at_limit {
                 (2.0 * wheel.coulomb_friction_n_m).max(0.02 * wheel.max_torque_n_m)
+            } else if self.mechanics.sticks(self.run, wheel, k, speed, motor) {
+                // The faster it seems to turn, the less sure it is that it stands.
+                let moves = (speed / self.run.standstill_rad_s()).abs().min(1.0);
+                s.wheel_noise.max(moves * either_way)
             } else {
                 // Just off standstill friction is still not what it is at speed.
-                s.wheel_noise.max(2.0 * wheel.coulomb_friction_n_m * (0.3 / speed).powi(2))
+                let off = (self.run.standstill_rad_s() / speed).powi(2).min(1.0);
+                s.wheel_noise.max(off * either_way)
             };
             let intensity = intensity.max(self.run.wheel_jitter[j]);
             add(covariance, intensity * intensity * h);

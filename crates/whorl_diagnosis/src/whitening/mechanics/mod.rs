@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use whorl_dynamics::effects::MAX_HIDDEN_STATES;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_dynamics::gyrostat::equation::gravity_torque_n_m;
-use whorl_dynamics::platform::{TiltLimit, TriaxialErrors};
+use whorl_dynamics::platform::{TiltLimit, TriaxialErrors, Wheel};
 use whorl_dynamics::sensing::specific_force_b_m_s2;
 use whorl_dynamics::{Environment, Gyrostat, PlatformModel};
 use whorl_math::{quaternion_exp, vertical_b};
@@ -45,6 +45,26 @@ pub(crate) struct Prediction {
     pub held_back: HeldBack,
     /// First by vector sensor.
     pub vectors: Vec<Vec<Vector3<f64>>>,
+    /// How the effects' torque changes with the motion, by interval; empty if there are none.
+    pub torque_slope: Vec<TorqueSlope>,
+}
+
+/// Motors and wheels at one instant; a wheel that sticks has neither speed nor torque.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Drive {
+    /// Motors' torques [N m].
+    pub motor_n_m: Wheels,
+    /// Speeds relative to the body [rad/s].
+    pub speed_rad_s: Wheels,
+}
+
+/// How the effects' torque changes with the motion, body axes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct TorqueSlope {
+    /// By the rate [N m s].
+    pub by_rate: Matrix3<f64>,
+    /// By a small rotation of the body about its own axes [N m].
+    pub by_attitude: Matrix3<f64>,
 }
 
 /// What the low-pass of gyro and accelerometer holds back at each node; empty without one.
@@ -95,27 +115,48 @@ impl Mechanics {
         torque
     }
 
+    /// Motors and wheels half-way through interval `k`.
+    pub fn drive(&self, run: &Run, motion: &Motion, k: usize) -> Drive {
+        let speed = motion.wheel_mid.get(k).copied().unwrap_or_default();
+        let mut drive = Drive { motor_n_m: self.motors(run, k), speed_rad_s: speed };
+        for (j, wheel) in self.model().wheels().iter().enumerate() {
+            if self.sticks(run, wheel, k, drive.speed_rad_s[j], drive.motor_n_m[j]) {
+                (drive.motor_n_m[j], drive.speed_rad_s[j]) = (0.0, 0.0);
+            }
+        }
+        drive
+    }
+
+    /// Whether dry friction holds a wheel: it turns no faster than its tachometer's noise lets one see, or than friction
+    /// stops within the interval, and its motor is no stronger than its friction (Karnopp 1985).
+    pub fn sticks(&self, run: &Run, wheel: &Wheel, k: usize, speed_rad_s: f64, motor_n_m: f64) -> bool {
+        let stopped = wheel.coulomb_friction_n_m / wheel.spin_inertia_kg_m2 * run.length_or_zero(k);
+        run.has_wheel_speed
+            && motor_n_m.abs() <= wheel.coulomb_friction_n_m
+            && speed_rad_s.abs() < stopped + run.noise.wheel
+    }
+
     /// What effects see half-way through interval `k`; `None` after the last node.
     pub fn interval_environment<'a>(
         &'a self,
         run: &'a Run,
         motion: &'a Motion,
         inputs: &'a Inputs,
-        motors: &'a Wheels,
+        drive: &'a Drive,
         k: usize,
     ) -> Option<Environment<'a>> {
         if k + 1 >= run.nodes() {
             return None;
         }
         let wheels = self.model().wheels().len();
-        let (q, omega, speed) = (motion.q_mid.get(k)?, motion.omega_mid.get(k)?, motion.wheel_mid.get(k)?);
+        let (q, omega) = (motion.q_mid.get(k)?, motion.omega_mid.get(k)?);
         let mut environment = run.environment(self.model(), k);
         environment.time_s += 0.5 * run.length(k);
         environment.q_world_body = *q;
         environment.vertical_b = vertical_b(q);
         environment.omega_wb_b_rad_s = *omega;
-        environment.wheel_speed_rad_s = speed.get(..wheels).unwrap_or(&[]);
-        environment.wheel_motor_torque_n_m = motors.get(..wheels).unwrap_or(&[]);
+        environment.wheel_speed_rad_s = drive.speed_rad_s.get(..wheels).unwrap_or(&[]);
+        environment.wheel_motor_torque_n_m = drive.motor_n_m.get(..wheels).unwrap_or(&[]);
         environment.valve_fraction = inputs.jets_at(k);
         Some(environment)
     }
@@ -186,8 +227,8 @@ impl Mechanics {
                 *slot = command.mean_integral_at(k) / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(&edge);
             }
             prediction.edge_rate[k] = edge;
-            let motors = self.motors(run, k);
-            let Some(environment) = self.interval_environment(run, motion, inputs, &motors, k) else {
+            let drive = self.drive(run, motion, k);
+            let Some(environment) = self.interval_environment(run, motion, inputs, &drive, k) else {
                 continue;
             };
             let (omega_dot, wheel_dot) = if hidden_states == 0 {
@@ -206,6 +247,32 @@ impl Mechanics {
             prediction.wheel_dot[k] = wheel_dot;
         }
         prediction
+    }
+
+    /// How the effects' torque changes with the motion over every interval. Differences reach as far as a sample of the
+    /// gyro is uncertain: within that, a law that jumps is as steep as it is on average.
+    pub fn torque_slopes(&self, run: &Run, motion: &Motion, inputs: &Inputs) -> Vec<TorqueSlope> {
+        let effects = self.gyrostat.effects();
+        if run.clamped || effects.iter().next().is_none() {
+            return Vec::new();
+        }
+        let hidden = vec![0.0; effects.hidden_states()];
+        let rate_step = run.noise.gyro.mean().max(SMALL);
+        let slope = |k: usize| -> Option<TorqueSlope> {
+            let drive = self.drive(run, motion, k);
+            let here = self.interval_environment(run, motion, inputs, &drive, k)?;
+            let torque = |environment: &Environment<'_>| effects.torque_b_n_m(environment, &hidden);
+            let by_rate = differences(rate_step, |change| {
+                let omega_wb_b_rad_s = here.omega_wb_b_rad_s + change;
+                torque(&Environment { omega_wb_b_rad_s, ..here })
+            });
+            let by_attitude = differences(SMALL, |change| {
+                let q_world_body = here.q_world_body * quaternion_exp(&change);
+                torque(&Environment { q_world_body, vertical_b: vertical_b(&q_world_body), ..here })
+            });
+            Some(TorqueSlope { by_rate, by_attitude })
+        };
+        (0..run.nodes()).map(|k| slope(k).unwrap_or_default()).collect()
     }
 
     /// Mean over node `k`'s samples of the rate that edges within them add.
@@ -375,6 +442,18 @@ impl Mechanics {
             TiltLimit::Pitch { max_rad } => vertical.x.clamp(-1.0, 1.0).asin().abs() > max_rad - 0.003,
         }
     }
+}
+
+/// Step of a difference [rad, rad/s].
+const SMALL: f64 = 1e-4;
+
+/// Columns by central differences.
+fn differences(step: f64, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Matrix3<f64> {
+    let column = |axis: usize| {
+        let change = Vector3::ith(axis, step);
+        (of(change) - of(-change)) / (2.0 * step)
+    };
+    Matrix3::from_columns(&[column(0), column(1), column(2)])
 }
 
 /// Angular acceleration at node `k`: mean of the intervals on both sides.
