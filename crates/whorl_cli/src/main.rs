@@ -17,6 +17,7 @@ mod demo;
 mod diagnose;
 mod discover;
 mod effects;
+mod emulators;
 mod estimate;
 mod excitation;
 mod explain;
@@ -70,6 +71,8 @@ enum Command {
     /// Starts and stops single parts on this machine: the nodes of a platform, the coordinator, the recorder.
     #[command(subcommand)]
     Nodes(nodes::Command),
+    /// Emulates the devices of platforms, over their own protocols, for drivers with --backend hardware.
+    Emulators(emulators::Arguments),
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
     /// Simulates many runs over parameters, seeds, faults and links; resumes an interrupted campaign.
@@ -171,6 +174,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         // A command that has started processes must live to end them.
         Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
+        Command::Emulators(arguments) => return emulators::run(&arguments, &ends_with_its_reader),
         Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
         Command::Demo(command) => return demo::run(&command, &ends_with_its_reader),
         Command::Simulate(arguments) => simulate::run(&arguments),

@@ -112,13 +112,21 @@ impl DriverCore {
         if self.next_gate.is_none_or(|due| due <= now) {
             self.publish_gate(now, outputs);
         }
+        self.publish_measurements(now, outputs);
+        if self.next_diagnostics.is_none_or(|due| due <= now) {
+            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
+            outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now));
+        }
+    }
+
+    fn publish_measurements(&mut self, now: Timestamp, outputs: &mut Outputs) {
         self.hardware.measurements(now, &self.frame_id, &mut self.measured);
         for (topic, message) in self.measured.drain(..) {
             outputs.publish(Route::platform(self.parameters.platform, topic), message);
         }
-        if self.next_diagnostics.is_none_or(|due| due <= now) {
-            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
-            outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now));
+        for (warning, text) in self.hardware.take_news() {
+            let level = if warning { LogLevel::Warn } else { LogLevel::Info };
+            outputs.log(level, format!("{}: {text}", self.parameters.name));
         }
     }
 
@@ -164,6 +172,10 @@ impl NodeCore for DriverCore {
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
             Event::Timer => self.tick(now, outputs),
+            Event::Woken => {
+                self.watch(now, outputs);
+                self.publish_measurements(now, outputs);
+            }
             Event::Message { message: Message::ActuatorCommand(command), .. } => {
                 self.command(now, command, outputs);
             }

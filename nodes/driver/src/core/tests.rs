@@ -27,6 +27,8 @@ fn driver() -> (DriverCore, PlatformModel) {
         model: model.clone(),
         watchdog_s: 0.2,
         backend,
+        devices: Default::default(),
+        emulated_faults: Vec::new(),
     };
     (DriverCore::new(parameters, Box::new(hardware)), model)
 }
