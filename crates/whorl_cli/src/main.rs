@@ -7,6 +7,7 @@
 )]
 
 mod adopt;
+mod arm;
 mod balance;
 mod calibrate;
 mod campaign;
@@ -73,6 +74,10 @@ enum Command {
     Nodes(nodes::Command),
     /// Emulates the devices of platforms, over their own protocols, for drivers with --backend hardware.
     Emulators(emulators::Arguments),
+    /// Lets platforms move, once their devices answer. Simulated and emulated ones are armed by themselves.
+    Arm(arm::Arguments),
+    /// Closes all valves and switches the motors of platforms off, until they are armed again.
+    Disarm(arm::Arguments),
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
     /// Simulates many runs over parameters, seeds, faults and links; resumes an interrupted campaign.
@@ -177,6 +182,8 @@ fn main() -> ExitCode {
         Command::Emulators(arguments) => return emulators::run(&arguments, &ends_with_its_reader),
         Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
         Command::Demo(command) => return demo::run(&command, &ends_with_its_reader),
+        Command::Arm(arguments) => arm::run(&arguments, true),
+        Command::Disarm(arguments) => arm::run(&arguments, false),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Estimate(arguments) => estimate::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),

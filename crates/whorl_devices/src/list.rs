@@ -108,3 +108,74 @@ fn refuse_clashes(r: &mut Reader<'_>, list: &DeviceList, model: &PlatformModel) 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_params::ParameterTree;
+
+    const IMU: &str = "imu: {kind: vn100, port: /dev/a}";
+    const WHEELS: &str = "wheels: {kind: smartmotor_chain, port: /dev/b, drive: current, full_scale_torque_n_m: 1.0, motors: \
+         {wheel_x: {address: 1}, wheel_y: {address: 2}, wheel_z: {address: 3}}}";
+
+    /// The list of these entries, or what is said of them.
+    fn listed(entries: &[&str]) -> Result<DeviceList, String> {
+        let lines: String = entries.iter().map(|entry| format!("      {entry}\n")).collect();
+        let text = format!("/whorl_1/driver:\n  ros__parameters:\n    devices:\n{lines}");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.yaml");
+        std::fs::write(&file, text).unwrap();
+        let tree = ParameterTree::load(&[file], &[]).unwrap();
+        let model = PlatformModel::whorl_1_reference();
+        let own = tree.for_node("/whorl_1/driver");
+        whorl_params::read(&own, |r| read(r, &model))
+            .map(|(list, _)| list)
+            .map_err(|errors| errors.to_string())
+    }
+
+    #[test]
+    fn a_list_says_what_a_platform_lacks() {
+        let list = listed(&[IMU, WHEELS]).unwrap();
+        assert_eq!(list.devices.len(), 2);
+        assert_eq!(list.missing.first().map(String::as_str), Some("valve of jet_1"));
+        assert_eq!(list.missing.len(), 12);
+    }
+
+    #[test]
+    fn clashes_are_refused_with_the_line_and_the_other_device() {
+        let two = listed(&[IMU, &WHEELS.replace("/dev/b", "/dev/a")]).unwrap_err();
+        assert!(two.contains("a.yaml:5") && two.contains("/dev/a belongs to device imu"), "{two}");
+        let twice = listed(&[IMU, "other: {kind: vn100, port: /dev/c}"]).unwrap_err();
+        assert!(twice.contains("device imu gives the rate gyro and accelerometer already"), "{twice}");
+        let address = listed(&[&WHEELS.replace("address: 3", "address: 2")]).unwrap_err();
+        assert!(address.contains("wheel_y has this address already"), "{address}");
+    }
+
+    #[test]
+    fn wrong_entries_say_what_is_allowed() {
+        for (entry, said) in [
+            ("imu: {kind: vn1000, port: /dev/a}", "vn100"),
+            ("imu: {kind: vn100}", "port"),
+            ("imu: {kind: vn100, prot: /dev/a}", "did you mean devices.imu.port"),
+            ("imu: {kind: vn100, port: /dev/a, baud: 12345}", "921600"),
+            ("imu: {kind: vn100, port: /dev/a, baud: 9600}", "at most 90 %"),
+            ("v: {kind: modbus_relays, host: 10.0.0.1, coils: {jet_1: 0}}", "address:port"),
+            ("v: {kind: modbus_relays, host: '10.0.0.1:502', coils: {jet_1: 0, jet_2: 2}}", "consecutive"),
+            ("v: {kind: modbus_relays, host: '10.0.0.1:502', coils: {jet_99: 0}}", "jet_12"),
+            ("a: {kind: iio_adc, folder: /sys, inputs: {oxygen: {channel: x, gain: 1.0}}}", "tank_pressure"),
+            (
+                "w: {kind: smartmotor_chain, port: /dev/b, motors: {wheel_x: {address: 1}}}",
+                "torque_constant_n_m_a",
+            ),
+            (
+                "w: {kind: smartmotor_chain, port: /dev/b, drive: current, full_scale_torque_n_m: 1.0}",
+                "wheel_x, wheel_y",
+            ),
+        ] {
+            let text = listed(&[entry]).unwrap_err();
+            assert!(text.contains(said) && text.contains("a.yaml:4"), "{entry}\n{text}");
+        }
+        let kind = listed(&["imu: {kind: vn1000, port: /dev/a}"]).unwrap_err();
+        assert!(!kind.contains("unknown parameter"), "{kind}");
+    }
+}

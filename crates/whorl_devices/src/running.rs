@@ -1,7 +1,6 @@
 //! Devices at work: a thread each.
 
 use std::cell::Cell;
-use std::io::Read;
 use std::net::SocketAddr;
 use std::net::ToSocketAddrs;
 use std::os::unix::net::UnixStream;
@@ -97,7 +96,7 @@ impl Devices {
         Ok(devices)
     }
 
-    /// A stream that becomes readable when the control loop should look at [`Self::next`] at once.
+    /// A stream that becomes readable when the control loop should look at [`Self::next_reading`] at once.
     ///
     /// # Errors
     /// When the operating system refuses.
@@ -106,13 +105,8 @@ impl Devices {
     }
 
     /// What a device has told, in the order of arrival.
-    pub fn next(&self) -> Option<Reading> {
+    pub fn next_reading(&self) -> Option<Reading> {
         self.readings.try_recv().ok()
-    }
-
-    /// Forgets wake-ups; call before [`Self::next`].
-    pub fn quieten(&self) {
-        while (&self.woken).read(&mut [0; 256]).is_ok_and(|n| n == 256) {}
     }
 
     /// Sends a command to every device; each takes what concerns it.

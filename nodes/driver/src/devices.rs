@@ -199,7 +199,7 @@ impl Hardware for DeviceHardware {
             frame_id: frame_id.to_owned(),
         };
         let sensors = self.model.sensors;
-        while let Some(reading) = self.devices.next() {
+        while let Some(reading) = self.devices.next_reading() {
             let (at, measured) = match reading {
                 Reading::Measured { at, measured } => (at, measured),
                 Reading::State { device, state } => {

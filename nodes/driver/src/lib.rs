@@ -3,6 +3,7 @@
 //! Publishes measurements (`imu/data_raw`, `wheels/state`, ...), obeys `actuators/command`. When
 //! commands stop arriving it closes all valves and sets wheel torque to zero within 100 ms.
 
+pub mod arming;
 pub mod core;
 pub mod devices;
 pub mod faults;

@@ -55,6 +55,8 @@ pub struct Parameters {
     pub backend: Backend,
     /// The platform's devices, whatever is driven.
     pub devices: DeviceList,
+    /// Whether the platform may move.
+    pub armed: bool,
     /// What goes wrong with emulated devices.
     pub emulated_faults: Vec<whorl_devices::emulation::Fault>,
 }
@@ -96,6 +98,13 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "folder in which emulators have their ports; left out: the devices are real",
         )
     });
+    // What cannot hurt anybody is armed from the start.
+    let armed = r.bool_or(
+        "armed",
+        kind != "hardware" || root.is_some(),
+        "whether the platform may move; set it while the driver runs, by `whorl arm` and `whorl disarm`. Left out: true, but false \
+         with real devices, which always start disarmed",
+    );
     let (model, truth) = (model?, truth?);
     let devices = r.fixed(|r| whorl_devices::read(r, &model));
     let emulated_faults = whorl_devices::emulation::read(r, &model, &devices);
@@ -140,6 +149,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             },
         },
         devices,
+        armed,
         emulated_faults,
     })
 }

@@ -71,10 +71,9 @@ fn read(r: &mut Reader<'_>, _: &PlatformModel) -> Option<Box<dyn Device>> {
     if inputs.is_empty() && r.error_count() == before {
         r.reject("kind", "the converter measures nothing; allowed: inputs.tank_pressure, inputs.bus_voltage");
     }
-    for input in inputs.iter().filter(|input| input.gain == 0.0 && r.error_count() == before) {
+    if let Some(input) = inputs.iter().find(|input| input.gain == 0.0).filter(|_| r.error_count() == before) {
         let quantity = if input.role == Role::BusVoltage { "bus_voltage" } else { "tank_pressure" };
         r.reject(&format!("inputs.{quantity}.gain"), "allowed: any number but 0");
-        return None;
     }
     (r.error_count() == before).then(|| Box::new(Converter { folder, inputs }) as Box<dyn Device>)
 }

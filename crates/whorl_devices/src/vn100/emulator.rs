@@ -93,7 +93,7 @@ impl SerialEmulator for Emulated {
 
     fn byte(&mut self, at_ns: i64, byte: u8, _: &mut World, wire: &mut Wire) {
         self.parser.push(&[byte]);
-        while let Some(said) = self.parser.next() {
+        while let Some(said) = self.parser.next_said() {
             if let Said::Line(text) = said
                 && let Some(answer) = self.answer(at_ns, &text)
             {

@@ -160,7 +160,7 @@ impl Device for Vn100 {
                 bytes.clear();
                 serial.read(&mut bytes)?;
                 parser.push(&bytes);
-                while let Some(said) = parser.next() {
+                while let Some(said) = parser.next_said() {
                     if let Some(sample) = Sample::of(&said) {
                         heard = now;
                         session.sampled(&sample, now);
@@ -197,7 +197,7 @@ impl Vn100 {
                 parser.push(&bytes);
             }
             while mailbox.take().is_some() {}
-            while let Some(said) = parser.next() {
+            while let Some(said) = parser.next_said() {
                 match said {
                     Said::Line(answer) if answer.starts_with("VNERR") => {
                         return Err(DeviceError::Refused(format!("{text}: {}", error_words(&answer))));

@@ -158,7 +158,7 @@ impl Parser {
     }
 
     /// The next packet or line.
-    pub fn next(&mut self) -> Option<Said> {
+    pub fn next_said(&mut self) -> Option<Said> {
         loop {
             match beginning(&self.bytes) {
                 Beginning::Open => return None,

@@ -14,7 +14,7 @@ const PRINTED: [u8; 18] = [
 fn the_printed_packet_is_read() {
     let mut parser = Parser::default();
     parser.push(&PRINTED);
-    let Some(Said::Packet { groups: 1, fields, payload }) = parser.next() else { panic!() };
+    let Some(Said::Packet { groups: 1, fields, payload }) = parser.next_said() else { panic!() };
     assert_eq!(fields, [1 << 3]);
     let angles: Vec<f32> =
         payload.chunks(4).map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect();
@@ -49,9 +49,9 @@ fn a_line_has_the_checksum_of_the_manual() {
     let mut parser = Parser::default();
     // 3.8.1: XX skips the check.
     parser.push(b"$VNRRG,1*72\r\n$VNRRG,1*XX\r\n$VNRRG,1*73\r\n");
-    assert_eq!(parser.next(), Some(Said::Line("VNRRG,1".into())));
-    assert_eq!(parser.next(), Some(Said::Line("VNRRG,1".into())));
-    assert_eq!(parser.next(), None);
+    assert_eq!(parser.next_said(), Some(Said::Line("VNRRG,1".into())));
+    assert_eq!(parser.next_said(), Some(Said::Line("VNRRG,1".into())));
+    assert_eq!(parser.next_said(), None);
     assert!(parser.take_skipped() > 0);
 }
 
@@ -77,7 +77,7 @@ fn a_packet_survives_the_wire_whatever_stands_around_it() {
         parser.push(&sample(k).packet());
     }
     let said: Vec<Sample> =
-        std::iter::from_fn(|| parser.next()).filter_map(|said| Sample::of(&said)).collect();
+        std::iter::from_fn(|| parser.next_said()).filter_map(|said| Sample::of(&said)).collect();
     assert_eq!(said, [sample(2), sample(3), sample(4)]);
 }
 
@@ -88,7 +88,7 @@ proptest! {
         let mut parser = Parser::default();
         for piece in &pieces {
             parser.push(piece);
-            while parser.next().is_some() {}
+            while parser.next_said().is_some() {}
         }
     }
 
@@ -109,7 +109,7 @@ proptest! {
         let mut found = Vec::new();
         for piece in bytes.chunks(piece) {
             parser.push(piece);
-            found.extend(std::iter::from_fn(|| parser.next()).filter_map(|said| Sample::of(&said)));
+            found.extend(std::iter::from_fn(|| parser.next_said()).filter_map(|said| Sample::of(&said)));
         }
         let all: Vec<Sample> = (3..14).map(sample).collect();
         prop_assert!(found.iter().all(|s| all.contains(s)), "{found:?}");

@@ -28,6 +28,7 @@ fn driver() -> (DriverCore, PlatformModel) {
         watchdog_s: 0.2,
         backend,
         devices: Default::default(),
+        armed: true,
         emulated_faults: Vec::new(),
     };
     (DriverCore::new(parameters, Box::new(hardware)), model)
