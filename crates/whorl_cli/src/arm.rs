@@ -21,14 +21,19 @@ pub struct Arguments {
 
 /// Carries out `whorl arm` (`armed`) and `whorl disarm`. All platforms are asked, whatever one of them answers.
 pub fn run(arguments: &Arguments, armed: bool) -> anyhow::Result<()> {
+    set(&arguments.platforms, armed)
+}
+
+/// Arms or disarms these platforms.
+pub fn set(platforms: &[String], armed: bool) -> anyhow::Result<()> {
     let network = Network::from_environment()?.secured(OPERATOR)?;
     let clients = |participant: &Participant| {
         let client = |platform: &String| ParameterClient::new(participant, &format!("/{platform}/driver"));
-        arguments.platforms.iter().map(client).collect::<Result<Vec<_>, _>>()
+        platforms.iter().map(client).collect::<Result<Vec<_>, _>>()
     };
     let (participant, clients) = Participant::with(&network, clients)?;
     let mut failed = Vec::new();
-    for (platform, client) in arguments.platforms.iter().zip(&clients) {
+    for (platform, client) in platforms.iter().zip(&clients) {
         match client.set(&participant, "armed", &Value::Bool(armed), TIMEOUT) {
             Ok(()) => println!("{platform}: {}", if armed { "armed" } else { "disarmed" }),
             Err(error) => failed.push(format!("{platform}: {error}")),

@@ -11,6 +11,7 @@ mod arm;
 mod balance;
 mod calibrate;
 mod campaign;
+mod checkout;
 mod command;
 mod compare;
 mod compare_runs;
@@ -78,6 +79,9 @@ enum Command {
     Arm(arm::Arguments),
     /// Closes all valves and switches the motors of platforms off, until they are armed again.
     Disarm(arm::Arguments),
+    /// Works each wheel and jet of a platform for a moment and compares what it does with the model: wires and signs that are
+    /// exchanged.
+    Checkout(checkout::Arguments),
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
     /// Simulates many runs over parameters, seeds, faults and links; resumes an interrupted campaign.
@@ -180,6 +184,7 @@ fn main() -> ExitCode {
         // A command that has started processes must live to end them.
         Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
         Command::Emulators(arguments) => return emulators::run(&arguments, &ends_with_its_reader),
+        Command::Checkout(arguments) => return checkout::run(&arguments, &ends_with_its_reader),
         Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
         Command::Demo(command) => return demo::run(&command, &ends_with_its_reader),
         Command::Arm(arguments) => arm::run(&arguments, true),

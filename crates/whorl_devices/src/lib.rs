@@ -10,6 +10,7 @@
 //! matters of the list.
 
 pub mod bus;
+pub mod checkout;
 pub mod emulation;
 pub mod iio;
 mod kinds;

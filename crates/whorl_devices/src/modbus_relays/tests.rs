@@ -48,7 +48,8 @@ fn a_slot_replaces_the_one_before_and_short_pulses_are_none() {
     assert_eq!(schedule.written(), [(4, false), (2, false)]);
     schedule.pulses(now, &[0.0, 0.0, 0.03, 0.0, 0.009]);
     assert!(schedule.advance(ms(1)));
-    assert_eq!((schedule.wanted(), schedule.written()), (&[false, true][..], vec![(2, true)]));
+    assert_eq!(schedule.wanted(), [false, true]);
+    assert_eq!(schedule.written(), [(2, true)]);
     assert_eq!(schedule.next_edge(), Some(ms(30)));
     // Commanded again: it stays open, now until 45 ms; the other opens.
     schedule.pulses(ms(20), &[0.0, 0.0, 0.025, 0.0, 0.01]);

@@ -27,7 +27,7 @@ fn the_crc_is_that_of_the_manual() {
     // As the manual's own C function computes it, step by step (3.8.3).
     let manual = |bytes: &[u8]| {
         bytes.iter().fold(0_u16, |mut crc, &byte| {
-            crc = crc >> 8 | crc << 8;
+            crc = crc.rotate_left(8);
             crc ^= u16::from(byte);
             crc ^= (crc & 0xff) >> 4;
             crc ^= crc << 12;
