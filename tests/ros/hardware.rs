@@ -183,3 +183,26 @@ fn a_sensor_that_is_unplugged_stops_the_wheels_and_comes_back_by_itself() {
     });
     formation.stop();
 }
+
+#[test]
+fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let faults = ["a.kind:=reversed", "a.wheel:=wheel_x", "b.kind:=swapped", "b.jet:=jet_3", "b.with:=jet_7"];
+    let faults = faults.map(|fault| format!("emulation.faults.{fault}"));
+    emulate(&mut formation, &faults.each_ref().map(String::as_str));
+    let answer = whorl(&formation).args(["checkout", "whorl_1", "--root"]).arg(root()).output().unwrap();
+    let text =
+        [answer.stdout, answer.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    assert_eq!(answer.status.code(), Some(1), "{text}");
+    let line = |part: &str| {
+        let found = text.lines().find(|line| line.split_whitespace().next() == Some(part));
+        found.unwrap_or_else(|| panic!("nothing is said of {part}\n{text}"))
+    };
+    assert!(line("wheel_x").contains("turns the other way"), "{text}");
+    for part in ["wheel_y", "wheel_z", "jet_1", "jet_2", "jet_4", "jet_9", "jet_12"] {
+        assert!(line(part).contains("right, "), "{text}");
+    }
+    // jet_3 pushes about +z, as jet_9 does; jet_7 about +y, as jet_2.
+    assert!(line("jet_3").contains("jet_7") && line("jet_7").contains("jet_3"), "{text}");
+    formation.stop();
+}

@@ -81,12 +81,12 @@ mod tests {
         assert_eq!(transmission(58, 921_600).as_micros(), 629);
         let mut line = Line::new(115_200);
         line.send(1_000, &[7; 20]);
-        assert_eq!(line.due_ns(), Some(1_000 + 16 * 86_805));
-        assert!(line.arrived(1_000 + 10 * 86_805).is_empty());
-        assert_eq!(line.arrived(1_000 + 17 * 86_805).len(), 16);
-        let rest = line.arrived(1_000 + 20 * 86_805);
+        assert_eq!(line.due_ns(), Some(1_000 + 16 * 86_806));
+        assert!(line.arrived(1_000 + 10 * 86_806).is_empty());
+        assert_eq!(line.arrived(1_000 + 17 * 86_806).len(), 16);
+        let rest = line.arrived(1_000 + 20 * 86_806);
         assert_eq!(rest.len(), 4);
-        assert_eq!(rest[3].0, 1_000 + 20 * 86_805);
+        assert_eq!(rest[3].0, 1_000 + 20 * 86_806);
         assert_eq!(line.due_ns(), None);
     }
 }

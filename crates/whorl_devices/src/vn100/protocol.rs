@@ -112,7 +112,7 @@ impl Sample {
             .filter_map(|four| Some(f64::from(f32::from_le_bytes(four.try_into().ok()?))));
         let mut three = || Some([numbers.next()?, numbers.next()?, numbers.next()?]);
         Some(Self {
-            since_start_s: nanoseconds as f64 * 1e-9,
+            since_start_s: nanoseconds as f64 / 1e9,
             rate_rad_s: three()?,
             specific_force_m_s2: three()?,
             field_gauss: three()?,
@@ -124,7 +124,7 @@ impl Sample {
     /// As a packet.
     #[must_use]
     pub fn packet(&self) -> Vec<u8> {
-        let mut payload = ((self.since_start_s * 1e9).max(0.0) as u64).to_le_bytes().to_vec();
+        let mut payload = ((self.since_start_s * 1e9).round() as u64).to_le_bytes().to_vec();
         let vectors = [self.rate_rad_s, self.specific_force_m_s2, self.field_gauss];
         for number in vectors.into_iter().flatten().chain([self.temperature_c, self.pressure_kpa]) {
             payload.extend((number as f32).to_le_bytes());
