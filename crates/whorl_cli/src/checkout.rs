@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use clap::Args;
 use nalgebra::Vector3;
-use whorl_devices::checkout::{Part, Trial, judge};
+use whorl_devices::checkout::{Finding, Part, Trial, judge};
 use whorl_dynamics::PlatformModel;
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor};
 use whorl_msgs::sensor_msgs::Imu;
@@ -27,7 +27,7 @@ use crate::subscription::Subscription;
 const WHEEL_SHARE: f64 = 0.3;
 const WHEEL_S: f64 = 0.5;
 /// On-time of a jet.
-const JET_S: f64 = 0.3;
+const JET_S: f64 = 0.4;
 /// Rates are means over this; after a pulse, behind valves and filters.
 const WINDOW_S: f64 = 0.25;
 const SETTLES_S: f64 = 0.05;
@@ -221,16 +221,20 @@ impl<'a> Bench<'a> {
     fn check(&mut self, model: &PlatformModel) -> anyhow::Result<usize> {
         let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
         let mut wrong = 0;
-        let mut wheels_are_right = true;
+        // How each wheel answers to its torque: 1 as it should, -1 the other way, 0 not so that one could use it.
+        let mut answers = vec![0.0; model.wheels().len()];
         for part in Part::all(model) {
             self.command(WINDOW_S, &no_jets, |_| no_wheels.clone())?;
-            let (before, noise_before) = self.rate()?;
             let (torque_n_m, length_s) = match part {
                 Part::Wheel(index) => {
                     (model.wheels().get(index).map_or(0.0, |w| w.max_torque_n_m * WHEEL_SHARE), WHEEL_S)
                 }
                 Part::Jet(_) => (0.0, JET_S),
             };
+            // A pendulum turns by itself: what it did in as long before is what it would have done.
+            let (earlier, noise_earlier) = self.rate()?;
+            self.command(length_s + SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
+            let (before, noise_before) = self.rate()?;
             let (mut jets, mut wheels) = (no_jets.clone(), no_wheels.clone());
             match part {
                 Part::Wheel(index) => wheels.iter_mut().skip(index).take(1).for_each(|u| *u = torque_n_m),
@@ -243,8 +247,8 @@ impl<'a> Bench<'a> {
                 part,
                 torque_n_m,
                 length_s,
-                rate_change_b_rad_s: after - before,
-                noise_rad_s: noise_before.hypot(noise_after),
+                rate_change_b_rad_s: (after - before) - (before - earlier),
+                noise_rad_s: noise_earlier.hypot(noise_after).hypot(2.0 * noise_before),
             };
             let finding = judge(model, &trial).context("the model has this part")?;
             let line = format!("{:10} {}", part.name(model), finding.words(part, model));
@@ -256,28 +260,30 @@ impl<'a> Bench<'a> {
             }
             match part {
                 // Back as it was, whichever way it turns.
-                Part::Wheel(_) => {
-                    wheels_are_right &= finding.is_right();
+                Part::Wheel(index) => {
+                    let answer = match finding {
+                        Finding::Right(_) => 1.0,
+                        Finding::Reversed => -1.0,
+                        _ => 0.0,
+                    };
+                    answers.iter_mut().skip(index).take(1).for_each(|slot| *slot = answer);
                     let back: Vec<f64> = wheels.iter().map(|u| -u).collect();
                     self.command(WHEEL_S, &no_jets, |_| back.clone())?;
                 }
-                Part::Jet(_) if wheels_are_right => {
-                    self.command(REST_S, &no_jets, |rate| damping(model, rate))?;
-                }
-                Part::Jet(_) => self.command(SETTLES_S, &no_jets, |_| no_wheels.clone())?,
+                Part::Jet(_) => self.command(REST_S, &no_jets, |rate| damping(model, &answers, rate))?,
             }
         }
         Ok(wrong)
     }
 }
 
-/// Torques of the wheels that bring the platform to rest.
-fn damping(model: &PlatformModel, rate_b_rad_s: &Vector3<f64>) -> Vec<f64> {
+/// Torques of the wheels that bring the platform to rest, as they were found to answer.
+fn damping(model: &PlatformModel, answers: &[f64], rate_b_rad_s: &Vector3<f64>) -> Vec<f64> {
     let momentum = model.mass_properties.inertia_b_kg_m2() * rate_b_rad_s;
     let torque = |axis: &Vector3<f64>| axis.dot(&momentum) / DAMPING_S;
-    model
-        .wheels()
-        .iter()
-        .map(|wheel| torque(&wheel.spin_axis_b).clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m))
-        .collect()
+    let wheels = model.wheels().iter().zip(answers);
+    let limited = wheels.map(|(wheel, answer)| {
+        (answer * torque(&wheel.spin_axis_b)).clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m)
+    });
+    limited.collect()
 }
