@@ -36,10 +36,7 @@ fn cores() -> Vec<(&'static str, Box<dyn NodeCore>)> {
         whorl_params::read(&tree.for_node("/whorl_1/local_control"), whorl_local_control::parameters::read);
     let coordinator = whorl_params::read(&tree.for_node("/coordinator"), whorl_coordinator::parameters::read);
     vec![
-        (
-            "driver",
-            Box::new(DriverCore::from_parameters(&driver.unwrap().0.unwrap(), vec![], |_| false).unwrap()),
-        ),
+        ("driver", Box::new(DriverCore::from_parameters(&driver.unwrap().0.unwrap(), vec![], None).unwrap())),
         ("estimator", Box::new(EstimatorCore::new(estimator.unwrap().0.unwrap()).unwrap())),
         ("local_control", Box::new(LocalControlCore::new(control.unwrap().0.unwrap()).unwrap())),
         ("coordinator", Box::new(CoordinatorCore::new(coordinator.unwrap().0.unwrap()).unwrap())),

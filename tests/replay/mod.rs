@@ -86,7 +86,7 @@ fn every_core_answers_a_recording_as_it_answered_the_simulation() {
     for platform in PLATFORMS {
         let node = format!("/{platform}/driver");
         let read = whorl_driver::parameters::read(&mut Reader::new(&tree.for_node(&node))).unwrap();
-        replay(&node, DriverCore::from_parameters(&read, Vec::new(), |_| false).unwrap(), &run, &recorded);
+        replay(&node, DriverCore::from_parameters(&read, Vec::new(), None).unwrap(), &run, &recorded);
         let node = format!("/{platform}/estimator");
         let read = whorl_estimator::parameters::read(&mut Reader::new(&tree.for_node(&node))).unwrap();
         replay(&node, EstimatorCore::new(read).unwrap(), &run, &recorded);

@@ -4,6 +4,7 @@ mod clock_steps;
 mod command_silence;
 mod experiment;
 mod forged;
+mod hardware;
 mod held;
 mod jet_failure;
 mod leader_stale;

@@ -97,6 +97,7 @@ impl Observer for Recorder {
                 let newest = sent.iter().rposition(|place| encoded(&self.run.published[*place].2) == bytes);
                 Told::Message(*route, newest.expect("a message that nobody sent"))
             }
+            Event::Woken => panic!("nothing wakes a node between its events in a simulation"),
             Event::Request { .. } => panic!("nobody calls services in a simulation"),
             Event::Interruption => panic!("nothing interrupts a simulation"),
         };

@@ -7,9 +7,11 @@
 )]
 
 mod adopt;
+mod arm;
 mod balance;
 mod calibrate;
 mod campaign;
+mod checkout;
 mod command;
 mod compare;
 mod compare_runs;
@@ -17,6 +19,7 @@ mod demo;
 mod diagnose;
 mod discover;
 mod effects;
+mod emulators;
 mod estimate;
 mod excitation;
 mod explain;
@@ -70,6 +73,15 @@ enum Command {
     /// Starts and stops single parts on this machine: the nodes of a platform, the coordinator, the recorder.
     #[command(subcommand)]
     Nodes(nodes::Command),
+    /// Emulates the devices of platforms, over their own protocols, for drivers with --backend hardware.
+    Emulators(emulators::Arguments),
+    /// Lets platforms move, once their devices answer. Simulated and emulated ones are armed by themselves.
+    Arm(arm::Arguments),
+    /// Closes all valves and switches the motors of platforms off, until they are armed again.
+    Disarm(arm::Arguments),
+    /// Works each wheel and jet of a platform for a moment and compares what it does with the model: wires and signs that are
+    /// exchanged.
+    Checkout(checkout::Arguments),
     /// Runs an experiment in one process, much faster than real time, and records it.
     Simulate(simulate::Arguments),
     /// Simulates many runs over parameters, seeds, faults and links; resumes an interrupted campaign.
@@ -171,8 +183,12 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         // A command that has started processes must live to end them.
         Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
+        Command::Emulators(arguments) => return emulators::run(&arguments, &ends_with_its_reader),
+        Command::Checkout(arguments) => return checkout::run(&arguments, &ends_with_its_reader),
         Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
         Command::Demo(command) => return demo::run(&command, &ends_with_its_reader),
+        Command::Arm(arguments) => arm::run(&arguments, true),
+        Command::Disarm(arguments) => arm::run(&arguments, false),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Estimate(arguments) => estimate::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),

@@ -8,7 +8,9 @@ use clap::{Args, Subcommand};
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor, become_node};
 use whorl_node::{Node, Place};
 
-use crate::run::{Folders, Interrupted, Names, exit_code, names, say, stop, this_domain, watch};
+use crate::run::{
+    Folders, Interrupted, Names, exit_code, names, say, stop, this_domain, use_emulators, watch,
+};
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -102,10 +104,16 @@ fn platform(arguments: &Platform, ends_with_its_reader: &AtomicBool) -> anyhow::
     let mut options = parameters.folders.options(&parameters.experiment);
     options.platforms = Some(vec![platform.clone()]);
     options.seed = *seed;
-    let driver = DriverSource { backend: *backend, source: source.clone(), channels: channels.clone() };
+    let driver = DriverSource {
+        backend: *backend,
+        source: source.clone(),
+        channels: channels.clone(),
+        emulated: None,
+    };
     options.drivers.insert(platform.clone(), driver);
-    let setup = Setup::new(options)?;
+    let mut setup = Setup::new(options)?;
     let (domain, programs) = (this_domain()?, Programs::beside_this_one()?);
+    use_emulators(&mut setup, &domain);
     for process in setup.platform(platform) {
         programs.path(process.node)?;
     }

@@ -137,8 +137,9 @@ pub fn exit_code(result: anyhow::Result<u8>) -> ExitCode {
 fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
     let folders = &arguments.folders;
     // Without a name, the error lists the existing experiments.
-    let setup = Setup::new(options(arguments, arguments.experiment.as_deref().unwrap_or_default()))?;
+    let mut setup = Setup::new(options(arguments, arguments.experiment.as_deref().unwrap_or_default()))?;
     let domain = this_domain()?;
+    use_emulators(&mut setup, &domain);
     let programs = Programs::beside_this_one()?;
     for process in setup.everything(Path::new(""), None) {
         programs.path(process.node)?;
@@ -193,6 +194,19 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
             if status == 0 { 1 } else { status }
         }
     })
+}
+
+/// Has drivers of devices find those that are emulated in this domain, and says which are real.
+pub fn use_emulators(setup: &mut Setup, domain: &Domain) {
+    for platform in setup.on_hardware() {
+        match domain.emulated(&platform) {
+            Some(root) => {
+                say(format_args!("{platform}: its devices are EMULATED ({})", root.display()));
+                setup.emulate(&platform, root);
+            }
+            None => say(format_args!("{platform}: its devices are real")),
+        }
+    }
 }
 
 const EXPERIMENT: &str = "experiment";

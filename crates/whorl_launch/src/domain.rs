@@ -17,6 +17,9 @@ const RECORDER_ENDS: Duration = Duration::from_secs(5);
 /// The same for a supervisor, which stops its processes one group after the other.
 const SUPERVISOR_ENDS: Duration = Duration::from_secs(10);
 
+/// Held by whoever emulates a platform's devices.
+const EMULATORS_LOCK: &str = "lock";
+
 /// A ROS domain on this machine.
 #[derive(Debug, Clone)]
 pub struct Domain {
@@ -75,6 +78,38 @@ impl Domain {
         let shared = self.lock(&self.lock, File::try_lock_shared, "an experiment")?;
         let own = self.lock(&own, File::try_lock, &format!("another {piece}"))?;
         Ok(Lease { _locks: vec![shared, own] })
+    }
+
+    /// Folder of a platform's emulated devices, which belongs to the caller while the lease lives. It may be taken while an
+    /// experiment runs.
+    ///
+    /// # Errors
+    /// Somebody emulates this platform already.
+    pub fn take_emulation(&self, platform: &str) -> Result<(PathBuf, File), LaunchError> {
+        let root = self.emulation(platform);
+        std::fs::create_dir_all(&root).map_err(LaunchError::io("cannot create", &root))?;
+        let path = root.join(EMULATORS_LOCK);
+        let file = File::create(&path).map_err(LaunchError::io("cannot create", &path))?;
+        match file.try_lock() {
+            Ok(()) => Ok((root, file)),
+            Err(TryLockError::WouldBlock) => Err(LaunchError::DomainTaken {
+                domain: self.id,
+                by: format!("other emulators of {platform}"),
+            }),
+            Err(TryLockError::Error(error)) => Err(LaunchError::io("cannot lock", &path)(error)),
+        }
+    }
+
+    /// Folder of a platform's emulated devices, if somebody emulates it now.
+    #[must_use]
+    pub fn emulated(&self, platform: &str) -> Option<PathBuf> {
+        let root = self.emulation(platform);
+        let lock = File::open(root.join(EMULATORS_LOCK)).ok()?;
+        matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)).then_some(root)
+    }
+
+    fn emulation(&self, platform: &str) -> PathBuf {
+        self.folder.join("emulators").join(platform)
     }
 
     fn lock(

@@ -54,6 +54,8 @@ pub struct DriverSource {
     pub source: Option<PathBuf>,
     /// Column map of a CSV recording.
     pub channels: Option<PathBuf>,
+    /// Folder in which emulators have the devices of [`Backend::Hardware`]; `None`: they are real.
+    pub emulated: Option<PathBuf>,
 }
 
 /// What the user asked for.
@@ -87,6 +89,7 @@ pub struct Setup {
     backend_of_others: Backend,
     seed: u64,
     law_on_platforms: bool,
+    emulated: BTreeMap<String, PathBuf>,
 }
 
 impl Setup {
@@ -122,13 +125,43 @@ impl Setup {
         known.extend(platforms.iter().cloned());
         let nodes = node_set(&known, law_on_platforms);
         tree.check_sections(nodes.iter().map(|instance| instance.name.as_str()))?;
-        Ok(Self { experiment, platforms, params, drivers, backend_of_others, seed, law_on_platforms })
+        Ok(Self {
+            experiment,
+            platforms,
+            params,
+            drivers,
+            backend_of_others,
+            seed,
+            law_on_platforms,
+            emulated: BTreeMap::new(),
+        })
     }
 
     /// Name of the experiment's file.
     #[must_use]
     pub fn experiment_name(&self) -> String {
         self.experiment.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+    }
+
+    /// The platforms whose drivers drive devices.
+    #[must_use]
+    pub fn on_hardware(&self) -> Vec<String> {
+        let backend =
+            |platform: &&String| self.drivers.get(*platform).map_or(self.backend_of_others, |d| d.backend);
+        self.platforms.iter().filter(|platform| backend(platform) == Backend::Hardware).cloned().collect()
+    }
+
+    /// The devices of a platform are emulated, below this folder.
+    pub fn emulate(&mut self, platform: &str, root: PathBuf) {
+        self.emulated.insert(platform.to_owned(), root);
+    }
+
+    /// Parameter files of a platform's driver, the lowest layer first.
+    #[must_use]
+    pub fn driver_files(&self, platform: &str) -> Vec<PathBuf> {
+        let own = [self.params.join("common.yaml"), self.params.join(format!("{platform}.yaml"))];
+        let truth = truth_of(&self.params, platform);
+        own.into_iter().chain(truth).chain([self.experiment.clone()]).collect()
     }
 
     /// Every process of an experiment: recorder, platforms, coordinator.
@@ -145,6 +178,8 @@ impl Setup {
     pub fn platform(&self, platform: &str) -> Vec<Process> {
         let others = || DriverSource { backend: self.backend_of_others, ..DriverSource::default() };
         let driver = self.drivers.get(platform).cloned().unwrap_or_else(others);
+        let emulated = driver.emulated.as_ref().or_else(|| self.emulated.get(platform));
+        let emulated = emulated.filter(|_| driver.backend == Backend::Hardware);
         Node::of_platform(self.law_on_platforms)
             .map(|node| {
                 let mut arguments = Arguments::default();
@@ -163,6 +198,7 @@ impl Setup {
                     {
                         path.iter().for_each(|path| arguments.parameter(key, path.display()));
                     }
+                    emulated.iter().for_each(|root| arguments.parameter("hardware.root", root.display()));
                 }
                 Process { label: format!("{platform}_{}", node.name()), node, arguments: arguments.finish() }
             })

@@ -76,7 +76,12 @@ fn each_platform_gets_a_coordinator_where_the_law_runs_on_platforms() {
 
 #[test]
 fn drivers_are_told_what_they_drive() {
-    let replayed = DriverSource { backend: Backend::Replay, source: Some("a.csv".into()), channels: None };
+    let replayed = DriverSource {
+        backend: Backend::Replay,
+        source: Some("a.csv".into()),
+        channels: None,
+        emulated: None,
+    };
     let drivers = BTreeMap::from([("whorl_1".to_owned(), replayed)]);
     let options =
         SetupOptions { drivers, backend_of_others: Backend::Hardware, ..options("leader_follower_short") };

@@ -31,6 +31,8 @@ pub enum Event<'a> {
     /// The core's periodic timer fired; see [`NodeCore::timer_period`]. The n-th firing is due at
     /// start + n * period; a late shell fires late but never skips.
     Timer,
+    /// What the core drives has something for it, between two firings of its timer.
+    Woken,
     /// Somebody called one of the core's services; answer with [`Outputs::respond`].
     Request {
         /// Which one; always one of [`NodeCore::services`].

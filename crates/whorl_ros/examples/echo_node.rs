@@ -82,7 +82,7 @@ impl NodeCore for Echo {
                 outputs.respond(true, "finishing");
                 self.finished = true;
             }
-            Event::Interruption => {}
+            Event::Interruption | Event::Woken => {}
             Event::Shutdown => {
                 // The last word, which a test waits for.
                 outputs

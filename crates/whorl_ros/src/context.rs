@@ -1,7 +1,10 @@
 //! Context of a node, from its command line and environment.
 
+use std::cell::RefCell;
 use std::io::Write as _;
+use std::os::unix::net::UnixStream;
 use std::process::ExitCode;
+use std::rc::Rc;
 
 use whorl_msgs::PlatformId;
 use whorl_node::{Node, Timestamp};
@@ -50,6 +53,7 @@ pub struct NodeContext {
     network: Network,
     arguments: Arguments,
     start: Timestamp,
+    wakers: Rc<RefCell<Vec<UnixStream>>>,
 }
 
 impl NodeContext {
@@ -88,6 +92,7 @@ impl NodeContext {
             network,
             arguments,
             start: wall_clock(),
+            wakers: Rc::default(),
         })
     }
 
@@ -142,6 +147,15 @@ impl NodeContext {
     #[must_use]
     pub fn network(&self) -> &Network {
         &self.network
+    }
+
+    /// Steps the core with [`whorl_node::Event::Woken`] whenever bytes come on this stream, which the node then takes.
+    pub fn wake_on(&self, stream: UnixStream) {
+        self.wakers.borrow_mut().push(stream);
+    }
+
+    pub(crate) fn take_wakers(&self) -> Vec<UnixStream> {
+        self.wakers.take()
     }
 
     /// When the program began.

@@ -1,8 +1,10 @@
 //! The event loop of a node: one thread that moves messages, time and parameters.
 
+use std::io::Read as _;
 use std::time::Duration;
 
-use mio::{Events, Poll, Token};
+use mio::net::UnixStream;
+use mio::{Events, Interest, Poll, Token};
 use whorl_msgs::{Route, Topic};
 use whorl_node::{Configurable, Event, LogLevel, NodeCore};
 
@@ -20,6 +22,7 @@ use crate::wake::{self, Alarm, Signals};
 const SIGNALS: Token = Token(0);
 const ALARM: Token = Token(1);
 const CONTINUED: Token = Token(2);
+const WOKEN: Token = Token(3);
 
 /// How often the shell checks peers and diagnostics; and while endpoints are being renewed.
 const HOUSEKEEPING: Duration = Duration::from_millis(100);
@@ -40,6 +43,7 @@ pub(crate) struct Runner<C: Configurable> {
     alarm: Alarm,
     signals: Signals,
     continued: Signals,
+    wakers: Vec<UnixStream>,
 }
 
 impl<C: Configurable> Runner<C> {
@@ -55,11 +59,18 @@ impl<C: Configurable> Runner<C> {
         // Before the network is joined: from here on a signal is answered in order.
         let signals = Signals::new(poll.registry(), SIGNALS, wake::END)?;
         let continued = Signals::new(poll.registry(), CONTINUED, wake::CONTINUE)?;
+        let mut wakers: Vec<UnixStream> =
+            context.take_wakers().into_iter().map(UnixStream::from_std).collect();
+        for waker in &mut wakers {
+            poll.registry()
+                .register(waker, WOKEN, Interest::READABLE)
+                .map_err(RosError::io("watching what the node drives"))?;
+        }
         let shell = Shell::new(context.name().clone(), core, &plan, parameters, read);
         let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);
-        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued })
+        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued, wakers })
     }
 
     /// Runs until the core has finished or a signal comes.
@@ -88,6 +99,7 @@ impl<C: Configurable> Runner<C> {
                 match event.token() {
                     SIGNALS if self.signals.received() => self.shell.stop = true,
                     CONTINUED if self.continued.received() => self.rebuild_connection(INTERRUPTED)?,
+                    WOKEN => self.woken(),
                     token => self.readable(token),
                 }
             }
@@ -139,6 +151,14 @@ impl<C: Configurable> Runner<C> {
             }
             self.shell.step(&self.connection, Event::Timer);
         }
+    }
+
+    fn woken(&mut self) {
+        let mut buffer = [0; 256];
+        for waker in &mut self.wakers {
+            while matches!(waker.read(&mut buffer), Ok(1..)) {}
+        }
+        self.shell.step(&self.connection, Event::Woken);
     }
 
     fn readable(&mut self, token: Token) {

@@ -228,7 +228,7 @@ fn start_driver(node: String, parameters: whorl_driver::Parameters) -> Start {
         if !matches!(parameters.backend, Backend::Simulated { .. }) {
             return Err(NodeSetError::Backend { node });
         }
-        match DriverCore::from_parameters(&parameters, Vec::new(), |_| false) {
+        match DriverCore::from_parameters(&parameters, Vec::new(), None) {
             Ok(core) => Ok(Box::new(core)),
             Err(source) => Err(NodeSetError::Driver { node, source }),
         }

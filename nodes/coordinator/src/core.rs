@@ -361,7 +361,7 @@ impl NodeCore for CoordinatorCore {
             }
             Event::Shutdown => self.shut_down(now, outputs),
             // Platforms come to rest when nobody commands them.
-            Event::Interruption => {}
+            Event::Interruption | Event::Woken => {}
         }
     }
 

@@ -9,6 +9,7 @@ use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_msgs::whorl::ActuatorCommand;
 use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Repeats, Timestamp};
 
+use crate::arming::Arming;
 use crate::gate::Gate;
 use crate::hardware::Hardware;
 use crate::parameters::{Backend, Parameters};
@@ -30,6 +31,7 @@ pub struct DriverCore {
     gate_sequence: u64,
     refusals: Repeats,
     measured: Vec<(Topic, Message)>,
+    arming: Arming,
 }
 
 impl DriverCore {
@@ -38,6 +40,7 @@ impl DriverCore {
     pub fn new(parameters: Parameters, hardware: Box<dyn Hardware>) -> Self {
         Self {
             gate: Gate::new(&parameters.model.actuators),
+            arming: Arming::new(parameters.armed, &parameters.backend),
             frame_id: format!("{}/base_link", parameters.name),
             parameters,
             hardware,
@@ -84,6 +87,14 @@ impl DriverCore {
     fn command(&mut self, now: Timestamp, command: &ActuatorCommand, outputs: &mut Outputs) {
         // First: what this process slept through has happened before this command.
         self.watch(now, outputs);
+        if let Some(hindrance) = self.hindrance() {
+            self.gate.ignore();
+            let text = || format!("{}: actuator commands are refused: {hindrance}", self.parameters.name);
+            if let Some(text) = self.refusals.admit(now, text) {
+                outputs.log(LogLevel::Warn, text);
+            }
+            return;
+        }
         let was_open = self.gate.deadline().is_some();
         match self.gate.command(now, command) {
             Ok(actions) => {
@@ -112,14 +123,43 @@ impl DriverCore {
         if self.next_gate.is_none_or(|due| due <= now) {
             self.publish_gate(now, outputs);
         }
-        self.hardware.measurements(now, &self.frame_id, &mut self.measured);
-        for (topic, message) in self.measured.drain(..) {
-            outputs.publish(Route::platform(self.parameters.platform, topic), message);
-        }
+        self.publish_measurements(now, outputs);
         if self.next_diagnostics.is_none_or(|due| due <= now) {
             self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
             outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now));
         }
+    }
+
+    fn publish_measurements(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        self.hardware.measurements(now, &self.frame_id, &mut self.measured);
+        for (topic, message) in self.measured.drain(..) {
+            outputs.publish(Route::platform(self.parameters.platform, topic), message);
+        }
+        for (warning, text) in self.hardware.take_news() {
+            let level = if warning { LogLevel::Warn } else { LogLevel::Info };
+            outputs.log(level, format!("{}: {text}", self.parameters.name));
+        }
+        if let Some(text) = self.arming.look(|| self.hardware.not_ready()) {
+            outputs.log(LogLevel::Info, format!("{}: {text}", self.parameters.name));
+        }
+        // Nothing moves on without what it needs.
+        if self.gate.deadline().is_some()
+            && let Some(hindrance) = self.hindrance()
+        {
+            let action = self.gate.close();
+            self.hardware.apply(now, &action);
+            let text = format!("{}: valves closed, wheel torque zero: {hindrance}", self.parameters.name);
+            outputs.log(LogLevel::Error, text);
+            self.publish_gate(now, outputs);
+        }
+    }
+
+    /// Why the platform must not move now.
+    fn hindrance(&self) -> Option<String> {
+        if !self.arming.is_armed() {
+            return Some(format!("it is not armed (whorl arm {})", self.parameters.name));
+        }
+        self.hardware.lost_needed().map(|device| format!("device {device} is lost"))
     }
 
     fn diagnostics(&self, now: Timestamp) -> DiagnosticArray {
@@ -137,6 +177,7 @@ impl DriverCore {
                     value("commands accepted", counts.accepted),
                     value("commands refused", counts.refused),
                     value("command timeouts", counts.timeouts),
+                    KeyValue { key: "armed".to_owned(), value: self.arming.words().to_owned() },
                 ],
             }],
         }
@@ -164,6 +205,10 @@ impl NodeCore for DriverCore {
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
             Event::Timer => self.tick(now, outputs),
+            Event::Woken => {
+                self.watch(now, outputs);
+                self.publish_measurements(now, outputs);
+            }
             Event::Message { message: Message::ActuatorCommand(command), .. } => {
                 self.command(now, command, outputs);
             }
@@ -197,20 +242,26 @@ impl NodeCore for DriverCore {
 impl Configurable for DriverCore {
     type Parameters = Parameters;
 
-    /// Only faults may change while the driver runs.
+    /// Only faults and arming may change while the driver runs.
     fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
-        let mut with_new_faults = self.parameters.clone();
+        let mut changed = self.parameters.clone();
+        changed.armed = parameters.armed;
         if let (Backend::Simulated { faults, .. }, Backend::Simulated { faults: new, .. }) =
-            (&mut with_new_faults.backend, &parameters.backend)
+            (&mut changed.backend, &parameters.backend)
         {
             faults.clone_from(new);
-            if with_new_faults == *parameters {
-                self.hardware.set_faults(new);
-                self.parameters = with_new_faults;
-                return Ok(());
-            }
         }
-        Err("only faults can be changed while the driver runs; restart it for the rest".to_owned())
+        if changed != *parameters {
+            let text = "only faults and armed can be changed while the driver runs; restart it for the rest";
+            return Err(text.to_owned());
+        }
+        // Asked for again, it is an answer to what stopped it before.
+        self.arming.ask(parameters.armed, || self.hardware.not_ready())?;
+        if let Backend::Simulated { faults, .. } = &parameters.backend {
+            self.hardware.set_faults(faults);
+        }
+        self.parameters = changed;
+        Ok(())
     }
 }
 

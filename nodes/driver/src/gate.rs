@@ -194,6 +194,11 @@ impl Gate {
         }
     }
 
+    /// Counts a command that was not looked at, because the platform must not move.
+    pub fn ignore(&mut self) {
+        self.counts.refused += 1;
+    }
+
     fn examine(&mut self, now: Timestamp, command: &ActuatorCommand) -> Result<Vec<Action>, Refusal> {
         let asked = |motors: &Motors| command.motor_commands(motors.field).unwrap_or(&[]);
         if self.motors.iter().any(|motors| asked(motors).len() != motors.limits.len())

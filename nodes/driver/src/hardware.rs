@@ -29,6 +29,21 @@ pub trait Hardware: Send {
     /// One sentence on its state, and whether something is wrong, for diagnostics.
     fn status(&self) -> Status;
 
+    /// Why it is not ready to be armed, a sentence each.
+    fn not_ready(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Name of a device that is lost without which the platform must not move.
+    fn lost_needed(&self) -> Option<String> {
+        None
+    }
+
+    /// What has happened since the last call: whether it is a warning, and a sentence.
+    fn take_news(&mut self) -> Vec<(bool, String)> {
+        Vec::new()
+    }
+
     /// Changes the injected faults; only simulated hardware supports them.
     fn set_faults(&mut self, _faults: &[Fault]) {}
 

@@ -3,10 +3,13 @@
 //! Publishes measurements (`imu/data_raw`, `wheels/state`, ...), obeys `actuators/command`. When
 //! commands stop arriving it closes all valves and sets wheel torque to zero within 100 ms.
 
+pub mod arming;
 pub mod core;
+pub mod devices;
 pub mod faults;
 pub mod gate;
 pub mod hardware;
+pub mod messages;
 pub mod parameters;
 pub mod replay;
 pub mod simulated;
@@ -14,9 +17,13 @@ pub mod simulated;
 pub use crate::core::DriverCore;
 pub use parameters::{Backend, Parameters};
 
+use std::path::PathBuf;
+
 use thiserror::Error;
+use whorl_devices::{Devices, Place};
 use whorl_dynamics::PlantError;
 
+use crate::devices::DeviceHardware;
 use crate::hardware::Hardware;
 use crate::replay::{RecordedMeasurement, Replay};
 use crate::simulated::SimulatedHardware;
@@ -27,19 +34,23 @@ pub enum DriverError {
     /// The truth cannot be simulated.
     #[error("the platform cannot be simulated: {0}")]
     Plant(#[from] PlantError),
-    /// There is no driver for real hardware yet.
+    /// A port or folder of a device is not there.
     #[error(
-        "backend hardware: there is no driver for the {purpose} ({device}{}) yet; use backend sim or replay",
-        if *.present { "" } else { ", which is not there" }
+        "backend hardware: device {device} is not there: {path}; plug it in, correct the file's devices.{device}, or \
+         start emulators (launch_scripts/start_emulators.sh)"
     )]
     MissingDevice {
-        /// What the device is for.
-        purpose: &'static str,
-        /// Its path.
+        /// Name of the device.
         device: String,
-        /// Whether the path exists.
-        present: bool,
+        /// Where it was looked for.
+        path: String,
     },
+    /// The devices cannot be started.
+    #[error("backend hardware: the devices cannot be started: {0}")]
+    Devices(#[from] std::io::Error),
+    /// There is nobody to start devices.
+    #[error("backend hardware needs a node of its own")]
+    NoDevices,
     /// The recording has nothing to replay.
     #[error("{source_name} holds no measurements of platform {platform}")]
     EmptyRecording {
@@ -51,15 +62,15 @@ pub enum DriverError {
 }
 
 impl DriverCore {
-    /// A driver with the backend in the parameters. `recording` is read by the caller for
-    /// [`Backend::Replay`]; `device_present` tells whether a device path exists.
+    /// A driver with the backend in the parameters. `recording` is read by the caller for [`Backend::Replay`]; `devices`
+    /// are started by the caller for [`Backend::Hardware`], see [`start_devices`].
     ///
     /// # Errors
     /// See [`DriverError`].
     pub fn from_parameters(
         parameters: &Parameters,
         recording: Vec<RecordedMeasurement>,
-        device_present: impl Fn(&str) -> bool,
+        devices: Option<Devices>,
     ) -> Result<Self, DriverError> {
         let hardware: Box<dyn Hardware> = match &parameters.backend {
             Backend::Simulated { truth, start, seed, faults } => {
@@ -72,13 +83,31 @@ impl DriverCore {
                 return Err(DriverError::EmptyRecording { source_name, platform });
             }
             Backend::Replay { source, .. } => Box::new(Replay::new(source.clone(), recording)),
-            Backend::Hardware { devices } => {
-                let missing = devices.iter().find(|(_, path)| !device_present(path)).or(devices.first());
-                let (purpose, device) = missing.map_or(("platform", String::new()), |(p, d)| (*p, d.clone()));
-                let present = device_present(&device);
-                return Err(DriverError::MissingDevice { purpose, device, present });
+            Backend::Hardware { root } => {
+                let place = root.as_ref().map_or_else(String::new, |root| format!(", EMULATED in {root}"));
+                let devices = devices.ok_or(DriverError::NoDevices)?;
+                Box::new(DeviceHardware::new(&parameters.model, parameters.devices.clone(), devices, place))
             }
         };
         Ok(Self::new(parameters.clone(), hardware))
     }
+}
+
+/// Starts the devices of a driver with backend hardware, each in a thread; `None` for other backends.
+///
+/// # Errors
+/// A port or folder that is not there.
+pub fn start_devices(parameters: &Parameters) -> Result<Option<Devices>, DriverError> {
+    let Backend::Hardware { root } = &parameters.backend else { return Ok(None) };
+    let place = Place { root: root.as_ref().map(PathBuf::from) };
+    for named in &parameters.devices.devices {
+        let path = named.device.path().map(|path| place.path(path)).filter(|path| !path.exists());
+        if let Some(path) = path {
+            return Err(DriverError::MissingDevice {
+                device: named.name.clone(),
+                path: path.display().to_string(),
+            });
+        }
+    }
+    Ok(Some(Devices::start(&parameters.devices, &place)?))
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
+use whorl_devices::DeviceList;
 use whorl_dynamics::PlatformModel;
 use whorl_math::rad_from_deg;
 use whorl_msgs::topics::PlatformId;
@@ -32,10 +33,10 @@ pub enum Backend {
         /// For CSV: the column map.
         channels: Option<String>,
     },
-    /// Real hardware: devices by what they are for.
+    /// Real hardware: [`Parameters::devices`].
     Hardware {
-        /// What each device is for, and its path.
-        devices: Vec<(&'static str, String)>,
+        /// Folder in which emulators have their ports; `None`: the devices are this computer's own.
+        root: Option<String>,
     },
 }
 
@@ -52,6 +53,12 @@ pub struct Parameters {
     pub watchdog_s: f64,
     /// What is driven.
     pub backend: Backend,
+    /// The platform's devices, whatever is driven.
+    pub devices: DeviceList,
+    /// Whether the platform may move.
+    pub armed: bool,
+    /// What goes wrong with emulated devices.
+    pub emulated_faults: Vec<whorl_devices::emulation::Fault>,
 }
 
 impl Parameters {
@@ -85,17 +92,30 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         r.optional_string("channels", "for CSV: YAML file that says which column is which")
     });
     let start = r.group("initial", read_start);
-    let devices = r.group("hardware", |r| {
-        vec![
-            (
-                "rate gyro and accelerometer",
-                r.string_or("imu_device", "/dev/whorl/imu", "device of the inertial sensor"),
-            ),
-            ("wheel drives", r.string_or("wheels_device", "/dev/whorl/wheels", "device of the wheel drives")),
-            ("valve board", r.string_or("valves_device", "/dev/whorl/valves", "device of the valve board")),
-        ]
+    let root = r.group("hardware", |r| {
+        r.optional_string(
+            "root",
+            "folder in which emulators have their ports; left out: the devices are real",
+        )
     });
+    // What cannot hurt anybody is armed from the start.
+    let armed = r.bool_or(
+        "armed",
+        kind != "hardware" || root.is_some(),
+        "whether the platform may move; set it while the driver runs, by `whorl arm` and `whorl disarm`. Left out: true, but false \
+         with real devices, which always start disarmed",
+    );
     let (model, truth) = (model?, truth?);
+    let devices = r.fixed(|r| whorl_devices::read(r, &model));
+    let emulated_faults = whorl_devices::emulation::read(r, &model, &devices);
+    if kind == "hardware" && !devices.missing.is_empty() {
+        let problem = format!(
+            "backend hardware needs a device for: {}; allowed: entries devices.<name>.kind for all of them \
+             (docs/hardware.md)",
+            devices.missing.join(", ")
+        );
+        r.reject("backend", problem);
+    }
     let jets: Vec<String> = truth.jets().iter().map(|j| j.name.clone()).collect();
     let faults = faults::read(r, &jets);
     if kind == "replay" && source.is_empty() {
@@ -117,7 +137,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         watchdog_s,
         backend: match kind {
             "replay" => Backend::Replay { source, channels },
-            "hardware" => Backend::Hardware { devices },
+            "hardware" => Backend::Hardware { root },
             // Platforms need independent noise: offset the seed by multiples of an odd constant (2^64 / golden ratio).
             _ => Backend::Simulated {
                 truth: Box::new(truth),
@@ -128,6 +148,9 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
                 faults,
             },
         },
+        devices,
+        armed,
+        emulated_faults,
     })
 }
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_dynamics::actuators::{Actuators, Kind};
+use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::{InitialState, JetFailure, Plant, PlantError, PlatformModel};
 use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
@@ -15,6 +15,7 @@ use whorl_node::Timestamp;
 use crate::faults::{Fault, FaultKind, spoil_imu};
 use crate::gate::Action;
 use crate::hardware::{Hardware, Status};
+use crate::messages::{battery, imu_message, joint_names, truth_message};
 
 /// Rates of the slow channels \[Hz\].
 const BUS_RATE_HZ: f64 = 10.0;
@@ -81,7 +82,7 @@ impl SimulatedHardware {
     ) -> Result<Self, PlantError> {
         // The plant is created at the first call, which gives the start time; one is created here
         // too, so that an invalid platform is refused at once.
-        Plant::new(&model, &initial_state(&start, Timestamp(0)), seed)?;
+        Plant::new(&model, &start.at(Timestamp(0)), seed)?;
         let joint_names = joint_names(&model.actuators);
         Ok(Self { model, start, seed, faults, watchdog: None, running: None, joint_names })
     }
@@ -96,7 +97,7 @@ impl SimulatedHardware {
     fn running(&mut self, now: Timestamp) -> Option<&mut Running> {
         if self.running.is_none() {
             // `new` has created a plant of the same model: this cannot fail.
-            let plant = Plant::new(&self.model, &initial_state(&self.start, now), self.seed).ok()?;
+            let plant = Plant::new(&self.model, &self.start.at(now), self.seed).ok()?;
             self.running = Some(Running {
                 plant,
                 began: now,
@@ -114,21 +115,16 @@ impl SimulatedHardware {
     }
 }
 
-fn joint_names(actuators: &Actuators) -> Vec<(Kind, Topic, Vec<String>)> {
-    let kinds = Kind::ALL.into_iter().zip(actuators.kinds());
-    let measured = kinds.filter_map(|(kind, row)| {
-        let topic = Topic::find(row.channel()?.state_topic, true)?;
-        Some((kind, topic, row.names().into_iter().map(str::to_owned).collect()))
-    });
-    measured.collect()
-}
-
-fn initial_state(start: &Start, now: Timestamp) -> InitialState {
-    InitialState {
-        time_ns: now.0,
-        q_world_body: start.q_world_body,
-        omega_wb_b_rad_s: start.omega_wb_b_rad_s,
-        wheel_speed_rad_s: start.wheel_speed_rad_s.clone(),
+impl Start {
+    /// As a plant takes it, at this time.
+    #[must_use]
+    pub fn at(&self, now: Timestamp) -> InitialState {
+        InitialState {
+            time_ns: now.0,
+            q_world_body: self.q_world_body,
+            omega_wb_b_rad_s: self.omega_wb_b_rad_s,
+            wheel_speed_rad_s: self.wheel_speed_rad_s.clone(),
+        }
     }
 }
 
@@ -278,40 +274,9 @@ impl Running {
         self.valve_closes.fill(now);
     }
 
-    /// What the platform's inertial sensors send: NaN on gyro axes that it does not have, and an accelerometer that it does
-    /// not have marked as such (`sensor_msgs/Imu`).
     fn imu(&mut self, header: &Header, sensors: &whorl_dynamics::platform::SensorSuite) -> Imu {
-        let mut sample = self.plant.sample_imu();
-        for (rate, fitted) in sample.angular_velocity_rad_s.iter_mut().zip(sensors.gyro.axes) {
-            if !fitted {
-                *rate = f64::NAN;
-            }
-        }
-        let mut force_covariance = [0.0; 9];
-        force_covariance[0] = -1.0;
-        let diagonal = |sigma: &Vector3<f64>| {
-            [sigma.x.powi(2), 0., 0., 0., sigma.y.powi(2), 0., 0., 0., sigma.z.powi(2)]
-        };
-        let mut orientation_covariance = [0.0; 9];
-        orientation_covariance[0] = -1.0;
-        if sensors.accelerometer.fitted {
-            force_covariance = diagonal(&sensors.accelerometer.errors.noise_stddev);
-        } else {
-            sample.specific_force_m_s2.fill(f64::NAN);
-        }
-        let mut rate_covariance = diagonal(&sensors.gyro.errors.noise_stddev);
-        if sensors.gyro.axes == [false; 3] {
-            rate_covariance[0] = -1.0;
-        }
-        Imu {
-            header: header.clone(),
-            orientation_covariance,
-            angular_velocity: sample.angular_velocity_rad_s.into(),
-            angular_velocity_covariance: rate_covariance,
-            linear_acceleration: sample.specific_force_m_s2.into(),
-            linear_acceleration_covariance: force_covariance,
-            ..Imu::default()
-        }
+        let sample = self.plant.sample_imu();
+        imu_message(header, sensors, sample.angular_velocity_rad_s, sample.specific_force_m_s2)
     }
 
     fn joints(&mut self, kind: Kind, header: &Header, name: Vec<String>) -> JointState {
@@ -348,21 +313,7 @@ impl Running {
     }
 
     fn battery(&mut self, header: &Header, initial_v: f64) -> BatteryState {
-        let voltage = self.plant.sample_bus_voltage_v();
-        BatteryState {
-            header: header.clone(),
-            voltage: voltage as f32,
-            // Unmeasured fields are NaN, as the message's definition requires.
-            temperature: f32::NAN,
-            current: f32::NAN,
-            charge: f32::NAN,
-            capacity: f32::NAN,
-            design_capacity: f32::NAN,
-            percentage: (voltage / initial_v).clamp(0.0, 1.0) as f32,
-            power_supply_status: BatteryState::POWER_SUPPLY_STATUS_DISCHARGING,
-            present: true,
-            ..BatteryState::default()
-        }
+        battery(header, self.plant.sample_bus_voltage_v(), initial_v)
     }
 
     fn pressure(&mut self, header: &Header, noise_pa: f64) -> FluidPressure {
@@ -371,18 +322,8 @@ impl Running {
     }
 
     fn truth(&mut self, now: Timestamp) -> AttitudeEstimate {
-        let truth = self.plant.truth();
         let sequence = self.truth_sequence;
         self.truth_sequence += 1;
-        AttitudeEstimate {
-            header: Header { stamp: now.into(), frame_id: "world".to_owned() },
-            sequence,
-            q_world_body: truth.q_world_body.into(),
-            omega_wb_b_rad_s: truth.omega_wb_b_rad_s.into(),
-            gyro_bias_b_rad_s: truth.gyro_bias_rad_s.into(),
-            nis: f64::NAN,
-            health: AttitudeEstimate::HEALTH_OK,
-            ..AttitudeEstimate::default()
-        }
+        truth_message(&self.plant.truth(), now, sequence)
     }
 }

@@ -329,7 +329,11 @@ impl NodeCore for EstimatorCore {
                 }
                 self.diagnostics(now, outputs);
             }
-            Event::Message { .. } | Event::Request { .. } | Event::Interruption | Event::Shutdown => {}
+            Event::Message { .. }
+            | Event::Request { .. }
+            | Event::Woken
+            | Event::Interruption
+            | Event::Shutdown => {}
         }
     }
 }

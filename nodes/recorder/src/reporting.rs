@@ -92,7 +92,11 @@ impl<F: FnMut() -> Status + Send> NodeCore for ReportingCore<F> {
                 }
                 outputs.publish(Route::shared(Topic::Diagnostics), diagnostics);
             }
-            Event::Message { .. } | Event::Request { .. } | Event::Interruption | Event::Shutdown => {}
+            Event::Message { .. }
+            | Event::Request { .. }
+            | Event::Woken
+            | Event::Interruption
+            | Event::Shutdown => {}
         }
     }
 }

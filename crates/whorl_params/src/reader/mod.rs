@@ -154,6 +154,13 @@ impl<'a> Reader<'a> {
         self.reject(key, problem);
     }
 
+    /// Leaves the open group at that: what stands below it and was not read is not reported as unknown. For a group whose
+    /// own kind is wrong, which has been reported.
+    pub fn leave_group(&mut self) {
+        let below = self.parameters.iter().filter(|entry| entry.key.starts_with(&self.prefix));
+        self.known.extend(below.map(|entry| entry.key.clone()));
+    }
+
     /// How many errors were found so far.
     #[must_use]
     pub fn error_count(&self) -> usize {

@@ -27,6 +27,9 @@ fn driver() -> (DriverCore, PlatformModel) {
         model: model.clone(),
         watchdog_s: 0.2,
         backend,
+        devices: Default::default(),
+        armed: true,
+        emulated_faults: Vec::new(),
     };
     (DriverCore::new(parameters, Box::new(hardware)), model)
 }

@@ -271,7 +271,7 @@ impl NodeCore for LocalControlCore {
                 let stamp = self.latest_stamp.unwrap_or_default();
                 self.idle(now, stamp, outputs);
             }
-            Event::Request { .. } => {}
+            Event::Request { .. } | Event::Woken => {}
         }
     }
 }

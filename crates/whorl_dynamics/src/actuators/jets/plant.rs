@@ -66,6 +66,14 @@ impl Plant {
         self.drive.actuators.jets.valves.close_all(at_ns, closing_delay_ns, self.now_ns);
     }
 
+    /// Switches one valve off at `at_ns` (now, if that is past) and forgets its later pulses. An unknown jet is none.
+    pub fn close_valve(&mut self, jet: usize, at_ns: i64) {
+        let at_ns = at_ns.max(self.now_ns);
+        let Some(data) = self.gyrostat.model().jets().get(jet) else { return };
+        let closing_delay_ns = ns_from_s(data.closing_delay_s);
+        self.drive.actuators.jets.valves.close(jet, at_ns, closing_delay_ns, self.now_ns);
+    }
+
     /// Breaks or repairs a valve from now on.
     ///
     /// # Errors

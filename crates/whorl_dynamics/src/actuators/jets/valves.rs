@@ -117,13 +117,19 @@ impl Valves {
 
     /// Switches every valve's driver off at `at_ns`, not before now.
     pub fn close_all(&mut self, at_ns: i64, closing_delay_ns: impl Fn(usize) -> i64, now_ns: i64) {
-        for (j, valve) in self.valves.iter_mut().enumerate() {
-            valve.pulses.retain(|pulse| pulse.on_ns < at_ns);
-            for pulse in &mut valve.pulses {
-                if pulse.off_ns > at_ns {
-                    pulse.off_ns = at_ns;
-                    pulse.closes_ns = at_ns + closing_delay_ns(j);
-                }
+        for j in 0..self.valves.len() {
+            self.close(j, at_ns, closing_delay_ns(j), now_ns);
+        }
+    }
+
+    /// Switches one valve's driver off at `at_ns`, not before now.
+    pub fn close(&mut self, jet: usize, at_ns: i64, closing_delay_ns: i64, now_ns: i64) {
+        let Some(valve) = self.valves.get_mut(jet) else { return };
+        valve.pulses.retain(|pulse| pulse.on_ns < at_ns);
+        for pulse in &mut valve.pulses {
+            if pulse.off_ns > at_ns {
+                pulse.off_ns = at_ns;
+                pulse.closes_ns = at_ns + closing_delay_ns;
             }
         }
         self.next_edge_ns = now_ns;

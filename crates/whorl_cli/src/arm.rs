@@ -1,0 +1,46 @@
+//! `whorl arm` and `whorl disarm`: whether platforms may move.
+
+use std::time::Duration;
+
+use anyhow::bail;
+use clap::Args;
+use whorl_params::Value;
+use whorl_ros::environment::Network;
+use whorl_ros::{ParameterClient, Participant};
+use whorl_security::policy::OPERATOR;
+
+/// How long a driver may take to be found and to answer.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Platforms, each of which has a driver that runs.
+    #[arg(required = true, value_name = "PLATFORM")]
+    platforms: Vec<String>,
+}
+
+/// Carries out `whorl arm` (`armed`) and `whorl disarm`. All platforms are asked, whatever one of them answers.
+pub fn run(arguments: &Arguments, armed: bool) -> anyhow::Result<()> {
+    set(&arguments.platforms, armed)
+}
+
+/// Arms or disarms these platforms.
+pub fn set(platforms: &[String], armed: bool) -> anyhow::Result<()> {
+    let network = Network::from_environment()?.secured(OPERATOR)?;
+    let clients = |participant: &Participant| {
+        let client = |platform: &String| ParameterClient::new(participant, &format!("/{platform}/driver"));
+        platforms.iter().map(client).collect::<Result<Vec<_>, _>>()
+    };
+    let (participant, clients) = Participant::with(&network, clients)?;
+    let mut failed = Vec::new();
+    for (platform, client) in platforms.iter().zip(&clients) {
+        match client.set(&participant, "armed", &Value::Bool(armed), TIMEOUT) {
+            Ok(()) => println!("{platform}: {}", if armed { "armed" } else { "disarmed" }),
+            Err(error) => failed.push(format!("{platform}: {error}")),
+        }
+    }
+    if !failed.is_empty() {
+        bail!("{}", failed.join("\n"));
+    }
+    Ok(())
+}

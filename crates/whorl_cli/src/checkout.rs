@@ -1,0 +1,289 @@
+//! `whorl checkout`: works each wheel and each jet for a moment, and compares what the platform does with the model.
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use nalgebra::Vector3;
+use whorl_devices::checkout::{Finding, Part, Trial, judge};
+use whorl_dynamics::PlatformModel;
+use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor};
+use whorl_msgs::sensor_msgs::Imu;
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
+use whorl_msgs::whorl::ActuatorCommand;
+use whorl_node::Node;
+use whorl_params::ParameterTree;
+use whorl_ros::environment::Network;
+use whorl_ros::{EndpointQos, Participant, RawWriter};
+
+use crate::arm;
+use crate::run::{Folders, Interrupted, exit_code, say, stop, tell, this_domain, use_emulators};
+use crate::subscription::Subscription;
+
+/// Torque of a wheel, as a share of what it can do, and for how long.
+const WHEEL_SHARE: f64 = 0.3;
+const WHEEL_S: f64 = 0.5;
+/// On-time of a jet.
+const JET_S: f64 = 0.4;
+/// Rates are means over this; after a pulse, behind valves and filters.
+const WINDOW_S: f64 = 0.25;
+const SETTLES_S: f64 = 0.05;
+/// Between pulses of jets, in which the wheels bring the platform to rest, and in what time.
+const REST_S: f64 = 1.5;
+const DAMPING_S: f64 = 0.5;
+const COMMANDS: Duration = Duration::from_millis(10);
+const STARTUP: Duration = Duration::from_secs(20);
+/// A platform that turns faster is left alone [rad/s].
+const FASTEST_RAD_S: f64 = 0.15;
+
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Platform, whose nodes must not run.
+    platform: String,
+    /// What the driver drives: hardware or sim.
+    #[arg(long, value_name = "KIND", default_value = "hardware", value_parser = str::parse::<Backend>)]
+    backend: Backend,
+    /// The platform floats and nobody is in its way: real devices are armed without asking.
+    #[arg(long)]
+    yes: bool,
+    #[command(flatten)]
+    folders: Folders,
+}
+
+/// Carries out `whorl checkout`. The exit status is 0 when everything is as the model says, 1 when something is not.
+pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
+    exit_code(try_run(arguments, ends_with_its_reader))
+}
+
+fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
+    let platform = &arguments.platform;
+    let mut options = arguments.folders.options("hold");
+    options.platforms = Some(vec![platform.clone()]);
+    let driver = DriverSource { backend: arguments.backend, ..DriverSource::default() };
+    options.drivers.insert(platform.clone(), driver);
+    let mut setup = Setup::new(options)?;
+    let (domain, programs) = (this_domain()?, Programs::beside_this_one()?);
+    use_emulators(&mut setup, &domain);
+    let model = model(&setup, platform)?;
+    let driver = setup.platform(platform).into_iter().find(|process| process.node == Node::Driver);
+    let driver = driver.context("a platform has a driver")?;
+    let _lease = domain.share(platform)?;
+    let interrupted = Interrupted::new()?;
+    ends_with_its_reader.store(false, Ordering::Relaxed);
+    let mut supervisor = Supervisor::new(domain.clone());
+    supervisor.start(&programs, driver, &domain.logs())?;
+    let result = Bench::new(platform, &interrupted).and_then(|mut bench| {
+        bench.wait_for_devices(&mut supervisor)?;
+        if arguments.backend == Backend::Hardware && domain.emulated(platform).is_none() {
+            if !arguments.yes {
+                bail!("this moves the platform: let it float, keep clear, and say so with --yes");
+            }
+            arm::set(std::slice::from_ref(platform), true)?;
+        }
+        bench.check(&model)
+    });
+    let all_well = stop(&mut supervisor);
+    let wrong = result?;
+    say(match wrong {
+        0 => format!("{platform}: every actuator does what the model says"),
+        1 => format!("{platform}: one actuator does not do what the model says"),
+        _ => format!("{platform}: {wrong} actuators do not do what the model says"),
+    });
+    Ok(u8::from(wrong > 0 || !all_well))
+}
+
+fn model(setup: &Setup, platform: &str) -> anyhow::Result<PlatformModel> {
+    let tree = ParameterTree::load(&setup.driver_files(platform), &[])?;
+    let own = tree.for_node(&format!("/{platform}/driver"));
+    Ok(whorl_params::try_read(&own, whorl_driver::parameters::read)?.0.model)
+}
+
+/// A driver, its sensors and its actuators.
+struct Bench<'a> {
+    topics: Subscription,
+    _participant: Participant,
+    writer: RawWriter,
+    interrupted: &'a Interrupted,
+    sequence: u64,
+    slot: u64,
+    rates: Vec<(Instant, Vector3<f64>)>,
+    seen: bool,
+}
+
+impl<'a> Bench<'a> {
+    fn new(platform: &str, interrupted: &'a Interrupted) -> anyhow::Result<Self> {
+        let network = Network::from_environment()?;
+        let platforms = [platform.to_owned()];
+        let topics = Subscription::new(&network, &platforms, &[], &[Topic::ImuRaw, Topic::WheelState])?;
+        let route = Route::platform(PlatformId(0), Topic::ActuatorCommand);
+        let name = route.name(&platforms).context("the platform's topics")?;
+        let info = route.topic.info();
+        let (participant, writer) = Participant::with(&network, |participant| {
+            participant.writer(&name, info.message_type.name(), EndpointQos::from(info.qos))
+        })?;
+        Ok(Self {
+            topics,
+            _participant: participant,
+            writer,
+            interrupted,
+            sequence: 0,
+            slot: 0,
+            rates: Vec::new(),
+            seen: false,
+        })
+    }
+
+    fn wait_for_devices(&mut self, supervisor: &mut Supervisor) -> anyhow::Result<()> {
+        let until = Instant::now() + STARTUP;
+        while !self.seen || self.rates.len() < 20 {
+            self.look()?;
+            if let Some(ended) = supervisor.ended() {
+                bail!("the driver ended:\n{}", ended.last_words());
+            }
+            if Instant::now() > until {
+                bail!("no rates and no wheel speeds within {} s: {}", STARTUP.as_secs(), self.topics.hint());
+            }
+            std::thread::sleep(COMMANDS);
+        }
+        Ok(())
+    }
+
+    fn look(&mut self) -> anyhow::Result<()> {
+        if self.interrupted.yes() {
+            bail!("interrupted");
+        }
+        let (rates, seen) = (&mut self.rates, &mut self.seen);
+        self.topics.drain(|_, message| match message {
+            Message::Imu(Imu { angular_velocity, .. }) => {
+                rates.push((Instant::now(), angular_velocity.into()))
+            }
+            Message::JointState(_) => *seen = true,
+            _ => {}
+        })
+    }
+
+    /// Commands these torques, and jets as of the current slot, for so long; `wheels` may depend on the latest rate.
+    fn command(
+        &mut self,
+        length_s: f64,
+        jets: &[f64],
+        wheels: impl Fn(&Vector3<f64>) -> Vec<f64>,
+    ) -> anyhow::Result<()> {
+        self.slot += 1;
+        let until = Instant::now() + Duration::from_secs_f64(length_s);
+        let mut bytes = Vec::new();
+        while Instant::now() < until {
+            self.look()?;
+            let rate = self.rates.last().map_or_else(Vector3::zeros, |(_, rate)| *rate);
+            if rate.norm() > FASTEST_RAD_S {
+                bail!(
+                    "the platform turns with {:.1} deg/s: bring it to rest first",
+                    rate.norm().to_degrees()
+                );
+            }
+            let now = whorl_ros::wall_clock();
+            let command = ActuatorCommand {
+                header: Header { stamp: now.into(), frame_id: String::new() },
+                sequence: self.sequence,
+                valid_until: (now + Duration::from_secs(1)).into(),
+                wheel_torque_n_m: wheels(&rate),
+                jet_slot: self.slot,
+                jet_slot_length_s: length_s.max(JET_S),
+                jet_on_time_s: jets.to_vec(),
+            };
+            self.sequence += 1;
+            Message::from(command).encode_into(&mut bytes)?;
+            self.writer.publish(&bytes)?;
+            std::thread::sleep(COMMANDS.min(until.saturating_duration_since(Instant::now())));
+        }
+        Ok(())
+    }
+
+    /// Mean rate and its standard deviation over the latest window.
+    fn rate(&self) -> anyhow::Result<(Vector3<f64>, f64)> {
+        let since = Instant::now() - Duration::from_secs_f64(WINDOW_S);
+        let rates: Vec<Vector3<f64>> =
+            self.rates.iter().rev().take_while(|(at, _)| *at >= since).map(|(_, rate)| *rate).collect();
+        if rates.len() < 5 {
+            bail!("{} samples of the gyro in {WINDOW_S} s: is it connected?", rates.len());
+        }
+        let count = rates.len() as f64;
+        let mean = rates.iter().sum::<Vector3<f64>>() / count;
+        let variance =
+            rates.iter().map(|rate| (rate - mean).norm_squared()).sum::<f64>() / (3.0 * (count - 1.0));
+        Ok((mean, (variance / count).sqrt()))
+    }
+
+    /// Works every part; how many do not do what the model says.
+    fn check(&mut self, model: &PlatformModel) -> anyhow::Result<usize> {
+        let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
+        let mut wrong = 0;
+        // How each wheel answers to its torque: 1 as it should, -1 the other way, 0 not so that one could use it.
+        let mut answers = vec![0.0; model.wheels().len()];
+        for part in Part::all(model) {
+            self.command(WINDOW_S, &no_jets, |_| no_wheels.clone())?;
+            let (torque_n_m, length_s) = match part {
+                Part::Wheel(index) => {
+                    (model.wheels().get(index).map_or(0.0, |w| w.max_torque_n_m * WHEEL_SHARE), WHEEL_S)
+                }
+                Part::Jet(_) => (0.0, JET_S),
+            };
+            // A pendulum turns by itself: what it did in as long before is what it would have done.
+            let (earlier, noise_earlier) = self.rate()?;
+            self.command(length_s + SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
+            let (before, noise_before) = self.rate()?;
+            let (mut jets, mut wheels) = (no_jets.clone(), no_wheels.clone());
+            match part {
+                Part::Wheel(index) => wheels.iter_mut().skip(index).take(1).for_each(|u| *u = torque_n_m),
+                Part::Jet(index) => jets.iter_mut().skip(index).take(1).for_each(|t| *t = JET_S),
+            }
+            self.command(length_s, &jets, |_| wheels.clone())?;
+            self.command(SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
+            let (after, noise_after) = self.rate()?;
+            let trial = Trial {
+                part,
+                torque_n_m,
+                length_s,
+                rate_change_b_rad_s: (after - before) - (before - earlier),
+                noise_rad_s: noise_earlier.hypot(noise_after).hypot(2.0 * noise_before),
+            };
+            let finding = judge(model, &trial).context("the model has this part")?;
+            let line = format!("{:10} {}", part.name(model), finding.words(part, model));
+            if finding.is_right() {
+                say(line);
+            } else {
+                tell(line);
+                wrong += 1;
+            }
+            match part {
+                // Back as it was, whichever way it turns.
+                Part::Wheel(index) => {
+                    let answer = match finding {
+                        Finding::Right(_) => 1.0,
+                        Finding::Reversed => -1.0,
+                        _ => 0.0,
+                    };
+                    answers.iter_mut().skip(index).take(1).for_each(|slot| *slot = answer);
+                    let back: Vec<f64> = wheels.iter().map(|u| -u).collect();
+                    self.command(WHEEL_S, &no_jets, |_| back.clone())?;
+                }
+                Part::Jet(_) => self.command(REST_S, &no_jets, |rate| damping(model, &answers, rate))?,
+            }
+        }
+        Ok(wrong)
+    }
+}
+
+/// Torques of the wheels that bring the platform to rest, as they were found to answer.
+fn damping(model: &PlatformModel, answers: &[f64], rate_b_rad_s: &Vector3<f64>) -> Vec<f64> {
+    let momentum = model.mass_properties.inertia_b_kg_m2() * rate_b_rad_s;
+    let torque = |axis: &Vector3<f64>| axis.dot(&momentum) / DAMPING_S;
+    let wheels = model.wheels().iter().zip(answers);
+    let limited = wheels.map(|(wheel, answer)| {
+        (answer * torque(&wheel.spin_axis_b)).clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m)
+    });
+    limited.collect()
+}

@@ -1,0 +1,217 @@
+//! Whether each actuator does what the model says, from what the platform did: wires and signs that are exchanged.
+//!
+//! A jet that was open for t seconds changes the body rate by `J^-1 tau t`, a wheel that was driven with torque u for as long by
+//! `-J^-1 a u t` (momentum of the whole is conserved). Direction tells signs and exchanged wires; size tells scales. Friction,
+//! gravity and the wheels' part of the inertia are left out: they are small against the tolerance.
+
+use nalgebra::Vector3;
+use whorl_dynamics::PlatformModel;
+
+/// Directions agree within this cosine (37 deg).
+const ALIKE: f64 = 0.8;
+/// Sizes agree within this factor.
+const FACTOR: f64 = 2.0;
+/// Less than this share of what was expected is nothing.
+const NOTHING: f64 = 0.2;
+
+/// One actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// A wheel, by its index.
+    Wheel(usize),
+    /// A jet, by its index.
+    Jet(usize),
+}
+
+impl Part {
+    /// Every wheel, then every jet.
+    #[must_use]
+    pub fn all(model: &PlatformModel) -> Vec<Self> {
+        let wheels = (0..model.wheels().len()).map(Self::Wheel);
+        wheels.chain((0..model.jets().len()).map(Self::Jet)).collect()
+    }
+
+    /// Its name in the model.
+    #[must_use]
+    pub fn name(self, model: &PlatformModel) -> &str {
+        let name = match self {
+            Self::Wheel(index) => model.wheels().get(index).map(|wheel| wheel.name.as_str()),
+            Self::Jet(index) => model.jets().get(index).map(|jet| jet.name.as_str()),
+        };
+        name.unwrap_or("?")
+    }
+
+    /// Change of the body rate that the model expects, body axes [rad/s], of a wheel driven with `torque_n_m`, or a jet open,
+    /// for `length_s`. `None`: there is no such part, or the inertia has no inverse.
+    #[must_use]
+    pub fn expected_b_rad_s(
+        self,
+        model: &PlatformModel,
+        torque_n_m: f64,
+        length_s: f64,
+    ) -> Option<Vector3<f64>> {
+        let mobility = model.freedom.mobility(model.mass_properties.inertia_b_kg_m2())?;
+        let torque_b_n_m = match self {
+            Self::Wheel(index) => -model.wheels().get(index)?.spin_axis_b.into_inner() * torque_n_m,
+            Self::Jet(index) => model.jets().get(index)?.torque_b_n_m(),
+        };
+        Some(mobility * torque_b_n_m * length_s)
+    }
+}
+
+/// What was tried, and what the platform did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// Which part was told to work.
+    pub part: Part,
+    /// Torque that a wheel was told to make \[N m\]; of no concern for a jet.
+    pub torque_n_m: f64,
+    /// For how long \[s\].
+    pub length_s: f64,
+    /// Change of the body rate, body axes [rad/s].
+    pub rate_change_b_rad_s: Vector3<f64>,
+    /// Standard deviation of each axis of that [rad/s].
+    pub noise_rad_s: f64,
+}
+
+/// What is wrong, if anything.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Finding {
+    /// As the model says; its size relative to the model's.
+    Right(f64),
+    /// The platform did not move.
+    Nothing,
+    /// The opposite.
+    Reversed,
+    /// As if another part had worked: all that would explain it.
+    Like(Vec<Part>),
+    /// In the right direction, of another size, relative to the model's.
+    Size(f64),
+    /// In a direction that no single part gives.
+    Elsewhere,
+}
+
+impl Finding {
+    /// Whether nothing is wrong.
+    #[must_use]
+    pub fn is_right(&self) -> bool {
+        matches!(self, Self::Right(_))
+    }
+
+    /// In words, with what to do.
+    #[must_use]
+    pub fn words(&self, part: Part, model: &PlatformModel) -> String {
+        let name = part.name(model);
+        match (self, part) {
+            (Self::Right(size), _) => format!("right, {:.0} % of the model's size", size * 100.0),
+            (Self::Nothing, Part::Wheel(_)) => "the platform did not move: is the motor powered, and its address right?".into(),
+            (Self::Nothing, Part::Jet(_)) => "the platform did not move: is the gas on, and the valve on its coil?".into(),
+            (Self::Reversed, Part::Wheel(_)) => {
+                format!("turns the other way: change the sign of motors.{name} in the list of devices, or its spin_axis")
+            }
+            (Self::Reversed, Part::Jet(_)) => "pushes the other way: its force_direction in the model is reversed".into(),
+            (Self::Like(parts), _) => {
+                let names: Vec<&str> = parts.iter().map(|part| part.name(model)).collect();
+                format!("the platform moved as by {}: are their wires exchanged with those of {name}?", names.join(" or "))
+            }
+            (Self::Size(size), _) => format!("right direction, but {:.0} % of the model's size: is the scale right?", size * 100.0),
+            (Self::Elsewhere, _) => "the platform moved in a direction that no single part gives: is it free, and the mounting of \
+                                     the inertial sensor right?"
+                .into(),
+        }
+    }
+}
+
+/// Compares a trial with the model. `None`: the model has no such part.
+#[must_use]
+pub fn judge(model: &PlatformModel, trial: &Trial) -> Option<Finding> {
+    let Trial { part, torque_n_m, length_s, rate_change_b_rad_s: moved, noise_rad_s } = trial;
+    let expected = part.expected_b_rad_s(model, *torque_n_m, *length_s)?;
+    let size = moved.norm() / expected.norm();
+    if !size.is_finite() || moved.norm() < 3.0 * noise_rad_s || size < NOTHING {
+        return Some(Finding::Nothing);
+    }
+    let cosine = |other: &Vector3<f64>| moved.dot(other) / (moved.norm() * other.norm());
+    let own = cosine(&expected);
+    if own > ALIKE {
+        let usual = (1.0 / FACTOR..=FACTOR).contains(&size);
+        return Some(if usual { Finding::Right(size) } else { Finding::Size(size) });
+    }
+    let like = |other: &Part| {
+        let same_sort =
+            matches!((part, other), (Part::Wheel(_), Part::Wheel(_)) | (Part::Jet(_), Part::Jet(_)));
+        let theirs = other.expected_b_rad_s(model, *torque_n_m, *length_s);
+        other != part && same_sort && theirs.is_some_and(|theirs| cosine(&theirs) > ALIKE)
+    };
+    let others: Vec<Part> = Part::all(model).into_iter().filter(like).collect();
+    Some(match part {
+        // One motor of a chain that turns the wrong way is likelier than two that are exchanged.
+        Part::Wheel(_) if own < -ALIKE => Finding::Reversed,
+        _ if !others.is_empty() => Finding::Like(others),
+        _ if own < -ALIKE => Finding::Reversed,
+        _ => Finding::Elsewhere,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whorl_dynamics::MassProperties;
+
+    fn trial(part: Part, x: f64, y: f64, z: f64) -> Trial {
+        let rate_change_b_rad_s = Vector3::new(x, y, z);
+        Trial { part, torque_n_m: 0.1, length_s: 0.5, rate_change_b_rad_s, noise_rad_s: 1e-4 }
+    }
+
+    /// Axes without products of inertia, so that numbers can be had by hand.
+    fn model() -> PlatformModel {
+        let mut model = PlatformModel::whorl_1_reference();
+        let inertia = nalgebra::Matrix3::from_diagonal(&Vector3::new(5.0, 5.0, 10.0));
+        model.mass_properties = MassProperties::new(inertia, Vector3::new(0.0, 0.0, -2.0), 80.0).unwrap();
+        model
+    }
+
+    #[test]
+    fn a_wheel_pushes_the_body_the_other_way() {
+        // 0.1 N m for 0.5 s about x: 0.05 N m s, over 5 kg m^2: -0.01 rad/s.
+        let model = model();
+        let size = |x| match judge(&model, &trial(Part::Wheel(0), x, 0.0, 0.0)) {
+            Some(Finding::Right(size) | Finding::Size(size)) => size,
+            other => panic!("{other:?}"),
+        };
+        assert!((size(-0.01) - 1.0).abs() < 1e-9 && (size(-0.03) - 3.0).abs() < 1e-9);
+        assert!(!judge(&model, &trial(Part::Wheel(0), -0.03, 0.0, 0.0)).unwrap().is_right());
+        assert_eq!(judge(&model, &trial(Part::Wheel(0), 0.01, 0.0, 0.0)), Some(Finding::Reversed));
+        assert_eq!(
+            judge(&model, &trial(Part::Wheel(0), 0.0, -0.01, 0.0)),
+            Some(Finding::Like(vec![Part::Wheel(1)]))
+        );
+        assert_eq!(judge(&model, &trial(Part::Wheel(0), 1e-4, 0.0, 0.0)), Some(Finding::Nothing));
+        assert_eq!(judge(&model, &trial(Part::Wheel(9), 1e-4, 0.0, 0.0)), None);
+    }
+
+    #[test]
+    fn exchanged_valves_are_named() {
+        // 0.4 N up at x = 0.45 m is -0.18 N m about y, at y = 0.45 m +0.18 N m about x; the third is sideways.
+        let mut model = model();
+        model.jets_mut().truncate(3);
+        let places = [
+            (Vector3::x(), Vector3::z_axis()),
+            (Vector3::y(), Vector3::z_axis()),
+            (Vector3::x(), Vector3::y_axis()),
+        ];
+        for (jet, (place, force)) in model.jets_mut().iter_mut().zip(places) {
+            (jet.position_b_m, jet.force_direction_b, jet.thrust_n) = (place * 0.45, force, 0.4);
+        }
+        let right = Part::Jet(0).expected_b_rad_s(&model, 0.0, 0.5).unwrap();
+        assert!((right - Vector3::new(0.0, -0.018, 0.0)).norm() < 1e-12, "{right}");
+        assert!(judge(&model, &trial(Part::Jet(0), 0.0, -0.018, 0.0)).unwrap().is_right());
+        let finding = judge(&model, &trial(Part::Jet(0), 0.018, 0.0, 0.0)).unwrap();
+        assert_eq!(finding, Finding::Like(vec![Part::Jet(1)]));
+        let other = Part::Jet(1).name(&model);
+        assert!(finding.words(Part::Jet(0), &model).contains(other));
+        assert_eq!(judge(&model, &trial(Part::Jet(0), 0.0, 0.018, 0.0)), Some(Finding::Reversed));
+        let finding = judge(&model, &trial(Part::Jet(0), 0.01, 0.01, 0.01)).unwrap();
+        assert_eq!(finding, Finding::Elsewhere);
+    }
+}

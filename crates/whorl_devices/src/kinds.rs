@@ -1,0 +1,92 @@
+//! The table of kinds of devices.
+
+use std::fmt;
+
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::actuators::Kind;
+use whorl_params::Reader;
+
+use crate::emulation::Emulator;
+use crate::list::Address;
+use crate::mailbox::Mailbox;
+use crate::reading::Reporter;
+use crate::running::Place;
+use crate::{DeviceError, iio, modbus_relays, smartmotor, vn100};
+
+/// A kind of device: one row of [`KINDS`].
+pub struct DeviceKind {
+    /// As in parameter files.
+    pub name: &'static str,
+    /// What it is, in a few words.
+    pub what: &'static str,
+    /// Reads one device of this kind from the open group. `None` when something was wrong, which the reader then holds.
+    pub read: fn(&mut Reader<'_>, &PlatformModel) -> Option<Box<dyn Device>>,
+}
+
+/// Every kind of device. A further kind is its folder and a row here.
+pub const KINDS: &[DeviceKind] = &[vn100::KIND, smartmotor::KIND, modbus_relays::KIND, iio::KIND];
+
+/// What a platform needs, or may have, and a device gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Angular rate and specific force.
+    Imu,
+    /// Direction to the vector sensor's target.
+    Direction,
+    /// One motor of a kind of actuator.
+    Motor(Kind, usize),
+    /// The valve of one jet.
+    Jet(usize),
+    /// Voltage of the power bus.
+    BusVoltage,
+    /// Pressure in the tank of the jets.
+    TankPressure,
+    /// Temperature of the platform.
+    Temperature,
+}
+
+impl Role {
+    /// In words, for messages.
+    #[must_use]
+    pub fn words(self, model: &PlatformModel) -> String {
+        let name = |names: Vec<&str>, index: usize| names.get(index).copied().unwrap_or("?").to_owned();
+        match self {
+            Self::Imu => "rate gyro and accelerometer".to_owned(),
+            Self::Direction => "vector sensor".to_owned(),
+            Self::Motor(kind, index) => {
+                let kinds = Kind::ALL.into_iter().zip(model.actuators.kinds());
+                let names = kinds.filter(|(k, _)| *k == kind).flat_map(|(_, row)| row.names()).collect();
+                format!("motor of {}", name(names, index))
+            }
+            Self::Jet(jet) => {
+                format!("valve of {}", name(model.jets().iter().map(|j| j.name.as_str()).collect(), jet))
+            }
+            Self::BusVoltage => "bus voltage".to_owned(),
+            Self::TankPressure => "tank pressure".to_owned(),
+            Self::Temperature => "temperature".to_owned(),
+        }
+    }
+}
+
+/// One device of a platform.
+pub trait Device: fmt::Debug + Send + Sync {
+    /// What nobody else on this platform may use at the same time.
+    fn addresses(&self) -> Vec<Address>;
+
+    /// A port or folder of this computer without which there is no such device.
+    fn path(&self) -> Option<&str> {
+        None
+    }
+
+    /// What it gives.
+    fn roles(&self) -> Vec<Role>;
+
+    /// Connects and serves until the mailbox is closed. Begins and ends with everything that it moves switched off.
+    ///
+    /// # Errors
+    /// Why the device was lost. The caller tries again.
+    fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError>;
+
+    /// Something that behaves as the device on its wire.
+    fn emulator(&self, model: &PlatformModel) -> Emulator;
+}

@@ -1,0 +1,60 @@
+//! Sensors and actuators of a platform over their own protocols.
+//!
+//! A platform's parameter file lists its devices ([`DeviceList`]); each kind of device is one folder, with its protocol as
+//! pure functions, its parameters, its session and an emulator that speaks the same bytes, and one row of [`KINDS`].
+//! [`Devices`] runs every device in a thread of its own, which connects, commands, measures, and connects again when the
+//! device was lost. [`emulation`] puts emulators of the same list behind pseudo-terminals, sockets and files, with a
+//! simulated platform behind them.
+//!
+//! Where a wire ends, everything is in SI units and in the body axes of the platform. Sensors' axes and signs of wires are
+//! matters of the list.
+
+pub mod bus;
+pub mod checkout;
+pub mod emulation;
+pub mod iio;
+mod kinds;
+mod list;
+mod mailbox;
+pub mod modbus_relays;
+mod reading;
+mod running;
+pub mod smartmotor;
+mod timing;
+pub mod vn100;
+
+pub use kinds::{Device, DeviceKind, KINDS, Role};
+pub use list::{Address, DeviceList, NamedDevice, read};
+pub use mailbox::{Command, Mailbox};
+pub use reading::{Measured, Reading, Reporter, State};
+pub use running::{Devices, Place};
+
+use thiserror::Error;
+
+/// Why a device cannot be used now. A session ends with it; the next one begins shortly after.
+#[derive(Debug, Error)]
+pub enum DeviceError {
+    /// It is not there, or the operating system refuses.
+    #[error("{what} {address}: {source}")]
+    Io {
+        /// What was tried.
+        what: &'static str,
+        /// On which port, file or host.
+        address: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// It does not say anything, or nothing that can be understood.
+    #[error("no valid answer for {0:.2} s")]
+    Silent(f64),
+    /// It refuses.
+    #[error("it refuses: {0}")]
+    Refused(String),
+}
+
+impl DeviceError {
+    /// Wraps an error of the operating system.
+    pub(crate) fn io<E: Into<std::io::Error>>(what: &'static str, address: &str) -> impl Fn(E) -> Self {
+        move |source| Self::Io { what, address: address.to_owned(), source: source.into() }
+    }
+}

@@ -1,0 +1,140 @@
+//! Devices at work: a thread each.
+
+use std::cell::Cell;
+use std::net::SocketAddr;
+use std::net::ToSocketAddrs;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use crate::list::{DeviceList, NamedDevice};
+use crate::mailbox::{Command, Letters, Mailbox};
+use crate::reading::{Reading, Reporter, State};
+
+/// Between a device's loss and the next attempt.
+const AGAIN: Duration = Duration::from_millis(200);
+
+/// Where ports, files and hosts are looked for.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The folder in which emulators keep theirs; `None`: this computer's own.
+    pub root: Option<PathBuf>,
+}
+
+impl Place {
+    /// Where a port or file of the list really is.
+    #[must_use]
+    pub fn path(&self, path: &str) -> PathBuf {
+        match &self.root {
+            Some(root) => root.join(path.trim_start_matches('/')),
+            None => PathBuf::from(path),
+        }
+    }
+
+    /// The file in which an emulator says on which address of this computer a host of the list is.
+    #[must_use]
+    pub fn host_file(root: &Path, host: &str) -> PathBuf {
+        root.join("hosts").join(host.replace(['/', ':'], "_"))
+    }
+
+    /// Where a host of the list really is.
+    ///
+    /// # Errors
+    /// When its name is not known.
+    pub fn host(&self, host: &str) -> std::io::Result<SocketAddr> {
+        let written;
+        let name = match &self.root {
+            Some(root) => {
+                written = std::fs::read_to_string(Self::host_file(root, host))?;
+                written.trim()
+            }
+            None => host,
+        };
+        name.to_socket_addrs()?.next().ok_or_else(|| std::io::ErrorKind::NotFound.into())
+    }
+}
+
+/// The devices of a platform at work. They switch off and end when this is dropped.
+#[derive(Debug)]
+pub struct Devices {
+    readings: Receiver<Reading>,
+    woken: UnixStream,
+    letters: Vec<Letters>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Devices {
+    /// Starts them. They connect by themselves.
+    ///
+    /// # Errors
+    /// When the operating system gives no thread or no pipe.
+    pub fn start(list: &DeviceList, place: &Place) -> std::io::Result<Self> {
+        let (sender, readings) = channel();
+        let (woken, wake) = UnixStream::pair()?;
+        woken.set_nonblocking(true)?;
+        wake.set_nonblocking(true)?;
+        let bus_voltage_v = Arc::new(AtomicU64::new(f64::NAN.to_bits()));
+        let mut devices = Self { readings, woken, letters: Vec::new(), threads: Vec::new() };
+        for (index, named) in list.devices.iter().enumerate() {
+            let (letters, mailbox) = Mailbox::new()?;
+            let reporter = Reporter {
+                device: index,
+                readings: sender.clone(),
+                wake: wake.try_clone()?,
+                bus_voltage_v: Arc::clone(&bus_voltage_v),
+                took_up: Cell::new(false),
+            };
+            let (named, place) = (named.clone(), place.clone());
+            let thread = std::thread::Builder::new().name(named.name.clone());
+            devices.threads.push(thread.spawn(move || keep(&named, &place, &mailbox, &reporter))?);
+            devices.letters.push(letters);
+        }
+        Ok(devices)
+    }
+
+    /// A stream that becomes readable when the control loop should look at [`Self::next_reading`] at once.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn waker(&self) -> std::io::Result<UnixStream> {
+        self.woken.try_clone()
+    }
+
+    /// What a device has told, in the order of arrival.
+    pub fn next_reading(&self) -> Option<Reading> {
+        self.readings.try_recv().ok()
+    }
+
+    /// Sends a command to every device; each takes what concerns it.
+    pub fn command(&self, command: &Command) {
+        self.letters.iter().for_each(|letters| letters.send(command.clone()));
+    }
+}
+
+impl Drop for Devices {
+    fn drop(&mut self) {
+        // Closes the mailboxes.
+        self.letters.clear();
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn keep(named: &NamedDevice, place: &Place, mailbox: &Mailbox, reporter: &Reporter) {
+    let mut told = State::Connecting;
+    while !mailbox.is_closed() {
+        let Err(error) = named.device.serve(place, mailbox, reporter) else { return };
+        let state = State::Lost(error.to_string());
+        // The same reason again and again is told once for each session.
+        if reporter.took_up() || state != told {
+            told = state.clone();
+            reporter.state(state);
+        }
+        mailbox.idle(AGAIN);
+    }
+}
