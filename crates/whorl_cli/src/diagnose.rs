@@ -1,12 +1,12 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
+use whorl_commands::diagnose::{as_json, with_next};
 use whorl_diagnosis::Diagnosis;
-use whorl_explain::{Explanation, diagnose};
 use whorl_math::three_digits;
 
 use crate::explain::{ExplainArguments, SearchArguments};
+use crate::progress;
 use crate::table::print;
-use crate::{next, progress};
 
 /// Effects listed in the table.
 const LISTED: usize = 12;
@@ -24,16 +24,12 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let options = arguments.search.options();
-    let mut found = progress::watched("diagnosing", |say| diagnose(&runs.case(), &options, say))?;
-    if let Some(next) = next::suggestion(&runs, &found.diagnosis, &options) {
-        found.diagnosis.next = Some(next);
-    }
+    let found = progress::watched("diagnosing", |say| with_next(&runs, &options, say))?;
     for sentence in found.answer() {
         println!("{sentence}");
     }
     println!();
     print_candidates(&found.diagnosis);
-    found.diagnosis.remarks.extend(runs.gaps());
     for remark in &found.diagnosis.remarks {
         println!("note: {remark}");
     }
@@ -42,27 +38,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = arguments.explain.write_page("diagnose.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
-}
-
-/// The diagnosis, with the prediction error of each version of the model.
-fn as_json(found: &Explanation) -> anyhow::Result<serde_json::Value> {
-    let mut value = serde_json::to_value(&found.diagnosis)?;
-    let versions: Vec<serde_json::Value> = found
-        .versions
-        .iter()
-        .map(|v| {
-            serde_json::json!({
-                "name": v.name,
-                "effects": v.effects,
-                "prediction_error": v.prediction_error(false),
-                "held_out_prediction_error": v.prediction_error(true),
-            })
-        })
-        .collect();
-    if let Some(object) = value.as_object_mut() {
-        object.insert("versions".to_owned(), versions.into());
-    }
-    Ok(value)
 }
 
 fn print_candidates(diagnosis: &Diagnosis) {

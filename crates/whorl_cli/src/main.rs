@@ -40,7 +40,6 @@ mod reproduce;
 mod run;
 mod runs;
 mod security;
-mod shapes;
 mod shell;
 mod simulate;
 mod subscription;
