@@ -70,13 +70,6 @@ def test_an_adopted_model_is_written_and_goes_on_in_memory(program, tmp_path, re
     assert "sha256" in found.data["provenance"]
 
 
-def test_a_law_is_not_searched_for_where_an_effect_explains_the_data(recording, diagnosis):
-    found = whorl.discover(recording, exclude=[])
-    assert found.laws == [] and "no other law is searched for" in str(found)
-    with pytest.raises(whorl.WhorlError, match="there is no law to write"):
-        found.write("law.yaml")
-
-
 TURNTABLE = """
 /turntable/**:
   ros__parameters:
@@ -90,7 +83,7 @@ TURNTABLE = """
       wheels: {wheel: {spin_axis: [0.0, 0.0, 1.0]}}
       sensors:
         rate_hz: 100.0
-        gyro: {axes: [z], noise_stddev_rad_s: 0.0005, bias_stddev_rad_s: 0.002}
+        gyro: {axes: [z], noise_stddev_rad_s: 0.0005, bias_turn_on_stddev_rad_s: 0.002}
 """
 
 
@@ -122,6 +115,14 @@ def test_arrays_of_ones_own_to_a_named_effect(tmp_path):
     assert found.effects == ["bearing_viscous_friction"], str(found)
     (c,) = next(c for c in found.candidates if c["effect"] == found.effects[0])["parameters"]
     assert abs(c["estimate"] - 0.05) < 4 * c["stddev"] < 0.01
+    # Asked for nevertheless, the search finds the same law with the same number.
+    found = whorl.discover(run, name="drag", anyway=True)
+    law = next(law for law in found.laws if law["kind"] == "law")
+    (k,) = law["parameters"]
+    assert k["unit"] == "N m s" and abs(k["value"]) == pytest.approx(0.05, rel=0.01), law
+    assert whorl.load_effect(found.write(tmp_path / "drag.yaml", curve=found.law is None)) == "drag"
+    with pytest.raises(whorl.WhorlError, match="the name is the effect's id; allowed: small letters"):
+        whorl.discover(run, name="My law")
 
 
 def test_mass_properties(recording):
