@@ -9,9 +9,10 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use whorl_bag::Channel;
 use whorl_commands::runs::{RunSources, is_csv, refuse_contradictions};
+use whorl_commands::tables::write_recording;
 use whorl_recording::{
-    Circumstances, Mounting, OnInterval, ReadOptions, RecordingError, Samples, Series, read_run_with,
-    recording_of,
+    Circumstances, Mounting, OnInterval, ReadOptions, RecordingError, Samples, Series, platform_parts,
+    read_run_with, recording_of,
 };
 
 use crate::errors::error;
@@ -169,6 +170,17 @@ impl Recording {
 
     fn reference_world(&self, sensor: usize) -> Option<[f64; 3]> {
         self.inner.vectors.get(sensor).map(|vector| vector.reference_world.into_inner().into())
+    }
+
+    /// Writes a Parquet file to each channel; their paths.
+    fn write_parquet(
+        &self,
+        folder: PathBuf,
+        platform: Option<&Bound<'_, Platform>>,
+    ) -> PyResult<Vec<PathBuf>> {
+        let names = platform.map(|platform| platform_parts(&platform.get().0)).unwrap_or_default();
+        let written = write_recording(&self.inner, &names.wheels, &names.jets, &folder).map_err(error)?;
+        Ok(written.into_iter().map(|table| table.path).collect())
     }
 
     /// Times of a channel \[s\]: the recording's own memory, not to be written to.

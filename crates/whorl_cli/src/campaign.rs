@@ -142,6 +142,8 @@ fn finish(folder: &Folder, plan: &Plan, before: u64, here: u64, elapsed: Duratio
     let csv = folder.path().join("summary.csv");
     std::fs::write(&csv, table::csv_text(plan, &rows))
         .with_context(|| format!("cannot write {}", csv.display()))?;
+    let parquet = folder.path().join("table");
+    table::write_parquet(plan, &rows, &parquet)?;
     let html = folder.path().join("percentiles.html");
     std::fs::write(&html, page::html(plan, &table::groups(&rows)))
         .with_context(|| format!("cannot write {}", html.display()))?;
@@ -170,6 +172,6 @@ fn finish(folder: &Folder, plan: &Plan, before: u64, here: u64, elapsed: Duratio
     if more > 5 {
         println!("  and {} more that did not finish", more - 5);
     }
-    println!("table: {}\npage: {}", csv.display(), html.display());
+    println!("table: {}\nas Parquet: {}\npage: {}", csv.display(), parquet.display(), html.display());
     Ok(())
 }

@@ -1,6 +1,9 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
+use std::path::PathBuf;
+
 use whorl_commands::diagnose::{as_json, with_next};
+use whorl_commands::tables::write_diagnosis;
 use whorl_diagnosis::Diagnosis;
 use whorl_math::three_digits;
 
@@ -18,6 +21,10 @@ pub struct Arguments {
     explain: ExplainArguments,
     #[command(flatten)]
     search: SearchArguments,
+    /// Writes every effect tested as a row of a Parquet file, in DIR/platform=NAME/run=NAME/: diagnoses of many runs are
+    /// one table.
+    #[arg(long, value_name = "DIR")]
+    parquet: Option<PathBuf>,
 }
 
 /// Carries out `whorl diagnose`.
@@ -34,6 +41,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("note: {remark}");
     }
     arguments.explain.write_json(|| as_json(&found))?;
+    if let Some(folder) = &arguments.parquet {
+        let of: Vec<&str> = runs.training.iter().map(|run| run.name.as_str()).collect();
+        let table = write_diagnosis(&as_json(&found)?, &runs.known.platform, &of, folder)?;
+        println!("\ntable: {}", table.path.display());
+    }
     let page = whorl_report::diagnosis_html(&found, &runs.facts);
     let page = arguments.explain.write_page("diagnose.html", &page)?;
     println!("\npage: {}", page.display());

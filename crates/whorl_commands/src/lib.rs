@@ -10,6 +10,7 @@
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
 //! | [`simulate`] | an experiment in one process, recorded |
 //! | [`report`] | page and numbers of a run |
+//! | [`tables`] | recordings and diagnoses as Parquet files |
 //! | [`model_file`], [`provenance`] | results written into parameter files, and where they came from |
 
 pub mod adopt;
@@ -25,6 +26,7 @@ pub mod report;
 pub mod runs;
 pub mod shapes;
 pub mod simulate;
+pub mod tables;
 
 use whorl_diagnosis::Options;
 

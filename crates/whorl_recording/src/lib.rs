@@ -22,7 +22,7 @@ mod tests;
 mod write;
 
 pub use component::Component;
-pub use csv::{ExportedCsv, ImportedCsv, export_csv, platform_parts, read_csv};
+pub use csv::{ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv};
 pub use error::RecordingError;
 pub use memory::{Circumstances, JetPulses, Samples, recording_of};
 pub use model::{KnownPlatform, load_effects, read_model};

@@ -245,6 +245,11 @@ class Recording:
             variables[key] = xarray.DataArray(values, dims=dims, coords=coords, attrs=attrs)
         return xarray.Dataset(variables, attrs={"name": self.name, "platform": self.platform})
 
+    def to_parquet(self, folder: PathLike) -> List[str]:
+        """Writes a Parquet file to each channel, as `whorl export parquet`; returns their paths. Folders of many runs are read as
+        one table: `polars.scan_parquet("folder/gyro", hive_partitioning=True)`."""
+        return [os.fspath(path) for path in self._native.write_parquet(folder, self.model)]
+
     def figure(self, keys: Optional[Sequence[str]] = None) -> Any:
         """Channels over time as a Plotly figure, one below the other."""
         from . import figures
