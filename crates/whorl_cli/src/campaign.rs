@@ -1,5 +1,7 @@
 //! `whorl campaign`: many runs, percentiles, a page.
 
+mod slurm;
+
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,8 +9,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use whorl_campaign::work::{Folder, work};
-use whorl_campaign::{Plan, definition, page, table};
+use whorl_campaign::slurm::Job;
+use whorl_campaign::work::{Folder, work, work_part};
+use whorl_campaign::{Part, Plan, definition, page, table};
 use whorl_params::{ParameterTree, try_read};
 
 #[derive(Debug, Args)]
@@ -29,9 +32,29 @@ pub struct Arguments {
     /// Number of seeds, instead of the file's.
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
+    /// Who distributes the runs: threads of this machine, or a Slurm cluster (an array job; submitted, followed, and what is missing
+    /// submitted again).
+    #[arg(long, value_enum, default_value_t = Engine::Local)]
+    engine: Engine,
+    /// Engine slurm: number of tasks of the array job.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    tasks: u64,
+    /// Engine slurm: an option for sbatch, e.g. --sbatch=--partition=long; may be given several times.
+    #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
+    sbatch: Vec<String>,
+    /// Computes one part of the campaign, without tables: what a task of an engine runs.
+    #[arg(long, value_name = "NUMBER/OF", value_parser = Part::parse, conflicts_with = "engine")]
+    part: Option<Part>,
     /// Only list the runs.
     #[arg(long)]
     dry_run: bool,
+}
+
+/// Who distributes the runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Engine {
+    Local,
+    Slurm,
 }
 
 /// Carries out `whorl campaign`.
@@ -81,6 +104,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let before = folder.done()?;
     let began = Instant::now();
     let here = AtomicU64::new(0);
+    if let Some(part) = arguments.part {
+        work_part(&folder, &plan, part, threads, &here)?;
+        println!("part {part}: {} runs in {:.1} s", here.into_inner(), began.elapsed().as_secs_f64());
+        return Ok(());
+    }
+    if arguments.engine == Engine::Slurm {
+        slurm::distribute(&slurm_job(arguments, &folder)?, &folder, &plan)?;
+        let there = folder.done()?.saturating_sub(before);
+        return finish(&folder, &plan, before, there, began.elapsed());
+    }
     std::thread::scope(|scope| -> anyhow::Result<()> {
         let worker = scope.spawn(|| work(&folder, &plan, threads, &here));
         while !worker.is_finished() {
@@ -94,6 +127,32 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         eprintln!();
     }
     finish(&folder, &plan, before, here.into_inner(), began.elapsed())
+}
+
+/// The array job: this program with these arguments, in this folder, for each part.
+fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
+    let text = |path: &Path| path.display().to_string();
+    let program = std::env::current_exe().context("cannot find the path of this program")?;
+    let mut command = vec![text(&program), "campaign".to_owned(), text(&arguments.campaign)];
+    command.extend(["--out".to_owned(), text(folder.path())]);
+    if let Some(params) = &arguments.params {
+        command.extend(["--params".to_owned(), text(params)]);
+    }
+    if let Some(seeds) = arguments.seeds {
+        command.extend(["--seeds".to_owned(), seeds.to_string()]);
+    }
+    let name = arguments.campaign.file_stem().unwrap_or_default().to_string_lossy();
+    let directory = std::env::current_dir().context("cannot find the working directory")?;
+    let beside = std::path::absolute(folder.path().join("slurm"))
+        .with_context(|| format!("cannot use {}", folder.path().display()))?;
+    Ok(Job {
+        name: format!("whorl-{name}"),
+        command,
+        directory,
+        folder: beside,
+        parts: arguments.tasks,
+        options: arguments.sbatch.clone(),
+    })
 }
 
 /// Fingerprint of the plan and the parameter files, so that a folder is not continued with another campaign.
