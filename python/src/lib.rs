@@ -3,6 +3,7 @@
 //! Answers are the JSON of `whorl ... --json`; the Python part (`whorl/*.py`) turns them into objects. Long calls release
 //! the interpreter's lock, report progress and end on Ctrl-C ([`watch`]).
 
+mod campaign;
 mod catalogue;
 mod errors;
 mod explain;
@@ -21,6 +22,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<platform::Platform>()?;
     m.add_class::<recording::Recording>()?;
     m.add_class::<pieces::Allocator>()?;
+    m.add_class::<campaign::Campaign>()?;
     m.add_function(wrap_pyfunction!(catalogue::channels, m)?)?;
     m.add_function(wrap_pyfunction!(catalogue::effects, m)?)?;
     m.add_function(wrap_pyfunction!(catalogue::describe_effect, m)?)?;

@@ -2,12 +2,15 @@
 
 import csv
 import json
+import os
+import signal
 
 import duckdb
 import numpy as np
 import polars
 import pyarrow.dataset
 import pyarrow.parquet
+import pytest
 import whorl
 
 
@@ -98,3 +101,56 @@ def test_diagnoses_are_one_table(program, run, tmp_path):
     assert set(table["verdict"]) == {answer["verdict"]}
     assert table.filter("named")["effect"].sort().to_list() == sorted(set(answer["effects"]) & set(table["effect"]))
     assert json.loads(table["parameters_json"][0]) == answer["candidates"][0]["parameters"]
+
+
+def small(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(
+        "/campaign:\n  ros__parameters:\n    name: small\n    experiments: [hold]\n    seeds: 4\n    longest_s: 4.0\n"
+        '    sweep:\n      delay_s: {key: "/simulation:link.delay_s", values: [0.001, 0.05, 0.1]}\n'
+    )
+    return path
+
+
+def test_dask_gives_the_table_of_the_program(program, params, tmp_path):
+    """A scheduler and two workers as processes; one worker is killed while they work."""
+    distributed = pytest.importorskip("dask.distributed")
+    campaign = small(tmp_path)
+    program("campaign", campaign, "--params", params, "--out", tmp_path / "threads")
+    with distributed.LocalCluster(2, processes=True, threads_per_worker=1, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client:
+            ours = whorl.Campaign(campaign, tmp_path / "dask", params=params)
+            assert len(ours) == 12 and ours.missing == list(range(12))
+            killed = []
+
+            def kill_one(share, doing):
+                if not killed:
+                    pids = client.run(os.getpid)
+                    killed.append(next(iter(pids.values())))
+                    os.kill(killed[0], signal.SIGKILL)
+
+            tables = ours.run_with(client, progress=kill_one)
+    assert killed and tables.rows == 12 and ours.missing == []
+    assert tables.csv.read_bytes() == (tmp_path / "threads/summary.csv").read_bytes()
+    assert tables.sql("SELECT count(*), min(delay_s) FROM runs").fetchall() == [(12, 0.001)]
+    assert tables.to_polars()["seed"].to_list() == [1, 2, 3, 4] * 3
+
+
+def test_parts_give_the_table_of_the_program_and_wrong_ones_are_refused(program, params, tmp_path):
+    campaign = small(tmp_path)
+    given = ["campaign", campaign, "--params", params, "--out"]
+    program(*given, tmp_path / "whole")
+    for part in ("2/3", "0/3"):
+        program(*given, tmp_path / "parts", "--part", part)
+    rest = whorl.Campaign(campaign, tmp_path / "parts", params=params)
+    assert rest.missing == [1, 4, 7, 10]
+    program(*given, tmp_path / "parts", "--part", "1/3")
+    assert rest.write_tables().csv.read_bytes() == (tmp_path / "whole/summary.csv").read_bytes()
+    said = program(*given, tmp_path / "parts", "--part", "3/3", ok=False).stderr
+    assert "allowed: NUMBER/OF, NUMBER from 0 to OF - 1" in said
+    with pytest.raises(whorl.WhorlError, match="run 12: allowed: 0 to 11"):
+        rest.run(12)
+    with pytest.raises(whorl.WhorlError, match="holds another campaign"):
+        whorl.Campaign(campaign, tmp_path / "parts", params=params, seeds=5)
+    with pytest.raises(whorl.WhorlError, match="no campaign file"):
+        whorl.Campaign(tmp_path / "none.yaml", tmp_path / "x", params=params)

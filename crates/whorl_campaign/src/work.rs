@@ -213,8 +213,11 @@ pub fn work_part(
     pool.install(|| part.runs(plan.len()).filter(|index| !folder.has(*index)).par_bridge().try_for_each(one))
 }
 
-/// Simulates a run and stores its row.
-fn run(folder: &Folder, plan: &Plan, index: u64) -> io::Result<()> {
+/// Simulates a run and stores its row: the one task of a campaign, the same whoever computes it and however often.
+///
+/// # Errors
+/// The file system's.
+pub fn run(folder: &Folder, plan: &Plan, index: u64) -> io::Result<()> {
     let Some(spec) = plan.run(index) else { return Ok(()) };
     let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
     let keep = kept.then(|| folder.run_path(index));

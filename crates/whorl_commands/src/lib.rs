@@ -9,11 +9,13 @@
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
 //! | [`simulate`] | an experiment in one process, recorded |
+//! | [`campaign`] | plan, folder and tables of a campaign |
 //! | [`report`] | page and numbers of a run |
 //! | [`tables`] | recordings and diagnoses as Parquet files |
 //! | [`model_file`], [`provenance`] | results written into parameter files, and where they came from |
 
 pub mod adopt;
+pub mod campaign;
 pub mod compare;
 pub mod diagnose;
 pub mod discover;

@@ -12,6 +12,7 @@ of the command line.
 """
 
 from ._native import Platform, WhorlError, __version__
+from .campaign import Campaign
 from .catalogue import Channel, Effect, channels, describe_effect, effects, load_effect
 from .explain import (
     Adoption,
@@ -36,6 +37,7 @@ __all__ = [
     "Adoption",
     "Allocator",
     "Answer",
+    "Campaign",
     "Channel",
     "Comparison",
     "Diagnosis",
