@@ -6,6 +6,7 @@
 mod campaign;
 mod catalogue;
 mod errors;
+mod estimate;
 mod explain;
 mod pieces;
 mod platform;
@@ -34,6 +35,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(explain::adopt, m)?)?;
     m.add_function(wrap_pyfunction!(explain::identify, m)?)?;
     m.add_function(wrap_pyfunction!(simulate::simulate, m)?)?;
+    m.add_function(wrap_pyfunction!(estimate::estimate, m)?)?;
     m.add_function(wrap_pyfunction!(pieces::orbit, m)?)?;
     m.add_function(wrap_pyfunction!(pieces::relative_motion, m)?)?;
     Ok(())

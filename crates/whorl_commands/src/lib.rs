@@ -8,6 +8,7 @@
 //! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
+//! | [`estimate`] | the attitude of a recorded sensor or vehicle |
 //! | [`simulate`] | an experiment in one process, recorded |
 //! | [`campaign`] | plan, folder and tables of a campaign |
 //! | [`report`] | page and numbers of a run |
@@ -19,6 +20,7 @@ pub mod campaign;
 pub mod compare;
 pub mod diagnose;
 pub mod discover;
+pub mod estimate;
 pub mod locate;
 pub mod model_file;
 pub mod next;

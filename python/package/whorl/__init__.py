@@ -14,6 +14,7 @@ of the command line.
 from ._native import Platform, WhorlError, __version__
 from .campaign import Campaign
 from .catalogue import Channel, Effect, channels, describe_effect, effects, load_effect
+from .attitude import Attitudes, estimate
 from .explain import (
     Adoption,
     Answer,
@@ -37,6 +38,7 @@ __all__ = [
     "Adoption",
     "Allocator",
     "Answer",
+    "Attitudes",
     "Campaign",
     "Channel",
     "Comparison",
@@ -59,6 +61,7 @@ __all__ = [
     "diagnose",
     "discover",
     "effects",
+    "estimate",
     "identify",
     "load_effect",
     "locate",

@@ -153,5 +153,18 @@ def simulate(
     longest_s: float = 3600.0,
     progress: Progress = None,
 ) -> Tuple[PathLike[str], str]: ...
+def estimate(
+    time_s: Floats,
+    gyro_rad_s: Floats,
+    force_m_s2: Optional[Floats],
+    vectors: Sequence[Floats],
+    references: Sequence[Optional[Sequence[float]]],
+    filter: Optional[str],
+    smooth: bool,
+    gyro_noise: float,
+    gyro_bias_walk: float,
+    gyro_bias_sigma: float,
+    vector_noise_deg: Sequence[float],
+) -> Tuple[Floats, Floats, Floats, str, bool]: ...
 def orbit(of: Elements, time_s: Sequence[float]) -> Tuple[Floats, float]: ...
 def relative_motion(chief: Elements, deputy: Sequence[float], time_s: Sequence[float]) -> Floats: ...
