@@ -1,7 +1,7 @@
 //! The native part of the Python package `whorl` (`whorl._native`): thin functions over the libraries of the command line.
 //!
 //! Answers are the JSON of `whorl ... --json`; the Python part (`whorl/*.py`) turns them into objects. Long calls release
-//! the interpreter's lock, report progress and end on Ctrl-C ([`watch`]).
+//! the interpreter's lock, report progress and end on Ctrl-C (`watch.rs`).
 
 mod campaign;
 mod catalogue;

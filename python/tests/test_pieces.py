@@ -2,6 +2,9 @@
 
 import ast
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -114,3 +117,9 @@ def test_stubs_name_what_there_is():
             assert own == {n.name for n in node.body if isinstance(n, ast.FunctionDef) and not n.name.startswith("_")}
     assert Path(_native.__file__).with_name("py.typed").exists()
     assert all(hasattr(whorl, name) and getattr(whorl, name).__doc__ for name in whorl.__all__ if name != "__version__")
+
+
+def test_types_are_complete():
+    command = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "--cache-dir", os.devnull, "-p", "whorl"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -66,7 +66,9 @@ class Campaign:
         client: a `dask.distributed.Client`, of a `LocalCluster`, an address, Slurm, Kubernetes. A worker that is lost loses
         nothing but the run that it was at, which Dask gives to another.
         """
-        from dask.distributed import as_completed
+        from dask import distributed
+
+        as_completed: Any = distributed.as_completed
 
         missing = self.missing
         # Run once, and never taken for the result of another folder.

@@ -73,12 +73,14 @@ class Comparison(Answer):
     @property
     def prediction_error(self) -> Optional[float]:
         """Over all training runs, relative to the noise: 1 is noise alone."""
-        return self.data["prediction_error"]
+        found: Optional[float] = self.data["prediction_error"]
+        return found
 
     @property
     def held_out_prediction_error(self) -> Optional[float]:
         """The same over held-out runs."""
-        return self.data["held_out_prediction_error"]
+        found: Optional[float] = self.data["held_out_prediction_error"]
+        return found
 
     def _table(self) -> Tuple[List[str], List[List[str]]]:
         rows = [
@@ -87,7 +89,7 @@ class Comparison(Answer):
             for run in self.data["runs"]
             for channel in run["channels"]
         ]
-        horizons = next((channel["horizons"] for run in self.data["runs"] for channel in run["channels"]), [])
+        horizons: List[Dict[str, Any]] = next((channel["horizons"] for run in self.data["runs"] for channel in run["channels"]), [])
         return ["run", "channel", "unit", "noise"] + [f"error / noise, {horizon_name(h)}" for h in horizons], rows
 
 
@@ -115,17 +117,20 @@ class Diagnosis(Answer):
     @property
     def verdict(self) -> str:
         """`named`, `confounded`, `not_enough_information`, `unknown` or `nothing_missing`."""
-        return self.data["verdict"]
+        found: str = self.data["verdict"]
+        return found
 
     @property
     def effects(self) -> List[str]:
         """The named effects, by their ids."""
-        return self.data["effects"]
+        found: List[str] = self.data["effects"]
+        return found
 
     @property
     def candidates(self) -> List[Dict[str, Any]]:
         """Every effect that was tested, with its evidence and its parameters."""
-        return self.data["candidates"]
+        found: List[Dict[str, Any]] = self.data["candidates"]
+        return found
 
     def _table(self) -> Tuple[List[str], List[List[str]]]:
         def values(candidate: Dict[str, Any]) -> str:
@@ -147,7 +152,8 @@ class Discovery(Answer):
     @property
     def laws(self) -> List[Dict[str, Any]]:
         """Everything that was weighed, most probable first; empty where nothing was searched for."""
-        return (self.data["discovery"] or {}).get("laws", [])
+        found: List[Dict[str, Any]] = (self.data["discovery"] or {}).get("laws", [])
+        return found
 
     def write(self, path: PathLike, curve: bool = False) -> Path:
         """Writes the best law (or the measured curve) as an effect, `NAME.yaml`; `whorl.load_effect` and `whorl adopt` take it."""
@@ -177,7 +183,8 @@ class Adoption(Answer):
     @property
     def versions(self) -> List[Dict[str, Any]]:
         """As given, with its own parameters refitted, with each set of effects: errors and parameters."""
-        return self.data["versions"]
+        found: List[Dict[str, Any]] = self.data["versions"]
+        return found
 
     def _table(self) -> Tuple[List[str], List[List[str]]]:
         rows = [
@@ -196,7 +203,8 @@ class Identification(Answer):
     @property
     def parameters(self) -> List[Dict[str, Any]]:
         """Each with name, unit, before, estimate, stddev, prior_stddev, determined (`yes`, `hardly`, `no`)."""
-        return self.data["parameters"]
+        found: List[Dict[str, Any]] = self.data["parameters"]
+        return found
 
     def _table(self) -> Tuple[List[str], List[List[str]]]:
         names = ("name", "before", "estimate", "stddev", "prior_stddev", "unit", "determined")

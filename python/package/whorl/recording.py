@@ -233,7 +233,8 @@ class Recording:
         variables = {}
         for key in self:
             time_s, values, unit, components = self[key]
-            dims, coords = [f"{key}_time"], {f"{key}_time": time_s}
+            dims = [f"{key}_time"]
+            coords: Dict[str, Any] = {f"{key}_time": time_s}
             if values.ndim == 2:
                 dims.append(f"{key}_component")
                 coords[f"{key}_component"] = list(components)
