@@ -99,6 +99,7 @@ def test_xarray_and_back(recording):
     assert again.keys() == recording.keys()
     for key in recording:
         np.testing.assert_allclose(again[key].values, recording[key].values, rtol=0, atol=1e-14)
+    assert recording["vector_1"].unit == "1" and recording.to_polars("vector_1").columns[1:] == ["vector_1_x", "vector_1_y", "vector_1_z"]
     frame = recording.to_polars("gyro")
     assert frame.columns == ["time_s", "gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"]
     np.testing.assert_array_equal(frame["gyro_z_rad_s"].to_numpy(), recording["gyro"].values[:, 2])

@@ -46,7 +46,7 @@ def of(answer: "explain.Answer") -> Any:
                 label = explain.horizon_name(horizon) + (f", {run['run']}" if several else "")
                 figure.add_bar(x=names, y=ratios, name=label)
         figure.add_hline(y=1.0, line_dash="dot", annotation_text="noise")
-        figure.update_layout(title="Prediction error over noise", yaxis_title="error / noise", yaxis_type="log")
+        figure.update_layout(title="Prediction error over noise", yaxis_title="error / noise")
     elif isinstance(answer, explain.Located):
         ranked = answer.data["pooled"]["dependences"]["ranked"][:12][::-1]
         figure.add_bar(

@@ -198,7 +198,9 @@ class Recording:
         values = self._native.values(base, sensor)
         row = table()[base]
         components = row.components or self._wheels(values.shape[1])
-        return Series(self._native.time_s(base, sensor), values, row.unit, components)
+        # Directions have length one; the table's unit is that of their errors.
+        unit = row.unit if row.sensors == 1 else "1"
+        return Series(self._native.time_s(base, sensor), values, unit, components)
 
     def _wheels(self, count: int) -> Tuple[str, ...]:
         names = self.model.wheels if self.model is not None else []
@@ -241,7 +243,6 @@ class Recording:
             attrs: Dict[str, Any] = {"units": unit, "long_name": table()[_key(key)[0]].holds}
             reference = self.reference_world(key) if key.startswith("vector") else None
             if reference is not None:
-                attrs["units"] = "1"
                 attrs["reference_world"] = reference.tolist()
             variables[key] = xarray.DataArray(values, dims=dims, coords=coords, attrs=attrs)
         return xarray.Dataset(variables, attrs={"name": self.name, "platform": self.platform})
@@ -313,8 +314,7 @@ def _name(key: str, sensor: int) -> str:
 
 
 def _name_with_unit(key: str, component: str, unit: str) -> str:
-    unit = "" if key.startswith("vector") or unit == "1" else unit
-    unit = unit.replace("^", "").replace("/", "_").replace(" ", "_").lower()
+    unit = "" if unit == "1" else unit.replace("^", "").replace("/", "_").replace(" ", "_").lower()
     return "_".join(part for part in (key, component, unit) if part)
 
 
