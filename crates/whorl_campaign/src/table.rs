@@ -1,11 +1,13 @@
 //! All rows as CSV, and percentiles over what was swept.
 
 use std::io;
+use std::path::Path;
 
 use whorl_math::statistics::quantile;
+use whorl_tables::{Table, TableError, Values, partition};
 
 use crate::plan::Plan;
-use crate::row::{METRICS, Row};
+use crate::row::{MEANINGS, METRICS, Row};
 
 /// Percentiles that tables and plots show.
 pub const PERCENTILES: [f64; 3] = [0.05, 0.5, 0.95];
@@ -78,6 +80,47 @@ pub fn csv_text(plan: &Plan, rows: &[Row]) -> String {
         let _ = writer.write_record(record(row));
     }
     String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default()
+}
+
+/// Writes all rows as Parquet files, one for each experiment: `<folder>/experiment=<name>/rows.parquet`. What was swept is
+/// a column of numbers where all its labels are numbers, else of texts.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_parquet(plan: &Plan, rows: &[Row], folder: &Path) -> Result<(), TableError> {
+    for experiment in &plan.definition.experiments {
+        let own: Vec<&Row> = rows.iter().filter(|row| row.experiment == *experiment).collect();
+        let whole = |of: fn(&Row) -> u64| {
+            let whole = |row: &&Row| i64::try_from(of(row)).unwrap_or(i64::MAX);
+            Values::Whole(own.iter().map(whole).collect())
+        };
+        let texts = |of: fn(&Row) -> &String| Values::Texts(own.iter().map(|row| of(row).clone()).collect());
+        let mut table =
+            Table::default().with("run", whole(|row| row.index)).with("seed", whole(|row| row.seed));
+        for (k, axis) in plan.definition.axes.iter().enumerate() {
+            // Of the plan, not of the rows: files of a campaign that goes on must not change their types.
+            let are_numbers = axis.choices.iter().all(|choice| choice.label.parse::<f64>().is_ok());
+            let labels = own.iter().map(|row| row.labels.get(k).cloned().unwrap_or_default());
+            table = table.with(
+                axis.name.clone(),
+                if are_numbers {
+                    Values::Numbers(labels.map(|label| label.parse().unwrap_or(f64::NAN)).collect())
+                } else {
+                    Values::Texts(labels.collect())
+                },
+            );
+        }
+        table = table.with("outcome", texts(|row| &row.outcome)).with("reason", texts(|row| &row.reason));
+        for (k, name) in METRICS.iter().enumerate() {
+            let values = own.iter().map(|row| row.metrics.get(k).copied().unwrap_or(f64::NAN));
+            table = table.with(*name, Values::Numbers(values.collect()));
+        }
+        for (name, meaning) in METRICS.iter().zip(MEANINGS) {
+            table = table.noting(*name, meaning);
+        }
+        table.write(&folder.join(partition(&[("experiment", experiment.as_str())])).join("rows.parquet"))?;
+    }
+    Ok(())
 }
 
 /// Runs that differ only in their seed.

@@ -12,6 +12,7 @@ use std::time::{Duration, SystemTime};
 
 use rayon::iter::{ParallelBridge, ParallelIterator};
 
+use crate::part::Part;
 use crate::plan::Plan;
 use crate::row::Row;
 use crate::single::simulate;
@@ -80,6 +81,12 @@ impl Folder {
     #[must_use]
     pub fn run_path(&self, index: u64) -> PathBuf {
         self.path.join("runs").join(format!("{index:08}"))
+    }
+
+    /// Whether a run has its row.
+    #[must_use]
+    pub fn has(&self, index: u64) -> bool {
+        self.row_path(index).exists()
     }
 
     /// Claims a run; false if it is done or claimed by another worker.
@@ -174,17 +181,49 @@ pub fn work(folder: &Folder, plan: &Plan, threads: usize, progress: &AtomicU64) 
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build().map_err(io::Error::other)?;
     let one = |index: u64| -> io::Result<()> {
-        let Some(spec) = plan.run(index) else { return Ok(()) };
-        if !folder.claim(index)? {
-            return Ok(());
+        if folder.claim(index)? {
+            run(folder, plan, index)?;
+            progress.fetch_add(1, Ordering::Relaxed);
         }
-        let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
-        let keep = kept.then(|| folder.run_path(index));
-        let row = simulate(&spec, plan.definition.longest_s, keep.as_deref());
-        folder.store(&row)?;
-        progress.fetch_add(1, Ordering::Relaxed);
         Ok(())
     };
     // A bridge hands the runs out one by one, in their order.
     pool.install(|| (0..plan.len()).par_bridge().try_for_each(one))
+}
+
+/// Computes the runs of a part that have no row yet, on so many threads; `progress` counts them. Nobody else may work on this
+/// part at the same time, which is what an engine sees to: there are no claims.
+///
+/// # Errors
+/// As [`work`].
+pub fn work_part(
+    folder: &Folder,
+    plan: &Plan,
+    part: Part,
+    threads: usize,
+    progress: &AtomicU64,
+) -> io::Result<()> {
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build().map_err(io::Error::other)?;
+    let one = |index: u64| -> io::Result<()> {
+        run(folder, plan, index)?;
+        progress.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    };
+    pool.install(|| part.runs(plan.len()).filter(|index| !folder.has(*index)).par_bridge().try_for_each(one))
+}
+
+/// Simulates a run and stores its row: the one task of a campaign, the same whoever computes it and however often.
+///
+/// # Errors
+/// The file system's.
+pub fn run(folder: &Folder, plan: &Plan, index: u64) -> io::Result<()> {
+    let Some(spec) = plan.run(index) else { return Ok(()) };
+    let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
+    let keep = kept.then(|| folder.run_path(index));
+    if let Some(begun) = keep.as_deref().filter(|path| path.exists()) {
+        // Of a worker that was interrupted: it has no row.
+        fs::remove_dir_all(begun)?;
+    }
+    folder.store(&simulate(&spec, plan.definition.longest_s, keep.as_deref()))
 }

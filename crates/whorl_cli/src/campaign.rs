@@ -1,5 +1,7 @@
 //! `whorl campaign`: many runs, percentiles, a page.
 
+mod slurm;
+
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,9 +9,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use whorl_campaign::work::{Folder, work};
-use whorl_campaign::{Plan, definition, page, table};
-use whorl_params::{ParameterTree, try_read};
+use whorl_campaign::slurm::Job;
+use whorl_campaign::work::{Folder, work, work_part};
+use whorl_campaign::{Part, Plan};
+use whorl_commands::campaign::{opened, planned, write_tables};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -29,49 +32,41 @@ pub struct Arguments {
     /// Number of seeds, instead of the file's.
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
+    /// Who distributes the runs: threads of this machine, or a Slurm cluster (an array job; submitted, followed, and what is missing
+    /// submitted again).
+    #[arg(long, value_enum, default_value_t = Engine::Local)]
+    engine: Engine,
+    /// Engine slurm: number of tasks of the array job.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    tasks: u64,
+    /// Engine slurm: an option for sbatch, e.g. --sbatch=--partition=long; may be given several times.
+    #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
+    sbatch: Vec<String>,
+    /// Computes one part of the campaign, without tables: what a task of an engine runs.
+    #[arg(long, value_name = "NUMBER/OF", value_parser = Part::parse, conflicts_with = "engine")]
+    part: Option<Part>,
     /// Only list the runs.
     #[arg(long)]
     dry_run: bool,
 }
 
+/// Who distributes the runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Engine {
+    Local,
+    Slurm,
+}
+
 /// Carries out `whorl campaign`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let file = &arguments.campaign;
-    if !file.is_file() {
-        bail!("no campaign file {}", file.display());
-    }
-    let parameters = match &arguments.params {
-        Some(folder) => folder.clone(),
-        None => file
-            .parent()
-            .and_then(Path::parent)
-            .filter(|folder| folder.join("common.yaml").is_file())
-            .map(Path::to_owned)
-            .with_context(|| {
-                format!(
-                    "{} is not in a folder campaigns/ beside a common.yaml; name the parameter folder with --params",
-                    file.display()
-                )
-            })?,
-    };
-    let tree = ParameterTree::load(std::slice::from_ref(file), &[])?;
-    tree.check_sections(["/campaign"])?;
-    let (mut definition, _) = try_read(&tree.for_node("/campaign"), |r| Some(definition::read(r)))?;
-    if let Some(seeds) = arguments.seeds {
-        if seeds == 0 {
-            bail!("--seeds is 0; allowed: at least 1");
-        }
-        definition.seeds = seeds;
-    }
-    let plan = Plan::new(definition, &parameters)?;
-    plan.check()?;
+    let plan = planned(file, arguments.params.as_deref(), arguments.seeds)?;
     if arguments.dry_run {
         return dry_run(&plan);
     }
     let name = file.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("campaigns").join(&name));
-    let folder =
-        Folder::open(&out, &fingerprint(&plan)?).with_context(|| format!("cannot use {}", out.display()))?;
+    let folder = opened(&out, &plan)?;
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads = arguments.threads.unwrap_or(cores);
     if threads == 0 {
@@ -81,6 +76,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let before = folder.done()?;
     let began = Instant::now();
     let here = AtomicU64::new(0);
+    if let Some(part) = arguments.part {
+        work_part(&folder, &plan, part, threads, &here)?;
+        println!("part {part}: {} runs in {:.1} s", here.into_inner(), began.elapsed().as_secs_f64());
+        return Ok(());
+    }
+    if arguments.engine == Engine::Slurm {
+        slurm::distribute(&slurm_job(arguments, &folder)?, &folder, &plan)?;
+        let there = folder.done()?.saturating_sub(before);
+        return finish(&folder, &plan, before, &format!("{there} runs on the cluster"), began.elapsed());
+    }
     std::thread::scope(|scope| -> anyhow::Result<()> {
         let worker = scope.spawn(|| work(&folder, &plan, threads, &here));
         while !worker.is_finished() {
@@ -93,22 +98,33 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if std::io::stderr().is_terminal() {
         eprintln!();
     }
-    finish(&folder, &plan, before, here.into_inner(), began.elapsed())
+    finish(&folder, &plan, before, &format!("{} runs here", here.into_inner()), began.elapsed())
 }
 
-/// Fingerprint of the plan and the parameter files, so that a folder is not continued with another campaign.
-fn fingerprint(plan: &Plan) -> anyhow::Result<String> {
-    let mut text = format!("whorl {}\n", env!("CARGO_PKG_VERSION"));
-    let first_of_each = plan.len().div_euclid(plan.definition.experiments.len().max(1) as u64).max(1);
-    for k in 0..plan.definition.experiments.len() as u64 {
-        for layer in plan.run(k * first_of_each).map(|spec| spec.layers).unwrap_or_default() {
-            let content = std::fs::read_to_string(&layer)
-                .with_context(|| format!("cannot read {}", layer.display()))?;
-            text.push_str(&format!("# {}\n{content}\n", layer.display()));
-        }
+/// The array job: this program with these arguments, in this folder, for each part.
+fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
+    let text = |path: &Path| path.display().to_string();
+    let program = std::env::current_exe().context("cannot find the path of this program")?;
+    let mut command = vec![text(&program), "campaign".to_owned(), text(&arguments.campaign)];
+    command.extend(["--out".to_owned(), text(folder.path())]);
+    if let Some(params) = &arguments.params {
+        command.extend(["--params".to_owned(), text(params)]);
     }
-    text.push_str(&format!("{:#?}\n", plan.definition));
-    Ok(text)
+    if let Some(seeds) = arguments.seeds {
+        command.extend(["--seeds".to_owned(), seeds.to_string()]);
+    }
+    let name = arguments.campaign.file_stem().unwrap_or_default().to_string_lossy();
+    let directory = std::env::current_dir().context("cannot find the working directory")?;
+    let beside = std::path::absolute(folder.path().join("slurm"))
+        .with_context(|| format!("cannot use {}", folder.path().display()))?;
+    Ok(Job {
+        name: format!("whorl-{name}"),
+        command,
+        directory,
+        folder: beside,
+        parts: arguments.tasks,
+        options: arguments.sbatch.clone(),
+    })
 }
 
 fn dry_run(plan: &Plan) -> anyhow::Result<()> {
@@ -137,17 +153,12 @@ fn progress(folder: &Folder, plan: &Plan, began: Instant, here: u64) {
     eprint!("\r[{:<30}] {done}/{} runs, {left}      ", "#".repeat(bars.min(30)), plan.len());
 }
 
-fn finish(folder: &Folder, plan: &Plan, before: u64, here: u64, elapsed: Duration) -> anyhow::Result<()> {
+fn finish(folder: &Folder, plan: &Plan, before: u64, done: &str, elapsed: Duration) -> anyhow::Result<()> {
     let rows = folder.rows(plan)?;
-    let csv = folder.path().join("summary.csv");
-    std::fs::write(&csv, table::csv_text(plan, &rows))
-        .with_context(|| format!("cannot write {}", csv.display()))?;
-    let html = folder.path().join("percentiles.html");
-    std::fs::write(&html, page::html(plan, &table::groups(&rows)))
-        .with_context(|| format!("cannot write {}", html.display()))?;
+    let tables = write_tables(folder, plan, &rows)?;
     let simulated_s: f64 = rows.iter().filter_map(|r| r.metrics.first()).filter(|v| v.is_finite()).sum();
     println!(
-        "{here} runs here in {:.1} s{}; {} of {} runs are done, {:.0} s simulated in all",
+        "{done} in {:.1} s{}; {} of {} runs are done, {:.0} s simulated in all",
         elapsed.as_secs_f64(),
         if before > 0 { format!(", {before} were already done") } else { String::new() },
         rows.len(),
@@ -170,6 +181,11 @@ fn finish(folder: &Folder, plan: &Plan, before: u64, here: u64, elapsed: Duratio
     if more > 5 {
         println!("  and {} more that did not finish", more - 5);
     }
-    println!("table: {}\npage: {}", csv.display(), html.display());
+    println!(
+        "table: {}\nas Parquet: {}\npage: {}",
+        tables.csv.display(),
+        tables.parquet.display(),
+        tables.page.display()
+    );
     Ok(())
 }

@@ -1,19 +1,14 @@
 //! `whorl compare`: how far a model is from recorded runs.
 
-use anyhow::bail;
-use serde_json::json;
-use whorl_explain::adopt::versions;
-use whorl_explain::{Case, ComparedRun, Say, compare, prediction_error};
+use whorl_commands::compare::{as_json, refitted};
+use whorl_explain::{ComparedRun, compare, prediction_error};
 use whorl_math::three_digits;
 use whorl_validation::comparison::INITIAL_STATE_RULE;
 use whorl_validation::{Comparison, FloorSource};
 
-use crate::explain::{ExplainArguments, options};
+use crate::explain::ExplainArguments;
 use crate::progress;
 use crate::table::print;
-
-/// Version of the JSON output.
-const SCHEMA: u32 = 1;
 
 /// Arguments of `whorl compare`.
 #[derive(Debug, clap::Args)]
@@ -74,17 +69,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// All runs compared with the model as given, and with its own parameters refitted.
-fn refitted(case: &Case<'_>, say: &mut Say<'_>) -> anyhow::Result<(Vec<ComparedRun>, Vec<ComparedRun>)> {
-    let (versions, left_out) = versions(case, &[], &options(), say)?;
-    let mut versions = versions.into_iter();
-    match (versions.next(), versions.next(), left_out.first()) {
-        (Some(given), Some(refitted), _) => Ok((given.runs, refitted.runs)),
-        (.., Some((_, error))) => bail!("the platform's own parameters cannot be refitted: {error}"),
-        _ => bail!("the platform's own parameters cannot be refitted"),
-    }
-}
-
 /// "As given, ...; refitted, ...".
 fn said_of_refit(given: &[ComparedRun], refitted: &[ComparedRun]) -> String {
     let error = |runs: &[ComparedRun]| match (prediction_error(runs, false), prediction_error(runs, true)) {
@@ -97,34 +81,6 @@ fn said_of_refit(given: &[ComparedRun], refitted: &[ComparedRun]) -> String {
         error(given),
         error(refitted)
     )
-}
-
-fn as_json(
-    platform: &str,
-    compared: &[ComparedRun],
-    given: Option<&[ComparedRun]>,
-) -> anyhow::Result<serde_json::Value> {
-    let mut list = Vec::new();
-    for run in compared {
-        let mut value = serde_json::to_value(&run.comparison)?;
-        if let Some(object) = value.as_object_mut() {
-            object.insert("held_out".to_owned(), json!(run.held_out));
-            object.insert("answer".to_owned(), json!(run.comparison.answer()));
-            object.insert("findings".to_owned(), json!(run.comparison.findings()));
-        }
-        list.push(value);
-    }
-    Ok(json!({
-        "schema": SCHEMA,
-        "platform": platform,
-        "initial_state_rule": INITIAL_STATE_RULE,
-        "prediction_error": prediction_error(compared, false),
-        "held_out_prediction_error": prediction_error(compared, true),
-        "refitted": given.is_some(),
-        "prediction_error_as_given": given.and_then(|runs| prediction_error(runs, false)),
-        "held_out_prediction_error_as_given": given.and_then(|runs| prediction_error(runs, true)),
-        "runs": list,
-    }))
 }
 
 /// RMS, ratio to the noise and fit of every channel at every horizon.

@@ -1,12 +1,15 @@
 //! `whorl diagnose`: which physical effect a model lacks.
 
+use std::path::PathBuf;
+
+use whorl_commands::diagnose::{as_json, with_next};
+use whorl_commands::tables::write_diagnosis;
 use whorl_diagnosis::Diagnosis;
-use whorl_explain::{Explanation, diagnose};
 use whorl_math::three_digits;
 
 use crate::explain::{ExplainArguments, SearchArguments};
+use crate::progress;
 use crate::table::print;
-use crate::{next, progress};
 
 /// Effects listed in the table.
 const LISTED: usize = 12;
@@ -18,51 +21,35 @@ pub struct Arguments {
     explain: ExplainArguments,
     #[command(flatten)]
     search: SearchArguments,
+    /// Writes every effect tested as a row of a Parquet file, in DIR/platform=NAME/run=NAME/: diagnoses of many runs are
+    /// one table.
+    #[arg(long, value_name = "DIR")]
+    parquet: Option<PathBuf>,
 }
 
 /// Carries out `whorl diagnose`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
     let options = arguments.search.options();
-    let mut found = progress::watched("diagnosing", |say| diagnose(&runs.case(), &options, say))?;
-    if let Some(next) = next::suggestion(&runs, &found.diagnosis, &options) {
-        found.diagnosis.next = Some(next);
-    }
+    let found = progress::watched("diagnosing", |say| with_next(&runs, &options, say))?;
     for sentence in found.answer() {
         println!("{sentence}");
     }
     println!();
     print_candidates(&found.diagnosis);
-    found.diagnosis.remarks.extend(runs.gaps());
     for remark in &found.diagnosis.remarks {
         println!("note: {remark}");
     }
     arguments.explain.write_json(|| as_json(&found))?;
+    if let Some(folder) = &arguments.parquet {
+        let of: Vec<&str> = runs.training.iter().map(|run| run.name.as_str()).collect();
+        let table = write_diagnosis(&as_json(&found)?, &runs.known.platform, &of, folder)?;
+        println!("\ntable: {}", table.path.display());
+    }
     let page = whorl_report::diagnosis_html(&found, &runs.facts);
     let page = arguments.explain.write_page("diagnose.html", &page)?;
     println!("\npage: {}", page.display());
     Ok(())
-}
-
-/// The diagnosis, with the prediction error of each version of the model.
-fn as_json(found: &Explanation) -> anyhow::Result<serde_json::Value> {
-    let mut value = serde_json::to_value(&found.diagnosis)?;
-    let versions: Vec<serde_json::Value> = found
-        .versions
-        .iter()
-        .map(|v| {
-            serde_json::json!({
-                "name": v.name,
-                "effects": v.effects,
-                "prediction_error": v.prediction_error(false),
-                "held_out_prediction_error": v.prediction_error(true),
-            })
-        })
-        .collect();
-    if let Some(object) = value.as_object_mut() {
-        object.insert("versions".to_owned(), versions.into());
-    }
-    Ok(value)
 }
 
 fn print_candidates(diagnosis: &Diagnosis) {

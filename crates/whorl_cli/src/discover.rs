@@ -3,25 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use whorl_diagnosis::{Diagnosis, Verdict};
+use whorl_commands::discover::{answer, as_json, competitors, settled};
 use whorl_discovery::{Discovery, WeighedLaw, discover};
 use whorl_math::three_digits;
 use whorl_params::effect_yaml;
 
 use crate::explain::{ExplainArguments, SearchArguments};
 use crate::progress;
-use crate::provenance::provenance;
-use crate::runs::{Runs, write};
+use crate::provenance::provenance_of_this;
+use crate::runs::write;
 use crate::table::print;
-
-/// Version of the JSON output.
-const SCHEMA: u32 = 1;
-
-/// Probability from which the best law is called the law.
-const SURE: f64 = 0.9;
-
-/// Sets of effects of the catalogue that compete with laws.
-const COMPETITORS: usize = 3;
 
 /// Arguments of `whorl discover`.
 #[derive(Debug, clap::Args)]
@@ -58,24 +49,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             println!("{sentence}");
         }
         println!("{reason} --anyway searches nevertheless.");
-        arguments.explain.write_json(|| as_json(&runs, &diagnosis, None, std::slice::from_ref(&reason)))?;
+        arguments
+            .explain
+            .write_json(|| as_json(&runs.known.platform, &diagnosis, None, std::slice::from_ref(&reason)))?;
         if arguments.write.is_some() || arguments.write_curve.is_some() {
             bail!("nothing was written: there is no law to write");
         }
         return Ok(());
     }
-    let named: Vec<Vec<String>> = diagnosis
-        .explanations
-        .iter()
-        .filter(|e| !e.effects.is_empty() && !e.with_unknown)
-        .map(|e| e.effects.clone())
-        .chain(diagnosis.candidates.iter().map(|c| vec![c.effect.clone()]))
-        .fold(Vec::new(), |mut list, set| {
-            if !list.contains(&set) && list.len() < COMPETITORS {
-                list.push(set);
-            }
-            list
-        });
+    let named = competitors(&diagnosis);
     let id = arguments.write.as_deref().map_or_else(|| Ok("discovered_law".to_owned()), id_of)?;
     let found = progress::watched("searching for a law", |say| {
         discover(case.training, case.held_out, case.model, case.prior, &named, &id, &options, say)
@@ -86,8 +68,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     println!();
     print_laws(&found);
-    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
-    let provenance = provenance(&arguments.explain.runs, &command)?;
+    let provenance = provenance_of_this(&arguments.explain.runs)?;
     if let Some(path) = &arguments.write {
         let best = found.best().with_context(|| "nothing was written: no law is more probable than none")?;
         written(path, best, &provenance)?;
@@ -98,22 +79,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             curve.with_context(|| "nothing was written: what is missing is no function of one variable")?;
         written(path, curve, &provenance)?;
     }
-    arguments.explain.write_json(|| as_json(&runs, &diagnosis, Some(&found), &answer))?;
+    arguments.explain.write_json(|| as_json(&runs.known.platform, &diagnosis, Some(&found), &answer))?;
     let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
     let page = arguments.explain.write_page("discover.html", &page)?;
     println!("page: {}", page.display());
     Ok(())
-}
-
-/// Why there is nothing to search for, if so.
-fn settled(diagnosis: &Diagnosis) -> Option<String> {
-    match diagnosis.verdict {
-        Verdict::Named | Verdict::Confounded => {
-            Some("The catalogue explains the data: no other law is searched for.".to_owned())
-        }
-        Verdict::NothingMissing => Some("Nothing is missing: no law is searched for.".to_owned()),
-        Verdict::NotEnoughInformation | Verdict::Unknown => None,
-    }
 }
 
 fn id_of(path: &Path) -> anyhow::Result<String> {
@@ -145,61 +115,6 @@ fn written(path: &Path, law: &WeighedLaw, provenance: &str) -> anyhow::Result<()
     Ok(())
 }
 
-/// The answer in sentences.
-fn answer(found: &Discovery) -> Vec<String> {
-    let mut sentences = Vec::new();
-    let Some(best) = found.laws.first() else { return vec!["Nothing could be weighed.".to_owned()] };
-    let percent = |law: &WeighedLaw| format!("{:.0} %", 100.0 * law.probability);
-    let held = |law: &WeighedLaw| match law.held_out_gain {
-        Some(gain) => format!(", held-out log likelihood {gain:+.1}"),
-        None => String::new(),
-    };
-    match best.kind {
-        "nothing" => sentences.push(format!(
-            "No law is more probable than none ({}): what is missing is no simple function of what was recorded.",
-            percent(best)
-        )),
-        "effect" => sentences.push(format!("{} It is likelier than any law that was found ({}).", best.sentence, percent(best))),
-        "curve" => sentences.push(format!(
-            "Measured, not understood: {} No formula fits as well ({}{}).",
-            best.sentence,
-            percent(best),
-            held(best)
-        )),
-        _ if best.probability >= SURE => sentences.push(format!(
-            "{} It has {}, of {} laws tried{}. Equation: torque = {}.",
-            best.sentence,
-            percent(best),
-            found.tried,
-            held(best),
-            best.equation
-        )),
-        _ => {
-            sentences.push(format!(
-                "Several laws explain the data about as well. The likeliest ({}{}): {} Equation: torque = {}.",
-                percent(best),
-                held(best),
-                best.sentence,
-                best.equation
-            ));
-            let others = found.laws.iter().skip(1).filter(|law| law.probability > 0.05);
-            let others: Vec<String> = others.map(|law| format!("{} ({})", law.equation, percent(law))).collect();
-            if !others.is_empty() {
-                sentences.push(format!("Also possible: {}. A run with other rates or attitudes would tell.", others.join("; ")));
-            }
-        }
-    }
-    if let Some(best) = found.best().filter(|law| !law.parameters.is_empty() && law.kind == "law") {
-        let values: Vec<String> = best
-            .parameters
-            .iter()
-            .map(|p| format!("{} = {} {}", p.name, three_digits(p.value), p.unit))
-            .collect();
-        sentences.push(format!("Fitted: {}.", values.join(", ")));
-    }
-    sentences
-}
-
 fn print_laws(found: &Discovery) {
     let rows: Vec<Vec<String>> = found
         .laws
@@ -215,19 +130,4 @@ fn print_laws(found: &Discovery) {
         })
         .collect();
     print(&["", "#probability %", "#log evidence", "#held out", "equation"].map(str::to_owned), &rows);
-}
-
-fn as_json(
-    runs: &Runs,
-    diagnosis: &Diagnosis,
-    found: Option<&Discovery>,
-    answer: &[String],
-) -> anyhow::Result<serde_json::Value> {
-    Ok(serde_json::json!({
-        "schema": SCHEMA,
-        "platform": runs.known.platform,
-        "catalogue": { "verdict": diagnosis.verdict, "effects": diagnosis.effects, "unknown": diagnosis.unknown },
-        "answer": answer,
-        "discovery": found.map(serde_json::to_value).transpose()?,
-    }))
 }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
+use whorl_commands::options;
 use whorl_diagnosis::Options;
-use whorl_explain::Case;
 
-use crate::runs::{OutputArguments, RunArguments, Runs};
+use crate::runs::{OutputArguments, RunArguments};
 
 /// Runs to explain, and output files for the answer.
 #[derive(Debug, clap::Args)]
@@ -41,25 +41,5 @@ impl SearchArguments {
     /// Options of the search, on all processors.
     pub fn options(&self) -> Options {
         Options { exclude: self.exclude.clone(), ..options() }
-    }
-}
-
-/// Default options, on all processors.
-pub fn options() -> Options {
-    Options {
-        threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
-        ..Options::default()
-    }
-}
-
-impl Runs {
-    /// The case to explain.
-    pub fn case(&self) -> Case<'_> {
-        Case {
-            training: &self.training,
-            held_out: &self.held_out,
-            model: &self.known.model,
-            prior: &self.known.prior,
-        }
     }
 }

@@ -1,10 +1,11 @@
 //! `whorl export`: recordings for other programs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::{Args, Subcommand};
 use whorl_bag::{PlatformParts, RunDirectory};
+use whorl_commands::tables::write_recording;
 use whorl_recording::{export_csv, platform_parts, read_model, read_run};
 
 #[derive(Debug, Args)]
@@ -17,6 +18,22 @@ pub struct Arguments {
 enum Form {
     /// Writes the measurements of each platform as CSV, with the channel map for `whorl import csv`.
     Csv(CsvArguments),
+    /// Writes the measurements of runs as Parquet, one file for each channel, in folders that DuckDB, Polars, pandas, Spark and
+    /// MATLAB read as one table.
+    Parquet(ParquetArguments),
+}
+
+#[derive(Debug, Args)]
+struct ParquetArguments {
+    /// Run directories, rosbag2 directories or .mcap files.
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Only this platform [default: all].
+    #[arg(long, value_name = "NAME")]
+    platform: Option<String>,
+    /// Folder for the files; created if it does not exist. A run that it holds already is replaced.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
 }
 
 #[derive(Debug, Args)]
@@ -36,14 +53,41 @@ struct CsvArguments {
 
 /// Carries out `whorl export`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let Form::Csv(arguments) = &arguments.form;
-    if arguments.topics {
-        return topics(arguments);
+    match &arguments.form {
+        Form::Csv(arguments) if arguments.topics => topics(arguments),
+        Form::Csv(arguments) => csv(arguments),
+        Form::Parquet(arguments) => parquet(arguments),
     }
+}
+
+/// Names of the platform's wheels and jets; a plain bag has no parameters: they are numbered.
+fn names(run: &Path, platform: &str) -> PlatformParts {
+    read_model(run, Some(platform)).map_or_else(|_| PlatformParts::default(), |known| platform_parts(&known))
+}
+
+fn parquet(arguments: &ParquetArguments) -> anyhow::Result<()> {
+    for run in &arguments.runs {
+        for recording in read_run(run, arguments.platform.as_deref())? {
+            let names = names(run, &recording.platform);
+            let written = write_recording(&recording, &names.wheels, &names.jets, &arguments.out)?;
+            for remark in &recording.remarks {
+                println!("{}, {}: note: {remark}", recording.name, recording.platform);
+            }
+            let rows: usize = written.iter().map(|table| table.rows).sum();
+            let channels: Vec<&str> = written.iter().map(|table| table.holds.as_str()).collect();
+            println!("{}, {}: {rows} rows: {}", recording.name, recording.platform, channels.join(", "));
+        }
+    }
+    let out = arguments.out.display();
+    println!(
+        "A channel over all runs: SELECT * FROM read_parquet('{out}/gyro/**/*.parquet', hive_partitioning = true)"
+    );
+    Ok(())
+}
+
+fn csv(arguments: &CsvArguments) -> anyhow::Result<()> {
     for recording in read_run(&arguments.run, arguments.platform.as_deref())? {
-        // A plain bag has no parameters: its columns are numbered.
-        let names = read_model(&arguments.run, Some(&recording.platform))
-            .map_or_else(|_| PlatformParts::default(), |known| platform_parts(&known));
+        let names = names(&arguments.run, &recording.platform);
         let exported = export_csv(&recording, &names.wheels, &names.jets, &arguments.out)?;
         for remark in &recording.remarks {
             println!("{}: note: {remark}", recording.platform);

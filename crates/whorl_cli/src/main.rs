@@ -43,7 +43,6 @@ mod reproduce;
 mod run;
 mod runs;
 mod security;
-mod shapes;
 mod shell;
 mod simulate;
 mod subscription;
@@ -123,7 +122,7 @@ enum Command {
     CompareRuns(compare_runs::Arguments),
     /// Imports measurements of another system (CSV, or a bag with other topics) as a run directory.
     Import(import::Arguments),
-    /// Writes the measurements of a run as CSV.
+    /// Writes the measurements of runs as CSV or Parquet.
     Export(export::Arguments),
     /// How far off the model is: prediction errors by channel and horizon, relative to the noise.
     Compare(compare::Arguments),

@@ -2,12 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::shapes::{number, shapes};
-use anyhow::{Context, bail};
-use whorl_bag::{Manifest, RunDirectory, RunState};
-use whorl_math::{deg_from_rad, rad_from_deg};
-use whorl_params::ParameterTree;
-use whorl_report::{Circumstances, Description, RunData, RunVerdict, Summary, TopicRow};
+use anyhow::bail;
+pub use whorl_commands::report::{Written, effective_parameters, read, write};
+use whorl_math::deg_from_rad;
+use whorl_report::Summary;
 
 /// Carries out `whorl report`.
 pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
@@ -21,161 +19,11 @@ pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What was written, and what the run came to.
-pub struct Written {
-    /// The page.
-    pub page: PathBuf,
-    /// The numbers.
-    pub summary: Summary,
-    /// The verdict.
-    pub verdict: RunVerdict,
-}
-
 /// The headline numbers, where the page is, and the verdict: the last line is what a run came to.
 pub fn print(report: &Written) {
     print_headline(&report.summary);
     println!("report: {}", report.page.display());
     println!("verdict: {}", report.verdict.line);
-}
-
-/// A run in memory.
-pub struct ReadRun {
-    /// Its messages.
-    pub data: RunData,
-    directory: RunDirectory,
-    /// Whether its recorder was killed.
-    recovered: bool,
-    undecodable: u64,
-}
-
-/// Reads the messages of a run.
-pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
-    let mut directory = RunDirectory::open(path)?;
-    let recovery = match directory.manifest().map(|m| m.state.clone()) {
-        Some(RunState::Recording) => directory.recover().map(Some)?,
-        _ => None,
-    };
-    let bag = directory.bag()?;
-    let mut data = RunData::default();
-    let mut undecodable = 0u64;
-    for message in bag.messages() {
-        let message = message?;
-        if message.topic.message_type().is_none() {
-            continue;
-        }
-        match message.decode() {
-            Ok(decoded) => data.add(&message.topic.name, message.log_time.0, decoded),
-            Err(_) => undecodable += 1,
-        }
-    }
-    if data.platforms.is_empty() {
-        if bag.topics().iter().any(|topic| topic.name.ends_with("/imu/data_raw")) {
-            bail!("{} holds no message of any platform: none was received during recording", path.display());
-        }
-        bail!(
-            "{} holds none of Whorl's topics (such as /whorl_1/imu/data_raw); it holds: {}",
-            path.display(),
-            bag.topics().iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ")
-        );
-    }
-    Ok(ReadRun { data, directory, recovered: recovery.is_some(), undecodable })
-}
-
-/// Writes page and numbers of one run.
-pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
-    let ReadRun { data, directory: run, recovered, undecodable } = read(path)?;
-    let manifest = run.manifest_or_from_bag()?;
-    let summary = whorl_report::summarise(&data);
-    let parameters = effective_parameters(path);
-    let mut description = describe(path, &manifest, parameters.as_ref());
-    if recovered {
-        description
-            .warnings
-            .push("The recorder was killed; the report covers the run up to its last second.".to_owned());
-    }
-    if let RunState::Stopped(reason) = &manifest.state {
-        description.warnings.push(format!("The recording ended early: {reason}"));
-    }
-    if undecodable > 0 {
-        description.warnings.push(format!("{undecodable} messages do not fit their type and were left out."));
-    }
-    let page = html.map_or_else(
-        || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
-        Path::to_owned,
-    );
-    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest));
-    std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
-        .with_context(|| format!("cannot write {}", page.display()))?;
-    if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
-        entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);
-        run.update_summary(&entries)?;
-    }
-    Ok(Written { page, summary, verdict })
-}
-
-fn circumstances(target_rad: Option<f64>, manifest: &Manifest) -> Circumstances {
-    Circumstances {
-        target_rad,
-        incomplete: match &manifest.state {
-            RunState::Stopped(reason) => Some(reason.clone()),
-            RunState::Recovered => Some("the recorder was killed".to_owned()),
-            _ => None,
-        },
-        messages: manifest.message_count(),
-        lost: manifest.lost(),
-    }
-}
-
-/// The parameters of the run; one without any, such as an imported one, has none.
-pub fn effective_parameters(path: &Path) -> Option<ParameterTree> {
-    let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
-    ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
-}
-
-fn target_rad(parameters: &ParameterTree) -> Option<f64> {
-    let target_deg = number(&parameters.for_node("/coordinator"), "experiment.target_deg")?;
-    (target_deg > 0.0).then(|| rad_from_deg(target_deg))
-}
-
-fn describe(path: &Path, manifest: &Manifest, parameters: Option<&ParameterTree>) -> Description {
-    let d = &manifest.description;
-    let mut facts = vec![
-        ("run".to_owned(), path.display().to_string()),
-        ("experiment".to_owned(), d.experiment.clone()),
-        ("platforms".to_owned(), d.platforms.join(", ")),
-        ("recording".to_owned(), manifest.state.name().to_owned()),
-        ("time".to_owned(), if d.simulated_time { "simulated" } else { "real" }.to_owned()),
-        ("Whorl version".to_owned(), d.version.clone()),
-    ];
-    facts.extend(d.git_commit.iter().map(|c| ("git commit".to_owned(), c.clone())));
-    facts.extend(d.seed.iter().map(|s| ("seed".to_owned(), s.to_string())));
-    facts.extend(d.notes.iter().cloned());
-    facts.extend(
-        manifest
-            .parameters
-            .iter()
-            .map(|p| (p.file.clone(), format!("sha256 {}", p.sha256.get(..16).unwrap_or(&p.sha256)))),
-    );
-    Description {
-        title: format!("Whorl run: {}", if d.experiment.is_empty() { "recording" } else { &d.experiment }),
-        facts,
-        topics: manifest
-            .topics
-            .iter()
-            .map(|t| TopicRow {
-                name: t.name.clone(),
-                type_name: t.type_name.clone(),
-                messages: t.count,
-                rate_hz: t.rate_hz,
-                lost: t.sequence.map(|s| s.lost),
-                longest_gap_s: t.largest_gap_s,
-            })
-            .collect(),
-        warnings: Vec::new(),
-        shapes: parameters.map(|p| shapes(p, &d.platforms)).unwrap_or_default(),
-        target_rad: parameters.and_then(target_rad),
-        link_stale_s: parameters.and_then(|p| number(&p.for_node("/coordinator"), "link.stale_s")),
-    }
 }
 
 /// The headline numbers.

@@ -2,11 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
-use whorl_bag::CsvMap;
-use whorl_recording::{
-    KnownPlatform, ReadOptions, Recording, platform_parts, read_csv, read_model, read_run_with,
-};
+pub use whorl_commands::runs::{RunSources, Runs, write};
 
 /// Runs, with the options for reading and testing them.
 #[derive(Debug, Clone, clap::Args)]
@@ -35,88 +31,16 @@ pub struct RunContext {
     pub channels: Option<PathBuf>,
 }
 
-/// The runs and the model, read from their files.
-#[derive(Debug)]
-pub struct Runs {
-    /// The platform.
-    pub known: KnownPlatform,
-    /// Training runs: used to fit.
-    pub training: Vec<Recording>,
-    /// Held-out runs: never used to fit.
-    pub held_out: Vec<Recording>,
-    /// Facts for the pages: platform, model, runs.
-    pub facts: Vec<(String, String)>,
-}
-
 impl RunArguments {
-    /// Reads everything.
-    pub fn read(&self) -> anyhow::Result<Runs> {
-        let first = self.runs.first().context("no run was given")?;
-        let source = self.context.model.as_deref().unwrap_or(first);
-        // Errors of the reader name the file.
-        let known = match read_model(source, self.context.platform.as_deref()) {
-            Err(_) if self.context.model.is_none() && is_csv(first) => {
-                bail!(
-                    "{}: a CSV file holds no parameters: name the platform's file, e.g. --model params/whorl_1.yaml",
-                    first.display()
-                )
-            }
-            read => read?,
-        };
-        let read = |paths: &[PathBuf]| -> anyhow::Result<Vec<Recording>> {
-            paths.iter().map(|path| self.recording(path, &known)).collect()
-        };
-        let (training, held_out) = (read(&self.runs)?, read(&self.context.held_out)?);
-        let list = |recordings: &[Recording]| {
-            recordings
-                .iter()
-                .map(|r| format!("{} ({:.1} s)", r.name, r.duration_s()))
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
-        let mut facts = vec![
-            ("platform".to_owned(), known.platform.clone()),
-            ("model".to_owned(), source.display().to_string()),
-            ("effects of the model".to_owned(), effects_of(&known)),
-            ("runs".to_owned(), list(&training)),
-        ];
-        if !held_out.is_empty() {
-            facts.push(("held-out runs".to_owned(), list(&held_out)));
-        }
-        facts.push(("Whorl version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()));
-        Ok(Runs { known, training, held_out, facts })
+    /// Where they are.
+    pub fn sources(&self) -> RunSources {
+        let RunContext { held_out, model, platform, channels } = self.context.clone();
+        RunSources { runs: self.runs.clone(), held_out, model, platform, channels }
     }
 
-    fn recording(&self, path: &Path, known: &KnownPlatform) -> anyhow::Result<Recording> {
-        let options = ReadOptions {
-            platform: Some(&known.platform),
-            model: Some(&known.model),
-            channels: self.context.channels.as_deref(),
-        };
-        let mut recordings = match (is_csv(path), &self.context.channels) {
-            (true, None) => bail!(
-                "{}: a CSV file needs a map of its columns, --channels MAP.yaml: docs/recordings.md shows one",
-                path.display()
-            ),
-            (true, Some(map)) => {
-                let map = CsvMap::load_for(map, &platform_parts(known))?;
-                let recording = read_csv(path, &map, known)?.recording;
-                recording.check_fits(&known.model, &known.platform)?;
-                vec![recording]
-            }
-            _ => read_run_with(path, &options)?,
-        };
-        match recordings.len() {
-            1 => {
-                let recording = recordings.remove(0);
-                if let Some(reason) = recording.contradictions(Some(&known.model)).first() {
-                    bail!("{} cannot be explained: {reason}", path.display());
-                }
-                Ok(recording)
-            }
-            0 => bail!("{} holds no measurements of {}", path.display(), known.platform),
-            _ => bail!("{} holds several platforms: choose one with --platform", path.display()),
-        }
+    /// Reads everything.
+    pub fn read(&self) -> anyhow::Result<Runs> {
+        self.sources().read()
     }
 }
 
@@ -149,27 +73,4 @@ impl OutputArguments {
         write(&path, html)?;
         Ok(path)
     }
-}
-
-impl Runs {
-    /// Sentences about gaps in the runs.
-    pub fn gaps(&self) -> impl Iterator<Item = String> {
-        self.training.iter().chain(&self.held_out).filter_map(Recording::gaps)
-    }
-}
-
-/// A CSV file, plain or compressed.
-fn is_csv(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    !path.is_dir() && (name.ends_with(".csv") || name.ends_with(".csv.gz"))
-}
-
-fn effects_of(known: &KnownPlatform) -> String {
-    let ids: Vec<&str> = known.model.effects.keys().map(String::as_str).collect();
-    if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
-}
-
-/// Writes a file.
-pub fn write(path: &Path, content: &str) -> anyhow::Result<()> {
-    std::fs::write(path, content).with_context(|| format!("cannot write {}", path.display()))
 }

@@ -1,16 +1,15 @@
 //! `whorl where`: in which regime a model fails.
 
-use serde_json::json;
-use whorl_explain::{Located, locate};
+use whorl_commands::locate::as_json;
+use whorl_commands::options;
+use whorl_explain::locate;
 use whorl_validation::Whereabouts;
 use whorl_validation::dependence::Frame;
 
-use crate::explain::{ExplainArguments, options};
+use crate::explain::ExplainArguments;
 use crate::progress;
 use crate::table::print;
 
-/// Version of the JSON output.
-const SCHEMA: u32 = 2;
 /// Quantities listed in the table.
 const LISTED: usize = 12;
 
@@ -71,21 +70,4 @@ fn print_shares(where_: &Whereabouts) {
     }));
     let headings = ["quantity", "frame", "#share %", "axis", "symmetry", "growth"].map(str::to_owned);
     print(&headings, &rows);
-}
-
-fn as_json(platform: &str, found: &Located) -> anyhow::Result<serde_json::Value> {
-    let one = |where_: &Whereabouts| -> anyhow::Result<serde_json::Value> {
-        let mut value = serde_json::to_value(where_)?;
-        if let Some(object) = value.as_object_mut() {
-            object.insert("answer".to_owned(), json!(where_.answer()));
-        }
-        Ok(value)
-    };
-    Ok(json!({
-        "schema": SCHEMA,
-        "platform": platform,
-        "base_refitted": found.not_refitted.is_none(),
-        "pooled": one(&found.pooled)?,
-        "runs": found.runs.iter().map(one).collect::<anyhow::Result<Vec<_>>>()?,
-    }))
 }

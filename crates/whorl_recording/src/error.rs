@@ -106,6 +106,14 @@ pub enum RecordingError {
         /// Its number, from 1.
         sensor: usize,
     },
+    /// Samples in memory that are no samples of their channel.
+    #[error("{channel}: {reason}")]
+    Samples {
+        /// Name of the channel, with the number of its sensor.
+        channel: String,
+        /// What is wrong, and what is allowed.
+        reason: String,
+    },
     /// The model of another platform.
     #[error(
         "the run {run} is of a platform with {counted}, and the model {model} has {expected}: is it the model of another platform?"

@@ -2,7 +2,7 @@
 //!
 //! [`Recording`] is the one input of everything that explains data: comparison, diagnosis,
 //! identification, calibration, estimation after the fact. [`read_run`] makes it of run directories and
-//! bags, [`read_csv`] of CSV files, [`read_model`] reads what is known of the platform; nothing downstream
+//! bags, [`read_csv`] of CSV files, [`recording_of`] of arrays in memory, [`read_model`] reads what is known of the platform; nothing downstream
 //! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back. What can be measured is the
 //! table of [`Channel`]: all of these walk over it.
 
@@ -10,6 +10,7 @@ mod component;
 mod consistency;
 mod csv;
 mod error;
+mod memory;
 mod model;
 mod notes;
 mod quality;
@@ -21,8 +22,9 @@ mod tests;
 mod write;
 
 pub use component::Component;
-pub use csv::{ExportedCsv, ImportedCsv, export_csv, platform_parts, read_csv};
+pub use csv::{ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv};
 pub use error::RecordingError;
+pub use memory::{Circumstances, JetPulses, Samples, recording_of};
 pub use model::{KnownPlatform, load_effects, read_model};
 pub use read::{ReadOptions, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};

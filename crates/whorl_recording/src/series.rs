@@ -1,5 +1,7 @@
 //! Values over time.
 
+use std::any::Any;
+
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Values at times. Times strictly increase; both vectors have the same length.
@@ -120,6 +122,8 @@ impl Numbers for UnitQuaternion<f64> {
 
 /// The series of a channel, whatever its values are.
 pub trait ChannelSeries {
+    /// Itself, to be taken for the [`Series`] that it is.
+    fn as_any(&self) -> &dyn Any;
     /// Time of each sample since the start of the run \[s\].
     fn time_s(&self) -> &[f64];
     /// The numbers of sample `k`, in SI units; empty behind the last.
@@ -131,7 +135,10 @@ pub trait ChannelSeries {
     fn fill(&mut self, samples: &mut dyn Iterator<Item = (f64, Vec<f64>)>);
 }
 
-impl<T: Numbers> ChannelSeries for Series<T> {
+impl<T: Numbers + 'static> ChannelSeries for Series<T> {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
     fn time_s(&self) -> &[f64] {
         &self.time_s
     }

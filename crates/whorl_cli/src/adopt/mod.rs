@@ -1,24 +1,21 @@
 //! `whorl adopt`: a physical effect becomes part of a platform's model.
 
-mod output;
 mod tables;
-mod writing;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use whorl_commands::adopt::{as_json, write};
+use whorl_commands::options;
 use whorl_dynamics::effects::find;
 use whorl_explain::adopt;
 use whorl_params::load_effect;
 use whorl_recording::{RecordingError, load_effects};
 
-use self::output::as_json;
 use self::tables::{print_parameters, print_versions};
-use self::writing::write;
 use crate::effects::is_effect_file;
-use crate::explain::options;
 use crate::progress;
-use crate::provenance::provenance;
+use crate::provenance::provenance_of_this;
 use crate::runs::{OutputArguments, RunArguments, RunContext};
 
 /// Arguments of `whorl adopt`.
@@ -85,10 +82,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         progress::watched("comparing the runs", |say| adopt(&runs.case(), &sets, &options(), say))?;
     let answer = adoption.answer();
     let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
-    let provenance = provenance(&run_arguments, &command)?;
+    let provenance = provenance_of_this(&run_arguments)?;
     // Before anything is printed: the reader may close the pipe after a few lines.
     let written = if arguments.try_.is_empty() {
-        write(arguments.out.as_deref(), arguments.anyway, &runs, &adoption, &provenance)
+        let now = whorl_ros::wall_clock();
+        write(arguments.out.as_deref(), arguments.anyway, &runs, &adoption, &provenance, now)
     } else {
         Ok("Nothing was written: --try only compares.".to_owned())
     };
@@ -104,7 +102,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("note: {version}: {reason}");
     }
     println!("\n{}", written?);
-    arguments.output.write_json(|| as_json(&runs, &adoption.versions, &answer, &provenance))?;
+    arguments
+        .output
+        .write_json(|| as_json(&runs.known.platform, &adoption.versions, &answer, &provenance))?;
     let mut facts = runs.facts.clone();
     facts.push(("command".to_owned(), format!("whorl {command}")));
     facts.push(("provenance".to_owned(), provenance));

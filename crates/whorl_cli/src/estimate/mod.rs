@@ -1,6 +1,5 @@
 //! `whorl estimate`: the attitude of a recorded sensor or vehicle.
 
-mod chosen;
 mod output;
 
 use std::path::PathBuf;
@@ -8,11 +7,11 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows};
+use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows, VectorMap};
+use whorl_commands::estimate::{Chosen, EstimateOptions, Recorded, too_few};
 use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
 use whorl_math::quaternion_exp;
 
-use chosen::Chosen;
 use output::Output;
 
 #[derive(Debug, Args)]
@@ -56,6 +55,24 @@ pub struct Arguments {
     vector_noise_deg: Vec<f64>,
 }
 
+impl Arguments {
+    fn options(&self) -> EstimateOptions {
+        EstimateOptions {
+            filter: self.filter.clone(),
+            smooth: self.smooth,
+            gyro_noise: self.gyro_noise,
+            gyro_bias_walk: self.gyro_bias_walk,
+            gyro_bias_sigma: self.gyro_bias_sigma,
+            vector_noise_deg: self.vector_noise_deg.clone(),
+        }
+    }
+}
+
+/// Columns of a vector sensor, and whether its direction in the world is known.
+fn vector_sensor(vector: &VectorMap) -> (String, bool) {
+    (vector.columns.join(", "), vector.reference_world.is_some() || vector.reference_columns.is_some())
+}
+
 /// Errors against truth and what the recording is.
 #[derive(Default)]
 struct Tally {
@@ -75,7 +92,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let map = CsvMap::load(&arguments.channels)?;
     let mut rows = CsvRows::open(&arguments.recording, &map)?;
-    let mut chosen = Chosen::new(arguments, &map)?;
+    let recorded = Recorded {
+        name: arguments.channels.display().to_string(),
+        has_force: map.has(Channel::Accelerometer),
+        vectors: map.vectors.iter().map(vector_sensor).collect(),
+    };
+    let mut chosen = Chosen::new(&arguments.options(), &recorded)?;
     let mut out =
         arguments.out.as_deref().map(|path| Output::create(path, arguments.covariance)).transpose()?;
     // Clockwise from above, seen from north to east.
@@ -127,12 +149,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> anyhow::Result<()> {
     if tally.estimates == 0 {
-        bail!(
-            "{}: {} samples of {} are too few for a first attitude",
-            arguments.recording.display(),
-            tally.samples,
-            if chosen.needs_force() { "gyro and accelerometer" } else { "gyro and two directions" }
-        );
+        let samples = usize::try_from(tally.samples).unwrap_or(usize::MAX);
+        bail!("{}", too_few(&arguments.recording.display().to_string(), samples, chosen));
     }
     let duration_s = (tally.last_ns - tally.first_ns.unwrap_or(tally.last_ns)) as f64 * 1e-9;
     let smoothed = if arguments.smooth { ", smoothed" } else { "" };

@@ -22,10 +22,10 @@ use whorl_report::{PlatformShape, live_html};
 use whorl_ros::environment::Network;
 
 use crate::run::{say, tell};
-use crate::shapes::shapes;
 use crate::subscription::Subscription;
 use server::Server;
 use view::View;
+use whorl_commands::shapes::shapes;
 
 /// Where the page is served unless another port is given.
 pub const PORT: u16 = 8470;

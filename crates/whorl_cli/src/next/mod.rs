@@ -1,6 +1,5 @@
 //! `whorl next`: the manoeuvre that best separates the remaining explanations.
 
-mod rehearsal;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -9,16 +8,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde_json::json;
-use whorl_diagnosis::{Diagnosis, NextManoeuvre, Options, Progress, Verdict};
-use whorl_explain::propose::{Judged, leading_explanation, yaml};
-use whorl_explain::{Proposal, propose};
-use whorl_recording::KnownPlatform;
+use whorl_commands::next::{common_file, proposal};
+use whorl_diagnosis::Progress;
+use whorl_explain::Proposal;
+use whorl_explain::propose::{Judged, yaml};
 use whorl_report::{NextPage, PlannedMotion};
 
-use self::rehearsal::Stage;
 use crate::explain::{ExplainArguments, SearchArguments};
 use crate::progress;
-use crate::runs::{Runs, write};
+use crate::runs::write;
 use crate::table::print;
 
 /// Version of the JSON output.
@@ -55,7 +53,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let (training, held_out) = (&runs.training, &runs.held_out);
         whorl_diagnosis::diagnose(training, held_out, &known.model, &known.prior, &options, &mut show)
     })?;
-    let proposal = proposal(&runs, &common, &diagnosis, &options)?;
+    let proposal = progress::watched("fitting the leading explanation", |say| {
+        proposal(&runs, &common, &diagnosis, &options, say)
+    })?;
     let best = proposal.best().context("no manoeuvre was found")?;
     let answer = proposal.answer(best, diagnosis.verdict, &known.platform);
     let comments: Vec<String> = answer
@@ -98,50 +98,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let page = arguments.explain.write_page("next.html", &page)?;
     println!("page:       {}", page.display());
     Ok(())
-}
-
-/// What `whorl diagnose` recommends as the next run: the best manoeuvre, if several explanations remain or the data
-/// could not have shown any. `None` if nothing needs to be separated or no manoeuvre can be simulated.
-pub fn suggestion(runs: &Runs, diagnosis: &Diagnosis, options: &Options) -> Option<NextManoeuvre> {
-    if !matches!(diagnosis.verdict, Verdict::Confounded | Verdict::NotEnoughInformation) {
-        return None;
-    }
-    let common = common_file(&runs.known, None)?;
-    let proposal = proposal(runs, &common, diagnosis, options).ok()?;
-    let best = proposal.best()?;
-    Some(NextManoeuvre {
-        manoeuvre: format!(
-            "{} {} ({}); `whorl next` writes it as an experiment",
-            runs.known.platform, best.manoeuvre.words, best.manoeuvre.name
-        ),
-        expected_log_odds: best.prospect.log_odds.unwrap_or(0.0),
-    })
-}
-
-/// Simulates the manoeuvres on the fitted platform and evaluates them. `common` is the parameter file that all
-/// nodes share.
-fn proposal(
-    runs: &Runs,
-    common: &Path,
-    diagnosis: &Diagnosis,
-    options: &Options,
-) -> anyhow::Result<Proposal> {
-    let (case, known) = (runs.case(), &runs.known);
-    progress::watched("fitting the leading explanation", |say| {
-        let truth = leading_explanation(&case, diagnosis, options);
-        let stage = Stage::new(known, common, &truth)?;
-        let rehearse = |name: &str, yaml: &str| {
-            stage.rehearse(name, yaml, &known.model).map_err(|error| format!("{error:#}"))
-        };
-        Ok(propose(&case, &known.platform, diagnosis, options, &rehearse, say)?)
-    })
-}
-
-/// The parameters that all nodes share: beside the model, in `folder`, or in the working directory's `params`.
-fn common_file(known: &KnownPlatform, folder: Option<&Path>) -> Option<PathBuf> {
-    let beside = known.files.iter().find(|f| f.file_name().is_some_and(|n| n == "common.yaml")).cloned();
-    let there = [folder, Some(Path::new("params"))];
-    beside.or_else(|| there.into_iter().flatten().map(|f| f.join("common.yaml")).find(|f| f.is_file()))
 }
 
 fn motion(best: &Judged) -> PlannedMotion {

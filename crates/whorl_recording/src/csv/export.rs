@@ -116,6 +116,27 @@ fn in_map(recording: &Recording, channel: Channel, sensor: usize) -> (String, St
     }
 }
 
+/// Names of the columns of a channel's `count` numbers: `gyro_x_rad_s`. `given` are the names of the platform's wheels or
+/// jets; those without one are numbered.
+#[must_use]
+pub fn column_names(channel: Channel, sensor: usize, count: usize, given: &[String]) -> Vec<String> {
+    let info = channel.info();
+    let (stem, end) = info.column;
+    let along = |names: &[&str], stem: &str| {
+        names.iter().map(|axis| format!("{stem}_{axis}{end}")).collect::<Vec<_>>()
+    };
+    match info.form {
+        Form::Axes => along(&AXES, stem),
+        Form::Directions => along(&AXES, &format!("{stem}_{}", sensor + 1)),
+        Form::Attitude => along(&["w", "x", "y", "z"], stem),
+        Form::Scalar => vec![format!("{stem}{end}")],
+        Form::Wheels { .. } | Form::Pulses => {
+            let name = |j: usize| given.get(j).cloned().unwrap_or_else(|| format!("{stem}_{}", j + 1));
+            (0..count).map(|j| format!("{}{end}", name(j))).collect()
+        }
+    }
+}
+
 /// Names of the platform's wheels and jets, where they have some.
 struct Parts<'a> {
     wheels: &'a [String],
@@ -129,7 +150,6 @@ impl Parts<'_> {
     /// Names of a channel's columns, and its cells at times \[ns\]; `None` where it was not recorded.
     fn columns(&self, recording: &Recording, channel: Channel, sensor: usize) -> Option<Columns> {
         let info = channel.info();
-        let (stem, end) = info.column;
         let lacks = if channel == Channel::Gyro { recording.no_gyro_axis } else { [false; 3] };
         let cells = match recording.series(channel, sensor) {
             Some(series) => samples(series, lacks),
@@ -137,22 +157,11 @@ impl Parts<'_> {
             None => return None,
         };
         let count = cells.first()?.1.split(',').count();
-        let named = |given: &[String]| {
-            let name = |j: usize| given.get(j).cloned().unwrap_or_else(|| format!("{stem}_{}", j + 1));
-            (0..count).map(|j| format!("{}{end}", name(j))).collect()
-        };
-        let names = match info.form {
-            Form::Axes => AXES
-                .iter()
-                .zip(lacks)
-                .map(|(axis, lacks)| if lacks { NO_COLUMN.to_owned() } else { format!("{stem}_{axis}{end}") })
-                .collect(),
-            Form::Directions => AXES.map(|axis| format!("{stem}_{}_{axis}{end}", sensor + 1)).to_vec(),
-            Form::Attitude => ["w", "x", "y", "z"].map(|axis| format!("{stem}_{axis}{end}")).to_vec(),
-            Form::Scalar => vec![format!("{stem}{end}")],
-            Form::Wheels { .. } => named(self.wheels),
-            Form::Pulses => named(self.jets),
-        };
+        let given = if info.form == Form::Pulses { self.jets } else { self.wheels };
+        let mut names = column_names(channel, sensor, count, given);
+        for (name, _) in names.iter_mut().zip(lacks).filter(|(_, lacks)| *lacks) {
+            NO_COLUMN.clone_into(name);
+        }
         Some((names, cells))
     }
 }

@@ -3,5 +3,5 @@
 mod export;
 mod import;
 
-pub use export::{ExportedCsv, export_csv};
+pub use export::{ExportedCsv, column_names, export_csv};
 pub use import::{ImportedCsv, platform_parts, read_csv};

@@ -5,6 +5,7 @@ use whorl_params::{Kind, NodeParameters, ParameterTree, Value};
 use whorl_report::{JetShape, KeepOut, PlatformShape, TiltLimit};
 
 /// The shapes of these platforms; what their parameters do not say is left out.
+#[must_use]
 pub fn shapes<S: AsRef<str>>(tree: &ParameterTree, platforms: &[S]) -> Vec<PlatformShape> {
     let coordinator = tree.for_node("/coordinator");
     platforms.iter().map(|name| shape(tree, &coordinator, name.as_ref())).collect()
@@ -45,6 +46,7 @@ fn shape(tree: &ParameterTree, coordinator: &NodeParameters, name: &str) -> Plat
 }
 
 /// A number among the parameters of a node.
+#[must_use]
 pub fn number(p: &NodeParameters, key: &str) -> Option<f64> {
     match p.get(key)?.value.converted(Kind::Double)? {
         Value::Double(x) if x.is_finite() => Some(x),

@@ -1,22 +1,31 @@
-//! Writes the parameter file with the effect, unless there is an objection.
+//! Answers of `adopt`: as JSON, and written into the parameter file unless there is an objection.
 
 use std::path::Path;
 
 use anyhow::{Context, bail};
+use serde_json::json;
 use whorl_dynamics::effects::registered;
-use whorl_explain::Adoption;
+use whorl_explain::{Adoption, Version};
+use whorl_node::Timestamp;
 use whorl_params::{EFFECTS_FOLDER, effect_files_beside, effect_yaml};
 
 use crate::model_file;
 use crate::runs::Runs;
 
-/// Writes the last version into the parameter file and reports it.
+/// Version of the JSON output.
+const SCHEMA: u32 = 2;
+
+/// Writes the last version into the parameter file and reports it; `now` \[UTC\] is the date of the step.
+///
+/// # Errors
+/// An objection, unless `anyway`; a file that cannot be written.
 pub fn write(
     out: Option<&Path>,
     anyway: bool,
     runs: &Runs,
     adoption: &Adoption,
     provenance: &str,
+    now: Timestamp,
 ) -> anyhow::Result<String> {
     let Some(out) = out else { bail!("name the file to write with --out") };
     let case = runs.case();
@@ -32,7 +41,7 @@ pub fn write(
         std::fs::copy(source, out).with_context(|| format!("cannot write {}", out.display()))?;
     }
     write_effects(out, adoption, provenance)?;
-    let written = model_file::write_step(out, &runs.known, &changes, adoption.step(provenance))?;
+    let written = model_file::write_step(out, &runs.known, &changes, adoption.step(provenance), now)?;
     let file = out.display();
     Ok(format!("{file}: {written} entries written; `whorl history {file}` lists what was adopted."))
 }
@@ -58,4 +67,51 @@ fn write_effects(out: &Path, adoption: &Adoption, provenance: &str) -> anyhow::R
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(())
+}
+
+/// Every version with its parameters and errors.
+///
+/// # Errors
+/// When a number cannot be serialised.
+pub fn as_json(
+    platform: &str,
+    versions: &[Version],
+    answer: &[String],
+    provenance: &str,
+) -> anyhow::Result<serde_json::Value> {
+    let mut list = Vec::new();
+    for version in versions {
+        let parameters = version.fit.as_ref().map_or_else(Vec::new, |fit| {
+            let estimates = fit.estimates.iter();
+            estimates
+                .map(|p| {
+                    json!({"of": p.group, "name": p.name, "unit": p.unit, "before": p.before,
+                           "estimate": p.estimate, "stddev": p.stddev, "at_bound": p.at_bound})
+                })
+                .collect()
+        });
+        let mut compared = Vec::new();
+        for run in &version.runs {
+            let mut value = serde_json::to_value(&run.comparison)?;
+            if let Some(object) = value.as_object_mut() {
+                object.insert("held_out".to_owned(), json!(run.held_out));
+            }
+            compared.push(value);
+        }
+        list.push(json!({
+            "name": version.name,
+            "effects": version.effects,
+            "prediction_error": version.prediction_error(false),
+            "held_out_prediction_error": version.prediction_error(true),
+            "parameters": parameters,
+            "runs": compared,
+        }));
+    }
+    Ok(json!({
+        "schema": SCHEMA,
+        "platform": platform,
+        "answer": answer,
+        "provenance": provenance,
+        "versions": list,
+    }))
 }

@@ -1,6 +1,7 @@
 //! Simulation of manoeuvres before they are proposed.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::Context;
 use whorl_dynamics::PlatformModel;
@@ -9,6 +10,9 @@ use whorl_params::Value;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_run_with};
 
 use crate::simulate;
+
+/// How many stages this process has made.
+static STAGES: AtomicU64 = AtomicU64::new(0);
 
 /// A parameter folder in which the simulated platform is the fitted one, and control has the model as given.
 /// Removed at the end.
@@ -27,7 +31,9 @@ impl Drop for Stage {
 impl Stage {
     /// `common` is the parameter file that all nodes share.
     pub fn new(known: &KnownPlatform, common: &Path, truth: &PlatformModel) -> anyhow::Result<Self> {
-        let folder = std::env::temp_dir().join(format!("whorl_next_{}", std::process::id()));
+        // Several diagnoses of one process may rehearse at the same time.
+        let number = STAGES.fetch_add(1, Ordering::Relaxed);
+        let folder = std::env::temp_dir().join(format!("whorl_next_{}_{number}", std::process::id()));
         let stage = Self { folder: folder.clone(), platform: known.platform.clone() };
         for part in ["truth", "experiments"] {
             let path = folder.join(part);

@@ -1,40 +1,73 @@
-//! The filter that was asked for.
+//! Attitude of a recorded sensor or vehicle: the filter that was asked for.
 
 use anyhow::bail;
-use whorl_bag::{Channel, CsvMap};
 use whorl_estimation::{Estimator, FilterKind, Health, ImuSample, Parameters};
 use whorl_free_motion::{
     DirectionFilter, DirectionParameters, FreeMotionEstimator, FreeMotionParameters, Orientation,
     OrientationFilter, Sample, smooth, smooth_free_motion,
 };
 
-use super::Arguments;
-
 /// The filter for sensors that do not turn about a fixed point.
 const FREE_MOTION: &str = FilterKind::FREE_MOTION.name;
 /// The filter for any vehicle with directions.
 const DIRECTIONS: &str = "directions";
 
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EstimateOptions {
+    /// Name of the filter; `None`: free_motion with an accelerometer, else directions.
+    pub filter: Option<String>,
+    /// Each sample from the whole recording, not from its past alone.
+    pub smooth: bool,
+    /// Gyro white noise, filter directions [rad/s/sqrt(Hz)].
+    pub gyro_noise: f64,
+    /// Random walk of the gyro's bias, filter directions [rad/s/sqrt(s)].
+    pub gyro_bias_walk: f64,
+    /// Bias of the gyro at the start, one standard deviation, filter directions [rad/s].
+    pub gyro_bias_sigma: f64,
+    /// Noise of each vector sensor, filter directions; the last stands for all further ones \[deg\].
+    pub vector_noise_deg: Vec<f64>,
+}
+
+/// What was recorded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Recorded {
+    /// Name, for messages.
+    pub name: String,
+    /// Whether there is an accelerometer.
+    pub has_force: bool,
+    /// Vector sensors: name, and whether its direction in the world is known.
+    pub vectors: Vec<(String, bool)>,
+}
+
 /// The chosen filter.
+#[derive(Debug)]
 pub enum Chosen {
+    /// For sensors that move freely; whether smoothing found a magnet.
     FreeMotion(Box<FreeMotionEstimator>, bool),
+    /// For any vehicle with directions.
     Directions(Box<DirectionFilter>, DirectionParameters),
+    /// A filter of the estimator node, and its name.
     Pivot(Box<Estimator>, &'static str),
 }
 
 impl Chosen {
-    pub fn new(arguments: &Arguments, map: &CsvMap) -> anyhow::Result<Self> {
-        let has_force = map.has(Channel::Accelerometer);
+    /// Sets the filter up.
+    ///
+    /// # Errors
+    /// A filter that does not exist, or that needs what was not recorded; a parameter out of range.
+    pub fn new(arguments: &EstimateOptions, recorded: &Recorded) -> anyhow::Result<Self> {
+        let has_force = recorded.has_force;
         let default = if has_force { FREE_MOTION } else { DIRECTIONS };
         let name = arguments.filter.as_deref().unwrap_or(default);
         if name == DIRECTIONS {
-            let parameters = directions(arguments, map)?;
+            let parameters = directions(arguments, recorded)?;
             return Ok(Self::Directions(Box::new(DirectionFilter::new(parameters.clone())), parameters));
         }
         if !has_force {
             bail!(
                 "{}: the map has no accelerometer, and --filter {name} needs one; allowed: {DIRECTIONS}",
-                arguments.channels.display()
+                recorded.name
             );
         }
         if name == FREE_MOTION {
@@ -54,6 +87,8 @@ impl Chosen {
         Ok(Self::Pivot(Box::new(Estimator::new(kind, parameters, None)?), kind.name))
     }
 
+    /// Its name.
+    #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
             Self::FreeMotion(..) => FREE_MOTION,
@@ -62,10 +97,14 @@ impl Chosen {
         }
     }
 
+    /// Whether it needs an accelerometer.
+    #[must_use]
     pub fn needs_force(&self) -> bool {
         !matches!(self, Self::Directions(..))
     }
 
+    /// Whether it has found iron or a magnet on the sensor.
+    #[must_use]
     pub fn is_magnetised(&self) -> bool {
         match self {
             Self::FreeMotion(filter, smoothed) => *smoothed || filter.is_magnetised(),
@@ -105,6 +144,9 @@ impl Chosen {
     }
 
     /// The estimates from all samples.
+    ///
+    /// # Errors
+    /// A filter that cannot smooth.
     pub fn smoothed(&mut self, samples: &[Sample]) -> anyhow::Result<Vec<Option<Orientation>>> {
         match self {
             Self::FreeMotion(_, magnetised) => {
@@ -120,21 +162,17 @@ impl Chosen {
     }
 }
 
-fn directions(arguments: &Arguments, map: &CsvMap) -> anyhow::Result<DirectionParameters> {
-    if map.vectors.is_empty() {
-        bail!(
-            "{}: --filter {DIRECTIONS} needs directions: name them under vector or vectors",
-            arguments.channels.display()
-        );
+fn directions(arguments: &EstimateOptions, recorded: &Recorded) -> anyhow::Result<DirectionParameters> {
+    if recorded.vectors.is_empty() {
+        bail!("{}: --filter {DIRECTIONS} needs directions: name them under vector or vectors", recorded.name);
     }
-    for (k, vector) in map.vectors.iter().enumerate() {
-        if vector.reference_world.is_none() && vector.reference_columns.is_none() {
+    for (k, (columns, is_known)) in recorded.vectors.iter().enumerate() {
+        if !is_known {
             bail!(
-                "{}: vector sensor {} ({}) has no direction in the world; --filter {DIRECTIONS} needs reference_world, or \
+                "{}: vector sensor {} ({columns}) has no direction in the world; --filter {DIRECTIONS} needs reference_world, or \
                  reference_columns where it varies in time",
-                arguments.channels.display(),
-                k + 1,
-                vector.columns.join(", ")
+                recorded.name,
+                k + 1
             );
         }
     }
@@ -155,4 +193,32 @@ fn directions(arguments: &Arguments, map: &CsvMap) -> anyhow::Result<DirectionPa
         gyro_bias_sigma_rad_s: positive("--gyro-bias-sigma", arguments.gyro_bias_sigma, false)?,
         direction_sigma_rad,
     })
+}
+
+/// The estimates of all samples; none before the first attitude.
+///
+/// # Errors
+/// As [`Chosen::new`], and when there are too few samples for an attitude.
+pub fn estimates(
+    options: &EstimateOptions,
+    recorded: &Recorded,
+    samples: &[Sample],
+) -> anyhow::Result<(Chosen, Vec<Option<Orientation>>)> {
+    let mut chosen = Chosen::new(options, recorded)?;
+    let found: Vec<Option<Orientation>> = if options.smooth {
+        chosen.smoothed(samples)?
+    } else {
+        samples.iter().map(|sample| chosen.causal(sample)).collect()
+    };
+    if found.iter().all(Option::is_none) {
+        bail!("{}", too_few(&recorded.name, samples.len(), &chosen));
+    }
+    Ok((chosen, found))
+}
+
+/// Why there is no attitude at all.
+#[must_use]
+pub fn too_few(name: &str, samples: usize, chosen: &Chosen) -> String {
+    let of = if chosen.needs_force() { "gyro and accelerometer" } else { "gyro and two directions" };
+    format!("{name}: {samples} samples of {of} are too few for a first attitude")
 }

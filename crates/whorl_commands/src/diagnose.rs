@@ -1,0 +1,45 @@
+//! Answers of `diagnose` as data.
+
+use whorl_diagnosis::Options;
+use whorl_explain::{ExplainError, Explanation, Say, diagnose};
+
+use crate::next;
+use crate::runs::Runs;
+
+/// Diagnoses the runs, and recommends the next run where explanations remain that these runs do not separate.
+///
+/// # Errors
+/// When the recordings cannot be explained at all.
+pub fn with_next(runs: &Runs, options: &Options, say: &mut Say<'_>) -> Result<Explanation, ExplainError> {
+    let mut found = diagnose(&runs.case(), options, &mut |share, doing| say(0.8 * share, doing))?;
+    let mut rest = |share: f64, doing: &str| say(0.8 + 0.2 * share, doing);
+    if let Some(next) = next::suggestion(runs, &found.diagnosis, options, &mut rest) {
+        found.diagnosis.next = Some(next);
+    }
+    found.diagnosis.remarks.extend(runs.gaps());
+    Ok(found)
+}
+
+/// The diagnosis, with the prediction error of each version of the model.
+///
+/// # Errors
+/// When a number cannot be serialised.
+pub fn as_json(found: &Explanation) -> anyhow::Result<serde_json::Value> {
+    let mut value = serde_json::to_value(&found.diagnosis)?;
+    let versions: Vec<serde_json::Value> = found
+        .versions
+        .iter()
+        .map(|v| {
+            serde_json::json!({
+                "name": v.name,
+                "effects": v.effects,
+                "prediction_error": v.prediction_error(false),
+                "held_out_prediction_error": v.prediction_error(true),
+            })
+        })
+        .collect();
+    if let Some(object) = value.as_object_mut() {
+        object.insert("versions".to_owned(), versions.into());
+    }
+    Ok(value)
+}

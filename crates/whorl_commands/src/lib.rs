@@ -1,0 +1,44 @@
+//! What commands do between reading their arguments and printing: read runs with their model, ask the libraries, give the
+//! answer as data. The `whorl` program prints these answers and the Python package returns them, so both have the same
+//! numbers and the same words.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`runs`] | runs and their model, from files |
+//! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
+//! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
+//! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
+//! | [`estimate`] | the attitude of a recorded sensor or vehicle |
+//! | [`simulate`] | an experiment in one process, recorded |
+//! | [`campaign`] | plan, folder and tables of a campaign |
+//! | [`report`] | page and numbers of a run |
+//! | [`tables`] | recordings and diagnoses as Parquet files |
+//! | [`model_file`], [`provenance`] | results written into parameter files, and where they came from |
+
+pub mod adopt;
+pub mod campaign;
+pub mod compare;
+pub mod diagnose;
+pub mod discover;
+pub mod estimate;
+pub mod locate;
+pub mod model_file;
+pub mod next;
+pub mod provenance;
+mod rehearsal;
+pub mod report;
+pub mod runs;
+pub mod shapes;
+pub mod simulate;
+pub mod tables;
+
+use whorl_diagnosis::Options;
+
+/// Default options of the search for effects, on all processors.
+#[must_use]
+pub fn options() -> Options {
+    Options {
+        threads: std::thread::available_parallelism().map_or(2, std::num::NonZero::get),
+        ..Options::default()
+    }
+}
