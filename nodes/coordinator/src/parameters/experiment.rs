@@ -17,6 +17,8 @@ pub struct ExperimentSettings {
     pub yaw_zero: YawZero,
     /// What the platforms do after the last step.
     pub at_end: AtEnd,
+    /// Whether the experiment holds while a platform does not move as its model says, and for how long at most \[s\].
+    pub holds_on_mismatch: Option<f64>,
     /// Whether the coordinator exits after the experiment.
     pub exit_when_finished: bool,
 }
@@ -71,6 +73,22 @@ pub(super) fn read(r: &mut Reader<'_>) -> ExperimentSettings {
         ) {
             "hold" => AtEnd::Hold,
             _ => AtEnd::Standby,
+        },
+        holds_on_mismatch: {
+            let holds = r.choice_or(
+                "on_model_mismatch",
+                "continue",
+                &["continue", "hold"],
+                "when a platform's model monitor says that it does not move as its model says: go on, or hold \
+                 until the monitor is told to forget it",
+            ) == "hold";
+            let for_s = r.f64_or(
+                "model_hold_s",
+                60.0,
+                range(1.0..=86_400.0),
+                "a hold for a platform that does not move as its model says ends the experiment after this [s]",
+            );
+            holds.then_some(for_s)
         },
         exit_when_finished: r.bool_or(
             "exit_when_finished",
