@@ -31,7 +31,7 @@ impl ModelFit {
                     .zip(numbers)
                     .map(|(name, ((estimate, stddev), unit))| {
                         let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-                        format!("{name} {estimate:.3} +- {stddev:.3}{unit}")
+                        format!("{name} {} +- {}{unit}", digits(*estimate), digits(*stddev))
                     })
                     .collect();
                 let percent = 100.0 * self.probability;
@@ -44,6 +44,12 @@ impl ModelFit {
             _ => "not compared with its model now".to_owned(),
         }
     }
+}
+
+/// Three digits that count.
+fn digits(x: f64) -> String {
+    let size = x.abs();
+    if size != 0.0 && !(1e-3..1e4).contains(&size) { format!("{x:.2e}") } else { format!("{x:.3}") }
 }
 
 impl From<[f64; 3]> for Vector3 {

@@ -103,7 +103,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
         Path::to_owned,
     );
-    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest));
+    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest, parameters.as_ref()));
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
@@ -113,9 +113,22 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     Ok(Written { page, summary, verdict })
 }
 
-fn circumstances(target_rad: Option<f64>, manifest: &Manifest) -> Circumstances {
+/// Gas in the tank of a platform's model at the start \[kg\]; `None` without jets.
+fn gas_kg(parameters: &ParameterTree, name: &str) -> Option<f64> {
+    let own = parameters.for_node(&format!("/{name}/local_control"));
+    let model = whorl_params::platform_model(&mut whorl_params::Reader::new(&own), "model")?;
+    (!model.jets().is_empty()).then(|| model.tank().initial_gas_kg())
+}
+
+fn circumstances(
+    target_rad: Option<f64>,
+    manifest: &Manifest,
+    parameters: Option<&ParameterTree>,
+) -> Circumstances {
+    let of = |name: &String| Some((name.clone(), gas_kg(parameters?, name)?));
     Circumstances {
         target_rad,
+        gas_kg: manifest.description.platforms.iter().filter_map(of).collect(),
         incomplete: match &manifest.state {
             RunState::Stopped(reason) => Some(reason.clone()),
             RunState::Recovered => Some("the recorder was killed".to_owned()),

@@ -220,8 +220,8 @@ impl Evidence {
             }
             let moved = &whitened.transition * &start.state + &at_end;
             start.state.rows_mut(0, motion).copy_from(&moved);
-            let (torque, constants) = (motion + 3, motion + 6);
-            start.state.rows_mut(torque, 3).scale_mut(whitened.torque_left);
+            let (torque, constants) = (places.torque(), places.first_constant());
+            start.state.rows_mut(torque, constants - torque).scale_mut(whitened.torque_left);
             let count = self.length - constants;
             start.state.rows_mut(constants, count).scale_mut(whitened.constants_left);
         }

@@ -1,7 +1,7 @@
 //! The Kalman filter that whitens: innovations of gyro and wheel speeds while the model is right.
 //!
-//! State: errors of rate (3), wheel speeds, gyro bias (3), background torque (3), and the platform's constants in units of
-//! their directions. Rate and wheel speeds are taken over by the plant after every bin, so that their errors are zero in
+//! State: errors of rate (3), wheel speeds, gyro bias (3), background torque on the body (3) and on each wheel, and the
+//! platform's constants in units of their directions. Rate and wheel speeds are taken over by the plant after every bin, so that their errors are zero in
 //! the mean; the others stay here, and act on the plant's prediction linearly.
 //!
 //! Within a bin of length T the accelerations hardly change: a mean reading is the motion half-way, Phi(T/2) x with
@@ -21,6 +21,12 @@ const ANY_SPEED_RAD_S: f64 = 20.0;
 /// White noise of a wheel's torque that no data sheet states, over the largest torque times the square root of a second:
 /// a per mille.
 const MOTOR_NOISE: f64 = 1e-3;
+/// Slow torque on a wheel that the model need not know (friction that warms up, a bias of its drive), over its largest
+/// torque: a per mille, half of the bearing friction of a small wheel.
+const WHEEL_TORQUE: f64 = 1e-3;
+/// A wheel slower than this may stick or turn back [rad/s], and for so long at a time \[s\].
+const SLOW_RAD_S: f64 = 1.0;
+const STICKING_S: f64 = 5.0;
 
 /// Places of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,12 +48,20 @@ impl Places {
         self.motion()
     }
 
-    fn torque(&self) -> usize {
+    /// The first of the background torques.
+    #[must_use]
+    pub fn torque(&self) -> usize {
         self.motion() + 3
     }
 
-    fn first_constant(&self) -> usize {
+    fn wheel_torque(&self) -> usize {
         self.motion() + 6
+    }
+
+    /// The first of the platform's constants.
+    #[must_use]
+    pub fn first_constant(&self) -> usize {
+        self.motion() + 6 + self.wheels
     }
 
     /// Length of the state.
@@ -218,6 +232,10 @@ impl Filter {
             let torque = settings.background_torque_n_m;
             covariance[(places.torque() + axis, places.torque() + axis)] = torque * torque;
         }
+        for (j, wheel) in model.wheels().iter().enumerate().take(places.wheels) {
+            let torque = WHEEL_TORQUE * wheel.max_torque_n_m;
+            covariance[(places.wheel_torque() + j, places.wheel_torque() + j)] = torque * torque;
+        }
         for (k, stddev) in stddev.iter().enumerate() {
             covariance[(places.first_constant() + k, places.first_constant() + k)] = stddev * stddev;
         }
@@ -282,6 +300,17 @@ impl Filter {
         (by_motion, by_torque)
     }
 
+    /// Motion by a torque on each wheel, which the body takes.
+    fn by_wheel_torque(base: &Gyrostat, by_torque: &DMatrix<f64>, places: &Places) -> DMatrix<f64> {
+        let mut by = DMatrix::zeros(places.motion(), places.wheels);
+        for (j, wheel) in base.model().wheels().iter().enumerate().take(places.wheels) {
+            let mut change = by_torque * -wheel.spin_axis_b.into_inner();
+            change[3 + j] += 1.0 / wheel.spin_inertia_kg_m2;
+            by.column_mut(j).copy_from(&change);
+        }
+        by
+    }
+
     /// Takes a bin: its innovations, and what the motion at its end must be corrected by.
     ///
     /// `None` where nothing was read, or rounding has made the covariance useless; the motion is then unknown.
@@ -289,6 +318,7 @@ impl Filter {
         let places = self.places;
         let (motion, length, time_s) = (places.motion(), places.len(), bin.length_s);
         let (by_motion, by_torque) = Self::jacobian(lanes.base(), bin, &places);
+        let by_wheel_torque = Self::by_wheel_torque(lanes.base(), &by_torque, &places);
         let identity = DMatrix::<f64>::identity(motion, motion);
         let square = &by_motion * &by_motion;
         let transition = |t: f64| &identity + &by_motion * t + &square * (0.5 * t * t);
@@ -298,6 +328,8 @@ impl Filter {
             let integral = integral(t);
             rows.view_mut((0, 0), (motion, motion)).copy_from(&transition(t));
             rows.view_mut((0, places.torque()), (motion, 3)).copy_from(&(&integral * &by_torque));
+            rows.view_mut((0, places.wheel_torque()), (motion, places.wheels))
+                .copy_from(&(&integral * &by_wheel_torque));
             for (k, direction) in self.constants.iter().enumerate() {
                 let column = &integral * changes.rates.column(*direction);
                 rows.column_mut(places.first_constant() + k).copy_from(&column);
@@ -353,7 +385,7 @@ impl Filter {
             torque_left: (-time_s / self.settings.background_time_s).exp(),
             constants_left: (-time_s / self.settings.constants_time_s).exp(),
         };
-        let correction = self.propagate(lanes.base(), bin, &by_torque, &whitened);
+        let correction = self.propagate(lanes.base(), bin, &by_torque, &by_wheel_torque, &whitened);
         (self.covariance.iter().all(|x| x.is_finite())).then_some((whitened, correction))
     }
 
@@ -363,6 +395,7 @@ impl Filter {
         base: &Gyrostat,
         bin: &Bin,
         by_torque: &DMatrix<f64>,
+        by_wheel_torque: &DMatrix<f64>,
         whitened: &Whitened,
     ) -> DVector<f64> {
         let (places, time_s) = (self.places, bin.length_s);
@@ -392,11 +425,15 @@ impl Filter {
             let walk = self.torque_walk_n_m_sqrt_s[axis].powi(2) * time_s;
             add(places.torque() + axis, torque * torque * (1.0 - whitened.torque_left.powi(2)) + walk);
         }
+        for (j, wheel) in base.model().wheels().iter().enumerate().take(places.wheels) {
+            let torque = WHEEL_TORQUE * wheel.max_torque_n_m;
+            add(places.wheel_torque() + j, torque * torque * (1.0 - whitened.torque_left.powi(2)));
+        }
         for (k, stddev) in self.stddev.iter().enumerate() {
             let renewed = 1.0 - whitened.constants_left.powi(2);
             add(places.first_constant() + k, stddev * stddev * renewed);
         }
-        let impulses = self.random_impulses(base, bin, by_torque);
+        let impulses = self.random_impulses(base, bin, by_torque, by_wheel_torque);
         let mut view = self.covariance.view_mut((0, 0), (motion, motion));
         view += impulses;
         let symmetric = (&self.covariance + self.covariance.transpose()) * 0.5;
@@ -405,7 +442,13 @@ impl Filter {
     }
 
     /// Covariance of the motion from pulses and motors that are not quite what was commanded.
-    fn random_impulses(&self, base: &Gyrostat, bin: &Bin, by_torque: &DMatrix<f64>) -> DMatrix<f64> {
+    fn random_impulses(
+        &self,
+        base: &Gyrostat,
+        bin: &Bin,
+        by_torque: &DMatrix<f64>,
+        by_wheel_torque: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
         let (model, motion) = (base.model(), self.places.motion());
         let mut covariance = DMatrix::zeros(motion, motion);
         for (jet, share) in model.jets().iter().zip(&bin.valve_fraction).filter(|(_, share)| **share > 0.0) {
@@ -416,9 +459,12 @@ impl Filter {
         for (j, wheel) in model.wheels().iter().enumerate().take(self.places.wheels) {
             let asked = bin.wheel_torque_n_m[j] * bin.length_s * self.settings.motor_relative_sigma;
             let noise = MOTOR_NOISE * wheel.max_torque_n_m * bin.length_s.sqrt();
-            let mut change = by_torque * -wheel.spin_axis_b.into_inner();
-            change[3 + j] += 1.0 / wheel.spin_inertia_kg_m2;
-            covariance += &change * change.transpose() * (asked * asked + noise * noise);
+            // Near rest nobody knows which way the friction points, or whether the wheel sticks.
+            let slow = bin.wheel_speed_rad_s[j].abs() < SLOW_RAD_S;
+            let friction = if slow { wheel.coulomb_friction_n_m } else { 0.0 };
+            let sticking = friction * friction * STICKING_S * bin.length_s;
+            let change = by_wheel_torque.column(j);
+            covariance += change * change.transpose() * (asked * asked + noise * noise + sticking);
         }
         covariance
     }

@@ -2,7 +2,7 @@
 //!
 //! A recursive form of the regression of `whorl_diagnosis` (its METHOD.md), over gyro and wheel speeds:
 //!
-//! 1. Every bin (0.1 s) is predicted by the platform's own plant code with the torques and pulses that were carried out,
+//! 1. Every bin (0.2 s) is predicted by the platform's own plant code with the torques and pulses that were carried out,
 //!    from the best estimate at its start; the attitude is the estimator's ([`predictor`]).
 //! 2. A Kalman filter over rate, wheel speeds, gyro bias, a slow background torque and the platform's own constants
 //!    (the base columns of the diagnosis, with their priors) turns prediction errors into innovations of unit variance,

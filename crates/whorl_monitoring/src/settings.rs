@@ -35,7 +35,7 @@ impl Settings {
     pub fn of(model: &PlatformModel) -> Self {
         let inertia_kg_m2 = model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         Self {
-            bin_s: 0.1,
+            bin_s: 0.2,
             start_every_s: 10.0,
             memory_s: 120.0,
             false_alarms_per_h: 0.1,

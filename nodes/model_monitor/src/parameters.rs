@@ -95,7 +95,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "constants of the platform may wander through their prior in this time [s]",
         ),
     };
-    let rate_hz = r.f64_or("rate_hz", 2.0, range(0.1..=20.0), "rate of model/fit [Hz]");
+    let rate_hz = r.f64_or("rate_hz", 1.0, range(0.1..=20.0), "rate of model/fit [Hz]");
     let forget = r.i64_or(
         "forget",
         0,
