@@ -29,7 +29,7 @@ pub struct Direction {
     pub origin: f64,
     /// Change of the parameter per unit of the direction, in its unit.
     pub scale: f64,
-    /// Prior standard deviation in the base model, in units; 0 = it is not part of it.
+    /// Prior standard deviation in the base model as it was given, in units; 0 = it is not part of it.
     pub base_stddev: f64,
     /// Prior standard deviation that the catalogue gives it, in units.
     pub catalogue_stddev: f64,
@@ -123,7 +123,7 @@ pub fn directions(
             part: column.part,
             origin,
             scale: column.scale,
-            base_stddev: column.base_stddev,
+            base_stddev: if column.base_stddev > 0.0 { reference.given_stddev(column) / column.scale } else { 0.0 },
             catalogue_stddev: column.catalogue_stddev,
             moved: moved.mechanics.gyrostat,
             // The signal of a column that is squared grows with the square of the units: those of one.
