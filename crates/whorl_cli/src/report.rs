@@ -103,7 +103,11 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
         Path::to_owned,
     );
-    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest, parameters.as_ref()));
+    let verdict = whorl_report::judge(
+        &data,
+        &summary,
+        &circumstances(description.target_rad, &manifest, parameters.as_ref()),
+    );
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
@@ -125,9 +129,15 @@ fn circumstances(
     manifest: &Manifest,
     parameters: Option<&ParameterTree>,
 ) -> Circumstances {
+    let coordinator = parameters.map(|p| p.for_node("/coordinator"));
+    let target = |(key, _): &(&str, &str)| {
+        let value = number(coordinator.as_ref()?, &format!("experiment.targets.{key}"))?;
+        (value > 0.0).then(|| ((*key).to_owned(), value))
+    };
     let of = |name: &String| Some((name.clone(), gas_kg(parameters?, name)?));
     Circumstances {
         target_rad,
+        targets: whorl_coordinator::parameters::TARGETS.iter().filter_map(target).collect(),
         gas_kg: manifest.description.platforms.iter().filter_map(of).collect(),
         incomplete: match &manifest.state {
             RunState::Stopped(reason) => Some(reason.clone()),
@@ -229,5 +239,16 @@ pub fn print_headline(summary: &Summary) {
         let known = numbers.iter().filter(|(_, value, ..)| value.is_finite());
         let known = known.map(|(label, value, digits, unit)| format!("{label} {value:.digits$} {unit}"));
         println!("  {}: {}", platform.name, known.collect::<Vec<_>>().join(", "));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn every_target_of_an_experiment_is_measured() {
+        for (key, _) in whorl_coordinator::parameters::TARGETS {
+            let platform = whorl_report::PlatformSummary::default();
+            assert!(whorl_report::measured(&platform, key).is_some(), "{key}");
+        }
     }
 }

@@ -123,7 +123,11 @@ pub fn directions(
             part: column.part,
             origin,
             scale: column.scale,
-            base_stddev: if column.base_stddev > 0.0 { reference.given_stddev(column) / column.scale } else { 0.0 },
+            base_stddev: if column.base_stddev > 0.0 {
+                reference.given_stddev(column) / column.scale
+            } else {
+                0.0
+            },
             catalogue_stddev: column.catalogue_stddev,
             moved: moved.mechanics.gyrostat,
             // The signal of a column that is squared grows with the square of the units: those of one.

@@ -24,9 +24,9 @@ mod error;
 mod history;
 mod locate;
 pub mod propose;
-pub mod trends;
 #[cfg(test)]
 mod tests;
+pub mod trends;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;

@@ -203,9 +203,9 @@ fn prior_stddev(group: &str, name: &str, model: &PlatformModel, prior: &ModelPri
 
 /// Places between runs at which a parameter may change, and a drift where runs of three times show it.
 fn places(trend: &Trend, since: Option<usize>) -> Vec<usize> {
-    let between = |k: &usize| since.is_none_or(|from| {
-        trend.estimates[k - 1].run < from && trend.estimates[*k].run >= from
-    });
+    let between = |k: &usize| {
+        since.is_none_or(|from| trend.estimates[k - 1].run < from && trend.estimates[*k].run >= from)
+    };
     (1..trend.estimates.len()).filter(between).collect()
 }
 
@@ -223,7 +223,8 @@ fn tests_of(trends: &[Trend], times: &[f64], since: Option<usize>) -> usize {
 fn judge(trends: &mut [Trend], times: &[f64], since: Option<usize>) {
     let tests = tests_of(trends, times, since) as f64;
     for trend in trends {
-        let mut found: Vec<(Change, f64)> = places(trend, since).into_iter().map(|k| step(trend, k)).collect();
+        let mut found: Vec<(Change, f64)> =
+            places(trend, since).into_iter().map(|k| step(trend, k)).collect();
         if drifts(trend, times, since) {
             found.push(drift(trend, times));
         }
@@ -234,11 +235,8 @@ fn judge(trends: &mut [Trend], times: &[f64], since: Option<usize>) {
         let alone = 2.0 * normal_probability(-change.sigma);
         // 1 - (1 - p)^N without the loss of digits.
         change.chance = -(tests * (-alone).ln_1p()).exp_m1();
-        change.sigma_after = if change.chance > 0.0 {
-            (-normal_quantile(0.5 * change.chance)).max(0.0)
-        } else {
-            change.sigma
-        };
+        change.sigma_after =
+            if change.chance > 0.0 { (-normal_quantile(0.5 * change.chance)).max(0.0) } else { change.sigma };
         trend.change = Some(change);
     }
 }

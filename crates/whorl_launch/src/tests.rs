@@ -71,8 +71,8 @@ fn an_experiment_starts_the_recorder_first_and_the_coordinator_last() {
 fn each_platform_gets_a_coordinator_where_the_law_runs_on_platforms() {
     let setup = Setup::new(options("decentralised_on_platforms")).unwrap();
     let own: Vec<String> = setup.platform("whorl_2").into_iter().map(|p| p.label).collect();
-    let expected =
-        ["driver", "estimator", "local_control", "model_monitor", "coordinator"].map(|node| format!("whorl_2_{node}"));
+    let expected = ["driver", "estimator", "local_control", "model_monitor", "coordinator"]
+        .map(|node| format!("whorl_2_{node}"));
     assert_eq!(own, expected);
 }
 

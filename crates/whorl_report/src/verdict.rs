@@ -7,7 +7,7 @@ use whorl_math::deg_from_rad;
 use whorl_msgs::whorl::{ControlStatus, FormationState, ModelFit};
 
 use crate::data::{PlatformData, RunData};
-use crate::metrics::Summary;
+use crate::metrics::{PlatformSummary, Summary};
 
 /// A fault that is over within this time \[s\] does not fail a run: authority and references take a moment to arrive.
 const TOLERATED_S: f64 = 0.5;
@@ -25,6 +25,8 @@ const LOST_SHARE: f64 = 1e-3;
 pub struct Circumstances {
     /// The experiment's target for the relative pointing error in hold, RMS \[rad\], if it has one.
     pub target_rad: Option<f64>,
+    /// Targets of every platform: key of [`measured`], and value in the unit of that.
+    pub targets: Vec<(String, f64)>,
     /// Gas that each platform's tank holds \[kg\], by its name.
     pub gas_kg: BTreeMap<String, f64>,
     /// Why the recording is not complete, if it is not.
@@ -138,6 +140,17 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
             None => {}
         }
     }
+    for (key, target) in &circumstances.targets {
+        for platform in &summary.platforms {
+            let Some((found, what, unit)) = measured(platform, key) else { continue };
+            let text = format!("{}: {what} {found:.3} {unit}", platform.name);
+            if found <= *target {
+                notes.push(format!("target met: {text} of {target}"));
+            } else {
+                reasons.push(format!("target missed: {text}, target {target}"));
+            }
+        }
+    }
     for (name, data) in &run.platforms {
         let said = data.fit.iter().rev().find(|fit| fit.message.state == ModelFit::STATE_MISMATCH);
         if let Some(fit) = said {
@@ -184,6 +197,18 @@ fn line(result: Result, duration_s: f64, reasons: &[String], notes: &[String]) -
         Result::NotJudged => "not judged: no experiment was started".to_owned(),
     };
     if notes.is_empty() { head } else { format!("{head} ({})", notes.join("; ")) }
+}
+
+/// What a target of a platform is compared with, in words and with its unit; `None` for a key that nobody knows.
+#[must_use]
+pub fn measured(platform: &PlatformSummary, key: &str) -> Option<(f64, &'static str, &'static str)> {
+    Some(match key {
+        "estimator_deg" => (deg_from_rad(platform.estimator_error_rms_rad), "estimator error", "deg RMS"),
+        "gas_g" => (platform.gas_used_kg * 1e3, "gas", "g"),
+        "wheel_speed_rad_s" => (platform.wheel_speed_max_rad_s, "fastest wheel", "rad/s"),
+        "latency_ms" => (platform.sensor_to_command_p99_s * 1e3, "sensor to command", "ms (99 %)"),
+        _ => return None,
+    })
 }
 
 /// When the tank's pressure fell below [`EMPTY`] of what it was at first \[s\].
@@ -332,5 +357,38 @@ mod tests {
             judge(&RunData::default(), &crate::metrics::summarise(&RunData::default()), &target).result,
             Result::NotJudged
         );
+    }
+
+    /// A tank of 2e7 Pa that falls to a hundredth after six seconds, and gas beyond what the tank holds.
+    #[test]
+    fn an_empty_tank_fails_a_run() {
+        let mut own = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false);
+        assert_eq!(verdict(&own, &Circumstances::default()).result, Result::Passed);
+        for k in 0..100 {
+            let time_s = f64::from(k) * 0.1;
+            let fluid_pressure = if time_s < 5.95 { 2e7 - 3e6 * time_s } else { 2e5 };
+            let pressure = whorl_msgs::sensor_msgs::FluidPressure {
+                header: header(time_s),
+                fluid_pressure,
+                ..Default::default()
+            };
+            add(&mut own, "/whorl_1/tank_pressure", time_s, pressure);
+        }
+        let empty = verdict(&own, &Circumstances::default());
+        assert_eq!(empty.reasons, ["whorl_1: the tank was empty after 5.9 s"]);
+
+        let mut own = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false);
+        let last = own.platforms.get_mut("whorl_1").unwrap().control.last_mut().unwrap();
+        last.message.gas_used_kg = 0.3;
+        let holds = Circumstances {
+            gas_kg: BTreeMap::from([("whorl_1".to_owned(), 0.25)]),
+            ..Circumstances::default()
+        };
+        assert_eq!(
+            verdict(&own, &holds).reasons,
+            ["whorl_1: 300.0 g of gas used, by the model, of a tank of 250.0 g"]
+        );
+        let asked = Circumstances { targets: vec![("gas_g".to_owned(), 100.0)], ..Circumstances::default() };
+        assert_eq!(verdict(&own, &asked).reasons, ["target missed: whorl_1: gas 300.000 g, target 100"]);
     }
 }

@@ -33,7 +33,9 @@ impl Observer for Watch {
         let at_s = now.seconds_since(*self.first.get_or_insert(now));
         match (route.platform, &**message) {
             (Some(PlatformId(id)), Message::ModelFit(fit)) => self.fits.push((at_s, id, fit.clone())),
-            (Some(PlatformId(0)), Message::ThrusterState(m)) => self.jets.push((at_s, m.total_on_time_s.clone())),
+            (Some(PlatformId(0)), Message::ThrusterState(m)) => {
+                self.jets.push((at_s, m.total_on_time_s.clone()))
+            }
             (_, Message::FormationState(m)) => self.states.push(m.clone()),
             _ => {}
         }
@@ -59,7 +61,8 @@ fn simulate(experiment: &str, seed: u64, longest_s: f64, overrides: &[&str]) -> 
 
 impl Watch {
     fn first_mismatch(&self, platform: u16) -> Option<(f64, &ModelFit)> {
-        let of = |(_, id, fit): &&(f64, u16, ModelFit)| *id == platform && fit.state == ModelFit::STATE_MISMATCH;
+        let of =
+            |(_, id, fit): &&(f64, u16, ModelFit)| *id == platform && fit.state == ModelFit::STATE_MISMATCH;
         self.fits.iter().find(of).map(|(at_s, _, fit)| (*at_s, fit))
     }
 
@@ -84,7 +87,11 @@ fn a_model_that_is_right_is_not_accused() {
             count += f64::from(fit.squares_dof);
         }
     }
-    println!("{accused} accused in {:.2} h; mean square {:.3} of {count}", watched_s / 3600.0, squares / count);
+    println!(
+        "{accused} accused in {:.2} h; mean square {:.3} of {count}",
+        watched_s / 3600.0,
+        squares / count
+    );
     assert!(watched_s > 200.0 * runs as f64, "it watched: {watched_s} s");
     assert!(f64::from(accused) <= (0.1 * watched_s / 3600.0).floor() + 1.0 && (runs > 10 || accused == 0));
     // Whitened: the mean square is one where all that the filter expects were there, less where the platform is quieter.
@@ -107,7 +114,10 @@ fn a_weak_jet_is_found_and_named() {
         let fired_s = watch.jets.iter().find(|(_, total)| total[index] > before + 0.1).unwrap().0;
         let (found_s, fit) = watch.first_mismatch(0).unwrap_or_else(|| panic!("{jet} was not found"));
         println!("{jet}: fired at {fired_s:.1} s, found at {found_s:.1} s: {}", fit.in_words());
-        assert!(found_s > 60.0 && found_s < fired_s + 30.0, "{jet}: fired at {fired_s} s, found at {found_s} s");
+        assert!(
+            found_s > 60.0 && found_s < fired_s + 30.0,
+            "{jet}: fired at {fired_s} s, found at {found_s} s"
+        );
         // With five seconds more of it.
         let later = |(at_s, id, _): &&(f64, u16, ModelFit)| *id == 0 && *at_s >= found_s + 5.0;
         let fit = &watch.fits.iter().find(later).unwrap().2;
@@ -132,7 +142,8 @@ fn an_experiment_holds_when_told_to() {
     let (found_s, _) = watch.first_mismatch(0).unwrap();
     let last = watch.states.last().unwrap();
     assert_eq!(last.phase, FormationState::PHASE_ABORTED);
-    let held = watch.states.iter().filter(|s| s.run_elapsed_s > 0.0 && s.phase != FormationState::PHASE_ABORTED);
+    let held =
+        watch.states.iter().filter(|s| s.run_elapsed_s > 0.0 && s.phase != FormationState::PHASE_ABORTED);
     let ended_s = held.last().unwrap().run_elapsed_s;
     // The run began some seconds after the simulation; the hold is not part of its time.
     assert!(found_s - ended_s < 15.0, "found at {found_s} s, run at {ended_s} s");

@@ -2,6 +2,14 @@
 
 use whorl_params::{Reader, range};
 
+/// Targets of each platform beside the relative pointing error: key below `experiment.targets`, and what it means.
+pub const TARGETS: [(&str, &str); 4] = [
+    ("estimator_deg", "estimator error, RMS over the run, that the verdict asks of every platform [deg]"),
+    ("gas_g", "gas that no platform may use more of [g]"),
+    ("wheel_speed_rad_s", "speed that no wheel may exceed [rad/s]"),
+    ("latency_ms", "time from sensor to command, 99th percentile, that the verdict asks for [ms]"),
+];
+
 /// Name, start and end of an experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentSettings {
@@ -11,6 +19,8 @@ pub struct ExperimentSettings {
     pub description: String,
     /// Relative pointing error in hold, RMS, that the run is judged by \[deg\]; 0: it is not. Read by the report.
     pub target_deg: f64,
+    /// Further targets by their key in [`TARGETS`]. Read by the report.
+    pub targets: Vec<(&'static str, f64)>,
     /// Whether it starts automatically as soon as all platforms are ready.
     pub auto_start: bool,
     /// Zero of yaw angles.
@@ -51,6 +61,13 @@ pub(super) fn read(r: &mut Reader<'_>) -> ExperimentSettings {
             range(0.0..=180.0),
             "relative pointing error in hold, RMS, that the verdict on the run asks for [deg]; 0: none",
         ),
+        targets: r.group("targets", |r| {
+            let set = |r: &mut Reader<'_>, (key, doc): (&'static str, &'static str)| {
+                let value = r.f64_or(key, 0.0, range(0.0..=1e6), &format!("{doc}; 0: none"));
+                (value > 0.0).then_some((key, value))
+            };
+            TARGETS.into_iter().filter_map(|target| set(r, target)).collect()
+        }),
         auto_start: r.bool_or(
             "auto_start",
             true,
