@@ -38,6 +38,7 @@ pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
 pub use fitter::{Fit, FittedParameter, Fitter, fit};
 pub use options::{Options, Progress};
+pub use parameters::PRIOR_MARGIN;
 pub use search::prospect::{Prospect, Prospects, prospects};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};

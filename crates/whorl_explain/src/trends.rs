@@ -1,12 +1,13 @@
 //! Parameters over many runs: what stays, what drifts, what changed when, and what differs between two sets of runs.
 //!
-//! Each run is fitted alone, from a prior ten times as wide as the model's, so that an estimate is that run's own. A
+//! Each run is fitted alone. What the prior adds to an estimate is taken out again, so that an estimate is that run's own:
+//! of a prior m +- s0 and a posterior m + d +- s, the data alone say m + d / w +- s / sqrt(w), with w = 1 - (s / s0)^2. A
 //! change between two neighbouring runs, and a drift over time, are tested against "it stays": the difference over its
 //! standard deviation, from both sides. Where estimates scatter more than their standard deviations say, these are
 //! widened until they fit (Birge's ratio). With N tests in all (parameters times places, and one drift each) a chance p
 //! becomes 1 - (1 - p)^N: that is the significance after all that was looked at.
 
-use whorl_diagnosis::{Options, fit};
+use whorl_diagnosis::{Options, PRIOR_MARGIN, fit};
 use whorl_dynamics::effects::find;
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::{normal_probability, normal_quantile};
@@ -14,10 +15,10 @@ use whorl_recording::Recording;
 
 use crate::{ExplainError, Say};
 
-/// How much wider the prior of a run's own fit is than the model's.
-const WIDER: f64 = 10.0;
-/// An estimate this close to its prior's width is no measurement: a hundredth of its variance comes from the data.
-const INFORMED: f64 = 0.995;
+/// An estimate of which less than this share is the data's is no measurement.
+const INFORMED: f64 = 0.2;
+/// Runs of fewer days show no drift a day.
+const LEAST_SPAN_DAYS: f64 = 0.5;
 /// Seconds in a day.
 const DAY_S: f64 = 86_400.0;
 
@@ -128,14 +129,13 @@ pub fn trends(
 ) -> Result<Trends, ExplainError> {
     let mut runs: Vec<DatedRun<'_>> = runs.to_vec();
     runs.sort_by(|a, b| a.began_s.total_cmp(&b.began_s));
-    let wide = widened(prior);
     let effects: Vec<&str> =
         model.effects.keys().filter_map(|id| find(id)).map(|effect| effect.info().id).collect();
     let (mut trends, mut left_out): (Vec<Trend>, Vec<(String, String)>) = (Vec::new(), Vec::new());
     let mut last_error = None;
     for (index, run) in runs.iter().enumerate() {
         say(index as f64 / runs.len() as f64, &format!("fitting {}", run.recording.name));
-        let found = fit(std::slice::from_ref(run.recording), &[], model, &wide, &effects, options);
+        let found = fit(std::slice::from_ref(run.recording), &[], model, prior, &effects, options);
         let found = match found {
             Ok(found) => found,
             Err(error) => {
@@ -158,10 +158,15 @@ pub fn trends(
                 });
                 trends.len() - 1
             });
-            let width = prior_stddev(&parameter.group, &parameter.name, model, &wide);
-            if !parameter.at_bound && width.is_none_or(|width| parameter.stddev < INFORMED * width) {
-                let (value, stddev) = (parameter.estimate, parameter.stddev);
-                trends[place].estimates.push(Estimate { run: index, value, stddev });
+            let width = prior_stddev(&parameter.group, &parameter.name, model, prior);
+            let own = width.map_or(1.0, |width| 1.0 - (parameter.stddev / (PRIOR_MARGIN * width)).powi(2));
+            if !parameter.at_bound && own > INFORMED {
+                let value = parameter.before + (parameter.estimate - parameter.before) / own;
+                trends[place].estimates.push(Estimate {
+                    run: index,
+                    value,
+                    stddev: parameter.stddev / own.sqrt(),
+                });
             }
         }
     }
@@ -176,20 +181,6 @@ pub fn trends(
     trends.sort_by(|a, b| chance(a).total_cmp(&chance(b)));
     let runs = runs.iter().map(|run| (run.recording.name.clone(), run.began_s)).collect();
     Ok(Trends { runs, trends, tests, left_out })
-}
-
-fn widened(prior: &ModelPrior) -> ModelPrior {
-    let mut wide = prior.clone().with_mass_properties_scaled(WIDER);
-    let actuators = &mut wide.actuators;
-    let lists = [
-        &mut actuators.wheels.spin_inertia,
-        &mut actuators.wheels.axis_rad,
-        &mut actuators.jets.thrust,
-        &mut actuators.jets.direction_rad,
-    ];
-    lists.into_iter().flatten().for_each(|stddev| *stddev *= WIDER);
-    wide.effects.values_mut().flat_map(|of| of.values_mut()).for_each(|stddev| *stddev *= WIDER);
-    wide
 }
 
 fn prior_stddev(group: &str, name: &str, model: &PlatformModel, prior: &ModelPrior) -> Option<f64> {
@@ -212,7 +203,8 @@ fn places(trend: &Trend, since: Option<usize>) -> Vec<usize> {
 fn drifts(trend: &Trend, times: &[f64], since: Option<usize>) -> bool {
     let mut own: Vec<f64> = trend.estimates.iter().filter_map(|e| times.get(e.run)).copied().collect();
     own.dedup();
-    since.is_none() && own.len() > 2
+    let span = own.last().zip(own.first()).map_or(0.0, |(last, first)| last - first);
+    since.is_none() && own.len() > 2 && span >= LEAST_SPAN_DAYS
 }
 
 fn tests_of(trends: &[Trend], times: &[f64], since: Option<usize>) -> usize {

@@ -261,7 +261,7 @@ impl Monitor {
             TiltLimit::Cone { max_rad } => max_rad - vertical.z.clamp(-1.0, 1.0).acos(),
             TiltLimit::Pitch { max_rad } => max_rad - vertical.x.clamp(-1.0, 1.0).asin().abs(),
         };
-        if !(from_stop_rad > FROM_STOP_RAD || !self.model.tilt_limit.stops()) {
+        if self.model.tilt_limit.stops() && from_stop_rad <= FROM_STOP_RAD {
             self.pause();
             return;
         }

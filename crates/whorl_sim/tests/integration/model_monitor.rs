@@ -142,9 +142,9 @@ fn an_experiment_holds_when_told_to() {
     let (found_s, _) = watch.first_mismatch(0).unwrap();
     let last = watch.states.last().unwrap();
     assert_eq!(last.phase, FormationState::PHASE_ABORTED);
-    let held =
+    let mut held =
         watch.states.iter().filter(|s| s.run_elapsed_s > 0.0 && s.phase != FormationState::PHASE_ABORTED);
-    let ended_s = held.last().unwrap().run_elapsed_s;
+    let ended_s = held.next_back().unwrap().run_elapsed_s;
     // The run began some seconds after the simulation; the hold is not part of its time.
     assert!(found_s - ended_s < 15.0, "found at {found_s} s, run at {ended_s} s");
     // Not told to, it goes on.
