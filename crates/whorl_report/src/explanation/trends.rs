@@ -10,8 +10,8 @@ use crate::series::Curve;
 
 /// Parameters that are drawn: those that changed most surely.
 const DRAWN: usize = 24;
-/// Seconds in a day.
-const DAY_S: f64 = 86_400.0;
+/// Units of the time axis and their seconds: the first that the runs span twice.
+const UNITS: [(&str, f64); 3] = [("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)];
 
 /// The page as one self-contained HTML document.
 ///
@@ -52,16 +52,19 @@ pub fn trends_html(
 
 fn figure(trends: &Trends, trend: &Trend) -> Figure {
     let first = trends.runs.first().map_or(0.0, |(_, began_s)| *began_s);
-    let day = |run: usize| trends.runs.get(run).map_or(f64::NAN, |(_, began_s)| (began_s - first) / DAY_S);
+    let last = trends.runs.last().map_or(0.0, |(_, began_s)| *began_s);
+    let fits = UNITS.into_iter().find(|(_, seconds)| last - first >= 2.0 * seconds);
+    let (word, seconds) = fits.unwrap_or(("s", 1.0));
+    let time = |run: usize| trends.runs.get(run).map_or(f64::NAN, |(_, began_s)| (began_s - first) / seconds);
     let curve = |name: &str, sigmas: f64| {
-        Curve::new(name, trend.estimates.iter().map(|e| (day(e.run), e.value + sigmas * e.stddev)))
+        Curve::new(name, trend.estimates.iter().map(|e| (time(e.run), e.value + sigmas * e.stddev)))
     };
     let name = format!("{} {}", trend.group, trend.name);
     let unit = if trend.unit == "1" { "1" } else { trend.unit.as_str() };
     Figure {
         title: name.clone(),
         y_label: format!("{} [{unit}]", trend.name),
-        x_label: "time since the first run [days]".to_owned(),
+        x_label: format!("time since the first run [{word}]"),
         curves: vec![curve(&name, 0.0)],
         bands: vec![(curve("", -1.0), curve("", 1.0))],
         limits: vec![crate::figure::Limit { name: "model".to_owned(), value: trend.model }],
