@@ -265,6 +265,9 @@ impl Monitor {
             self.pause();
             return;
         }
+        if self.attitudes.len() >= MOST_WAITING {
+            self.attitudes.pop_front();
+        }
         self.attitudes.push_back((stamp_ns, *q_world_body, *rate_b_rad_s));
         if self.broken {
             self.restart(stamp_ns, q_world_body, rate_b_rad_s);
