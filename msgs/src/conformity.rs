@@ -49,7 +49,7 @@ fn rust_types_have_the_fields_of_their_definitions() {
         compared.push(message_type);
     }
     // As many as there were when the golden file was written, each full and empty.
-    assert_eq!(compared.len(), 2 * 27);
+    assert_eq!(compared.len(), 2 * 29);
 }
 
 /// The interface package declares every package whose messages its own use, and no other.
@@ -112,7 +112,8 @@ fn constants_have_the_values_of_their_definitions() {
     use crate::diagnostic_msgs::DiagnosticStatus;
     use crate::sensor_msgs::BatteryState;
     use crate::whorl::{
-        AttitudeEstimate, AttitudeReference, ControlStatus, FormationCommand, FormationState, ThrusterState,
+        AttitudeEstimate, AttitudeReference, ControlStatus, FormationCommand, FormationState, GateState,
+        ModelFit, ThrusterState,
     };
     check!("diagnostic_msgs/msg/DiagnosticStatus" DiagnosticStatus: OK WARN ERROR STALE);
     assert_eq!(BatteryState::POWER_SUPPLY_STATUS_DISCHARGING, 2);
@@ -133,6 +134,11 @@ fn constants_have_the_values_of_their_definitions() {
         COMMAND_STANDBY COMMAND_TRACK COMMAND_HOLD COMMAND_ABORT);
     check!("whorl_msgs/msg/FormationState" FormationState:
         PHASE_WAITING PHASE_READY PHASE_SETTLE PHASE_MANOEUVRE PHASE_HOLD PHASE_FINISHED PHASE_ABORTED);
+    check!("whorl_msgs/msg/GateState" GateState:
+        STATE_OFF STATE_OBEYING
+        REFUSAL_NONE REFUSAL_WRONG_SIZE REFUSAL_NOT_FINITE REFUSAL_OUT_OF_RANGE REFUSAL_OUT_OF_ORDER REFUSAL_EXPIRED
+        REFUSAL_AHEAD);
+    check!("whorl_msgs/msg/ModelFit" ModelFit: STATE_WAITING STATE_AGREES STATE_DOUBT STATE_MISMATCH);
     check!("whorl_msgs/msg/ThrusterState" ThrusterState: HEALTH_OK HEALTH_FAILED);
     // And the battery's.
     assert_eq!(golden.len(), compared + 1);

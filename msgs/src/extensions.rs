@@ -1,7 +1,7 @@
 //! Conversions and queries of messages.
 
 use crate::geometry_msgs::{Quaternion, Vector3};
-use crate::whorl::AttitudeEstimate;
+use crate::whorl::{AttitudeEstimate, ModelFit};
 
 impl AttitudeEstimate {
     /// Whether attitude and rate may be used for control.
@@ -9,6 +9,47 @@ impl AttitudeEstimate {
     pub fn usable(&self) -> bool {
         matches!(self.health, Self::HEALTH_OK | Self::HEALTH_DEGRADED)
     }
+}
+
+impl ModelFit {
+    /// What the monitor says, in a line: `model mismatch: thruster_strength jet_3 -0.31 +- 0.04 (98 %)`.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        match self.state {
+            Self::STATE_AGREES => "moves as its model says".to_owned(),
+            Self::STATE_DOUBT => {
+                format!(
+                    "may not move as its model says: evidence {:.1} of {:.1}",
+                    self.ln_evidence, self.ln_limit
+                )
+            }
+            Self::STATE_MISMATCH => {
+                let numbers = self.estimate.iter().zip(&self.stddev).zip(&self.unit);
+                let values: Vec<String> = self
+                    .parameter
+                    .iter()
+                    .zip(numbers)
+                    .map(|(name, ((estimate, stddev), unit))| {
+                        let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+                        format!("{name} {} +- {}{unit}", digits(*estimate), digits(*stddev))
+                    })
+                    .collect();
+                let percent = 100.0 * self.probability;
+                format!(
+                    "does not move as its model says: {} ({percent:.0} %): {}",
+                    self.effect,
+                    values.join(", ")
+                )
+            }
+            _ => "not compared with its model now".to_owned(),
+        }
+    }
+}
+
+/// Three digits that count.
+fn digits(x: f64) -> String {
+    let size = x.abs();
+    if size != 0.0 && !(1e-3..1e4).contains(&size) { format!("{x:.2e}") } else { format!("{x:.3}") }
 }
 
 impl From<[f64; 3]> for Vector3 {

@@ -192,6 +192,8 @@ topics! {
     AttitudeEstimate "attitude/estimate" platform AttitudeEstimate STREAM 100.0;
     /// Mass properties, from an estimator that identifies while the platform moves.
     ParameterEstimate "parameters/estimate" platform ParameterEstimate STREAM 1.0;
+    /// Whether the platform moves as its model says, from the model monitor.
+    ModelFit "model/fit" platform ModelFit STREAM 1.0;
     /// From the coordinator.
     AttitudeReference "attitude/reference" platform AttitudeReference STREAM 50.0;
     /// From local control.

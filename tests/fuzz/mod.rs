@@ -15,6 +15,7 @@ use whorl_coordinator::CoordinatorCore;
 use whorl_driver::DriverCore;
 use whorl_estimator::EstimatorCore;
 use whorl_local_control::LocalControlCore;
+use whorl_model_monitor::ModelMonitorCore;
 use whorl_msgs::topics::{Message, MessageType, Route};
 use whorl_node::{Event, NodeCore, Outputs, Timestamp};
 use whorl_recorder::{RecordedTopic, RecorderCore};
@@ -34,11 +35,14 @@ fn cores() -> Vec<(&'static str, Box<dyn NodeCore>)> {
         whorl_params::read(&tree.for_node("/whorl_1/estimator"), whorl_estimator::parameters::read);
     let control =
         whorl_params::read(&tree.for_node("/whorl_1/local_control"), whorl_local_control::parameters::read);
+    let monitor =
+        whorl_params::read(&tree.for_node("/whorl_1/model_monitor"), whorl_model_monitor::parameters::read);
     let coordinator = whorl_params::read(&tree.for_node("/coordinator"), whorl_coordinator::parameters::read);
     vec![
         ("driver", Box::new(DriverCore::from_parameters(&driver.unwrap().0.unwrap(), vec![], None).unwrap())),
         ("estimator", Box::new(EstimatorCore::new(estimator.unwrap().0.unwrap()).unwrap())),
         ("local_control", Box::new(LocalControlCore::new(control.unwrap().0.unwrap()).unwrap())),
+        ("model_monitor", Box::new(ModelMonitorCore::new(monitor.unwrap().0.unwrap()).unwrap())),
         ("coordinator", Box::new(CoordinatorCore::new(coordinator.unwrap().0.unwrap()).unwrap())),
     ]
 }

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad};
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::topics::{Message, Route, Topic};
-use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState};
+use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, FormationState, ModelFit};
 use whorl_report::phase_name;
 use whorl_ros::SECOND_PUBLISHER;
 use whorl_ros::environment::Network;
@@ -56,6 +56,7 @@ struct View {
 struct PlatformView {
     estimate: Option<AttitudeEstimate>,
     control: Option<ControlStatus>,
+    fit: Option<ModelFit>,
     /// Estimates since the last rate was computed.
     estimates: u32,
     rate_hz: f64,
@@ -71,7 +72,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
     let network = Network::from_environment()?.secured(MONITOR)?;
     let shared = [Topic::FormationState, Topic::Diagnostics];
-    let of_platforms = [Topic::AttitudeEstimate, Topic::ControlStatus];
+    let of_platforms = [Topic::AttitudeEstimate, Topic::ControlStatus, Topic::ModelFit];
     let mut formation = Subscription::new(&network, platforms, &shared, &of_platforms)?;
     let begun = Instant::now();
     let (mut heard, mut hinted) = (false, false);
@@ -143,6 +144,7 @@ impl View {
                 platform.estimates += 1;
             }
             (Some(platform), Message::ControlStatus(m)) => platform.control = Some(m),
+            (Some(platform), Message::ModelFit(m)) => platform.fit = Some(m),
             _ => {}
         }
     }
@@ -194,6 +196,14 @@ impl PlatformView {
                 _ => "",
             };
             text.push_str(&format!(" gas {:.2} g{mode}", control.gas_used_kg * 1e3));
+        }
+        match self.fit.as_ref().map(|fit| (fit.state, fit)) {
+            Some((ModelFit::STATE_AGREES, _)) => text.push_str(" model ok"),
+            Some((ModelFit::STATE_DOUBT, _)) => text.push_str(" model?"),
+            Some((ModelFit::STATE_MISMATCH, fit)) => {
+                text.push_str(&format!(" MODEL: {} {:.0} %", fit.effect, 100.0 * fit.probability));
+            }
+            _ => {}
         }
         text.push_str(&format!(" {:.0} Hz", self.rate_hz));
         text

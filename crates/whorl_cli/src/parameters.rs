@@ -36,10 +36,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 type Ask = fn(&mut Reader<'_>);
 
 /// Nodes that every platform has one of.
-const OF_PLATFORMS: [(&str, Ask); 3] = [
+const OF_PLATFORMS: [(&str, Ask); 4] = [
     ("driver", |r| drop(whorl_driver::parameters::read(r))),
     ("estimator", |r| drop(whorl_estimator::parameters::read(r))),
     ("local_control", |r| drop(whorl_local_control::parameters::read(r))),
+    ("model_monitor", |r| drop(whorl_model_monitor::parameters::read(r))),
 ];
 /// Nodes that exist once.
 const OF_THE_FORMATION: [(&str, Ask); 3] = [

@@ -1,5 +1,5 @@
-//! Progress of computations that take more than a second: the current step, the share done and the time left. Shown
-//! on a terminal only, never written into a pipe or file.
+//! Progress of computations: the current step, the share done and the time left. On a terminal in one line that is
+//! written over, from a second on; elsewhere a line every ten seconds, on the standard error.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -11,6 +11,9 @@ const WORTH_SAYING: Duration = Duration::from_secs(1);
 /// Time between two drawings.
 const TICK: Duration = Duration::from_millis(200);
 
+/// Time between two lines where there is no terminal.
+const LINE: Duration = Duration::from_secs(10);
+
 /// Characters of the bar.
 const WIDTH: usize = 24;
 
@@ -21,22 +24,25 @@ pub fn during<T>(what: &str, work: impl FnOnce() -> T) -> T {
 
 /// Runs `work`, which reports its progress (0 to 1) and its current step from time to time; the first step is `what`.
 pub fn watched<T>(what: &str, work: impl FnOnce(&mut dyn FnMut(f64, &str)) -> T) -> T {
-    if !std::io::stderr().is_terminal() {
-        return work(&mut |_, _| {});
-    }
+    let is_terminal = std::io::stderr().is_terminal();
     let (said, heard): (Sender<(f64, String)>, _) = channel();
     let what = what.to_owned();
     std::thread::scope(|scope| {
         scope.spawn(move || {
             let begun = Instant::now();
-            let (mut state, mut is_drawn) = ((0.0, what), false);
+            let (mut state, mut is_drawn, mut next_line) = ((0.0, what), false, LINE);
             loop {
                 match heard.recv_timeout(TICK) {
                     Ok(news) => state = news,
                     Err(RecvTimeoutError::Timeout) => {}
                     Err(RecvTimeoutError::Disconnected) => break,
                 }
-                if begun.elapsed() > WORTH_SAYING {
+                if !is_terminal {
+                    if begun.elapsed() >= next_line {
+                        next_line += LINE;
+                        eprintln!("{}", line(state.0, &state.1, begun.elapsed()).trim_end());
+                    }
+                } else if begun.elapsed() > WORTH_SAYING {
                     draw(&line(state.0, &state.1, begun.elapsed()));
                     is_drawn = true;
                 }

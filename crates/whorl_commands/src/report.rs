@@ -93,7 +93,11 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
         || if path.is_dir() { path.join("report.html") } else { path.with_extension("html") },
         Path::to_owned,
     );
-    let verdict = whorl_report::judge(&data, &summary, &circumstances(description.target_rad, &manifest));
+    let verdict = whorl_report::judge(
+        &data,
+        &summary,
+        &circumstances(description.target_rad, &manifest, parameters.as_ref()),
+    );
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
@@ -103,9 +107,28 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     Ok(Written { page, summary, verdict })
 }
 
-fn circumstances(target_rad: Option<f64>, manifest: &Manifest) -> Circumstances {
+/// Gas in the tank of a platform's model at the start \[kg\]; `None` without jets.
+fn gas_kg(parameters: &ParameterTree, name: &str) -> Option<f64> {
+    let own = parameters.for_node(&format!("/{name}/local_control"));
+    let model = whorl_params::platform_model(&mut whorl_params::Reader::new(&own), "model")?;
+    (!model.jets().is_empty()).then(|| model.tank().initial_gas_kg())
+}
+
+fn circumstances(
+    target_rad: Option<f64>,
+    manifest: &Manifest,
+    parameters: Option<&ParameterTree>,
+) -> Circumstances {
+    let coordinator = parameters.map(|p| p.for_node("/coordinator"));
+    let target = |(key, _): &(&str, &str)| {
+        let value = number(coordinator.as_ref()?, &format!("experiment.targets.{key}"))?;
+        (value > 0.0).then(|| ((*key).to_owned(), value))
+    };
+    let of = |name: &String| Some((name.clone(), gas_kg(parameters?, name)?));
     Circumstances {
         target_rad,
+        targets: whorl_coordinator::parameters::TARGETS.iter().filter_map(target).collect(),
+        gas_kg: manifest.description.platforms.iter().filter_map(of).collect(),
         incomplete: match &manifest.state {
             RunState::Stopped(reason) => Some(reason.clone()),
             RunState::Recovered => Some("the recorder was killed".to_owned()),
@@ -166,5 +189,16 @@ fn describe(path: &Path, manifest: &Manifest, parameters: Option<&ParameterTree>
         shapes: parameters.map(|p| shapes(p, &d.platforms)).unwrap_or_default(),
         target_rad: parameters.and_then(target_rad),
         link_stale_s: parameters.and_then(|p| number(&p.for_node("/coordinator"), "link.stale_s")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn every_target_of_an_experiment_is_measured() {
+        for (key, _) in whorl_coordinator::parameters::TARGETS {
+            let platform = whorl_report::PlatformSummary::default();
+            assert!(whorl_report::measured(&platform, key).is_some(), "{key}");
+        }
     }
 }

@@ -14,6 +14,7 @@
 //! of the integrated (momentum) residual: no noisy rate is differentiated.
 
 mod diagnosis;
+mod directions;
 mod error;
 mod evidence;
 mod explanations;
@@ -33,9 +34,11 @@ pub use diagnosis::{
     BackgroundTorque, Candidate, Diagnosis, Explanation, NextManoeuvre, NoiseScale, ParameterEstimate,
     SCHEMA, SlowResidual, Unknown, Verdict,
 };
+pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
 pub use fitter::{Fit, FittedParameter, Fitter, fit};
 pub use options::{Options, Progress};
+pub use parameters::PRIOR_MARGIN;
 pub use search::prospect::{Prospect, Prospects, prospects};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};

@@ -25,6 +25,9 @@ pub enum ExplainError {
         /// Why not.
         error: DiagnosisError,
     },
+    /// A history needs runs to compare.
+    #[error("a history needs at least two runs")]
+    TooFewRuns,
     /// Manoeuvres are designed for platforms on their bearing.
     #[error(
         "all runs are of a clamped platform, and manoeuvres are designed for a free one: for a bench test let every wheel coast down from full speed to both sides, then brake it through zero"

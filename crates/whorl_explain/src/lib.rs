@@ -10,6 +10,7 @@
 //! | which manoeuvre is most informative? | [`propose()`] | [`Proposal`] |
 //! | how much does an effect improve the model? | [`adopt()`] | [`Adoption`] |
 //! | what was adopted before? | [`history()`] | [`History`] |
+//! | what changed from run to run? | [`trends::trends`] | [`trends::Trends`] |
 //!
 //! Nothing here reads or writes files or prints. The `whorl` command, the pages and other programs call the same
 //! functions, so a number with the same name is the same statistic everywhere. All of them report the
@@ -25,6 +26,7 @@ mod locate;
 pub mod propose;
 #[cfg(test)]
 mod tests;
+pub mod trends;
 
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;

@@ -41,9 +41,11 @@ fn an_experiment_starts_the_recorder_first_and_the_coordinator_last() {
             "whorl_1_driver",
             "whorl_1_estimator",
             "whorl_1_local_control",
+            "whorl_1_model_monitor",
             "whorl_2_driver",
             "whorl_2_estimator",
             "whorl_2_local_control",
+            "whorl_2_model_monitor",
             "coordinator"
         ]
     );
@@ -56,7 +58,7 @@ fn an_experiment_starts_the_recorder_first_and_the_coordinator_last() {
     );
     // Truth is the driver's alone; who commands does not know it.
     assert_eq!(
-        words(&processes[4]),
+        words(&processes[5]),
         "--ros-args -r __ns:=/whorl_2 --params-file common.yaml --params-file whorl_2.yaml --params-file \
          truth/whorl_2.yaml --params-file experiments/leader_follower_short.yaml -p backend:=sim -p seed:=7"
     );
@@ -69,8 +71,8 @@ fn an_experiment_starts_the_recorder_first_and_the_coordinator_last() {
 fn each_platform_gets_a_coordinator_where_the_law_runs_on_platforms() {
     let setup = Setup::new(options("decentralised_on_platforms")).unwrap();
     let own: Vec<String> = setup.platform("whorl_2").into_iter().map(|p| p.label).collect();
-    let expected =
-        ["driver", "estimator", "local_control", "coordinator"].map(|node| format!("whorl_2_{node}"));
+    let expected = ["driver", "estimator", "local_control", "model_monitor", "coordinator"]
+        .map(|node| format!("whorl_2_{node}"));
     assert_eq!(own, expected);
 }
 

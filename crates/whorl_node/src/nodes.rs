@@ -60,6 +60,7 @@ nodes! {
     Driver       "driver"        Platform  true    true   "drives one platform: simulated hardware, a recording, real hardware";
     Estimator    "estimator"     Platform  true    false  "estimates attitude and gyro bias of one platform";
     LocalControl "local_control" Platform  true    false  "tracks the attitude reference of one platform with wheels and jets";
+    ModelMonitor "model_monitor" Platform  true    false  "says whether one platform still moves as its model says";
     Coordinator  "coordinator"   Either    true    false  "commands the formation through an experiment";
     Recorder     "recorder"      Formation true    false  "records every topic into a run directory";
     Simulation   "simulation"    Formation false   false  "links and clocks of `whorl simulate`";
@@ -139,14 +140,16 @@ mod tests {
             "/a/driver",
             "/a/estimator",
             "/a/local_control",
+            "/a/model_monitor",
             "/b/driver",
             "/b/estimator",
             "/b/local_control",
+            "/b/model_monitor",
         ];
         let formation = ["/coordinator", "/recorder", "/simulation"];
         assert_eq!(names(false), [&own[..], &formation].concat());
         assert_eq!(names(true), [&own[..], &["/a/coordinator", "/b/coordinator"], &formation].concat());
-        assert_eq!(node_set(&["a", "b"], true)[4].platform, Some(1));
+        assert_eq!(node_set(&["a", "b"], true)[5].platform, Some(1));
     }
 
     #[test]

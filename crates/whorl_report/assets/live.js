@@ -35,6 +35,7 @@
   const plots = [
     ["plot_error", { ylabel: "error [deg]", log: true }, each((p) => p.error_deg)],
     ["plot_innovation", { ylabel: "mean square", limits: [{ n: "expected", v: 1 }] }, each((p) => p.innovation)],
+    ["plot_evidence", { ylabel: "of the limit", limits: [{ n: "mismatch", v: 1 }] }, each((p) => p.evidence)],
     ["plot_latency", { ylabel: "delay [ms]" }, shapes.flatMap((shape, i) => [
       curve(`${shape.name} link`, i, (f) => f.platforms[i].link_ms), curve(`${shape.name} command`, i, (f) => f.platforms[i].latency_ms, true)])],
   ].map(([id, spec, curves]) => ({ curves, chart: whorl.figure(by(id), { xlabel: "time [s]", height: 190, rolling: true, time: false, ...spec, curves }) }));

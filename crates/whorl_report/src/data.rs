@@ -8,7 +8,7 @@ use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temp
 use whorl_msgs::topics::{Message, Topic};
 use whorl_msgs::whorl::{
     ActuatorCommand, AttitudeEstimate, AttitudeReference, ClockRequest, ControlStatus, FormationCommand,
-    FormationState, ParameterEstimate, ThrusterState,
+    FormationState, ModelFit, ParameterEstimate, ThrusterState,
 };
 
 /// A message and when it was recorded, seconds since the first message of the run.
@@ -49,6 +49,8 @@ pub struct PlatformData {
     pub reference: Vec<Recorded<AttitudeReference>>,
     /// Controller status.
     pub control: Vec<Recorded<ControlStatus>>,
+    /// Whether it moved as its model says.
+    pub fit: Vec<Recorded<ModelFit>>,
     /// Truth of simulated hardware or of a recording that contains it.
     pub truth: Vec<Recorded<AttitudeEstimate>>,
 }
@@ -121,6 +123,7 @@ impl RunData {
             ParameterEstimate ParameterEstimate parameters;
             AttitudeReference AttitudeReference reference;
             ControlStatus ControlStatus control;
+            ModelFit ModelFit fit;
             TruthState AttitudeEstimate truth;
         }
     }

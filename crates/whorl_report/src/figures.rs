@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad, rpm_from_rad_s};
+use whorl_msgs::whorl::ModelFit;
 
 use crate::data::{PlatformData, RunData};
 use crate::figure::{Figure, Limit};
@@ -137,6 +138,7 @@ pub fn platform_figures(
     });
     figures.extend(jet_figures(data));
     figures.extend(mass_property_figures(data));
+    figures.extend(fit_figures(data));
     figures.retain(|f| !f.is_empty());
     figures
 }
@@ -200,6 +202,48 @@ fn mass_property_figures(data: &PlatformData) -> Vec<Figure> {
             }
         })
         .collect()
+}
+
+/// How well the model fitted while the platform moved.
+fn fit_figures(data: &PlatformData) -> Vec<Figure> {
+    let limit = data.fit.last().map_or(f64::NAN, |fit| fit.message.ln_limit);
+    let said = data.fit.iter().find(|fit| fit.message.state == ModelFit::STATE_MISMATCH);
+    let said = said.map_or(String::new(), |fit| {
+        format!(" At {:.1} s the monitor said that the platform {}.", fit.stamp_s, fit.message.in_words())
+    });
+    let squares = data.fit.iter().filter(|fit| fit.message.squares_dof > 0);
+    vec![
+        Figure {
+            title: "Evidence against the model".to_owned(),
+            caption: format!(
+                "Natural logarithm of how much likelier the motion is with any one effect that the model lacks. While the \
+                 model is right it reaches its limit at most once in ten hours, unless another rate was asked for.{said}"
+            ),
+            y_label: "evidence [nats]".to_owned(),
+            curves: vec![Curve::new(
+                "evidence",
+                data.fit.iter().map(|fit| (fit.stamp_s, fit.message.ln_evidence)).filter(|(_, x)| x.is_finite()),
+            )],
+            limits: (limit.is_finite() && !data.fit.is_empty())
+                .then(|| Limit { name: "mismatch".to_owned(), value: limit })
+                .into_iter()
+                .collect(),
+            ..Figure::default()
+        },
+        Figure {
+            title: "Whitened residual".to_owned(),
+            caption: "Mean square of gyro and wheel speeds less the model's prediction, in standard deviations: 1 is \
+                      what the model expects."
+                .to_owned(),
+            y_label: "mean square [1]".to_owned(),
+            curves: vec![Curve::new(
+                "mean square",
+                squares.map(|fit| (fit.stamp_s, fit.message.squares / f64::from(fit.message.squares_dof))),
+            )],
+            limits: vec![Limit { name: "expected".to_owned(), value: 1.0 }],
+            ..Figure::default()
+        },
+    ]
 }
 
 /// Time when the filter has settled, if there is an estimate.

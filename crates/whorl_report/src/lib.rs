@@ -26,7 +26,7 @@ pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
-    next_html, whereabouts_html,
+    next_html, trends_html, whereabouts_html,
 };
 pub use index::{IndexRow, index_html};
 pub use live::live_html;
@@ -35,4 +35,4 @@ pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differ
 pub use page::{Description, TopicRow, html};
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
-pub use verdict::{Circumstances, Result as RunResult, Verdict as RunVerdict, judge};
+pub use verdict::{Circumstances, Result as RunResult, Verdict as RunVerdict, judge, measured};

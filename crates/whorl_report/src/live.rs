@@ -44,6 +44,8 @@ pub fn live_html(shapes: &[PlatformShape]) -> String {
                             ("error", "Relative error", "Angle between attitude and the one that the law demands."),
                             ("innovation", "Whitened innovations",
                                 "Mean square over the last 5 s; 1 is what the estimator's model expects, more is unexplained."),
+                            ("evidence", "Evidence against the model",
+                                "What the model monitors have against their platforms' models, over what is a mismatch: 1 is one."),
                             ("latency", "Delays", "Link: age of the estimate at the coordinator. Command: age of the estimate that control acts on."),
                         ] {
                             div class="figure" {

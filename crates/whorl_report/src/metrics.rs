@@ -55,7 +55,7 @@ pub struct PairSummary {
 }
 
 /// One platform.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Default, Clone, PartialEq, Serialize)]
 pub struct PlatformSummary {
     /// Its name.
     pub name: String,

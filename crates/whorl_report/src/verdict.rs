@@ -1,11 +1,13 @@
 //! One verdict on a run: the same words on the terminal, on the page, in `summary.json` and behind the exit status.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 use whorl_math::deg_from_rad;
-use whorl_msgs::whorl::{ControlStatus, FormationState};
+use whorl_msgs::whorl::{ControlStatus, FormationState, ModelFit};
 
 use crate::data::{PlatformData, RunData};
-use crate::metrics::Summary;
+use crate::metrics::{PlatformSummary, Summary};
 
 /// A fault that is over within this time \[s\] does not fail a run: authority and references take a moment to arrive.
 const TOLERATED_S: f64 = 0.5;
@@ -13,6 +15,8 @@ const TOLERATED_S: f64 = 0.5;
 const LATE_PER_S: f64 = 1.0;
 /// Name of a count in the drivers' diagnostics.
 const COMMAND_TIMEOUTS: &str = "command timeouts";
+/// Share of the first pressure at which a tank is empty: below it a regulator has nothing left to regulate.
+const EMPTY: f64 = 0.02;
 /// Share of lost messages that is worth a word.
 const LOST_SHARE: f64 = 1e-3;
 
@@ -21,6 +25,10 @@ const LOST_SHARE: f64 = 1e-3;
 pub struct Circumstances {
     /// The experiment's target for the relative pointing error in hold, RMS \[rad\], if it has one.
     pub target_rad: Option<f64>,
+    /// Targets of every platform: key of [`measured`], and value in the unit of that.
+    pub targets: Vec<(String, f64)>,
+    /// Gas that each platform's tank holds \[kg\], by its name.
+    pub gas_kg: BTreeMap<String, f64>,
     /// Why the recording is not complete, if it is not.
     pub incomplete: Option<String>,
     /// Messages recorded.
@@ -132,6 +140,32 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
             None => {}
         }
     }
+    for (key, target) in &circumstances.targets {
+        for platform in &summary.platforms {
+            let Some((found, what, unit)) = measured(platform, key) else { continue };
+            let text = format!("{}: {what} {found:.3} {unit}", platform.name);
+            if found <= *target {
+                notes.push(format!("target met: {text} of {target}"));
+            } else {
+                reasons.push(format!("target missed: {text}, target {target}"));
+            }
+        }
+    }
+    for (name, data) in &run.platforms {
+        let said = data.fit.iter().rev().find(|fit| fit.message.state == ModelFit::STATE_MISMATCH);
+        if let Some(fit) = said {
+            notes.push(format!("{name} {}", fit.message.in_words()));
+        }
+        if let Some(empty_s) = empty_since_s(data) {
+            reasons.push(format!("{name}: the tank was empty after {empty_s:.1} s"));
+        }
+        let holds_kg = circumstances.gas_kg.get(name).copied().unwrap_or(f64::INFINITY);
+        let used_kg = data.control.last().map_or(0.0, |c| c.message.gas_used_kg);
+        if used_kg > holds_kg {
+            let (used, holds) = (used_kg * 1e3, holds_kg * 1e3);
+            reasons.push(format!("{name}: {used:.1} g of gas used, by the model, of a tank of {holds:.1} g"));
+        }
+    }
     if let Some(why) = &circumstances.incomplete {
         reasons.push(format!("the recording is not complete: {why}"));
     }
@@ -165,6 +199,28 @@ fn line(result: Result, duration_s: f64, reasons: &[String], notes: &[String]) -
     if notes.is_empty() { head } else { format!("{head} ({})", notes.join("; ")) }
 }
 
+/// What a target of a platform is compared with, in words and with its unit; `None` for a key that nobody knows.
+#[must_use]
+pub fn measured(platform: &PlatformSummary, key: &str) -> Option<(f64, &'static str, &'static str)> {
+    Some(match key {
+        "estimator_deg" => (deg_from_rad(platform.estimator_error_rms_rad), "estimator error", "deg RMS"),
+        "gas_g" => (platform.gas_used_kg * 1e3, "gas", "g"),
+        "wheel_speed_rad_s" => (platform.wheel_speed_max_rad_s, "fastest wheel", "rad/s"),
+        "latency_ms" => (platform.sensor_to_command_p99_s * 1e3, "sensor to command", "ms (99 %)"),
+        _ => return None,
+    })
+}
+
+/// When the tank's pressure fell below [`EMPTY`] of what it was at first \[s\].
+fn empty_since_s(data: &PlatformData) -> Option<f64> {
+    let first = data.tank_pressure.iter().map(|p| p.message.fluid_pressure).find(|p| *p > 0.0)?;
+    let is_empty = |p: f64| p < EMPTY * first;
+    // The pressure stays low; one reading may be a disturbance.
+    let last = data.tank_pressure.last().filter(|p| is_empty(p.message.fluid_pressure))?;
+    let full = data.tank_pressure.iter().rev().find(|p| !is_empty(p.message.fluid_pressure));
+    Some(full.unwrap_or(last).stamp_s)
+}
+
 /// From the start of the experiment to its end \[s\].
 fn running(run: &RunData) -> (f64, f64) {
     let started = run.formation.iter().find(|s| s.message.run_elapsed_s > 0.0);
@@ -188,7 +244,7 @@ fn clipped_s(run: &RunData) -> f64 {
 
 /// The count of that name in the diagnostics, over all nodes, as each said it last within this time.
 fn latest(run: &RunData, (from, to): (f64, f64), key: &str) -> u64 {
-    let mut last = std::collections::BTreeMap::new();
+    let mut last = BTreeMap::new();
     let within = run.diagnostics.iter().filter(|array| (from..to).contains(&array.stamp_s));
     for status in within.flat_map(|array| &array.message.status) {
         let count = status.values.iter().find(|v| v.key == key);
@@ -301,5 +357,38 @@ mod tests {
             judge(&RunData::default(), &crate::metrics::summarise(&RunData::default()), &target).result,
             Result::NotJudged
         );
+    }
+
+    /// A tank of 2e7 Pa that falls to a hundredth after six seconds, and gas beyond what the tank holds.
+    #[test]
+    fn an_empty_tank_fails_a_run() {
+        let mut own = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false);
+        assert_eq!(verdict(&own, &Circumstances::default()).result, Result::Passed);
+        for k in 0..100 {
+            let time_s = f64::from(k) * 0.1;
+            let fluid_pressure = if time_s < 5.95 { 2e7 - 3e6 * time_s } else { 2e5 };
+            let pressure = whorl_msgs::sensor_msgs::FluidPressure {
+                header: header(time_s),
+                fluid_pressure,
+                ..Default::default()
+            };
+            add(&mut own, "/whorl_1/tank_pressure", time_s, pressure);
+        }
+        let empty = verdict(&own, &Circumstances::default());
+        assert_eq!(empty.reasons, ["whorl_1: the tank was empty after 5.9 s"]);
+
+        let mut own = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false);
+        let last = own.platforms.get_mut("whorl_1").unwrap().control.last_mut().unwrap();
+        last.message.gas_used_kg = 0.3;
+        let holds = Circumstances {
+            gas_kg: BTreeMap::from([("whorl_1".to_owned(), 0.25)]),
+            ..Circumstances::default()
+        };
+        assert_eq!(
+            verdict(&own, &holds).reasons,
+            ["whorl_1: 300.0 g of gas used, by the model, of a tank of 250.0 g"]
+        );
+        let asked = Circumstances { targets: vec![("gas_g".to_owned(), 100.0)], ..Circumstances::default() };
+        assert_eq!(verdict(&own, &asked).reasons, ["target missed: whorl_1: gas 300.000 g, target 100"]);
     }
 }

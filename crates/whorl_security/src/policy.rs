@@ -39,21 +39,26 @@ pub struct Grant {
 
 /// Who may write a topic of Whorl, and who needs to read it. Recorder, monitor and operator may read all.
 fn access(topic: Topic) -> (&'static [Node], &'static [Node]) {
-    use Node::{Coordinator, Driver, Estimator, LocalControl, Recorder};
+    use Node::{Coordinator, Driver, Estimator, LocalControl, ModelMonitor, Recorder};
     match topic {
-        Topic::ImuRaw | Topic::WheelState | Topic::ThrusterState => (&[Driver], &[Estimator, LocalControl]),
+        Topic::ImuRaw | Topic::WheelState | Topic::ThrusterState => {
+            (&[Driver], &[Estimator, LocalControl, ModelMonitor])
+        }
         Topic::VectorDirection => (&[Driver], &[Estimator]),
-        Topic::Battery | Topic::TankPressure | Topic::Temperature | Topic::TruthState => (&[Driver], &[]),
+        Topic::Battery | Topic::TankPressure | Topic::Temperature => (&[Driver], &[ModelMonitor]),
+        Topic::TruthState => (&[Driver], &[]),
         Topic::GateState => (&[Driver], &[LocalControl]),
         Topic::ActuatorCommand => (&[LocalControl], &[Driver]),
-        Topic::BallastMoment => (&[LocalControl], &[Driver, Estimator]),
-        Topic::ControlStatus | Topic::Clock => (&[LocalControl], &[Coordinator]),
-        Topic::AttitudeEstimate => (&[Estimator], &[LocalControl, Coordinator]),
+        Topic::BallastMoment => (&[LocalControl], &[Driver, Estimator, ModelMonitor]),
+        Topic::ControlStatus => (&[LocalControl], &[Coordinator, ModelMonitor]),
+        Topic::Clock => (&[LocalControl], &[Coordinator]),
+        Topic::AttitudeEstimate => (&[Estimator], &[LocalControl, Coordinator, ModelMonitor]),
+        Topic::ModelFit => (&[ModelMonitor], &[Coordinator]),
         Topic::ParameterEstimate | Topic::Tf => (&[Estimator], &[]),
         Topic::AttitudeReference | Topic::FormationCommand => (&[Coordinator], &[LocalControl, Coordinator]),
         Topic::Excitation | Topic::FormationClock => (&[Coordinator], &[LocalControl]),
         Topic::FormationState => (&[Coordinator], &[]),
-        Topic::Diagnostics => (&[Driver, Estimator, LocalControl, Coordinator, Recorder], &[]),
+        Topic::Diagnostics => (&[Driver, Estimator, LocalControl, ModelMonitor, Coordinator, Recorder], &[]),
     }
 }
 

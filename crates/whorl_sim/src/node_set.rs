@@ -8,6 +8,7 @@ use whorl_coordinator::CoordinatorCore;
 use whorl_driver::{Backend, DriverCore, DriverError};
 use whorl_estimator::EstimatorCore;
 use whorl_local_control::LocalControlCore;
+use whorl_model_monitor::ModelMonitorCore;
 use whorl_msgs::topics::PlatformId;
 use whorl_node::{Node, NodeCore, NodeInstance, Timestamp};
 use whorl_params::{
@@ -192,6 +193,10 @@ impl NodeSet {
                 Node::LocalControl => {
                     let read = builder.read(&name, whorl_local_control::parameters::read);
                     read.map(|parameters| start_node(&name, move || LocalControlCore::new(parameters)))
+                }
+                Node::ModelMonitor => {
+                    let read = builder.read(&name, whorl_model_monitor::parameters::read);
+                    read.map(|parameters| start_node(&name, move || ModelMonitorCore::new(parameters)))
                 }
                 Node::Coordinator => {
                     let read = builder.read(&name, whorl_coordinator::parameters::read);

@@ -205,6 +205,7 @@ impl CoordinatorCore {
             motion: link.motion(at, settings),
             age_s: link.age_s(at),
             fresh: link.fresh(at, settings),
+            mismatch: link.mismatch().is_some(),
             following: link.following(at, settings),
             deaf: link.deaf(at, settings),
             excited: link.excited(at, settings),
@@ -230,7 +231,9 @@ impl CoordinatorCore {
             if running { self.parameters.commands(platform) } else { self.parameters.hears(platform) }
         };
         let heard = self.links.iter().enumerate().filter(|(platform, _)| of_this(*platform));
-        heard.filter_map(|(_, link)| problem(link)).collect()
+        let holds = running && self.parameters.experiment.holds_on_mismatch.is_some();
+        let mismatch = |link: &PlatformLink| link.mismatch().filter(|_| holds).map(str::to_owned);
+        heard.filter_map(|(_, link)| problem(link).or_else(|| mismatch(link))).collect()
     }
 
     /// Logs new problems of platforms, without repeating them when only an age has changed.
@@ -295,6 +298,7 @@ impl CoordinatorCore {
             (Topic::ControlStatus, Message::ControlStatus(status)) => {
                 link.take_status(now, status, &self.parameters.link);
             }
+            (Topic::ModelFit, Message::ModelFit(fit)) => link.take_fit(fit),
             (Topic::AttitudeReference, Message::AttitudeReference(reference)) => {
                 link.take_reference(now, reference, &self.parameters.link);
             }
@@ -320,6 +324,9 @@ impl NodeCore for CoordinatorCore {
                 route.platform.is_some_and(|PlatformId(id)| !self.parameters.commands(usize::from(id)))
             }));
             routes.push(Route::shared(Topic::FormationCommand));
+        }
+        if self.parameters.experiment.holds_on_mismatch.is_some() {
+            routes.extend(self.routes(&[Topic::ModelFit]));
         }
         routes.retain(heard);
         routes

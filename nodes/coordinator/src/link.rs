@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::reference::Reference;
 use whorl_math::integrate_rate;
-use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ClockReply, ControlStatus};
+use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ClockReply, ControlStatus, ModelFit};
 use whorl_node::Timestamp;
 
 use crate::clock::SenderClock;
@@ -48,6 +48,8 @@ pub(crate) struct PlatformLink {
     clock: SenderClock,
     estimate: Option<Estimate>,
     status: Option<Status>,
+    /// What its model monitor says, where it says that the model has stopped being right.
+    mismatch: Option<String>,
     /// Its latest reference, when another coordinator sends it.
     reference: Option<(Timestamp, Reference)>,
     latest_sequence: Option<u64>,
@@ -63,6 +65,7 @@ impl PlatformLink {
             clock: SenderClock::default(),
             estimate: None,
             status: None,
+            mismatch: None,
             reference: None,
             latest_sequence: None,
             lost_estimates: 0,
@@ -137,6 +140,17 @@ impl PlatformLink {
         }
         self.status = Some(Status { stamp, mode: message.mode, reason: message.reason });
         true
+    }
+
+    /// Takes what its model monitor says.
+    pub fn take_fit(&mut self, message: &ModelFit) {
+        let broken = message.state == ModelFit::STATE_MISMATCH;
+        self.mismatch = broken.then(|| format!("{}: {}", self.name, message.in_words()));
+    }
+
+    /// Why the platform's model is not right, in words.
+    pub fn mismatch(&self) -> Option<&str> {
+        self.mismatch.as_deref()
     }
 
     /// Takes a reference that another coordinator gives the platform; false when it was dropped.

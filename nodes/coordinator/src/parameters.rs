@@ -9,7 +9,7 @@ mod refusals;
 mod step;
 
 pub use co_observation::CoObservation;
-pub use experiment::{AtEnd, ExperimentSettings, YawZero};
+pub use experiment::{AtEnd, ExperimentSettings, TARGETS, YawZero};
 pub use law::LawSettings;
 pub use step::{Axis, Excite, PartialAngles, Scan, Slew, Step, StepKind};
 

@@ -31,6 +31,8 @@ pub(crate) struct Sight {
     pub age_s: f64,
     /// Whether its estimate is fresh.
     pub fresh: bool,
+    /// Whether it has stopped moving as its model says.
+    pub mismatch: bool,
     /// Whether its controller follows its reference.
     pub following: bool,
     /// Whether its controller says that it does not get what is being sent to it.
@@ -91,6 +93,8 @@ pub(crate) struct Run {
     pub paused_s: f64,
     pub started: Timestamp,
     watch: PauseWatch,
+    /// Since when it holds because a platform does not move as its model says.
+    mismatch_since: Option<Timestamp>,
     pub paused: bool,
     members: Vec<Member>,
     goals: Goals,
@@ -145,6 +149,7 @@ impl Run {
             paused_s: 0.0,
             started: now,
             watch: PauseWatch::new(platforms),
+            mismatch_since: None,
             paused: false,
             members: Vec::with_capacity(platforms),
             goals: Goals {
@@ -214,7 +219,21 @@ impl Run {
             &parameters.link,
             &parameters.faults,
         );
+        let holds_for_s = parameters.experiment.holds_on_mismatch;
+        let mismatch = holds_for_s.is_some() && sights.iter().any(|sight| sight.mismatch);
+        self.mismatch_since = if mismatch { self.mismatch_since.or(Some(now)) } else { None };
+        if let (Some(since), Some(for_s)) = (self.mismatch_since, holds_for_s)
+            && now.seconds_since(since) > for_s
+        {
+            return Progress::Abort(format!(
+                "a platform has not moved as its model says for more than {for_s} s"
+            ));
+        }
         match verdict {
+            PauseDecision::Go if mismatch => {
+                self.paused = true;
+                self.paused_s += REFERENCE_PERIOD_S;
+            }
             PauseDecision::Go => {
                 if self.paused {
                     self.resume(parameters);

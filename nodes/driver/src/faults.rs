@@ -26,6 +26,13 @@ pub enum FaultKind {
         /// Index of the jet.
         jet: usize,
     },
+    /// The jet gives only this much of its thrust.
+    JetWeak {
+        /// Index of the jet.
+        jet: usize,
+        /// Thrust in per mille of its own.
+        per_mille: u16,
+    },
     /// The jet's valve stays open.
     JetStuckOpen {
         /// Index of the jet.
@@ -52,7 +59,7 @@ impl Fault {
     }
 }
 
-const KINDS: [&str; 9] = [
+const KINDS: [&str; 10] = [
     "gyro_nan",
     "gyro_frozen",
     "gyro_out_of_range",
@@ -62,6 +69,7 @@ const KINDS: [&str; 9] = [
     "vector_silent",
     "jet_stuck_closed",
     "jet_stuck_open",
+    "jet_weak",
 ];
 
 /// Reading of a gyro out of range [rad/s]; the range of MotionPak-class gyros is below 10 rad/s.
@@ -84,6 +92,12 @@ fn read_fault(r: &mut Reader<'_>, jets: &[String]) -> Fault {
         r.reject("jet", format!("there is no such jet; allowed: {}", jets.join(", ")));
     }
     let jet = jet.unwrap_or(0);
+    let weak = kind == "jet_weak";
+    let thrust = if weak {
+        r.f64("thrust", range(0.0..=2.0), "thrust of the jet over its own, as where a nozzle clogs")
+    } else {
+        1.0
+    };
     Fault {
         kind: match kind {
             "gyro_nan" => FaultKind::GyroNan,
@@ -94,6 +108,7 @@ fn read_fault(r: &mut Reader<'_>, jets: &[String]) -> Fault {
             "vector_nan" => FaultKind::VectorNan,
             "vector_silent" => FaultKind::VectorSilent,
             "jet_stuck_open" => FaultKind::JetStuckOpen { jet },
+            "jet_weak" => FaultKind::JetWeak { jet, per_mille: (thrust * 1000.0).round() as u16 },
             _ => FaultKind::JetStuckClosed { jet },
         },
         start_s: r.f64("start_s", non_negative(), "when it breaks, from the driver's start [s]"),
@@ -130,6 +145,7 @@ pub(crate) fn spoil_imu(
             FaultKind::VectorNan
             | FaultKind::VectorSilent
             | FaultKind::JetStuckClosed { .. }
+            | FaultKind::JetWeak { .. }
             | FaultKind::JetStuckOpen { .. } => {}
         }
     }

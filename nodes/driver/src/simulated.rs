@@ -144,6 +144,11 @@ impl Hardware for SimulatedHardware {
                 // The jet exists: fault parameters are checked against the platform.
                 let _ = running.plant.set_jet_failure(jet, failure);
             }
+            let weak = faults.iter().filter(|f| f.active(elapsed_s)).find_map(|f| match f.kind {
+                FaultKind::JetWeak { jet: j, per_mille } if j == jet => Some(per_mille),
+                _ => None,
+            });
+            running.plant.set_jet_strength(jet, f64::from(weak.unwrap_or(1000)) * 1e-3);
         }
         let barks = running.heartbeat.zip(watchdog).map(|(last, after)| last + after);
         if let Some(at) = barks.filter(|at| *at <= now) {

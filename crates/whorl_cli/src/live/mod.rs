@@ -34,8 +34,13 @@ const FRAME: Duration = Duration::from_millis(33);
 /// Silence after which the reason is looked for.
 const SILENCE: Duration = Duration::from_secs(5);
 const SHARED: [Topic; 2] = [Topic::FormationState, Topic::Diagnostics];
-const OF_PLATFORMS: [Topic; 4] =
-    [Topic::AttitudeEstimate, Topic::AttitudeReference, Topic::ControlStatus, Topic::ThrusterState];
+const OF_PLATFORMS: [Topic; 5] = [
+    Topic::AttitudeEstimate,
+    Topic::AttitudeReference,
+    Topic::ControlStatus,
+    Topic::ThrusterState,
+    Topic::ModelFit,
+];
 
 #[derive(Debug, Args)]
 pub struct Arguments {

@@ -7,11 +7,15 @@ use serde::Serialize;
 use whorl_math::deg_from_rad;
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::topics::{Message, Route};
-use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ControlStatus, FormationState, ThrusterState};
+use whorl_msgs::whorl::{
+    AttitudeEstimate, AttitudeReference, ControlStatus, FormationState, ModelFit, ThrusterState,
+};
 use whorl_report::{alarming, mode_name, phase_name};
 
 /// What is older than this is not shown any more \[s\].
 const STALE_S: f64 = 1.0;
+/// A model monitor speaks once a second, by default \[s\].
+const FIT_STALE_S: f64 = 3.0;
 /// The innovations of this many last seconds are averaged \[s\].
 const WHITENESS_S: f64 = 5.0;
 /// Diagnostics that are shown: the worst, this many.
@@ -31,6 +35,7 @@ struct Platform {
     reference: Option<(f64, AttitudeReference)>,
     control: Option<(f64, ControlStatus)>,
     thrusters: Option<(f64, ThrusterState)>,
+    fit: Option<(f64, ModelFit)>,
     /// On-time of each jet at the last frame, and when that was \[s\].
     on_time_s: Option<(f64, Vec<f64>)>,
     /// When \[s\], normalised innovation squared, degrees of freedom.
@@ -74,6 +79,10 @@ struct PlatformFrame {
     /// Mean square of the whitened innovations of the last seconds: 1 is what the filter's model expects.
     innovation: Option<f64>,
     tilt_deg: Option<f64>,
+    /// Evidence against the platform's model over what is a mismatch: 1 is one.
+    evidence: Option<f64>,
+    /// What the model monitor says, unless it agrees.
+    mismatch: Option<String>,
 }
 
 impl View {
@@ -99,6 +108,7 @@ impl View {
             (Some(p), Message::AttitudeReference(m)) => p.reference = Some((now_s, m)),
             (Some(p), Message::ControlStatus(m)) => p.control = Some((now_s, m)),
             (Some(p), Message::ThrusterState(m)) => p.thrusters = Some((now_s, m)),
+            (Some(p), Message::ModelFit(m)) => p.fit = Some((now_s, m)),
             _ => {}
         }
     }
@@ -160,9 +170,19 @@ impl Platform {
             latency_ms: control.and_then(|c| finite(c.estimate_age_s * 1e3)),
             innovation: (dof > 0).then(|| sum / f64::from(dof)),
             tilt_deg: control.and_then(|c| finite(deg_from_rad(c.tilt_rad))),
+            evidence: self.fit(now_s).map(|fit| fit.ln_evidence / fit.ln_limit).and_then(finite),
+            mismatch: self
+                .fit(now_s)
+                .filter(|fit| fit.state == ModelFit::STATE_MISMATCH)
+                .map(ModelFit::in_words),
             jets: self.jets(now_s),
             ..PlatformFrame::default()
         }
+    }
+
+    /// What its model monitor said last; it speaks once a second.
+    fn fit(&self, now_s: f64) -> Option<&ModelFit> {
+        self.fit.as_ref().filter(|(t, _)| now_s - t <= FIT_STALE_S).map(|(_, fit)| fit)
     }
 
     /// Share of the time since the last frame over which each valve was open.

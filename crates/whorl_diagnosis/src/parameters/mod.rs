@@ -15,7 +15,7 @@ use crate::parameters::available::Available;
 pub(crate) const MASS_PROPERTIES: &str = "mass_properties";
 
 /// Priors are taken a little wider than stated: who states one has rarely measured it.
-const PRIOR_MARGIN: f64 = 1.2;
+pub const PRIOR_MARGIN: f64 = 1.2;
 
 /// Values of everything that a fit may change.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -6,6 +6,7 @@ mod comparison;
 mod diagnosis;
 mod discovery;
 mod proposal;
+mod trends;
 mod versions;
 mod whereabouts;
 
@@ -14,6 +15,7 @@ pub use comparison::comparison_html;
 pub use diagnosis::diagnosis_html;
 pub use discovery::discovery_html;
 pub use proposal::{NextPage, PlannedMotion, next_html};
+pub use trends::trends_html;
 pub use whereabouts::whereabouts_html;
 
 use crate::document::Document;

@@ -29,7 +29,7 @@ fn a_new_keystore_is_right_and_openssl_agrees() {
     let keystore = keystore(folder.path(), 7);
     assert_eq!(keystore.check(7, NOW_S).unwrap(), []);
     let enclaves = keystore.enclaves().unwrap();
-    assert_eq!(enclaves.len(), 8, "{enclaves:?}");
+    assert_eq!(enclaves.len(), 9, "{enclaves:?}");
     let driver = keystore.enclave_folder("/whorl_1/driver").unwrap();
     let openssl = |arguments: &[&str]| {
         let output = Command::new("openssl").args(arguments).current_dir(&driver).output().unwrap();

@@ -2,4 +2,5 @@
 
 mod clocks;
 mod mass_properties;
+mod model_monitor;
 mod on_platforms;

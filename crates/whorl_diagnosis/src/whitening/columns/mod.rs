@@ -1,7 +1,7 @@
 //! Sensitivities of every whitened sample to the parameters.
 
 mod change;
-mod moved;
+pub(crate) mod moved;
 #[cfg(test)]
 mod tests;
 

@@ -88,6 +88,15 @@ impl Plant {
         }
     }
 
+    /// Makes a jet give this much of its thrust from now on, at the same gas; an unknown jet and a factor that is not at
+    /// least zero change nothing.
+    pub fn set_jet_strength(&mut self, jet: usize, factor: f64) {
+        if let Some(data) = self.gyrostat.model().jets().get(jet).filter(|_| factor >= 0.0 && factor.is_finite()) {
+            let torque_b_n_m = data.torque_b_n_m() * factor;
+            self.drive.actuators.jets.valves.set_torque(jet, torque_b_n_m, self.now_ns);
+        }
+    }
+
     /// Whether a valve is broken.
     #[must_use]
     pub fn jet_failure(&self, jet: usize) -> JetFailure {

@@ -142,6 +142,14 @@ impl Valves {
         true
     }
 
+    /// Another torque of a jet from now on, body axes [N m].
+    pub fn set_torque(&mut self, jet: usize, torque_b_n_m: Vector3<f64>, now_ns: i64) {
+        if let Some(valve) = self.valves.get_mut(jet).filter(|valve| valve.torque_b_n_m != torque_b_n_m) {
+            valve.torque_b_n_m = torque_b_n_m;
+            self.settle(now_ns);
+        }
+    }
+
     pub fn failure(&self, jet: usize) -> JetFailure {
         self.valves.get(jet).map_or(JetFailure::None, |valve| valve.failure)
     }

@@ -1,0 +1,335 @@
+//! Parameters over many runs: what stays, what drifts, what changed when, and what differs between two sets of runs.
+//!
+//! Each run is fitted alone. What the prior adds to an estimate is taken out again, so that an estimate is that run's own:
+//! of a prior m +- s0 and a posterior m + d +- s, the data alone say m + d / w +- s / sqrt(w), with w = 1 - (s / s0)^2. A
+//! change between two neighbouring runs, and a drift over time, are tested against "it stays": the difference over its
+//! standard deviation, from both sides. Where estimates scatter more than their standard deviations say, these are
+//! widened until they fit (Birge's ratio). With N tests in all (parameters times places, and one drift each) a chance p
+//! becomes 1 - (1 - p)^N: that is the significance after all that was looked at.
+
+use whorl_diagnosis::{Options, PRIOR_MARGIN, fit};
+use whorl_dynamics::effects::find;
+use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::statistics::{normal_probability, normal_quantile};
+use whorl_recording::Recording;
+
+use crate::{ExplainError, Say};
+
+/// An estimate of which less than this share is the data's is no measurement.
+const INFORMED: f64 = 0.2;
+/// Runs of fewer days show no drift a day.
+const LEAST_SPAN_DAYS: f64 = 0.5;
+/// Seconds in a day.
+const DAY_S: f64 = 86_400.0;
+
+/// A run and when it began.
+#[derive(Debug, Clone, Copy)]
+pub struct DatedRun<'a> {
+    /// What was measured.
+    pub recording: &'a Recording,
+    /// When it began \[s since 1970, UTC\].
+    pub began_s: f64,
+}
+
+/// One estimate of one parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// Place of the run among all runs in order of time.
+    pub run: usize,
+    /// The estimate, in the parameter's unit.
+    pub value: f64,
+    /// Its standard deviation, widened where the runs scatter more than that.
+    pub stddev: f64,
+}
+
+/// Something that changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// How it changed.
+    pub kind: ChangeKind,
+    /// By how much: a step in the parameter's unit, a drift in its unit per day.
+    pub size: f64,
+    /// Standard deviation of that.
+    pub stddev: f64,
+    /// Significance before looking elsewhere, in standard deviations.
+    pub sigma: f64,
+    /// Chance of such a change, or a larger one, somewhere among all that was looked at while nothing changes.
+    pub chance: f64,
+    /// The same in standard deviations of a normal law, both sides; 0 where it is as likely as not.
+    pub sigma_after: f64,
+}
+
+/// How a parameter changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChangeKind {
+    /// From this run on it is another.
+    Step {
+        /// The first run of the new value.
+        from: usize,
+    },
+    /// It moves steadily.
+    Drift,
+}
+
+/// One parameter over all runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trend {
+    /// Effect id; `mass_properties` for the moments of inertia.
+    pub group: String,
+    /// Name within the group.
+    pub name: String,
+    /// Unit, "1" for none.
+    pub unit: String,
+    /// Value in the model.
+    pub model: f64,
+    /// Estimates of the runs that show it.
+    pub estimates: Vec<Estimate>,
+    /// Scatter of the estimates over their standard deviations, at least 1.
+    pub scatter: f64,
+    /// The change that is least likely by chance; `None` with fewer than two runs that show it.
+    pub change: Option<Change>,
+}
+
+/// All parameters over all runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trends {
+    /// Names of the runs in order of time, and when they began \[s since 1970, UTC\].
+    pub runs: Vec<(String, f64)>,
+    /// The parameters, those that changed most surely first.
+    pub trends: Vec<Trend>,
+    /// Tests that were made.
+    pub tests: usize,
+    /// Runs that could not be fitted, and why.
+    pub left_out: Vec<(String, String)>,
+}
+
+impl Trends {
+    /// Those whose change has a chance below this.
+    pub fn changed(&self, chance: f64) -> impl Iterator<Item = (&Trend, &Change)> {
+        let of = move |trend| -> Option<(&Trend, &Change)> {
+            let trend: &Trend = trend;
+            trend.change.as_ref().filter(|change| change.chance < chance).map(|change| (trend, change))
+        };
+        self.trends.iter().filter_map(of)
+    }
+}
+
+/// Fits every run alone and tests what changed. With `since` only that place is tested: what differs between the runs
+/// before it and those from it on (an index into the runs in order of time).
+///
+/// # Errors
+/// When fewer than two runs can be fitted.
+pub fn trends(
+    runs: &[DatedRun<'_>],
+    model: &PlatformModel,
+    prior: &ModelPrior,
+    since: Option<usize>,
+    options: &Options,
+    say: &mut Say<'_>,
+) -> Result<Trends, ExplainError> {
+    let mut runs: Vec<DatedRun<'_>> = runs.to_vec();
+    runs.sort_by(|a, b| a.began_s.total_cmp(&b.began_s));
+    let effects: Vec<&str> =
+        model.effects.keys().filter_map(|id| find(id)).map(|effect| effect.info().id).collect();
+    let (mut trends, mut left_out): (Vec<Trend>, Vec<(String, String)>) = (Vec::new(), Vec::new());
+    let mut last_error = None;
+    for (index, run) in runs.iter().enumerate() {
+        say(index as f64 / runs.len() as f64, &format!("fitting {}", run.recording.name));
+        let found = fit(std::slice::from_ref(run.recording), &[], model, prior, &effects, options);
+        let found = match found {
+            Ok(found) => found,
+            Err(error) => {
+                left_out.push((run.recording.name.clone(), error.to_string()));
+                last_error = Some(error);
+                continue;
+            }
+        };
+        for parameter in found.estimates.iter().filter(|p| p.stddev > 0.0 && p.stddev.is_finite()) {
+            let known = trends.iter().position(|t| t.group == parameter.group && t.name == parameter.name);
+            let place = known.unwrap_or_else(|| {
+                trends.push(Trend {
+                    group: parameter.group.clone(),
+                    name: parameter.name.clone(),
+                    unit: parameter.unit.clone(),
+                    model: parameter.before,
+                    estimates: Vec::new(),
+                    scatter: 1.0,
+                    change: None,
+                });
+                trends.len() - 1
+            });
+            let width = prior_stddev(&parameter.group, &parameter.name, model, prior);
+            let own = width.map_or(1.0, |width| 1.0 - (parameter.stddev / (PRIOR_MARGIN * width)).powi(2));
+            if !parameter.at_bound && own > INFORMED {
+                let value = parameter.before + (parameter.estimate - parameter.before) / own;
+                trends[place].estimates.push(Estimate {
+                    run: index,
+                    value,
+                    stddev: parameter.stddev / own.sqrt(),
+                });
+            }
+        }
+    }
+    if runs.len() - left_out.len() < 2 {
+        return Err(last_error.map_or(ExplainError::TooFewRuns, ExplainError::from));
+    }
+    let times: Vec<f64> = runs.iter().map(|run| run.began_s / DAY_S).collect();
+    judge(&mut trends, &times, since);
+    let tests = tests_of(&trends, &times, since);
+    trends.retain(|trend| !trend.estimates.is_empty());
+    let chance = |trend: &Trend| trend.change.as_ref().map_or(2.0, |change| change.chance);
+    trends.sort_by(|a, b| chance(a).total_cmp(&chance(b)));
+    let runs = runs.iter().map(|run| (run.recording.name.clone(), run.began_s)).collect();
+    Ok(Trends { runs, trends, tests, left_out })
+}
+
+fn prior_stddev(group: &str, name: &str, model: &PlatformModel, prior: &ModelPrior) -> Option<f64> {
+    let Some(effect) = find(group) else {
+        let axis = ["ixx_kg_m2", "iyy_kg_m2", "izz_kg_m2"].iter().position(|own| *own == name)?;
+        return Some(prior.inertia_b_kg_m2[(axis, axis)]);
+    };
+    let spec = effect.parameters(model).into_iter().find(|spec| spec.name == name)?;
+    Some(prior.of_parameter(model, effect, &spec)).filter(|stddev| *stddev > 0.0)
+}
+
+/// Places between runs at which a parameter may change, and a drift where runs of three times show it.
+fn places(trend: &Trend, since: Option<usize>) -> Vec<usize> {
+    let between = |k: &usize| {
+        since.is_none_or(|from| trend.estimates[k - 1].run < from && trend.estimates[*k].run >= from)
+    };
+    (1..trend.estimates.len()).filter(between).collect()
+}
+
+fn drifts(trend: &Trend, times: &[f64], since: Option<usize>) -> bool {
+    let mut own: Vec<f64> = trend.estimates.iter().filter_map(|e| times.get(e.run)).copied().collect();
+    own.dedup();
+    let span = own.last().zip(own.first()).map_or(0.0, |(last, first)| last - first);
+    since.is_none() && own.len() > 2 && span >= LEAST_SPAN_DAYS
+}
+
+fn tests_of(trends: &[Trend], times: &[f64], since: Option<usize>) -> usize {
+    trends.iter().map(|t| places(t, since).len() + usize::from(drifts(t, times, since))).sum()
+}
+
+/// Finds the least likely change of each parameter.
+fn judge(trends: &mut [Trend], times: &[f64], since: Option<usize>) {
+    let tests = tests_of(trends, times, since) as f64;
+    for trend in trends {
+        let mut found: Vec<(Change, f64)> =
+            places(trend, since).into_iter().map(|k| step(trend, k)).collect();
+        if drifts(trend, times, since) {
+            found.push(drift(trend, times));
+        }
+        let best = found.into_iter().max_by(|a, b| a.0.sigma.total_cmp(&b.0.sigma));
+        let Some((mut change, scatter)) = best else { continue };
+        trend.scatter = scatter;
+        trend.estimates.iter_mut().for_each(|e| e.stddev *= scatter);
+        let alone = 2.0 * normal_probability(-change.sigma);
+        // 1 - (1 - p)^N without the loss of digits.
+        change.chance = -(tests * (-alone).ln_1p()).exp_m1();
+        change.sigma_after =
+            if change.chance > 0.0 { (-normal_quantile(0.5 * change.chance)).max(0.0) } else { change.sigma };
+        trend.change = Some(change);
+    }
+}
+
+/// Weighted mean, its standard deviation, and the sum of squares about it.
+fn mean(estimates: &[Estimate]) -> (f64, f64, f64) {
+    let weight: f64 = estimates.iter().map(|e| e.stddev.powi(-2)).sum();
+    let mean = estimates.iter().map(|e| e.value * e.stddev.powi(-2)).sum::<f64>() / weight;
+    let squares = estimates.iter().map(|e| ((e.value - mean) / e.stddev).powi(2)).sum();
+    (mean, weight.powf(-0.5), squares)
+}
+
+/// Birge's ratio of what is left.
+fn scatter(squares: f64, estimates: usize, fitted: usize) -> f64 {
+    let freedom = estimates.saturating_sub(fitted);
+    if freedom == 0 { 1.0 } else { (squares / freedom as f64).sqrt().max(1.0) }
+}
+
+fn change(kind: ChangeKind, size: f64, stddev: f64) -> Change {
+    Change { kind, size, stddev, sigma: size.abs() / stddev, chance: 1.0, sigma_after: 0.0 }
+}
+
+fn step(trend: &Trend, k: usize) -> (Change, f64) {
+    let (before, after) = trend.estimates.split_at(k);
+    let ((a, sa, qa), (b, sb, qb)) = (mean(before), mean(after));
+    let scatter = scatter(qa + qb, trend.estimates.len(), 2);
+    let from = after.first().map_or(0, |e| e.run);
+    (change(ChangeKind::Step { from }, b - a, sa.hypot(sb) * scatter), scatter)
+}
+
+fn drift(trend: &Trend, times: &[f64]) -> (Change, f64) {
+    let points: Vec<(f64, f64, f64)> = trend
+        .estimates
+        .iter()
+        .map(|e| (times.get(e.run).copied().unwrap_or(0.0), e.value, e.stddev.powi(-2)))
+        .collect();
+    let weight: f64 = points.iter().map(|(.., w)| w).sum();
+    let centre = |f: fn(&(f64, f64, f64)) -> f64| points.iter().map(|p| f(p) * p.2).sum::<f64>() / weight;
+    let (t0, x0) = (centre(|p| p.0), centre(|p| p.1));
+    let spread: f64 = points.iter().map(|(t, _, w)| w * (t - t0).powi(2)).sum();
+    let slope = points.iter().map(|(t, x, w)| w * (t - t0) * (x - x0)).sum::<f64>() / spread;
+    let left = points.iter().map(|(t, x, w)| w * (x - x0 - slope * (t - t0)).powi(2)).sum();
+    let scatter = scatter(left, points.len(), 2);
+    (change(ChangeKind::Drift, slope, spread.powf(-0.5) * scatter), scatter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trend(values: &[f64], stddev: f64) -> Trend {
+        let estimate = |(run, value): (usize, &f64)| Estimate { run, value: *value, stddev };
+        Trend {
+            group: "thruster_strength".to_owned(),
+            name: "jet_4".to_owned(),
+            unit: "1".to_owned(),
+            model: 0.0,
+            estimates: values.iter().enumerate().map(estimate).collect(),
+            scatter: 1.0,
+            change: None,
+        }
+    }
+
+    const DAYS: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+
+    /// Three runs at 0 and three at -0.12, each known to 0.03: 0.12 over 0.03 sqrt(2/3) are 4.9 standard deviations, and
+    /// with six tests the chance is six times as large.
+    #[test]
+    fn a_step_is_found_where_it_is_with_its_chance_after_all_tests() {
+        let mut own = [trend(&[0.0, 0.0, 0.0, -0.12, -0.12, -0.12], 0.03)];
+        judge(&mut own, &DAYS, None);
+        let found = own[0].change.as_ref().unwrap();
+        assert_eq!(found.kind, ChangeKind::Step { from: 3 });
+        let sigma = 0.12 / (0.03 * (2.0_f64 / 3.0).sqrt());
+        assert!((found.size + 0.12).abs() < 1e-12 && (found.sigma - sigma).abs() < 1e-12);
+        let expected = 6.0 * 2.0 * normal_probability(-sigma);
+        assert!((found.chance / expected - 1.0).abs() < 1e-5, "{} {expected}", found.chance);
+    }
+
+    #[test]
+    fn a_steady_motion_is_a_drift() {
+        let mut own = [trend(&[0.0, 0.1, 0.2, 0.3, 0.4, 0.5], 0.01)];
+        judge(&mut own, &DAYS, None);
+        let found = own[0].change.as_ref().unwrap();
+        assert_eq!(found.kind, ChangeKind::Drift);
+        // Slope 0.1 a day; variance s^2 / sum (t - 2.5)^2 = s^2 / 17.5.
+        assert!((found.size - 0.1).abs() < 1e-12 && (found.stddev - 0.01 / 17.5_f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// The same step among runs that scatter four times as much as they say is no discovery.
+    #[test]
+    fn scatter_beyond_the_standard_deviations_widens_them() {
+        let mut own = [trend(&[0.12, -0.12, 0.0, 0.0, -0.24, -0.12], 0.03)];
+        judge(&mut own, &DAYS, None);
+        let found = own[0].change.as_ref().unwrap();
+        assert!(own[0].scatter > 2.5 && found.chance > 0.05, "{found:?}");
+        // Two sets of runs, one test.
+        let mut own = [trend(&[0.0, 0.0, 0.0, -0.12, -0.12, -0.12], 0.03)];
+        judge(&mut own, &DAYS, Some(2));
+        let found = own[0].change.as_ref().unwrap();
+        assert_eq!(found.kind, ChangeKind::Step { from: 2 });
+        assert!((found.chance - 2.0 * normal_probability(-found.sigma)).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,353 @@
+//! The running evidence that the model has stopped being right, and which effect explains it best.
+//!
+//! While the model is right, the whitened innovations y are independent with unit variance. If effect E with values phi
+//! has begun at a start s, they have the mean X phi, X being the sensitivities passed through the filter from s on. With
+//! phi ~ N(0, V) the likelihood ratio is
+//!
+//! ```text
+//! ln B = -1/2 ln |I + V^1/2 A V^1/2| + 1/2 z^T V^1/2 (I + V^1/2 A V^1/2)^-1 V^1/2 z,    A = sum X^T X,  z = sum X^T y
+//! ```
+//!
+//! exact for the linear filter, and with mean one while the model is right. So is any average of such ratios: over the
+//! sizes V, over the ways in which an effect enters, over effects. Their sum over starts is what is compared with the limit.
+
+use nalgebra::{DMatrix, DVector};
+use whorl_diagnosis::Directions;
+
+use crate::Settings;
+use crate::filter::{Changes, Places, Whitened, torque_rates};
+
+/// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
+const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
+/// Ways of entering with more directions would fit anything.
+const MOST_DIRECTIONS: usize = 4;
+/// Starts that are followed at once.
+const STARTS: usize = 5;
+/// Usual size of a torque that has no name, over the background.
+const NAMELESS: f64 = 10.0;
+
+/// The name of a torque that no effect of the catalogue explains.
+pub const UNKNOWN_TORQUE: &str = "unknown_torque";
+
+/// One suspect: its columns among those that are followed.
+#[derive(Debug, Clone)]
+struct Suspect {
+    effect: usize,
+    columns: Vec<usize>,
+    /// Prior standard deviation of each column.
+    stddev: Vec<f64>,
+    ln_prior: f64,
+}
+
+/// What was gathered since one start.
+#[derive(Debug, Clone)]
+struct Start {
+    at_ns: i64,
+    /// Error of the filter's state per unit of each column.
+    state: DMatrix<f64>,
+    sums: Vec<Sums>,
+}
+
+#[derive(Debug, Clone)]
+struct Sums {
+    information: DMatrix<f64>,
+    score: DVector<f64>,
+}
+
+/// A suspect and how much speaks for it since one start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weighed {
+    /// The effect.
+    pub effect: &'static str,
+    /// Share of all evidence against the model.
+    pub probability: f64,
+    /// Directions of the likeliest way in which it enters; empty for a torque without a name.
+    pub directions: Vec<usize>,
+    /// Estimates along these, and their standard deviations, in units of the directions (of a nameless torque: N m).
+    pub estimate: Vec<f64>,
+    /// Their standard deviations.
+    pub stddev: Vec<f64>,
+    /// Start from which the likeliest way is counted \[ns\].
+    pub since_ns: i64,
+}
+
+/// The running evidence.
+#[derive(Debug, Clone)]
+pub struct Evidence {
+    effects: Vec<&'static str>,
+    suspects: Vec<Suspect>,
+    /// Direction of each column that is followed; the last three are torques without a name.
+    followed: Vec<usize>,
+    nameless_n_m: f64,
+    torque_rates: DMatrix<f64>,
+    starts: Vec<Start>,
+    every_ns: i64,
+    memory_ns: i64,
+    next_start_ns: Option<i64>,
+    length: usize,
+}
+
+impl Evidence {
+    /// Before the first bin.
+    #[must_use]
+    pub fn new(all: &Directions, places: &Places, settings: &Settings) -> Self {
+        let mut effects: Vec<&'static str> = Vec::new();
+        let mut followed: Vec<usize> = Vec::new();
+        let mut suspects = Vec::new();
+        for suspect in all.suspects.iter().filter(|s| s.directions.len() <= MOST_DIRECTIONS) {
+            let effect = effects.iter().position(|id| *id == suspect.effect).unwrap_or_else(|| {
+                effects.push(suspect.effect);
+                effects.len() - 1
+            });
+            let columns: Vec<usize> = suspect
+                .directions
+                .iter()
+                .map(|direction| {
+                    followed.iter().position(|f| f == direction).unwrap_or_else(|| {
+                        followed.push(*direction);
+                        followed.len() - 1
+                    })
+                })
+                .collect();
+            let stddev = suspect.directions.iter().map(|d| all.directions[*d].catalogue_stddev).collect();
+            suspects.push(Suspect { effect, columns, stddev, ln_prior: 0.0 });
+        }
+        // A torque without a name is as likely as any effect.
+        let first = followed.len();
+        let columns: Vec<usize> = (first..first + 3).collect();
+        suspects.push(Suspect { effect: effects.len(), columns, stddev: vec![1.0; 3], ln_prior: 0.0 });
+        effects.push(UNKNOWN_TORQUE);
+        let ways = |effect: usize| suspects.iter().filter(|s| s.effect == effect).count() as f64;
+        let priors: Vec<f64> =
+            suspects.iter().map(|s| -(effects.len() as f64 * ways(s.effect)).ln()).collect();
+        for (suspect, ln_prior) in suspects.iter_mut().zip(priors) {
+            suspect.ln_prior = ln_prior;
+        }
+        Self {
+            nameless_n_m: NAMELESS * settings.background_torque_n_m,
+            torque_rates: torque_rates(&all.base, places),
+            starts: Vec::new(),
+            every_ns: ns(settings.start_every_s),
+            memory_ns: ns(settings.memory_s),
+            next_start_ns: None,
+            length: places.len(),
+            effects,
+            suspects,
+            followed,
+        }
+    }
+
+    fn columns(&self) -> usize {
+        self.followed.len() + 3
+    }
+
+    /// Follows a new start where one is due at the beginning of a bin.
+    pub fn begin(&mut self, at_ns: i64) {
+        let due = *self.next_start_ns.get_or_insert(at_ns);
+        if at_ns < due {
+            return;
+        }
+        self.next_start_ns = Some(due + self.every_ns * ((at_ns - due) / self.every_ns.max(1) + 1));
+        let sums = |s: &Suspect| Sums {
+            information: DMatrix::zeros(s.columns.len(), s.columns.len()),
+            score: DVector::zeros(s.columns.len()),
+        };
+        self.starts.retain(|start| at_ns - start.at_ns < self.memory_ns);
+        self.starts.push(Start {
+            at_ns,
+            state: DMatrix::zeros(self.length, self.columns()),
+            sums: self.suspects.iter().map(sums).collect(),
+        });
+        // Old starts grow sparse: what began long ago is not dated to the second. Leaving starts out only lowers the sum.
+        while self.starts.len() > STARTS {
+            let age = |k: usize| (at_ns - self.starts[k].at_ns) as f64 + self.every_ns as f64;
+            let gap = |k: usize| age(k - 1) / age(k + 1);
+            let inner = 1..self.starts.len() - 1;
+            let Some(k) = inner.min_by(|a, b| gap(*a).total_cmp(&gap(*b))) else { break };
+            self.starts.remove(k);
+        }
+    }
+
+    /// The motion is unknown after a gap: so is what an effect has made of it.
+    pub fn forget_motion(&mut self, motion: usize) {
+        for start in &mut self.starts {
+            start.state.rows_mut(0, motion).fill(0.0);
+        }
+    }
+
+    /// Nothing is suspected any more.
+    pub fn clear(&mut self) {
+        self.starts.clear();
+        self.next_start_ns = None;
+    }
+
+    /// Takes a bin.
+    pub fn add(&mut self, whitened: &Whitened, changes: &Changes, places: &Places) {
+        let motion = places.motion();
+        let mut rates = DMatrix::zeros(motion, self.columns());
+        for (k, direction) in self.followed.iter().enumerate() {
+            rates.column_mut(k).copy_from(&changes.rates.column(*direction));
+        }
+        let torque = &self.torque_rates * self.nameless_n_m;
+        rates.columns_mut(self.followed.len(), 3).copy_from(&torque);
+        let (at_end, half_way) = (&whitened.by_rate.0 * &rates, &whitened.by_rate.1 * &rates);
+        let mut own = DMatrix::zeros(whitened.reading.len(), self.columns());
+        for (row, reading) in whitened.reading.iter().enumerate() {
+            own.row_mut(row).copy_from(&half_way.row(*reading));
+            if *reading < 3 {
+                for (k, direction) in self.followed.iter().enumerate() {
+                    own[(row, k)] += changes.readings[(*reading, *direction)];
+                }
+            }
+        }
+        let suspects = &self.suspects;
+        for start in &mut self.starts {
+            let mut x = &own + &whitened.by_state * &start.state;
+            start.state -= &whitened.gain * &x;
+            whitened.whiten(&mut x);
+            for (sums, suspect) in start.sums.iter_mut().zip(suspects) {
+                for (i, a) in suspect.columns.iter().enumerate() {
+                    let a = x.column(*a);
+                    sums.score[i] += a.dot(&whitened.innovation);
+                    for (j, b) in suspect.columns.iter().enumerate().skip(i) {
+                        let product = a.dot(&x.column(*b));
+                        sums.information[(i, j)] += product;
+                        if i != j {
+                            sums.information[(j, i)] += product;
+                        }
+                    }
+                }
+            }
+            let moved = &whitened.transition * &start.state + &at_end;
+            start.state.rows_mut(0, motion).copy_from(&moved);
+            let (torque, constants) = (places.torque(), places.first_constant());
+            start.state.rows_mut(torque, constants - torque).scale_mut(whitened.torque_left);
+            let count = self.length - constants;
+            start.state.rows_mut(constants, count).scale_mut(whitened.constants_left);
+        }
+    }
+
+    /// ln of the likelihood ratio for a suspect since a start, over all sizes.
+    fn ln_ratio(suspect: &Suspect, sums: &Sums) -> f64 {
+        let ratios = SIZES.map(|size| ln_ratio(suspect, sums, size));
+        ln_sum(ratios.into_iter()) - (SIZES.len() as f64).ln()
+    }
+
+    /// ln of the sum over starts of the mean likelihood ratios over suspects \[nats\]; minus infinity without any.
+    #[must_use]
+    pub fn ln_evidence(&self) -> f64 {
+        ln_sum(self.starts.iter().flat_map(|start| {
+            self.suspects.iter().zip(&start.sums).map(|(s, sums)| s.ln_prior + Self::ln_ratio(s, sums))
+        }))
+    }
+
+    /// The effects by how much speaks for them, the likeliest first.
+    #[must_use]
+    pub fn weighed(&self) -> Vec<Weighed> {
+        let total = self.ln_evidence();
+        let mut best: Vec<Option<(f64, &Suspect, &Start, &Sums)>> = vec![None; self.effects.len()];
+        let mut share = vec![0.0; self.effects.len()];
+        for start in &self.starts {
+            for (suspect, sums) in self.suspects.iter().zip(&start.sums) {
+                let ln = suspect.ln_prior + Self::ln_ratio(suspect, sums);
+                share[suspect.effect] += (ln - total).exp();
+                let slot = &mut best[suspect.effect];
+                if slot.as_ref().is_none_or(|(so_far, ..)| ln > *so_far) {
+                    *slot = Some((ln, suspect, start, sums));
+                }
+            }
+        }
+        let mut weighed: Vec<Weighed> = best
+            .iter()
+            .zip(&share)
+            .zip(&self.effects)
+            .filter_map(|((best, probability), effect)| {
+                let (_, suspect, start, sums) = best.as_ref()?;
+                let nameless = *effect == UNKNOWN_TORQUE;
+                let (estimate, stddev) =
+                    estimate(suspect, sums, if nameless { self.nameless_n_m } else { 1.0 })?;
+                let direction = |column: &usize| self.followed.get(*column).copied();
+                Some(Weighed {
+                    effect,
+                    probability: *probability,
+                    directions: suspect.columns.iter().filter_map(direction).collect(),
+                    estimate,
+                    stddev,
+                    since_ns: start.at_ns,
+                })
+            })
+            .collect();
+        weighed.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        weighed
+    }
+}
+
+fn ns(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}
+
+/// ln sum exp.
+fn ln_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
+    let most = terms.clone().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY { most } else { most + terms.map(|x| (x - most).exp()).sum::<f64>().ln() }
+}
+
+fn scaled(suspect: &Suspect, sums: &Sums, size: f64) -> (DMatrix<f64>, DVector<f64>) {
+    let count = suspect.columns.len();
+    let s = |i: usize| suspect.stddev[i] * size;
+    let information = DMatrix::from_fn(count, count, |i, j| {
+        s(i) * sums.information[(i, j)] * s(j) + if i == j { 1.0 } else { 0.0 }
+    });
+    (information, DVector::from_fn(count, |i, _| s(i) * sums.score[i]))
+}
+
+fn ln_ratio(suspect: &Suspect, sums: &Sums, size: f64) -> f64 {
+    let (information, score) = scaled(suspect, sums, size);
+    // The identity plus a product with itself has no zero; numbers that are not finite speak for nothing.
+    let Some(cholesky) = information.cholesky() else { return f64::NEG_INFINITY };
+    let ln_determinant: f64 = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+    0.5 * (score.dot(&cholesky.solve(&score)) - ln_determinant)
+}
+
+/// Estimates and standard deviations of a suspect's columns, times a factor.
+fn estimate(suspect: &Suspect, sums: &Sums, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+    let best = SIZES
+        .iter()
+        .copied()
+        .max_by(|a, b| ln_ratio(suspect, sums, *a).total_cmp(&ln_ratio(suspect, sums, *b)))?;
+    let (information, score) = scaled(suspect, sums, best);
+    let cholesky = information.cholesky()?;
+    let (mean, covariance) = (cholesky.solve(&score), cholesky.inverse());
+    let s = |i: usize| suspect.stddev[i] * best * factor;
+    let count = suspect.columns.len();
+    Some((
+        (0..count).map(|i| mean[i] * s(i)).collect(),
+        (0..count).map(|i| covariance[(i, i)].sqrt() * s(i)).collect(),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One column: the integral of the likelihood over the prior, by the trapezoidal rule.
+    #[test]
+    fn the_ratio_is_the_likelihood_integrated_over_the_prior() {
+        let suspect = Suspect { effect: 0, columns: vec![0], stddev: vec![0.7], ln_prior: 0.0 };
+        let (x, y) = ([0.3, -1.0, 2.0, 0.4], [0.5, -0.2, 1.7, 0.1]);
+        let information: f64 = x.iter().map(|x| x * x).sum();
+        let score: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
+        let sums = Sums {
+            information: DMatrix::from_element(1, 1, information),
+            score: DVector::from_element(1, score),
+        };
+        let sigma = 0.7 * 3.0;
+        let density = |phi: f64| {
+            let misfit: f64 = x.iter().zip(y).map(|(x, y)| (y - x * phi).powi(2) - y * y).sum();
+            (-0.5 * misfit - 0.5 * (phi / sigma).powi(2)).exp() / (sigma * std::f64::consts::TAU.sqrt())
+        };
+        let step = 1e-3;
+        let integral: f64 = (-20_000..20_000).map(|k| density(f64::from(k) * step) * step).sum();
+        assert!((ln_ratio(&suspect, &sums, 3.0) - integral.ln()).abs() < 1e-9);
+    }
+}

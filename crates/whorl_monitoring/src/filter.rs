@@ -1,0 +1,493 @@
+//! The Kalman filter that whitens: innovations of gyro and wheel speeds while the model is right.
+//!
+//! State: errors of rate (3), wheel speeds, gyro bias (3), background torque on the body (3) and on each wheel, and the
+//! platform's constants in units of their directions. Rate and wheel speeds are taken over by the plant after every bin, so that their errors are zero in
+//! the mean; the others stay here, and act on the plant's prediction linearly.
+//!
+//! Within a bin of length T the accelerations hardly change: a mean reading is the motion half-way, Phi(T/2) x with
+//! Phi(t) = I + t J + t^2 J^2 / 2, J the Jacobian of the equation of motion.
+
+use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
+use whorl_diagnosis::{Direction, Directions};
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::{EffectKind, Gyrostat};
+
+use crate::Settings;
+use crate::predictor::Bin;
+
+/// Uncertainty of a motion of which nothing is known: rate [rad/s], wheel speed [rad/s].
+const ANY_RATE_RAD_S: f64 = 0.2;
+const ANY_SPEED_RAD_S: f64 = 20.0;
+/// White noise of a wheel's torque that no data sheet states, over the largest torque times the square root of a second:
+/// a per mille.
+const MOTOR_NOISE: f64 = 1e-3;
+/// Slow torque on a wheel that the model need not know (friction that warms up, a bias of its drive), over its largest
+/// torque: a per mille, half of the bearing friction of a small wheel.
+const WHEEL_TORQUE: f64 = 1e-3;
+/// A wheel slower than this may stick or turn back [rad/s], and for so long at a time \[s\].
+const SLOW_RAD_S: f64 = 1.0;
+const STICKING_S: f64 = 5.0;
+
+/// Places of the state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Places {
+    /// Wheels of the platform.
+    pub wheels: usize,
+    /// Constants of the platform.
+    pub constants: usize,
+}
+
+impl Places {
+    /// Rate and wheel speeds.
+    #[must_use]
+    pub fn motion(&self) -> usize {
+        3 + self.wheels
+    }
+
+    fn bias(&self) -> usize {
+        self.motion()
+    }
+
+    /// The first of the background torques.
+    #[must_use]
+    pub fn torque(&self) -> usize {
+        self.motion() + 3
+    }
+
+    fn wheel_torque(&self) -> usize {
+        self.motion() + 6
+    }
+
+    /// The first of the platform's constants.
+    #[must_use]
+    pub fn first_constant(&self) -> usize {
+        self.motion() + 6 + self.wheels
+    }
+
+    /// Length of the state.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.first_constant() + self.constants
+    }
+
+    /// Never.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+}
+
+/// What a bin changes per unit of each direction: accelerations of body and wheels, and readings of the gyro.
+#[derive(Debug, Clone)]
+pub struct Changes {
+    /// Motion by direction [1/s^2 in the motion's units].
+    pub rates: DMatrix<f64>,
+    /// Gyro by direction [rad/s].
+    pub readings: DMatrix<f64>,
+}
+
+/// How directions change what a bin predicts.
+#[derive(Debug, Clone)]
+pub struct Lanes {
+    directions: Vec<Lane>,
+    base: Gyrostat,
+}
+
+#[derive(Debug, Clone)]
+struct Lane {
+    moved: Gyrostat,
+    per_unit: f64,
+    of_sensor: bool,
+    of_jets: bool,
+}
+
+impl Lanes {
+    /// Of all directions.
+    #[must_use]
+    pub fn new(all: &Directions) -> Self {
+        let of = |direction: &Direction| {
+            let (moved, base) = (direction.moved.model(), all.base.model());
+            let of_sensor = moved.sensors != base.sensors
+                || whorl_dynamics::effects::find(direction.effect)
+                    .is_some_and(|effect| effect.info().kind == EffectKind::Sensor);
+            Lane {
+                of_jets: moved.jets() != base.jets()
+                    && moved.wheels() == base.wheels()
+                    && moved.mass_properties == base.mass_properties,
+                moved: direction.moved.clone(),
+                per_unit: 1.0 / direction.units,
+                of_sensor,
+            }
+        };
+        Self { directions: all.directions.iter().map(of).collect(), base: all.base.clone() }
+    }
+
+    /// The platform as it is.
+    #[must_use]
+    pub fn base(&self) -> &Gyrostat {
+        &self.base
+    }
+
+    fn motion(gyrostat: &Gyrostat, bin: &Bin, wheels: usize) -> DVector<f64> {
+        let environment = bin.environment(gyrostat.model());
+        let found = gyrostat.accelerations(&environment, &bin.hidden, &Vector3::zeros());
+        let body = found.omega_dot_wb_b_rad_s2;
+        DVector::from_iterator(
+            3 + wheels,
+            body.iter().copied().chain(found.wheel_rad_s2.iter().copied().take(wheels)),
+        )
+    }
+
+    fn reading(gyrostat: &Gyrostat, bin: &Bin) -> Vector3<f64> {
+        let mut environment = bin.environment(gyrostat.model());
+        environment.omega_dot_wb_b_rad_s2 = bin.omega_dot_b_rad_s2;
+        let errors = &gyrostat.model().sensors.gyro.errors;
+        errors.ideal(&gyrostat.true_imu(&environment).angular_velocity_b_rad_s) + errors.bias
+    }
+
+    /// Per unit of every direction.
+    #[must_use]
+    pub fn changes(&self, bin: &Bin, places: &Places) -> Changes {
+        let count = self.directions.len();
+        let mut changes =
+            Changes { rates: DMatrix::zeros(places.motion(), count), readings: DMatrix::zeros(3, count) };
+        let (rates, reading) = (Self::motion(&self.base, bin, places.wheels), Self::reading(&self.base, bin));
+        let flows = bin.valve_fraction.iter().any(|share| *share != 0.0);
+        for (k, lane) in self.directions.iter().enumerate() {
+            if flows || !lane.of_jets {
+                let change = (Self::motion(&lane.moved, bin, places.wheels) - &rates) * lane.per_unit;
+                changes.rates.set_column(k, &change);
+            }
+            if lane.of_sensor {
+                let change = (Self::reading(&lane.moved, bin) - reading) * lane.per_unit;
+                changes.readings.set_column(k, &change);
+            }
+        }
+        changes
+    }
+}
+
+/// A whitened bin: what evidence is made of.
+#[derive(Debug, Clone)]
+pub struct Whitened {
+    /// Innovations of unit variance, one for each reading.
+    pub innovation: DVector<f64>,
+    /// Reading of each: 0 to 2 an axis of the gyro, from 3 on a wheel.
+    pub reading: Vec<usize>,
+    /// Readings by state, half-way through the bin.
+    pub by_state: DMatrix<f64>,
+    /// Lower triangle of the innovations' covariance.
+    lower: DMatrix<f64>,
+    /// Gain of the state.
+    pub gain: DMatrix<f64>,
+    /// Motion at the end of the bin by state at its start.
+    pub transition: DMatrix<f64>,
+    /// Motion at the end and half-way by acceleration.
+    pub by_rate: (DMatrix<f64>, DMatrix<f64>),
+    /// Share of the background torque that is left after the bin.
+    pub torque_left: f64,
+    /// Share of the constants' errors that is left after the bin.
+    pub constants_left: f64,
+}
+
+impl Whitened {
+    /// Divides by the square root of the covariance.
+    pub fn whiten(&self, matrix: &mut DMatrix<f64>) {
+        // The diagonal is positive: it is a Cholesky factor.
+        let _ = self.lower.solve_lower_triangular_mut(matrix);
+    }
+}
+
+/// The filter.
+#[derive(Debug, Clone)]
+pub struct Filter {
+    /// Where what is.
+    pub places: Places,
+    /// Which directions the constants are.
+    constants: Vec<usize>,
+    covariance: DMatrix<f64>,
+    state: DVector<f64>,
+    stddev: Vec<f64>,
+    gyro_variance: Vector3<f64>,
+    gyro_walk: Vector3<f64>,
+    speed_variance: f64,
+    torque_walk_n_m_sqrt_s: Vector3<f64>,
+    settings: Settings,
+}
+
+impl Filter {
+    /// Before the first bin.
+    #[must_use]
+    pub fn new(all: &Directions, settings: &Settings) -> Self {
+        let constants: Vec<usize> =
+            (0..all.directions.len()).filter(|k| all.directions[*k].base_stddev > 0.0).collect();
+        let model = all.base.model();
+        let places = Places { wheels: model.wheels().len().min(MAX_WHEELS), constants: constants.len() };
+        let (gyro, speed) = (&model.sensors.gyro.errors, &model.sensors.wheel_speed);
+        let stddev: Vec<f64> = constants.iter().map(|k| all.directions[*k].base_stddev).collect();
+        let mut covariance = DMatrix::zeros(places.len(), places.len());
+        for axis in 0..3 {
+            let bias = gyro.bias_turn_on_stddev[axis].max(gyro.one_sample_stddev()[axis]);
+            covariance[(places.bias() + axis, places.bias() + axis)] = bias * bias;
+            let torque = settings.background_torque_n_m;
+            covariance[(places.torque() + axis, places.torque() + axis)] = torque * torque;
+        }
+        for (j, wheel) in model.wheels().iter().enumerate().take(places.wheels) {
+            let torque = WHEEL_TORQUE * wheel.max_torque_n_m;
+            covariance[(places.wheel_torque() + j, places.wheel_torque() + j)] = torque * torque;
+        }
+        for (k, stddev) in stddev.iter().enumerate() {
+            covariance[(places.first_constant() + k, places.first_constant() + k)] = stddev * stddev;
+        }
+        let mut filter = Self {
+            state: DVector::zeros(places.len()),
+            gyro_variance: gyro.one_sample_stddev().map(|s| s * s),
+            gyro_walk: gyro.bias_walk,
+            speed_variance: speed.one_sample_stddev_rad_s().powi(2),
+            torque_walk_n_m_sqrt_s: all.base.effects().torque_walk_b_n_m_sqrt_s(),
+            settings: settings.clone(),
+            places,
+            constants,
+            covariance,
+            stddev,
+        };
+        filter.forget_motion();
+        filter
+    }
+
+    /// The motion is unknown: after a gap in the data. What was learned of constants and sensors stays.
+    pub fn forget_motion(&mut self) {
+        let motion = self.places.motion();
+        self.covariance.rows_mut(0, motion).fill(0.0);
+        self.covariance.columns_mut(0, motion).fill(0.0);
+        self.state.rows_mut(0, motion).fill(0.0);
+        for k in 0..motion {
+            let any = if k < 3 { ANY_RATE_RAD_S } else { ANY_SPEED_RAD_S };
+            self.covariance[(k, k)] = any * any;
+        }
+    }
+
+    /// Estimated gyro bias, beside the model's [rad/s].
+    #[must_use]
+    pub fn bias_rad_s(&self) -> Vector3<f64> {
+        self.state.fixed_rows::<3>(self.places.bias()).into_owned()
+    }
+
+    /// Jacobian of the motion by motion and torque.
+    fn jacobian(base: &Gyrostat, bin: &Bin, places: &Places) -> (DMatrix<f64>, DMatrix<f64>) {
+        let model = base.model();
+        let momentum = base.momentum_b_n_m_s(&bin.omega_b_rad_s, bin.environment(model).wheel_speed_rad_s);
+        let vertical = whorl_math::vertical_b(&bin.q_world_body);
+        let offset = model.mass_properties.gravity_offset_b_n_m();
+        let by = base.rate_equation().linearised(&bin.omega_b_rad_s, &momentum, offset, &vertical);
+        let (mut by_motion, mut by_torque) =
+            (DMatrix::zeros(places.motion(), places.motion()), DMatrix::zeros(places.motion(), 3));
+        by_motion.view_mut((0, 0), (3, 3)).copy_from(&by.by_rate);
+        by_torque.rows_mut(0, 3).copy_from(&by.by_torque);
+        for (j, wheel) in model.wheels().iter().enumerate().take(places.wheels) {
+            let axis = wheel.spin_axis_b.into_inner();
+            let column = by.by_wheel_momentum * axis * wheel.spin_inertia_kg_m2;
+            by_motion.view_mut((0, 3 + j), (3, 1)).copy_from(&column);
+        }
+        // Without a torque of its own a wheel keeps its speed about its axis in space.
+        for (j, wheel) in model.wheels().iter().enumerate().take(places.wheels) {
+            let axis = wheel.spin_axis_b.transpose();
+            let row = -(axis * by_motion.rows(0, 3));
+            by_motion.row_mut(3 + j).copy_from(&row);
+            let row = -(axis * by_torque.rows(0, 3));
+            by_torque.row_mut(3 + j).copy_from(&row);
+        }
+        (by_motion, by_torque)
+    }
+
+    /// Motion by a torque on each wheel, which the body takes.
+    fn by_wheel_torque(base: &Gyrostat, by_torque: &DMatrix<f64>, places: &Places) -> DMatrix<f64> {
+        let mut by = DMatrix::zeros(places.motion(), places.wheels);
+        for (j, wheel) in base.model().wheels().iter().enumerate().take(places.wheels) {
+            let mut change = by_torque * -wheel.spin_axis_b.into_inner();
+            change[3 + j] += 1.0 / wheel.spin_inertia_kg_m2;
+            by.column_mut(j).copy_from(&change);
+        }
+        by
+    }
+
+    /// Takes a bin: its innovations, and what the motion at its end must be corrected by.
+    ///
+    /// `None` where nothing was read, or rounding has made the covariance useless; the motion is then unknown.
+    pub fn step(&mut self, lanes: &Lanes, bin: &Bin, changes: &Changes) -> Option<(Whitened, DVector<f64>)> {
+        let places = self.places;
+        let (motion, length, time_s) = (places.motion(), places.len(), bin.length_s);
+        let (by_motion, by_torque) = Self::jacobian(lanes.base(), bin, &places);
+        let by_wheel_torque = Self::by_wheel_torque(lanes.base(), &by_torque, &places);
+        let identity = DMatrix::<f64>::identity(motion, motion);
+        let square = &by_motion * &by_motion;
+        let transition = |t: f64| &identity + &by_motion * t + &square * (0.5 * t * t);
+        let integral = |t: f64| &identity * t + &by_motion * (0.5 * t * t);
+        let by_state = |t: f64| {
+            let mut rows = DMatrix::zeros(motion, length);
+            let integral = integral(t);
+            rows.view_mut((0, 0), (motion, motion)).copy_from(&transition(t));
+            rows.view_mut((0, places.torque()), (motion, 3)).copy_from(&(&integral * &by_torque));
+            rows.view_mut((0, places.wheel_torque()), (motion, places.wheels))
+                .copy_from(&(&integral * &by_wheel_torque));
+            for (k, direction) in self.constants.iter().enumerate() {
+                let column = &integral * changes.rates.column(*direction);
+                rows.column_mut(places.first_constant() + k).copy_from(&column);
+            }
+            rows
+        };
+        let (half, full) = (by_state(0.5 * time_s), by_state(time_s));
+
+        let gyro = bin.gyro.iter().enumerate().filter_map(|(axis, mean)| {
+            let (value, count) = mean.value()?;
+            Some((axis, value, self.gyro_variance[axis] / count))
+        });
+        let speed = bin.speed.iter().take(places.wheels).enumerate().filter_map(|(wheel, mean)| {
+            let (value, count) = mean.value()?;
+            Some((3 + wheel, value, self.speed_variance / count))
+        });
+        let readings: Vec<(usize, f64, f64)> = gyro.chain(speed).collect();
+        if readings.is_empty() {
+            return None;
+        }
+        let mut h = DMatrix::zeros(readings.len(), length);
+        let mut noise = DMatrix::zeros(readings.len(), readings.len());
+        let mut y = DVector::zeros(readings.len());
+        for (k, (reading, value, variance)) in readings.iter().enumerate() {
+            h.row_mut(k).copy_from(&half.row(*reading));
+            if *reading < 3 {
+                h[(k, places.bias() + reading)] = 1.0;
+                for (c, direction) in self.constants.iter().enumerate() {
+                    h[(k, places.first_constant() + c)] += changes.readings[(*reading, *direction)];
+                }
+            }
+            y[k] = *value;
+            noise[(k, k)] = *variance;
+        }
+        y -= &h * &self.state;
+        let cross = &self.covariance * h.transpose();
+        let covariance = &h * &cross + noise;
+        let cholesky = covariance.cholesky()?;
+        let gain = cholesky.solve(&cross.transpose()).transpose();
+        let lower = cholesky.l();
+        let innovation = lower.solve_lower_triangular(&y)?;
+        self.state += &gain * &y;
+        self.covariance -= &gain * cross.transpose();
+
+        let whitened = Whitened {
+            innovation,
+            reading: readings.iter().map(|(reading, ..)| *reading).collect(),
+            by_state: h,
+            lower,
+            gain,
+            by_rate: (integral(time_s), integral(0.5 * time_s)),
+            transition: full,
+            torque_left: (-time_s / self.settings.background_time_s).exp(),
+            constants_left: (-time_s / self.settings.constants_time_s).exp(),
+        };
+        let correction = self.propagate(lanes.base(), bin, &by_torque, &by_wheel_torque, &whitened);
+        (self.covariance.iter().all(|x| x.is_finite())).then_some((whitened, correction))
+    }
+
+    /// On to the end of the bin.
+    fn propagate(
+        &mut self,
+        base: &Gyrostat,
+        bin: &Bin,
+        by_torque: &DMatrix<f64>,
+        by_wheel_torque: &DMatrix<f64>,
+        whitened: &Whitened,
+    ) -> DVector<f64> {
+        let (places, time_s) = (self.places, bin.length_s);
+        let motion = places.motion();
+        let correction = &whitened.transition * &self.state;
+        self.state.rows_mut(0, motion).fill(0.0);
+        let mut left = vec![1.0; places.len()];
+        left[places.torque()..places.first_constant()].fill(whitened.torque_left);
+        left[places.first_constant()..].fill(whitened.constants_left);
+        for (x, left) in self.state.iter_mut().zip(&left) {
+            *x *= left;
+        }
+        // P <- F P F^T, F the identity but for the motion's rows.
+        let rows = &whitened.transition * &self.covariance;
+        self.covariance.rows_mut(0, motion).copy_from(&rows);
+        let columns = &self.covariance * whitened.transition.transpose();
+        self.covariance.columns_mut(0, motion).copy_from(&columns);
+        for (k, left) in left.iter().enumerate().skip(places.torque()) {
+            self.covariance.row_mut(k).scale_mut(*left);
+            self.covariance.column_mut(k).scale_mut(*left);
+        }
+        // Random from here on.
+        let mut add = |k: usize, variance: f64| self.covariance[(k, k)] += variance;
+        for axis in 0..3 {
+            add(places.bias() + axis, self.gyro_walk[axis].powi(2) * time_s);
+            let torque = self.settings.background_torque_n_m;
+            let walk = self.torque_walk_n_m_sqrt_s[axis].powi(2) * time_s;
+            add(places.torque() + axis, torque * torque * (1.0 - whitened.torque_left.powi(2)) + walk);
+        }
+        for (j, wheel) in base.model().wheels().iter().enumerate().take(places.wheels) {
+            let torque = WHEEL_TORQUE * wheel.max_torque_n_m;
+            add(places.wheel_torque() + j, torque * torque * (1.0 - whitened.torque_left.powi(2)));
+        }
+        for (k, stddev) in self.stddev.iter().enumerate() {
+            let renewed = 1.0 - whitened.constants_left.powi(2);
+            add(places.first_constant() + k, stddev * stddev * renewed);
+        }
+        let impulses = self.random_impulses(base, bin, by_torque, by_wheel_torque);
+        let mut view = self.covariance.view_mut((0, 0), (motion, motion));
+        view += impulses;
+        let symmetric = (&self.covariance + self.covariance.transpose()) * 0.5;
+        self.covariance = symmetric;
+        correction
+    }
+
+    /// Covariance of the motion from pulses and motors that are not quite what was commanded.
+    fn random_impulses(
+        &self,
+        base: &Gyrostat,
+        bin: &Bin,
+        by_torque: &DMatrix<f64>,
+        by_wheel_torque: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
+        let (model, motion) = (base.model(), self.places.motion());
+        let mut covariance = DMatrix::zeros(motion, motion);
+        for (jet, share) in model.jets().iter().zip(&bin.valve_fraction).filter(|(_, share)| **share > 0.0) {
+            let impulse = jet.torque_b_n_m() * (share * bin.length_s * self.settings.pulse_relative_sigma);
+            let change = by_torque * impulse;
+            covariance += &change * change.transpose();
+        }
+        for (j, wheel) in model.wheels().iter().enumerate().take(self.places.wheels) {
+            let asked = bin.wheel_torque_n_m[j] * bin.length_s * self.settings.motor_relative_sigma;
+            let noise = MOTOR_NOISE * wheel.max_torque_n_m * bin.length_s.sqrt();
+            // Near rest nobody knows which way the friction points, or whether the wheel sticks.
+            let slow = bin.wheel_speed_rad_s[j].abs() < SLOW_RAD_S;
+            let friction = if slow { wheel.coulomb_friction_n_m } else { 0.0 };
+            let sticking = friction * friction * STICKING_S * bin.length_s;
+            let change = by_wheel_torque.column(j);
+            covariance += change * change.transpose() * (asked * asked + noise * noise + sticking);
+        }
+        covariance
+    }
+}
+
+/// Where a body is after a short time: its rate is in body axes.
+#[must_use]
+pub fn turned(
+    q_world_body: &UnitQuaternion<f64>,
+    omega_b_rad_s: &Vector3<f64>,
+    time_s: f64,
+) -> UnitQuaternion<f64> {
+    q_world_body * whorl_math::quaternion_exp(&(omega_b_rad_s * time_s))
+}
+
+/// Torque about each body axis as a direction: what it changes of the motion.
+#[must_use]
+pub fn torque_rates(base: &Gyrostat, places: &Places) -> DMatrix<f64> {
+    let inverse: &Matrix3<f64> = base.rate_equation().inverse_resisting();
+    let mut rates = DMatrix::zeros(places.motion(), 3);
+    rates.rows_mut(0, 3).copy_from(inverse);
+    for (j, wheel) in base.model().wheels().iter().enumerate().take(places.wheels) {
+        rates.row_mut(3 + j).copy_from(&-(wheel.spin_axis_b.transpose() * inverse));
+    }
+    rates
+}

@@ -1,0 +1,426 @@
+//! Messages in, how well the model fits out.
+
+use std::collections::VecDeque;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use thiserror::Error;
+use whorl_diagnosis::{Directions, Measured, directions};
+use whorl_dynamics::actuators::Kind;
+use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::platform::TiltLimit;
+use whorl_dynamics::{ModelPrior, PlatformModel};
+
+use crate::Settings;
+use crate::evidence::{Evidence, UNKNOWN_TORQUE};
+use crate::filter::{Filter, Lanes, turned};
+use crate::predictor::{Input, Predictor, Supplies};
+
+/// A bin is predicted this long after its end, when all about it has arrived \[s\].
+const SETTLED_S: f64 = 0.05;
+/// Readings further apart are a gap \[s\].
+const GAP_S: f64 = 0.05;
+/// From the tilt stop the platform is watched at this distance only \[rad\]: what happens there is the stop's.
+const FROM_STOP_RAD: f64 = 0.005;
+/// Bins after a gap in which the motion is found, before anything is concluded.
+const SETTLING_BINS: u32 = 10;
+/// A probability that is plain.
+const PLAIN: f64 = 0.95;
+/// Data that wait at most; more is lost.
+const MOST_WAITING: usize = 4096;
+
+/// Why a platform cannot be watched.
+#[derive(Debug, Error)]
+pub enum MonitorError {
+    /// Its model cannot be simulated.
+    #[error(transparent)]
+    Model(#[from] whorl_diagnosis::DiagnosisError),
+    /// It has motors whose states the monitor does not follow.
+    #[error("the model has motors of another kind ({what}): only wheels and jets are watched")]
+    OtherActuators {
+        /// Their kind.
+        what: String,
+    },
+}
+
+/// What the monitor says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// Not enough to say anything yet, or nobody moves the platform.
+    Waiting,
+    /// The platform moves as its model says.
+    Agrees,
+    /// The evidence is half-way to the limit.
+    Doubt,
+    /// The platform no longer moves as its model says.
+    Mismatch,
+}
+
+/// The effect that explains the mismatch best.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Likeliest {
+    /// Id in the catalogue, or `unknown_torque`.
+    pub effect: String,
+    /// Its probability among single effects that begin within memory.
+    pub probability: f64,
+    /// Parameters of the likeliest way in which it enters, with estimates, standard deviations and units.
+    pub parameters: Vec<Parameter>,
+    /// It had begun by \[ns\].
+    pub since_ns: i64,
+}
+
+/// One parameter and its change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// What it has become.
+    pub estimate: f64,
+    /// Standard deviation.
+    pub stddev: f64,
+    /// Unit, "1" for none.
+    pub unit: String,
+}
+
+/// How well the model fits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// End of the newest bin \[ns\].
+    pub stamp_ns: i64,
+    /// What the monitor says.
+    pub state: State,
+    /// Whitened residual of the newest bin: gyro; NaN where nothing was read.
+    pub gyro: Vector3<f64>,
+    /// The same of each wheel's speed.
+    pub wheel_speed: Vec<f64>,
+    /// Sum of squares of the whitened residuals since the last fit, and their number.
+    pub squares: (f64, u32),
+    /// ln of the running evidence against the model \[nats\].
+    pub ln_evidence: f64,
+    /// The likeliest single effect, once there is a mismatch.
+    pub likeliest: Option<Likeliest>,
+}
+
+/// The monitor of one platform.
+#[derive(Debug, Clone)]
+pub struct Monitor {
+    model: PlatformModel,
+    settings: Settings,
+    all: Directions,
+    lanes: Lanes,
+    filter: Filter,
+    evidence: Evidence,
+    predictor: Option<Predictor>,
+    inputs: VecDeque<(i64, Input)>,
+    attitudes: VecDeque<(i64, UnitQuaternion<f64>, Vector3<f64>)>,
+    supplies: Supplies,
+    gyro_before_ns: Option<i64>,
+    wheels_before: Option<i64>,
+    valves_before: Option<(i64, Vec<bool>)>,
+    broken: bool,
+    settling: u32,
+    squares: (f64, u32),
+    newest: Option<(i64, Vector3<f64>, Vec<f64>)>,
+    alarmed: bool,
+}
+
+impl Monitor {
+    /// A monitor of a platform before its first data.
+    ///
+    /// # Errors
+    /// See [`MonitorError`].
+    pub fn new(model: &PlatformModel, prior: &ModelPrior, settings: &Settings) -> Result<Self, MonitorError> {
+        for (kind, range) in Kind::ALL.into_iter().zip(model.actuators.motor_ranges()) {
+            if kind != Kind::Wheels && !range.is_empty() {
+                return Err(MonitorError::OtherActuators { what: format!("{kind:?}") });
+            }
+        }
+        let measured = Measured {
+            wheel_torque: true,
+            temperature: false,
+            voltage: false,
+            bin_s: settings.bin_s,
+            largest_rate_rad_s: 0.1,
+            largest_tilt_rad: 0.1,
+        };
+        let all = directions(model, prior, &measured)?;
+        let filter = Filter::new(&all, settings);
+        Ok(Self {
+            lanes: Lanes::new(&all),
+            evidence: Evidence::new(&all, &filter.places, settings),
+            filter,
+            all,
+            model: model.clone(),
+            settings: settings.clone(),
+            predictor: None,
+            inputs: VecDeque::new(),
+            attitudes: VecDeque::new(),
+            supplies: Supplies::default(),
+            gyro_before_ns: None,
+            wheels_before: None,
+            valves_before: None,
+            broken: true,
+            settling: SETTLING_BINS,
+            squares: (0.0, 0),
+            newest: None,
+            alarmed: false,
+        })
+    }
+
+    fn push(&mut self, at_ns: i64, input: Input) {
+        if self.inputs.len() >= MOST_WAITING {
+            self.pause();
+        }
+        // Data come nearly in order.
+        let place = self.inputs.iter().rposition(|(before, _)| *before <= at_ns).map_or(0, |k| k + 1);
+        self.inputs.insert(place, (at_ns, input));
+    }
+
+    /// Reading of the gyro, body axes [rad/s].
+    pub fn on_gyro(&mut self, stamp_ns: i64, rate_b_rad_s: &Vector3<f64>) {
+        if let Some(before) = self.gyro_before_ns
+            && (stamp_ns <= before || (stamp_ns - before) as f64 * 1e-9 > GAP_S)
+        {
+            self.pause();
+        }
+        self.gyro_before_ns = Some(stamp_ns);
+        self.push(stamp_ns, Input::Gyro(*rate_b_rad_s));
+    }
+
+    /// Speeds of the wheels [rad/s] and the motor torques that were in force until then [N m].
+    pub fn on_wheels(&mut self, stamp_ns: i64, speed_rad_s: &[f64], torque_n_m: &[f64]) {
+        let wheels = self.model.wheels().len();
+        let finite = speed_rad_s.iter().chain(torque_n_m).all(|x| x.is_finite());
+        if speed_rad_s.len() != wheels || torque_n_m.len() != wheels || !finite {
+            return;
+        }
+        let fill = |numbers: &[f64]| {
+            let mut all = [0.0; MAX_WHEELS];
+            all.iter_mut().zip(numbers).for_each(|(slot, x)| *slot = *x);
+            all
+        };
+        // In force since the message before; after a lost one nobody knows.
+        let since = self.wheels_before.filter(|before| *before < stamp_ns).unwrap_or(stamp_ns);
+        self.wheels_before = Some(stamp_ns);
+        self.push(since, Input::Torque(fill(torque_n_m)));
+        self.push(stamp_ns, Input::Speed(fill(speed_rad_s)));
+    }
+
+    /// State of the valves at `stamp_ns`, and how long each was driven since the message before \[s\].
+    pub fn on_valves(&mut self, stamp_ns: i64, open: &[bool], on_time_s: &[f64]) {
+        let jets = self.model.jets().len();
+        if open.len() != jets || on_time_s.len() != jets {
+            return;
+        }
+        let before = self.valves_before.replace((stamp_ns, open.to_vec()));
+        let Some((before_ns, was_open)) = before.filter(|(at, _)| *at < stamp_ns) else { return };
+        for (jet, on_time_s) in on_time_s.iter().enumerate().filter(|(_, t)| t.is_finite() && **t > 0.0) {
+            let on_ns = ((on_time_s * 1e9).round() as i64).min(stamp_ns - before_ns);
+            let opened_meanwhile = open[jet] && !was_open.get(jet).copied().unwrap_or(false);
+            let start_ns = if opened_meanwhile { stamp_ns - on_ns } else { before_ns };
+            self.push(start_ns, Input::Pulse(jet, on_ns as f64 * 1e-9));
+        }
+    }
+
+    /// Moment of the linear mass actuators from now on, body axes [N m].
+    pub fn on_ballast(&mut self, stamp_ns: i64, moment_b_n_m: &Vector3<f64>) {
+        self.push(stamp_ns, Input::Ballast(*moment_b_n_m));
+    }
+
+    /// Supplies as measured; those that are `None` stay as they were.
+    pub fn on_supplies(&mut self, new: &Supplies) {
+        let old = self.supplies;
+        self.supplies = Supplies {
+            pressure_pa: new.pressure_pa.or(old.pressure_pa),
+            voltage_v: new.voltage_v.or(old.voltage_v),
+            temperature_k: new.temperature_k.or(old.temperature_k),
+        };
+    }
+
+    /// Nobody knows how the platform moves from here on: a gap, a hand, a stop. What was learned stays.
+    pub fn pause(&mut self) {
+        self.broken = true;
+        self.inputs.clear();
+        self.attitudes.clear();
+    }
+
+    /// Forgets a mismatch, as after a repair, and all evidence.
+    pub fn forget(&mut self) {
+        self.alarmed = false;
+        self.evidence.clear();
+    }
+
+    /// An estimated attitude and rate. Predicts all bins that are complete.
+    pub fn on_attitude(
+        &mut self,
+        stamp_ns: i64,
+        q_world_body: &UnitQuaternion<f64>,
+        rate_b_rad_s: &Vector3<f64>,
+    ) {
+        let vertical = whorl_math::vertical_b(q_world_body);
+        let from_stop_rad = match self.model.tilt_limit {
+            TiltLimit::Cone { max_rad } => max_rad - vertical.z.clamp(-1.0, 1.0).acos(),
+            TiltLimit::Pitch { max_rad } => max_rad - vertical.x.clamp(-1.0, 1.0).asin().abs(),
+        };
+        if self.model.tilt_limit.stops() && from_stop_rad <= FROM_STOP_RAD {
+            self.pause();
+            return;
+        }
+        if self.attitudes.len() >= MOST_WAITING {
+            self.attitudes.pop_front();
+        }
+        self.attitudes.push_back((stamp_ns, *q_world_body, *rate_b_rad_s));
+        if self.broken {
+            self.restart(stamp_ns, q_world_body, rate_b_rad_s);
+            return;
+        }
+        loop {
+            let Some(start_ns) = self.predictor.as_ref().map(Predictor::now_ns) else { return };
+            let end_ns = start_ns + ns(self.settings.bin_s);
+            if stamp_ns < end_ns + ns(SETTLED_S) {
+                return;
+            }
+            if !self.bin(start_ns, end_ns) {
+                self.pause();
+                return;
+            }
+        }
+    }
+
+    fn restart(&mut self, stamp_ns: i64, q_world_body: &UnitQuaternion<f64>, rate_b_rad_s: &Vector3<f64>) {
+        let speeds = self.inputs.iter().rev().find_map(|(_, input)| match input {
+            Input::Speed(speeds) => Some(*speeds),
+            _ => None,
+        });
+        if speeds.is_none() && !self.model.wheels().is_empty() {
+            return;
+        }
+        let Ok(mut predictor) = Predictor::new(&self.model, &self.supplies, stamp_ns) else { return };
+        if predictor.set_motion(q_world_body, rate_b_rad_s, &speeds.unwrap_or_default()).is_err() {
+            return;
+        }
+        self.inputs.retain(|(at, _)| *at > stamp_ns);
+        self.predictor = Some(predictor);
+        self.filter.forget_motion();
+        self.evidence.forget_motion(self.filter.places.motion());
+        self.broken = false;
+        self.settling = SETTLING_BINS;
+    }
+
+    /// The attitude at a time, by the newest estimate until then.
+    fn attitude_at(&mut self, at_ns: i64) -> Option<UnitQuaternion<f64>> {
+        while self.attitudes.get(1).is_some_and(|(next, ..)| *next <= at_ns) {
+            self.attitudes.pop_front();
+        }
+        let (stamp_ns, q, rate) = self.attitudes.front()?;
+        let later_s = (at_ns - stamp_ns) as f64 * 1e-9;
+        (later_s.abs() <= GAP_S).then(|| turned(q, rate, later_s))
+    }
+
+    /// One bin; `false` where the data do not suffice.
+    fn bin(&mut self, start_ns: i64, end_ns: i64) -> bool {
+        let Some(q_world_body) = self.attitude_at(start_ns) else { return false };
+        let Some(predictor) = &mut self.predictor else { return false };
+        let (rate, speeds) = predictor.motion();
+        if predictor.set_motion(&q_world_body, &rate, &speeds).is_err() {
+            return false;
+        }
+        let Ok(bin) = predictor.bin(&mut self.inputs, end_ns) else { return false };
+        let places = self.filter.places;
+        let changes = self.lanes.changes(&bin, &places);
+        self.settling = self.settling.saturating_sub(1);
+        if self.settling == 0 {
+            self.evidence.begin(start_ns);
+        }
+        let Some((whitened, correction)) = self.filter.step(&self.lanes, &bin, &changes) else {
+            return false;
+        };
+        if self.settling == 0 {
+            self.evidence.add(&whitened, &changes, &places);
+            self.squares.0 += whitened.innovation.norm_squared();
+            self.squares.1 += u32::try_from(whitened.innovation.len()).unwrap_or(0);
+        }
+        let (mut rate, mut speeds) = predictor.motion();
+        rate += correction.fixed_rows::<3>(0);
+        for (speed, change) in speeds.iter_mut().zip(correction.iter().skip(3)) {
+            *speed += change;
+        }
+        let mut gyro = Vector3::repeat(f64::NAN);
+        let mut of_wheels = vec![f64::NAN; places.wheels];
+        for (reading, y) in whitened.reading.iter().zip(whitened.innovation.iter()) {
+            let slot = if *reading < 3 { gyro.get_mut(*reading) } else { of_wheels.get_mut(reading - 3) };
+            if let Some(slot) = slot {
+                *slot = *y;
+            }
+        }
+        self.newest = Some((end_ns, gyro, of_wheels));
+        predictor.set_motion(&q_world_body, &rate, &speeds).is_ok()
+    }
+
+    /// How well the model fits now. Sums begin anew.
+    pub fn fit(&mut self, now_ns: i64) -> Fit {
+        let (stamp_ns, gyro, wheel_speed) = self.newest.clone().unwrap_or_else(|| {
+            (now_ns, Vector3::repeat(f64::NAN), vec![f64::NAN; self.filter.places.wheels])
+        });
+        let squares = std::mem::take(&mut self.squares);
+        let ln_evidence = self.evidence.ln_evidence();
+        let limit = self.settings.limit_nats();
+        self.alarmed |= ln_evidence >= limit;
+        let state = match (self.alarmed, self.broken || self.settling > 0) {
+            (true, _) => State::Mismatch,
+            (false, true) => State::Waiting,
+            (false, false) if ln_evidence >= 0.5 * limit => State::Doubt,
+            (false, false) => State::Agrees,
+        };
+        let likeliest = if self.alarmed { self.likeliest() } else { None };
+        Fit { stamp_ns, state, gyro, wheel_speed, squares, ln_evidence, likeliest }
+    }
+
+    /// The evidence that is an alarm \[nats\].
+    #[must_use]
+    pub fn limit_nats(&self) -> f64 {
+        self.settings.limit_nats()
+    }
+
+    fn likeliest(&self) -> Option<Likeliest> {
+        let first = self.evidence.weighed().into_iter().next()?;
+        let numbers = first.estimate.iter().zip(&first.stddev);
+        let parameters = if first.effect == UNKNOWN_TORQUE {
+            let named = ["torque_x", "torque_y", "torque_z"].into_iter().zip(numbers);
+            named
+                .map(|(name, (estimate, stddev))| Parameter {
+                    name: name.to_owned(),
+                    estimate: *estimate,
+                    stddev: *stddev,
+                    unit: "N m".to_owned(),
+                })
+                .collect()
+        } else {
+            let own = first.directions.iter().filter_map(|k| self.all.directions.get(*k)).zip(numbers);
+            own.map(|(direction, (estimate, stddev))| Parameter {
+                name: direction.parameter.clone(),
+                estimate: direction.origin + estimate * direction.scale,
+                stddev: stddev * direction.scale,
+                unit: direction.unit.to_owned(),
+            })
+            .collect()
+        };
+        Some(Likeliest {
+            effect: first.effect.to_owned(),
+            probability: first.probability.min(1.0),
+            parameters,
+            since_ns: first.since_ns,
+        })
+    }
+}
+
+impl Likeliest {
+    /// Whether it is plain.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.probability >= PLAIN
+    }
+}
+
+fn ns(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}

@@ -1,0 +1,153 @@
+//! The model monitor beside the other nodes: how often it is wrong, and how soon it is right.
+//!
+//! Truth: simulated hardware. Its parameters differ from the model's within what the model's priors say
+//! (`params/truth/`), as those of a laboratory do.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
+
+use std::convert::Infallible;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use whorl_msgs::topics::{Message, PlatformId, Route};
+use whorl_msgs::whorl::{FormationState, ModelFit};
+use whorl_node::{Event, LogLine, Timestamp};
+use whorl_params::{Override, ParameterTree, standard_layers};
+use whorl_sim::{NodeSet, Observer, run};
+
+#[derive(Default)]
+struct Watch {
+    /// Time since the start of the simulation \[s\], platform.
+    fits: Vec<(f64, u16, ModelFit)>,
+    /// Commanded-open time of the first platform's jets at this time \[s\].
+    jets: Vec<(f64, Vec<f64>)>,
+    states: Vec<FormationState>,
+    first: Option<Timestamp>,
+}
+
+impl Observer for Watch {
+    type Error = Infallible;
+
+    fn published(&mut self, now: Timestamp, route: Route, message: &Arc<Message>) -> Result<(), Infallible> {
+        let at_s = now.seconds_since(*self.first.get_or_insert(now));
+        match (route.platform, &**message) {
+            (Some(PlatformId(id)), Message::ModelFit(fit)) => self.fits.push((at_s, id, fit.clone())),
+            (Some(PlatformId(0)), Message::ThrusterState(m)) => {
+                self.jets.push((at_s, m.total_on_time_s.clone()))
+            }
+            (_, Message::FormationState(m)) => self.states.push(m.clone()),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn logged(&mut self, _: Timestamp, _: &str, _: &LogLine) {}
+
+    fn stepping(&mut self, _: Timestamp, _: &str, _: &Event<'_>) {}
+}
+
+fn simulate(experiment: &str, seed: u64, longest_s: f64, overrides: &[&str]) -> Watch {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params");
+    let experiment = folder.join(format!("experiments/{experiment}.yaml"));
+    let overrides: Vec<_> = overrides.iter().map(|o| Override::parse(o).unwrap()).collect();
+    let layers = standard_layers(&folder, &["whorl_1", "whorl_2"], Some(&experiment));
+    let tree = ParameterTree::load(&layers, &overrides).unwrap();
+    let mut set = NodeSet::build(&tree, seed, Timestamp(1_800_000_000_000_000_000)).unwrap();
+    let mut watch = Watch::default();
+    run(&mut set, Duration::from_secs_f64(longest_s), &mut watch, |_| ()).unwrap();
+    watch
+}
+
+impl Watch {
+    fn first_mismatch(&self, platform: u16) -> Option<(f64, &ModelFit)> {
+        let of =
+            |(_, id, fit): &&(f64, u16, ModelFit)| *id == platform && fit.state == ModelFit::STATE_MISMATCH;
+        self.fits.iter().find(of).map(|(at_s, _, fit)| (*at_s, fit))
+    }
+
+    fn watched_s(&self) -> f64 {
+        self.fits.iter().filter(|(.., fit)| fit.state != ModelFit::STATE_WAITING).count() as f64
+    }
+}
+
+/// At most one in ten hours: over a quarter of an hour with every test, over eleven hours with `WHORL_SLOW_TESTS=1`.
+#[test]
+fn a_model_that_is_right_is_not_accused() {
+    let runs = if std::env::var_os("WHORL_SLOW_TESTS").is_some() { 170 } else { 4 };
+    let (mut accused, mut watched_s, mut squares, mut count) = (0, 0.0, 0.0, 0.0);
+    for seed in 0..runs {
+        let watch = simulate("leader_follower_jets", 100 + seed, 200.0, &[]);
+        for platform in [0, 1] {
+            accused += u32::from(watch.first_mismatch(platform).is_some());
+        }
+        watched_s += watch.watched_s();
+        for (.., fit) in watch.fits.iter().skip(20) {
+            squares += fit.squares;
+            count += f64::from(fit.squares_dof);
+        }
+    }
+    println!(
+        "{accused} accused in {:.2} h; mean square {:.3} of {count}",
+        watched_s / 3600.0,
+        squares / count
+    );
+    assert!(watched_s > 200.0 * runs as f64, "it watched: {watched_s} s");
+    assert!(f64::from(accused) <= (0.1 * watched_s / 3600.0).floor() + 1.0 && (runs > 10 || accused == 0));
+    // Whitened: the mean square is one where all that the filter expects were there, less where the platform is quieter.
+    assert!((0.6..1.1).contains(&(squares / count)), "{}", squares / count);
+}
+
+/// A nozzle clogs to 70 % in mid-run: found within 30 s of when the jet has been open for a tenth of a second, and named.
+#[test]
+fn a_weak_jet_is_found_and_named() {
+    for (jet, index) in [("jet_3", 2), ("jet_6", 5), ("jet_9", 8)] {
+        let faults = [
+            "/whorl_1/driver:faults.weak.kind:=jet_weak".to_owned(),
+            format!("/whorl_1/driver:faults.weak.jet:={jet}"),
+            "/whorl_1/driver:faults.weak.thrust:=0.7".to_owned(),
+            "/whorl_1/driver:faults.weak.start_s:=60.0".to_owned(),
+        ];
+        let faults: Vec<&str> = faults.iter().map(String::as_str).collect();
+        let watch = simulate("leader_follower_jets", 5, 200.0, &faults);
+        let before = watch.jets.iter().rev().find(|(at_s, _)| *at_s < 60.0).unwrap().1[index];
+        let fired_s = watch.jets.iter().find(|(_, total)| total[index] > before + 0.1).unwrap().0;
+        let (found_s, fit) = watch.first_mismatch(0).unwrap_or_else(|| panic!("{jet} was not found"));
+        println!("{jet}: fired at {fired_s:.1} s, found at {found_s:.1} s: {}", fit.in_words());
+        assert!(
+            found_s > 60.0 && found_s < fired_s + 30.0,
+            "{jet}: fired at {fired_s} s, found at {found_s} s"
+        );
+        // With five seconds more of it.
+        let later = |(at_s, id, _): &&(f64, u16, ModelFit)| *id == 0 && *at_s >= found_s + 5.0;
+        let fit = &watch.fits.iter().find(later).unwrap().2;
+        assert_eq!((fit.effect.as_str(), &fit.parameter[..]), ("thruster_strength", &[jet.to_owned()][..]));
+        assert!((fit.estimate[0] + 0.3).abs() < 4.0 * fit.stddev[0], "{}", fit.in_words());
+        assert!(watch.first_mismatch(1).is_none(), "the other platform is well");
+    }
+}
+
+/// Told to hold, the experiment waits, and ends when nobody makes the monitor forget.
+#[test]
+fn an_experiment_holds_when_told_to() {
+    let overrides = [
+        "/whorl_1/driver:faults.weak.kind:=jet_weak",
+        "/whorl_1/driver:faults.weak.jet:=jet_3",
+        "/whorl_1/driver:faults.weak.thrust:=0.5",
+        "/whorl_1/driver:faults.weak.start_s:=60.0",
+        "/coordinator:experiment.on_model_mismatch:=hold",
+        "/coordinator:experiment.model_hold_s:=15.0",
+    ];
+    let watch = simulate("leader_follower_jets", 5, 200.0, &overrides);
+    let (found_s, _) = watch.first_mismatch(0).unwrap();
+    let last = watch.states.last().unwrap();
+    assert_eq!(last.phase, FormationState::PHASE_ABORTED);
+    let mut held =
+        watch.states.iter().filter(|s| s.run_elapsed_s > 0.0 && s.phase != FormationState::PHASE_ABORTED);
+    let ended_s = held.next_back().unwrap().run_elapsed_s;
+    // The run began some seconds after the simulation; the hold is not part of its time.
+    assert!(found_s - ended_s < 15.0, "found at {found_s} s, run at {ended_s} s");
+    // Not told to, it goes on.
+    let watch = simulate("leader_follower_jets", 5, 200.0, &overrides[..4]);
+    assert_eq!(watch.states.last().unwrap().phase, FormationState::PHASE_FINISHED);
+}

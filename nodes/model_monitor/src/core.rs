@@ -1,0 +1,269 @@
+//! The model monitor's state machine: measurements in, how well the model fits out.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use whorl_monitoring::predictor::Supplies;
+use whorl_monitoring::{Fit, Monitor, MonitorError, State};
+use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use whorl_msgs::std_msgs::Header;
+use whorl_msgs::topics::{Message, Route, Topic};
+use whorl_msgs::whorl::{ControlStatus, ModelFit};
+use whorl_node::{Configurable, Event, LogLevel, NodeCore, Outputs, Timestamp};
+
+use crate::Parameters;
+
+const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
+/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
+const CELSIUS_ZERO_K: f64 = 273.15;
+/// A message stamped further ahead of this computer's clock is refused \[s\].
+const AHEAD_S: f64 = 1.0;
+/// Without authority for this long hands may be on the platform \[s\].
+const CONTROL_STALE_S: f64 = 1.0;
+
+/// The model monitor of one platform.
+pub struct ModelMonitorCore {
+    parameters: Parameters,
+    /// `None`: disabled, or of a kind that is not watched.
+    monitor: Option<Monitor>,
+    why_not: Option<String>,
+    controlled_at: Option<Timestamp>,
+    state: State,
+    sequence: u64,
+    next_diagnostics: Option<Timestamp>,
+}
+
+fn monitor_of(parameters: &Parameters) -> Result<(Option<Monitor>, Option<String>), MonitorError> {
+    if !parameters.enabled {
+        return Ok((None, Some("switched off by `enabled`".to_owned())));
+    }
+    match Monitor::new(&parameters.model, &parameters.prior, &parameters.settings) {
+        Ok(monitor) => Ok((Some(monitor), None)),
+        Err(error @ MonitorError::OtherActuators { .. }) => Ok((None, Some(error.to_string()))),
+        Err(error) => Err(error),
+    }
+}
+
+impl ModelMonitorCore {
+    /// A monitor before its first message.
+    ///
+    /// # Errors
+    /// When the model cannot be simulated.
+    pub fn new(parameters: Parameters) -> Result<Self, MonitorError> {
+        let (monitor, why_not) = monitor_of(&parameters)?;
+        Ok(Self {
+            parameters,
+            monitor,
+            why_not,
+            controlled_at: None,
+            state: State::Waiting,
+            sequence: 0,
+            next_diagnostics: None,
+        })
+    }
+
+    fn route(&self, topic: Topic) -> Route {
+        Route::platform(self.parameters.platform, topic)
+    }
+
+    fn take(&mut self, now: Timestamp, route: Route, message: &Message) {
+        let stamp = message.header().map(|header| Timestamp::from(header.stamp));
+        if stamp.is_some_and(|stamp| stamp.seconds_since(now) > AHEAD_S) {
+            return;
+        }
+        let stamp_ns = stamp.unwrap_or(now).0;
+        let Some(monitor) = &mut self.monitor else { return };
+        match message {
+            Message::ControlStatus(status) => {
+                if status.mode == ControlStatus::MODE_IDLE || status.mode == ControlStatus::MODE_SAFE_COAST {
+                    self.controlled_at = None;
+                    monitor.pause();
+                } else {
+                    self.controlled_at = Some(now);
+                }
+            }
+            _ if self.controlled_at.is_none() => {}
+            Message::Imu(imu) => monitor.on_gyro(stamp_ns, &imu.angular_velocity.into()),
+            Message::JointState(state) if route.topic == Topic::WheelState => {
+                monitor.on_wheels(stamp_ns, &state.velocity, &state.effort);
+            }
+            Message::ThrusterState(state) => monitor.on_valves(stamp_ns, &state.valve_open, &state.on_time_s),
+            Message::Vector3Stamped(moment) if route.topic == Topic::BallastMoment => {
+                monitor.on_ballast(stamp_ns, &moment.vector.into());
+            }
+            Message::AttitudeEstimate(estimate) => {
+                let rate = Vector3::from(estimate.omega_wb_b_rad_s);
+                match estimate.q_world_body.to_unit().filter(|_| estimate.usable()) {
+                    Some(q_world_body) => monitor.on_attitude(stamp_ns, &q_world_body, &rate),
+                    None => monitor.pause(),
+                }
+            }
+            Message::FluidPressure(pressure) => monitor.on_supplies(&Supplies {
+                pressure_pa: finite(pressure.fluid_pressure),
+                ..Supplies::default()
+            }),
+            Message::BatteryState(battery) => monitor.on_supplies(&Supplies {
+                voltage_v: finite(f64::from(battery.voltage)),
+                ..Supplies::default()
+            }),
+            Message::Temperature(temperature) => monitor.on_supplies(&Supplies {
+                temperature_k: finite(temperature.temperature + CELSIUS_ZERO_K),
+                ..Supplies::default()
+            }),
+            _ => {}
+        }
+    }
+
+    fn publish(&mut self, now: Timestamp, outputs: &mut Outputs) {
+        let stale = |since: Timestamp| now.seconds_since(since) > CONTROL_STALE_S;
+        if self.controlled_at.is_some_and(stale) {
+            self.controlled_at = None;
+            if let Some(monitor) = &mut self.monitor {
+                monitor.pause();
+            }
+        }
+        let name = &self.parameters.name;
+        let mut message = ModelFit {
+            header: Header { stamp: now.into(), frame_id: format!("{name}/base_link") },
+            sequence: self.sequence,
+            gyro_whitened: Vector3::repeat(f64::NAN).into(),
+            ln_evidence: f64::NEG_INFINITY,
+            ln_limit: self.parameters.settings.limit_nats(),
+            probability: f64::NAN,
+            ..ModelFit::default()
+        };
+        self.sequence += 1;
+        if let Some(monitor) = &mut self.monitor {
+            let fit = monitor.fit(now.0);
+            fill(&mut message, &fit);
+            if fit.state != self.state {
+                let level = if fit.state == State::Mismatch { LogLevel::Warn } else { LogLevel::Info };
+                if fit.state == State::Mismatch || self.state == State::Mismatch {
+                    outputs.log(level, format!("{name}: {}", message.in_words()));
+                }
+                self.state = fit.state;
+            }
+        }
+        if self.next_diagnostics.is_none_or(|due| now >= due) {
+            self.next_diagnostics = Some(now + DIAGNOSTICS_PERIOD);
+            outputs.publish(Route::shared(Topic::Diagnostics), self.diagnostics(now, &message));
+        }
+        outputs.publish(self.route(Topic::ModelFit), message);
+    }
+
+    fn diagnostics(&self, now: Timestamp, fit: &ModelFit) -> DiagnosticArray {
+        let values = [
+            ("evidence against the model [nats]", fit.ln_evidence),
+            ("evidence that is a mismatch [nats]", fit.ln_limit),
+        ];
+        let status = DiagnosticStatus {
+            level: if self.state == State::Mismatch { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+            name: format!("{}: model_monitor", self.parameters.name),
+            message: self.why_not.clone().unwrap_or_else(|| fit.in_words()),
+            hardware_id: self.parameters.name.clone(),
+            values: values
+                .iter()
+                .map(|(key, value)| KeyValue { key: (*key).to_owned(), value: format!("{value:.1}") })
+                .collect(),
+        };
+        let header = Header { stamp: now.into(), frame_id: String::new() };
+        DiagnosticArray { header, status: vec![status] }
+    }
+}
+
+fn finite(x: f64) -> Option<f64> {
+    x.is_finite().then_some(x)
+}
+
+fn fill(message: &mut ModelFit, fit: &Fit) {
+    message.header.stamp = Timestamp(fit.stamp_ns).into();
+    message.state = match fit.state {
+        State::Waiting => ModelFit::STATE_WAITING,
+        State::Agrees => ModelFit::STATE_AGREES,
+        State::Doubt => ModelFit::STATE_DOUBT,
+        State::Mismatch => ModelFit::STATE_MISMATCH,
+    };
+    message.gyro_whitened = fit.gyro.into();
+    message.wheel_speed_whitened.clone_from(&fit.wheel_speed);
+    (message.squares, message.squares_dof) = fit.squares;
+    message.ln_evidence = fit.ln_evidence;
+    let Some(likeliest) = &fit.likeliest else { return };
+    message.effect.clone_from(&likeliest.effect);
+    message.probability = likeliest.probability;
+    message.since = Timestamp(likeliest.since_ns).into();
+    for parameter in &likeliest.parameters {
+        message.parameter.push(parameter.name.clone());
+        message.unit.push(parameter.unit.clone());
+        message.estimate.push(parameter.estimate);
+        message.stddev.push(parameter.stddev);
+    }
+}
+
+impl NodeCore for ModelMonitorCore {
+    fn subscriptions(&self) -> Vec<Route> {
+        if self.monitor.is_none() {
+            return Vec::new();
+        }
+        let topics = [
+            Topic::ImuRaw,
+            Topic::WheelState,
+            Topic::ThrusterState,
+            Topic::AttitudeEstimate,
+            Topic::ControlStatus,
+            Topic::TankPressure,
+            Topic::Battery,
+            Topic::Temperature,
+            Topic::BallastMoment,
+        ];
+        topics.into_iter().map(|topic| self.route(topic)).collect()
+    }
+
+    fn publications(&self) -> Vec<Route> {
+        vec![self.route(Topic::ModelFit), Route::shared(Topic::Diagnostics)]
+    }
+
+    fn timer_period(&self) -> Option<Duration> {
+        Some(Duration::from_secs_f64(1.0 / self.parameters.rate_hz))
+    }
+
+    fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
+        match event {
+            Event::Message { route, message } => self.take(now, route, message),
+            Event::Timer => self.publish(now, outputs),
+            Event::Interruption => {
+                if let Some(monitor) = &mut self.monitor {
+                    monitor.pause();
+                }
+            }
+            Event::Request { .. } | Event::Woken | Event::Shutdown => {}
+        }
+    }
+}
+
+impl Configurable for ModelMonitorCore {
+    type Parameters = Parameters;
+
+    fn reconfigure(&mut self, parameters: &Parameters) -> Result<(), String> {
+        let own = &self.parameters;
+        if (parameters.platform, &parameters.name) != (own.platform, &own.name) {
+            return Err("the platform cannot be changed while the monitor runs".to_owned());
+        }
+        if parameters.rate_hz != own.rate_hz {
+            return Err("the rate cannot be changed while the monitor runs".to_owned());
+        }
+        if parameters.enabled != own.enabled {
+            return Err("the monitor cannot be switched on or off while it runs".to_owned());
+        }
+        if (&parameters.model, &parameters.prior, &parameters.settings)
+            != (&own.model, &own.prior, &own.settings)
+        {
+            (self.monitor, self.why_not) = monitor_of(parameters).map_err(|error| error.to_string())?;
+        } else if parameters.forget != own.forget
+            && let Some(monitor) = &mut self.monitor
+        {
+            monitor.forget();
+        }
+        self.parameters = parameters.clone();
+        Ok(())
+    }
+}
