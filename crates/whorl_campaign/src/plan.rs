@@ -30,6 +30,9 @@ pub struct Plan {
     runs: u64,
 }
 
+/// Model monitors take as long as all else in a simulation; a campaign that asks for them overrides this.
+const UNWATCHED: &str = "/**/model_monitor:enabled:=false";
+
 /// A campaign that cannot be planned.
 #[derive(Debug, Error)]
 pub enum PlanError {
@@ -73,7 +76,9 @@ impl Plan {
             Override::parse(text)
                 .map_err(|e| PlanError::Override { axis: axis.to_owned(), problem: e.to_string() })
         };
-        let always = definition.always.iter().map(|o| parse("always", o)).collect::<Result<_, _>>()?;
+        let unwatched = UNWATCHED.to_owned();
+        let always = std::iter::once(&unwatched).chain(&definition.always);
+        let always = always.map(|o| parse("always", o)).collect::<Result<_, _>>()?;
         let of_axis = |axis: &Axis| -> Result<Vec<Vec<Override>>, PlanError> {
             let choice =
                 |c: &crate::definition::Choice| c.overrides.iter().map(|o| parse(&axis.name, o)).collect();

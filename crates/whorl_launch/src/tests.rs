@@ -121,7 +121,8 @@ fn what_is_not_there_is_named_before_anything_starts() {
 fn a_platform_may_be_left_out() {
     let platforms = Some(vec!["whorl_1".to_owned()]);
     let setup = Setup::new(SetupOptions { platforms, ..options("leader_follower_short") }).unwrap();
-    assert_eq!(setup.everything(Path::new("x"), None).len(), 5);
+    // Driver, estimator, local control and model monitor; coordinator and recorder.
+    assert_eq!(setup.everything(Path::new("x"), None).len(), 6);
 }
 
 #[test]

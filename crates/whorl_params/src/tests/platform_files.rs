@@ -51,7 +51,7 @@ fn every_file_loads_for_every_node() {
         let tree = load(&platform_names);
         let nodes = tree.node_set();
         let on_platforms = if tree.law_on_platforms() { platform_names.len() } else { 0 };
-        assert_eq!(nodes.len(), platform_names.len() * 3 + on_platforms + 3);
+        assert_eq!(nodes.len(), platform_names.len() * 4 + on_platforms + 3);
         tree.check_nodes().unwrap_or_else(|errors| panic!("{errors}"));
         for name in nodes.iter().map(|instance| &instance.name) {
             let node = tree.for_node(name);
