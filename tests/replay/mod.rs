@@ -70,8 +70,8 @@ fn replay(node: &str, mut core: impl NodeCore, run: &Run, recorded: &BTreeMap<Ro
             compared += 1;
         }
     }
-    // The model monitor speaks once a second.
-    let least = if node.ends_with("model_monitor") { 60 } else { 500 };
+    // The model monitor speaks once a second, for half a minute.
+    let least = if node.ends_with("model_monitor") { 50 } else { 500 };
     assert!(compared > least, "{node}: only {compared} messages were compared");
 }
 

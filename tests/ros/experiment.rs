@@ -16,7 +16,7 @@ use crate::support::process::Process;
 use crate::support::watch::{Watch, route};
 use crate::support::{binaries, measured, root, wait_for};
 
-const NODES: usize = 8;
+const NODES: usize = 10;
 
 /// The launch scripts in their own domain.
 struct Laboratory {

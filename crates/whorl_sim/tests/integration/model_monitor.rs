@@ -94,8 +94,9 @@ fn a_model_that_is_right_is_not_accused() {
     );
     assert!(watched_s > 200.0 * runs as f64, "it watched: {watched_s} s");
     assert!(f64::from(accused) <= (0.1 * watched_s / 3600.0).floor() + 1.0 && (runs > 10 || accused == 0));
-    // Whitened: the mean square is one where all that the filter expects were there, less where the platform is quieter.
-    assert!((0.6..1.1).contains(&(squares / count)), "{}", squares / count);
+    // One where all were there that the filter expects: background torque and errors of formulas, which simulated hardware
+    // has hardly any of.
+    assert!((0.4..1.1).contains(&(squares / count)), "{}", squares / count);
 }
 
 /// A nozzle clogs to 70 % in mid-run: found within 30 s of when the jet has been open for a tenth of a second, and named.
