@@ -14,7 +14,7 @@ use crate::run::{
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The node set of one platform: driver, estimator, local control. Ctrl-C stops it.
+    /// The node set of one platform: driver, estimator, local control, model monitor. Ctrl-C stops it.
     Platform(Platform),
     /// The coordinator: experiment sequence, relative-attitude law, authority heartbeat.
     Coordinator(Coordinator),
