@@ -117,15 +117,9 @@ pub struct Predictor {
 fn quiet(model: &PlatformModel, supplies: &Supplies) -> PlatformModel {
     let mut quiet = model.clone();
     let sensors = &mut quiet.sensors;
-    for errors in [&mut sensors.gyro.errors, &mut sensors.accelerometer.errors] {
-        errors.noise_stddev = Vector3::zeros();
-        errors.bias_turn_on_stddev = Vector3::zeros();
-        errors.bias_walk = Vector3::zeros();
-        errors.quantum = 0.0;
-        errors.range = f64::INFINITY;
-    }
-    sensors.wheel_speed.noise_stddev_rad_s = 0.0;
-    sensors.wheel_speed.quantum_rad_s = 0.0;
+    sensors.silence();
+    sensors.gyro.errors.range = f64::INFINITY;
+    sensors.accelerometer.errors.range = f64::INFINITY;
     sensors.ambient_temperature_k = supplies.temperature_k.unwrap_or(sensors.ambient_temperature_k);
     if let Some(pressure_pa) = supplies.pressure_pa.filter(|p| *p > 0.0) {
         quiet.tank_mut().initial_pressure_pa = pressure_pa;

@@ -84,14 +84,7 @@ pub struct Simulator<'a> {
 fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
     let mut quiet = model.clone();
     let sensors = &mut quiet.sensors;
-    for errors in [&mut sensors.gyro.errors, &mut sensors.accelerometer.errors] {
-        errors.noise_stddev = Vector3::zeros();
-        errors.bias_turn_on_stddev = Vector3::zeros();
-        errors.bias_walk = Vector3::zeros();
-        errors.quantum = 0.0;
-    }
-    sensors.wheel_speed.noise_stddev_rad_s = 0.0;
-    sensors.wheel_speed.quantum_rad_s = 0.0;
+    sensors.silence();
     let duration_s = recording.duration_s();
     if let Some((start, slope)) = trend(&recording.temperature_k) {
         sensors.ambient_temperature_k = start;

@@ -151,3 +151,18 @@ pub struct SensorSuite {
     /// Drift of the temperature [K/s].
     pub temperature_drift_k_s: f64,
 }
+
+impl SensorSuite {
+    /// Takes noise, biases that are drawn and steps of the digits off gyro, accelerometer and tachometers: what a model
+    /// predicts of them.
+    pub fn silence(&mut self) {
+        for errors in [&mut self.gyro.errors, &mut self.accelerometer.errors] {
+            errors.noise_stddev = Vector3::zeros();
+            errors.bias_turn_on_stddev = Vector3::zeros();
+            errors.bias_walk = Vector3::zeros();
+            errors.quantum = 0.0;
+        }
+        self.wheel_speed.noise_stddev_rad_s = 0.0;
+        self.wheel_speed.quantum_rad_s = 0.0;
+    }
+}
