@@ -134,12 +134,26 @@ impl RunWriter {
         self.store_parameters(name, &source.to_string_lossy(), &bytes)
     }
 
+    /// Copies the parameter files of a run, and the files of effects that belong to them.
+    ///
+    /// # Errors
+    /// As [`Self::add_parameter_file`].
+    pub fn add_parameter_files(&mut self, files: &[PathBuf]) -> Result<(), BagError> {
+        for file in files {
+            self.add_parameter_file(file)?;
+        }
+        for file in whorl_params::effect_files_beside(files) {
+            self.add_effect_file(&file)?;
+        }
+        Ok(())
+    }
+
     /// Copies the file of an effect into `params/effects/`, where the readers of the parameter files in `params/` look for
     /// it; that of a simulation's truth into `params/truth/effects/`.
     ///
     /// # Errors
     /// [`BagError::NotFound`], [`BagError::Io`].
-    pub fn add_effect_file(&mut self, source: &Path) -> Result<(), BagError> {
+    fn add_effect_file(&mut self, source: &Path) -> Result<(), BagError> {
         let bytes = std::fs::read(source).map_err(|e| BagError::io("cannot read", source, e))?;
         let name = source.file_name().map(Path::new).unwrap_or(Path::new("effect.yaml"));
         let is_of_truth =

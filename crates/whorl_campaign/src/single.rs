@@ -138,12 +138,7 @@ fn open(spec: &RunSpec, set: &NodeSet, folder: &Path) -> Result<RunWriter, BagEr
         })?;
     }
     let mut writer = RunWriter::create_in(folder, description, Timestamp(0), BagOptions::default())?;
-    for layer in &spec.layers {
-        writer.add_parameter_file(layer)?;
-    }
-    for file in whorl_params::effect_files_beside(&spec.layers) {
-        writer.add_effect_file(&file)?;
-    }
+    writer.add_parameter_files(&spec.layers)?;
     writer.add_parameters(
         "effective.yaml",
         "the parameters in force",

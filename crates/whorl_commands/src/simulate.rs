@@ -147,12 +147,7 @@ impl Simulation {
             Record::Into(out) => RunWriter::create_in(out, description, now, options)?,
             Record::Beneath(folder) => RunWriter::create(folder, description, now, options)?,
         };
-        for layer in layers {
-            writer.add_parameter_file(layer)?;
-        }
-        for file in whorl_params::effect_files_beside(layers) {
-            writer.add_effect_file(&file)?;
-        }
+        writer.add_parameter_files(layers)?;
         writer.add_parameters(
             "effective.yaml",
             "the parameters in force",

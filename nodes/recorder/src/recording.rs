@@ -128,12 +128,7 @@ fn create_run(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<
         Some(directory) => RunWriter::create_in(directory, description, now, bag)?,
         None => RunWriter::create(&parameters.out_directory, description, now, bag)?,
     };
-    for file in &context.arguments().parameter_files {
-        run.add_parameter_file(file)?;
-    }
-    for file in whorl_params::effect_files_beside(&context.arguments().parameter_files) {
-        run.add_effect_file(&file)?;
-    }
+    run.add_parameter_files(&context.arguments().parameter_files)?;
     let effective = context.tree().effective_yaml();
     run.add_parameters("effective.yaml", "all files and -p arguments of the recorder", effective.as_bytes())?;
     Ok(run)
