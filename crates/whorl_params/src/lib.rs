@@ -45,6 +45,7 @@ mod scalar;
 mod sections;
 mod serialise;
 mod shared_groups;
+mod span;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -68,5 +69,6 @@ pub use platform_model::{
 pub use reader::{Reader, read, read_shared, try_read};
 pub use serialise::effective_yaml;
 pub use shared_groups::{SHARED_GROUPS, is_shared};
+pub use span::Span;
 pub use tree::{ParameterTree, layers_of_experiment, standard_layers};
 pub use value::{Kind, Value};

@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 use whorl_msgs::topics::PlatformId;
 use whorl_node::Timestamp;
+use whorl_params::Span;
 
 /// Where a node runs. Messages between nodes of one host take the local delay; all others cross
 /// the radio link.
@@ -20,10 +21,8 @@ pub enum Host {
 /// A time in which nothing passes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// From the start of the run \[s\], >= 0.
-    pub start_s: f64,
-    /// Length \[s\], >= 0.
-    pub length_s: f64,
+    /// When, from the start of the run.
+    pub span: Span,
     /// The platform whose computer is cut off from all others; `None`: every link is cut.
     pub platform: Option<PlatformId>,
 }
@@ -61,7 +60,7 @@ impl Link {
         let (loss, jitter) = (self.uniform(), self.uniform());
         let elapsed_s = now.seconds_since(self.start);
         let cut = self.parameters.cuts.iter().any(|c| {
-            (0.0..c.length_s).contains(&(elapsed_s - c.start_s))
+            c.span.contains(elapsed_s)
                 && c.platform.is_none_or(|platform| ends.contains(&Host::Platform(platform)))
         });
         let delay_s = self.parameters.delay_s + jitter * self.parameters.jitter_s;
@@ -82,7 +81,7 @@ mod tests {
 
     #[test]
     fn one_platform_can_be_cut_off_alone() {
-        let cuts = vec![Cut { start_s: 0.0, length_s: 1.0, platform: Some(PlatformId(1)) }];
+        let cuts = vec![Cut { span: Span { start_s: 0.0, length_s: 1.0 }, platform: Some(PlatformId(1)) }];
         let mut link = Link::new(LinkParameters { cuts, ..Default::default() }, Timestamp(0), 7);
         let mut passes = |from, to| link.delay(Timestamp(0), [from, to]).is_some();
         let [one, two] = [0, 1].map(|id| Host::Platform(PlatformId(id)));
@@ -106,7 +105,7 @@ mod tests {
 
     #[test]
     fn nothing_passes_in_a_cut() {
-        let cuts = vec![Cut { start_s: 1.0, length_s: 2.0, platform: None }];
+        let cuts = vec![Cut { span: Span { start_s: 1.0, length_s: 2.0 }, platform: None }];
         let mut link =
             Link::new(LinkParameters { cuts, ..Default::default() }, Timestamp::from_seconds(10.0), 7);
         let mut passes = |t: f64| link.delay(Timestamp::from_seconds(10.0 + t), ENDS).is_some();

@@ -12,8 +12,8 @@ use whorl_model_monitor::ModelMonitorCore;
 use whorl_msgs::topics::PlatformId;
 use whorl_node::{Node, NodeCore, NodeInstance, Timestamp};
 use whorl_params::{
-    Formation, NodeParameters, ParameterError, ParameterErrors, ParameterTree, Reader, Value, effective_yaml,
-    formation, non_negative, range, try_read,
+    Formation, NodeParameters, ParameterError, ParameterErrors, ParameterTree, Reader, Span, Value,
+    effective_yaml, formation, non_negative, range, try_read,
 };
 
 use crate::bus::Bus;
@@ -91,8 +91,14 @@ fn read_simulation(r: &mut Reader<'_>) -> Option<SimulationParameters> {
             .map(|name| {
                 r.group("cuts", |r| {
                     r.group(name, |r| Cut {
-                        start_s: r.f64("start_s", non_negative(), "when the link is cut, from the start [s]"),
-                        length_s: r.f64("length_s", non_negative(), "for how long [s]"),
+                        span: Span {
+                            start_s: r.f64(
+                                "start_s",
+                                non_negative(),
+                                "when the link is cut, from the start [s]",
+                            ),
+                            length_s: r.f64("length_s", non_negative(), "for how long [s]"),
+                        },
                         platform: read_cut_platform(r, &platforms),
                     })
                 })

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_msgs::sensor_msgs::Imu;
-use whorl_params::{Reader, non_negative, range};
+use whorl_params::{Reader, Span, non_negative, range};
 
 /// What breaks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,17 +45,15 @@ pub enum FaultKind {
 pub struct Fault {
     /// What breaks.
     pub kind: FaultKind,
-    /// From the driver's start \[s\].
-    pub start_s: f64,
-    /// Length \[s\]; infinite: to the end.
-    pub length_s: f64,
+    /// When, from the driver's start.
+    pub span: Span,
 }
 
 impl Fault {
     /// Whether it is active at this time after the driver's start.
     #[must_use]
     pub fn active(&self, elapsed_s: f64) -> bool {
-        (0.0..self.length_s).contains(&(elapsed_s - self.start_s))
+        self.span.contains(elapsed_s)
     }
 }
 
@@ -111,13 +109,10 @@ fn read_fault(r: &mut Reader<'_>, jets: &[String]) -> Fault {
             "jet_weak" => FaultKind::JetWeak { jet, per_mille: (thrust * 1000.0).round() as u16 },
             _ => FaultKind::JetStuckClosed { jet },
         },
-        start_s: r.f64("start_s", non_negative(), "when it breaks, from the driver's start [s]"),
-        length_s: r.f64_or(
-            "length_s",
-            f64::INFINITY,
-            range(0.0..).or_not_finite(),
-            "for how long [s]; left out: to the end",
-        ),
+        span: {
+            let start_s = r.f64("start_s", non_negative(), "when it breaks, from the driver's start [s]");
+            Span::from_start(r, start_s)
+        },
     }
 }
 
@@ -178,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_fault_is_there_from_its_start_for_its_length() {
-        let fault = Fault { kind: FaultKind::GyroNan, start_s: 2.0, length_s: 1.5 };
+        let fault = Fault { kind: FaultKind::GyroNan, span: Span { start_s: 2.0, length_s: 1.5 } };
         assert_eq!([1.99, 2.0, 3.49, 3.5].map(|t| fault.active(t)), [false, true, true, false]);
     }
 }

@@ -1,7 +1,7 @@
 //! What goes wrong with emulated devices, and how they are wired wrongly.
 
 use whorl_dynamics::PlatformModel;
-use whorl_params::{Reader, non_negative, range};
+use whorl_params::{Reader, Span, non_negative};
 
 use crate::list::DeviceList;
 
@@ -44,17 +44,15 @@ pub struct Fault {
     pub device: Option<usize>,
     /// What is wrong.
     pub kind: FaultKind,
-    /// From the emulators' start \[s\].
-    pub start_s: f64,
-    /// Length \[s\]; infinite: to the end.
-    pub length_s: f64,
+    /// When, from the emulators' start.
+    pub span: Span,
 }
 
 impl Fault {
     /// Whether it is there at this time after the start.
     #[must_use]
     pub fn active(&self, elapsed_s: f64) -> bool {
-        (0.0..self.length_s).contains(&(elapsed_s - self.start_s))
+        self.span.contains(elapsed_s)
     }
 }
 
@@ -88,17 +86,8 @@ fn read_one(r: &mut Reader<'_>, model: &PlatformModel, list: &DeviceList) -> Fau
             }
         }
     };
-    Fault {
-        device,
-        kind,
-        start_s: r.f64_or("start_s", 0.0, non_negative(), "when it begins, from the emulators' start [s]"),
-        length_s: r.f64_or(
-            "length_s",
-            f64::INFINITY,
-            range(0.0..).or_not_finite(),
-            "for how long [s]; left out: to the end",
-        ),
-    }
+    let start_s = r.f64_or("start_s", 0.0, non_negative(), "when it begins, from the emulators' start [s]");
+    Fault { device, kind, span: Span::from_start(r, start_s) }
 }
 
 /// Index of a name; 0 after an error.

@@ -217,7 +217,10 @@ fn faults_can_be_injected_while_running_and_nothing_else_changed() {
     let (mut driver, _) = driver();
     let mut changed = driver.parameters.clone();
     let Backend::Simulated { faults, seed, .. } = &mut changed.backend else { panic!() };
-    faults.push(Fault { kind: FaultKind::JetStuckClosed { jet: 1 }, start_s: 0.0, length_s: f64::INFINITY });
+    faults.push(Fault {
+        kind: FaultKind::JetStuckClosed { jet: 1 },
+        span: whorl_params::Span { start_s: 0.0, length_s: f64::INFINITY },
+    });
     let seed_was = *seed;
     driver.reconfigure(&changed).unwrap();
     let mut outputs = Outputs::default();
