@@ -6,6 +6,7 @@ mod naming;
 mod noise_walks;
 mod prospects;
 mod residual;
+mod slopes;
 mod ties;
 mod uncertainty;
 mod whitening;

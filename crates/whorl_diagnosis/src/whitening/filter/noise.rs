@@ -139,12 +139,13 @@ impl System<'_> {
                 }
             }
         }
+        let motors = self.mechanics.motors(self.run, k);
         for (j, (wheel, covariance)) in model.wheels().iter().zip(&noise.wheel).enumerate() {
             let speed = self.motion.wheel_mid.get(k).and_then(|w| w.get(j)).copied().unwrap_or(0.0);
             let at_limit = speed.abs() > 0.985 * wheel.max_speed_rad_s;
             // Dry friction that pulls either way, anew in each interval.
             let either_way = wheel.coulomb_friction_n_m * (2.0 * h).sqrt();
-            let motor = self.run.wheel_command.get(j).map_or(0.0, |command| command.mean_at(k));
+            let motor = motors[j];
             let intensity = if !self.run.has_wheel_command {
                 0.5 * wheel.max_torque_n_m
             } else if self.run.has_wheel_speed && at_limit {
