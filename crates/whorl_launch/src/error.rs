@@ -15,7 +15,7 @@ pub enum LaunchError {
         known: Vec<String>,
     },
     /// Not a file, and not in the parameter folder.
-    #[error("no experiment '{name}': not a file, and not one of {}", known.join(" "))]
+    #[error("no experiment '{name}': not a file, and {}", among(known))]
     NoExperiment {
         /// What was asked for.
         name: String,
@@ -72,5 +72,13 @@ impl LaunchError {
     pub(crate) fn io(what: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |source| Self::Io { what, path, source }
+    }
+}
+
+/// The experiments that there are, in words.
+fn among(known: &[String]) -> String {
+    match known {
+        [] => "there are no others: start it in the folder that holds params/experiments".to_owned(),
+        known => format!("not one of {}", known.join(" ")),
     }
 }
