@@ -2,22 +2,32 @@
 //! of the wheels' torques.
 //!
 //! All are there in any laboratory, to a size that nobody knows. Each set of explanations is weighed with the sizes that
-//! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. The sizes are steps of
-//! a factor of three: the likelihood is flat within one.
+//! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. Sizes are steps of a
+//! factor of root three: over some hundred correlation times, half a step from the truth costs about as much as a parameter.
+//! A correlation time that is wrong by a factor of three leaves to others what is slower, or faster, than it allows.
 
 use crate::whitening::filter::About;
 
 /// Factor from size to size.
-pub(crate) const STEP: f64 = 3.0;
+pub(crate) const STEP: f64 = 1.732_050_807_568_877_2;
 
 /// Sizes of each kind beside none.
-const SIZES: u8 = 12;
+const SIZES: u8 = 24;
 
 /// Size at which a kind of noise begins to show.
-const SHOWS: u8 = 3;
+const SHOWS: u8 = 6;
 
 /// Size of each kind from which a climb begins.
-const SOME: u8 = 6;
+const SOME: u8 = 12;
+
+/// Strides of a climb, in steps.
+pub(crate) const STRIDES: [u8; 2] = [2, 1];
+
+/// Correlation times of a slow random torque, as shares of the whitening filter's memory, slowest first.
+pub(crate) const PACES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
+
+/// The fastest of them.
+const FASTEST: u8 = PACES.len() as u8 - 1;
 
 /// Slowest walk of a gyro's bias: it shows above the white noise only after so long \[s\].
 const SHOWS_AFTER_S: f64 = 200.0;
@@ -34,8 +44,8 @@ pub(crate) struct Nuisance {
     pub torque: u8,
     /// Noise of the wheels' torques.
     pub wheel: u8,
-    /// The torque forgets itself within seconds.
-    pub is_fast: bool,
+    /// Its correlation time: index into [`PACES`].
+    pub pace: u8,
     /// Axes about which the torque acts. About a single one it is no background but something that has no name.
     pub about: About,
 }
@@ -53,7 +63,7 @@ impl Nuisance {
     pub fn log_prior(self) -> f64 {
         let of_kind = |step: u8, choices: f64| if step == 0 { 0.5f64.ln() } else { (0.5 / choices).ln() };
         of_kind(self.bias, f64::from(SIZES))
-            + of_kind(self.torque, 2.0 * f64::from(SIZES))
+            + of_kind(self.torque, PACES.len() as f64 * f64::from(SIZES))
             + of_kind(self.wheel, f64::from(SIZES))
     }
 
@@ -61,7 +71,7 @@ impl Nuisance {
     pub fn gyro_bias_walk(self, density: f64) -> f64 {
         match self.bias {
             0 => density / STEADY_S,
-            step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 1),
+            step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 2),
         }
     }
 
@@ -70,20 +80,20 @@ impl Nuisance {
     pub fn starts(self) -> Vec<Self> {
         let mut all = vec![self];
         if self.torque > 0 || self.wheel > 0 {
-            let kinds = [(0, false), (SOME, false), (SOME, true)];
-            let of_kind = |(torque, is_fast)| {
-                [0, SOME].map(|wheel| Self { torque, is_fast, wheel, about: About::All, ..self })
+            let kinds = [(0, 0), (SOME, 0), (SOME, FASTEST)];
+            let of_kind = |(torque, pace)| {
+                [0, SOME].map(|wheel| Self { torque, pace, wheel, about: About::All, ..self })
             };
             all.extend(kinds.into_iter().flat_map(of_kind));
         }
         all
     }
 
-    /// What is one step away. Where a kind is absent the likelihood is flat, up to where it begins to show.
-    pub fn neighbours(self, has_body: bool, has_wheels: bool) -> Vec<Self> {
+    /// What is one stride away. Where a kind is absent the likelihood is flat, up to where it begins to show.
+    pub fn neighbours(self, stride: u8, has_body: bool, has_wheels: bool) -> Vec<Self> {
         let steps = |at: u8| match at {
             0 => vec![SHOWS],
-            at => vec![at - 1, (at + 1).min(SIZES)],
+            at => vec![at.saturating_sub(stride), (at + stride).min(SIZES)],
         };
         let mut all: Vec<Self> = Vec::new();
         if has_wheels {
@@ -94,12 +104,13 @@ impl Nuisance {
         }
         all.extend(steps(self.torque).into_iter().map(|torque| Self { torque, ..self }));
         if self.torque > 0 {
-            all.push(Self { is_fast: !self.is_fast, ..self });
+            let paces = [self.pace.checked_sub(1), Some(self.pace + 1).filter(|pace| *pace <= FASTEST)];
+            all.extend(paces.into_iter().flatten().map(|pace| Self { pace, ..self }));
         }
         all.extend(steps(self.bias).into_iter().map(|bias| Self { bias, ..self }));
         for other in &mut all {
             if other.torque == 0 {
-                (other.is_fast, other.about) = (false, About::All);
+                (other.pace, other.about) = (0, About::All);
             }
         }
         all

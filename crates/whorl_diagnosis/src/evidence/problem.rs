@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::UnitQuaternion;
+use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
-use crate::evidence::nuisance::{Nuisance, STEP};
+use crate::evidence::nuisance::{Nuisance, PACES, STEP};
 use crate::evidence::palette::Colours;
 use crate::evidence::regression::{Colour, Normal, Whitened, colour_log_density};
 use crate::layout::motion::Motion;
@@ -14,8 +15,8 @@ use crate::layout::run::{Run, is_clamped};
 use crate::layout::torques::Torques;
 use crate::parameters::{Column, Point, Reference};
 use crate::whitening::columns::{GROUPS, LANES, Linearised, Moved, group_response, predict};
-use crate::whitening::filter::{Background, Settings, System, WHEEL};
-use crate::whitening::mechanics::Mechanics;
+use crate::whitening::filter::{Background, Settings, System};
+use crate::whitening::mechanics::{Mechanics, Prediction, TorqueSlope};
 use crate::{DiagnosisError, threads};
 
 /// Nodes of all runs together, at most: more data go into wider bins.
@@ -30,6 +31,9 @@ const MEMORY_S: f64 = 20.0;
 
 /// and this many samples at least, of which it takes so many to see a torque at all.
 const MEMORY_SAMPLES: f64 = 200.0;
+
+/// Times that a motion is turned to the heading that springs tell.
+const MOST_TURNS: usize = 8;
 
 /// A walk of the rate so strong that any motion is as likely as the model's [rad/s/sqrt(s)].
 pub(crate) const FREE_RATE_WALK: f64 = 0.3;
@@ -175,16 +179,9 @@ impl Problem {
             let (Some(run), Some(motion)) = (self.runs.get(r), self.motions.get(r)) else {
                 return (Motion::default(), 0.0);
             };
+            let motion = &self.turned_by_springs(r, run, motion, &mechanics);
             let (_, prediction) = predict(&mechanics, run, motion);
-            let wheel_noise =
-                mechanics.model().wheels().iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
-            let system = |rate_walk: f64| System {
-                run,
-                motion,
-                mechanics: &mechanics,
-                prediction: &prediction,
-                settings: Settings { rate_walk, wheel_noise, ..self.settings(r) },
-            };
+            let system = |rate_walk| self.smoothing(r, run, motion, &mechanics, &prediction, rate_walk);
             let linear = system(0.0).linear();
             let least = self.settings(r).rate_walk;
             let walk = match (trust, self.walks.get(r)) {
@@ -192,20 +189,7 @@ impl Problem {
                 (Trust::AsBefore, Some(walk)) => walk.max(least),
                 _ => likeliest_walk(least, |walk| system(walk).log_likelihood(&linear)),
             };
-            let forward = system(walk).filtered(&linear);
-            let mut better = motion.clone();
-            let smoothed = system(0.0).smoothed_from(&linear, &forward);
-            for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
-                let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
-                better.correct(
-                    k,
-                    &part(0),
-                    &part(3),
-                    &state[WHEEL..WHEEL + mechanics.model().wheels().len()],
-                );
-            }
-            better.fill_middle(run);
-            (better, walk)
+            (system(walk).corrected(&linear).0, walk)
         });
         let (motions, walks): (Vec<Motion>, Vec<f64>) = smoothed.into_iter().unzip();
         self.motions = Arc::new(motions);
@@ -213,6 +197,50 @@ impl Problem {
             self.walks = walks;
         }
         self.check_attitude()
+    }
+
+    /// The system by which a motion is smoothed.
+    fn smoothing<'a>(
+        &self,
+        r: usize,
+        run: &'a Run,
+        motion: &'a Motion,
+        mechanics: &'a Mechanics,
+        prediction: &'a Prediction,
+        rate_walk: f64,
+    ) -> System<'a> {
+        let wheel_noise =
+            mechanics.model().wheels().iter().map(|w| 0.03 * w.max_torque_n_m).fold(1e-4, f64::max);
+        let settings = Settings { rate_walk, wheel_noise, ..self.settings(r) };
+        System { run, motion, mechanics, prediction, settings }
+    }
+
+    /// Where no sensor tells the heading, a spring does, if the model is trusted: a walk of the rate that makes up for a
+    /// wrong heading would leave it where it is.
+    fn turned_by_springs(&self, r: usize, run: &Run, motion: &Motion, mechanics: &Mechanics) -> Motion {
+        let mut best = (motion.clone(), f64::NEG_INFINITY);
+        if run.clamped || run.has_heading() {
+            return best.0;
+        }
+        let mut here = motion.clone();
+        for _ in 0..MOST_TURNS {
+            let (_, prediction) = predict(mechanics, run, &here);
+            let depends = |(slope, q): (&TorqueSlope, &UnitQuaternion<f64>)| {
+                (slope.by_attitude * vertical_b(q)).norm() > 0.0
+            };
+            if !prediction.torque_slope.iter().zip(&here.q).any(depends) {
+                break;
+            }
+            let system = self.smoothing(r, run, &here, mechanics, &prediction, self.settings(r).rate_walk);
+            let (next, log_likelihood) = system.corrected(&system.linear());
+            // That of the motion it was taken at.
+            if log_likelihood < best.1 + 1.0 {
+                break;
+            }
+            best = (here, log_likelihood);
+            here = next;
+        }
+        best.0
     }
 
     /// Power of what accelerometer and vector sensors say against the gyro, over that of noise: no torque
@@ -261,7 +289,8 @@ impl Problem {
         if nuisance.torque == 0 {
             return Background::default();
         }
-        let correlation_s = if nuisance.is_fast { 0.1 * self.memory_s } else { self.memory_s };
+        let pace = PACES.get(usize::from(nuisance.pace)).copied().unwrap_or(1.0);
+        let correlation_s = pace * self.memory_s;
         let inertia = self.reference.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
         let density = whorl_math::statistics::median(self.gyro_density.iter().copied());
         let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();

@@ -103,6 +103,11 @@ impl Run {
         (4.0 * self.noise.wheel).max(SLOWEST_RAD_S)
     }
 
+    /// Whether a sensor tells the heading: one that sees a direction other than the vertical.
+    pub fn has_heading(&self) -> bool {
+        self.vectors.iter().any(|v| v.reference_world.z.abs() < 0.98 * v.reference_world.norm())
+    }
+
     /// Neither attitude nor momentum can be known: wheels turn, and the gyro is the only sensor.
     pub fn is_blind(&self) -> bool {
         let attitude = !self.vectors.is_empty() || self.accel.iter().any(|a| a.count > 0.0);

@@ -313,7 +313,7 @@ impl System<'_> {
             ..Forward::default()
         };
         let mut p: Square<S> = self.initial_covariance();
-        let mut x = [0.0; S];
+        let mut x: [f64; S] = self.initial_state();
         for k in 0..nodes {
             if keep == Keep::Predictions {
                 forward.state.extend_from_slice(&x[..n]);

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_math::{azimuth_rad, vertical_b};
 
 use super::{ACCEL_BIAS, ANGLE, GYRO_BIAS, RATE, System, WHEEL};
 
@@ -46,6 +47,12 @@ const GAP: f64 = 5.0;
 
 /// Time over which dry friction at standstill changes its pull \[s\].
 const STICKS_S: f64 = 0.1;
+
+/// How far the attitude that the first readings give may be off \[rad\].
+const TILT_RAD: f64 = 0.2;
+
+/// Standard deviation of a heading of which nothing is known: uniform over a turn \[rad\].
+const ANY_HEADING_RAD: f64 = 1.813_799_364_234_217_8;
 
 impl System<'_> {
     pub(super) fn noise(&self) -> Noise {
@@ -170,23 +177,24 @@ impl System<'_> {
         }
     }
 
+    /// Where the states are expected at the start of a run. What nothing measures stays about a heading of zero, where every
+    /// run is taken to begin: if each fit were a new beginning, headings and a spring's zero would wander off together.
+    pub(super) fn initial_state<const S: usize>(&self) -> [f64; S] {
+        let mut x = [0.0; S];
+        if let Some(q) = self.motion.q.first().filter(|_| !self.run.clamped && !self.run.has_heading()) {
+            let back = vertical_b(q) * -azimuth_rad(q);
+            x[ANGLE..ANGLE + 3].copy_from_slice(back.as_slice());
+        }
+        x
+    }
+
     /// What is known of the states at the start of a run.
     pub(super) fn initial_covariance<const S: usize>(&self) -> [[f64; S]; S] {
         let mut variance = [0.0; S];
         let sensors = &self.mechanics.model().sensors;
         let clamped = self.run.clamped;
         for i in 0..3 {
-            let slanted = |v: &crate::layout::run::VectorRun| {
-                v.reference_world.z.abs() < 0.98 * v.reference_world.norm()
-            };
-            let heading = i == 2 && !self.run.vectors.iter().any(slanted);
-            let angle = if clamped {
-                1e-9
-            } else if heading {
-                1e-5
-            } else {
-                0.2
-            };
+            let angle = if clamped { 1e-9 } else { TILT_RAD };
             variance[ANGLE + i] = angle * angle;
             // On a shaft, about it alone.
             let turns = self.mechanics.model().freedom.projection()[(i, i)];
@@ -217,6 +225,15 @@ impl System<'_> {
         for i in 0..3 {
             for j in (0..3).filter(|j| *j != i && !clamped) {
                 p[RATE + i][RATE + j] = 0.25 * along[(i, j)];
+            }
+        }
+        if let Some(q) = self.motion.q.first().filter(|_| !clamped && !self.run.has_heading()) {
+            // What nothing measures, springs alone can tell.
+            let up = vertical_b(q);
+            for i in 0..3 {
+                for j in 0..3 {
+                    p[ANGLE + i][ANGLE + j] += ANY_HEADING_RAD * ANY_HEADING_RAD * up[i] * up[j];
+                }
             }
         }
         p

@@ -1,8 +1,9 @@
 //! The smoother that runs back along the filter (modified Bryson-Frazier).
 
-use nalgebra::{DMatrix, DMatrixView, DVectorView};
+use nalgebra::{DMatrix, DMatrixView, DVectorView, Vector3};
 
-use super::{Forward, Linear, System, WHEEL};
+use super::{ANGLE, Forward, Linear, RATE, System, WHEEL};
+use crate::layout::motion::Motion;
 
 /// Smoothed errors of the trajectory.
 #[derive(Debug, Clone, Default)]
@@ -14,6 +15,19 @@ pub(crate) struct Smoothed {
 }
 
 impl System<'_> {
+    /// The motion with its smoothed errors taken out, and the log likelihood of the measurements along it.
+    pub fn corrected(&self, linear: &Linear) -> (Motion, f64) {
+        let forward = self.filtered(linear);
+        let smoothed = self.smoothed_from(linear, &forward);
+        let mut better = self.motion.clone();
+        for (k, state) in smoothed.state.chunks_exact(linear.n).enumerate() {
+            let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
+            better.correct(k, &part(ANGLE), &part(RATE), &state[WHEEL..WHEEL + self.wheels()]);
+        }
+        better.fill_middle(self.run);
+        (better, forward.log_likelihood)
+    }
+
     /// Runs back along a run of the filter.
     pub fn smoothed_from(&self, linear: &Linear, forward: &Forward) -> Smoothed {
         let n = linear.n;
