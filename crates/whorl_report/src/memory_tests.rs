@@ -32,7 +32,12 @@ fn run_of(seconds: u32) -> RunData {
             add(&format!("/{name}/thrusters/state"), thrusters.into());
             if tick % 2 == 0 {
                 let mode = ControlStatus::MODE_TRACK;
-                let status = ControlStatus { header: header.clone(), mode, estimate_age_s: 0.004, ..Default::default() };
+                let status = ControlStatus {
+                    header: header.clone(),
+                    mode,
+                    estimate_age_s: 0.004,
+                    ..Default::default()
+                };
                 add(&format!("/{name}/control/status"), status.into());
                 let reference = AttitudeReference {
                     header: header.clone(),
