@@ -226,7 +226,7 @@ fn summarise_pair((follower, leader): (String, String), hold_s: f64, errors: &Pa
         relative_error_max_rad: maximum(errors.held_rad.iter().copied()),
         estimator_error_rms_rad: errors.held_estimator.value(),
         control_error_rms_rad: errors.held_control.value(),
-        from_truth: errors.from_truth(),
+        from_truth: errors.has_truth(),
     }
 }
 

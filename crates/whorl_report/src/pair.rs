@@ -47,7 +47,7 @@ impl PairData {
     }
 
     /// Whether the truth of both platforms is known whenever the formation held.
-    pub fn from_truth(&self) -> bool {
+    pub fn has_truth(&self) -> bool {
         !self.held_rad.is_empty() && self.held_estimator.count() == self.held_rad.len() as u64
     }
 }

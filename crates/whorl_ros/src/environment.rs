@@ -308,7 +308,10 @@ mod tests {
         };
         let new = InterfaceAddress { name: "wlan0".into(), address: Ipv4Addr::new(192, 168, 1, 8) };
         let address: IpAddr = new.address.into();
-        assert_eq!(with("wlan0").with_addresses(&[new.clone()]).unwrap().interfaces, Some(vec![address]));
+        assert_eq!(
+            with("wlan0").with_addresses(std::slice::from_ref(&new)).unwrap().interfaces,
+            Some(vec![address])
+        );
         assert!(with("wlan0").uses(&new) && !with("eth0").uses(&new));
         // An address that is gone cannot be used any more, and that is said.
         assert!(with("192.168.1.7").with_addresses(&[new]).is_err());
