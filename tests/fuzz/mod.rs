@@ -4,7 +4,6 @@
 //! are the values that arithmetic, arrays and clocks are known to fail at. They go straight into the cores, without the
 //! shell's door, which refuses most of them: the cores must not depend on it.
 
-mod files;
 mod generator;
 
 use std::time::Duration;
