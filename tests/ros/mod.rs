@@ -1,5 +1,6 @@
 //! The node set as real processes over DDS, on the loopback interface: one fault after the other.
 
+mod addresses;
 mod clock_steps;
 mod command_silence;
 mod experiment;

@@ -72,6 +72,15 @@ impl Lan {
         self.set(self.hosts.len() - 1, |quality| quality.cut = false);
     }
 
+    /// Gives a host another address, as a new lease of DHCP does: the old one is taken away first.
+    pub fn readdress(&self, host: usize, last_byte: u8) -> Result<(), String> {
+        let host = &self.hosts[host];
+        ip(&["-n", host, "addr", "flush", "dev", "radio"])?;
+        ip(&["-n", host, "addr", "add", &format!("10.77.0.{last_byte}/24"), "dev", "radio"])?;
+        // Went with the last address.
+        ip(&["-n", host, "route", "replace", "239.0.0.0/8", "dev", "radio"])
+    }
+
     /// Runs something on a host, from 0; threads that it starts stay there.
     pub fn on_host<T: Send>(&self, host: usize, work: impl FnOnce() -> T + Send) -> T {
         inside(&self.hosts[host], work)

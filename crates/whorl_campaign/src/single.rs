@@ -8,7 +8,7 @@ use whorl_bag::{BagError, BagOptions, RunDescription, RunWriter};
 use whorl_msgs::topics::{Message, Route, Topic};
 use whorl_node::{LogLevel, LogLine, Timestamp};
 use whorl_params::ParameterTree;
-use whorl_report::RunData;
+use whorl_report::Collector;
 use whorl_sim::{NodeSet, Observer};
 
 use crate::row::{METRICS, Row, Traffic, metrics};
@@ -17,7 +17,7 @@ use crate::run_spec::RunSpec;
 /// Keeps the messages for the numbers, and writes the run directory if requested.
 struct Keeper {
     names: Vec<String>,
-    data: RunData,
+    data: Collector,
     broadcasts: Option<u64>,
     errors: Vec<String>,
     writer: Option<RunWriter>,
@@ -101,7 +101,7 @@ pub fn simulate(spec: &RunSpec, longest_s: f64, keep: Option<&Path>) -> Row {
     };
     let mut keeper = Keeper {
         names: set.platforms.clone(),
-        data: RunData::default(),
+        data: Collector::default(),
         broadcasts: None,
         errors: vec![],
         writer,
@@ -110,9 +110,10 @@ pub fn simulate(spec: &RunSpec, longest_s: f64, keep: Option<&Path>) -> Row {
     let closed = keeper.writer.take().map(|w| w.finish(Timestamp(0))).transpose();
     match (outcome, closed) {
         (Ok(outcome), Ok(_)) => {
-            let summary = whorl_report::summarise(&keeper.data);
+            let data = keeper.data.finish();
+            let summary = whorl_report::summarise(&data);
             let traffic = Traffic { link_messages: set.bus.link_messages(), broadcasts: keeper.broadcasts };
-            let numbers = metrics(&keeper.data, &summary, outcome.simulated_s, &traffic);
+            let numbers = metrics(&data, &summary, outcome.simulated_s, &traffic);
             let reason = if summary.outcome == "finished" { String::new() } else { keeper.errors.join("; ") };
             row(&summary.outcome, reason, numbers)
         }

@@ -52,9 +52,14 @@ impl Subscription {
 
     /// What to say when nothing was heard for a while.
     pub fn hint(&self) -> String {
+        let reach = if self.network.is_localhost() {
+            "on this machine? Whorl looks no further unless ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET; what is on the network, and ROS 2 \
+             by default, needs that on both sides"
+        } else {
+            "on this network (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET there too)?"
+        };
         format!(
-            "nothing is heard in ROS domain {}: is a formation running there (ROS_DOMAIN_ID), with these platforms, and does \
-             ROS_AUTOMATIC_DISCOVERY_RANGE reach it?",
+            "nothing is heard in ROS domain {}: is a formation running there (ROS_DOMAIN_ID), with these platforms, {reach}",
             self.network.domain_id
         )
     }

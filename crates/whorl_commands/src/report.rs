@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use whorl_bag::{Manifest, RunDirectory, RunState};
 use whorl_math::rad_from_deg;
 use whorl_params::ParameterTree;
-use whorl_report::{Circumstances, Description, RunData, RunVerdict, Summary, TopicRow};
+use whorl_report::{Circumstances, Collector, Description, RunData, RunVerdict, Summary, TopicRow};
 
 use crate::shapes::{number, shapes};
 
@@ -24,7 +24,7 @@ pub struct Written {
 /// A run in memory.
 #[derive(Debug)]
 pub struct ReadRun {
-    /// Its messages.
+    /// What its messages say.
     pub data: RunData,
     directory: RunDirectory,
     /// Whether its recorder was killed.
@@ -43,7 +43,7 @@ pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
         _ => None,
     };
     let bag = directory.bag()?;
-    let mut data = RunData::default();
+    let mut data = Collector::default();
     let mut undecodable = 0u64;
     for message in bag.messages() {
         let message = message?;
@@ -55,6 +55,7 @@ pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
             Err(_) => undecodable += 1,
         }
     }
+    let data = data.finish();
     if data.platforms.is_empty() {
         if bag.topics().iter().any(|topic| topic.name.ends_with("/imu/data_raw")) {
             bail!("{} holds no message of any platform: none was received during recording", path.display());

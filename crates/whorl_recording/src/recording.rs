@@ -189,19 +189,31 @@ impl Recording {
 /// Which axes of these samples never have a number; they become zero in all. A sample that lacks a number on another axis
 /// is taken out, and one of a sensor without any axis.
 pub(crate) fn take_out_missing_axes(samples: &mut Vec<(i64, Vec<f64>)>) -> [bool; 3] {
-    let is_there = |axis: usize| samples.iter().any(|(_, v)| v.get(axis).is_some_and(|x| x.is_finite()));
-    let missing = [0, 1, 2].map(|axis| !is_there(axis));
-    if missing == [true; 3] {
-        samples.clear();
-        return [false; 3];
-    }
-    samples.retain_mut(|(_, v)| {
-        for (x, missing) in v.iter_mut().zip(missing) {
-            if missing {
-                *x = 0.0;
-            }
+    let missing = missing_axes(samples.iter().map(|(_, v)| v.as_slice()));
+    samples.retain_mut(|(_, v)| is_whole(v, missing));
+    if missing == [true; 3] { [false; 3] } else { missing }
+}
+
+/// Axes without a single number.
+pub(crate) fn missing_axes<'a>(samples: impl Iterator<Item = &'a [f64]>) -> [bool; 3] {
+    let mut missing = [true; 3];
+    for sample in samples {
+        for (missing, x) in missing.iter_mut().zip(sample) {
+            *missing &= !x.is_finite();
         }
-        v.iter().all(|x| x.is_finite())
-    });
+        if missing == [false; 3] {
+            break;
+        }
+    }
     missing
+}
+
+/// Whether a sample has all the numbers that it should; the others become zero.
+pub(crate) fn is_whole(sample: &mut [f64], missing: [bool; 3]) -> bool {
+    for (x, missing) in sample.iter_mut().zip(missing) {
+        if missing {
+            *x = 0.0;
+        }
+    }
+    missing != [true; 3] && sample.iter().all(|x| x.is_finite())
 }

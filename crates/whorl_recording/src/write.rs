@@ -1,5 +1,6 @@
 //! A recording as a run directory.
 
+use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
 use whorl_bag::{BagOptions, Channel, Form, RawSample, RunDescription, RunWriter, blank, extra};
@@ -60,10 +61,9 @@ pub fn write_run(
         writer.add_parameter_file(file)?;
     }
     let wheels: Vec<String> = known.model.wheels().iter().map(|wheel| wheel.name.clone()).collect();
-    let mut messages = messages(recording, &wheels);
-    messages.sort_by_key(|(at, ..)| *at);
+    let mut streams = streams(recording, &wheels);
     let mut encoded = Vec::new();
-    for (at, name, message) in messages {
+    while let Some((at, name, message)) = next(&mut streams) {
         let log_time = Timestamp(at);
         match Topic::find(&name, true) {
             Some(topic) => writer.write_message(Route::platform(PlatformId(0), topic), log_time, &message)?,
@@ -84,24 +84,36 @@ pub fn write_run(
     Ok(path)
 }
 
-/// Time of each message \[ns\], name of its topic in the platform's namespace, and the message.
-type Messages = Vec<(i64, String, Message)>;
+/// Time of a message \[ns\], name of its topic in the platform's namespace, and the message.
+type Timed = (i64, String, Message);
+
+/// The messages of one topic, in order of time, made when they are asked for: those of a long recording take many times its
+/// memory.
+type Stream<'a> = Peekable<Box<dyn Iterator<Item = Timed> + 'a>>;
 
 /// The channels that share a topic.
 type Shared<'a> = Vec<(Channel, &'a dyn ChannelSeries)>;
 
-fn messages(recording: &Recording, wheels: &[String]) -> Messages {
-    let mut out = Vec::new();
+/// The earliest message; of several at one time that of the first topic.
+fn next(streams: &mut [Stream<'_>]) -> Option<Timed> {
+    let times = streams.iter_mut().enumerate().filter_map(|(i, stream)| Some((stream.peek()?.0, i)));
+    let (_, earliest) = times.min()?;
+    streams.get_mut(earliest)?.next()
+}
+
+fn streams<'a>(recording: &'a Recording, wheels: &'a [String]) -> Vec<Stream<'a>> {
     let frame = format!("{}/base_link", recording.platform);
-    let header = |at: i64| Header { stamp: Timestamp(at).into(), frame_id: frame.clone() };
+    let header = move |at: i64| Header { stamp: Timestamp(at).into(), frame_id: frame.clone() };
     let in_world = |at: i64| Header { stamp: Timestamp(at).into(), frame_id: "world".to_owned() };
+    let mut out: Vec<Stream<'a>> = Vec::new();
+    let mut add = |stream: Box<dyn Iterator<Item = Timed> + 'a>| out.push(stream.peekable());
     for (sensor, channel) in recording.vectors.iter().enumerate() {
         let first = channel.direction_b.time_s.first().map_or(0, |t| ns(*t));
         let vector = channel.reference_world.into_inner().into();
         let reference = Vector3Stamped { header: in_world(first), vector };
-        out.push((first, extra::vector_reference(sensor), reference.into()));
+        add(Box::new(std::iter::once((first, extra::vector_reference(sensor), reference.into()))));
     }
-    let mut topics: Vec<(String, Shared<'_>)> = Vec::new();
+    let mut topics: Vec<(String, Shared<'a>)> = Vec::new();
     for (channel, sensor, series) in recording.sampled() {
         let name = channel.topic_name(sensor);
         match topics.iter_mut().find(|(known, _)| *known == name) {
@@ -111,9 +123,10 @@ fn messages(recording: &Recording, wheels: &[String]) -> Messages {
     }
     for (name, shared) in topics {
         let is_truth = name == Topic::TruthState.info().name;
-        for (sequence, (at, samples)) in (0..).zip(merged(&shared)) {
+        let header = header.clone();
+        let messages = (0..).zip(merged(shared)).filter_map(move |(sequence, (at, samples))| {
             let header = if is_truth { in_world(at) } else { header(at) };
-            let Some((first, _)) = samples.first() else { continue };
+            let (first, _) = samples.first()?;
             let mut message = blank(first.message_type(), header, sequence);
             if let (Message::JointState(state), Form::Wheels { .. }) = (&mut message, first.info().form) {
                 state.name = wheels.to_vec();
@@ -129,10 +142,13 @@ fn messages(recording: &Recording, wheels: &[String]) -> Messages {
                 }
                 channel.info().carrier.write(&numbers, &mut message);
             }
-            out.push((at, name.clone(), message));
-        }
+            Some((at, name.clone(), message))
+        });
+        add(Box::new(messages));
     }
-    valves(recording, &header, &mut out);
+    if !recording.jet_pulses.is_empty() {
+        add(Box::new(valves(recording, header)));
+    }
     out
 }
 
@@ -140,28 +156,23 @@ fn messages(recording: &Recording, wheels: &[String]) -> Messages {
 type Samples = Vec<(Channel, Vec<f64>)>;
 
 /// What each channel has at each time of any of them, in order of time \[ns\].
-fn merged(shared: &Shared<'_>) -> Vec<(i64, Samples)> {
-    let mut times: Vec<i64> = shared.iter().flat_map(|(_, series)| series.time_s()).map(|t| ns(*t)).collect();
-    times.sort_unstable();
-    times.dedup();
+fn merged(shared: Shared<'_>) -> impl Iterator<Item = (i64, Samples)> {
     let mut next = vec![0; shared.len()];
-    let mut at_time = |at: i64| {
-        let due = shared.iter().zip(&mut next).filter_map(|((channel, series), next)| {
+    std::iter::from_fn(move || {
+        let due = shared.iter().zip(&next).filter_map(|((_, series), next)| series.time_s().get(*next));
+        let at = due.map(|t| ns(*t)).min()?;
+        let samples = shared.iter().zip(&mut next).filter_map(|((channel, series), next)| {
             series.time_s().get(*next).filter(|t| ns(**t) == at)?;
             *next += 1;
             Some((*channel, series.numbers(*next - 1)))
         });
-        (at, due.collect())
-    };
-    times.into_iter().map(&mut at_time).collect()
+        Some((at, samples.collect()))
+    })
 }
 
 /// A message at the start and at each edge of a valve: from these the reader has every pulse to the nanosecond.
-fn valves(recording: &Recording, header: &impl Fn(i64) -> Header, out: &mut Messages) {
+fn valves(recording: &Recording, header: impl Fn(i64) -> Header) -> impl Iterator<Item = Timed> {
     let jets = recording.jet_pulses.len();
-    if jets == 0 {
-        return;
-    }
     // (time, jet, whether it opens): it shuts before it opens again.
     let mut edges: Vec<(i64, usize, bool)> = Vec::new();
     for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
@@ -179,7 +190,7 @@ fn valves(recording: &Recording, header: &impl Fn(i64) -> Header, out: &mut Mess
     let (mut open, mut total_ns) = (vec![false; jets], vec![0i64; jets]);
     let mut next = edges.into_iter().peekable();
     let mut before_ns = start;
-    for (sequence, at) in (0..).zip(times) {
+    (0..).zip(times).map(move |(sequence, at)| {
         let before = total_ns.clone();
         for (total, _) in total_ns.iter_mut().zip(&open).filter(|(_, open)| **open) {
             *total += at - before_ns;
@@ -199,6 +210,6 @@ fn valves(recording: &Recording, header: &impl Fn(i64) -> Header, out: &mut Mess
             total_on_time_s: total_ns.iter().map(|ns| *ns as f64 * 1e-9).collect(),
             health: vec![ThrusterState::HEALTH_OK; jets],
         };
-        out.push((at, Channel::Jets.topic_name(0), message.into()));
-    }
+        (at, Channel::Jets.topic_name(0), message.into())
+    })
 }

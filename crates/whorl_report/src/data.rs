@@ -1,15 +1,22 @@
-//! A run in memory, sorted by platform and topic.
+//! A run as its page and its numbers need it: bounded curves, sums and changes instead of messages.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use whorl_msgs::diagnostic_msgs::DiagnosticArray;
-use whorl_msgs::geometry_msgs::Vector3Stamped;
-use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
 use whorl_msgs::topics::{Message, Topic};
-use whorl_msgs::whorl::{
-    ActuatorCommand, AttitudeEstimate, AttitudeReference, ClockRequest, ControlStatus, FormationCommand,
-    FormationState, ModelFit, ParameterEstimate, ThrusterState,
-};
+use whorl_msgs::whorl::{ClockRequest, FormationState, ModelFit, ParameterEstimate};
+
+use crate::frames::{Frame, Grid};
+use crate::metrics::Interval;
+use crate::pair::PairData;
+use crate::platform::{PlatformData, Window};
+
+/// Names of the counts in diagnostics that a verdict reads.
+pub(crate) const COUNTS: [&str; 2] = ["timer firings more than a period late", "command timeouts"];
+/// How far behind the newest message a run is evaluated \[s\]: what belongs together has arrived by then.
+const BEHIND_S: f64 = 5.0;
+/// How often \[s\].
+const EVERY_S: f64 = 10.0;
 
 /// A message and when it was recorded, seconds since the first message of the run.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,137 +29,260 @@ pub struct Recorded<T> {
     pub message: T,
 }
 
-/// Everything one platform published or was sent.
-#[derive(Debug, Clone, Default)]
-pub struct PlatformData {
-    /// Gyro and accelerometer.
-    pub imu: Vec<Recorded<Imu>>,
-    /// Vector sensor.
-    pub vector: Vec<Recorded<Vector3Stamped>>,
-    /// Wheel speeds and torques.
-    pub wheels: Vec<Recorded<JointState>>,
-    /// Valves.
-    pub thrusters: Vec<Recorded<ThrusterState>>,
-    /// Bus voltage.
-    pub battery: Vec<Recorded<BatteryState>>,
-    /// Tank pressure.
-    pub tank_pressure: Vec<Recorded<FluidPressure>>,
-    /// Temperature.
-    pub temperature: Vec<Recorded<Temperature>>,
-    /// Actuator commands.
-    pub command: Vec<Recorded<ActuatorCommand>>,
-    /// Estimates.
-    pub estimate: Vec<Recorded<AttitudeEstimate>>,
-    /// Mass properties estimated while the platform moved.
-    pub parameters: Vec<Recorded<ParameterEstimate>>,
-    /// References.
-    pub reference: Vec<Recorded<AttitudeReference>>,
-    /// Controller status.
-    pub control: Vec<Recorded<ControlStatus>>,
-    /// Whether it moved as its model says.
-    pub fit: Vec<Recorded<ModelFit>>,
-    /// Truth of simulated hardware or of a recording that contains it.
-    pub truth: Vec<Recorded<AttitudeEstimate>>,
-}
-
-/// A recorded run.
+/// A recorded run. Of an hour with two platforms it takes some 50 MB: what comes often (measurements, estimates, control)
+/// is kept as curves of bounded length, sums and changes.
 #[derive(Debug, Clone, Default)]
 pub struct RunData {
     /// By platform name.
     pub platforms: BTreeMap<String, PlatformData>,
     /// Formation state.
     pub formation: Vec<Recorded<FormationState>>,
-    /// Authority heartbeat.
-    pub authority: Vec<Recorded<FormationCommand>>,
     /// Clock offsets of the platforms as measured by the formation's coordinator.
     pub clocks: Vec<Recorded<ClockRequest>>,
-    /// Diagnostics of all nodes.
+    /// Diagnostics of all nodes, where they changed.
     pub diagnostics: Vec<Recorded<DiagnosticArray>>,
     /// Time between the first and the last message \[s\].
     pub duration_s: f64,
     /// Messages on topics that the report does not use.
     pub other_messages: u64,
+    /// Follower and leader of every pair that the formation state ever named.
+    pub(crate) pairs: BTreeMap<(String, String), PairData>,
+    /// Times of the frames of the replay.
+    pub(crate) grid: Grid,
+    /// From the start of the experiment to its end \[s\]; infinite while not known.
+    pub(crate) running: Span,
+    /// Hold phases.
+    pub(crate) holds: Holds,
+}
+
+/// From the start of an experiment to its end \[s\].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span {
+    pub from_s: f64,
+    pub to_s: f64,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self { from_s: f64::INFINITY, to_s: f64::INFINITY }
+    }
+}
+
+impl Span {
+    pub fn contains(self, time_s: f64) -> bool {
+        (self.from_s..self.to_s).contains(&time_s)
+    }
+}
+
+/// Time spans of the hold phases.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Holds {
+    past: Vec<Interval>,
+    /// Since when, and to the last state.
+    open: Option<Interval>,
+}
+
+impl Holds {
+    fn add(&mut self, time_s: f64, hold: bool) {
+        match (&mut self.open, hold) {
+            (None, true) => self.open = Some((time_s, time_s)),
+            (Some(open), true) => open.1 = time_s,
+            (Some(open), false) => {
+                self.past.push((open.0, time_s));
+                self.open = None;
+            }
+            (None, false) => {}
+        }
+    }
+
+    /// In order of time.
+    pub fn intervals(&self) -> impl Iterator<Item = Interval> + '_ {
+        self.past.iter().copied().chain(self.open)
+    }
+
+    /// Whether the formation holds at this time.
+    pub fn contain(&self, time_s: f64) -> bool {
+        // Asked about the end of a run while it is read.
+        self.open
+            .iter()
+            .chain(self.past.iter().rev())
+            .take_while(|(_, end)| *end + 60.0 >= time_s)
+            .any(|(start, end)| (*start..=*end).contains(&time_s))
+    }
+}
+
+/// Takes the messages of a run, in order of log time, and keeps what [`RunData`] holds.
+#[derive(Debug, Clone, Default)]
+pub struct Collector {
+    run: RunData,
+    windows: BTreeMap<String, Window>,
     first_log_time_ns: Option<i64>,
     /// Offset of each platform's clock ahead of the coordinator's, as last applied \[s\].
     clock_ahead_s: BTreeMap<String, f64>,
+    /// Formation states before this one are too old to command anything.
+    formation_from: usize,
+    evaluated_s: f64,
+    /// Level and counts of each node's diagnostics, as last kept.
+    diagnosed: BTreeMap<String, (u8, Vec<String>)>,
 }
 
-impl RunData {
+impl Collector {
     /// Adds a message that was recorded on the full topic name at `log_time_ns`. Messages are
     /// expected in order of log time.
     pub fn add(&mut self, topic_name: &str, log_time_ns: i64, message: Message) {
         let first = *self.first_log_time_ns.get_or_insert(log_time_ns);
         let log_time_s = seconds(log_time_ns - first);
-        self.duration_s = self.duration_s.max(log_time_s);
+        self.run.duration_s = self.run.duration_s.max(log_time_s);
+        if log_time_s - BEHIND_S > self.evaluated_s + EVERY_S {
+            self.evaluate(log_time_s - BEHIND_S);
+            self.evaluated_s = log_time_s - BEHIND_S;
+        }
         let name = topic_name.trim_start_matches('/');
         if let Some(topic) = Topic::find(name, false) {
             return self.add_shared(topic, log_time_s, first, message);
         }
         let found = name.split_once('/').and_then(|(p, rest)| Topic::find(rest, true).map(|t| (p, t)));
         let Some((platform, topic)) = found else {
-            self.other_messages += 1;
+            self.run.other_messages += 1;
             return;
         };
-        if !self.platforms.contains_key(platform) {
-            self.platforms.insert(platform.to_owned(), PlatformData::default());
+        if !self.run.platforms.contains_key(platform) {
+            self.run.platforms.insert(platform.to_owned(), PlatformData::default());
+            self.windows.insert(platform.to_owned(), Window::default());
         }
         let ahead_s = self.clock_ahead_s.get(platform).copied().unwrap_or(0.0);
-        let Some(data) = self.platforms.get_mut(platform) else { return };
-        macro_rules! keep {
-            ($($topic:ident $variant:ident $field:ident;)+) => {
-                match (topic, message) {
-                    $((Topic::$topic, Message::$variant(message)) => data.$field.push(Recorded {
-                        log_time_s,
-                        stamp_s: stamp_s(message.header.stamp, first).map_or(log_time_s, |s| s - ahead_s),
-                        message,
-                    }),)+
-                    _ => self.other_messages += 1,
-                }
-            };
-        }
-        keep! {
-            ImuRaw Imu imu;
-            VectorDirection Vector3Stamped vector;
-            WheelState JointState wheels;
-            ThrusterState ThrusterState thrusters;
-            Battery BatteryState battery;
-            TankPressure FluidPressure tank_pressure;
-            Temperature Temperature temperature;
-            ActuatorCommand ActuatorCommand command;
-            AttitudeEstimate AttitudeEstimate estimate;
-            ParameterEstimate ParameterEstimate parameters;
-            AttitudeReference AttitudeReference reference;
-            ControlStatus ControlStatus control;
-            ModelFit ModelFit fit;
-            TruthState AttitudeEstimate truth;
+        let data = self.run.platforms.get_mut(platform).zip(self.windows.get_mut(platform));
+        let Some((data, window)) = data else { return };
+        let of = |stamp| stamp_s(stamp, first).map_or(log_time_s, |s| s - ahead_s);
+        match (topic, message) {
+            (Topic::AttitudeEstimate, Message::AttitudeEstimate(m)) => {
+                data.add_estimate(window, of(m.header.stamp), &m);
+            }
+            (Topic::TruthState, Message::AttitudeEstimate(m)) => {
+                data.add_truth(window, of(m.header.stamp), &m);
+            }
+            (Topic::AttitudeReference, Message::AttitudeReference(m)) => {
+                data.add_reference(window, of(m.header.stamp), m.q_world_reference);
+            }
+            (Topic::ControlStatus, Message::ControlStatus(m)) => {
+                data.add_control(window, of(m.header.stamp), &m);
+            }
+            (Topic::WheelState, Message::JointState(m)) => data.add_wheels(of(m.header.stamp), &m),
+            (Topic::ThrusterState, Message::ThrusterState(m)) => {
+                data.add_thrusters(window, of(m.header.stamp), m);
+            }
+            (Topic::TankPressure, Message::FluidPressure(m)) => {
+                data.add_tank_pressure(of(m.header.stamp), m.fluid_pressure);
+            }
+            (Topic::ParameterEstimate, Message::ParameterEstimate(message)) => {
+                let stamp_s = of(message.header.stamp);
+                data.parameters.push(Recorded::<ParameterEstimate> { log_time_s, stamp_s, message });
+            }
+            (Topic::ModelFit, Message::ModelFit(message)) => {
+                let stamp_s = of(message.header.stamp);
+                data.fit.push(Recorded::<ModelFit> { log_time_s, stamp_s, message });
+            }
+            // Nothing on the page is drawn from these.
+            (
+                Topic::ImuRaw
+                | Topic::VectorDirection
+                | Topic::Battery
+                | Topic::Temperature
+                | Topic::ActuatorCommand,
+                _,
+            ) => {}
+            _ => self.run.other_messages += 1,
         }
     }
 
     fn add_shared(&mut self, topic: Topic, log_time_s: f64, first: i64, message: Message) {
+        let of = |stamp| stamp_s(stamp, first).unwrap_or(log_time_s);
         match (topic, message) {
             (Topic::FormationState, Message::FormationState(message)) => {
-                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
-                self.formation.push(Recorded { log_time_s, stamp_s, message });
+                let stamp_s = of(message.header.stamp);
+                let running = &mut self.run.running;
+                if message.run_elapsed_s > 0.0 && running.from_s.is_infinite() {
+                    running.from_s = stamp_s;
+                }
+                if message.phase >= FormationState::PHASE_FINISHED && running.to_s.is_infinite() {
+                    running.to_s = stamp_s;
+                }
+                self.run.holds.add(stamp_s, message.phase == FormationState::PHASE_HOLD);
+                self.run.formation.push(Recorded { log_time_s, stamp_s, message });
             }
-            (Topic::FormationCommand, Message::FormationCommand(message)) => {
-                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
-                self.authority.push(Recorded { log_time_s, stamp_s, message });
-            }
+            (Topic::FormationCommand, Message::FormationCommand(_)) => {}
             // The platforms' own coordinators publish offsets too, relative to their own clocks.
             (Topic::FormationClock, Message::ClockRequest(message))
                 if message.header.frame_id == "coordinator" =>
             {
-                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
+                let stamp_s = of(message.header.stamp);
                 for (platform, ahead_s) in message.platforms.iter().zip(&message.applied_s) {
                     self.clock_ahead_s.insert(platform.clone(), *ahead_s);
                 }
-                self.clocks.push(Recorded { log_time_s, stamp_s, message });
+                self.run.clocks.push(Recorded { log_time_s, stamp_s, message });
             }
             (Topic::Diagnostics, Message::DiagnosticArray(message)) => {
-                let stamp_s = stamp_s(message.header.stamp, first).unwrap_or(log_time_s);
-                self.diagnostics.push(Recorded { log_time_s, stamp_s, message });
+                let stamp_s = of(message.header.stamp);
+                self.add_diagnostics(log_time_s, stamp_s, message);
             }
-            _ => self.other_messages += 1,
+            _ => self.run.other_messages += 1,
+        }
+    }
+
+    /// Keeps what changed: the level, and the counts that a verdict reads.
+    fn add_diagnostics(&mut self, log_time_s: f64, stamp_s: f64, mut message: DiagnosticArray) {
+        message.status.retain_mut(|status| {
+            status.values.retain(|v| COUNTS.contains(&v.key.as_str()));
+            let counts = status.values.iter().map(|v| v.value.clone()).collect();
+            let now = (status.level, counts);
+            if self.diagnosed.get(&status.name) == Some(&now) {
+                return false;
+            }
+            self.diagnosed.insert(status.name.clone(), now);
+            true
+        });
+        if !message.status.is_empty() {
+            self.run.diagnostics.push(Recorded { log_time_s, stamp_s, message });
+        }
+    }
+
+    /// The run, when all its messages have been added.
+    #[must_use]
+    pub fn finish(mut self) -> RunData {
+        self.evaluate(f64::INFINITY);
+        self.run
+    }
+
+    /// Evaluates what needs several topics, up to this time.
+    fn evaluate(&mut self, until_s: f64) {
+        let run = &mut self.run;
+        let current = run.formation.get(self.formation_from..).unwrap_or_default();
+        let named: BTreeSet<(String, String)> =
+            current.iter().flat_map(|s| crate::metrics::pairs_of(&s.message)).collect();
+        for (follower, leader) in named {
+            let (Some(f), Some(l)) = (self.windows.get(&follower), self.windows.get(&leader)) else {
+                continue;
+            };
+            let errors = crate::metrics::relative_errors(current, [&follower, &leader], [f, l], until_s);
+            let pair = run.pairs.entry((follower, leader)).or_default();
+            errors.for_each(|error| pair.add(&error, run.holds.contain(error.time_s)));
+        }
+        while self.formation_from < run.formation.len()
+            && run.formation[self.formation_from].stamp_s < until_s - BEHIND_S
+        {
+            self.formation_from += 1;
+        }
+        let last = until_s.min(run.duration_s + 1e-9);
+        let times: Vec<f64> = run.grid.until(last).collect();
+        for (name, data) in &mut run.platforms {
+            let Some(window) = self.windows.get_mut(name) else { continue };
+            data.frames.resize_with(run.grid.frames() - times.len(), Frame::default);
+            data.frames.extend(times.iter().map(|t| window.frame(*t)));
+            data.evaluate(window, until_s, run.running, &run.holds);
+            window.forget(until_s);
+        }
+        if run.grid.coarsen() {
+            run.platforms.values_mut().for_each(|data| crate::frames::every_other(&mut data.frames));
         }
     }
 }

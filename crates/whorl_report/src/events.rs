@@ -35,28 +35,24 @@ pub fn happenings(run: &RunData) -> Vec<Happening> {
         },
     );
     for (name, data) in &run.platforms {
-        changes(
-            data.control.iter().map(|c| (c.stamp_s, (c.message.mode, c.message.reason))),
-            |t, (mode, reason)| {
-                let fault = !matches!(
-                    mode,
-                    ControlStatus::MODE_IDLE | ControlStatus::MODE_TRACK | ControlStatus::MODE_EXCITE
-                );
-                add(t, name, format!("control: {}{}", mode_name(mode), reason_name(reason)), fault);
-            },
-        );
-        changes(data.estimate.iter().map(|e| (e.stamp_s, e.message.health)), |t, health| {
+        for (t, (mode, reason)) in &data.modes {
+            let fault = !matches!(
+                *mode,
+                ControlStatus::MODE_IDLE | ControlStatus::MODE_TRACK | ControlStatus::MODE_EXCITE
+            );
+            add(*t, name, format!("control: {}{}", mode_name(*mode), reason_name(*reason)), fault);
+        }
+        for (t, health) in &data.health {
             let fault =
-                health == AttitudeEstimate::HEALTH_UNHEALTHY || health == AttitudeEstimate::HEALTH_DEGRADED;
-            add(t, name, format!("estimate: {}", health_name(health)), fault);
-        });
-        changes(data.control.iter().map(|c| (c.stamp_s, c.message.jet_failed.clone())), |t, failed| {
-            let failed: Vec<_> =
-                (1..).zip(&failed).filter(|(_, f)| **f).map(|(i, _)| i.to_string()).collect();
+                matches!(*health, AttitudeEstimate::HEALTH_UNHEALTHY | AttitudeEstimate::HEALTH_DEGRADED);
+            add(*t, name, format!("estimate: {}", health_name(*health)), fault);
+        }
+        for (t, failed) in &data.failed_jets {
+            let failed: Vec<_> = (1..).zip(failed).filter(|(_, f)| **f).map(|(i, _)| i.to_string()).collect();
             if !failed.is_empty() {
-                add(t, name, format!("jets held at zero: {}", failed.join(", ")), true);
+                add(*t, name, format!("jets held at zero: {}", failed.join(", ")), true);
             }
-        });
+        }
         let index =
             |state: &whorl_msgs::whorl::FormationState| state.platforms.iter().position(|p| p == name);
         let links = run

@@ -1,14 +1,14 @@
 //! The figures of a report.
 
-use nalgebra::Vector3;
-use whorl_math::{EulerAngles, EulerSequence, deg_from_rad, rpm_from_rad_s};
+use whorl_math::{deg_from_rad, rpm_from_rad_s};
 use whorl_msgs::whorl::ModelFit;
 
-use crate::data::{PlatformData, RunData};
+use crate::data::RunData;
 use crate::figure::{Figure, Limit};
-use crate::metrics::{Attitudes, RelativeError, estimator_errors};
+use crate::pair::PairData;
+use crate::platform::{AngleCurves, PlatformData};
 use crate::replay::PlatformShape;
-use crate::series::{AttitudeSeries, Curve, components};
+use crate::series::{Curve, named};
 
 const XYZ: [&str; 3] = ["x", "y", "z"];
 
@@ -17,15 +17,7 @@ const XYZ: [&str; 3] = ["x", "y", "z"];
 const FILTER_SETTLING_S: f64 = 2.0;
 
 /// Relative error of a pair and the links.
-pub fn pair_figures(
-    follower: &str,
-    leader: &str,
-    errors: &[RelativeError],
-    target_rad: Option<f64>,
-) -> Vec<Figure> {
-    let angle = |name: &str, f: &dyn Fn(&RelativeError) -> Option<f64>| {
-        Curve::new(name, errors.iter().filter_map(|e| Some((e.time_s, deg_from_rad(f(e)?)))))
-    };
+pub fn pair_figures(follower: &str, leader: &str, errors: &PairData, target_rad: Option<f64>) -> Vec<Figure> {
     vec![
         Figure {
             title: format!("Relative pointing error of {follower} to {leader}"),
@@ -35,9 +27,9 @@ pub fn pair_figures(
                     .to_owned(),
             y_label: "angle [deg]".to_owned(),
             curves: vec![
-                angle("total", &|e| Some(e.total_rad.norm())),
-                angle("estimator", &|e| e.estimator_rad.map(|v| v.norm())),
-                angle("control", &|e| Some(e.control_rad.norm())),
+                errors.total.curve("total"),
+                errors.estimator.curve("estimator"),
+                errors.control.curve("control"),
             ],
             limits: target_rad
                 .map(|t| Limit { name: "target (RMS in hold)".to_owned(), value: deg_from_rad(t) })
@@ -50,7 +42,7 @@ pub fn pair_figures(
             title: format!("Relative pointing error of {follower} to {leader}, by axis"),
             caption: "Total error as a rotation vector in the follower's body axes.".to_owned(),
             y_label: "error [deg]".to_owned(),
-            curves: components(XYZ, deg_from_rad(1.0), errors.iter().map(|e| (e.time_s, e.total_rad))),
+            curves: named(XYZ, &errors.axes),
             ..Figure::default()
         },
     ]
@@ -77,23 +69,15 @@ pub fn link_figure(run: &RunData, stale_s: Option<f64>) -> Figure {
 }
 
 /// Everything about one platform.
-pub fn platform_figures(
-    data: &PlatformData,
-    attitudes: &Attitudes,
-    shape: Option<&PlatformShape>,
-) -> Vec<Figure> {
-    let mut figures = attitude_figures(attitudes);
+pub fn platform_figures(data: &PlatformData, shape: Option<&PlatformShape>) -> Vec<Figure> {
+    let mut figures = attitude_figures(data);
     figures.push(tilt_figure(data, shape));
     figures.push(Figure {
         title: "Control error".to_owned(),
         caption: "Rotation from reference to estimated attitude, body axes, as used by the controller."
             .to_owned(),
         y_label: "error [deg]".to_owned(),
-        curves: components(
-            XYZ,
-            deg_from_rad(1.0),
-            data.control.iter().map(|c| (c.stamp_s, Vector3::from(c.message.attitude_error_b_rad))),
-        ),
+        curves: named(XYZ, &data.control_error),
         ..Figure::default()
     });
     figures.push(Figure {
@@ -103,25 +87,25 @@ pub fn platform_figures(
                   three-sigma of its largest axis."
                 .to_owned(),
         y_label: "error [deg]".to_owned(),
-        curves: components(XYZ, deg_from_rad(1.0), estimator_errors(attitudes)),
+        curves: named(XYZ, &data.estimator_error),
         dashed: three_sigma(data),
-        fitted_from_s: settled_s(attitudes),
+        fitted_from_s: settled_s(data),
         ..Figure::default()
     });
     figures.push(Figure {
         title: "Gyro bias".to_owned(),
         caption: "Estimated (solid) and true (dashed), body axes.".to_owned(),
         y_label: "bias [deg/s]".to_owned(),
-        curves: bias(&data.estimate, XYZ),
-        dashed: bias(&data.truth, ["x true", "y true", "z true"]),
-        fitted_from_s: settled_s(attitudes),
+        curves: named(XYZ, &data.bias),
+        dashed: named(["x true", "y true", "z true"], &data.true_bias),
+        fitted_from_s: settled_s(data),
         ..Figure::default()
     });
     figures.push(Figure {
         title: "Wheel speeds".to_owned(),
         caption: "Relative to the body.".to_owned(),
         y_label: "speed [rpm]".to_owned(),
-        curves: wheel_speeds(data),
+        curves: data.wheels.iter().map(|(name, speed)| speed.curve(name.as_str())).collect(),
         limits: wheel_limits(shape),
         ..Figure::default()
     });
@@ -132,8 +116,8 @@ pub fn platform_figures(
                   They differ where the actuators are at their limits."
                 .to_owned(),
         y_label: "torque [mN m]".to_owned(),
-        curves: torque(data, XYZ, |c| c.torque_achieved_b_n_m),
-        dashed: torque(data, ["x asked", "y asked", "z asked"], |c| c.torque_commanded_b_n_m),
+        curves: named(XYZ, &data.torque),
+        dashed: named(["x asked", "y asked", "z asked"], &data.torque_asked),
         ..Figure::default()
     });
     figures.extend(jet_figures(data));
@@ -154,10 +138,7 @@ fn tilt_figure(data: &PlatformData, shape: Option<&PlatformShape>) -> Figure {
         title: "Tilt".to_owned(),
         caption: "Angle that the bearing limits, as estimated.".to_owned(),
         y_label: "tilt [deg]".to_owned(),
-        curves: vec![Curve::new(
-            "tilt",
-            data.control.iter().map(|c| (c.stamp_s, deg_from_rad(c.message.tilt_rad))),
-        )],
+        curves: vec![data.tilt.curve("tilt")],
         limits: limit.map(stop).into_iter().collect(),
         ..Figure::default()
     }
@@ -247,39 +228,12 @@ fn fit_figures(data: &PlatformData) -> Vec<Figure> {
 }
 
 /// Time when the filter has settled, if there is an estimate.
-fn settled_s(attitudes: &Attitudes) -> Option<f64> {
-    attitudes.estimate.iter().next().map(|(t, _)| t + FILTER_SETTLING_S)
-}
-
-fn torque(
-    data: &PlatformData,
-    names: [&str; 3],
-    of: impl Fn(&whorl_msgs::whorl::ControlStatus) -> whorl_msgs::geometry_msgs::Vector3,
-) -> Vec<Curve> {
-    components(names, 1e3, data.control.iter().map(|c| (c.stamp_s, Vector3::from(of(&c.message)))))
-}
-
-fn bias(
-    estimates: &[crate::data::Recorded<whorl_msgs::whorl::AttitudeEstimate>],
-    names: [&str; 3],
-) -> Vec<Curve> {
-    let usable = estimates.iter().filter(|e| e.message.usable());
-    components(
-        names,
-        deg_from_rad(1.0),
-        usable.map(|e| (e.stamp_s, Vector3::from(e.message.gyro_bias_b_rad_s))),
-    )
+fn settled_s(data: &PlatformData) -> Option<f64> {
+    data.estimate.first_s.map(|t| t + FILTER_SETTLING_S)
 }
 
 fn three_sigma(data: &PlatformData) -> Vec<Curve> {
-    let largest = data.estimate.iter().filter(|e| e.message.usable()).map(|e| {
-        let variance = [0, 7, 14]
-            .into_iter()
-            .filter_map(|i| e.message.covariance.get(i))
-            .fold(0.0, |a, b| f64::max(a, *b));
-        (e.stamp_s, 3.0 * deg_from_rad(variance.sqrt()))
-    });
-    let upper = Curve::new("+3 sigma", largest);
+    let upper = data.three_sigma.curve("+3 sigma");
     let lower = Curve {
         name: "-3 sigma".to_owned(),
         time_s: upper.time_s.clone(),
@@ -288,26 +242,11 @@ fn three_sigma(data: &PlatformData) -> Vec<Curve> {
     vec![upper, lower]
 }
 
-fn wheel_speeds(data: &PlatformData) -> Vec<Curve> {
-    let names = data.wheels.first().map(|w| w.message.name.clone()).unwrap_or_default();
-    let speeds = names.iter().enumerate().map(|(i, name)| {
-        Curve::new(
-            name.as_str(),
-            data.wheels.iter().filter_map(|w| Some((w.stamp_s, rpm_from_rad_s(*w.message.velocity.get(i)?)))),
-        )
-    });
-    speeds.collect()
-}
-
 fn jet_figures(data: &PlatformData) -> Vec<Figure> {
-    let jets = data.thrusters.last().map_or(0, |t| t.message.total_on_time_s.len());
     // A run without pulses needs no figure of pulses.
-    let fired = data.thrusters.last().is_some_and(|t| t.message.total_on_time_s.iter().any(|s| *s > 0.0));
-    let on_time = (0..if fired { jets } else { 0 }).map(|i| {
-        let total =
-            data.thrusters.iter().filter_map(|t| Some((t.stamp_s, *t.message.total_on_time_s.get(i)?)));
-        Curve::new(format!("jet {}", i + 1), total)
-    });
+    let fired = data.numbers.jet_on_time_s > 0.0;
+    let jets = if fired { data.jets.as_slice() } else { &[] };
+    let on_time = (1..).zip(jets).map(|(number, jet)| jet.curve(format!("jet {number}")));
     vec![
         Figure {
             title: "Jets".to_owned(),
@@ -320,55 +259,33 @@ fn jet_figures(data: &PlatformData) -> Vec<Figure> {
             title: "Gas".to_owned(),
             caption: "Gas used so far, by the controller's model.".to_owned(),
             y_label: "gas [g]".to_owned(),
-            curves: if fired {
-                vec![Curve::new(
-                    "gas used",
-                    data.control.iter().map(|c| (c.stamp_s, c.message.gas_used_kg * 1e3)),
-                )]
-            } else {
-                Vec::new()
-            },
+            curves: if fired { vec![data.gas.curve("gas used")] } else { Vec::new() },
             ..Figure::default()
         },
         Figure {
             title: "Tank pressure".to_owned(),
             caption: "As measured.".to_owned(),
             y_label: "pressure [MPa]".to_owned(),
-            curves: vec![Curve::new(
-                "tank",
-                data.tank_pressure.iter().map(|p| (p.stamp_s, p.message.fluid_pressure * 1e-6)),
-            )],
+            curves: vec![data.tank_pressure.curve("tank")],
             ..Figure::default()
         },
     ]
 }
 
-fn attitude_figures(attitudes: &Attitudes) -> Vec<Figure> {
-    let series = [("estimate", &attitudes.estimate), ("truth", &attitudes.truth)];
+fn attitude_figures(data: &PlatformData) -> Vec<Figure> {
+    let series = [("estimate", &data.estimate), ("truth", &data.truth)];
     let figure = |title: &str, angles: &[(usize, &str)]| {
-        let curves = |(name, series): &(&str, &AttitudeSeries)| -> Vec<Curve> {
-            angles.iter().map(|(i, angle)| euler_curve(&format!("{angle} {name}"), series, *i)).collect()
+        let curves = |(name, series): &(&str, &AngleCurves)| -> Vec<Curve> {
+            angles.iter().map(|(i, angle)| series.curves[*i].curve(format!("{angle} {name}"))).collect()
         };
         Figure {
             title: title.to_owned(),
             caption: "Estimate and truth (solid) and reference (dashed), as z-y-x Euler angles.".to_owned(),
             y_label: "angle [deg]".to_owned(),
-            curves: series.iter().filter(|(_, s)| !s.is_empty()).flat_map(curves).collect(),
-            dashed: curves(&("reference", &attitudes.reference)),
+            curves: series.iter().filter(|(_, s)| s.first_s.is_some()).flat_map(curves).collect(),
+            dashed: curves(&("reference", &data.reference)),
             ..Figure::default()
         }
     };
     vec![figure("Yaw", &[(0, "yaw")]), figure("Pitch and roll", &[(1, "pitch"), (2, "roll")])]
-}
-
-/// One z-y-x angle over time [deg], unwrapped so that a full turn draws no vertical line.
-fn euler_curve(name: &str, series: &AttitudeSeries, index: usize) -> Curve {
-    let mut previous: Option<f64> = None;
-    let points = series.iter().map(|(t, q)| {
-        let angle = EulerAngles::from_quaternion(&q, EulerSequence::E321).angles_rad[index];
-        let continuous = previous.map_or(angle, |p| p + whorl_math::wrap_angle_rad(angle - p));
-        previous = Some(continuous);
-        (t, deg_from_rad(continuous))
-    });
-    Curve::new(name, points.collect::<Vec<_>>())
 }

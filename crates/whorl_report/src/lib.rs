@@ -1,6 +1,6 @@
 //! The HTML report of a run, and the numbers in it.
 //!
-//! [`RunData`] collects recorded messages, [`summarise`] computes the numbers, [`html`] writes the page:
+//! [`Collector`] takes recorded messages, [`RunData`] is what it keeps of them, [`summarise`] computes the numbers, [`html`] writes the page:
 //! one file that opens offline. The pages that explain data ([`comparison_html`], [`whereabouts_html`],
 //! [`diagnosis_html`], [`adoption_html`]) are built in the same way.
 
@@ -11,18 +11,24 @@ mod events;
 mod explanation;
 mod figure;
 mod figures;
+mod frames;
 mod index;
 mod live;
 mod metrics;
 mod overlay;
 mod page;
+mod pair;
+mod platform;
 mod replay;
 mod reproduction;
 mod series;
 mod timeline;
 mod verdict;
 
-pub use data::{PlatformData, Recorded, RunData};
+#[cfg(test)]
+mod memory_tests;
+
+pub use data::{Collector, Recorded, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
@@ -33,6 +39,7 @@ pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 pub use page::{Description, TopicRow, html};
+pub use platform::PlatformData;
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
 pub use verdict::{Circumstances, Result as RunResult, Verdict as RunVerdict, judge, measured};

@@ -3,13 +3,15 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 use whorl_math::statistics::quantile;
-use whorl_msgs::whorl::{ClockRequest, ControlStatus, FormationState};
+use whorl_msgs::whorl::{ClockRequest, FormationState};
 
-use crate::data::{PlatformData, RunData};
-use crate::series::{AttitudeSeries, maximum, rms};
+use crate::data::{Recorded, RunData};
+use crate::pair::PairData;
+use crate::platform::{PlatformData, Window};
+use crate::series::{maximum, rms};
 
 /// Longest gap over which attitudes are interpolated \[s\].
-const GAP_S: f64 = 0.2;
+pub(crate) const GAP_S: f64 = 0.2;
 
 /// The numbers of a run. NaN (null in JSON): cannot be computed from this run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -96,57 +98,6 @@ pub struct PlatformSummary {
 /// A stretch of time \[s\].
 pub type Interval = (f64, f64);
 
-/// Time spans of the hold phases.
-#[must_use]
-pub fn hold_intervals(run: &RunData) -> Vec<Interval> {
-    let mut intervals: Vec<Interval> = Vec::new();
-    let mut open: Option<f64> = None;
-    for state in &run.formation {
-        match (open, state.message.phase == FormationState::PHASE_HOLD) {
-            (None, true) => open = Some(state.stamp_s),
-            (Some(start), false) => {
-                intervals.push((start, state.stamp_s));
-                open = None;
-            }
-            _ => {}
-        }
-    }
-    if let (Some(start), Some(last)) = (open, run.formation.last()) {
-        intervals.push((start, last.stamp_s));
-    }
-    intervals
-}
-
-fn within(intervals: &[Interval], time_s: f64) -> bool {
-    intervals.iter().any(|(start, end)| (*start..=*end).contains(&time_s))
-}
-
-/// True and estimated attitudes and the reference of one platform.
-#[derive(Debug, Clone, Default)]
-pub struct Attitudes {
-    /// Truth; empty when there is none.
-    pub truth: AttitudeSeries,
-    /// Usable estimates.
-    pub estimate: AttitudeSeries,
-    /// References.
-    pub reference: AttitudeSeries,
-}
-
-impl Attitudes {
-    /// Of one platform.
-    #[must_use]
-    pub fn new(data: &PlatformData) -> Self {
-        let usable = data.estimate.iter().filter(|e| e.message.usable());
-        Self {
-            truth: AttitudeSeries::new(data.truth.iter().map(|m| (m.stamp_s, m.message.q_world_body))),
-            estimate: AttitudeSeries::new(usable.map(|m| (m.stamp_s, m.message.q_world_body))),
-            reference: AttitudeSeries::new(
-                data.reference.iter().map(|m| (m.stamp_s, m.message.q_world_reference)),
-            ),
-        }
-    }
-}
-
 /// One instant of a follower's relative error; rotation vectors in the follower's body axes \[rad\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RelativeError {
@@ -160,49 +111,47 @@ pub struct RelativeError {
     pub control_rad: Vector3<f64>,
 }
 
-/// The relative error of `follower` with respect to `leader` over the run, at the instants of the
-/// follower's estimates. The commanded relative attitude comes from the formation's state.
-#[must_use]
-pub fn relative_errors(
-    run: &RunData,
-    follower: &str,
-    leader: &str,
-    attitudes: [&Attitudes; 2],
-) -> Vec<RelativeError> {
-    let commanded = commanded_relative_attitude(run, follower, leader);
-    let [of_follower, of_leader] = attitudes;
+/// The relative error of `follower` with respect to `leader` at the instants of the follower's estimates that have not
+/// been evaluated yet, up to a time. The commanded relative attitude comes from the formation's states.
+pub(crate) fn relative_errors<'a>(
+    formation: &[Recorded<FormationState>],
+    [follower, leader]: [&str; 2],
+    [of_follower, of_leader]: [&'a Window; 2],
+    until_s: f64,
+) -> impl Iterator<Item = RelativeError> + use<'a> {
+    let commanded = commanded_relative_attitude(formation, follower, leader);
     let mut next = 0;
-    let mut errors = Vec::new();
-    for (time_s, follower_estimate) in of_follower.estimate.iter() {
-        while commanded.get(next + 1).is_some_and(|(t, _)| *t <= time_s) {
-            next += 1;
-        }
-        let Some((since, command)) = commanded.get(next).filter(|(t, _)| *t <= time_s) else { continue };
-        // An older formation state does not tell the current command.
-        if time_s - since > 1.0 {
-            continue;
-        }
-        let Some(leader_estimate) = of_leader.estimate.at(time_s, GAP_S) else { continue };
-        let estimated = leader_estimate.inverse() * follower_estimate;
-        let control_rad = whorl_math::attitude_error(command, &estimated);
-        let truth = of_follower.truth.at(time_s, GAP_S).zip(of_leader.truth.at(time_s, GAP_S));
-        let actual = truth.map(|(f, l)| l.inverse() * f);
-        errors.push(RelativeError {
-            time_s,
-            total_rad: actual.map_or(control_rad, |a| whorl_math::attitude_error(command, &a)),
-            estimator_rad: actual.map(|a| whorl_math::attitude_error(&estimated, &a)),
-            control_rad,
-        });
-    }
-    errors
+    of_follower.estimate.between(of_follower.estimates_to_s, until_s).filter_map(
+        move |(time_s, follower_estimate)| {
+            while commanded.get(next + 1).is_some_and(|(t, _)| *t <= time_s) {
+                next += 1;
+            }
+            let (since, command) = commanded.get(next).filter(|(t, _)| *t <= time_s)?;
+            // An older formation state does not tell the current command.
+            if time_s - since > 1.0 {
+                return None;
+            }
+            let leader_estimate = of_leader.estimate.at(time_s, GAP_S)?;
+            let estimated = leader_estimate.inverse() * follower_estimate;
+            let control_rad = whorl_math::attitude_error(command, &estimated);
+            let truth = of_follower.truth.at(time_s, GAP_S).zip(of_leader.truth.at(time_s, GAP_S));
+            let actual = truth.map(|(f, l)| l.inverse() * f);
+            Some(RelativeError {
+                time_s,
+                total_rad: actual.map_or(control_rad, |a| whorl_math::attitude_error(command, &a)),
+                estimator_rad: actual.map(|a| whorl_math::attitude_error(&estimated, &a)),
+                control_rad,
+            })
+        },
+    )
 }
 
 fn commanded_relative_attitude(
-    run: &RunData,
+    formation: &[Recorded<FormationState>],
     follower: &str,
     leader: &str,
 ) -> Vec<(f64, UnitQuaternion<f64>)> {
-    let commands = run.formation.iter().filter_map(|state| {
+    let commands = formation.iter().filter_map(|state| {
         let m = &state.message;
         let f = m.platforms.iter().position(|p| p == follower)?;
         let l = usize::try_from(*m.leader.get(f)?).ok()?;
@@ -212,37 +161,32 @@ fn commanded_relative_attitude(
     commands.collect()
 }
 
-/// Follower and leader of every pair that the formation state names.
+/// Follower and leader of every pair that the last formation state names.
 #[must_use]
 pub fn pairs(run: &RunData) -> Vec<(String, String)> {
-    let Some(last) = run.formation.last() else { return Vec::new() };
-    let m = &last.message;
-    m.platforms
-        .iter()
-        .zip(&m.leader)
-        .filter_map(|(follower, leader)| {
-            let leader = m.platforms.get(usize::try_from(*leader).ok()?)?;
-            Some((follower.clone(), leader.clone()))
-        })
-        .collect()
+    run.formation.last().map(|last| pairs_of(&last.message).collect()).unwrap_or_default()
+}
+
+/// Follower and leader of every pair.
+pub(crate) fn pairs_of(state: &FormationState) -> impl Iterator<Item = (String, String)> + '_ {
+    state.platforms.iter().zip(&state.leader).filter_map(|(follower, leader)| {
+        let leader = state.platforms.get(usize::try_from(*leader).ok()?)?;
+        Some((follower.clone(), leader.clone()))
+    })
 }
 
 /// Computes the numbers of a run.
 #[must_use]
 pub fn summarise(run: &RunData) -> Summary {
-    let hold = hold_intervals(run);
-    let attitudes: std::collections::BTreeMap<&String, Attitudes> =
-        run.platforms.iter().map(|(name, data)| (name, Attitudes::new(data))).collect();
+    let hold_s = run.holds.intervals().map(|(start, end)| end - start).fold(0.0, |total, dt| total + dt);
+    let nothing = PairData::default();
     let pair_summaries = pairs(run)
         .into_iter()
-        .filter_map(|(follower, leader)| {
-            let errors = relative_errors(
-                run,
-                &follower,
-                &leader,
-                [attitudes.get(&follower)?, attitudes.get(&leader)?],
-            );
-            Some(summarise_pair(follower, leader, &hold, &errors))
+        // A platform of which nothing was recorded has no errors.
+        .filter(|(follower, leader)| [follower, leader].iter().all(|p| run.platforms.contains_key(*p)))
+        .map(|pair| {
+            let errors = run.pairs.get(&pair).unwrap_or(&nothing);
+            summarise_pair(pair, hold_s, errors)
         })
         .collect();
     let last = run.formation.last().map(|s| &s.message);
@@ -253,11 +197,7 @@ pub fn summarise(run: &RunData) -> Summary {
         outcome: last.map_or("no formation state", |m| phase_name(m.phase)).to_owned(),
         duration_s: run.duration_s,
         pairs: pair_summaries,
-        platforms: run
-            .platforms
-            .iter()
-            .filter_map(|(name, data)| Some(summarise_platform(run, name, data, attitudes.get(name)?, &hold)))
-            .collect(),
+        platforms: run.platforms.iter().map(|(name, data)| summarise_platform(run, name, data)).collect(),
     }
 }
 
@@ -276,52 +216,18 @@ pub fn phase_name(phase: u8) -> &'static str {
     }
 }
 
-/// Relative error below which pointing counts as acquired, and for how long it must stay there.
-const ACQUIRED: (f64, f64) = (0.1 * std::f64::consts::PI / 180.0, 1.0);
-
-/// NaN: never.
-fn acquired_s(errors: &[RelativeError]) -> f64 {
-    let (limit_rad, dwell_s) = ACQUIRED;
-    let mut since = None;
-    for error in errors {
-        if error.total_rad.norm() >= limit_rad {
-            since = None;
-        } else if error.time_s - *since.get_or_insert(error.time_s) >= dwell_s {
-            break;
-        }
-    }
-    since.filter(|t| errors.last().is_some_and(|last| last.time_s - t >= dwell_s)).unwrap_or(f64::NAN)
-}
-
-fn summarise_pair(
-    follower: String,
-    leader: String,
-    hold: &[Interval],
-    errors: &[RelativeError],
-) -> PairSummary {
-    let held: Vec<_> = errors.iter().filter(|e| within(hold, e.time_s)).collect();
+fn summarise_pair((follower, leader): (String, String), hold_s: f64, errors: &PairData) -> PairSummary {
     PairSummary {
         follower,
         leader,
-        acquired_s: acquired_s(errors),
-        hold_s: hold.iter().map(|(start, end)| end - start).sum(),
-        relative_error_rms_rad: rms(held.iter().map(|e| e.total_rad.norm())),
-        relative_error_max_rad: maximum(held.iter().map(|e| e.total_rad.norm())),
-        estimator_error_rms_rad: rms(held.iter().filter_map(|e| e.estimator_rad).map(|e| e.norm())),
-        control_error_rms_rad: rms(held.iter().map(|e| e.control_rad.norm())),
-        from_truth: !held.is_empty() && held.iter().all(|e| e.estimator_rad.is_some()),
+        acquired_s: errors.acquired.time_s(),
+        hold_s,
+        relative_error_rms_rad: rms(errors.held_rad.iter().copied()),
+        relative_error_max_rad: maximum(errors.held_rad.iter().copied()),
+        estimator_error_rms_rad: errors.held_estimator.value(),
+        control_error_rms_rad: errors.held_control.value(),
+        from_truth: errors.has_truth(),
     }
-}
-
-/// Error of the estimate: rotation from the estimated to the true attitude, in world axes \[rad\].
-pub(crate) fn estimator_errors(attitudes: &Attitudes) -> Vec<(f64, Vector3<f64>)> {
-    attitudes
-        .estimate
-        .iter()
-        .filter_map(|(t, q)| {
-            Some((t, whorl_math::rotation_vector(&(attitudes.truth.at(t, GAP_S)? * q.inverse()))))
-        })
-        .collect()
 }
 
 /// Latest known offset of a platform's clock; NaN if it was not measured.
@@ -333,76 +239,31 @@ fn last_clock(run: &RunData, name: &str, values: fn(&ClockRequest) -> &Vec<f64>)
     run.clocks.iter().rev().find_map(|c| of_platform(&c.message)).unwrap_or(f64::NAN)
 }
 
-fn summarise_platform(
-    run: &RunData,
-    name: &str,
-    data: &PlatformData,
-    attitudes: &Attitudes,
-    hold: &[Interval],
-) -> PlatformSummary {
-    let estimator = estimator_errors(attitudes);
-    let pointing = attitudes
-        .reference
-        .iter()
-        .filter(|(t, _)| within(hold, *t))
-        .filter_map(|(t, reference)| Some(attitudes.truth.at(t, GAP_S)?.angle_to(&reference)));
+fn summarise_platform(run: &RunData, name: &str, data: &PlatformData) -> PlatformSummary {
+    let numbers = &data.numbers;
     // Before the start the controller idles; its numbers are not part of the run's.
-    let started =
-        run.formation.iter().find(|s| s.message.run_elapsed_s > 0.0).map_or(f64::INFINITY, |s| s.stamp_s);
-    let ended = run.formation.iter().find(|s| s.message.phase >= FormationState::PHASE_FINISHED);
-    let ended = ended.map_or(f64::INFINITY, |s| s.stamp_s);
-    let running = || data.control.iter().filter(move |c| (started..ended).contains(&c.stamp_s));
-    let ages = || running().map(|c| c.message.estimate_age_s);
-    let link_ages = run.formation.iter().filter(|s| (started..ended).contains(&s.stamp_s)).filter_map(|s| {
+    let link_ages = run.formation.iter().filter(|s| run.running.contains(s.stamp_s)).filter_map(|s| {
         let index = s.message.platforms.iter().position(|p| p == name)?;
         s.message.link_age_s.get(index).copied()
     });
-    let steps: Vec<_> = running().collect();
-    let not_tracking_s = steps
-        .windows(2)
-        .filter(|w| w[0].message.mode != ControlStatus::MODE_TRACK)
-        .map(|w| w[1].stamp_s - w[0].stamp_s)
-        // Not sum(), which returns minus zero for an empty sequence.
-        .fold(0.0, |total, dt| total + dt);
+    let [total, heading, inclination] = numbers.estimator.map(|rms| rms.value());
     PlatformSummary {
         name: name.to_owned(),
-        pointing_error_rms_rad: rms(pointing),
-        estimator_error_rms_rad: rms(estimator.iter().map(|(_, e)| e.norm())),
-        estimator_heading_error_rms_rad: rms(estimator.iter().map(|(_, e)| e.z)),
-        estimator_inclination_error_rms_rad: rms(estimator.iter().map(|(_, e)| e.x.hypot(e.y))),
-        gas_used_kg: data.control.last().map_or(f64::NAN, |c| c.message.gas_used_kg),
-        jet_on_time_s: data.thrusters.last().map_or(f64::NAN, |t| t.message.total_on_time_s.iter().sum()),
-        wheel_speed_max_rad_s: maximum(data.wheels.iter().flat_map(|w| &w.message.velocity).map(|v| v.abs())),
-        alpha_min: running().map(|c| c.message.alpha).fold(f64::NAN, f64::min),
-        allocation_fallbacks: data.control.last().map_or(0, |c| c.message.allocation_fallbacks),
-        sensor_to_command_p50_s: quantile(ages(), 0.5),
-        sensor_to_command_p99_s: quantile(ages(), 0.99),
+        pointing_error_rms_rad: numbers.pointing.value(),
+        estimator_error_rms_rad: total,
+        estimator_heading_error_rms_rad: heading,
+        estimator_inclination_error_rms_rad: inclination,
+        gas_used_kg: numbers.gas_used_kg,
+        jet_on_time_s: numbers.jet_on_time_s,
+        wheel_speed_max_rad_s: numbers.wheel_speed_max_rad_s,
+        alpha_min: numbers.alpha_min,
+        allocation_fallbacks: numbers.allocation_fallbacks,
+        sensor_to_command_p50_s: quantile(numbers.ages_s.iter().copied(), 0.5),
+        sensor_to_command_p99_s: quantile(numbers.ages_s.iter().copied(), 0.99),
         link_age_max_s: maximum(link_ages),
         clock_offset_s: last_clock(run, name, |clocks| &clocks.offset_s),
         clock_uncertainty_s: last_clock(run, name, |clocks| &clocks.uncertainty_s),
-        rejected_samples: data.estimate.last().map_or(0, |e| e.message.rejected_samples),
-        not_tracking_s,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pointing_is_acquired_where_the_error_begins_to_stay_small() {
-        let error = |(time_s, deg): (f64, f64)| RelativeError {
-            time_s,
-            total_rad: Vector3::x() * deg.to_radians(),
-            estimator_rad: None,
-            control_rad: Vector3::zeros(),
-        };
-        let errors = |degs: &[f64]| -> Vec<RelativeError> {
-            degs.iter().enumerate().map(|(i, deg)| error((0.25 * i as f64, *deg))).collect()
-        };
-        // Small for a moment, then for good.
-        assert_eq!(acquired_s(&errors(&[1.0, 0.05, 0.3, 0.09, 0.05, 0.02, 0.02, 0.02, 0.5])), 0.75);
-        assert!(acquired_s(&errors(&[1.0, 0.05, 0.05, 0.05])).is_nan(), "not for a second");
-        assert!(acquired_s(&[]).is_nan());
+        rejected_samples: numbers.rejected_samples,
+        not_tracking_s: numbers.not_tracking_s,
     }
 }

@@ -6,7 +6,7 @@ use crate::data::RunData;
 use crate::document::{Document, code, number, text};
 use crate::figure::Figure;
 use crate::figures::{link_figure, pair_figures, platform_figures};
-use crate::metrics::{Attitudes, hold_intervals, pairs, relative_errors};
+use crate::metrics::pairs;
 use crate::timeline::Timeline;
 
 /// Stretches that a hold is divided into to estimate the noise of its mean square. Twenty are longer than the errors'
@@ -44,24 +44,15 @@ pub fn pair_differences(runs: [&RunData; 2]) -> Vec<PairDifference> {
     pairs(runs[0])
         .into_iter()
         .filter(|pair| other.contains(pair))
-        .filter_map(|(follower, leader)| {
-            let rms = |run| rms_with_error(&hold_errors(run, &follower, &leader));
+        .filter_map(|pair| {
+            let rms = |run: &RunData| rms_with_error(&run.pairs.get(&pair)?.held_rad);
             let rms_rad = [rms(runs[0])?, rms(runs[1])?];
             let [(a, sa), (b, sb)] = rms_rad;
             let significant = (a - b).abs() > T_99 * sa.hypot(sb);
+            let (follower, leader) = pair;
             Some(PairDifference { pair: format!("{follower} to {leader}"), rms_rad, significant })
         })
         .collect()
-}
-
-/// Angles between the relative attitude and the commanded one during the hold phases \[rad\].
-fn hold_errors(run: &RunData, follower: &str, leader: &str) -> Vec<f64> {
-    let attitudes = |name: &str| run.platforms.get(name).map(Attitudes::new).unwrap_or_default();
-    let (f, l) = (attitudes(follower), attitudes(leader));
-    let hold = hold_intervals(run);
-    let errors = relative_errors(run, follower, leader, [&f, &l]);
-    let held = |t: f64| hold.iter().any(|(start, end)| (*start..=*end).contains(&t));
-    errors.iter().filter(|e| held(e.time_s)).map(|e| e.total_rad.norm()).collect()
 }
 
 /// Root mean square and its standard error, which is that of the means of batches: neighbouring samples are correlated, batches
@@ -138,19 +129,14 @@ pub fn overlay_html(
 
 /// The figures of a run by section.
 fn sections(run: &RunData) -> Vec<(String, Vec<Figure>)> {
-    let attitudes = |name: &str| run.platforms.get(name).map(Attitudes::new).unwrap_or_default();
-    let mut formation: Vec<Figure> = pairs(run)
-        .iter()
-        .flat_map(|(follower, leader)| {
-            let errors = relative_errors(run, follower, leader, [&attitudes(follower), &attitudes(leader)]);
-            pair_figures(follower, leader, &errors, None)
-        })
-        .collect();
+    let mut formation: Vec<Figure> = Vec::new();
+    for pair in pairs(run) {
+        let Some(errors) = run.pairs.get(&pair) else { continue };
+        formation.extend(pair_figures(&pair.0, &pair.1, errors, None));
+    }
     formation.push(link_figure(run, None));
     formation.retain(|f| !f.is_empty());
-    let platform = |(name, data): (&String, _)| {
-        (format!("Platform {name}"), platform_figures(data, &Attitudes::new(data), None))
-    };
+    let platform = |(name, data): (&String, _)| (format!("Platform {name}"), platform_figures(data, None));
     std::iter::once(("Formation".to_owned(), formation)).chain(run.platforms.iter().map(platform)).collect()
 }
 

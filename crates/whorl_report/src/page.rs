@@ -8,7 +8,7 @@ use crate::document::{Document, code, heading_row, number, right, text};
 use crate::events::{Happening, happenings};
 use crate::figure::Figure;
 use crate::figures::{link_figure, pair_figures, platform_figures};
-use crate::metrics::{Attitudes, PairSummary, Summary, relative_errors};
+use crate::metrics::{PairSummary, Summary};
 use crate::replay::{self, PlatformShape};
 use crate::timeline::Timeline;
 use crate::verdict::Verdict;
@@ -153,13 +153,10 @@ fn facts(page: &mut Document, description: &Description) {
 
 /// Relative errors of all pairs, then the links.
 fn formation_figures(run: &RunData, description: &Description) -> Vec<Figure> {
-    let attitudes: std::collections::BTreeMap<_, _> =
-        run.platforms.iter().map(|(name, data)| (name, Attitudes::new(data))).collect();
     let mut figures = Vec::new();
     for (follower, leader) in crate::metrics::pairs(run) {
-        let (Some(f), Some(l)) = (attitudes.get(&follower), attitudes.get(&leader)) else { continue };
-        let errors = relative_errors(run, &follower, &leader, [f, l]);
-        figures.extend(pair_figures(&follower, &leader, &errors, description.target_rad));
+        let Some(errors) = run.pairs.get(&(follower.clone(), leader.clone())) else { continue };
+        figures.extend(pair_figures(&follower, &leader, errors, description.target_rad));
     }
     figures.push(link_figure(run, description.link_stale_s));
     figures.retain(|f| !f.is_empty());
@@ -177,7 +174,7 @@ fn figures(page: &mut Document, run: &RunData, description: &Description, format
     for (name, data) in &run.platforms {
         page.heading(&format!("Platform {name}"));
         let shape = description.shapes.iter().find(|s| &s.name == name);
-        for mut figure in platform_figures(data, &Attitudes::new(data), shape) {
+        for mut figure in platform_figures(data, shape) {
             figure.platform.clone_from(name);
             page.figure(&figure, span);
         }

@@ -6,14 +6,10 @@ use serde_json::{Value, json};
 use whorl_math::deg_from_rad;
 use whorl_msgs::whorl::ControlStatus;
 
-use crate::data::{PlatformData, Recorded, RunData};
+use crate::data::{Recorded, RunData};
 use crate::events::mode_name;
-use crate::metrics::Attitudes;
-use crate::series::AttitudeSeries;
+use crate::platform::PlatformData;
 
-/// Shortest time between two frames \[s\], and largest number of frames.
-const STEP_S: f64 = 0.05;
-const FRAMES: f64 = 4000.0;
 /// A sample older than this is not shown any more \[s\].
 const STALE_S: f64 = 1.0;
 
@@ -82,9 +78,8 @@ impl PlatformShape {
 /// The frames of a run as the page's script reads them: integers as differences to the one before, `null` where
 /// nothing is known.
 pub(crate) fn stored(run: &RunData, shapes: &[PlatformShape]) -> Value {
-    let step_s = STEP_S.max(run.duration_s / FRAMES);
-    let frames = (run.duration_s / step_s).floor() as u32 + 1;
-    let times: Vec<f64> = (0..frames).map(|i| f64::from(i) * step_s).collect();
+    let (step_s, frames) = (run.grid.step_s(), run.grid.frames());
+    let times: Vec<f64> = (0..frames).map(|i| i as f64 * step_s).collect();
     let shapes: Vec<PlatformShape> = run
         .platforms
         .keys()
@@ -104,35 +99,31 @@ pub(crate) fn stored(run: &RunData, shapes: &[PlatformShape]) -> Value {
 }
 
 fn platform(run: &RunData, name: &str, data: &PlatformData, times: &[f64]) -> Value {
-    let attitudes = Attitudes::new(data);
-    let actual = if attitudes.truth.is_empty() { &attitudes.estimate } else { &attitudes.truth };
-    let control = Latest::new(&data.control);
-    let momentum: Vec<Option<Vector3<f64>>> =
-        times.iter().map(|t| control.at(*t).map(|c| Vector3::from(c.wheel_momentum_b_n_m_s))).collect();
+    let frames = &data.frames;
+    let momentum = |axis: usize| frames.iter().map(move |f| f.momentum_and_gas.map(|(h, _)| h[axis]));
     let index = |m: &whorl_msgs::whorl::FormationState| m.platforms.iter().position(|p| p == name);
     let formation = Latest::new(&run.formation);
     let of_formation = |value: fn(&whorl_msgs::whorl::FormationState, usize) -> Option<f64>, scale: f64| {
         coded(times.iter().map(|t| formation.at(*t).and_then(|m| value(m, index(m)?))), scale)
     };
     json!({
-        "q": quaternions(actual, times),
-        "ref": quaternions(&attitudes.reference, times),
-        "h": (0..3).map(|axis| coded(momentum.iter().map(|h| h.map(|h| h[axis])), 1e3)).collect::<Vec<_>>(),
-        "jets": jets(data, times),
+        "q": quaternions(frames.iter().map(|f| f.q_world_body)),
+        "ref": quaternions(frames.iter().map(|f| f.q_world_reference)),
+        "h": (0..3).map(|axis| coded(momentum(axis), 1e3)).collect::<Vec<_>>(),
+        "jets": jets(data, run.grid.step_s()),
         "error_mdeg": of_formation(|m, i| m.relative_error_rad.get(i).map(|e| deg_from_rad(Vector3::from(*e).norm())), 1e3),
         "link_ms": of_formation(|m, i| m.link_age_s.get(i).copied(), 1e3),
-        "gas_mg": coded(times.iter().map(|t| control.at(*t).map(|c| c.gas_used_kg)), 1e6),
+        "gas_mg": coded(frames.iter().map(|f| f.momentum_and_gas.map(|(_, gas_kg)| gas_kg)), 1e6),
         "modes": modes(data),
     })
 }
 
 /// Components w, x, y, z of the attitudes, of continuous sign, as integers of 1e-5.
-fn quaternions(series: &AttitudeSeries, times: &[f64]) -> Vec<Vec<Option<i64>>> {
+fn quaternions(attitudes: impl Iterator<Item = Option<UnitQuaternion<f64>>>) -> Vec<Vec<Option<i64>>> {
     let mut before: Option<UnitQuaternion<f64>> = None;
-    let samples: Vec<Option<[f64; 4]>> = times
-        .iter()
-        .map(|t| {
-            let q = series.at(*t, STALE_S)?;
+    let samples: Vec<Option<[f64; 4]>> = attitudes
+        .map(|q| {
+            let q = q?;
             let opposite = before.is_some_and(|b| b.coords.dot(&q.coords) < 0.0);
             let q = if opposite { UnitQuaternion::new_unchecked(-q.into_inner()) } else { q };
             before = Some(q);
@@ -143,16 +134,12 @@ fn quaternions(series: &AttitudeSeries, times: &[f64]) -> Vec<Vec<Option<i64>>> 
 }
 
 /// Share of each frame over which each valve was open, in hundredths.
-fn jets(data: &PlatformData, times: &[f64]) -> Vec<Vec<Option<i64>>> {
-    let count = data.thrusters.last().map_or(0, |t| t.message.total_on_time_s.len());
-    let latest = Latest::new(&data.thrusters);
-    (0..count)
+fn jets(data: &PlatformData, step_s: f64) -> Vec<Vec<Option<i64>>> {
+    (0..data.jets.len())
         .map(|jet| {
-            let total = |t: f64| latest.at(t).and_then(|m| m.total_on_time_s.get(jet).copied());
-            let shares = times.iter().enumerate().map(|(i, t)| {
-                let next = *times.get(i + 1)?;
-                Some(((total(next)? - total(*t)?) / (next - t)).clamp(0.0, 1.0))
-            });
+            let total = |i: usize| data.frames.get(i)?.on_time_s.as_ref()?.get(jet).copied();
+            let shares =
+                (0..data.frames.len()).map(|i| Some(((total(i + 1)? - total(i)?) / step_s).clamp(0.0, 1.0)));
             coded(shares, 100.0)
         })
         .collect()
@@ -161,10 +148,10 @@ fn jets(data: &PlatformData, times: &[f64]) -> Vec<Vec<Option<i64>>> {
 /// When the mode changed \[s\], to which, and whether that is a response to a fault.
 fn modes(data: &PlatformData) -> Vec<(f64, &'static str, bool)> {
     let mut list: Vec<(f64, &'static str, bool)> = Vec::new();
-    for status in &data.control {
-        let name = mode_name(status.message.mode);
+    for (time_s, (mode, _)) in &data.modes {
+        let name = mode_name(*mode);
         if list.last().is_none_or(|(_, last, _)| *last != name) {
-            list.push((status.stamp_s, name, alarming(status.message.mode)));
+            list.push((*time_s, name, alarming(*mode)));
         }
     }
     list
@@ -226,11 +213,13 @@ mod tests {
     #[test]
     fn attitudes_keep_their_sign_through_a_full_turn() {
         let turn = |t: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), t);
-        let series =
-            AttitudeSeries::new((0..700).map(|i| (f64::from(i) * 0.01, turn(f64::from(i) * 0.01).into())));
         let times: Vec<f64> = (0..69).map(|i| f64::from(i) * 0.1).collect();
-        let parts: Vec<Vec<Option<f64>>> =
-            quaternions(&series, &times).iter().map(|p| decoded(p, 1e5)).collect();
+        // Of whatever sign: both are the same attitude.
+        let attitudes = times.iter().enumerate().map(|(i, t)| {
+            let q = turn(*t);
+            Some(if i % 3 == 1 { UnitQuaternion::new_unchecked(-q.into_inner()) } else { q })
+        });
+        let parts: Vec<Vec<Option<f64>>> = quaternions(attitudes).iter().map(|p| decoded(p, 1e5)).collect();
         for (i, t) in times.iter().enumerate() {
             // Half the angle of rotation, in closed form; it passes pi without a jump.
             assert!((parts[0][i].unwrap() - (t / 2.0).cos()).abs() < 2e-5, "{t}");

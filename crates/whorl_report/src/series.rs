@@ -1,6 +1,6 @@
 //! Attitude over time, statistics, thinning for plots.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::UnitQuaternion;
 use whorl_msgs::geometry_msgs::Quaternion;
 
 /// Attitudes at increasing times.
@@ -11,17 +11,20 @@ pub struct AttitudeSeries {
 }
 
 impl AttitudeSeries {
-    /// From samples; invalid rotations and samples that do not advance in time are left out.
-    pub fn new(samples: impl IntoIterator<Item = (f64, Quaternion)>) -> Self {
-        let mut series = Self::default();
-        for (time_s, q) in samples {
-            let later = series.time_s.last().is_none_or(|last| time_s > *last);
-            if let (true, Some(q)) = (later, q.to_unit()) {
-                series.time_s.push(time_s);
-                series.q_world_body.push(q);
-            }
-        }
-        series
+    /// Adds a sample, which is returned as a rotation; an invalid rotation and a sample that does not advance in time
+    /// are left out.
+    pub fn push(&mut self, time_s: f64, q: Quaternion) -> Option<UnitQuaternion<f64>> {
+        let q = q.to_unit().filter(|_| self.time_s.last().is_none_or(|last| time_s > *last))?;
+        self.time_s.push(time_s);
+        self.q_world_body.push(q);
+        Some(q)
+    }
+
+    /// Drops the samples before a time, except the last of all.
+    pub fn forget_before(&mut self, time_s: f64) {
+        let old = self.time_s.partition_point(|t| *t < time_s).min(self.time_s.len().saturating_sub(1));
+        self.time_s.drain(..old);
+        self.q_world_body.drain(..old);
     }
 
     /// Whether there are no samples.
@@ -45,9 +48,40 @@ impl AttitudeSeries {
         Some(q0 * whorl_math::quaternion_exp(&(whorl_math::rotation_vector(&(q0.inverse() * q1)) * fraction)))
     }
 
-    /// The samples.
-    pub fn iter(&self) -> impl Iterator<Item = (f64, UnitQuaternion<f64>)> + '_ {
-        self.time_s.iter().copied().zip(self.q_world_body.iter().copied())
+    /// The samples after one time and before another \[s\].
+    pub fn between(
+        &self,
+        after_s: Option<f64>,
+        until_s: f64,
+    ) -> impl Iterator<Item = (f64, UnitQuaternion<f64>)> + '_ {
+        let begin = after_s.map_or(0, |after| self.time_s.partition_point(|t| *t <= after));
+        let end = self.time_s.partition_point(|t| *t < until_s).max(begin);
+        (begin..end).map(|i| (self.time_s[i], self.q_world_body[i]))
+    }
+}
+
+/// Root mean square of values that come one after the other.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Rms {
+    sum: f64,
+    count: u64,
+}
+
+impl Rms {
+    /// Adds a value.
+    pub fn add(&mut self, value: f64) {
+        self.sum += value * value;
+        self.count += 1;
+    }
+
+    /// Values so far.
+    pub fn count(self) -> u64 {
+        self.count
+    }
+
+    /// NaN without values.
+    pub fn value(self) -> f64 {
+        (self.sum / self.count as f64).sqrt()
     }
 }
 
@@ -102,24 +136,86 @@ impl Curve {
     }
 }
 
-/// Three curves of a vector over time.
-pub fn components(
-    names: [&str; 3],
-    scale: f64,
-    points: impl IntoIterator<Item = (f64, Vector3<f64>)>,
-) -> Vec<Curve> {
-    let points: Vec<_> = points.into_iter().collect();
-    (0..3).map(|i| Curve::new(names[i], points.iter().map(|(t, v)| (*t, v[i] * scale)))).collect()
+/// Below this number of points a [`GrowingCurve`] stays; a multiple of four.
+const KEPT: usize = 4800;
+
+/// A curve that is thinned while it grows: the smallest and the largest value of each stretch are kept, so that no peak
+/// is lost. The stretches double whenever there are too many.
+#[derive(Debug, Clone, Default)]
+pub struct GrowingCurve {
+    points: Vec<(f64, f64)>,
+    /// Samples per stretch; 0: every sample is kept.
+    stretch: usize,
+    /// Extremes of the stretch that is not full, and the samples in it.
+    open: Option<[(f64, f64); 2]>,
+    samples: usize,
+}
+
+impl GrowingCurve {
+    /// Adds a point.
+    pub fn push(&mut self, time_s: f64, value: f64) {
+        let point = (time_s, value);
+        if self.stretch == 0 {
+            self.points.push(point);
+        } else {
+            self.open = Some(self.open.map_or([point; 2], |open| extremes([open[0], open[1], point])));
+            self.samples += 1;
+            if self.samples == self.stretch {
+                self.points.extend(self.open.take().map(in_order).into_iter().flatten());
+                self.samples = 0;
+            }
+        }
+        if self.points.len() >= KEPT && self.samples == 0 {
+            // Two points stand for a stretch, or for themselves: four become two.
+            let half = self.points.chunks(4).flat_map(|four| in_order(extremes(four.iter().copied())));
+            self.points = half.collect();
+            self.stretch = if self.stretch == 0 { 4 } else { 2 * self.stretch };
+        }
+    }
+
+    /// The points.
+    pub fn curve(&self, name: impl Into<String>) -> Curve {
+        let open = self.open.map(in_order).into_iter().flatten();
+        Curve::new(name, self.points.iter().copied().chain(open))
+    }
+}
+
+/// The points with the smallest and with the largest value.
+fn extremes(points: impl IntoIterator<Item = (f64, f64)>) -> [(f64, f64); 2] {
+    let mut found: Option<[(f64, f64); 2]> = None;
+    for point in points {
+        let [low, high] = found.get_or_insert([point; 2]);
+        if point.1.total_cmp(&low.1).is_lt() {
+            *low = point;
+        }
+        if point.1.total_cmp(&high.1).is_gt() {
+            *high = point;
+        }
+    }
+    found.unwrap_or_default()
+}
+
+fn in_order([a, b]: [(f64, f64); 2]) -> [(f64, f64); 2] {
+    if b.0 < a.0 { [b, a] } else { [a, b] }
+}
+
+/// Three curves with names.
+pub fn named(names: [&str; 3], curves: &[GrowingCurve; 3]) -> Vec<Curve> {
+    names.into_iter().zip(curves).map(|(name, curve)| curve.curve(name)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
 
     #[test]
     fn attitudes_are_interpolated_at_constant_rate() {
         let about_z = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
-        let series = AttitudeSeries::new([(0.0, about_z(0.2).into()), (1.0, about_z(0.6).into())]);
+        let mut series = AttitudeSeries::default();
+        series.push(0.0, about_z(0.2).into());
+        series.push(1.0, about_z(0.6).into());
+        assert_eq!(series.push(1.0, about_z(0.7).into()), None, "not later");
         assert!(series.at(0.25, 2.0).unwrap().angle_to(&about_z(0.3)) < 1e-12);
         assert_eq!(series.at(0.25, 0.5), None, "a gap");
         assert_eq!(series.at(1.01, 2.0), None, "past the end");
@@ -130,6 +226,37 @@ mod tests {
         assert_eq!(rms([3.0, 4.0]), 12.5f64.sqrt());
         assert!(rms([]).is_nan());
         assert_eq!(maximum([1.0, f64::NAN, 3.0]), 3.0);
+    }
+
+    #[test]
+    fn a_curve_that_grows_stays_short_and_keeps_its_peaks() {
+        // A day at 100 Hz, with a spike up and one down.
+        let value = |i: u32| match i {
+            4_321_007 => 9.0,
+            17 => -7.0,
+            _ => (f64::from(i) * 0.01).sin(),
+        };
+        let mut growing = GrowingCurve::default();
+        for i in 0..8_640_000 {
+            growing.push(f64::from(i) * 0.01, value(i));
+        }
+        let curve = growing.curve("x");
+        assert!((KEPT / 2..=KEPT + 2).contains(&curve.time_s.len()), "{}", curve.time_s.len());
+        let peaks = [(43_210.07, 9.0), (0.17, -7.0)];
+        let at = |(t, v)| curve.time_s.iter().zip(&curve.value).any(|(a, b)| (*a, *b) == (t, v));
+        assert!(peaks.into_iter().all(at));
+        assert!(curve.time_s.windows(2).all(|w| w[0] <= w[1]));
+        assert!(curve.time_s.last().is_some_and(|t| *t > 86_400.0 - 60.0), "to the end");
+        // Evenly spaced: no stretch of time is shown more coarsely than another.
+        let longest = curve.time_s.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
+        assert!(longest < 4.0 * 86_400.0 / curve.time_s.len() as f64, "{longest}");
+    }
+
+    #[test]
+    fn a_short_curve_is_kept_as_it_is() {
+        let mut growing = GrowingCurve::default();
+        (0..KEPT - 1).for_each(|i| growing.push(i as f64, -(i as f64)));
+        assert_eq!(growing.curve("x"), Curve::new("x", (0..KEPT - 1).map(|i| (i as f64, -(i as f64)))));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use whorl_msgs::whorl::ControlStatus;
 
 use crate::data::RunData;
 use crate::events::Happening;
-use crate::metrics::{Interval, hold_intervals, phase_name};
+use crate::metrics::{Interval, phase_name};
 
 /// Who a mark concerns when it concerns all.
 const ALL: &str = "formation";
@@ -28,11 +28,12 @@ impl Timeline {
     /// Of a run: hold phases, safe modes and clipped references shaded, steps and faults marked.
     pub fn new(run: &RunData, happenings: &[Happening]) -> Self {
         let mut shades: Vec<Value> =
-            hold_intervals(run).into_iter().map(|interval| shade(interval, "hold", ALL)).collect();
+            run.holds.intervals().map(|interval| shade(interval, "hold", ALL)).collect();
         for (name, data) in &run.platforms {
             let safe =
                 |mode| matches!(mode, ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST);
-            let states = data.control.iter().map(|c| (c.stamp_s, safe(c.message.mode)));
+            let last = data.modes.last().map(|(_, (mode, _))| (data.last_status_s, safe(*mode)));
+            let states = data.modes.iter().map(|(time_s, (mode, _))| (*time_s, safe(*mode))).chain(last);
             shades.extend(stretches(states).into_iter().map(|s| shade(s, "safe", name)));
             let clipped = run.formation.iter().filter_map(|s| {
                 let index = s.message.platforms.iter().position(|p| p == name)?;

@@ -4,19 +4,16 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use whorl_math::deg_from_rad;
-use whorl_msgs::whorl::{ControlStatus, FormationState, ModelFit};
+use whorl_msgs::whorl::{FormationState, ModelFit};
 
-use crate::data::{PlatformData, RunData};
+use crate::data::{COUNTS, RunData};
 use crate::metrics::{PlatformSummary, Summary};
+use crate::platform::Numbers;
 
 /// A fault that is over within this time \[s\] does not fail a run: authority and references take a moment to arrive.
 const TOLERATED_S: f64 = 0.5;
 /// Late timers per second of the run above which the computer counts as overloaded.
 const LATE_PER_S: f64 = 1.0;
-/// Name of a count in the drivers' diagnostics.
-const COMMAND_TIMEOUTS: &str = "command timeouts";
-/// Share of the first pressure at which a tank is empty: below it a regulator has nothing left to regulate.
-const EMPTY: f64 = 0.02;
 /// Share of lost messages that is worth a word.
 const LOST_SHARE: f64 = 1e-3;
 
@@ -83,27 +80,19 @@ impl Verdict {
 /// Judges a run.
 #[must_use]
 pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) -> Verdict {
-    let span = running(run);
-    let longest = |wanted: fn(&ControlStatus) -> bool| {
-        run.platforms.values().map(|data| time_in(data, span, wanted)).fold(0.0, f64::max)
+    let longest = |seconds: fn(&Numbers) -> f64| {
+        run.platforms.values().map(|data| seconds(&data.numbers)).fold(0.0, f64::max)
     };
-    let safe_s = longest(|status| {
-        matches!(status.mode, ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST)
-    });
-    let uncommanded_s = longest(|status| {
-        matches!(status.mode, ControlStatus::MODE_IDLE | ControlStatus::MODE_HOLD)
-            && matches!(
-                status.reason,
-                ControlStatus::REASON_NO_AUTHORITY | ControlStatus::REASON_REFERENCE_STALE
-            )
-    });
+    let safe_s = longest(|numbers| numbers.safe_s);
+    let uncommanded_s = longest(|numbers| numbers.uncommanded_s);
     let clipped_s = clipped_s(run);
-    let late_timers =
-        latest(run, (f64::NEG_INFINITY, f64::INFINITY), "timer firings more than a period late");
-    let command_timeouts = latest(run, span, COMMAND_TIMEOUTS).saturating_sub(latest(
+    let [late, timeouts] = COUNTS;
+    let span = run.running;
+    let late_timers = latest(run, (f64::NEG_INFINITY, f64::INFINITY), late);
+    let command_timeouts = latest(run, (span.from_s, span.to_s), timeouts).saturating_sub(latest(
         run,
-        (f64::NEG_INFINITY, span.0),
-        COMMAND_TIMEOUTS,
+        (f64::NEG_INFINITY, span.from_s),
+        timeouts,
     ));
 
     let mut reasons = Vec::new();
@@ -156,11 +145,11 @@ pub fn judge(run: &RunData, summary: &Summary, circumstances: &Circumstances) ->
         if let Some(fit) = said {
             notes.push(format!("{name} {}", fit.message.in_words()));
         }
-        if let Some(empty_s) = empty_since_s(data) {
+        if let Some(empty_s) = data.tank.empty_since_s() {
             reasons.push(format!("{name}: the tank was empty after {empty_s:.1} s"));
         }
         let holds_kg = circumstances.gas_kg.get(name).copied().unwrap_or(f64::INFINITY);
-        let used_kg = data.control.last().map_or(0.0, |c| c.message.gas_used_kg);
+        let used_kg = data.numbers.gas_used_kg;
         if used_kg > holds_kg {
             let (used, holds) = (used_kg * 1e3, holds_kg * 1e3);
             reasons.push(format!("{name}: {used:.1} g of gas used, by the model, of a tank of {holds:.1} g"));
@@ -211,29 +200,6 @@ pub fn measured(platform: &PlatformSummary, key: &str) -> Option<(f64, &'static 
     })
 }
 
-/// When the tank's pressure fell below [`EMPTY`] of what it was at first \[s\].
-fn empty_since_s(data: &PlatformData) -> Option<f64> {
-    let first = data.tank_pressure.iter().map(|p| p.message.fluid_pressure).find(|p| *p > 0.0)?;
-    let is_empty = |p: f64| p < EMPTY * first;
-    // The pressure stays low; one reading may be a disturbance.
-    let last = data.tank_pressure.last().filter(|p| is_empty(p.message.fluid_pressure))?;
-    let full = data.tank_pressure.iter().rev().find(|p| !is_empty(p.message.fluid_pressure));
-    Some(full.unwrap_or(last).stamp_s)
-}
-
-/// From the start of the experiment to its end \[s\].
-fn running(run: &RunData) -> (f64, f64) {
-    let started = run.formation.iter().find(|s| s.message.run_elapsed_s > 0.0);
-    let ended = run.formation.iter().find(|s| s.message.phase >= FormationState::PHASE_FINISHED);
-    (started.map_or(f64::INFINITY, |s| s.stamp_s), ended.map_or(f64::INFINITY, |s| s.stamp_s))
-}
-
-fn time_in(data: &PlatformData, (from, to): (f64, f64), wanted: fn(&ControlStatus) -> bool) -> f64 {
-    let steps: Vec<_> = data.control.iter().filter(|c| (from..to).contains(&c.stamp_s)).collect();
-    let lengths = steps.windows(2).filter(|w| wanted(&w[0].message)).map(|w| w[1].stamp_s - w[0].stamp_s);
-    lengths.fold(0.0, |total, dt| total + dt)
-}
-
 fn clipped_s(run: &RunData) -> f64 {
     // On the way to its first attitude a platform may be led along its limit.
     let asked = [FormationState::PHASE_MANOEUVRE, FormationState::PHASE_HOLD];
@@ -260,19 +226,22 @@ mod tests {
     use super::*;
     use whorl_msgs::std_msgs::Header;
     use whorl_msgs::topics::Message;
+    use whorl_msgs::whorl::ControlStatus;
+
+    use crate::Collector;
     use whorl_node::Timestamp;
 
     fn header(time_s: f64) -> Header {
         Header { stamp: Timestamp::from_seconds(1000.0 + time_s).into(), frame_id: String::new() }
     }
 
-    fn add(run: &mut RunData, topic: &str, time_s: f64, message: impl Into<Message>) {
+    fn add(run: &mut Collector, topic: &str, time_s: f64, message: impl Into<Message>) {
         run.add(topic, Timestamp::from_seconds(1000.0 + time_s).0, message.into());
     }
 
     /// Ten seconds of an experiment; modes and clipping by time.
-    fn run(last_phase: u8, status: impl Fn(f64) -> (u8, u8), clipped: impl Fn(f64) -> bool) -> RunData {
-        let mut run = RunData::default();
+    fn run(last_phase: u8, status: impl Fn(f64) -> (u8, u8), clipped: impl Fn(f64) -> bool) -> Collector {
+        let mut run = Collector::default();
         for k in 0..=100 {
             let time_s = f64::from(k) * 0.1;
             let phase = if k == 100 { last_phase } else { FormationState::PHASE_HOLD };
@@ -292,7 +261,8 @@ mod tests {
         run
     }
 
-    fn verdict(run: &RunData, circumstances: &Circumstances) -> Verdict {
+    fn verdict(run: &Collector, circumstances: &Circumstances) -> Verdict {
+        let run = &run.clone().finish();
         judge(run, &crate::metrics::summarise(run), circumstances)
     }
 
@@ -342,7 +312,7 @@ mod tests {
 
     #[test]
     fn what_was_interrupted_is_not_called_finished_and_has_no_numbers_that_are_none() {
-        let mut run = RunData::default();
+        let mut run = Collector::default();
         let state = FormationState {
             header: header(0.0),
             phase: FormationState::PHASE_SETTLE,
@@ -378,8 +348,8 @@ mod tests {
         assert_eq!(empty.reasons, ["whorl_1: the tank was empty after 5.9 s"]);
 
         let mut own = run(FormationState::PHASE_FINISHED, |_| TRACKING, |_| false);
-        let last = own.platforms.get_mut("whorl_1").unwrap().control.last_mut().unwrap();
-        last.message.gas_used_kg = 0.3;
+        let last = ControlStatus { header: header(10.0), gas_used_kg: 0.3, ..ControlStatus::default() };
+        add(&mut own, "/whorl_1/control/status", 10.0, last);
         let holds = Circumstances {
             gas_kg: BTreeMap::from([("whorl_1".to_owned(), 0.25)]),
             ..Circumstances::default()

@@ -91,8 +91,12 @@ impl Connection {
 
     /// The same endpoints in a new participant, after the background threads of the old one have ended.
     pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
+        self.rebuilt_on(self.participant.network(), registry)
+    }
+
+    /// The same, on a network with other addresses.
+    pub(crate) fn rebuilt_on(&self, network: &Network, registry: &Registry) -> Result<Self, RosError> {
         let handshakes = self.handshakes.as_ref().map(Handshakes::renewed);
-        let network = self.participant.network();
         Self::with_generation(network, self.plan.clone(), registry, self.generation + 1, handshakes)
     }
 

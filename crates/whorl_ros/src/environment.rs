@@ -65,6 +65,8 @@ pub struct Network {
     pub domain_id: u16,
     /// Interfaces by address; `None` for all.
     pub interfaces: Option<Vec<IpAddr>>,
+    /// What `WHORL_INTERFACE` says, to be looked up again when addresses change.
+    pub chosen: Option<String>,
     /// Machines to which we announce ourselves by unicast.
     pub static_peers: Vec<Ipv4Addr>,
     /// Folder of the keys with which we take part; `None` where the network is open.
@@ -80,6 +82,13 @@ pub struct InterfaceAddress {
     pub address: Ipv4Addr,
 }
 
+impl InterfaceAddress {
+    /// Whether this is its interface's name, or it.
+    fn is(&self, part: &str) -> bool {
+        self.name == part || self.address.to_string() == part
+    }
+}
+
 impl Network {
     /// This machine only.
     #[must_use]
@@ -87,6 +96,7 @@ impl Network {
         Self {
             domain_id,
             interfaces: Some(vec![Ipv4Addr::LOCALHOST.into()]),
+            chosen: None,
             static_peers: Vec::new(),
             enclave: None,
         }
@@ -143,9 +153,24 @@ impl Network {
             .filter(|peer| !peer.is_empty())
             .map(|peer| peer.parse().map_err(|_| EnvironmentError::Peer { value: peer.to_owned() }))
             .collect::<Result<_, _>>()?;
-        let interfaces =
-            set("WHORL_INTERFACE").map(|chosen| choose_interfaces(&chosen, addresses)).transpose()?;
-        Ok(Self { domain_id, interfaces, static_peers, enclave: None })
+        let chosen = set("WHORL_INTERFACE");
+        Self { domain_id, interfaces: None, chosen, static_peers, enclave: None }.with_addresses(addresses)
+    }
+
+    /// The same network with other addresses of this machine.
+    ///
+    /// # Errors
+    /// [`EnvironmentError::Interface`].
+    pub fn with_addresses(&self, addresses: &[InterfaceAddress]) -> Result<Self, EnvironmentError> {
+        let chosen = self.chosen.as_ref().map(|chosen| choose_interfaces(chosen, addresses));
+        let interfaces = if self.is_localhost() { self.interfaces.clone() } else { chosen.transpose()? };
+        Ok(Self { interfaces, ..self.clone() })
+    }
+
+    /// Whether traffic may pass this address.
+    #[must_use]
+    pub fn uses(&self, address: &InterfaceAddress) -> bool {
+        self.chosen.as_ref().is_none_or(|chosen| parts(chosen).any(|part| address.is(part)))
     }
 
     /// With the keys that the environment of this process asks for: those of `enclave`, unless
@@ -176,16 +201,16 @@ impl Network {
     }
 }
 
+/// Names and addresses, separated by commas.
+fn parts(chosen: &str) -> impl Iterator<Item = &str> {
+    chosen.split(',').map(str::trim).filter(|part| !part.is_empty())
+}
+
 fn choose_interfaces(chosen: &str, addresses: &[InterfaceAddress]) -> Result<Vec<IpAddr>, EnvironmentError> {
     let mut interfaces = Vec::new();
-    for part in chosen.split(',').map(str::trim).filter(|part| !part.is_empty()) {
+    for part in parts(chosen) {
         let before = interfaces.len();
-        interfaces.extend(
-            addresses
-                .iter()
-                .filter(|a| a.name == part || a.address.to_string() == part)
-                .map(|a| IpAddr::from(a.address)),
-        );
+        interfaces.extend(addresses.iter().filter(|a| a.is(part)).map(|a| IpAddr::from(a.address)));
         if interfaces.len() == before {
             let known = addresses.iter().map(|a| format!("{} {}", a.name, a.address)).collect::<Vec<_>>();
             return Err(EnvironmentError::Interface { value: part.to_owned(), known: known.join(", ") });
@@ -274,6 +299,22 @@ mod tests {
         assert_eq!(with("wlan0,eth0").unwrap().interfaces.unwrap().len(), 2);
         let message = with("wlan1").unwrap_err().to_string();
         assert!(message.contains("wlan1") && message.contains("eth0 10.0.0.7"), "{message}");
+    }
+
+    #[test]
+    fn an_interface_chosen_by_name_keeps_its_name_when_its_address_changes() {
+        let with = |value| {
+            network(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"), ("WHORL_INTERFACE", value)]).unwrap()
+        };
+        let new = InterfaceAddress { name: "wlan0".into(), address: Ipv4Addr::new(192, 168, 1, 8) };
+        let address: IpAddr = new.address.into();
+        assert_eq!(
+            with("wlan0").with_addresses(std::slice::from_ref(&new)).unwrap().interfaces,
+            Some(vec![address])
+        );
+        assert!(with("wlan0").uses(&new) && !with("eth0").uses(&new));
+        // An address that is gone cannot be used any more, and that is said.
+        assert!(with("192.168.1.7").with_addresses(&[new]).is_err());
     }
 
     #[test]

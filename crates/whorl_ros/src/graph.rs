@@ -44,6 +44,30 @@ pub(crate) fn announce(
     writer.publish(&cdr::encode(TYPE, &info)?)
 }
 
+/// Tells whose the readers of a participant are that is not a node's own, for `ros2 topic info --verbose`: those of a node whose
+/// name begins with an underscore, which ROS 2 does not list.
+pub struct Announcement(
+    #[expect(dead_code, reason = "what it wrote is known as long as it lives")] RawWriter,
+);
+
+impl Announcement {
+    /// Of readers that belong to `node`: for `/recorder` and `bag` they are those of `/_recorder_bag`.
+    ///
+    /// # Errors
+    /// When DDS refuses.
+    pub fn new(
+        participant: &Participant,
+        node: &NodeName,
+        part: &str,
+        readers: impl Iterator<Item = EndpointId>,
+    ) -> Result<Self, RosError> {
+        let hidden = NodeName::new(node.namespace(), &format!("_{}_{part}", node.base()))?;
+        let writer = writer(participant)?;
+        announce(&writer, participant.id(), Some(&hidden), readers, std::iter::empty())?;
+        Ok(Self(writer))
+    }
+}
+
 /// Reads the other nodes on the network, for `whorl`'s list of nodes.
 pub struct NodeList {
     reader: RawReader,
@@ -82,7 +106,8 @@ impl NodeList {
             participant.discovered_writers().iter().map(|w| w.endpoint.participant()).collect();
         alive.insert(participant.id().participant());
         self.by_participant.retain(|gid, _| alive.contains(&EndpointId(gid.to_bytes16()).participant()));
-        let mut names: Vec<_> = self.by_participant.values().flatten().cloned().collect();
+        let listed = |name: &&String| !name.contains("/_");
+        let mut names: Vec<_> = self.by_participant.values().flatten().filter(listed).cloned().collect();
         names.sort();
         names.dedup();
         Ok(names)

@@ -19,6 +19,7 @@
 //! [`Participant`], [`RawReader`] and [`RawWriter`] are for programs that are not cores: the
 //! recorder and `whorl` itself. [`recovery`] describes what happens after a network cut.
 
+mod addresses;
 pub mod arguments;
 mod clock;
 mod connection;
@@ -50,10 +51,11 @@ mod statistics;
 mod wake;
 mod worker;
 
+pub use addresses::AddressWatch;
 pub use clock::{Clock, SET_BACK, monotonic, wall_clock};
 pub use context::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_line};
 pub use error::RosError;
-pub use graph::NodeList;
+pub use graph::{Announcement, NodeList};
 pub use log::to_stderr as log_to_stderr;
 pub use memory::limit_memory;
 pub use node::run_node;

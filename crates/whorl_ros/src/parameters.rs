@@ -3,7 +3,7 @@
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::ListParametersResult;
 use serde::Serialize;
-use whorl_params::{Descriptor, NodeParameters, ParameterErrors, Reader, Value};
+use whorl_params::{Descriptor, Kind, NodeParameters, ParameterErrors, Reader, Value};
 
 use crate::parameter_wire::{describe, empty_descriptor, from_wire, to_wire};
 
@@ -16,6 +16,23 @@ fn says_unset(wire: &raw::ParameterValue) -> bool {
     wire.ptype == raw::ParameterType::NOT_SET
         || (wire.ptype == raw::ParameterType::STRING
             && ["None", "null"].contains(&wire.string_value.as_str()))
+}
+
+/// A number that arrives as text. `ros2 param load` and `ros2 param set` write numbers as Python does (`1e-06`, `nan`, `inf`),
+/// and read them as YAML 1.1, to which these are texts: alone, all numbers of a list, or a list of which some are.
+fn number_as_text(wire: &raw::ParameterValue, kind: Kind) -> Option<Value> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    match (kind, wire.ptype) {
+        (Kind::Double, raw::ParameterType::STRING) => number(&wire.string_value).map(Value::Double),
+        (Kind::DoubleArray, raw::ParameterType::STRING_ARRAY) => {
+            wire.string_array.iter().map(|text| number(text)).collect::<Option<_>>().map(Value::DoubleArray)
+        }
+        (Kind::DoubleArray, raw::ParameterType::STRING) => {
+            let inside = wire.string_value.trim().strip_prefix('[')?.strip_suffix(']')?;
+            inside.split(',').map(number).collect::<Option<_>>().map(Value::DoubleArray)
+        }
+        _ => None,
+    }
 }
 
 /// Every ROS 2 node has this parameter.
@@ -58,7 +75,7 @@ impl ParameterSet {
         if !descriptors.iter().any(|d| d.name == USE_SIM_TIME) {
             descriptors.push(Descriptor {
                 name: USE_SIM_TIME.into(),
-                kind: whorl_params::Kind::Bool,
+                kind: Kind::Bool,
                 value: Some(Value::Bool(false)),
                 default: Some(Value::Bool(false)),
                 required: false,
@@ -145,7 +162,11 @@ impl ParameterSet {
             if self.find(&change.name).is_some_and(|d| d.value.is_none()) && says_unset(&change.value) {
                 continue;
             }
-            let value = from_wire(&change.value).map_err(|problem| format!("{}: {problem}", change.name))?;
+            let kind = self.find(&change.name).map(|descriptor| descriptor.kind);
+            let value = kind.and_then(|kind| number_as_text(&change.value, kind)).map_or_else(
+                || from_wire(&change.value).map_err(|problem| format!("{}: {problem}", change.name)),
+                Ok,
+            )?;
             if let Some(descriptor) = self.find(&change.name) {
                 let same = descriptor.value.is_some()
                     && value.converted(descriptor.kind).as_ref() == descriptor.value.as_ref();
@@ -309,6 +330,33 @@ mod tests {
         let unset = raw::Parameter { name: "source".into(), value: to_wire(None) };
         assert!(set.set(&[unset, change("source", "None")], &mut apply).unwrap().is_empty());
         assert_eq!(applied, [Lists { failed: vec![], names: vec![], source: None }]);
+    }
+
+    #[test]
+    fn small_numbers_come_back_as_the_texts_that_yaml_1_1_takes_them_for() {
+        // What rclpy's get_parameter_value makes of str(1e-06), str([1e-06, 2e-05]) and str([1e-06, 2.5]) with PyYAML.
+        let text = |text: &str| to_wire(Some(&Value::String(text.into())));
+        let texts = to_wire(Some(&Value::StringArray(vec!["1e-06".into(), "2e-05".into()])));
+        assert_eq!(number_as_text(&text("1e-06"), Kind::Double), Some(Value::Double(1e-6)));
+        assert_eq!(number_as_text(&text("-inf"), Kind::Double), Some(Value::Double(f64::NEG_INFINITY)));
+        assert_eq!(number_as_text(&texts, Kind::DoubleArray), Some(Value::DoubleArray(vec![1e-6, 2e-5])));
+        assert_eq!(
+            number_as_text(&text("[1e-06, 2.5]"), Kind::DoubleArray),
+            Some(Value::DoubleArray(vec![1e-6, 2.5]))
+        );
+        for (wire, kind) in [
+            (text("much"), Kind::Double),
+            (text("1e-06, 2"), Kind::DoubleArray),
+            (text("[1e-06, x]"), Kind::DoubleArray),
+            // A text that is one stays one.
+            (text("1e-06"), Kind::String),
+        ] {
+            assert_eq!(number_as_text(&wire, kind), None, "{wire:?}");
+        }
+        let (_, mut set) = set();
+        let mut applied = Vec::new();
+        set.set(&[change("gain.kp_n_m", "5e-05")], &mut apply(&mut applied)).unwrap();
+        assert_eq!(applied[0].kp, 5e-5);
     }
 
     #[test]

@@ -1,13 +1,16 @@
 //! The event loop of a node: one thread that moves messages, time and parameters.
 
 use std::io::Read as _;
+use std::os::fd::AsRawFd;
 use std::time::Duration;
 
 use mio::net::UnixStream;
+use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 use whorl_msgs::{Route, Topic};
 use whorl_node::{Configurable, Event, LogLevel, NodeCore};
 
+use crate::addresses::AddressWatch;
 use crate::clock::{Schedule, monotonic};
 use crate::connection::{Connection, Notice};
 use crate::context::NodeContext;
@@ -23,6 +26,7 @@ const SIGNALS: Token = Token(0);
 const ALARM: Token = Token(1);
 const CONTINUED: Token = Token(2);
 const WOKEN: Token = Token(3);
+const ADDRESSES: Token = Token(4);
 
 /// How often the shell checks peers and diagnostics; and while endpoints are being renewed.
 const HOUSEKEEPING: Duration = Duration::from_millis(100);
@@ -32,6 +36,9 @@ const SILENCE_CHECK: Duration = Duration::from_secs(5);
 const DIAGNOSTICS: Duration = Duration::from_secs(1);
 /// Why a connection is rebuilt after the process was stopped and continued.
 const INTERRUPTED: &str = "the background threads of DDS had been interrupted";
+
+/// Why, after its addresses changed.
+const READDRESSED: &str = "the addresses of this computer have changed";
 
 /// A core with everything around it.
 pub(crate) struct Runner<C: Configurable> {
@@ -44,6 +51,7 @@ pub(crate) struct Runner<C: Configurable> {
     signals: Signals,
     continued: Signals,
     wakers: Vec<UnixStream>,
+    addresses: Option<AddressWatch>,
 }
 
 impl<C: Configurable> Runner<C> {
@@ -66,18 +74,29 @@ impl<C: Configurable> Runner<C> {
                 .register(waker, WOKEN, Interest::READABLE)
                 .map_err(RosError::io("watching what the node drives"))?;
         }
+        // Before the network is joined, so that no change is missed.
+        let addresses = AddressWatch::new(context.network())?;
+        if let Some(addresses) = &addresses {
+            poll.registry()
+                .register(&mut SourceFd(&addresses.as_raw_fd()), ADDRESSES, Interest::READABLE)
+                .map_err(RosError::io("watching the addresses of this computer"))?;
+        }
         let shell = Shell::new(context.name().clone(), core, &plan, parameters, read);
         let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);
-        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued, wakers })
+        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued, wakers, addresses })
     }
 
     /// Runs until the core has finished or a signal comes.
     pub(crate) fn run(mut self) -> Result<(), RosError> {
         // After everything that a node loads at the start, recordings among it.
         memory::limit_memory();
-        let network = if self.connection.is_localhost() { "this machine only" } else { "the network" };
+        let network = if self.connection.is_localhost() {
+            "this machine only (ROS_AUTOMATIC_DISCOVERY_RANGE is not SUBNET)"
+        } else {
+            "the network"
+        };
         self.shell.say(
             &self.connection,
             LogLevel::Info,
@@ -100,6 +119,8 @@ impl<C: Configurable> Runner<C> {
                     SIGNALS if self.signals.received() => self.shell.stop = true,
                     CONTINUED if self.continued.received() => self.rebuild_connection(INTERRUPTED)?,
                     WOKEN => self.woken(),
+                    // Looked at in time with the other housekeeping.
+                    ADDRESSES => {}
                     token => self.readable(token),
                 }
             }
@@ -117,6 +138,7 @@ impl<C: Configurable> Runner<C> {
                 continue;
             }
             self.look_at_the_clock()?;
+            self.look_at_the_addresses(now)?;
             if now >= silence_check {
                 silence_check = now + SILENCE_CHECK;
                 silence = self.longest_silence(now);
@@ -180,13 +202,36 @@ impl<C: Configurable> Runner<C> {
         if step.needs_rejoining() { self.rebuild_connection("the clock was set back") } else { Ok(()) }
     }
 
+    /// Joins the network with the computer's new addresses, if they have changed.
+    fn look_at_the_addresses(&mut self, now: Duration) -> Result<(), RosError> {
+        let Some(addresses) = &mut self.addresses else { return Ok(()) };
+        match addresses.changed(now) {
+            Ok(None) => Ok(()),
+            Ok(Some(network)) => {
+                self.shell.step(&self.connection, Event::Interruption);
+                self.connection = self.connection.rebuilt_on(&network, self.poll.registry())?;
+                self.rejoined(READDRESSED);
+                Ok(())
+            }
+            Err(error) => {
+                let text = format!("{READDRESSED}, and it cannot be reached: {error}");
+                self.shell.say(&self.connection, LogLevel::Error, text);
+                Ok(())
+            }
+        }
+    }
+
     fn rebuild_connection(&mut self, reason: &str) -> Result<(), RosError> {
         // Joining takes from a tenth of a second to several, in which nothing is watched.
         self.shell.step(&self.connection, Event::Interruption);
         self.connection = self.connection.rebuilt(self.poll.registry())?;
+        self.rejoined(reason);
+        Ok(())
+    }
+
+    fn rejoined(&mut self, reason: &str) {
         self.shell.statistics.reconnections += 1;
         self.shell.say(&self.connection, LogLevel::Warn, format!("{reason}: rejoined the network"));
-        Ok(())
     }
 
     fn look_after_connection(&mut self, now: Duration, silence: Option<Duration>) -> Result<(), RosError> {

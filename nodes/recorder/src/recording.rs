@@ -11,9 +11,12 @@ use whorl_bag::{Manifest, RawSample, RunDescription, RunWriter};
 use whorl_node::{Repeats, Timestamp};
 use whorl_params::Value;
 use whorl_recorder::{Parameters, RecordedTopic, RecorderCore, Status};
+use whorl_ros::environment::Network;
+use whorl_ros::names::NodeName;
 use whorl_ros::recovery::{Action, Recovery, RecoveryTimes};
 use whorl_ros::{
-    Clock, Continued, EndpointQos, NodeContext, Participant, RawReader, RosError, monotonic, wall_clock,
+    AddressWatch, Announcement, Clock, Continued, EndpointQos, NodeContext, Participant, RawReader, RosError,
+    monotonic, wall_clock,
 };
 
 /// Polling interval of the readers. Samples carry the time of their arrival, so a long interval costs
@@ -40,7 +43,11 @@ impl Recording {
     pub fn start(context: &NodeContext, parameters: &Parameters) -> anyhow::Result<Self> {
         let mut topics = RecordedTopic::all_of(&parameters.platforms);
         topics.extend(parameters.extra_topics.iter().cloned());
-        let (participant, readers) = Participant::with(context.network(), |p| readers(p, &topics))?;
+        // Before the network is joined, so that no change is missed.
+        let addresses = AddressWatch::new(context.network())?;
+        let name = context.name().clone();
+        let (participant, (readers, announcement)) =
+            Participant::with(context.network(), |p| announced(p, &name, &topics))?;
         let run = create_run(context, parameters)?;
         let run_directory = run.path().to_owned();
         recover_earlier_runs(&run_directory)?;
@@ -50,12 +57,15 @@ impl Recording {
         let worker = Worker {
             participant,
             readers,
+            name,
+            announcement,
             core,
             status: Arc::clone(&status),
             stop: Arc::clone(&stop),
             recovery: Recovery::new(RecoveryTimes::default()),
             clock: Clock::default(),
             continued: Continued::watch()?,
+            addresses,
             next_liveliness: monotonic() + LIVELINESS,
             unreadable: Repeats::default(),
             notes: Vec::new(),
@@ -102,6 +112,17 @@ fn readers(participant: &Participant, topics: &[RecordedTopic]) -> Result<Vec<Ra
         participant.reader(&topic.name, &topic.type_name, qos)
     };
     topics.iter().map(reader).collect()
+}
+
+/// The readers, announced as the node's.
+fn announced(
+    participant: &Participant,
+    node: &NodeName,
+    topics: &[RecordedTopic],
+) -> Result<(Vec<RawReader>, Announcement), RosError> {
+    let readers = readers(participant, topics)?;
+    let announcement = Announcement::new(participant, node, "bag", readers.iter().map(RawReader::id))?;
+    Ok((readers, announcement))
 }
 
 /// The run directory with the parameter files, and all nodes' parameters after layering.
@@ -158,6 +179,8 @@ fn recover_earlier_runs(run_directory: &Path) -> anyhow::Result<()> {
 struct Worker {
     participant: Participant,
     readers: Vec<RawReader>,
+    name: NodeName,
+    announcement: Announcement,
     core: RecorderCore<RunWriter>,
     status: Arc<Mutex<Status>>,
     stop: Arc<AtomicBool>,
@@ -165,6 +188,7 @@ struct Worker {
     /// Log times are its: they must not go back when the computer's clock is set.
     clock: Clock,
     continued: Continued,
+    addresses: Option<AddressWatch>,
     next_liveliness: Duration,
     unreadable: Repeats,
     /// For the manifest.
@@ -199,7 +223,7 @@ impl Worker {
 
     /// Joins the network anew when the connection has become useless: readers would be silent for ever, without an error.
     fn look_after_connection(&mut self, now: Duration) {
-        let mut reason = None;
+        let (mut reason, mut network) = (None, None);
         if self.continued.take() {
             reason = Some(("interrupted", "the recorder was stopped and continued".to_owned()));
         }
@@ -210,6 +234,19 @@ impl Worker {
                 reason = Some(("interrupted", "the clock was set back".to_owned()));
             }
         }
+        match self.addresses.as_mut().map(|addresses| addresses.changed(now)) {
+            Some(Ok(Some(new))) => {
+                reason =
+                    Some(("addresses_changed", "the addresses of this computer have changed".to_owned()));
+                network = Some(new);
+            }
+            Some(Err(error)) => {
+                tracing::error!(
+                    "the addresses of this computer have changed: nothing can be received: {error}"
+                );
+            }
+            Some(Ok(None)) | None => {}
+        }
         if now >= self.next_liveliness {
             self.next_liveliness = now + LIVELINESS;
             if reason.is_none() && !self.participant.is_alive() {
@@ -219,7 +256,7 @@ impl Worker {
         let Some((key, text)) = reason else { return };
         tracing::warn!("{text}: rejoining the network; what is sent meanwhile is not recorded");
         let topics: Vec<RecordedTopic> = self.core.topics().cloned().collect();
-        match self.rejoin(&topics) {
+        match self.rejoin_on(network, &topics) {
             Ok(()) => self.notes.push((key, format!("{text}, at {}", self.clock.now()))),
             // The next check of the threads tries again.
             Err(error) => tracing::error!("cannot join the network, nothing is recorded: {error:#}"),
@@ -227,8 +264,14 @@ impl Worker {
     }
 
     fn rejoin(&mut self, topics: &[RecordedTopic]) -> Result<(), RosError> {
-        let network = self.participant.network().clone();
-        (self.participant, self.readers) = Participant::with(&network, |p| readers(p, topics))?;
+        self.rejoin_on(None, topics)
+    }
+
+    /// On another network than before, if one is given.
+    fn rejoin_on(&mut self, network: Option<Network>, topics: &[RecordedTopic]) -> Result<(), RosError> {
+        let network = network.unwrap_or_else(|| self.participant.network().clone());
+        (self.participant, (self.readers, self.announcement)) =
+            Participant::with(&network, |p| announced(p, &self.name, topics))?;
         self.recovery = Recovery::new(RecoveryTimes::default());
         Ok(())
     }
@@ -265,9 +308,9 @@ impl Worker {
     }
 
     fn renew(&mut self, topics: &[RecordedTopic]) -> Result<(), RosError> {
-        match readers(&self.participant, topics) {
+        match announced(&self.participant, &self.name, topics) {
             Err(RosError::Stuck { .. }) => self.rejoin(topics)?,
-            other => self.readers = other?,
+            other => (self.readers, self.announcement) = other?,
         }
         Ok(())
     }

@@ -8,9 +8,10 @@ use whorl_bag::{
     Channel, CsvError, CsvMap, CsvRecording, CsvRow, CsvRows, Form, JetCommand, PlatformParts, Slot,
 };
 
+use super::columns::Columns;
 use crate::RecordingError;
 use crate::model::KnownPlatform;
-use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, take_out_missing_axes};
+use crate::recording::{Mounting, OnInterval, Recording, VectorChannel};
 use crate::series::{Series, seconds};
 
 /// More pulse slots than this indicate an error in the time column.
@@ -76,7 +77,7 @@ struct Gathered {
     last_ns: i64,
     rows: u64,
     /// Of the channels that are samples of numbers; those without a sample are not in it.
-    samples: BTreeMap<Channel, Samples<Vec<f64>>>,
+    samples: BTreeMap<Channel, Columns>,
     vectors: Vec<Samples<Vector3<f64>>>,
     last_vectors: Vec<Option<Unit<Vector3<f64>>>>,
     repeats: Vec<bool>,
@@ -109,7 +110,7 @@ impl Gathered {
         self.rows += 1;
         let attitude = row.q_world_body.map(|q| (Channel::TrueAttitude, vec![q.w, q.i, q.j, q.k]));
         for (channel, numbers) in row.numbers.into_iter().chain(attitude) {
-            self.samples.entry(channel).or_default().push((at, numbers));
+            self.samples.entry(channel).or_default().push(at, &numbers);
         }
         for (sensor, vector) in row.vectors_b.into_iter().enumerate() {
             let slots = (self.vectors.get_mut(sensor), self.last_vectors.get_mut(sensor));
@@ -176,7 +177,7 @@ impl Gathered {
                     ("vector sensors", vectors.iter().map(|vector| vector.direction_b.len()).sum())
                 }
                 Form::Pulses => (channel.info().key, self.jets.len()),
-                _ => (channel.info().key, self.samples.get(channel).map_or(0, Vec::len)),
+                _ => (channel.info().key, self.samples.get(channel).map_or(0, Columns::len)),
             };
             channels.push((name, samples));
             if samples == 0 {
@@ -193,7 +194,8 @@ impl Gathered {
             (false, false) => jet_pulses,
         };
         let mut all = self.samples;
-        let no_gyro_axis = all.get_mut(&Channel::Gyro).map(take_out_missing_axes).unwrap_or_default();
+        let no_gyro_axis =
+            all.get_mut(&Channel::Gyro).map(Columns::take_out_missing_axes).unwrap_or_default();
         let held = map.clamped || !known.model.freedom.turns();
         let mut recording = Recording {
             name: csv.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -208,7 +210,7 @@ impl Gathered {
         };
         for (channel, samples) in all {
             if let Some(series) = recording.series_mut(channel, 0) {
-                series.fill(&mut samples.into_iter().map(|(at, numbers)| (seconds_at(at), numbers)));
+                series.fill(&mut samples.lines().map(|(at, numbers)| (seconds_at(at), numbers.to_vec())));
             }
         }
         let suspicions = recording.suspicions(Some(&known.model));

@@ -1,5 +1,6 @@
 //! Recordings from and to CSV.
 
+mod columns;
 mod export;
 mod import;
 

@@ -1,0 +1,97 @@
+//! The relative error of a pair of platforms, gathered while a run is read.
+
+use whorl_math::deg_from_rad;
+
+use crate::metrics::RelativeError;
+use crate::series::{GrowingCurve, Rms};
+
+/// When pointing counts as acquired: error below this \[rad\] for this long \[s\].
+const ACQUIRED: (f64, f64) = (0.1 * std::f64::consts::PI / 180.0, 1.0);
+
+/// What is kept of a pair's relative error.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PairData {
+    /// Angles \[deg\]: total, estimators' and controllers' part.
+    pub total: GrowingCurve,
+    pub estimator: GrowingCurve,
+    pub control: GrowingCurve,
+    /// Total error by axis \[deg\].
+    pub axes: [GrowingCurve; 3],
+    /// Angles in hold \[rad\]: every one, as their noise is judged.
+    pub held_rad: Vec<f64>,
+    pub held_estimator: Rms,
+    pub held_control: Rms,
+    /// Whether the error became small, and since when \[s\].
+    pub acquired: Acquired,
+}
+
+impl PairData {
+    pub fn add(&mut self, error: &RelativeError, held: bool) {
+        let (t, total_rad) = (error.time_s, error.total_rad.norm());
+        let estimator_rad = error.estimator_rad.map(|e| e.norm());
+        let control_rad = error.control_rad.norm();
+        self.total.push(t, deg_from_rad(total_rad));
+        if let Some(rad) = estimator_rad {
+            self.estimator.push(t, deg_from_rad(rad));
+        }
+        self.control.push(t, deg_from_rad(control_rad));
+        for (axis, curve) in self.axes.iter_mut().enumerate() {
+            curve.push(t, deg_from_rad(error.total_rad[axis]));
+        }
+        self.acquired.add(t, total_rad);
+        if held {
+            self.held_rad.push(total_rad);
+            estimator_rad.into_iter().for_each(|rad| self.held_estimator.add(rad));
+            self.held_control.add(control_rad);
+        }
+    }
+
+    /// Whether the truth of both platforms is known whenever the formation held.
+    pub fn has_truth(&self) -> bool {
+        !self.held_rad.is_empty() && self.held_estimator.count() == self.held_rad.len() as u64
+    }
+}
+
+/// When the error became small for a second.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Acquired {
+    since_s: Option<f64>,
+    done: bool,
+}
+
+impl Acquired {
+    pub fn add(&mut self, time_s: f64, error_rad: f64) {
+        let (limit_rad, dwell_s) = ACQUIRED;
+        if self.done {
+        } else if error_rad >= limit_rad {
+            self.since_s = None;
+        } else if time_s - *self.since_s.get_or_insert(time_s) >= dwell_s {
+            self.done = true;
+        }
+    }
+
+    /// NaN: never.
+    pub fn time_s(self) -> f64 {
+        self.since_s.filter(|_| self.done).unwrap_or(f64::NAN)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pointing_is_acquired_where_the_error_begins_to_stay_small() {
+        let acquired_s = |degs: &[f64]| {
+            let mut acquired = Acquired::default();
+            for (i, deg) in degs.iter().enumerate() {
+                acquired.add(0.25 * i as f64, deg.to_radians());
+            }
+            acquired.time_s()
+        };
+        // Small for a moment, then for good.
+        assert_eq!(acquired_s(&[1.0, 0.05, 0.3, 0.09, 0.05, 0.02, 0.02, 0.02, 0.5]), 0.75);
+        assert!(acquired_s(&[1.0, 0.05, 0.05, 0.05]).is_nan(), "not for a second");
+        assert!(acquired_s(&[]).is_nan());
+    }
+}
