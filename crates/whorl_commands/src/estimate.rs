@@ -29,6 +29,20 @@ pub struct EstimateOptions {
     pub vector_noise_deg: Vec<f64>,
 }
 
+impl Default for EstimateOptions {
+    /// As of `whorl estimate`.
+    fn default() -> Self {
+        Self {
+            filter: None,
+            smooth: false,
+            gyro_noise: 3e-4,
+            gyro_bias_walk: 3e-5,
+            gyro_bias_sigma: 0.02,
+            vector_noise_deg: vec![1.0],
+        }
+    }
+}
+
 /// What was recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recorded {

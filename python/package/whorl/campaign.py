@@ -64,21 +64,25 @@ class Campaign:
         """Distributes what is missing over the workers of a Dask client, waits, and writes the tables.
 
         client: a `dask.distributed.Client`, of a `LocalCluster`, an address, Slurm, Kubernetes. A worker that is lost loses
-        nothing but the run that it was at, which Dask gives to another.
+        nothing but the run that it was at, which Dask gives to another. A folder that another process works on is refused.
         """
         from dask import distributed
 
         as_completed: Any = distributed.as_completed
 
-        missing = self.missing
-        # Run once, and never taken for the result of another folder.
-        futures = client.map(_task, missing, given=self._given, pure=False, batch_size=1000)
-        with reporting(progress, "campaign") as show:
-            for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
-                if show is not None:
-                    show(done / len(missing), f"{done} of {len(missing)} runs")
-        return self.write_tables()
+        held = self._native.hold()
+        try:
+            missing = self.missing
+            # Run once, and never taken for the result of another folder.
+            futures = client.map(_task, missing, given=self._given, pure=False, batch_size=1000)
+            with reporting(progress, "campaign") as show:
+                for done, future in enumerate(as_completed(futures), start=1):
+                    future.result()
+                    if show is not None:
+                        show(done / len(missing), f"{done} of {len(missing)} runs")
+            return self.write_tables()
+        finally:
+            held.release()
 
     def write_tables(self) -> "Tables":
         """Writes the tables and the page of what is done."""
