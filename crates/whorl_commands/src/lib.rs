@@ -8,6 +8,7 @@
 //! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
+//! | [`history`], [`calibrate`] | how a model came to be and what changed since; errors of the sensors |
 //! | [`estimate`], [`attitudes`] | the attitude of a recorded sensor or vehicle |
 //! | [`simulate`] | an experiment in one process, recorded |
 //! | [`campaign`] | plan, folder and tables of a campaign, over experiments or recordings |
@@ -17,11 +18,13 @@
 
 pub mod adopt;
 pub mod attitudes;
+pub mod calibrate;
 pub mod campaign;
 pub mod compare;
 pub mod diagnose;
 pub mod discover;
 pub mod estimate;
+pub mod history;
 pub mod locate;
 pub mod model_file;
 pub mod next;

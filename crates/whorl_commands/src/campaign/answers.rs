@@ -47,7 +47,7 @@ pub fn answer(plan: &RecordingPlan, folder: &Folder, item: &Item) -> anyhow::Res
     };
     match plan.definition().question {
         Question::Compare => compared(&source.read()?, plan.definition().refit),
-        Question::Diagnose => diagnosed(&source.read()?, plan.definition().exclude.clone()),
+        Question::Diagnose => diagnosed(&source.read()?, plan.excluded()),
         Question::Estimate => estimated(plan, folder, item, &source),
     }
 }

@@ -1,6 +1,6 @@
 //! Campaigns over recordings: one question to each, its answer as JSON in the task's row.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 use whorl_bag::RunDirectory;
 use whorl_campaign::recordings::{Item, Question, RecordingsDefinition};
 use whorl_campaign::work::{Folder, Tasks};
-use whorl_dynamics::effects::catalogue;
+use whorl_dynamics::effects::{Effect as _, catalogue, registered};
+use whorl_params::effect_files_beside;
 use whorl_recording::load_effects;
 
 use super::{Tables, answers};
@@ -26,6 +27,8 @@ pub struct RecordingPlan {
     /// Folder of the campaign's file.
     base: PathBuf,
     items: Vec<Item>,
+    /// Written effects that belong to it: of its file, of its model, and of its recordings.
+    own_effects: BTreeSet<String>,
 }
 
 impl RecordingPlan {
@@ -34,17 +37,35 @@ impl RecordingPlan {
     /// # Errors
     /// Files that are not there, effects that cannot be loaded or that do not exist.
     pub fn new(definition: RecordingsDefinition, base: &Path) -> anyhow::Result<Self> {
-        let plan = Self { definition, base: base.to_owned(), items: Vec::new() };
+        let mut plan =
+            Self { definition, base: base.to_owned(), items: Vec::new(), own_effects: BTreeSet::new() };
         for (_, file) in plan.files() {
             anyhow::ensure!(file.is_file(), "no file {}", file.display());
         }
         for file in &plan.definition.effects {
-            whorl_params::load_effect(&base.join(file))?;
+            let effect = whorl_params::load_effect(&base.join(file))?;
+            plan.own_effects.insert(effect.info().id.to_owned());
         }
         if let Some(model) = plan.model() {
             load_effects(&model)?;
+            plan.own(&[model]);
         }
         Ok(plan)
+    }
+
+    /// Takes the effects beside these parameter files for its own.
+    fn own(&mut self, files: &[PathBuf]) {
+        // The name of an effect's file is its id.
+        let stem = |file: PathBuf| file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        self.own_effects.extend(effect_files_beside(files).into_iter().filter_map(stem));
+    }
+
+    /// Effects that are not considered: those that the file excludes, and those that somebody else has added to the catalogue
+    /// of this process.
+    pub(super) fn excluded(&self) -> Vec<String> {
+        let foreign = registered().into_iter().map(|effect| effect.info().id);
+        let foreign = foreign.filter(|id| !self.own_effects.contains(*id)).map(str::to_owned);
+        self.definition.exclude.iter().cloned().chain(foreign).collect()
     }
 
     /// The files that it names, beside its recordings.
@@ -79,7 +100,9 @@ impl RecordingPlan {
     /// What decides the answers beside the recordings: version, catalogue, question, files.
     pub(super) fn fingerprint(&self) -> anyhow::Result<String> {
         let mut text = format!("whorl {}\n", env!("CARGO_PKG_VERSION"));
-        let ids: Vec<&str> = catalogue().iter().map(|effect| effect.info().id).collect();
+        let written: Vec<&str> = registered().iter().map(|effect| effect.info().id).collect();
+        let built_in = catalogue().iter().map(|effect| effect.info().id).filter(|id| !written.contains(id));
+        let ids: Vec<&str> = built_in.collect();
         text.push_str(&format!("effects: {}\n", ids.join(", ")));
         for (key, file) in self.files() {
             let content =
@@ -96,9 +119,13 @@ impl RecordingPlan {
         self.items = if grow { of.extended(&self.base, folder) } else { of.listed(&self.base, folder) }?;
         self.unknown_effects_excluded()?;
         // Effects that come with a recording are candidates for all, whoever computes what in which order.
-        for item in self.items.iter().filter(|item| item.has_effects) {
+        let with_effects = self.items.iter().filter(|item| item.has_effects);
+        for path in with_effects.map(|item| self.path(item)).collect::<BTreeSet<_>>() {
             // Its own task says what is wrong with them.
-            let _ = load_effects(&self.path(item));
+            let _ = load_effects(&path);
+            if let Ok(run) = RunDirectory::open(&path) {
+                self.own(&run.parameter_files());
+            }
         }
         Ok(())
     }
