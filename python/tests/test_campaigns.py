@@ -27,9 +27,9 @@ def archive(tmp_path_factory, program, params):
     return folder
 
 
-def campaign_file(archive, name, text):
+def campaign_file(archive, name, text, recordings="runs/*"):
     path = archive / f"{name}.yaml"
-    path.write_text(f"/campaign:\n  ros__parameters:\n    recordings: ['runs/*']\n    {text}\n")
+    path.write_text(f"/campaign:\n  ros__parameters:\n    recordings: ['{recordings}']\n    {text}\n")
     return path
 
 
@@ -94,8 +94,8 @@ def test_diagnoses_are_those_of_the_single_command_whoever_computes_them(program
     assert any("x named: bearing_viscous_friction" in sentence for sentence in tables.said)
     answer = whorl.diagnose(archive / "runs/first", platform="whorl_1")
     named = tables.sql("SELECT effect, delta_log_evidence FROM candidates WHERE named AND recording = 'runs/first'").fetchall()
-    best = next(c for c in answer.candidates if c["effect"] == "bearing_viscous_friction")
-    assert named == [("bearing_viscous_friction", pytest.approx(best["delta_log_evidence"], rel=1e-9))]
+    theirs = {c["effect"]: c["delta_log_evidence"] for c in answer.candidates if c["effect"] in answer.effects}
+    assert dict(named) == pytest.approx(theirs, rel=1e-9) and "bearing_viscous_friction" in theirs
     assert tables.sql("SELECT count(*) FROM recordings WHERE outcome = 'done'").fetchall() == [(2,)]
     assert tables.to_polars("candidates").height > 10
     with pytest.raises(whorl.WhorlError, match="there is no table none; allowed: candidates"):
@@ -116,13 +116,13 @@ def test_dask_asks_the_recordings(archive, tmp_path):
 
 
 def test_attitudes_of_many_recordings(program, archive, tmp_path):
-    file = campaign_file(archive, "estimated", "task: estimate\n    platforms: [whorl_2]\n    filter: directions\n    smooth: true")
+    file = campaign_file(archive, "estimated", "task: estimate\n    platforms: [whorl_2]\n    smooth: true")
     said = program("campaign", file, "--out", tmp_path / "out").stdout
     assert "attitudes" in said
     rows = rows_of(tmp_path / "out")
-    assert [row["filter"] for row in rows[:2]] == ["directions"] * 2
-    # The simulation's truth is in its recording; the star tracker of these runs is good to 0.1 deg.
-    assert all(0.0 < float(row["error_rms_deg"]) < 0.5 for row in rows[:2])
+    assert [row["filter"] for row in rows[:2]] == ["free_motion"] * 2
+    # The simulation's truth is in its recording. North is where the platform's file says, not where its vector sensor looks.
+    assert all(0.0 < float(row["error_rms_deg"]) < 2.0 for row in rows[:2]), rows
     attitudes = polars.read_parquet(tmp_path / "out/attitudes", hive_partitioning=True)
     first = attitudes.filter(polars.col("recording") == "runs/first").sort("time_s")
     assert len(first) == int(float(rows[0]["attitudes"])) and set(attitudes["platform"]) == {"whorl_2"}
@@ -164,7 +164,7 @@ def test_what_is_wrong_is_refused_before_anything_is_computed(program, archive, 
         return program("campaign", campaign_file(archive, "wrong", text), "--out", out, *given, ok=False).stderr
 
     assert "there is no effect no_such" in refused("task: diagnose\n    exclude: [no_such]")
-    assert "no file" in refused("task: compare\n    model: none.yaml")
+    assert "no file" in refused("task: compare\n    model_file: none.yaml")
     assert "--seeds is for campaigns over experiments" in refused("task: compare", "--seeds", 3)
     assert "it does not go with `recordings`" in refused("task: compare\n    experiments: [hold]")
     empty = archive / "wrong.yaml"
@@ -179,19 +179,18 @@ def test_what_is_wrong_is_refused_before_anything_is_computed(program, archive, 
 def test_a_new_effect_is_a_candidate_for_old_runs(program, archive, params, tmp_path):
     (written,) = sorted((params / "demo/effects").glob("*.yaml"))[:1]
     (archive / written.name).write_text(written.read_text())
-    without = campaign_file(archive, "without", "task: diagnose\n    platforms: [whorl_1]")
-    file = campaign_file(archive, "with_new", f"task: diagnose\n    platforms: [whorl_1]\n    effects: [{written.name}]")
+    one = "task: diagnose\n    platforms: [whorl_1]"
+    file = campaign_file(archive, "with_new", f"{one}\n    effects: [{written.name}]", "runs/second")
     program("campaign", file, "--out", tmp_path / "new")
     candidates = polars.read_parquet(tmp_path / "new/candidates")
     assert written.stem in set(candidates["effect"])
 
     # In this process the effect has been added for something else: a campaign that does not name it does without, as workers do.
     assert whorl.load_effect(written) == written.stem
-    campaign = whorl.Campaign(without, tmp_path / "old")
+    campaign = whorl.Campaign(campaign_file(archive, "without", one, "runs/second"), tmp_path / "old")
     campaign.run(0)
-    program("campaign", without, "--out", tmp_path / "old")
-    old = polars.read_parquet(tmp_path / "old/candidates")
-    assert written.stem not in set(old["effect"]) and set(old["number"]) == {0, 1}
+    old = campaign.write_tables().to_polars("candidates")
+    assert written.stem not in set(old["effect"]) and set(old["recording"]) == {"runs/second"}
 
 
 def test_a_killed_command_goes_on_and_a_second_one_is_refused(params, program, tmp_path):

@@ -103,7 +103,7 @@ pub fn read(r: &mut Reader<'_>) -> RecordingsDefinition {
             "names of the platforms; none: every platform of each recording",
         ),
         model: r.optional_string(
-            "model",
+            "model_file",
             "the platform's parameter file [default: the parameters saved in each recording]",
         ),
         channels: r

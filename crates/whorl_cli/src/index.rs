@@ -151,8 +151,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 /// The rows as a table; what is not known is null.
 fn table(rows: &[Row]) -> Table {
     let texts = |of: &dyn Fn(&Row) -> String| Values::Texts(rows.iter().map(of).collect());
-    let numbers =
-        |of: &dyn Fn(&Row) -> Option<f64>| Values::Numbers(rows.iter().map(|r| of(r).unwrap_or(f64::NAN)).collect());
+    let numbers = |of: &dyn Fn(&Row) -> Option<f64>| {
+        Values::Numbers(rows.iter().map(|r| of(r).unwrap_or(f64::NAN)).collect())
+    };
     Table::default()
         .with("run", texts(&|row| row.run.display().to_string()))
         .with("start_utc", texts(&|row| row.start_utc.clone()))

@@ -111,6 +111,13 @@ impl Chosen {
         }
     }
 
+    /// Whether its attitudes are relative to the references of its vector sensors; else their heading counts from what the first
+    /// sees.
+    #[must_use]
+    pub fn knows_references(&self) -> bool {
+        matches!(self, Self::Directions(..))
+    }
+
     /// Whether it needs an accelerometer.
     #[must_use]
     pub fn needs_force(&self) -> bool {

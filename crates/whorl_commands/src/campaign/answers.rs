@@ -1,16 +1,18 @@
 //! Answers to the question of a campaign over recordings, and their tables.
 
+use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use whorl_bag::CsvMap;
 use whorl_campaign::recordings::{Item, Question};
 use whorl_campaign::work::Folder;
 use whorl_diagnosis::Options;
 use whorl_explain::{ExplainError, compare};
+use whorl_recording::Recording;
 use whorl_tables::{Table, TableError, Values, partition};
 
 use super::recordings::RecordingPlan;
@@ -20,6 +22,9 @@ use crate::attitudes::{
 use crate::estimate::{Chosen, EstimateOptions, estimates};
 use crate::runs::{RunSources, Runs, is_csv};
 use crate::{compare as comparison, diagnose as diagnosis};
+
+/// A direction with a smaller level part says nothing about the heading.
+const LEAST_LEVEL: f64 = 1e-3;
 
 /// The campaign's own folder cannot be written, which is no fault of the recording.
 #[derive(Debug)]
@@ -86,7 +91,7 @@ fn estimated(
     let options =
         EstimateOptions { filter: of.filter.clone(), smooth: of.smooth, ..EstimateOptions::default() };
     let path = plan.path(item);
-    let (recorded, lines, late_s, platform) = if is_csv(&path) {
+    let (recorded, lines, late_s, north, platform) = if is_csv(&path) {
         let map = source.channels.as_deref().with_context(|| {
             format!(
                 "{}: a CSV file needs a map of its columns: `channels` in the campaign's file",
@@ -97,22 +102,30 @@ fn estimated(
         let recorded = recorded_by(&columns, map);
         let needs_force = Chosen::new(&options, &recorded)?.needs_force();
         let platform = item.platform.clone().unwrap_or_default();
-        (recorded, lines_of_csv(&path, &columns, needs_force)?, columns.imu_latency_s, platform)
+        (
+            recorded,
+            lines_of_csv(&path, &columns, needs_force)?,
+            columns.imu_latency_s,
+            UnitQuaternion::identity(),
+            platform,
+        )
     } else {
         let runs = source.read()?;
         let recording = runs.training.first().context("no recording")?;
         let recorded = recorded_in(recording);
         let needs_force = Chosen::new(&options, &recorded)?.needs_force();
-        (recorded, lines_of(recording, needs_force)?, 0.0, runs.known.platform.clone())
+        (recorded, lines_of(recording, needs_force)?, 0.0, north_of(recording), runs.known.platform.clone())
     };
     let samples: Vec<_> = lines.iter().map(|line| line.sample.clone()).collect();
     let (chosen, found) = estimates(&options, &recorded, &samples)?;
     let first_ns = samples.first().map_or(0, |sample| sample.stamp_ns);
     let last_ns = samples.last().map_or(0, |sample| sample.stamp_ns);
+    // Filters that know no reference take the first sensor's for magnetic north.
+    let north = if chosen.knows_references() { UnitQuaternion::identity() } else { north };
     let (mut tally, mut attitudes) = (Tally::default(), Vec::new());
     for (line, estimate) in lines.iter().zip(found) {
         let Some(estimate) = estimate else { continue };
-        let estimate = told(estimate, &line.sample, &UnitQuaternion::identity(), late_s);
+        let estimate = told(estimate, &line.sample, &north, late_s);
         tally.add(&estimate, line.truth.as_ref());
         attitudes.push((line.sample.stamp_ns, estimate));
     }
@@ -139,6 +152,14 @@ fn estimated(
         "gyro_bias_y_rad_s": bias.map(|[_, y, _]| y),
         "gyro_bias_z_rad_s": bias.map(|[.., z]| z),
     }))
+}
+
+/// The turn about the vertical from north to the azimuth of what the first vector sensor sees; none where it sees the vertical.
+fn north_of(recording: &Recording) -> UnitQuaternion<f64> {
+    let seen = recording.vectors.first().map(|sensor| sensor.reference_world);
+    let level = seen.filter(|seen| seen.x.hypot(seen.y) > LEAST_LEVEL);
+    let azimuth = level.map_or(0.0, |seen| seen.y.atan2(seen.x) - FRAC_PI_2);
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), azimuth)
 }
 
 fn text(of: &Value, key: &str) -> String {

@@ -73,7 +73,7 @@ impl RecordingPlan {
         let of = &self.definition;
         let one = |key, file: &Option<String>| file.as_ref().map(|file| (key, self.base.join(file)));
         let effects = of.effects.iter().map(|file| ("effects", self.base.join(file)));
-        one("model", &of.model).into_iter().chain(one("channels", &of.channels)).chain(effects).collect()
+        one("model_file", &of.model).into_iter().chain(one("channels", &of.channels)).chain(effects).collect()
     }
 
     /// What is asked.
