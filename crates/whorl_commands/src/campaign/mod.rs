@@ -3,8 +3,6 @@
 mod answers;
 mod experiments;
 mod recordings;
-#[cfg(test)]
-mod tests;
 
 use std::io;
 use std::path::{Path, PathBuf};
