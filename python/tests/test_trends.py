@@ -161,7 +161,7 @@ def test_a_calibration_is_that_of_the_program(faces, program, params, tmp_path):
 
 
 def test_runs_are_one_table_for_sql(program, run, params, tmp_path):
-    program("simulate", "--experiment", params / "experiments/hold.yaml", "--out", tmp_path / "runs/hold", "--longest", 8)
+    program("simulate", "--experiment", params / "experiments/leader_follower_short.yaml", "--out", tmp_path / "runs/pair")
     (tmp_path / "runs/swing").symlink_to(run)
     listed = json.loads(program("runs", tmp_path / "runs", "--json", "-", "--parquet", tmp_path / "runs.parquet").stdout)
     found = whorl.sql("SELECT experiment, verdict, duration_s FROM runs ORDER BY experiment", runs=tmp_path / "runs.parquet").fetchall()
