@@ -121,8 +121,9 @@ def test_attitudes_of_many_recordings(program, archive, tmp_path):
     assert "attitudes" in said
     rows = rows_of(tmp_path / "out")
     assert [row["filter"] for row in rows[:2]] == ["free_motion"] * 2
-    # The simulation's truth is in its recording. North is where the platform's file says, not where its vector sensor looks.
-    assert all(0.0 < float(row["error_rms_deg"]) < 2.0 for row in rows[:2]), rows
+    # The simulation's truth is in its recording. North is where the platform's file says, not where its vector sensor looks (east).
+    assert all(0.0 < float(row["error_rms_deg"]) < 6.0 for row in rows[:2]), rows
+    assert all(0.0 < float(row["inclination_error_rms_deg"]) < 1.0 for row in rows[:2]), rows
     attitudes = polars.read_parquet(tmp_path / "out/attitudes", hive_partitioning=True)
     first = attitudes.filter(polars.col("recording") == "runs/first").sort("time_s")
     assert len(first) == int(float(rows[0]["attitudes"])) and set(attitudes["platform"]) == {"whorl_2"}
