@@ -1,12 +1,11 @@
 //! Campaigns as lists of tasks, for engines of Python.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::prelude::*;
-use whorl_campaign::Plan;
-use whorl_campaign::work::{Folder, run};
-use whorl_commands::campaign::{opened, planned, write_tables};
+use whorl_campaign::work::{Folder, Hold, Tasks, run};
+use whorl_commands::campaign::{Campaign as Planned, planned};
 
 use crate::errors::error;
 use crate::watch::watched;
@@ -14,17 +13,26 @@ use crate::watch::watched;
 /// A campaign file with its folder.
 #[pyclass(frozen, module = "whorl._native")]
 pub struct Campaign {
-    plan: Arc<Plan>,
+    plan: Arc<Planned>,
     folder: Folder,
 }
 
 #[pymethods]
 impl Campaign {
+    /// `grow`: whether recordings that have been added since are taken in, unless another process works on the folder.
     #[new]
-    #[pyo3(signature = (file, out, params=None, seeds=None))]
-    fn new(file: PathBuf, out: PathBuf, params: Option<PathBuf>, seeds: Option<u64>) -> PyResult<Self> {
-        let plan = planned(&file, params.as_deref(), seeds).map_err(error)?;
-        let folder = opened(&out, &plan).map_err(error)?;
+    #[pyo3(signature = (file, out, params=None, seeds=None, grow=true))]
+    fn new(
+        file: PathBuf,
+        out: PathBuf,
+        params: Option<PathBuf>,
+        seeds: Option<u64>,
+        grow: bool,
+    ) -> PyResult<Self> {
+        let mut plan = planned(&file, params.as_deref(), seeds).map_err(error)?;
+        let folder = plan.open(&out).map_err(error)?;
+        let held = if grow { folder.hold().ok() } else { None };
+        plan.list(&folder, held.is_some()).map_err(error)?;
         Ok(Self { plan: Arc::new(plan), folder })
     }
 
@@ -37,22 +45,47 @@ impl Campaign {
         (0..self.plan.len()).filter(|index| !self.folder.has(*index)).collect()
     }
 
-    /// Simulates a run and stores its row, unless it has one.
+    /// Takes charge of the folder, until the object is released or gone.
+    fn hold(&self) -> PyResult<Held> {
+        Ok(Held(Mutex::new(Some(self.folder.hold().map_err(error)?))))
+    }
+
+    /// Computes a task and stores its row, unless it has one.
     fn run(&self, py: Python<'_>, index: u64) -> PyResult<()> {
         if index >= self.plan.len() {
-            return Err(error(format!("run {index}: allowed: 0 to {}", self.plan.len() - 1)));
+            return Err(error(format!("run {index}: allowed: 0 to {}", self.plan.len().saturating_sub(1))));
         }
         if self.folder.has(index) {
             return Ok(());
         }
         let (plan, folder) = (Arc::clone(&self.plan), self.folder.clone());
-        watched(py, None, move |_| Ok(run(&folder, &plan, index)?))
+        watched(py, None, move |_| Ok(run(&folder, &*plan, index)?))
     }
 
-    /// Writes the tables of what is done: CSV, folder of Parquet files, page; and how many rows they have.
-    fn write_tables(&self) -> PyResult<(PathBuf, PathBuf, PathBuf, usize)> {
-        let rows = self.folder.rows(&self.plan).map_err(error)?;
-        let tables = write_tables(&self.folder, &self.plan, &rows).map_err(error)?;
-        Ok((tables.csv, tables.parquet, tables.page, rows.len()))
+    /// What its tasks are called.
+    fn noun(&self) -> &'static str {
+        self.plan.noun()
+    }
+
+    /// Writes the tables of what is done: CSV, folder of Parquet files, further such folders, page; how many rows they have,
+    /// and what came of them.
+    fn write_tables(&self) -> PyResult<Written> {
+        let t = self.plan.write_tables(&self.folder).map_err(error)?;
+        Ok((t.csv, t.parquet, t.further, t.page, t.rows, t.said))
+    }
+}
+
+/// CSV, folder of Parquet files, further folders, page, number of rows, sentences.
+type Written = (PathBuf, PathBuf, Vec<PathBuf>, Option<PathBuf>, usize, Vec<String>);
+
+/// A folder in the charge of this process.
+#[pyclass(frozen, module = "whorl._native")]
+pub struct Held(Mutex<Option<Hold>>);
+
+#[pymethods]
+impl Held {
+    /// Lets another process take charge.
+    fn release(&self) {
+        drop(self.0.lock().unwrap_or_else(PoisonError::into_inner).take());
     }
 }

@@ -24,16 +24,16 @@ use crate::platform::Platform;
 use crate::recording::Recording;
 use crate::watch::watched;
 
-type Given<'py> = Vec<Bound<'py, Recording>>;
+pub(crate) type Given<'py> = Vec<Bound<'py, Recording>>;
 
 /// Recordings and their model, owned: computations go on in a thread of their own.
-struct Material {
-    runs: Runs,
+pub(crate) struct Material {
+    pub(crate) runs: Runs,
     /// Data and call, for what is written.
-    source: String,
+    pub(crate) source: String,
 }
 
-fn material(
+pub(crate) fn material(
     training: &[Bound<'_, Recording>],
     held_out: &[Bound<'_, Recording>],
     platform: &Bound<'_, Platform>,

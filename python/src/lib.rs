@@ -12,6 +12,7 @@ mod pieces;
 mod platform;
 mod recording;
 mod simulate;
+mod trends;
 mod watch;
 
 use pyo3::prelude::*;
@@ -34,6 +35,9 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(explain::discover, m)?)?;
     m.add_function(wrap_pyfunction!(explain::adopt, m)?)?;
     m.add_function(wrap_pyfunction!(explain::identify, m)?)?;
+    m.add_function(wrap_pyfunction!(trends::trends, m)?)?;
+    m.add_function(wrap_pyfunction!(trends::history, m)?)?;
+    m.add_function(wrap_pyfunction!(trends::calibrate_sensors, m)?)?;
     m.add_function(wrap_pyfunction!(simulate::simulate, m)?)?;
     m.add_function(wrap_pyfunction!(estimate::estimate, m)?)?;
     m.add_function(wrap_pyfunction!(pieces::orbit, m)?)?;

@@ -1,15 +1,17 @@
-//! Campaigns: many simulated runs of one or more experiments over parameters, seeds, faults and links.
+//! Campaigns: many simulated runs of one or more experiments over parameters, seeds, faults and links; or one question to many
+//! recordings.
 //!
-//! A campaign is a folder. Its plan lists the runs: each is independent, deterministic, and done when its row exists. An engine
-//! distributes them: threads of this machine, or a cluster, which runs parts of the plan as tasks. A run is claimed by creating a
-//! file where nobody else keeps two workers from it. Whatever the engine, and whoever is interrupted, the rows are the same.
+//! A campaign is a folder. Its plan lists the tasks: each is independent, deterministic, and done when its row exists. An engine
+//! distributes them: threads of this machine, or a cluster, which runs parts of the plan as tasks. Whatever the engine, and whoever
+//! is interrupted, the rows are the same.
 //!
 //! | module | what |
 //! |---|---|
 //! | [`definition`] | the campaign file |
 //! | [`plan`] | every run that follows from it |
+//! | [`recordings`] | the campaign file over recordings, and the list of these |
 //! | [`run_spec`] | specification of one run |
-//! | [`work`] | claims and rows in the folder |
+//! | [`work`] | tasks, their rows in the folder, and computing them on threads |
 //! | [`part`] | tasks: parts of a campaign that an engine distributes |
 //! | [`slurm`] | the engine for clusters: an array job |
 //! | [`single`] | one run, in memory |
@@ -21,6 +23,7 @@ pub mod definition;
 pub mod page;
 pub mod part;
 pub mod plan;
+pub mod recordings;
 pub mod row;
 pub mod run_spec;
 pub mod single;

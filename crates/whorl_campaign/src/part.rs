@@ -10,6 +10,9 @@ pub struct Part {
 }
 
 impl Part {
+    /// Everything.
+    pub const WHOLE: Self = Self { number: 0, of: 1 };
+
     /// Part `number` (from 0) of `of`; `None` where there is no such part.
     #[must_use]
     pub fn new(number: u64, of: u64) -> Option<Self> {

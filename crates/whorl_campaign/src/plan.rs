@@ -1,13 +1,17 @@
 //! Every run that follows from a definition.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 use whorl_params::{Override, ParameterErrors, layers_of_experiment};
 
 use crate::definition::{Axis, Definition};
+use crate::row::Row;
 use crate::run_spec::RunSpec;
-use crate::single::check;
+use crate::single::{check, simulate};
+use crate::table::{parse_row, row_text};
+use crate::work::{Folder, Tasks};
 
 /// More runs than this are refused as a mistake.
 const MOST_RUNS: u64 = 10_000_000;
@@ -91,16 +95,12 @@ impl Plan {
         Ok(Self { definition, layers, always, overrides, runs })
     }
 
-    /// Number of runs.
-    #[must_use]
-    pub fn len(&self) -> u64 {
-        self.runs
-    }
-
-    /// Whether there are no runs.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.runs == 0
+    /// Finished rows, in the order of runs.
+    ///
+    /// # Errors
+    /// The file system's, or a row that cannot be read.
+    pub fn rows(&self, folder: &Folder) -> io::Result<Vec<Row>> {
+        folder.rows(self.runs, |text| parse_row(text, self.definition.axes.len()))
     }
 
     /// Whether every combination can begin: the first run of each is checked, or of as many as can be checked in
@@ -159,5 +159,27 @@ impl Plan {
             layers: self.layers.get(experiment)?.clone(),
             overrides,
         })
+    }
+}
+
+impl Tasks for Plan {
+    fn len(&self) -> u64 {
+        self.runs
+    }
+
+    fn ending(&self) -> &'static str {
+        "csv"
+    }
+
+    /// Simulates a run.
+    fn compute(&self, folder: &Folder, index: u64) -> io::Result<String> {
+        let spec = self.run(index).ok_or_else(|| io::Error::other(format!("there is no run {index}")))?;
+        let kept = self.definition.keep_every > 0 && index.is_multiple_of(self.definition.keep_every);
+        let keep = kept.then(|| folder.run_path(index));
+        if let Some(begun) = keep.as_deref().filter(|path| path.exists()) {
+            // Of a worker that was interrupted: it has no row.
+            std::fs::remove_dir_all(begun)?;
+        }
+        Ok(row_text(&simulate(&spec, self.definition.longest_s, keep.as_deref())))
     }
 }

@@ -130,14 +130,6 @@ fn open(spec: &RunSpec, set: &NodeSet, folder: &Path) -> Result<RunWriter, BagEr
         platforms: set.platforms.clone(),
         ..RunDescription::default()
     };
-    // Restarted after an interruption: the directory holds a partial run.
-    if folder.join("bag").exists() {
-        std::fs::remove_dir_all(folder).map_err(|source| BagError::Io {
-            action: "cannot remove",
-            path: folder.to_owned(),
-            source,
-        })?;
-    }
     let mut writer = RunWriter::create_in(folder, description, Timestamp(0), BagOptions::default())?;
     writer.add_parameter_files(&spec.layers)?;
     writer.add_parameters(

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU64;
 
-use crate::work::{Folder, work};
-use crate::{Plan, Row, definition, page, table};
+use crate::work::{Folder, Tasks, run, work};
+use crate::{Part, Plan, definition, page, table};
 use whorl_params::{ParameterTree, try_read};
 
 const SMALL: &str = r#"
@@ -29,9 +29,15 @@ fn plan(text: &str) -> Result<Plan, String> {
     Plan::new(definition, &parameters()).map_err(|e| e.to_string())
 }
 
-fn rows(folder: &Folder, plan: &Plan, threads: usize) -> Vec<Row> {
-    work(folder, plan, threads, &AtomicU64::new(0)).unwrap();
-    folder.rows(plan).unwrap()
+fn open(dir: &tempfile::TempDir) -> Folder {
+    Folder::open(dir.path(), "campaign", "csv").unwrap()
+}
+
+/// The table after so many threads have worked on the whole, and how many runs they computed.
+fn table(folder: &Folder, plan: &Plan, threads: usize) -> (String, u64) {
+    let computed = AtomicU64::new(0);
+    work(folder, plan, Part::WHOLE, threads, &computed).unwrap();
+    (table::csv_text(plan, &plan.rows(folder).unwrap()), computed.into_inner())
 }
 
 #[test]
@@ -39,25 +45,29 @@ fn rows_are_the_same_with_one_thread_with_three_and_after_an_interruption() {
     let plan = plan(SMALL).unwrap();
     assert_eq!(plan.len(), 4);
     let [one, three, broken] = [0; 3].map(|_| tempfile::tempdir().unwrap());
-    let open = |dir: &tempfile::TempDir| Folder::open(dir.path(), "campaign").unwrap();
-    let alone = table::csv_text(&plan, &rows(&open(&one), &plan, 1));
-    let many = table::csv_text(&plan, &rows(&open(&three), &plan, 3));
-    assert_eq!(alone, many);
+    let (alone, _) = table(&open(&one), &plan, 1);
+    assert_eq!(table(&open(&three), &plan, 3), (alone.clone(), 4));
     assert_eq!(alone.lines().count(), 5);
     assert!(three.path().join("runs/00000003/bag").is_dir());
 
-    // A dead worker left a claim without a row. A recent claim of another machine is respected.
+    // What a killed worker leaves: a row that was not moved to its place, and a part of a run that is kept.
     let folder = open(&broken);
-    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
-    std::fs::write(broken.path().join("claims/00000001"), format!("{} 4194305\n", host.trim())).unwrap();
-    std::fs::write(broken.path().join("claims/00000002"), "another_machine 17\n").unwrap();
-    let some = rows(&folder, &plan, 2);
-    assert_eq!(some.iter().map(|r| r.index).collect::<Vec<_>>(), [0, 1, 3]);
-    std::fs::remove_file(broken.path().join("claims/00000002")).unwrap();
-    assert_eq!(table::csv_text(&plan, &rows(&folder, &plan, 2)), alone);
+    run(&folder, &plan, 1).unwrap();
+    std::fs::write(broken.path().join("rows/00000002.elsewhere_17"), "2,leader_fol").unwrap();
+    std::fs::create_dir_all(broken.path().join("runs/00000003/bag")).unwrap();
+    std::fs::write(broken.path().join("runs/00000003/bag/part.mcap"), "torn").unwrap();
+    assert_eq!(folder.done().unwrap(), 1);
+    assert_eq!(table(&folder, &plan, 2), (alone.clone(), 3));
+    assert!(!broken.path().join("runs/00000003/bag/part.mcap").exists());
+    assert_eq!(table(&folder, &plan, 2), (alone, 0));
+
+    // A row that cannot be read is named, and computed again without its file.
+    std::fs::write(broken.path().join("rows/00000002.csv"), "").unwrap();
+    let error = plan.rows(&folder).unwrap_err().to_string();
+    assert!(error.contains("00000002.csv") && error.contains("computed again"), "{error}");
 
     // Longer delays make larger errors; seeds differ.
-    let groups = table::groups(&folder.rows(&plan).unwrap());
+    let groups = table::groups(&plan.rows(&open(&one)).unwrap());
     assert_eq!(groups.iter().map(|g| g.runs).collect::<Vec<_>>(), [2, 2]);
     let page = page::html(&plan, &groups);
     assert!(page.contains("<svg") && page.contains("relative_error_rms_deg"));
@@ -66,9 +76,23 @@ fn rows_are_the_same_with_one_thread_with_three_and_after_an_interruption() {
 #[test]
 fn a_folder_of_another_campaign_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    Folder::open(folder.path(), "one").unwrap();
-    let error = Folder::open(folder.path(), "two").unwrap_err().to_string();
+    Folder::open(folder.path(), "one", "csv").unwrap();
+    let error = Folder::open(folder.path(), "two", "csv").unwrap_err().to_string();
     assert!(error.contains("another campaign"), "{error}");
+    // Only what belongs to it is there.
+    let names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().flatten().map(|e| e.file_name()).collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+}
+
+#[test]
+fn a_folder_has_one_director_until_he_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = open(&folder).hold().unwrap();
+    let error = open(&folder).hold().unwrap_err().to_string();
+    assert!(error.contains(&format!("process {} on", std::process::id())), "{error}");
+    assert!(error.contains("works on this campaign already"), "{error}");
+    drop(first);
+    open(&folder).hold().unwrap();
 }
 
 #[test]

@@ -1,66 +1,73 @@
-//! Claims and rows: how threads, processes and machines share one campaign folder.
+//! The folder of a campaign, its rows, and the work on them.
 //!
-//! A worker takes a run by creating `claims/<run>` (only one can), simulates it, and moves its row to
-//! `rows/<run>.csv`. A claim without a row belongs to a running worker or to an interrupted one. On the
-//! same machine its process is checked; a claim of another machine counts as abandoned after ten minutes.
+//! A task is done when its row exists: `rows/<number>.csv` (or `.json`), which appears whole or not at all. So a task may be
+//! interrupted and repeated at any point, and whoever computes it writes the same row. Who computes what is the engine's
+//! matter: threads here, tasks of a cluster elsewhere. One process directs a folder at a time ([`Folder::hold`]).
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, SystemTime};
 
 use rayon::iter::{ParallelBridge, ParallelIterator};
 
 use crate::part::Part;
-use crate::plan::Plan;
-use crate::row::Row;
-use crate::single::simulate;
-use crate::table::{parse_row, row_text};
 
-/// A claim of another machine that is older than this is abandoned.
-const LEFT_BEHIND: Duration = Duration::from_secs(600);
+/// A list of independent, deterministic tasks, each with one row.
+pub trait Tasks: Sync {
+    /// How many.
+    fn len(&self) -> u64;
+
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Ending of the files of rows.
+    fn ending(&self) -> &'static str;
+
+    /// Computes a task: the text of its row. What fails about the task itself stands in the row; files beside it go into
+    /// the folder, and are replaced where an interrupted worker left some.
+    ///
+    /// # Errors
+    /// The file system's: the task has no row then.
+    fn compute(&self, folder: &Folder, index: u64) -> io::Result<String>;
+}
 
 /// A campaign's folder.
 #[derive(Debug, Clone)]
 pub struct Folder {
     path: PathBuf,
-    host: String,
+    ending: &'static str,
+}
+
+/// Held by the one process that directs the work on a folder; the system lets go of it when that process ends, however it
+/// ends.
+#[derive(Debug)]
+pub struct Hold {
+    /// Locked while it is open; `None` where the file system has no locks.
+    _file: Option<File>,
 }
 
 impl Folder {
-    /// Creates the folder, or opens it to resume. `text` describes the campaign; one that differs from the
-    /// folder's is refused.
+    /// Creates the folder, or opens it to go on. `text` describes the campaign; one that differs from the folder's is refused.
     ///
     /// # Errors
     /// The file system's, or a folder that holds another campaign.
-    pub fn open(path: &Path, text: &str) -> io::Result<Self> {
-        fs::create_dir_all(path.join("claims"))?;
+    pub fn open(path: &Path, text: &str, ending: &'static str) -> io::Result<Self> {
         fs::create_dir_all(path.join("rows"))?;
         let own = path.join("campaign.txt");
-        match OpenOptions::new().write(true).create_new(true).open(&own) {
-            Ok(mut file) => file.write_all(text.as_bytes())?,
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                // Another worker may be writing it at this moment.
-                let mut held = fs::read_to_string(&own)?;
-                for _ in 0..50 {
-                    if held == text {
-                        break;
-                    }
-                    std::thread::sleep(Duration::from_millis(20));
-                    held = fs::read_to_string(&own)?;
-                }
-                if held != text {
-                    return Err(io::Error::other(format!(
-                        "{} holds another campaign, or its parameters have changed since it began; use another folder",
-                        path.display()
-                    )));
-                }
-            }
-            Err(error) => return Err(error),
+        if !own.exists() {
+            // Tasks of one campaign begin at the same time.
+            store_whole_once(&own, text)?;
         }
-        let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default().trim().to_owned();
-        Ok(Self { path: path.to_owned(), host })
+        if fs::read_to_string(&own)? != text {
+            return Err(io::Error::other(format!(
+                "{} holds another campaign, or its parameters or the version of Whorl have changed since it began; use another folder",
+                path.display()
+            )));
+        }
+        Ok(Self { path: path.to_owned(), ending })
     }
 
     /// The folder.
@@ -69,12 +76,39 @@ impl Folder {
         &self.path
     }
 
-    fn row_path(&self, index: u64) -> PathBuf {
-        self.path.join("rows").join(format!("{index:08}.csv"))
+    /// Takes charge of the folder: two commands on one folder would compute everything twice. Tasks that an engine
+    /// distributes do not take it.
+    ///
+    /// # Errors
+    /// When another process has it; the file system's.
+    pub fn hold(&self) -> io::Result<Hold> {
+        let path = self.path.join("lock");
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+        match file.try_lock() {
+            Ok(()) => {
+                file.set_len(0)?;
+                writeln!(file, "process {} on {}", std::process::id(), host())?;
+                Ok(Hold { _file: Some(file) })
+            }
+            Err(TryLockError::WouldBlock) => {
+                let holder = fs::read_to_string(&path).unwrap_or_default();
+                let holder = match holder.trim() {
+                    "" => "another process",
+                    known => known,
+                };
+                Err(io::Error::other(format!(
+                    "{holder} works on this campaign already; wait for it, end it, or use another folder"
+                )))
+            }
+            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {
+                Ok(Hold { _file: None })
+            }
+            Err(TryLockError::Error(error)) => Err(error),
+        }
     }
 
-    fn claim_path(&self, index: u64) -> PathBuf {
-        self.path.join("claims").join(format!("{index:08}"))
+    fn row_path(&self, index: u64) -> PathBuf {
+        self.path.join("rows").join(format!("{index:08}.{}", self.ending))
     }
 
     /// Directory of a run that is kept.
@@ -83,81 +117,49 @@ impl Folder {
         self.path.join("runs").join(format!("{index:08}"))
     }
 
-    /// Whether a run has its row.
+    /// Whether a task has its row.
     #[must_use]
     pub fn has(&self, index: u64) -> bool {
         self.row_path(index).exists()
-    }
-
-    /// Claims a run; false if it is done or claimed by another worker.
-    ///
-    /// # Errors
-    /// The file system's.
-    pub fn claim(&self, index: u64) -> io::Result<bool> {
-        if self.row_path(index).exists() {
-            return Ok(false);
-        }
-        let path = self.claim_path(index);
-        let holder = format!("{} {}\n", self.host, std::process::id());
-        for _ in 0..2 {
-            match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(mut file) => {
-                    file.write_all(holder.as_bytes())?;
-                    return Ok(true);
-                }
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                    if !self.left_behind(&path) {
-                        return Ok(false);
-                    }
-                    // If several workers find it, one removes it and one creates it again.
-                    let _ = fs::remove_file(&path);
-                }
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(false)
-    }
-
-    fn left_behind(&self, claim: &Path) -> bool {
-        let Ok(text) = fs::read_to_string(claim) else { return false };
-        if let Some((host, process)) = text.trim().split_once(' ')
-            && host == self.host
-            && process.parse::<u32>().is_ok()
-        {
-            return !Path::new("/proc").join(process).exists();
-        }
-        // A claim of another machine, or one that is being written.
-        let age = claim
-            .metadata()
-            .and_then(|m| m.modified())
-            .ok()
-            .and_then(|t| SystemTime::now().duration_since(t).ok());
-        age.is_some_and(|age| age > LEFT_BEHIND)
     }
 
     /// Stores a row, whole or not at all.
     ///
     /// # Errors
     /// The file system's.
-    pub fn store(&self, row: &Row) -> io::Result<()> {
-        let path = self.row_path(row.index);
-        let unfinished = path.with_extension(format!("{}_{}", self.host, std::process::id()));
-        File::create(&unfinished)?.write_all(row_text(row).as_bytes())?;
-        fs::rename(&unfinished, path)
+    pub fn store(&self, index: u64, row: &str) -> io::Result<()> {
+        store_whole(&self.row_path(index), row)
     }
 
-    /// Finished rows, in the order of runs.
+    /// The row of a task, if it is done.
     ///
     /// # Errors
-    /// The file system's, or a row that cannot be read.
-    pub fn rows(&self, plan: &Plan) -> io::Result<Vec<Row>> {
+    /// The file system's.
+    pub fn row(&self, index: u64) -> io::Result<Option<String>> {
+        match fs::read_to_string(self.row_path(index)) {
+            Ok(text) => Ok(Some(text)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Rows of so many tasks, in their order, each read by `parse`; of tasks that are not done there are none.
+    ///
+    /// # Errors
+    /// The file system's, or a row that cannot be read, with its file.
+    pub fn rows<T, E: std::fmt::Display>(
+        &self,
+        len: u64,
+        parse: impl Fn(&str) -> Result<T, E>,
+    ) -> io::Result<Vec<T>> {
         let mut rows = Vec::new();
-        for index in 0..plan.len() {
-            match fs::read_to_string(self.row_path(index)) {
-                Ok(text) => rows.push(parse_row(&text, plan.definition.axes.len())?),
-                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-                Err(error) => return Err(error),
-            }
+        for index in 0..len {
+            let Some(text) = self.row(index)? else { continue };
+            let row = parse(&text).map_err(|why| {
+                let path = self.row_path(index);
+                io::Error::other(format!("{}: {why}; without the file, it is computed again", path.display()))
+            })?;
+            rows.push(row);
         }
         Ok(rows)
     }
@@ -168,37 +170,53 @@ impl Folder {
     /// The file system's.
     pub fn done(&self) -> io::Result<u64> {
         let rows = fs::read_dir(self.path.join("rows"))?;
-        Ok(rows.flatten().filter(|e| e.path().extension().is_some_and(|x| x == "csv")).count() as u64)
+        Ok(rows.flatten().filter(|e| e.path().extension().is_some_and(|x| x == self.ending)).count() as u64)
     }
 }
 
-/// Works until every run is claimed, on so many threads. `progress` counts the runs done here. Each run has its own seed
-/// and row, so rows do not depend on who takes which.
+/// Writes a file whole or not at all, in place of what was there.
 ///
 /// # Errors
-/// The file system's, of any thread: no further run is begun.
-pub fn work(folder: &Folder, plan: &Plan, threads: usize, progress: &AtomicU64) -> io::Result<()> {
-    let pool =
-        rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build().map_err(io::Error::other)?;
-    let one = |index: u64| -> io::Result<()> {
-        if folder.claim(index)? {
-            run(folder, plan, index)?;
-            progress.fetch_add(1, Ordering::Relaxed);
-        }
-        Ok(())
-    };
-    // A bridge hands the runs out one by one, in their order.
-    pool.install(|| (0..plan.len()).par_bridge().try_for_each(one))
+/// The file system's.
+pub(crate) fn store_whole(path: &Path, text: &str) -> io::Result<()> {
+    let unfinished = path.with_extension(unique());
+    fs::write(&unfinished, text)?;
+    fs::rename(&unfinished, path)
 }
 
-/// Computes the runs of a part that have no row yet, on so many threads; `progress` counts them. Nobody else may work on this
-/// part at the same time, which is what an engine sees to: there are no claims.
+/// Writes a file whole or not at all, unless there is one.
 ///
 /// # Errors
-/// As [`work`].
-pub fn work_part(
+/// The file system's.
+pub(crate) fn store_whole_once(path: &Path, text: &str) -> io::Result<()> {
+    let unfinished = path.with_extension(unique());
+    fs::write(&unfinished, text)?;
+    let linked = fs::hard_link(&unfinished, path);
+    fs::remove_file(&unfinished)?;
+    linked.or_else(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => Ok(()),
+        // A file system without links.
+        _ => OpenOptions::new().write(true).create_new(true).open(path)?.write_all(text.as_bytes()),
+    })
+}
+
+fn host() -> String {
+    fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default().trim().to_owned()
+}
+
+/// Ending of a file that no other process writes; nor another thread, as no two write the same file.
+fn unique() -> String {
+    format!("{}_{}", host(), std::process::id())
+}
+
+/// Computes the tasks of a part that have no row yet, on so many threads; `progress` counts them. Nobody else may work on
+/// this part at the same time, which is what the engine sees to.
+///
+/// # Errors
+/// The file system's, of any thread: no further task is begun.
+pub fn work<T: Tasks + ?Sized>(
     folder: &Folder,
-    plan: &Plan,
+    tasks: &T,
     part: Part,
     threads: usize,
     progress: &AtomicU64,
@@ -206,24 +224,18 @@ pub fn work_part(
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build().map_err(io::Error::other)?;
     let one = |index: u64| -> io::Result<()> {
-        run(folder, plan, index)?;
+        run(folder, tasks, index)?;
         progress.fetch_add(1, Ordering::Relaxed);
         Ok(())
     };
-    pool.install(|| part.runs(plan.len()).filter(|index| !folder.has(*index)).par_bridge().try_for_each(one))
+    // A bridge hands the tasks out one by one, in their order.
+    pool.install(|| part.runs(tasks.len()).filter(|index| !folder.has(*index)).par_bridge().try_for_each(one))
 }
 
-/// Simulates a run and stores its row: the one task of a campaign, the same whoever computes it and however often.
+/// Computes a task and stores its row: the same whoever computes it and however often.
 ///
 /// # Errors
-/// The file system's.
-pub fn run(folder: &Folder, plan: &Plan, index: u64) -> io::Result<()> {
-    let Some(spec) = plan.run(index) else { return Ok(()) };
-    let kept = plan.definition.keep_every > 0 && index.is_multiple_of(plan.definition.keep_every);
-    let keep = kept.then(|| folder.run_path(index));
-    if let Some(begun) = keep.as_deref().filter(|path| path.exists()) {
-        // Of a worker that was interrupted: it has no row.
-        fs::remove_dir_all(begun)?;
-    }
-    folder.store(&simulate(&spec, plan.definition.longest_s, keep.as_deref()))
+/// As [`Tasks::compute`].
+pub fn run<T: Tasks + ?Sized>(folder: &Folder, tasks: &T, index: u64) -> io::Result<()> {
+    folder.store(index, &tasks.compute(folder, index)?)
 }

@@ -4,18 +4,17 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
+use whorl_commands::calibrate::{as_json, settings};
 use whorl_explain::changes::of_calibration;
-use whorl_identification::calibration::{
-    CalibrationSettings, ImuCalibration, PerAxis, SensorCalibration, calibrate_imu,
-};
-use whorl_math::{rad_from_deg, three_digits};
+use whorl_identification::calibration::{ImuCalibration, PerAxis, SensorCalibration, calibrate_imu};
+use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_recording::Recording;
 
 use crate::identify::print_findings;
 use crate::model_file;
 use crate::provenance::provenance_of_this;
-use crate::runs::RunArguments;
+use crate::runs::{RunArguments, write};
 use crate::table;
 
 #[derive(Debug, clap::Args)]
@@ -47,7 +46,10 @@ struct Imu {
     /// Parameter file to write into [default: --model].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Show, but write nothing.
+    /// Writes all numbers as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Show, but write nothing into the parameter file.
     #[arg(long)]
     dry_run: bool,
 }
@@ -55,25 +57,15 @@ struct Imu {
 /// Carries out `whorl calibrate`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let What::Imu(imu) = &arguments.what;
-    for (value, what) in [
-        (imu.turn_error_deg, "--turn-error-deg"),
-        (imu.level_error_deg, "--level-error-deg"),
-        (imu.known_turn_deg.unwrap_or(1.0), "--known-turn-deg"),
-    ] {
-        if !(value > 0.0 && value.is_finite()) {
-            bail!("{what} is {value}; allowed: a positive number of degrees");
-        }
-    }
+    let settings = settings(imu.known_turn_deg, imu.turn_error_deg, imu.level_error_deg)?;
     let runs = imu.runs.read()?;
     let recordings: Vec<&Recording> = runs.training.iter().collect();
-    let settings = CalibrationSettings {
-        level_stddev_rad: rad_from_deg(imu.level_error_deg),
-        known_turn_rad: imu.known_turn_deg.map(rad_from_deg),
-        turn_stddev_rad: rad_from_deg(imu.turn_error_deg),
-    };
     let found = calibrate_imu(&recordings, &runs.known.model.sensors, &settings);
     print(&found);
     print_findings(&found.findings);
+    if let Some(path) = &imu.json {
+        write(path, &serde_json::to_string_pretty(&as_json(&runs.known.platform, &found))?)?;
+    }
     if found.findings.iter().any(|f| f.fatal) {
         bail!("nothing was written");
     }

@@ -1,4 +1,4 @@
-//! `whorl campaign`: many runs, percentiles, a page.
+//! `whorl campaign`: many runs, or one question to many recordings; tables and a page.
 
 mod slurm;
 
@@ -9,18 +9,18 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use whorl_campaign::Part;
 use whorl_campaign::slurm::Job;
-use whorl_campaign::work::{Folder, work, work_part};
-use whorl_campaign::{Part, Plan};
-use whorl_commands::campaign::{opened, planned, write_tables};
+use whorl_campaign::work::{Folder, Tasks, work};
+use whorl_commands::campaign::{Campaign, planned};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Campaign file, e.g. params/campaigns/compare_laws.yaml.
+    /// Campaign file, over experiments, e.g. params/campaigns/compare_laws.yaml, or over recordings, e.g.
+    /// params/campaigns/rediagnose.yaml.
     #[arg(value_name = "FILE")]
     campaign: PathBuf,
-    /// Folder of the campaign; an interrupted campaign is resumed, and several machines may share the folder [default:
-    /// campaigns/<name of the file>].
+    /// Folder of the campaign; an interrupted campaign goes on where it was [default: campaigns/<name of the file>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Parameter folder [default: the campaign file's ../, which is params/].
@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
     /// Who distributes the runs: threads of this machine, or a Slurm cluster (an array job; submitted, followed, and what is missing
-    /// submitted again).
+    /// submitted again). Dask is for Python: docs/campaigns.md.
     #[arg(long, value_enum, default_value_t = Engine::Local)]
     engine: Engine,
     /// Engine slurm: number of tasks of the array job.
@@ -45,10 +45,15 @@ pub struct Arguments {
     /// Computes one part of the campaign, without tables: what a task of an engine runs.
     #[arg(long, value_name = "NUMBER/OF", value_parser = Part::parse, conflicts_with = "engine")]
     part: Option<Part>,
-    /// Only list the runs.
+    /// Only list the runs or recordings.
     #[arg(long)]
     dry_run: bool,
 }
+
+/// Time between two looks at whether the work has ended.
+const LOOK: Duration = Duration::from_millis(10);
+/// Time between two lines of progress.
+const SHOW: Duration = Duration::from_millis(500);
 
 /// Who distributes the runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -60,37 +65,69 @@ enum Engine {
 /// Carries out `whorl campaign`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let file = &arguments.campaign;
-    let plan = planned(file, arguments.params.as_deref(), arguments.seeds)?;
+    let mut campaign = planned(file, arguments.params.as_deref(), arguments.seeds)?;
     if arguments.dry_run {
-        return dry_run(&plan);
+        return dry_run(&campaign);
     }
     let name = file.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("campaigns").join(&name));
-    let folder = opened(&out, &plan)?;
+    let folder = campaign.open(&out)?;
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads = arguments.threads.unwrap_or(cores);
     if threads == 0 {
         bail!("--threads is 0; allowed: at least 1");
     }
 
-    let before = folder.done()?;
     let began = Instant::now();
     let here = AtomicU64::new(0);
     if let Some(part) = arguments.part {
-        work_part(&folder, &plan, part, threads, &here)?;
-        println!("part {part}: {} runs in {:.1} s", here.into_inner(), began.elapsed().as_secs_f64());
+        campaign.list(&folder, false)?;
+        work(&folder, &campaign, part, threads, &here)?;
+        let seconds = began.elapsed().as_secs_f64();
+        println!("part {part}: {} {} in {seconds:.1} s", here.into_inner(), campaign.noun());
         return Ok(());
     }
-    if arguments.engine == Engine::Slurm {
-        slurm::distribute(&slurm_job(arguments, &folder)?, &folder, &plan)?;
-        let there = folder.done()?.saturating_sub(before);
-        return finish(&folder, &plan, before, &format!("{there} runs on the cluster"), began.elapsed());
+    // Until the end of this function.
+    let _held = folder.hold()?;
+    let before = folder.done()?;
+    campaign.list(&folder, true)?;
+    let total = campaign.len();
+    let job = slurm_job(arguments, &folder)?;
+    match (arguments.engine, job.submitted()) {
+        (Engine::Slurm, _) => slurm::distribute(&job, &folder, total, campaign.noun())?,
+        (Engine::Local, Some(number)) => bail!(
+            "job {number} on Slurm works on {}; --engine slurm follows it; to go on here: `scancel {number}`, and remove {}",
+            folder.path().display(),
+            folder.path().join("slurm/job").display()
+        ),
+        (Engine::Local, None) => on_threads(&folder, &campaign, threads, &here, began)?,
     }
+    let done = match arguments.engine {
+        Engine::Slurm => {
+            format!("{} {} on the cluster", folder.done()?.saturating_sub(before), campaign.noun())
+        }
+        Engine::Local => format!("{} {} here", here.into_inner(), campaign.noun()),
+    };
+    finish(&folder, &campaign, before, &done, began.elapsed())
+}
+
+/// Computes what is missing, on so many threads, and shows how far it is.
+fn on_threads(
+    folder: &Folder,
+    campaign: &Campaign,
+    threads: usize,
+    here: &AtomicU64,
+    began: Instant,
+) -> anyhow::Result<()> {
     std::thread::scope(|scope| -> anyhow::Result<()> {
-        let worker = scope.spawn(|| work(&folder, &plan, threads, &here));
+        let worker = scope.spawn(|| work(folder, campaign, Part::WHOLE, threads, here));
+        let mut told = Instant::now();
         while !worker.is_finished() {
-            std::thread::sleep(Duration::from_millis(200));
-            progress(&folder, &plan, began, here.load(Ordering::Relaxed));
+            std::thread::sleep(LOOK);
+            if told.elapsed() >= SHOW {
+                told = Instant::now();
+                progress(folder, campaign, began, here.load(Ordering::Relaxed));
+            }
         }
         worker.join().unwrap_or_else(|_| Err(std::io::Error::other("a worker ended abnormally")))?;
         Ok(())
@@ -98,7 +135,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if std::io::stderr().is_terminal() {
         eprintln!();
     }
-    finish(&folder, &plan, before, &format!("{} runs here", here.into_inner()), began.elapsed())
+    Ok(())
 }
 
 /// The array job: this program with these arguments, in this folder, for each part.
@@ -127,65 +164,58 @@ fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
     })
 }
 
-fn dry_run(plan: &Plan) -> anyhow::Result<()> {
+fn dry_run(campaign: &Campaign) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
-    for index in 0..plan.len() {
-        let Some(spec) = plan.run(index) else { break };
-        writeln!(out, "{index:6}  {}  seed {}  {}", spec.experiment, spec.seed, spec.labels.join("  "))?;
+    let lines = campaign.lines()?;
+    for line in &lines {
+        writeln!(out, "{line}")?;
     }
-    writeln!(out, "{} runs", plan.len())?;
+    writeln!(out, "{} {}", lines.len(), campaign.noun())?;
     Ok(())
 }
 
-fn progress(folder: &Folder, plan: &Plan, began: Instant, here: u64) {
+fn progress(folder: &Folder, campaign: &Campaign, began: Instant, here: u64) {
     if !std::io::stderr().is_terminal() {
         return;
     }
     let done = folder.done().unwrap_or(here);
-    let share = done as f64 / plan.len().max(1) as f64;
+    let share = done as f64 / campaign.len().max(1) as f64;
     let bars = (share * 30.0) as usize;
     let left = if here > 0 {
-        let left_s = began.elapsed().as_secs_f64() / here as f64 * plan.len().saturating_sub(done) as f64;
+        let left_s = began.elapsed().as_secs_f64() / here as f64 * campaign.len().saturating_sub(done) as f64;
         format!("{:.0} min {:02.0} s left", (left_s / 60.0).floor(), left_s % 60.0)
     } else {
         String::new()
     };
-    eprint!("\r[{:<30}] {done}/{} runs, {left}      ", "#".repeat(bars.min(30)), plan.len());
+    let (total, noun) = (campaign.len(), campaign.noun());
+    eprint!("\r[{:<30}] {done}/{total} {noun}, {left}      ", "#".repeat(bars.min(30)));
 }
 
-fn finish(folder: &Folder, plan: &Plan, before: u64, done: &str, elapsed: Duration) -> anyhow::Result<()> {
-    let rows = folder.rows(plan)?;
-    let tables = write_tables(folder, plan, &rows)?;
-    let simulated_s: f64 = rows.iter().filter_map(|r| r.metrics.first()).filter(|v| v.is_finite()).sum();
+fn finish(
+    folder: &Folder,
+    campaign: &Campaign,
+    before: u64,
+    done: &str,
+    elapsed: Duration,
+) -> anyhow::Result<()> {
+    let tables = campaign.write_tables(folder)?;
     println!(
-        "{done} in {:.1} s{}; {} of {} runs are done, {:.0} s simulated in all",
+        "{done} in {:.1} s{}; {} of {} {} are done",
         elapsed.as_secs_f64(),
         if before > 0 { format!(", {before} were already done") } else { String::new() },
-        rows.len(),
-        plan.len(),
-        simulated_s
+        tables.rows,
+        campaign.len(),
+        campaign.noun()
     );
-    let unfinished = rows.iter().filter(|r| r.outcome != "finished");
-    for row in unfinished.clone().take(5) {
-        println!(
-            "  run {} ({}, seed {}, {}): {}: {}",
-            row.index,
-            row.experiment,
-            row.seed,
-            row.labels.join(", "),
-            row.outcome,
-            row.reason
-        );
+    for sentence in &tables.said {
+        println!("  {sentence}");
     }
-    let more = unfinished.count();
-    if more > 5 {
-        println!("  and {} more that did not finish", more - 5);
+    println!("table: {}\nas Parquet: {}", tables.csv.display(), tables.parquet.display());
+    for further in &tables.further {
+        println!("  and: {}", further.display());
     }
-    println!(
-        "table: {}\nas Parquet: {}\npage: {}",
-        tables.csv.display(),
-        tables.parquet.display(),
-        tables.page.display()
-    );
+    if let Some(page) = &tables.page {
+        println!("page: {}", page.display());
+    }
     Ok(())
 }

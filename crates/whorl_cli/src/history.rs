@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use serde_json::json;
-use whorl_bag::RunDirectory;
+use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::options;
-use whorl_explain::trends::{Change, ChangeKind, DatedRun, Trend, Trends, trends};
+use whorl_explain::trends::{DatedRun, trends};
 use whorl_explain::{EffectInModel, History, ParameterInModel, history};
 use whorl_math::three_digits;
 use whorl_params::ModelStep;
@@ -15,9 +14,6 @@ use whorl_recording::read_model;
 use crate::progress;
 use crate::runs::{RunArguments, RunContext, write};
 use crate::table::print;
-
-/// Version of the JSON output.
-const SCHEMA: u32 = 1;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -44,6 +40,9 @@ pub struct Arguments {
     /// Of several runs: map of topics or columns, for runs that Whorl did not record.
     #[arg(long, value_name = "FILE")]
     channels: Option<PathBuf>,
+    /// Of several runs: writes every estimate as a row of a Parquet file, DIR/platform=NAME/history.parquet.
+    #[arg(long, value_name = "DIR")]
+    parquet: Option<PathBuf>,
     /// Of several runs: path of the HTML page [default: history.html in the first run's directory].
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
@@ -80,11 +79,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     Ok(())
 }
-
-/// A change that is told: one in a hundred of histories without any tells one.
-const TOLD: f64 = 0.01;
-const HEADINGS: [&str; 9] =
-    ["effect", "parameter", "unit", "#runs", "#scatter", "change", "#by", "#+-", "#chance"];
 
 fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = RunArguments {
@@ -123,6 +117,8 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(&trends_as_json(&found))?;
         if to_output { println!("{text}") } else { write(path, &text)? }
     }
+    let table = arguments.parquet.as_ref().map(|folder| write_table(&found, &read.known.platform, folder));
+    let table = table.transpose()?;
     let page = arguments.html.clone().unwrap_or_else(|| {
         let first = arguments.sources.first().map_or(Path::new(""), PathBuf::as_path);
         if first.is_dir() { first.join("history.html") } else { first.with_file_name("history.html") }
@@ -134,100 +130,12 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
         }
         println!();
         print(&HEADINGS.map(str::to_owned), &rows);
+        if let Some(table) = &table {
+            println!("\ntable: {}", table.path.display());
+        }
         println!("\npage: {}", page.display());
     }
     Ok(())
-}
-
-/// When a run began \[s since 1970\]: as its manifest says, else when its file was written.
-fn began_s(path: &Path) -> anyhow::Result<f64> {
-    if let Ok(manifest) = RunDirectory::open(path).and_then(|run| run.manifest_or_from_bag()) {
-        return Ok(manifest.start_utc.0 as f64 * 1e-9);
-    }
-    let written = std::fs::metadata(path)
-        .and_then(|file| file.modified())
-        .with_context(|| format!("{}: when it began is not known", path.display()))?;
-    Ok(written.duration_since(std::time::UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64()))
-}
-
-fn sentences(found: &Trends) -> Vec<String> {
-    let mut told: Vec<String> = found
-        .changed(TOLD)
-        .map(|(trend, change)| {
-            let unit = if trend.unit == "1" { String::new() } else { format!(" {}", trend.unit) };
-            let (size, stddev) = (three_digits(change.size), three_digits(change.stddev));
-            let name = format!("{} {}", trend.group, trend.name);
-            let sure = format!("{:.1} sigma after all that was looked at", change.sigma_after);
-            match change.kind {
-                ChangeKind::Step { from } => {
-                    let run = found.runs.get(from).map_or("?", |(run, _)| run.as_str());
-                    format!("Since {run}: {name} has changed by {size} +- {stddev}{unit}, {sure}.")
-                }
-                ChangeKind::Drift => {
-                    format!("{name} drifts by {size} +- {stddev}{unit} a day, {sure}.")
-                }
-            }
-        })
-        .collect();
-    if told.is_empty() {
-        told.push(format!(
-            "Nothing has changed beyond chance in {} runs ({} tests).",
-            found.runs.len() - found.left_out.len(),
-            found.tests
-        ));
-    }
-    told.extend(found.left_out.iter().map(|(run, why)| format!("{run} was left out: {why}.")));
-    told
-}
-
-fn rows(found: &Trends) -> Vec<Vec<String>> {
-    let row = |trend: &Trend| {
-        let change = trend.change.as_ref();
-        let kind = change.map_or_else(String::new, |change| match change.kind {
-            ChangeKind::Step { from } => {
-                format!("at {}", found.runs.get(from).map_or("?", |(run, _)| run.as_str()))
-            }
-            ChangeKind::Drift => "drift, a day".to_owned(),
-        });
-        let number = |of: fn(&Change) -> f64| change.map_or_else(String::new, |c| three_digits(of(c)));
-        vec![
-            trend.group.clone(),
-            trend.name.clone(),
-            trend.unit.clone(),
-            trend.estimates.len().to_string(),
-            format!("{:.2}", trend.scatter),
-            kind,
-            number(|c| c.size),
-            number(|c| c.stddev),
-            number(|c| c.chance),
-        ]
-    };
-    found.trends.iter().map(row).collect()
-}
-
-fn trends_as_json(found: &Trends) -> serde_json::Value {
-    let trend = |trend: &Trend| {
-        let estimates: Vec<_> = trend
-            .estimates
-            .iter()
-            .map(|e| json!({"run": e.run, "value": e.value, "stddev": e.stddev}))
-            .collect();
-        let change = trend.change.as_ref().map(|c| {
-            let (kind, from) = match c.kind {
-                ChangeKind::Step { from } => ("step", Some(from)),
-                ChangeKind::Drift => ("drift_per_day", None),
-            };
-            json!({"kind": kind, "from_run": from, "size": c.size, "stddev": c.stddev, "sigma": c.sigma,
-               "chance": c.chance, "sigma_after": c.sigma_after})
-        });
-        json!({"group": trend.group, "name": trend.name, "unit": trend.unit, "model": trend.model,
-           "scatter": trend.scatter, "estimates": estimates, "change": change})
-    };
-    let runs: Vec<_> =
-        found.runs.iter().map(|(name, began_s)| json!({"name": name, "began_unix_s": began_s})).collect();
-    let left: Vec<_> = found.left_out.iter().map(|(run, why)| json!({"run": run, "why": why})).collect();
-    json!({"schema": SCHEMA, "runs": runs, "tests": found.tests, "left_out": left,
-       "parameters": found.trends.iter().map(trend).collect::<Vec<_>>()})
 }
 
 fn print_step(step: &ModelStep) {
@@ -266,31 +174,4 @@ fn print_effects(history: &History) {
         history.effects.iter().flat_map(|e| e.parameters.iter().map(move |p| row(e, p))).collect();
     println!("\nEffects in the model");
     print(&["effect", "parameter", "#value", "#+-", "unit", "adopted"].map(str::to_owned), &rows);
-}
-
-fn as_json(history: &History) -> serde_json::Value {
-    let steps: Vec<_> = history
-        .steps
-        .iter()
-        .map(|step| {
-            json!({"number": step.number, "date": step.date, "effects": step.effects,
-               "prediction_error": step.prediction_error,
-               "held_out_prediction_error": step.held_out_prediction_error, "source": step.source})
-        })
-        .collect();
-    let effects: Vec<_> = history
-        .effects
-        .iter()
-        .map(|effect| {
-            let parameters: Vec<_> = effect
-                .parameters
-                .iter()
-                .map(|p| json!({"name": p.name, "unit": p.unit, "value": p.value, "stddev": p.stddev}))
-                .collect();
-            json!({"effect": effect.effect, "adopted_in": effect.adopted_in, "parameters": parameters})
-        })
-        .collect();
-    let sources: Vec<_> =
-        history.sources.iter().map(|(source, keys)| json!({"source": source, "parameters": keys})).collect();
-    json!({"schema": SCHEMA, "platform": history.platform, "steps": steps, "effects": effects, "sources": sources})
 }

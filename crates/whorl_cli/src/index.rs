@@ -9,6 +9,7 @@ use serde_json::Value;
 use whorl_bag::RunDirectory;
 use whorl_math::deg_from_rad;
 use whorl_report::{IndexRow, index_html};
+use whorl_tables::{Table, Values};
 
 use crate::runs::write;
 
@@ -20,6 +21,7 @@ const DEPTH: usize = 3;
   whorl runs                                        every run in runs/, oldest first
   whorl runs --sort error --where experiment=leader the runs of some experiments, best first
   whorl runs --where verdict=failed                 what went wrong
+  whorl runs --parquet runs.parquet                 a table for SQL, e.g. DuckDB: SELECT law, avg(error_deg) FROM 'runs.parquet' GROUP BY law
   whorl runs --html runs/index.html                 a page that sorts, filters and links to every run's page")]
 pub struct Arguments {
     /// Run directories, or folders that hold some.
@@ -37,6 +39,9 @@ pub struct Arguments {
     /// Writes the table as a page.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Writes the table as a Parquet file, for SQL: docs/campaigns.md.
+    #[arg(long, value_name = "FILE")]
+    parquet: Option<PathBuf>,
     /// Writes the table as JSON; -: to the standard output, in place of the table.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -125,6 +130,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             print(&rows);
         }
     }
+    if let Some(path) = &arguments.parquet {
+        table(&rows).write(path)?;
+        if arguments.json.as_deref() != Some(Path::new("-")) {
+            println!("table: {}", path.display());
+        }
+    }
     for problem in &unreadable {
         eprintln!("warning: {problem}");
     }
@@ -135,6 +146,27 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("page: {}", path.display());
     }
     Ok(())
+}
+
+/// The rows as a table; what is not known is null.
+fn table(rows: &[Row]) -> Table {
+    let texts = |of: &dyn Fn(&Row) -> String| Values::Texts(rows.iter().map(of).collect());
+    let numbers = |of: &dyn Fn(&Row) -> Option<f64>| {
+        Values::Numbers(rows.iter().map(|r| of(r).unwrap_or(f64::NAN)).collect())
+    };
+    Table::default()
+        .with("run", texts(&|row| row.run.display().to_string()))
+        .with("start_utc", texts(&|row| row.start_utc.clone()))
+        .with("experiment", texts(&|row| row.experiment.clone()))
+        .with("law", texts(&|row| row.law.clone()))
+        .with("seed", numbers(&|row| row.seed.map(|seed| seed as f64)))
+        .with("verdict", texts(&|row| row.verdict.clone()))
+        .with("because", texts(&|row| row.because.clone()))
+        .with("error_deg", numbers(&|row| row.error_deg))
+        .with("gas_g", numbers(&|row| row.gas_g))
+        .with("safe_s", numbers(&|row| row.safe_s))
+        .with("duration_s", numbers(&|row| row.duration_s))
+        .with("effects", texts(&|row| row.effects.join(", ")))
 }
 
 /// Every run directory in a folder, the folder itself included.

@@ -85,7 +85,10 @@ fn sections(folder: &Path) -> anyhow::Result<BTreeMap<String, Vec<ListedParamete
     let campaigns = campaigns.into_iter().map(|file| ParameterTree::load(&[file], &[]));
     let campaigns =
         campaigns.map(|tree| tree.map(|t| t.for_node("/campaign"))).collect::<Result<Vec<_>, _>>()?;
-    take("campaign", &campaigns, |r| drop(whorl_campaign::definition::read(r)));
+    let (over_recordings, over_experiments): (Vec<_>, Vec<_>) =
+        campaigns.into_iter().partition(|campaign: &NodeParameters| campaign.get("recordings").is_some());
+    take("campaign", &over_experiments, |r| drop(whorl_campaign::definition::read(r)));
+    take("campaign", &over_recordings, |r| drop(whorl_campaign::recordings::read(r)));
     sections.values_mut().for_each(|listed| listed.sort_by(|a, b| (&a.key, &a.doc).cmp(&(&b.key, &b.doc))));
     Ok(sections)
 }

@@ -29,6 +29,20 @@ pub struct EstimateOptions {
     pub vector_noise_deg: Vec<f64>,
 }
 
+impl Default for EstimateOptions {
+    /// As of `whorl estimate`.
+    fn default() -> Self {
+        Self {
+            filter: None,
+            smooth: false,
+            gyro_noise: 3e-4,
+            gyro_bias_walk: 3e-5,
+            gyro_bias_sigma: 0.02,
+            vector_noise_deg: vec![1.0],
+        }
+    }
+}
+
 /// What was recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recorded {
@@ -95,6 +109,13 @@ impl Chosen {
             Self::Directions(..) => DIRECTIONS,
             Self::Pivot(_, name) => name,
         }
+    }
+
+    /// Whether its attitudes are relative to the references of its vector sensors; else their heading counts from what the first
+    /// sees.
+    #[must_use]
+    pub fn knows_references(&self) -> bool {
+        matches!(self, Self::Directions(..))
     }
 
     /// Whether it needs an accelerometer.

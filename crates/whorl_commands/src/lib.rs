@@ -8,19 +8,23 @@
 //! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
-//! | [`estimate`] | the attitude of a recorded sensor or vehicle |
+//! | [`history`], [`calibrate`] | how a model came to be and what changed since; errors of the sensors |
+//! | [`estimate`], [`attitudes`] | the attitude of a recorded sensor or vehicle |
 //! | [`simulate`] | an experiment in one process, recorded |
-//! | [`campaign`] | plan, folder and tables of a campaign |
+//! | [`campaign`] | plan, folder and tables of a campaign, over experiments or recordings |
 //! | [`report`] | page and numbers of a run |
 //! | [`tables`] | recordings and diagnoses as Parquet files |
 //! | [`model_file`], [`provenance`] | results written into parameter files, and where they came from |
 
 pub mod adopt;
+pub mod attitudes;
+pub mod calibrate;
 pub mod campaign;
 pub mod compare;
 pub mod diagnose;
 pub mod discover;
 pub mod estimate;
+pub mod history;
 pub mod locate;
 pub mod model_file;
 pub mod next;

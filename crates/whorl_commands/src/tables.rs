@@ -7,6 +7,10 @@ use whorl_bag::Channel;
 use whorl_recording::{Recording, column_names};
 use whorl_tables::{Table, TableError, Values, partition};
 
+/// Numbers of a candidate, in JSON and tables.
+pub const CANDIDATE_NUMBERS: [&str; 5] =
+    ["delta_log_evidence", "held_out_gain", "share_of_excess", "swallowed_by_base", "detectability"];
+
 /// A file that was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WrittenTable {
@@ -100,9 +104,7 @@ pub fn write_diagnosis(
                 candidates.iter().map(|c| c.get("effect").is_some_and(|id| named.contains(id))).collect(),
             ),
         );
-    for key in
-        ["delta_log_evidence", "held_out_gain", "share_of_excess", "swallowed_by_base", "detectability"]
-    {
+    for key in CANDIDATE_NUMBERS {
         table = table.with(key, numbers(key));
     }
     // Effects differ in their parameters: a text that every reader takes apart.

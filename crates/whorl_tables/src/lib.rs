@@ -125,6 +125,27 @@ impl Table {
         Ok(())
     }
 
+    /// The table as CSV with a line of names; numbers with as many digits as give them back, nothing for NaN.
+    ///
+    /// # Errors
+    /// Columns that do not fit.
+    pub fn csv_text(&self) -> Result<String, TableError> {
+        self.check()?;
+        let cell = |values: &Values, row: usize| match values {
+            Values::Numbers(v) => v.get(row).filter(|x| !x.is_nan()).map(|x| format!("{x:?}")),
+            Values::Whole(v) => v.get(row).map(i64::to_string),
+            Values::Texts(v) => v.get(row).cloned(),
+            Values::Truths(v) => v.get(row).map(bool::to_string),
+        };
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        // Writing to memory cannot fail.
+        let _ = writer.write_record(self.columns.iter().map(|(name, _)| name));
+        for row in 0..self.rows() {
+            let _ = writer.write_record(self.columns.iter().map(|(_, v)| cell(v, row).unwrap_or_default()));
+        }
+        Ok(String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default())
+    }
+
     /// Writes the table as a Parquet file, Snappy-compressed, whole or not at all; folders are made.
     ///
     /// # Errors

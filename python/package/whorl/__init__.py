@@ -12,7 +12,7 @@ of the command line.
 """
 
 from ._native import Platform, WhorlError, __version__
-from .campaign import Campaign
+from .campaign import Campaign, sql
 from .catalogue import Channel, Effect, channels, describe_effect, effects, load_effect
 from .attitude import Attitudes, estimate
 from .explain import (
@@ -33,18 +33,21 @@ from .explain import (
 from .pieces import Allocator, Orbit
 from .recording import Recording, Series, read
 from .simulation import Simulated, simulate
+from .trends import Calibration, History, Trends, calibrate, history, trends
 
 __all__ = [
     "Adoption",
     "Allocator",
     "Answer",
     "Attitudes",
+    "Calibration",
     "Campaign",
     "Channel",
     "Comparison",
     "Diagnosis",
     "Discovery",
     "Effect",
+    "History",
     "Identification",
     "Located",
     "Orbit",
@@ -52,9 +55,11 @@ __all__ = [
     "Recording",
     "Series",
     "Simulated",
+    "Trends",
     "WhorlError",
     "__version__",
     "adopt",
+    "calibrate",
     "channels",
     "compare",
     "describe_effect",
@@ -62,9 +67,12 @@ __all__ = [
     "discover",
     "effects",
     "estimate",
+    "history",
     "identify",
     "load_effect",
     "locate",
     "read",
     "simulate",
+    "sql",
+    "trends",
 ]

@@ -1,4 +1,4 @@
-"""Campaigns: many simulated runs as a list of tasks, which an engine distributes."""
+"""Campaigns: many simulated runs, or one question to many recordings, as a list of tasks, which an engine distributes."""
 
 from __future__ import annotations
 
@@ -15,18 +15,24 @@ from .recording import PathLike
 class Campaign:
     """A campaign file with its folder, as `whorl campaign FILE --out FOLDER`.
 
-    Each run is a task: independent, deterministic, and done when its row is in the folder; so a task may be interrupted and
-    repeated, and the tables are the same whoever computes them. Every worker needs the files and the folder at the same
-    paths (a network file system).
+    Each run, and each platform of a recording, is a task: independent, deterministic, and done when its row is in the folder;
+    so a task may be interrupted and repeated, and the tables are the same whoever computes them. Every worker needs the files
+    and the folder at the same paths (a network file system).
 
-    file: the campaign file, e.g. `params/campaigns/link.yaml`.
-    out: its folder; one that holds a part of the campaign is continued.
-    params: the parameter folder; default: the file's `../`.
+    file: the campaign file, e.g. `params/campaigns/link.yaml`, or over recordings, e.g. `params/campaigns/rediagnose.yaml`.
+    out: its folder; one that holds a part of the campaign is continued, and recordings that have been added are taken in.
+    params: the parameter folder, of campaigns over experiments; default: the file's `../`.
     seeds: number of seeds, instead of the file's.
     """
 
     def __init__(
-        self, file: PathLike, out: PathLike, *, params: Optional[PathLike] = None, seeds: Optional[int] = None
+        self,
+        file: PathLike,
+        out: PathLike,
+        *,
+        params: Optional[PathLike] = None,
+        seeds: Optional[int] = None,
+        _grow: bool = True,
     ) -> None:
         # Absolute: workers have other working directories.
         self._given: Tuple[str, str, Optional[str], Optional[int]] = (
@@ -35,10 +41,10 @@ class Campaign:
             None if params is None else os.path.abspath(params),
             seeds,
         )
-        self._native = _native.Campaign(*self._given)
+        self._native = _native.Campaign(*self._given, _grow)
 
     def __len__(self) -> int:
-        """Number of runs."""
+        """Number of tasks."""
         return len(self._native)
 
     @property
@@ -48,11 +54,11 @@ class Campaign:
 
     @property
     def missing(self) -> List[int]:
-        """Numbers of the runs that have no row yet."""
+        """Numbers of the tasks that have no row yet."""
         return self._native.missing()
 
     def run(self, index: int) -> int:
-        """Simulates a run and stores its row, unless it has one; returns its number."""
+        """Computes a task and stores its row, unless it has one; returns its number."""
         self._native.run(index)
         return index
 
@@ -64,68 +70,110 @@ class Campaign:
         """Distributes what is missing over the workers of a Dask client, waits, and writes the tables.
 
         client: a `dask.distributed.Client`, of a `LocalCluster`, an address, Slurm, Kubernetes. A worker that is lost loses
-        nothing but the run that it was at, which Dask gives to another.
+        nothing but the task that it was at, which Dask gives to another. A folder that another process works on is refused.
         """
         from dask import distributed
 
         as_completed: Any = distributed.as_completed
 
-        missing = self.missing
-        # Run once, and never taken for the result of another folder.
-        futures = client.map(_task, missing, given=self._given, pure=False, batch_size=1000)
-        with reporting(progress, "campaign") as show:
-            for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
-                if show is not None:
-                    show(done / len(missing), f"{done} of {len(missing)} runs")
-        return self.write_tables()
+        held = self._native.hold()
+        try:
+            missing = self.missing
+            # Run once, and never taken for the result of another folder.
+            futures = client.map(_task, missing, given=self._given, pure=False, batch_size=1000)
+            with reporting(progress, "campaign") as show:
+                for done, future in enumerate(as_completed(futures), start=1):
+                    future.result()
+                    if show is not None:
+                        show(done / len(missing), f"{done} of {len(missing)} {self._native.noun()}")
+            return self.write_tables()
+        finally:
+            held.release()
 
     def write_tables(self) -> "Tables":
         """Writes the tables and the page of what is done."""
-        csv, parquet, page, rows = self._native.write_tables()
-        return Tables(Path(csv), Path(parquet), Path(page), rows)
+        csv, parquet, further, page, rows, said = self._native.write_tables()
+        others = {Path(folder).name: Path(folder) for folder in further}
+        return Tables(Path(csv), Path(parquet), others, None if page is None else Path(page), rows, said)
 
 
 class Tables:
     """Results of a campaign."""
 
-    def __init__(self, csv: Path, parquet: Path, page: Path, rows: int) -> None:
+    def __init__(
+        self, csv: Path, parquet: Path, further: Dict[str, Path], page: Optional[Path], rows: int, said: List[str]
+    ) -> None:
         self.csv = csv
         """All rows as CSV."""
         self.parquet = parquet
-        """Folder of all rows as Parquet, partitioned by experiment."""
+        """Folder of all rows as Parquet; of experiments, partitioned by these."""
+        self.further = further
+        """Tables with several rows to a recording, by name: `candidates` of diagnoses, `channels` of comparisons, `attitudes`."""
         self.page = page
-        """Percentiles over what was swept, as HTML."""
+        """Percentiles over what was swept, as HTML; None for campaigns over recordings."""
         self.rows = rows
-        """Number of runs that are done."""
+        """Number of tasks that are done."""
+        self.said = said
+        """What came of them, in sentences."""
 
     def sql(self, query: str) -> Any:
-        """Asks DuckDB (`pip install duckdb`); the table's name is `runs`: `SELECT law, avg(gas_used_g) FROM runs GROUP BY law`.
-        Returns DuckDB's relation: `.fetchall()`, `.pl()`, `.df()`."""
-        try:
-            import duckdb
-        except ImportError:
-            raise WhorlError("SQL needs DuckDB: pip install duckdb") from None
-        pattern = str(self.parquet / "**" / "*.parquet").replace("'", "''")
-        connection = duckdb.connect()
-        connection.execute(f"CREATE VIEW runs AS SELECT * FROM read_parquet('{pattern}', hive_partitioning = true)")
-        return connection.sql(query)
+        """Asks DuckDB (`pip install duckdb`); the table's name is `runs`, or `recordings`; further tables have their own:
+        `SELECT law, avg(gas_used_g) FROM runs GROUP BY law`. Returns DuckDB's relation: `.fetchall()`, `.pl()`, `.df()`."""
+        return ask(query, {"runs": self.parquet, "recordings": self.parquet, **self.further})
 
-    def to_polars(self) -> Any:
-        """All rows as a Polars data frame."""
+    def to_polars(self, table: Optional[str] = None) -> Any:
+        """All rows as a Polars data frame; `table`: those of a further table."""
         import polars
 
-        return polars.read_parquet(self.parquet, hive_partitioning=True).sort("run")
+        if table is not None and table not in self.further:
+            raise WhorlError(f"there is no table {table}; allowed: {', '.join(self.further) or 'none'}")
+        if table is not None:
+            return polars.read_parquet(self.further[table], hive_partitioning=True)
+        frame = polars.read_parquet(self.parquet, hive_partitioning=True)
+        return frame.sort("run" if self.page is not None else "number")
 
     def __repr__(self) -> str:
-        return f"<whorl.campaign.Tables: {self.rows} runs, {self.parquet}>"
+        return f"<whorl.campaign.Tables: {self.rows} rows, {self.parquet}>"
+
+
+def sql(query: str, **tables: PathLike) -> Any:
+    """Asks DuckDB (`pip install duckdb`) over tables that Whorl wrote: Parquet files, or folders of them, by the names that the query uses.
+
+    >>> whorl.sql("SELECT law, avg(error_deg) FROM runs GROUP BY law", runs="runs.parquet")             # doctest: +SKIP
+
+    `whorl runs --parquet runs.parquet` writes such a table; so do campaigns, `whorl export parquet`, `whorl diagnose --parquet`,
+    `whorl history --parquet`. Returns DuckDB's relation: `.fetchall()`, `.pl()`, `.df()`.
+    """
+    return ask(query, {name: Path(path) for name, path in tables.items()})
+
+
+def ask(query: str, tables: Dict[str, Path]) -> Any:
+    """Asks DuckDB over folders of Parquet files, or such files, by name."""
+    try:
+        import duckdb
+    except ImportError:
+        raise WhorlError("SQL needs DuckDB: pip install duckdb") from None
+    connection = duckdb.connect()
+    for name, path in tables.items():
+        if not path.exists():
+            raise WhorlError(f"{name}: there is no table {path}")
+        pattern = str(path if path.is_file() else path / "**" / "*.parquet").replace("'", "''")
+        connection.execute(f"CREATE VIEW {name} AS SELECT * FROM read_parquet('{pattern}', hive_partitioning = true)")
+    try:
+        asked = connection.sql(query)
+        if asked is None:
+            raise WhorlError(f"{query}: this asks for nothing")
+        return asked
+    except duckdb.Error as error:
+        raise WhorlError(f"{query}: {error}") from None
 
 
 _opened: Dict[Tuple[str, str, Optional[str], Optional[int]], Campaign] = {}
 
 
 def _again(file: str, out: str, params: Optional[str], seeds: Optional[int]) -> Campaign:
-    return Campaign(file, out, params=params, seeds=seeds)
+    # A worker: what there is to do stands in the folder.
+    return Campaign(file, out, params=params, seeds=seeds, _grow=False)
 
 
 def _task(index: int, given: Tuple[str, str, Optional[str], Optional[int]]) -> int:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, List
+from typing import TYPE_CHECKING, Any, List
 
 from . import explain
 from ._native import WhorlError
 from .recording import Recording
+
+if TYPE_CHECKING:
+    from .trends import Trends
 
 
 def _plotly() -> Any:
@@ -31,6 +34,26 @@ def recording(run: Recording, keys: List[str]) -> Any:
         figure.update_yaxes(title_text=f"{key}<br>[{unit}]", row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=max(1, len(keys)), col=1)
     return figure.update_layout(title=f"{run.name}: {run.platform}", height=120 + 160 * max(1, len(keys)))
+
+
+def trends(found: "Trends", most: int) -> Any:
+    """Parameters over runs, those that changed most surely first."""
+    plotly = _plotly()
+    shown = sorted(found.parameters, key=lambda p: p["change"]["chance"] if p["change"] else 1.0)[: max(1, most)]
+    titles = [f"{p['group']} {p['name']} [{p['unit']}]" for p in shown]
+    figure = plotly.subplots.make_subplots(rows=max(1, len(shown)), cols=1, shared_xaxes=True, subplot_titles=titles)
+    for row, parameter in enumerate(shown, start=1):
+        estimates = parameter["estimates"]
+        figure.add_scatter(
+            x=[found.run_names[e["run"]] for e in estimates],
+            y=[e["value"] for e in estimates],
+            error_y={"type": "data", "array": [e["stddev"] for e in estimates]},
+            mode="markers",
+            row=row,
+            col=1,
+        )
+    figure.update_layout(showlegend=False, height=180 * max(2, len(shown)))
+    return figure
 
 
 def of(answer: "explain.Answer") -> Any:

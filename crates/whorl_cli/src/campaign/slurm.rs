@@ -4,9 +4,9 @@ use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
+use whorl_campaign::Part;
 use whorl_campaign::slurm::{Job, SlurmError, queued};
 use whorl_campaign::work::Folder;
-use whorl_campaign::{Part, Plan};
 
 /// Time between two looks at the queue.
 const TICK: Duration = Duration::from_secs(2);
@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 const MOST_SUBMISSIONS: usize = 4;
 
 /// Submits what is missing and waits for it. A job that an earlier call submitted is followed instead.
-pub fn distribute(job: &Job, folder: &Folder, plan: &Plan) -> anyhow::Result<()> {
+pub fn distribute(job: &Job, folder: &Folder, total: u64, noun: &str) -> anyhow::Result<()> {
     let mut submissions = 0;
     loop {
         let number = match job.submitted() {
@@ -25,16 +25,15 @@ pub fn distribute(job: &Job, folder: &Folder, plan: &Plan) -> anyhow::Result<()>
                 number
             }
             None => {
-                let is_missing = |part: &Part| part.runs(plan.len()).any(|index| !folder.has(index));
+                let is_missing = |part: &Part| part.runs(total).any(|index| !folder.has(index));
                 let parts: Vec<Part> = Part::all(job.parts).filter(is_missing).collect();
                 if parts.is_empty() {
                     return Ok(());
                 }
                 if submissions == MOST_SUBMISSIONS {
                     bail!(
-                        "{} of {} runs are still missing after {submissions} jobs; their logs are in {}",
-                        plan.len() - folder.done()?,
-                        plan.len(),
+                        "{} of {total} {noun} are still missing after {submissions} jobs; their logs are in {}",
+                        total.saturating_sub(folder.done()?),
                         job.folder.display()
                     );
                 }
@@ -49,20 +48,21 @@ pub fn distribute(job: &Job, folder: &Folder, plan: &Plan) -> anyhow::Result<()>
                 number
             }
         };
-        follow(&number, folder, plan)?;
+        follow(&number, folder, total, noun)?;
         job.forget()?;
     }
 }
 
 /// Returns when the job has ended.
-fn follow(number: &str, folder: &Folder, plan: &Plan) -> anyhow::Result<()> {
+fn follow(number: &str, folder: &Folder, total: u64, noun: &str) -> anyhow::Result<()> {
     let mut heard = Instant::now();
     loop {
         match queued(number) {
             Ok(None) => break,
             Ok(Some((waiting, running))) => {
                 heard = Instant::now();
-                show(&format!("{}/{} runs; {running} tasks run, {waiting} wait", folder.done()?, plan.len()));
+                let done = folder.done()?;
+                show(&format!("{done}/{total} {noun}; {running} tasks run, {waiting} wait"));
             }
             Err(error @ SlurmError::Refused { .. }) if heard.elapsed() < PATIENCE => show(&error.to_string()),
             Err(error @ SlurmError::Refused { .. }) => {

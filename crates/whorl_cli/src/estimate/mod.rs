@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows, VectorMap};
-use whorl_commands::estimate::{Chosen, EstimateOptions, Recorded, too_few};
-use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
-use whorl_math::quaternion_exp;
+use whorl_bag::{CsvMap, CsvRows};
+use whorl_commands::attitudes::{CsvLines, Line, Tally, recorded_by, told};
+use whorl_commands::estimate::{Chosen, EstimateOptions, too_few};
+use whorl_free_motion::{Orientation, Sample};
 
 use output::Output;
 
@@ -68,23 +68,6 @@ impl Arguments {
     }
 }
 
-/// Columns of a vector sensor, and whether its direction in the world is known.
-fn vector_sensor(vector: &VectorMap) -> (String, bool) {
-    (vector.columns.join(", "), vector.reference_world.is_some() || vector.reference_columns.is_some())
-}
-
-/// Errors against truth and what the recording is.
-#[derive(Default)]
-struct Tally {
-    errors: OrientationErrors,
-    /// Sum of squared heading errors over their stated variances.
-    heading: f64,
-    first_ns: Option<i64>,
-    last_ns: i64,
-    samples: u64,
-    estimates: u64,
-}
-
 /// Carries out `whorl estimate`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if !arguments.declination_deg.is_finite() {
@@ -92,69 +75,67 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let map = CsvMap::load(&arguments.channels)?;
     let mut rows = CsvRows::open(&arguments.recording, &map)?;
-    let recorded = Recorded {
-        name: arguments.channels.display().to_string(),
-        has_force: map.has(Channel::Accelerometer),
-        vectors: map.vectors.iter().map(vector_sensor).collect(),
-    };
-    let mut chosen = Chosen::new(&arguments.options(), &recorded)?;
+    let mut chosen = Chosen::new(&arguments.options(), &recorded_by(&map, &arguments.channels))?;
     let mut out =
         arguments.out.as_deref().map(|path| Output::create(path, arguments.covariance)).transpose()?;
     // Clockwise from above, seen from north to east.
     let declination =
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -arguments.declination_deg.to_radians());
-    let mut tally = Tally::default();
-    let mut reader = Reader { map: &map, last: vec![None; map.vectors.len()] };
-    let mut take = |tally: &mut Tally, line: &Line, estimate: Option<Orientation>| -> anyhow::Result<()> {
-        let Some(mut estimate) = estimate else { return Ok(()) };
+    let (mut tally, mut times, mut samples) = (Tally::default(), None::<[i64; 2]>, 0);
+    let mut reader = CsvLines::new(&map);
+    let mut take = |tally: &mut Tally,
+                    first_ns: i64,
+                    line: &Line,
+                    estimate: Option<Orientation>|
+     -> anyhow::Result<()> {
+        let Some(estimate) = estimate else { return Ok(()) };
         // The samples are late: the attitude of now lies a little further on.
-        let rate = line.sample.gyro_rad_s - estimate.gyro_bias_rad_s;
-        let on = quaternion_exp(&(rate * map.imu_latency_s));
-        estimate.q_world_body = declination * estimate.q_world_body * on;
-        tally.estimates += 1;
-        if let Some(truth) = line.truth {
-            tally.errors.add(&estimate.q_world_body, &truth);
-            let [_, heading, _] = orientation_error(&estimate.q_world_body, &truth);
-            tally.heading += heading.powi(2) / estimate.covariance_w_rad2()[(2, 2)].max(f64::MIN_POSITIVE);
-        }
+        let estimate = told(estimate, &line.sample, &declination, map.imu_latency_s);
+        tally.add(&estimate, line.truth.as_ref());
         if let Some(out) = &mut out {
-            out.write(line.sample.stamp_ns - tally.first_ns.unwrap_or(0), &estimate)?;
+            out.write(line.sample.stamp_ns - first_ns, &estimate)?;
         }
         Ok(())
     };
     let mut kept = Vec::new();
     while let Some(row) = rows.next_row()? {
-        tally.first_ns.get_or_insert(row.time_ns);
-        tally.last_ns = row.time_ns;
+        let first_ns = times.map_or(row.time_ns, |[first_ns, _]| first_ns);
+        times = Some([first_ns, row.time_ns]);
         let Some(line) = reader.line(&row, chosen.needs_force()) else { continue };
-        tally.samples += 1;
+        samples += 1;
         if arguments.smooth {
             kept.push(line);
         } else {
             let estimate = chosen.causal(&line.sample);
-            take(&mut tally, &line, estimate)?;
+            take(&mut tally, first_ns, &line, estimate)?;
         }
     }
+    let [first_ns, last_ns] = times.unwrap_or_default();
     if arguments.smooth {
         let samples: Vec<Sample> = kept.iter().map(|line| line.sample.clone()).collect();
         for (line, estimate) in kept.iter().zip(chosen.smoothed(&samples)?) {
-            take(&mut tally, line, estimate)?;
+            take(&mut tally, first_ns, line, estimate)?;
         }
     }
     if let Some(out) = out {
         out.finish()?;
     }
-    tell(arguments, &map, &chosen, &tally)
+    tell(arguments, &map, &chosen, &tally, samples, (last_ns - first_ns) as f64 * 1e-9)
 }
 
-fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> anyhow::Result<()> {
+fn tell(
+    arguments: &Arguments,
+    map: &CsvMap,
+    chosen: &Chosen,
+    tally: &Tally,
+    samples: usize,
+    duration_s: f64,
+) -> anyhow::Result<()> {
     if tally.estimates == 0 {
-        let samples = usize::try_from(tally.samples).unwrap_or(usize::MAX);
         bail!("{}", too_few(&arguments.recording.display().to_string(), samples, chosen));
     }
-    let duration_s = (tally.last_ns - tally.first_ns.unwrap_or(tally.last_ns)) as f64 * 1e-9;
     let smoothed = if arguments.smooth { ", smoothed" } else { "" };
-    println!("{} samples, {duration_s:.1} s, filter {}{smoothed}", tally.samples, chosen.name());
+    println!("{samples} samples, {duration_s:.1} s, filter {}{smoothed}", chosen.name());
     if map.vectors.is_empty() {
         println!("no magnetometer: the heading is relative to the first attitude, and drifts");
     }
@@ -171,7 +152,7 @@ fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> 
             );
             println!(
                 "squared heading error over its stated variance: {:.2} on average, 1 expected",
-                tally.heading / tally.errors.count() as f64
+                tally.heading_consistency().unwrap_or(f64::NAN)
             );
         }
         None => println!("the file has no truth to compare with"),
@@ -180,43 +161,4 @@ fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> 
         println!("attitudes: {}", path.display());
     }
     Ok(())
-}
-
-/// What a filter takes of a line, and the truth to compare with.
-struct Line {
-    sample: Sample,
-    truth: Option<UnitQuaternion<f64>>,
-}
-
-struct Reader<'a> {
-    map: &'a CsvMap,
-    /// Latest sample of each vector sensor.
-    last: Vec<Option<Vector3<f64>>>,
-}
-
-impl Reader<'_> {
-    fn line(&mut self, row: &CsvRow, needs_force: bool) -> Option<Line> {
-        let gyro_rad_s = row.axes(Channel::Gyro)?;
-        let force_m_s2 = row.axes(Channel::Accelerometer);
-        if needs_force && force_m_s2.is_none() {
-            return None;
-        }
-        let mut vectors = Vec::with_capacity(self.last.len());
-        for (k, (map, last)) in self.map.vectors.iter().zip(&mut self.last).enumerate() {
-            let seen = vector(row, k);
-            // Files repeat the last value of a slower sensor.
-            let is_new = seen.is_some() && (*last != seen || map.repeats);
-            *last = seen.or(*last);
-            let given = row.references_w.get(k).copied().flatten().or(map.reference_world);
-            vectors.push(seen.filter(|_| is_new).map(|body| Observed { body, reference_w: given }));
-        }
-        let sample = Sample { stamp_ns: row.time_ns, gyro_rad_s, force_m_s2, vectors };
-        Some(Line { sample, truth: row.q_world_body.filter(|_| row.scored) })
-    }
-}
-
-/// A vector sensor's sample with its length, which reveals disturbances.
-fn vector(row: &CsvRow, sensor: usize) -> Option<Vector3<f64>> {
-    let direction = row.vectors_b.get(sensor).copied().flatten()?;
-    Some(direction.into_inner() * row.vector_lengths.get(sensor).copied().flatten()?)
 }

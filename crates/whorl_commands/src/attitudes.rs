@@ -1,0 +1,214 @@
+//! What attitudes are estimated from: lines of CSV files and samples of recordings; and how good the attitudes are.
+
+use std::path::Path;
+
+use anyhow::bail;
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows, VectorMap};
+use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
+use whorl_math::quaternion_exp;
+use whorl_recording::{Recording, Series};
+use whorl_tables::{Table, Values};
+
+use crate::estimate::Recorded;
+
+/// What a filter takes at one time, and the truth to compare with.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// What was measured.
+    pub sample: Sample,
+    /// The true attitude, where it counts.
+    pub truth: Option<UnitQuaternion<f64>>,
+}
+
+/// What a CSV file of this map holds; `name` is that of the map.
+#[must_use]
+pub fn recorded_by(map: &CsvMap, name: &Path) -> Recorded {
+    let vector = |vector: &VectorMap| {
+        (vector.columns.join(", "), vector.reference_world.is_some() || vector.reference_columns.is_some())
+    };
+    Recorded {
+        name: name.display().to_string(),
+        has_force: map.has(Channel::Accelerometer),
+        vectors: map.vectors.iter().map(vector).collect(),
+    }
+}
+
+/// Makes lines of the rows of a CSV file.
+#[derive(Debug)]
+pub struct CsvLines<'a> {
+    map: &'a CsvMap,
+    /// Latest sample of each vector sensor.
+    last: Vec<Option<Vector3<f64>>>,
+}
+
+impl<'a> CsvLines<'a> {
+    /// For files of this map.
+    #[must_use]
+    pub fn new(map: &'a CsvMap) -> Self {
+        Self { map, last: vec![None; map.vectors.len()] }
+    }
+
+    /// The line of a row; `None` for one without a gyro sample, or without the accelerometer's where that is needed.
+    pub fn line(&mut self, row: &CsvRow, needs_force: bool) -> Option<Line> {
+        let gyro_rad_s = row.axes(Channel::Gyro)?;
+        let force_m_s2 = row.axes(Channel::Accelerometer);
+        if needs_force && force_m_s2.is_none() {
+            return None;
+        }
+        let mut vectors = Vec::with_capacity(self.last.len());
+        for (k, (map, last)) in self.map.vectors.iter().zip(&mut self.last).enumerate() {
+            let seen = vector(row, k);
+            // Files repeat the last value of a slower sensor.
+            let is_new = seen.is_some() && (*last != seen || map.repeats);
+            *last = seen.or(*last);
+            let given = row.references_w.get(k).copied().flatten().or(map.reference_world);
+            vectors.push(seen.filter(|_| is_new).map(|body| Observed { body, reference_w: given }));
+        }
+        let sample = Sample { stamp_ns: row.time_ns, gyro_rad_s, force_m_s2, vectors };
+        Some(Line { sample, truth: row.q_world_body.filter(|_| row.scored) })
+    }
+}
+
+/// A vector sensor's sample with its length, which reveals disturbances.
+fn vector(row: &CsvRow, sensor: usize) -> Option<Vector3<f64>> {
+    let direction = row.vectors_b.get(sensor).copied().flatten()?;
+    Some(direction.into_inner() * row.vector_lengths.get(sensor).copied().flatten()?)
+}
+
+/// All lines of a CSV file.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn lines_of_csv(path: &Path, map: &CsvMap, needs_force: bool) -> anyhow::Result<Vec<Line>> {
+    let mut rows = CsvRows::open(path, map)?;
+    let (mut reader, mut lines) = (CsvLines::new(map), Vec::new());
+    while let Some(row) = rows.next_row()? {
+        lines.extend(reader.line(&row, needs_force));
+    }
+    Ok(lines)
+}
+
+/// What a recording holds.
+#[must_use]
+pub fn recorded_in(recording: &Recording) -> Recorded {
+    Recorded {
+        name: recording.name.clone(),
+        has_force: !recording.specific_force_b_m_s2.is_empty(),
+        vectors: (1..=recording.vectors.len()).map(|k| (format!("vector_{k}"), true)).collect(),
+    }
+}
+
+/// Truth and gyro are sampled together, to this \[s\].
+const TOGETHER_S: f64 = 1e-4;
+
+/// All lines of a recording: one to each gyro sample, with the latest specific force and the directions since the last.
+///
+/// # Errors
+/// A gyro that lacks axes.
+pub fn lines_of(recording: &Recording, needs_force: bool) -> anyhow::Result<Vec<Line>> {
+    if !recording.has_whole_gyro() {
+        bail!("{}: attitudes need a gyro of three axes", recording.name);
+    }
+    let gyro = &recording.gyro_b_rad_s;
+    let mut taken = vec![0; recording.vectors.len()];
+    let mut lines = Vec::with_capacity(gyro.len());
+    for (time_s, rate) in gyro.time_s.iter().zip(&gyro.value) {
+        let force_m_s2 = recording.specific_force_b_m_s2.held_at(*time_s).copied();
+        let vectors = recording.vectors.iter().zip(&mut taken).map(|(sensor, taken)| {
+            let series = &sensor.direction_b;
+            let upto = series.time_s.partition_point(|t| t <= time_s);
+            let is_new = upto > *taken;
+            *taken = upto;
+            let body = series.value.get(upto.checked_sub(1)?).filter(|_| is_new)?;
+            Some(Observed { body: *body, reference_w: Some(sensor.reference_world) })
+        });
+        let sample = Sample {
+            stamp_ns: (time_s * 1e9).round() as i64,
+            gyro_rad_s: *rate,
+            force_m_s2,
+            vectors: vectors.collect(),
+        };
+        if needs_force && force_m_s2.is_none() {
+            continue;
+        }
+        let truth = recording.truth.as_ref().and_then(|truth| at(&truth.q_world_body, *time_s));
+        lines.push(Line { sample, truth });
+    }
+    Ok(lines)
+}
+
+/// The value at this very time.
+fn at(series: &Series<UnitQuaternion<f64>>, time_s: f64) -> Option<UnitQuaternion<f64>> {
+    let index = series.time_s.partition_point(|t| *t < time_s - TOGETHER_S);
+    series.time_s.get(index).filter(|t| (*t - time_s).abs() <= TOGETHER_S)?;
+    series.value.get(index).copied()
+}
+
+/// An attitude as it is told: `late_s` after the samples that it is of, with the heading turned by `declination`.
+#[must_use]
+pub fn told(
+    mut estimate: Orientation,
+    sample: &Sample,
+    declination: &UnitQuaternion<f64>,
+    late_s: f64,
+) -> Orientation {
+    let rate = sample.gyro_rad_s - estimate.gyro_bias_rad_s;
+    estimate.q_world_body = declination * estimate.q_world_body * quaternion_exp(&(rate * late_s));
+    estimate
+}
+
+/// Errors against truth, and how many attitudes there are.
+#[derive(Debug, Clone, Default)]
+pub struct Tally {
+    /// Errors where truth is known.
+    pub errors: OrientationErrors,
+    /// Sum of squared heading errors over their stated variances.
+    heading: f64,
+    /// Samples with an attitude.
+    pub estimates: u64,
+}
+
+impl Tally {
+    /// Takes in an attitude.
+    pub fn add(&mut self, estimate: &Orientation, truth: Option<&UnitQuaternion<f64>>) {
+        self.estimates += 1;
+        if let Some(truth) = truth {
+            self.errors.add(&estimate.q_world_body, truth);
+            let [_, heading, _] = orientation_error(&estimate.q_world_body, truth);
+            self.heading += heading.powi(2) / estimate.covariance_w_rad2()[(2, 2)].max(f64::MIN_POSITIVE);
+        }
+    }
+
+    /// Squared heading error over its stated variance, mean; 1 is expected. `None` without truth.
+    #[must_use]
+    pub fn heading_consistency(&self) -> Option<f64> {
+        (self.errors.count() > 0).then(|| self.heading / self.errors.count() as f64)
+    }
+}
+
+/// Attitudes as a table: time since `first_ns` \[s\], quaternion sensor to world, gyro bias, standard deviations east, north,
+/// heading.
+#[must_use]
+pub fn table(attitudes: &[(i64, Orientation)], first_ns: i64) -> Table {
+    type Of = fn(&Orientation) -> f64;
+    let sigma = |o: &Orientation, axis: usize| o.covariance_w_rad2()[(axis, axis)].max(0.0).sqrt();
+    let times = attitudes.iter().map(|(ns, _)| (ns - first_ns) as f64 * 1e-9);
+    let mut table = Table::default().with("time_s", Values::Numbers(times.collect()));
+    let columns: [(&str, Of); 7] = [
+        ("qw", |o| o.q_world_body.w),
+        ("qx", |o| o.q_world_body.i),
+        ("qy", |o| o.q_world_body.j),
+        ("qz", |o| o.q_world_body.k),
+        ("gyro_bias_x_rad_s", |o| o.gyro_bias_rad_s.x),
+        ("gyro_bias_y_rad_s", |o| o.gyro_bias_rad_s.y),
+        ("gyro_bias_z_rad_s", |o| o.gyro_bias_rad_s.z),
+    ];
+    for (name, of) in columns {
+        table = table.with(name, Values::Numbers(attitudes.iter().map(|(_, o)| of(o)).collect()));
+    }
+    for (axis, name) in ["sigma_east_rad", "sigma_north_rad", "sigma_heading_rad"].into_iter().enumerate() {
+        table = table.with(name, Values::Numbers(attitudes.iter().map(|(_, o)| sigma(o, axis)).collect()));
+    }
+    table
+}
