@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
+use serde_json::{Value, json};
 use whorl_explain::changes::of_calibration;
 use whorl_identification::calibration::{
     CalibrationSettings, ImuCalibration, PerAxis, SensorCalibration, calibrate_imu,
@@ -12,8 +13,9 @@ use whorl_math::{rad_from_deg, three_digits};
 use whorl_params::ModelStep;
 use whorl_recording::Recording;
 
-use crate::identify::print_findings;
+use crate::identify::{findings_as_json, print_findings};
 use crate::model_file;
+use crate::output::{JsonArgument, say};
 use crate::provenance::provenance_of_this;
 use crate::runs::RunArguments;
 use crate::table;
@@ -50,6 +52,8 @@ struct Imu {
     /// Show, but write nothing.
     #[arg(long)]
     dry_run: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl calibrate`.
@@ -74,6 +78,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let found = calibrate_imu(&recordings, &runs.known.model.sensors, &settings);
     print(&found);
     print_findings(&found.findings);
+    imu.json.write(|| Ok(as_json(&found)))?;
     if found.findings.iter().any(|f| f.fatal) {
         bail!("nothing was written");
     }
@@ -88,12 +93,37 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let changes = of_calibration(&found);
     let step = ModelStep::of_source(provenance_of_this(&imu.runs)?);
     let written = model_file::write_step(out, &runs.known, &changes, step)?;
-    println!("{written} entries written to {}", out.display());
+    say!("{written} entries written to {}", out.display());
     Ok(())
 }
 
+fn as_json(found: &ImuCalibration) -> Value {
+    let axes = |v: &PerAxis| {
+        // What was not determined has no finite deviation: null.
+        let of = |axis: usize| json!({"value": v.value[axis], "stddev": v.stddev[axis]});
+        [of(0), of(1), of(2)]
+    };
+    let sensor = |sensor: &SensorCalibration| {
+        json!({
+            "bias": axes(&sensor.bias),
+            "scale": axes(&sensor.scale),
+            "misalignment_rad": axes(&sensor.misalignment_rad),
+            "bias_per_kelvin": axes(&sensor.temperature_slope),
+            "noise_of_a_sample": [sensor.noise_stddev[0], sensor.noise_stddev[1], sensor.noise_stddev[2]],
+        })
+    };
+    json!({
+        "schema": 1,
+        "rate_hz": found.rate_hz,
+        "still_stretches": found.still.len(),
+        "gyro_rad_s": sensor(&found.gyro),
+        "accelerometer_m_s2": sensor(&found.accelerometer),
+        "findings": findings_as_json(&found.findings),
+    })
+}
+
 fn print(found: &ImuCalibration) {
-    println!("{} still stretches, {:.1} Hz", found.still.len(), found.rate_hz);
+    say!("{} still stretches, {:.1} Hz", found.still.len(), found.rate_hz);
     let headings: Vec<String> =
         ["", "#x", "#+-", "#y", "#+-", "#z", "#+-", "unit"].iter().map(|s| (*s).to_owned()).collect();
     let mut rows = Vec::new();

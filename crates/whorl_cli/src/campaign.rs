@@ -2,17 +2,21 @@
 
 mod slurm;
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use serde_json::{Map, Value, json};
+use whorl_campaign::row::METRICS;
 use whorl_campaign::slurm::Job;
 use whorl_campaign::work::{Folder, work, work_part};
-use whorl_campaign::{Part, Plan};
+use whorl_campaign::{Part, Plan, Row, RunSpec};
 use whorl_commands::campaign::{opened, planned, write_tables};
+
+use crate::output::{JsonArgument, is_closed, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -48,6 +52,8 @@ pub struct Arguments {
     /// Only list the runs.
     #[arg(long)]
     dry_run: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Who distributes the runs.
@@ -62,7 +68,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let file = &arguments.campaign;
     let plan = planned(file, arguments.params.as_deref(), arguments.seeds)?;
     if arguments.dry_run {
-        return dry_run(&plan);
+        return dry_run(&plan, &arguments.json);
     }
     let name = file.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("campaigns").join(&name));
@@ -78,13 +84,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let here = AtomicU64::new(0);
     if let Some(part) = arguments.part {
         work_part(&folder, &plan, part, threads, &here)?;
-        println!("part {part}: {} runs in {:.1} s", here.into_inner(), began.elapsed().as_secs_f64());
+        say!("part {part}: {} runs in {:.1} s", here.into_inner(), began.elapsed().as_secs_f64());
         return Ok(());
     }
     if arguments.engine == Engine::Slurm {
         slurm::distribute(&slurm_job(arguments, &folder)?, &folder, &plan)?;
         let there = folder.done()?.saturating_sub(before);
-        return finish(&folder, &plan, before, &format!("{there} runs on the cluster"), began.elapsed());
+        let done = format!("{there} runs on the cluster");
+        return finish(&folder, &plan, before, &done, began.elapsed(), &arguments.json);
     }
     std::thread::scope(|scope| -> anyhow::Result<()> {
         let worker = scope.spawn(|| work(&folder, &plan, threads, &here));
@@ -98,7 +105,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if std::io::stderr().is_terminal() {
         eprintln!();
     }
-    finish(&folder, &plan, before, &format!("{} runs here", here.into_inner()), began.elapsed())
+    let done = format!("{} runs here", here.into_inner());
+    finish(&folder, &plan, before, &done, began.elapsed(), &arguments.json)
 }
 
 /// The array job: this program with these arguments, in this folder, for each part.
@@ -127,14 +135,27 @@ fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
     })
 }
 
-fn dry_run(plan: &Plan) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    for index in 0..plan.len() {
-        let Some(spec) = plan.run(index) else { break };
-        writeln!(out, "{index:6}  {}  seed {}  {}", spec.experiment, spec.seed, spec.labels.join("  "))?;
+fn dry_run(plan: &Plan, json: &JsonArgument) -> anyhow::Result<()> {
+    for spec in (0..plan.len()).map_while(|index| plan.run(index)) {
+        say!("{:6}  {}  seed {}  {}", spec.index, spec.experiment, spec.seed, spec.labels.join("  "));
+        if is_closed() {
+            break;
+        }
     }
-    writeln!(out, "{} runs", plan.len())?;
-    Ok(())
+    say!("{} runs", plan.len());
+    let axes: Vec<&str> = plan.definition.axes.iter().map(|axis| axis.name.as_str()).collect();
+    json.write(|| {
+        let runs = (0..plan.len()).map_while(|index| plan.run(index));
+        let run = |spec: RunSpec| {
+            let swept: Map<String, Value> = axes
+                .iter()
+                .zip(spec.labels)
+                .map(|(axis, label)| ((*axis).to_owned(), label.into()))
+                .collect();
+            json!({"run": spec.index, "experiment": spec.experiment, "seed": spec.seed, "swept": swept})
+        };
+        Ok(json!({"schema": 1, "name": plan.definition.name, "runs": runs.map(run).collect::<Vec<_>>()}))
+    })
 }
 
 fn progress(folder: &Folder, plan: &Plan, began: Instant, here: u64) {
@@ -153,11 +174,18 @@ fn progress(folder: &Folder, plan: &Plan, began: Instant, here: u64) {
     eprint!("\r[{:<30}] {done}/{} runs, {left}      ", "#".repeat(bars.min(30)), plan.len());
 }
 
-fn finish(folder: &Folder, plan: &Plan, before: u64, done: &str, elapsed: Duration) -> anyhow::Result<()> {
+fn finish(
+    folder: &Folder,
+    plan: &Plan,
+    before: u64,
+    done: &str,
+    elapsed: Duration,
+    json: &JsonArgument,
+) -> anyhow::Result<()> {
     let rows = folder.rows(plan)?;
     let tables = write_tables(folder, plan, &rows)?;
     let simulated_s: f64 = rows.iter().filter_map(|r| r.metrics.first()).filter(|v| v.is_finite()).sum();
-    println!(
+    say!(
         "{done} in {:.1} s{}; {} of {} runs are done, {:.0} s simulated in all",
         elapsed.as_secs_f64(),
         if before > 0 { format!(", {before} were already done") } else { String::new() },
@@ -167,7 +195,7 @@ fn finish(folder: &Folder, plan: &Plan, before: u64, done: &str, elapsed: Durati
     );
     let unfinished = rows.iter().filter(|r| r.outcome != "finished");
     for row in unfinished.clone().take(5) {
-        println!(
+        say!(
             "  run {} ({}, seed {}, {}): {}: {}",
             row.index,
             row.experiment,
@@ -179,13 +207,26 @@ fn finish(folder: &Folder, plan: &Plan, before: u64, done: &str, elapsed: Durati
     }
     let more = unfinished.count();
     if more > 5 {
-        println!("  and {} more that did not finish", more - 5);
+        say!("  and {} more that did not finish", more - 5);
     }
-    println!(
+    say!(
         "table: {}\nas Parquet: {}\npage: {}",
         tables.csv.display(),
         tables.parquet.display(),
         tables.page.display()
     );
-    Ok(())
+    json.write(|| {
+        // null where there is no number, as in the table.
+        let run = |row: &Row| {
+            let metrics: Map<String, Value> =
+                METRICS.iter().zip(&row.metrics).map(|(name, v)| ((*name).to_owned(), json!(v))).collect();
+            json!({"run": row.index, "experiment": row.experiment, "seed": row.seed, "swept": row.labels,
+                "outcome": row.outcome, "reason": row.reason, "metrics": metrics})
+        };
+        Ok(json!({
+            "schema": 1, "name": plan.definition.name, "of": plan.len(),
+            "table": tables.csv, "parquet": tables.parquet, "page": tables.page,
+            "runs": rows.iter().map(run).collect::<Vec<_>>(),
+        }))
+    })
 }

@@ -10,18 +10,20 @@ use whorl_ros::environment::Network;
 use whorl_ros::{Participant, ServiceClient};
 use whorl_security::policy::OPERATOR;
 
+use crate::output::say;
+
 /// How long the coordinator may take to be found and to answer.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Carries out `whorl start`.
 pub fn start(experiment: String) -> anyhow::Result<()> {
-    println!("{}", request_start(experiment)?);
+    say!("{}", request_start(experiment)?);
     Ok(())
 }
 
 /// Carries out `whorl abort`.
 pub fn abort(reason: String) -> anyhow::Result<()> {
-    println!("{}", request_abort(reason)?);
+    say!("{}", request_abort(reason)?);
     Ok(())
 }
 

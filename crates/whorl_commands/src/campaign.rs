@@ -14,7 +14,7 @@ use whorl_params::{ParameterTree, try_read};
 /// What is wrong with the file, or with runs that cannot begin.
 pub fn planned(file: &Path, params: Option<&Path>, seeds: Option<u64>) -> anyhow::Result<Plan> {
     if !file.is_file() {
-        bail!("no campaign file {}", file.display());
+        bail!("{} {}", file.display(), whorl_params::missing(file));
     }
     let parameters = match params {
         Some(folder) => folder.to_owned(),

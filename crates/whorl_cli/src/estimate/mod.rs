@@ -7,12 +7,15 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
+use serde_json::json;
 use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows, VectorMap};
 use whorl_commands::estimate::{Chosen, EstimateOptions, Recorded, too_few};
 use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
 use whorl_math::quaternion_exp;
 
 use output::Output;
+
+use crate::output::{JsonArgument, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -53,6 +56,8 @@ pub struct Arguments {
     /// Noise of each vector sensor in the order of the map, filter directions; the last stands for all further ones [deg].
     #[arg(long, value_name = "DEG", value_delimiter = ',', default_value = "1.0")]
     vector_noise_deg: Vec<f64>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 impl Arguments {
@@ -154,32 +159,42 @@ fn tell(arguments: &Arguments, map: &CsvMap, chosen: &Chosen, tally: &Tally) -> 
     }
     let duration_s = (tally.last_ns - tally.first_ns.unwrap_or(tally.last_ns)) as f64 * 1e-9;
     let smoothed = if arguments.smooth { ", smoothed" } else { "" };
-    println!("{} samples, {duration_s:.1} s, filter {}{smoothed}", tally.samples, chosen.name());
+    say!("{} samples, {duration_s:.1} s, filter {}{smoothed}", tally.samples, chosen.name());
     if map.vectors.is_empty() {
-        println!("no magnetometer: the heading is relative to the first attitude, and drifts");
+        say!("no magnetometer: the heading is relative to the first attitude, and drifts");
     }
     if chosen.is_magnetised() {
-        println!("there is iron or a magnet on the sensor; its field is estimated and removed");
+        say!("there is iron or a magnet on the sensor; its field is estimated and removed");
     }
     match tally.errors.root_mean_square_rad() {
         Some(rms) => {
             let [total, heading, inclination] = rms.map(f64::to_degrees);
-            println!(
+            say!(
                 "error against truth, RMS: {total:.2} deg total, {heading:.2} heading, {inclination:.2} inclination \
                  ({} samples)",
                 tally.errors.count()
             );
-            println!(
+            say!(
                 "squared heading error over its stated variance: {:.2} on average, 1 expected",
                 tally.heading / tally.errors.count() as f64
             );
         }
-        None => println!("the file has no truth to compare with"),
+        None => say!("the file has no truth to compare with"),
     }
     if let Some(path) = &arguments.out {
-        println!("attitudes: {}", path.display());
+        say!("attitudes: {}", path.display());
     }
-    Ok(())
+    let error = tally.errors.root_mean_square_rad().map(|rms| {
+        let [total, heading, inclination] = rms.map(f64::to_degrees);
+        json!({"samples": tally.errors.count(), "total_deg": total, "heading_deg": heading,
+            "inclination_deg": inclination,
+            "heading_over_stated_variance": tally.heading / tally.errors.count() as f64})
+    });
+    arguments.json.write(|| {
+        Ok(json!({"schema": 1, "samples": tally.samples, "estimates": tally.estimates,
+            "duration_s": duration_s, "filter": chosen.name(), "smoothed": arguments.smooth,
+            "error_rms": error, "attitudes": arguments.out}))
+    })
 }
 
 /// What a filter takes of a line, and the truth to compare with.

@@ -7,7 +7,6 @@ use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -65,10 +64,8 @@ pub struct Arguments {
 }
 
 /// Carries out `whorl live`, until it is stopped.
-pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<()> {
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     whorl_ros::limit_memory();
-    // A browser that closes its connection is no reason to end.
-    ends_with_its_reader.store(false, Ordering::Relaxed);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(serve(arguments))
 }
