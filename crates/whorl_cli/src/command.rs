@@ -1,11 +1,11 @@
-//! `whorl start` and `whorl abort`: the coordinator's services.
+//! `whorl start`, `whorl hold` and `whorl abort`: the coordinator's services.
 
 use std::time::Duration;
 
 use anyhow::bail;
 use serde::Serialize;
 use whorl_msgs::topics::{ExperimentResponse, Service};
-use whorl_msgs::whorl::srv::{AbortExperimentRequest, StartExperimentRequest};
+use whorl_msgs::whorl::srv::{AbortExperimentRequest, HoldExperimentRequest, StartExperimentRequest};
 use whorl_ros::environment::Network;
 use whorl_ros::{Participant, ServiceClient};
 use whorl_security::policy::OPERATOR;
@@ -27,6 +27,12 @@ pub fn abort(reason: String) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Carries out `whorl hold`.
+pub fn hold(reason: String) -> anyhow::Result<()> {
+    say!("{}", request_hold(reason)?);
+    Ok(())
+}
+
 /// Starts the experiment; an empty name is whichever is loaded. Returns what the coordinator says; its refusal is an
 /// error.
 pub fn request_start(experiment: String) -> anyhow::Result<String> {
@@ -36,6 +42,11 @@ pub fn request_start(experiment: String) -> anyhow::Result<String> {
 /// Ends the experiment, likewise.
 pub fn request_abort(reason: String) -> anyhow::Result<String> {
     call(Service::AbortExperiment, &AbortExperimentRequest { reason })
+}
+
+/// Holds the experiment, likewise.
+pub fn request_hold(reason: String) -> anyhow::Result<String> {
+    call(Service::HoldExperiment, &HoldExperimentRequest { reason })
 }
 
 fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {

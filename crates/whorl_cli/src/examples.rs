@@ -37,7 +37,7 @@ whorl parameters campaign   explains the keys of a campaign's file",
     ),
     (
         "orbit",
-        "whorl orbit co_observation --every 30
+        "whorl orbit co_observation --every 30 --html pass.html
 whorl orbit params/experiments/co_observation.yaml -p /coordinator:steps.observe.time_ratio:=2.0",
     ),
     ("platforms", "whorl platforms 4 --out my_platforms"),
@@ -47,6 +47,7 @@ whorl orbit params/experiments/co_observation.yaml -p /coordinator:steps.observe
 whorl estimate satellite.csv --channels map.yaml --filter directions --smooth",
     ),
     ("start", "whorl start"),
+    ("hold", "whorl hold \"somebody is at the platform\""),
     ("abort", "whorl abort \"the air supply is low\""),
     (
         "monitor",
@@ -57,6 +58,7 @@ whorl monitor --json -   an object to a line, ten in a second",
     (
         "live",
         "whorl live
+whorl live --foxglove   and every topic for Foxglove and Lichtblick
 whorl live whorl_1 whorl_2 --bind 0.0.0.0 --read-only   for everybody in the network to watch",
     ),
     (
@@ -244,6 +246,7 @@ mod tests {
         "disarm",
         "platforms",
         "start",
+        "hold",
         "abort",
         "live",
         "security create",

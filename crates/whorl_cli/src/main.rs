@@ -92,11 +92,17 @@ enum Command {
     Platforms(platforms::Arguments),
     /// Estimates attitude from the recording of a gyro with an accelerometer, a magnetometer or other direction sensors.
     Estimate(estimate::Arguments),
-    /// Starts the experiment that the coordinator has loaded.
+    /// Starts the experiment that the coordinator has loaded, or goes on with one that is held.
     Start {
         /// Name of the experiment, as a check [default: whichever is loaded].
         #[arg(default_value = "", hide_default_value = true)]
         experiment: String,
+    },
+    /// Holds the running experiment: references come to rest, and the sequence waits for `whorl start`.
+    Hold {
+        /// Reason, for the log.
+        #[arg(default_value = "", hide_default_value = true)]
+        reason: String,
     },
     /// Ends the running experiment: every platform goes to its safe mode.
     Abort {
@@ -106,7 +112,7 @@ enum Command {
     },
     /// Shows phase, attitudes, errors, links and gas of a running formation; ends with the experiment.
     Monitor(monitor::Arguments),
-    /// Shows a running formation in a browser: in 3-D, with its errors, links, modes and faults; starts and aborts it.
+    /// Shows a running formation in a browser: in 3-D, with its errors, links, modes and faults; starts, holds and aborts it.
     Live(live::Arguments),
     /// Writes report.html and summary.json of recorded runs, and prints the headline numbers.
     Report {
@@ -212,6 +218,7 @@ fn carried_out(command: Command) -> ExitCode {
         Command::Orbit(arguments) => orbit::run(&arguments),
         Command::Platforms(arguments) => platforms::run(&arguments),
         Command::Start { experiment } => command::start(experiment),
+        Command::Hold { reason } => command::hold(reason),
         Command::Abort { reason } => command::abort(reason),
         Command::Live(arguments) => live::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),

@@ -5,6 +5,7 @@
 //! [`diagnosis_html`], [`adoption_html`]) are built in the same way.
 
 pub mod assets;
+mod campaign;
 mod data;
 mod document;
 mod events;
@@ -14,6 +15,7 @@ mod figures;
 mod index;
 mod live;
 mod metrics;
+mod orbit;
 mod overlay;
 mod page;
 mod replay;
@@ -22,6 +24,7 @@ mod series;
 mod timeline;
 mod verdict;
 
+pub use campaign::{Sweep, SweptAxis, SweptGroup, campaign_html};
 pub use data::{PlatformData, Recorded, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
@@ -31,6 +34,7 @@ pub use explanation::{
 pub use index::{IndexRow, index_html};
 pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
+pub use orbit::{DrawnCraft, DrawnPass, orbit_html};
 pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 pub use page::{Description, TopicRow, html};
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};

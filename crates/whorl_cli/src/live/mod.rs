@@ -1,5 +1,6 @@
 //! `whorl live`: the formation in a browser.
 
+mod foxglove;
 mod server;
 mod view;
 
@@ -55,6 +56,10 @@ pub struct Arguments {
     /// No commands, not even with the token.
     #[arg(long)]
     read_only: bool,
+    /// Serves every topic at ws://ADDRESS:PORT/foxglove for Foxglove and Lichtblick, to watch; every page that the browser of
+    /// this machine has open can then read along.
+    #[arg(long)]
+    foxglove: bool,
     /// Run directory whose parameters say what the platforms look like (limits, jets) [default: the files of --params].
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
@@ -91,7 +96,12 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
             "warning: everybody who reaches {address} can watch; only who knows the token can command"
         ));
     }
-    let server = Arc::new(Server { address, page, frames, token });
+    let foxglove =
+        arguments.foxglove.then(|| foxglove::Feed::start(&network, &arguments.platforms)).transpose()?;
+    if foxglove.is_some() {
+        say(format_args!("Foxglove at ws://{address}/foxglove"));
+    }
+    let server = Arc::new(Server { address, page, frames, token, foxglove });
     let serving = axum::serve(listener, server::routes(server));
     let stopped = stop_signal()?;
     tokio::select! {

@@ -1,5 +1,7 @@
 //! `whorl orbit`: the passes of an experiment as the laboratory would reproduce them.
 
+mod page;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -8,8 +10,10 @@ use serde::Serialize;
 use serde_json::json;
 use whorl_coordinator::parameters::{self, CoObservation, StepKind};
 use whorl_params::{Override, ParameterTree, layers_of_experiment, try_read};
+use whorl_report::orbit_html;
 
 use crate::output::{JsonArgument, say};
+use crate::runs::write;
 use crate::simulate::experiment_file;
 
 #[derive(Debug, Args)]
@@ -26,6 +30,9 @@ pub struct Arguments {
     /// Time between two lines of the table, in the laboratory [s].
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
     every: f64,
+    /// Writes a page: the pass in 3-D, ground tracks, theta_mission and theta_config, and what each platform is given.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     json: JsonArgument,
 }
@@ -42,11 +49,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         arguments.overrides.iter().map(|text| Override::parse(text)).collect::<Result<Vec<_>, _>>()?;
     let tree = ParameterTree::load(&layers_of_experiment(&folder, experiment)?, &overrides)?;
     let (parameters, _) = try_read(&tree.for_node("/coordinator"), parameters::read)?;
-    let mut passes = Vec::new();
+    let (mut passes, mut drawn) = (Vec::new(), Vec::new());
     for step in &parameters.steps {
         if let StepKind::CoObserve(pass) = &step.kind {
             let orbit_s = pass.mapping.orbit_span_s();
             say!("step {}: {:.0} s, {orbit_s:.0} s of orbit", step.name, step.duration_s);
+            if arguments.html.is_some() {
+                drawn.push(page::drawn(&step.name, pass, &parameters.platforms)?);
+            }
             let rows = rows(pass, &parameters.platforms, arguments.every)?;
             table(&rows);
             passes.push(
@@ -56,6 +66,17 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     if passes.is_empty() {
         bail!("{} has no co_observe step", experiment.display());
+    }
+    if let Some(path) = &arguments.html {
+        let facts = [
+            ("experiment".to_owned(), experiment.display().to_string()),
+            ("changed".to_owned(), arguments.overrides.join(" ")),
+            ("Whorl version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ];
+        let facts: Vec<_> = facts.into_iter().filter(|(_, value)| !value.is_empty()).collect();
+        let title = format!("Pass: {}", parameters.experiment.name);
+        write(path, &orbit_html(&title, &drawn, &facts))?;
+        say!("page: {}", path.display());
     }
     arguments.json.write(|| Ok(json!({"schema": 1, "experiment": experiment, "passes": passes})))
 }
