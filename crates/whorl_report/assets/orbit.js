@@ -80,8 +80,8 @@
         ctx.arc(x, y, radius, 0, 2 * Math.PI);
         ctx.fill();
       };
-      line(pass.target_km, css("--limit"), 1.5);
-      dotAt(pass.target_km[now], css("--limit"), 4);
+      line(pass.target_km, css(`--c${pass.spacecraft.length % 8}`), 1.5);
+      dotAt(pass.target_km[now], css(`--c${pass.spacecraft.length % 8}`), 4);
       pass.spacecraft.forEach((craft, k) => {
         const colour = css(`--c${k % 8}`), at = craft.position_km[now];
         line(craft.position_km.map((p) => p.map((v) => (v * RADIUS_KM) / Math.hypot(...p))), colour, 1, [2, 3]);

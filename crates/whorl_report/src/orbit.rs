@@ -88,7 +88,7 @@ fn scene(page: &mut Document, pass: &DrawnPass) {
                 @for (k, craft) in pass.spacecraft.iter().enumerate() {
                     span { i style=(format!("background: var(--c{})", k % 8)) {} (craft.name) }
                 }
-                span { i style="background: var(--limit)" {} "target" }
+                span { i style=(format!("background: var(--c{})", pass.spacecraft.len() % 8)) {} "target" }
             }
             p class="caption" { "Bold: from the start to now. Dotted: ground track. Thin line to the target: boresight." }
             script type="application/json" { (maud::PreEscaped(stored)) }
