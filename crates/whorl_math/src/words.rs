@@ -2,12 +2,14 @@
 
 /// The candidate with the smallest edit distance, if it is close enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let limit = (word.chars().count() / 3).clamp(2, 8);
+    let length = word.chars().count();
+    let limit = (length / 3).clamp(2, 8);
     candidates
         .into_iter()
         // Optimal string alignment: two letters that changed places are one mistake.
         .map(|candidate| (strsim::osa_distance(word, candidate), candidate))
-        .filter(|(distance, _)| *distance <= limit)
+        // Of a word of two letters nothing is left when one is wrong.
+        .filter(|(distance, _)| *distance <= limit && 2 * distance < length)
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
 }
@@ -73,6 +75,7 @@ mod tests {
         let known = ["gyro_noise_rad_s", "rate_hz"];
         assert_eq!(nearest("gyro_noise_rads", known), Some("gyro_noise_rad_s"));
         assert_eq!(nearest("colour", known), None);
+        assert_eq!(nearest("az", ["gz", "t"]), None);
         assert_eq!(did_you_mean("colour", known), None);
         assert_eq!(or_did_you_mean("colour", known), "");
     }
