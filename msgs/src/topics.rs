@@ -262,15 +262,21 @@ pub enum Service {
     StartExperiment,
     /// `whorl_msgs/srv/AbortExperiment` on `/coordinator/abort`.
     AbortExperiment,
+    /// `whorl_msgs/srv/HoldExperiment` on `/coordinator/hold`.
+    HoldExperiment,
 }
 
 impl Service {
+    /// Every service.
+    pub const ALL: [Self; 3] = [Self::StartExperiment, Self::AbortExperiment, Self::HoldExperiment];
+
     /// ROS name of its type.
     #[must_use]
     pub fn type_name(self) -> &'static str {
         match self {
             Self::StartExperiment => "whorl_msgs/srv/StartExperiment",
             Self::AbortExperiment => "whorl_msgs/srv/AbortExperiment",
+            Self::HoldExperiment => "whorl_msgs/srv/HoldExperiment",
         }
     }
 
@@ -280,6 +286,7 @@ impl Service {
         match self {
             Self::StartExperiment => "/coordinator/start",
             Self::AbortExperiment => "/coordinator/abort",
+            Self::HoldExperiment => "/coordinator/hold",
         }
     }
 }

@@ -55,7 +55,7 @@ def test_a_simulation_is_that_of_the_program(tmp_path, program, params):
             np.testing.assert_array_equal(a[key].values, b[key].values)
     assert "verdict" in ours.data and ours.verdict in repr(ours) and (ours.path / "report.html").exists()
     assert any(step.startswith("simulated ") for step in steps)
-    with pytest.raises(whorl.WhorlError, match="no experiment file"):
+    with pytest.raises(whorl.WhorlError, match="does not exist"):
         whorl.simulate(tmp_path / "none.yaml")
 
 

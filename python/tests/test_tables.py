@@ -152,5 +152,5 @@ def test_parts_give_the_table_of_the_program_and_wrong_ones_are_refused(program,
         rest.run(12)
     with pytest.raises(whorl.WhorlError, match="holds another campaign"):
         whorl.Campaign(campaign, tmp_path / "parts", params=params, seeds=5)
-    with pytest.raises(whorl.WhorlError, match="no campaign file"):
+    with pytest.raises(whorl.WhorlError, match="does not exist"):
         whorl.Campaign(tmp_path / "none.yaml", tmp_path / "x", params=params)

@@ -108,6 +108,21 @@ fn the_live_page_shows_and_aborts_a_run() {
     let phase = watch.log().latest::<FormationState>(state).map(|(_, m)| m.phase);
     assert_ne!(phase, Some(FormationState::PHASE_ABORTED));
 
+    // Held, the experiment stands still until it is started again.
+    let step_of =
+        || watch.log().latest::<FormationState>(state).map(|(_, m)| (m.step.clone(), m.step_elapsed_s));
+    assert_eq!(browser.value(&stranger, "document.getElementById('hold').hidden"), json!(true));
+    assert_eq!(browser.value(&stranger, &tried("{}").replace("/abort", "/hold")), json!(401));
+    browser.value(&page, "document.getElementById('hold').click()");
+    watch.wait_next::<FormationState>("a hold", state, SOON, |m| m.step.ends_with("(waiting)"));
+    let held = step_of().unwrap();
+    std::thread::sleep(Duration::from_secs(3));
+    assert_eq!(step_of().unwrap(), held, "the sequence went on");
+    browser.value(&page, "document.getElementById('start').click()");
+    watch.wait_next::<FormationState>("going on", state, SOON, |m| {
+        !m.step.ends_with("(waiting)") && m.step_elapsed_s > held.1 + 0.5
+    });
+
     // The button aborts.
     browser.value(&page, "document.getElementById('abort').click()");
     watch.wait_next::<FormationState>("an abort", state, SOON, |m| m.phase == FormationState::PHASE_ABORTED);

@@ -39,10 +39,12 @@ pub enum BagError {
         path: PathBuf,
     },
     /// Nothing there.
-    #[error("{} does not exist", path.display())]
+    #[error("{} {said}", path.display())]
     NotFound {
         /// The path.
         path: PathBuf,
+        /// "does not exist", and what may help.
+        said: String,
     },
     /// The target of a recording holds files already.
     #[error("{} exists already: choose another name, or remove it", path.display())]
@@ -149,10 +151,15 @@ pub enum BagError {
 }
 
 impl BagError {
+    /// Nothing there.
+    pub(crate) fn not_found(path: &Path) -> Self {
+        Self::NotFound { path: path.to_owned(), said: whorl_params::missing(path) }
+    }
+
     /// Wraps an I/O error, telling a full disk from the rest by its kind.
     pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         match source.kind() {
-            std::io::ErrorKind::NotFound => Self::NotFound { path: path.to_owned() },
+            std::io::ErrorKind::NotFound => Self::not_found(path),
             _ => Self::Io { action, path: path.to_owned(), source },
         }
     }

@@ -159,7 +159,7 @@ fn files_of_metadata(bag: &Path, path: &Path, text: &str) -> Result<Vec<PathBuf>
         .map(|name| bag.join(name))
         .collect();
     match files.iter().find(|file| !file.exists()) {
-        Some(missing) => Err(BagError::NotFound { path: missing.clone() }),
+        Some(missing) => Err(BagError::not_found(missing)),
         None if files.is_empty() => Err(wrong("relative_file_paths is empty".into())),
         None => Ok(files),
     }

@@ -1,5 +1,6 @@
 //! The campaign file: a parameter file of a node `/campaign`.
 
+use whorl_math::words::or_did_you_mean;
 use whorl_params::{Entry, Reader, Value, positive, range};
 
 use crate::row::METRICS;
@@ -66,7 +67,8 @@ pub fn read(r: &mut Reader<'_>) -> Definition {
         "metrics of the percentile plots: columns of the table",
     );
     for metric in plots.iter().filter(|metric| !METRICS.contains(&metric.as_str())) {
-        r.reject("plots", format!("there is no metric `{metric}`; allowed: {}", METRICS.join(", ")));
+        let likely = or_did_you_mean(metric, METRICS.iter().copied());
+        r.reject("plots", format!("there is no metric `{metric}`; allowed: {}{likely}", METRICS.join(", ")));
     }
     Definition {
         name,

@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use whorl_params::{Override, ParameterErrors, layers_of_experiment};
+use whorl_params::{Override, ParameterErrors, layers_of_experiment, missing};
 
 use crate::definition::{Axis, Definition};
 use crate::row::Row;
@@ -41,8 +41,13 @@ const UNWATCHED: &str = "/**/model_monitor:enabled:=false";
 #[derive(Debug, Error)]
 pub enum PlanError {
     /// An experiment file does not exist.
-    #[error("no experiment file {0}")]
-    NoExperiment(PathBuf),
+    #[error("experiments: {name}: {} {}", file.display(), missing(file))]
+    NoExperiment {
+        /// As the campaign names it.
+        name: String,
+        /// Where it is looked for.
+        file: PathBuf,
+    },
     /// Invalid parameters or overrides.
     #[error(transparent)]
     Parameters(#[from] ParameterErrors),
@@ -72,7 +77,7 @@ impl Plan {
         for name in &definition.experiments {
             let file = parameters.join("experiments").join(format!("{name}.yaml"));
             if !file.is_file() {
-                return Err(PlanError::NoExperiment(file));
+                return Err(PlanError::NoExperiment { name: name.clone(), file });
             }
             layers.push(layers_of_experiment(parameters, &file)?);
         }

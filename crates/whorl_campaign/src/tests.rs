@@ -70,7 +70,7 @@ fn rows_are_the_same_with_one_thread_with_three_and_after_an_interruption() {
     let groups = table::groups(&plan.rows(&open(&one)).unwrap());
     assert_eq!(groups.iter().map(|g| g.runs).collect::<Vec<_>>(), [2, 2]);
     let page = page::html(&plan, &groups);
-    assert!(page.contains("<svg") && page.contains("relative_error_rms_deg"));
+    assert!(page.contains("relative_error_rms_deg") && page.contains("delay"), "what was swept is named");
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn a_campaign_whose_runs_cannot_begin_is_refused_before_the_first() {
 #[test]
 fn definitions_that_are_wrong_are_refused_in_words() {
     for (from, to, said) in [
-        ("leader_follower_short", "no_such", "no experiment file"),
+        ("leader_follower_short", "no_such", "no_such.yaml does not exist"),
         ("seeds: 2", "seeds: 0", "allowed"),
         ("seeds: 2", "seedz: 2", "did you mean"),
         ("\"/simulation:link.delay_s\"", "\"/simulation:link delay\"", "sweep.delay_s"),

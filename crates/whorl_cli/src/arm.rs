@@ -9,6 +9,8 @@ use whorl_ros::environment::Network;
 use whorl_ros::{ParameterClient, Participant};
 use whorl_security::policy::OPERATOR;
 
+use crate::output::say;
+
 /// How long a driver may take to be found and to answer.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -35,7 +37,7 @@ pub fn set(platforms: &[String], armed: bool) -> anyhow::Result<()> {
     let mut failed = Vec::new();
     for (platform, client) in platforms.iter().zip(&clients) {
         match client.set(&participant, "armed", &Value::Bool(armed), TIMEOUT) {
-            Ok(()) => println!("{platform}: {}", if armed { "armed" } else { "disarmed" }),
+            Ok(()) => say!("{platform}: {}", if armed { "armed" } else { "disarmed" }),
             Err(error) => failed.push(format!("{platform}: {error}")),
         }
     }

@@ -2,12 +2,14 @@
 
 use anyhow::{Context, bail};
 use nalgebra::{Unit, Vector3};
+use serde_json::{Value, json};
 use whorl_identification::balance::{Ballast, plan_balance};
 use whorl_identification::mass_parameters::gravity_offset_b_n_m;
 use whorl_identification::{Settings, identify};
 use whorl_recording::Recording;
 
-use crate::identify::print_findings;
+use crate::identify::{findings_as_json, print_findings};
+use crate::output::{JsonArgument, say};
 use crate::runs::RunArguments;
 
 #[derive(Debug, clap::Args)]
@@ -21,6 +23,8 @@ pub struct Arguments {
     /// Desired gravity offset about z [N m]; negative is stable.
     #[arg(long, allow_negative_numbers = true, value_name = "N_M")]
     target_z: Option<f64>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl balance`.
@@ -46,7 +50,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let offset = gravity_offset_b_n_m(&found.estimate);
     let covariance = found.covariance.fixed_view::<3, 3>(6, 6).into_owned();
     let stddev = covariance.diagonal().map(f64::sqrt);
-    println!(
+    say!(
         "gravity offset {:.1}, {:.1}, {:.1} N mm (+- {:.1}, {:.1}, {:.1})",
         1e3 * offset.x,
         1e3 * offset.y,
@@ -58,9 +62,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let target = Vector3::new(0.0, 0.0, arguments.target_z.unwrap_or(offset.z));
     let plan = plan_balance(&offset, &covariance, &target, &ballasts);
     for (ballast, moved) in ballasts.iter().zip(&plan.moves_m) {
-        println!("  move {} by {:+.2} mm", ballast.name, 1e3 * moved);
+        say!("  move {} by {:+.2} mm", ballast.name, 1e3 * moved);
     }
-    println!(
+    say!(
         "predicted offset {:.2}, {:.2}, {:.2} N mm; torque left when level {:.2} N mm (+- {:.2})",
         1e3 * plan.offset_b_n_m.x,
         1e3 * plan.offset_b_n_m.y,
@@ -69,7 +73,24 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         1e3 * plan.stddev_b_n_m.xy().norm()
     );
     print_findings(&plan.findings);
-    Ok(())
+    let moves: Vec<Value> = ballasts
+        .iter()
+        .zip(&plan.moves_m)
+        .map(|(ballast, moved)| json!({"ballast": ballast.name, "move_mm": 1e3 * moved}))
+        .collect();
+    let axes = |v: &Vector3<f64>| [v.x, v.y, v.z];
+    arguments.json.write(|| {
+        Ok(json!({
+            "schema": 1,
+            "platform": runs.known.platform,
+            "gravity_offset_b_n_m": axes(&offset),
+            "gravity_offset_stddev_b_n_m": axes(&stddev),
+            "moves": moves,
+            "predicted_offset_b_n_m": axes(&plan.offset_b_n_m),
+            "level_torque_n_m": plan.level_torque_n_m,
+            "findings": findings_as_json(&plan.findings),
+        }))
+    })
 }
 
 fn parse(text: &str) -> anyhow::Result<Ballast> {

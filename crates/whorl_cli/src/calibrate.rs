@@ -13,8 +13,9 @@ use whorl_recording::Recording;
 
 use crate::identify::print_findings;
 use crate::model_file;
+use crate::output::{JsonArgument, say};
 use crate::provenance::provenance_of_this;
-use crate::runs::{RunArguments, write};
+use crate::runs::RunArguments;
 use crate::table;
 
 #[derive(Debug, clap::Args)]
@@ -46,12 +47,11 @@ struct Imu {
     /// Parameter file to write into [default: --model].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Writes all numbers as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
     /// Show, but write nothing into the parameter file.
     #[arg(long)]
     dry_run: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl calibrate`.
@@ -63,9 +63,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let found = calibrate_imu(&recordings, &runs.known.model.sensors, &settings);
     print(&found);
     print_findings(&found.findings);
-    if let Some(path) = &imu.json {
-        write(path, &serde_json::to_string_pretty(&as_json(&runs.known.platform, &found))?)?;
-    }
+    imu.json.write(|| Ok(as_json(&runs.known.platform, &found)))?;
     if found.findings.iter().any(|f| f.fatal) {
         bail!("nothing was written");
     }
@@ -80,12 +78,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let changes = of_calibration(&found);
     let step = ModelStep::of_source(provenance_of_this(&imu.runs)?);
     let written = model_file::write_step(out, &runs.known, &changes, step)?;
-    println!("{written} entries written to {}", out.display());
+    say!("{written} entries written to {}", out.display());
     Ok(())
 }
 
 fn print(found: &ImuCalibration) {
-    println!("{} still stretches, {:.1} Hz", found.still.len(), found.rate_hz);
+    say!("{} still stretches, {:.1} Hz", found.still.len(), found.rate_hz);
     let headings: Vec<String> =
         ["", "#x", "#+-", "#y", "#+-", "#z", "#+-", "unit"].iter().map(|s| (*s).to_owned()).collect();
     let mut rows = Vec::new();

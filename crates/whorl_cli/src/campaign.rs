@@ -2,17 +2,20 @@
 
 mod slurm;
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
+use serde_json::json;
 use whorl_campaign::Part;
 use whorl_campaign::slurm::Job;
 use whorl_campaign::work::{Folder, Tasks, work};
 use whorl_commands::campaign::{Campaign, planned};
+
+use crate::output::{JsonArgument, is_closed, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -48,8 +51,12 @@ pub struct Arguments {
     /// Only list the runs or recordings.
     #[arg(long)]
     dry_run: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
+/// Version of the JSON output.
+const SCHEMA: u32 = 1;
 /// Time between two looks at whether the work has ended.
 const LOOK: Duration = Duration::from_millis(10);
 /// Time between two lines of progress.
@@ -67,7 +74,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let file = &arguments.campaign;
     let mut campaign = planned(file, arguments.params.as_deref(), arguments.seeds)?;
     if arguments.dry_run {
-        return dry_run(&campaign);
+        return dry_run(&campaign, &arguments.json);
     }
     let name = file.file_stem().map_or_else(|| "campaign".into(), |s| s.to_string_lossy().into_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("campaigns").join(&name));
@@ -84,7 +91,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         campaign.list(&folder, false)?;
         work(&folder, &campaign, part, threads, &here)?;
         let seconds = began.elapsed().as_secs_f64();
-        println!("part {part}: {} {} in {seconds:.1} s", here.into_inner(), campaign.noun());
+        say!("part {part}: {} {} in {seconds:.1} s", here.into_inner(), campaign.noun());
         return Ok(());
     }
     // Until the end of this function.
@@ -108,7 +115,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         Engine::Local => format!("{} {} here", here.into_inner(), campaign.noun()),
     };
-    finish(&folder, &campaign, before, &done, began.elapsed())
+    finish(&folder, &campaign, before, &done, began.elapsed(), &arguments.json)
 }
 
 /// Computes what is missing, on so many threads, and shows how far it is.
@@ -164,14 +171,16 @@ fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
     })
 }
 
-fn dry_run(campaign: &Campaign) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
+fn dry_run(campaign: &Campaign, json: &JsonArgument) -> anyhow::Result<()> {
     let lines = campaign.lines()?;
     for line in &lines {
-        writeln!(out, "{line}")?;
+        say!("{line}");
+        if is_closed() {
+            break;
+        }
     }
-    writeln!(out, "{} {}", lines.len(), campaign.noun())?;
-    Ok(())
+    say!("{} {}", lines.len(), campaign.noun());
+    json.write(|| Ok(json!({"schema": SCHEMA, (campaign.noun()): lines})))
 }
 
 fn progress(folder: &Folder, campaign: &Campaign, began: Instant, here: u64) {
@@ -197,9 +206,10 @@ fn finish(
     before: u64,
     done: &str,
     elapsed: Duration,
+    json: &JsonArgument,
 ) -> anyhow::Result<()> {
     let tables = campaign.write_tables(folder)?;
-    println!(
+    say!(
         "{done} in {:.1} s{}; {} of {} {} are done",
         elapsed.as_secs_f64(),
         if before > 0 { format!(", {before} were already done") } else { String::new() },
@@ -208,14 +218,19 @@ fn finish(
         campaign.noun()
     );
     for sentence in &tables.said {
-        println!("  {sentence}");
+        say!("  {sentence}");
     }
-    println!("table: {}\nas Parquet: {}", tables.csv.display(), tables.parquet.display());
+    say!("table: {}\nas Parquet: {}", tables.csv.display(), tables.parquet.display());
     for further in &tables.further {
-        println!("  and: {}", further.display());
+        say!("  and: {}", further.display());
     }
     if let Some(page) = &tables.page {
-        println!("page: {}", page.display());
+        say!("page: {}", page.display());
     }
-    Ok(())
+    json.write(|| {
+        Ok(json!({
+            "schema": SCHEMA, "of": campaign.len(), "done": tables.rows, "said": tables.said, "table": tables.csv,
+            "parquet": tables.parquet, "further": tables.further, "page": tables.page,
+        }))
+    })
 }

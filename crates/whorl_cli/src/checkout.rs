@@ -1,12 +1,13 @@
 //! `whorl checkout`: works each wheel and each jet for a moment, and compares what the platform does with the model.
 
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
 use nalgebra::Vector3;
+use serde::Serialize;
+use serde_json::json;
 use whorl_devices::checkout::{Finding, Part, Trial, judge};
 use whorl_dynamics::PlatformModel;
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor};
@@ -20,6 +21,7 @@ use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawWriter};
 
 use crate::arm;
+use crate::output::JsonArgument;
 use crate::run::{Folders, Interrupted, exit_code, say, stop, tell, this_domain, use_emulators};
 use crate::subscription::Subscription;
 
@@ -50,15 +52,17 @@ pub struct Arguments {
     #[arg(long)]
     yes: bool,
     #[command(flatten)]
+    json: JsonArgument,
+    #[command(flatten)]
     folders: Folders,
 }
 
 /// Carries out `whorl checkout`. The exit status is 0 when everything is as the model says, 1 when something is not.
-pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
-    exit_code(try_run(arguments, ends_with_its_reader))
+pub fn run(arguments: &Arguments) -> ExitCode {
+    exit_code(try_run(arguments))
 }
 
-fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
+fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let platform = &arguments.platform;
     let mut options = arguments.folders.options("hold");
     options.platforms = Some(vec![platform.clone()]);
@@ -72,7 +76,6 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     let driver = driver.context("a platform has a driver")?;
     let _lease = domain.share(platform)?;
     let interrupted = Interrupted::new()?;
-    ends_with_its_reader.store(false, Ordering::Relaxed);
     let mut supervisor = Supervisor::new(domain.clone());
     supervisor.start(&programs, driver, &domain.logs())?;
     let result = Bench::new(platform, &interrupted).and_then(|mut bench| {
@@ -86,7 +89,11 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
         bench.check(&model)
     });
     let all_well = stop(&mut supervisor);
-    let wrong = result?;
+    let parts = result?;
+    let wrong = parts.iter().filter(|part| !part.is_right).count();
+    arguments
+        .json
+        .write(|| Ok(json!({"schema": 1, "platform": platform, "wrong": wrong, "parts": parts})))?;
     say(match wrong {
         0 => format!("{platform}: every actuator does what the model says"),
         1 => format!("{platform}: one actuator does not do what the model says"),
@@ -217,10 +224,10 @@ impl<'a> Bench<'a> {
         Ok((mean, (variance / count).sqrt()))
     }
 
-    /// Works every part; how many do not do what the model says.
-    fn check(&mut self, model: &PlatformModel) -> anyhow::Result<usize> {
+    /// Works every part; what each does.
+    fn check(&mut self, model: &PlatformModel) -> anyhow::Result<Vec<Checked>> {
         let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
-        let mut wrong = 0;
+        let mut checked = Vec::new();
         // How each wheel answers to its torque: 1 as it should, -1 the other way, 0 not so that one could use it.
         let mut answers = vec![0.0; model.wheels().len()];
         for part in Part::all(model) {
@@ -251,13 +258,15 @@ impl<'a> Bench<'a> {
                 noise_rad_s: noise_earlier.hypot(noise_after).hypot(2.0 * noise_before),
             };
             let finding = judge(model, &trial).context("the model has this part")?;
-            let line = format!("{:10} {}", part.name(model), finding.words(part, model));
-            if finding.is_right() {
-                say(line);
+            let (name, is_right) = (part.name(model), finding.is_right());
+            let said = finding.words(part, model);
+            let line = format!("{name:10} {said}");
+            if is_right {
+                say(line)
             } else {
-                tell(line);
-                wrong += 1;
+                tell(line)
             }
+            checked.push(Checked { part: name.to_string(), is_right, said: said.to_string() });
             match part {
                 // Back as it was, whichever way it turns.
                 Part::Wheel(index) => {
@@ -273,8 +282,16 @@ impl<'a> Bench<'a> {
                 Part::Jet(_) => self.command(REST_S, &no_jets, |rate| damping(model, &answers, rate))?,
             }
         }
-        Ok(wrong)
+        Ok(checked)
     }
+}
+
+/// What was found of one part.
+#[derive(Debug, Serialize)]
+struct Checked {
+    part: String,
+    is_right: bool,
+    said: String,
 }
 
 /// Torques of the wheels that bring the platform to rest, as they were found to answer.

@@ -1,27 +1,35 @@
-//! `whorl start` and `whorl abort`: the coordinator's services.
+//! `whorl start`, `whorl hold` and `whorl abort`: the coordinator's services.
 
 use std::time::Duration;
 
 use anyhow::bail;
 use serde::Serialize;
 use whorl_msgs::topics::{ExperimentResponse, Service};
-use whorl_msgs::whorl::srv::{AbortExperimentRequest, StartExperimentRequest};
+use whorl_msgs::whorl::srv::{AbortExperimentRequest, HoldExperimentRequest, StartExperimentRequest};
 use whorl_ros::environment::Network;
 use whorl_ros::{Participant, ServiceClient};
 use whorl_security::policy::OPERATOR;
+
+use crate::output::say;
 
 /// How long the coordinator may take to be found and to answer.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Carries out `whorl start`.
 pub fn start(experiment: String) -> anyhow::Result<()> {
-    println!("{}", request_start(experiment)?);
+    say!("{}", request_start(experiment)?);
     Ok(())
 }
 
 /// Carries out `whorl abort`.
 pub fn abort(reason: String) -> anyhow::Result<()> {
-    println!("{}", request_abort(reason)?);
+    say!("{}", request_abort(reason)?);
+    Ok(())
+}
+
+/// Carries out `whorl hold`.
+pub fn hold(reason: String) -> anyhow::Result<()> {
+    say!("{}", request_hold(reason)?);
     Ok(())
 }
 
@@ -34,6 +42,11 @@ pub fn request_start(experiment: String) -> anyhow::Result<String> {
 /// Ends the experiment, likewise.
 pub fn request_abort(reason: String) -> anyhow::Result<String> {
     call(Service::AbortExperiment, &AbortExperimentRequest { reason })
+}
+
+/// Holds the experiment, likewise.
+pub fn request_hold(reason: String) -> anyhow::Result<String> {
+    call(Service::HoldExperiment, &HoldExperimentRequest { reason })
 }
 
 fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {

@@ -7,6 +7,7 @@ use whorl_validation::comparison::INITIAL_STATE_RULE;
 use whorl_validation::{Comparison, FloorSource};
 
 use crate::explain::ExplainArguments;
+use crate::output::say;
 use crate::progress;
 use crate::table::print;
 
@@ -33,39 +34,35 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let of_model = given.as_ref().map(|given| said_of_refit(given, &compared));
     if let Some(of_model) = &of_model {
-        println!("{of_model}");
+        say!("{of_model}");
     }
     for run in &compared {
-        println!(
-            "{}{}",
-            run.comparison.answer(),
-            if run.held_out { " (Held out: never fitted.)" } else { "" }
-        );
+        say!("{}{}", run.comparison.answer(), if run.held_out { " (Held out: never fitted.)" } else { "" });
         for finding in run.comparison.findings() {
-            println!("  {finding}");
+            say!("  {finding}");
         }
     }
     for (held_out, kind) in [(false, ""), (true, "held-out ")] {
         let count = compared.iter().filter(|run| run.held_out == held_out).count();
         if let Some(error) = prediction_error(&compared, held_out).filter(|_| count > 1) {
-            println!("All {count} {kind}runs: the prediction error is {error:.2} times the noise.");
+            say!("All {count} {kind}runs: the prediction error is {error:.2} times the noise.");
         }
     }
-    println!("\nInitial state: {INITIAL_STATE_RULE}.");
+    say!("\nInitial state: {INITIAL_STATE_RULE}.");
     for run in &compared {
-        println!("\n{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" });
+        say!("\n{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" });
         print_errors(&run.comparison);
         for remark in &run.comparison.remarks {
-            println!("  note: {remark}");
+            say!("  note: {remark}");
         }
     }
     for gaps in runs.gaps() {
-        println!("\nnote: {gaps}");
+        say!("\nnote: {gaps}");
     }
     arguments.explain.write_json(|| as_json(&runs.known.platform, &compared, given.as_deref()))?;
     let page = whorl_report::comparison_html(&compared, of_model.as_deref(), &runs.facts);
     let page = arguments.explain.write_page("compare.html", &page)?;
-    println!("\npage: {}", page.display());
+    say!("\npage: {}", page.display());
     Ok(())
 }
 
@@ -109,9 +106,12 @@ fn print_errors(comparison: &Comparison) {
     let rows: Vec<Vec<String>> = comparison.channels.iter().map(row).collect();
     print(&headings, &rows);
     if let Some(a) = &comparison.absolute {
-        println!(
+        say!(
             "  chi-squared per degree of freedom {:.3} (99 % band {:.3} to {:.3}), initial states fitted over {:.0} s",
-            a.chi_squared_per_degree, a.band_99.0, a.band_99.1, a.stretch_s
+            a.chi_squared_per_degree,
+            a.band_99.0,
+            a.band_99.1,
+            a.stretch_s
         );
     }
 }

@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::json;
 use whorl_math::deg_from_rad;
 use whorl_params::ParameterTree;
 use whorl_report::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 
+use crate::output::{JsonArgument, say};
 use crate::report;
 use crate::runs::write;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
-  whorl compare-runs runs/2026-11-21T06-32-49Z_leader_follower runs/2026-11-21T07-10-02Z_leader_follower")]
 pub struct Arguments {
     /// The first run; solid lines.
     #[arg(value_name = "A")]
@@ -24,6 +24,8 @@ pub struct Arguments {
     /// Path of the page with both runs in every plot [default: A/compared.html].
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl compare-runs`.
@@ -40,7 +42,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let names = names(paths);
     let names = [names[0].as_str(), names[1].as_str()];
-    println!("parameters that differ: {}", parameters.len());
+    say!("parameters that differ: {}", parameters.len());
     let headings = ["parameter", "nodes", names[0], names[1]].map(str::to_owned);
     let cells = |p: &ParameterDifference| {
         vec![p.key.clone(), p.nodes.clone(), p.values[0].clone(), p.values[1].clone()]
@@ -48,17 +50,31 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if !parameters.is_empty() {
         crate::table::print(&headings, &parameters.iter().map(cells).collect::<Vec<_>>());
     }
-    let answers: Vec<String> = pair_differences(runs).iter().map(sentence).collect();
+    let differences = pair_differences(runs);
+    let answers: Vec<String> = differences.iter().map(sentence).collect();
     for answer in &answers {
-        println!("{answer}");
+        say!("{answer}");
     }
     let page = arguments.html.clone().unwrap_or_else(|| {
         let beside = paths[0].parent().unwrap_or(Path::new(""));
         if paths[0].is_dir() { paths[0].join("compared.html") } else { beside.join("compared.html") }
     });
     write(&page, &overlay_html(names, &answers, &parameters, runs))?;
-    println!("page: {}", page.display());
-    Ok(())
+    say!("page: {}", page.display());
+    let pair = |d: &PairDifference| {
+        let [a, b] = d
+            .rms_rad
+            .map(|(rms, error)| json!({"rms_deg": deg_from_rad(rms), "stddev_deg": deg_from_rad(error)}));
+        json!({"pair": d.pair, "relative_error": [a, b], "significant": d.significant})
+    };
+    let parameter = |p: &ParameterDifference| json!({"key": p.key, "nodes": p.nodes, "values": p.values});
+    arguments.json.write(|| {
+        Ok(json!({
+            "schema": 1, "runs": paths, "page": page,
+            "parameters": parameters.iter().map(parameter).collect::<Vec<_>>(),
+            "pairs": differences.iter().map(pair).collect::<Vec<_>>(),
+        }))
+    })
 }
 
 fn sentence(d: &PairDifference) -> String {

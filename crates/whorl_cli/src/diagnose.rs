@@ -8,6 +8,7 @@ use whorl_diagnosis::Diagnosis;
 use whorl_math::three_digits;
 
 use crate::explain::{ExplainArguments, SearchArguments};
+use crate::output::say;
 use crate::progress;
 use crate::table::print;
 
@@ -30,25 +31,25 @@ pub struct Arguments {
 /// Carries out `whorl diagnose`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
-    let options = arguments.search.options();
+    let options = arguments.search.options()?;
     let found = progress::watched("diagnosing", |say| with_next(&runs, &options, say))?;
     for sentence in found.answer() {
-        println!("{sentence}");
+        say!("{sentence}");
     }
-    println!();
+    say!();
     print_candidates(&found.diagnosis);
     for remark in &found.diagnosis.remarks {
-        println!("note: {remark}");
+        say!("note: {remark}");
     }
     arguments.explain.write_json(|| as_json(&found))?;
     if let Some(folder) = &arguments.parquet {
         let of: Vec<&str> = runs.training.iter().map(|run| run.name.as_str()).collect();
         let table = write_diagnosis(&as_json(&found)?, &runs.known.platform, &of, folder)?;
-        println!("\ntable: {}", table.path.display());
+        say!("\ntable: {}", table.path.display());
     }
     let page = whorl_report::diagnosis_html(&found, &runs.facts);
     let page = arguments.explain.write_page("diagnose.html", &page)?;
-    println!("\npage: {}", page.display());
+    say!("\npage: {}", page.display());
     Ok(())
 }
 

@@ -9,6 +9,7 @@ use whorl_math::three_digits;
 use whorl_params::effect_yaml;
 
 use crate::explain::{ExplainArguments, SearchArguments};
+use crate::output::say;
 use crate::progress;
 use crate::provenance::provenance_of_this;
 use crate::runs::write;
@@ -38,7 +39,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         id_of(path)?;
     }
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
-    let options = arguments.search.options();
+    let options = arguments.search.options()?;
     let case = runs.case();
     let diagnosis = progress::watched("asking the catalogue", |say| {
         let mut said = |p: whorl_diagnosis::Progress| say(p.share, p.doing);
@@ -46,9 +47,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     })?;
     if let Some(reason) = settled(&diagnosis).filter(|_| !arguments.anyway) {
         for sentence in diagnosis.answer() {
-            println!("{sentence}");
+            say!("{sentence}");
         }
-        println!("{reason} --anyway searches nevertheless.");
+        say!("{reason} --anyway searches nevertheless.");
         arguments
             .explain
             .write_json(|| as_json(&runs.known.platform, &diagnosis, None, std::slice::from_ref(&reason)))?;
@@ -64,9 +65,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     })?;
     let answer = answer(&found);
     for sentence in &answer {
-        println!("{sentence}");
+        say!("{sentence}");
     }
-    println!();
+    say!();
     print_laws(&found);
     let provenance = provenance_of_this(&arguments.explain.runs)?;
     if let Some(path) = &arguments.write {
@@ -82,7 +83,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.explain.write_json(|| as_json(&runs.known.platform, &diagnosis, Some(&found), &answer))?;
     let page = whorl_report::discovery_html(&found, &answer, &runs.facts);
     let page = arguments.explain.write_page("discover.html", &page)?;
-    println!("page: {}", page.display());
+    say!("page: {}", page.display());
     Ok(())
 }
 
@@ -107,11 +108,7 @@ fn written(path: &Path, law: &WeighedLaw, provenance: &str) -> anyhow::Result<()
     let comment = format!("{}\nFitted here: {}.\n{provenance}", law.sentence, fitted.join(", "));
     let definition = whorl_dynamics::effects::written::Definition { id: id.clone(), ..definition };
     write(path, &effect_yaml(&definition, &comment))?;
-    println!(
-        "{}: written. Adopt it: whorl adopt RUN... {} --out PLATFORM.yaml",
-        path.display(),
-        path.display()
-    );
+    say!("{}: written. Adopt it: whorl adopt RUN... {} --out PLATFORM.yaml", path.display(), path.display());
     Ok(())
 }
 

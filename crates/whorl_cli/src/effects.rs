@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use serde_json::{Value, json};
 use whorl_dynamics::effects::written::{FUNCTIONS, QUANTITIES, QuantityForm};
-use whorl_dynamics::effects::{catalogue, describe, find};
+use whorl_dynamics::effects::{ParameterSpec, catalogue, describe, find};
 use whorl_dynamics::{Effect, PlatformModel};
+use whorl_math::words::did_you_mean;
 use whorl_params::load_effect;
 use whorl_recording::read_model;
 
+use crate::output::{JsonArgument, say, text};
 use crate::table::print;
 
 /// Arguments of `whorl effects`.
@@ -26,6 +29,8 @@ pub struct Arguments {
     /// Parameter file of the platform, for the names of wheels and jets and the effects beside it [default: Whorl-I as published].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl effects`.
@@ -36,11 +41,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     if arguments.quantities {
         quantities();
-        return Ok(());
+        let listed =
+            || QUANTITIES.iter().map(|q| json!({"name": q.name, "unit": q.unit, "meaning": q.meaning}));
+        return arguments.json.write(|| Ok(listed().collect::<Vec<_>>()));
     }
     if arguments.ids.is_empty() && !arguments.all {
         list(&model);
-        return Ok(());
+        let all = || catalogue().iter().map(|effect| as_json(*effect, &model)).collect::<Vec<_>>();
+        return arguments.json.write(|| Ok(all()));
     }
     let mut wanted: Vec<&dyn Effect> = Vec::new();
     if arguments.all {
@@ -50,12 +58,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         match find(id) {
             _ if is_effect_file(id) => wanted.push(load_effect(Path::new(id))?),
             Some(effect) => wanted.push(effect),
-            None => bail!("there is no effect {id}; {}", hint(id)),
+            None => bail!(unknown(id)),
         }
     }
     let texts: Vec<String> = wanted.iter().map(|effect| describe(*effect, &model)).collect();
-    print!("{}", texts.join("\n"));
-    Ok(())
+    text(&texts.join("\n"));
+    arguments.json.write(|| Ok(wanted.iter().map(|effect| as_json(*effect, &model)).collect::<Vec<_>>()))
 }
 
 /// Whether an argument is the file of an effect and not an id.
@@ -76,28 +84,31 @@ fn quantities() {
         })
         .collect();
     print(&["quantity", "unit", "what it is"].map(str::to_owned), &rows);
-    println!("\nVectors are in body axes.\n");
+    say!("\nVectors are in body axes.\n");
     let rows: Vec<Vec<String>> =
         FUNCTIONS.iter().map(|(form, gives)| vec![(*form).to_owned(), (*gives).to_owned()]).collect();
     print(&["function", "what it gives"].map(str::to_owned), &rows);
-    println!(
+    say!(
         "\nNumbers may have a unit: 0.1 [rad/s]. Operators: + - * / ^. docs/adding_an_effect.md shows a file of an effect."
     );
 }
 
-/// Effects whose ids share a word with the requested one.
-fn hint(id: &str) -> String {
-    let words: Vec<&str> = id.split('_').filter(|w| w.len() > 2).collect();
-    let alike: Vec<&str> = catalogue()
-        .iter()
-        .map(|e| e.info().id)
-        .filter(|known| words.iter().any(|w| known.contains(w)))
-        .collect();
-    if alike.is_empty() {
-        "`whorl effects` lists them".to_owned()
-    } else {
-        format!("did you mean {}?", alike.join(" or "))
-    }
+/// What is said of an id that no effect has.
+pub fn unknown(id: &str) -> String {
+    let likely = did_you_mean(id, catalogue().iter().map(|effect| effect.info().id));
+    format!("there is no effect {id}; {}", likely.unwrap_or_else(|| "`whorl effects` lists them".to_owned()))
+}
+
+fn as_json(effect: &dyn Effect, model: &PlatformModel) -> Value {
+    let info = effect.info();
+    let parameter = |p: &ParameterSpec| json!({"name": p.name, "unit": p.unit, "min": p.min, "max": p.max, "meaning": p.doc});
+    json!({
+        "id": info.id,
+        "kind": info.kind.to_string(),
+        "title": info.title,
+        "parameters": effect.parameters(model).iter().map(parameter).collect::<Vec<_>>(),
+        "text": describe(effect, model),
+    })
 }
 
 fn list(model: &PlatformModel) {
@@ -115,5 +126,5 @@ fn list(model: &PlatformModel) {
         })
         .collect();
     print(&["id", "kind", "what it is", "parameters"].map(str::to_owned), &rows);
-    println!("\n`whorl effects ID` explains one: equation, source, parameters, what it is confused with.");
+    say!("\n`whorl effects ID` explains one: equation, source, parameters, what it is confused with.");
 }

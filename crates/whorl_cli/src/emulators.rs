@@ -39,11 +39,11 @@ pub struct Arguments {
 }
 
 /// Carries out `whorl emulators`. Ctrl-C ends it; the exit status is then 0.
-pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
-    exit_code(try_run(arguments, ends_with_its_reader))
+pub fn run(arguments: &Arguments) -> ExitCode {
+    exit_code(try_run(arguments))
 }
 
-fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
+fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let mut options = arguments.folders.options(&arguments.experiment);
     options.platforms = Some(arguments.platforms.clone());
     let setup = Setup::new(options)?;
@@ -54,7 +54,6 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
         .collect::<Result<_, _>>()?;
     let domain = this_domain()?;
     let interrupted = Interrupted::new()?;
-    ends_with_its_reader.store(false, Ordering::Relaxed);
     let participant = Participant::new(&Network::from_environment()?)?;
     let stop = Arc::new(AtomicBool::new(false));
     let mut running = Vec::new();

@@ -3,17 +3,20 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use serde_json::{Value, json};
 use whorl_dynamics::platform::Wheel;
 use whorl_identification::{Determined, Settings, predict};
 use whorl_math::deg_from_rad;
+use whorl_math::words::or_did_you_mean;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
 
-use crate::identify::{print_findings, print_identification};
+use crate::identify::{as_json, print_findings, print_identification};
+use crate::output::{JsonArgument, say};
 use crate::simulate;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Experiment file, e.g. params/experiments/identify.yaml.
+    /// A name in params/experiments/, or a file, e.g. identify_whorl_1.
     #[arg(value_name = "EXPERIMENT")]
     experiment: PathBuf,
     /// Platforms to analyse [default: the whole formation].
@@ -25,16 +28,18 @@ pub struct Arguments {
     /// Seed of the noise in the simulation.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl excitation`: simulates the experiment and computes the Fisher information of its motion.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let experiment = simulate::experiment_file(&arguments.experiment, arguments.params.as_deref())?;
     let folder = std::env::temp_dir().join(format!("whorl_excitation_{}", std::process::id()));
     let out = folder.join("run");
     std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    let result =
-        simulate::record_quietly(&arguments.experiment, arguments.params.as_deref(), &out, arguments.seed)
-            .and_then(|()| judge(arguments, &out));
+    let result = simulate::record_quietly(&experiment, arguments.params.as_deref(), &out, arguments.seed)
+        .and_then(|()| judge(arguments, &out));
     // Only the scratch copy of the simulated run.
     let _ = std::fs::remove_dir_all(&folder);
     result
@@ -42,26 +47,33 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 fn judge(arguments: &Arguments, run: &Path) -> anyhow::Result<()> {
     let recordings = read_run_with(run, &ReadOptions::default())?;
-    let mut any = false;
+    let mut told = Vec::new();
     for recording in recordings
         .iter()
         .filter(|r| arguments.platform.is_empty() || arguments.platform.contains(&r.platform))
     {
         let known = read_model(run, Some(&recording.platform))?;
-        if any {
-            println!();
+        if !told.is_empty() {
+            say!();
         }
-        report(&known, recording)?;
-        any = true;
+        told.push(report(&known, recording)?);
     }
-    anyhow::ensure!(any, "no such platform in this experiment");
-    Ok(())
+    if told.is_empty() {
+        let names: Vec<&str> = recordings.iter().map(|r| r.platform.as_str()).collect();
+        let asked = arguments.platform.join(", ");
+        let likely = or_did_you_mean(&asked, names.iter().copied());
+        anyhow::bail!(
+            "there is no platform {asked} in this experiment; there is: {}{likely}",
+            names.join(", ")
+        );
+    }
+    arguments.json.write(|| Ok(json!({"schema": 1, "experiment": arguments.experiment, "platforms": told})))
 }
 
-fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<()> {
+fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<Value> {
     let tilt = recording.specific_force_b_m_s2.value.iter().map(|f| f.x.hypot(f.y).atan2(f.z));
     let rate = recording.gyro_b_rad_s.value.iter().map(|w| w.norm()).fold(0.0, f64::max);
-    println!(
+    say!(
         "{}: {:.1} s, tilt up to {:.1} deg, rate up to {:.1} deg/s",
         known.platform,
         recording.duration_s(),
@@ -72,9 +84,11 @@ fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<()> {
     let found = predict(&[recording], &known.model, &known.prior, &Settings::default())?;
     print_identification(&known.model, &found);
     let determined = found.determined.iter().filter(|d| **d == Determined::Yes).count();
-    println!("This experiment will determine {determined} of 9 parameters to the uncertainties above.");
+    say!("This experiment will determine {determined} of 9 parameters to the uncertainties above.");
     print_findings(&found.findings);
-    Ok(())
+    let mut value = as_json(&known.model, &found);
+    value["platform"] = json!(known.platform);
+    Ok(value)
 }
 
 /// How close the experiment comes to the limits of the wheels, and how long the jets fire.
@@ -93,7 +107,7 @@ fn limits(known: &KnownPlatform, recording: &Recording) {
     let torque = shares(&recording.wheel_torque_command_n_m.value, &|w| w.max_torque_n_m);
     let largest = |shares: &[f64]| 100.0 * shares.iter().copied().fold(0.0, f64::max);
     if !wheels.is_empty() {
-        println!(
+        say!(
             "wheels: up to {:.0} % of their speed, {:.0} % of their torque",
             largest(&speed),
             largest(&torque)
@@ -102,7 +116,7 @@ fn limits(known: &KnownPlatform, recording: &Recording) {
     for (shares, what) in [(speed, "speed"), (torque, "torque")] {
         let at_limit = shares.iter().filter(|s| **s > 0.99).count();
         if at_limit * 100 > shares.len() {
-            println!(
+            say!(
                 "note: A wheel is at its largest {what} for {:.0} % of the time, so the motion is not the designed one. Reduce the amplitude.",
                 100.0 * at_limit as f64 / shares.len() as f64
             );
@@ -110,6 +124,6 @@ fn limits(known: &KnownPlatform, recording: &Recording) {
     }
     let open_s: f64 = recording.jet_pulses.iter().flatten().map(|p| p.off_s - p.on_s).sum();
     if open_s > 0.0 {
-        println!("jets: open for {open_s:.1} s in all");
+        say!("jets: open for {open_s:.1} s in all");
     }
 }

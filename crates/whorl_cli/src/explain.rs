@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
+use anyhow::bail;
 use serde::Serialize;
 use whorl_commands::options;
 use whorl_diagnosis::Options;
+use whorl_dynamics::effects::find;
 
+use crate::effects::unknown;
 use crate::runs::{OutputArguments, RunArguments};
 
 /// Runs to explain, and output files for the answer.
@@ -38,8 +41,11 @@ pub struct SearchArguments {
 }
 
 impl SearchArguments {
-    /// Options of the search, on all processors.
-    pub fn options(&self) -> Options {
-        Options { exclude: self.exclude.clone(), ..options() }
+    /// Options of the search, on all processors; only effects that there are can be left out.
+    pub fn options(&self) -> anyhow::Result<Options> {
+        if let Some(id) = self.exclude.iter().find(|id| find(id).is_none()) {
+            bail!("--exclude: {}", unknown(id));
+        }
+        Ok(Options { exclude: self.exclude.clone(), ..options() })
     }
 }

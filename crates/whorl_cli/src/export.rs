@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::{Args, Subcommand};
+use serde_json::json;
 use whorl_bag::{PlatformParts, RunDirectory};
 use whorl_commands::tables::write_recording;
 use whorl_recording::{export_csv, platform_parts, read_model, read_run};
+
+use crate::output::{JsonArgument, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -34,6 +37,8 @@ struct ParquetArguments {
     /// Folder for the files; created if it does not exist. A run that it holds already is replaced.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 #[derive(Debug, Args)]
@@ -49,6 +54,8 @@ struct CsvArguments {
     /// Writes one file for each topic instead, with all fields of its messages.
     #[arg(long)]
     topics: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl export`.
@@ -66,41 +73,49 @@ fn names(run: &Path, platform: &str) -> PlatformParts {
 }
 
 fn parquet(arguments: &ParquetArguments) -> anyhow::Result<()> {
+    let mut files = Vec::new();
     for run in &arguments.runs {
         for recording in read_run(run, arguments.platform.as_deref())? {
             let names = names(run, &recording.platform);
             let written = write_recording(&recording, &names.wheels, &names.jets, &arguments.out)?;
             for remark in &recording.remarks {
-                println!("{}, {}: note: {remark}", recording.name, recording.platform);
+                say!("{}, {}: note: {remark}", recording.name, recording.platform);
             }
             let rows: usize = written.iter().map(|table| table.rows).sum();
             let channels: Vec<&str> = written.iter().map(|table| table.holds.as_str()).collect();
-            println!("{}, {}: {rows} rows: {}", recording.name, recording.platform, channels.join(", "));
+            say!("{}, {}: {rows} rows: {}", recording.name, recording.platform, channels.join(", "));
+            files.extend(written.iter().map(|table| {
+                json!({"run": recording.name, "platform": recording.platform, "holds": table.holds,
+                    "rows": table.rows, "file": table.path})
+            }));
         }
     }
     let out = arguments.out.display();
-    println!(
+    say!(
         "A channel over all runs: SELECT * FROM read_parquet('{out}/gyro/**/*.parquet', hive_partitioning = true)"
     );
-    Ok(())
+    arguments.json.write(|| Ok(files))
 }
 
 fn csv(arguments: &CsvArguments) -> anyhow::Result<()> {
+    let mut files = Vec::new();
     for recording in read_run(&arguments.run, arguments.platform.as_deref())? {
         let names = names(&arguments.run, &recording.platform);
         let exported = export_csv(&recording, &names.wheels, &names.jets, &arguments.out)?;
         for remark in &recording.remarks {
-            println!("{}: note: {remark}", recording.platform);
+            say!("{}: note: {remark}", recording.platform);
         }
-        println!(
+        say!(
             "{}: {} lines in {}, columns explained in {}",
             recording.platform,
             exported.rows,
             exported.csv.display(),
             exported.map.display()
         );
+        files.push(json!({"platform": recording.platform, "rows": exported.rows, "file": exported.csv,
+            "channels": exported.map}));
     }
-    Ok(())
+    arguments.json.write(|| Ok(files))
 }
 
 fn topics(arguments: &CsvArguments) -> anyhow::Result<()> {
@@ -109,11 +124,15 @@ fn topics(arguments: &CsvArguments) -> anyhow::Result<()> {
     if exported.is_empty() {
         bail!("{} has no topics", arguments.run.display());
     }
+    let files: Vec<_> = exported
+        .iter()
+        .map(|topic| json!({"topic": topic.topic, "rows": topic.rows, "file": topic.file}))
+        .collect();
     for topic in exported {
         match topic.file {
-            Some(file) => println!("{}: {} lines in {}", topic.topic, topic.rows, file.display()),
-            None => println!("{}: left out, the type of its messages is not known", topic.topic),
+            Some(file) => say!("{}: {} lines in {}", topic.topic, topic.rows, file.display()),
+            None => say!("{}: left out, the type of its messages is not known", topic.topic),
         }
     }
-    Ok(())
+    arguments.json.write(|| Ok(files))
 }

@@ -11,15 +11,12 @@ use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_recording::read_model;
 
+use crate::output::{JsonArgument, say};
 use crate::progress;
 use crate::runs::{RunArguments, RunContext, write};
 use crate::table::print;
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  whorl history params/whorl_1.yaml
-  whorl history runs/2026-11-* --platform whorl_1
-  whorl history runs/2026-11-* --platform whorl_1 --since runs/2026-11-21T06-32-49Z_hold --json history.json")]
 pub struct Arguments {
     /// Parameter file of a platform, or a run directory: how its model came to be. Two or more runs: what changed from
     /// run to run.
@@ -28,9 +25,8 @@ pub struct Arguments {
     /// Name of the platform, where there are several.
     #[arg(long, value_name = "NAME")]
     platform: Option<String>,
-    /// Writes everything as JSON; `-`: to the standard output, and nothing else.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
     /// Of several runs: tests only what differs between those before this run and those from it on.
     #[arg(long, value_name = "RUN")]
     since: Option<PathBuf>,
@@ -56,26 +52,19 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let source = arguments.sources.first().context("no model and no run was given")?;
     let known = read_model(source, arguments.platform.as_deref())?;
     let history = history(&known);
-    if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&as_json(&history))?;
-        if path.as_os_str() == "-" {
-            println!("{text}");
-            return Ok(());
-        }
-        write(path, &text)?;
-    }
+    arguments.json.write(|| Ok(as_json(&history)))?;
     if history.steps.is_empty() {
-        println!("No adoption is noted in the model of {}.", history.platform);
+        say!("No adoption is noted in the model of {}.", history.platform);
     }
     for step in &history.steps {
         print_step(step);
     }
     print_effects(&history);
     if !history.sources.is_empty() {
-        println!("\nWhere the standard deviations are from");
+        say!("\nWhere the standard deviations are from");
     }
     for (source, keys) in &history.sources {
-        println!("  {source}: {}", keys.join(", "));
+        say!("  {source}: {}", keys.join(", "));
     }
     Ok(())
 }
@@ -112,11 +101,7 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
     let found =
         progress::watched("fitting every run", |say| trends(&dated, model, prior, since, &options(), say))?;
     let (answer, rows) = (sentences(&found), rows(&found));
-    let to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
-    if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&trends_as_json(&found))?;
-        if to_output { println!("{text}") } else { write(path, &text)? }
-    }
+    arguments.json.write(|| Ok(trends_as_json(&found)))?;
     let table = arguments.parquet.as_ref().map(|folder| write_table(&found, &read.known.platform, folder));
     let table = table.transpose()?;
     let page = arguments.html.clone().unwrap_or_else(|| {
@@ -124,17 +109,15 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
         if first.is_dir() { first.join("history.html") } else { first.with_file_name("history.html") }
     });
     write(&page, &whorl_report::trends_html(&found, &answer, &HEADINGS, &rows, &read.facts))?;
-    if !to_output {
-        for sentence in &answer {
-            println!("{sentence}");
-        }
-        println!();
-        print(&HEADINGS.map(str::to_owned), &rows);
-        if let Some(table) = &table {
-            println!("\ntable: {}", table.path.display());
-        }
-        println!("\npage: {}", page.display());
+    for sentence in &answer {
+        say!("{sentence}");
     }
+    say!();
+    print(&HEADINGS.map(str::to_owned), &rows);
+    if let Some(table) = &table {
+        say!("\ntable: {}", table.path.display());
+    }
+    say!("\npage: {}", page.display());
     Ok(())
 }
 
@@ -143,20 +126,20 @@ fn print_step(step: &ModelStep) {
         [] => "own parameters estimated".to_owned(),
         effects => format!("adopted {}", effects.join(" and ")),
     };
-    println!("{:>3}  {}  {what}", step.number, step.date.as_deref().unwrap_or("(no date)"));
+    say!("{:>3}  {}  {what}", step.number, step.date.as_deref().unwrap_or("(no date)"));
     for (error, kind) in [(step.prediction_error, "training"), (step.held_out_prediction_error, "held-out")] {
         if let Some([before, after]) = error {
-            println!("     prediction error on {kind} runs {before:.2} -> {after:.2} times the noise");
+            say!("     prediction error on {kind} runs {before:.2} -> {after:.2} times the noise");
         }
     }
     if let Some(source) = &step.source {
-        println!("     {source}");
+        say!("     {source}");
     }
 }
 
 fn print_effects(history: &History) {
     if history.effects.is_empty() {
-        println!("The model has no effects beyond the base model.");
+        say!("The model has no effects beyond the base model.");
         return;
     }
     let row = |effect: &EffectInModel, parameter: &ParameterInModel| {
@@ -172,6 +155,6 @@ fn print_effects(history: &History) {
     };
     let rows: Vec<Vec<String>> =
         history.effects.iter().flat_map(|e| e.parameters.iter().map(move |p| row(e, p))).collect();
-    println!("\nEffects in the model");
+    say!("\nEffects in the model");
     print(&["effect", "parameter", "#value", "#+-", "unit", "adopted"].map(str::to_owned), &rows);
 }

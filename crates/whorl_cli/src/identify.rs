@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
+use serde_json::{Value, json};
 use whorl_dynamics::PlatformModel;
 use whorl_explain::changes::changes;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
@@ -15,6 +16,7 @@ use whorl_reproduce::regression::{
 };
 
 use crate::model_file;
+use crate::output::{JsonArgument, say};
 use crate::provenance::provenance_of_this;
 use crate::runs::RunArguments;
 use crate::table;
@@ -47,6 +49,8 @@ pub struct Arguments {
     /// Parameter file for the result; created as a copy of the model's file if it does not exist.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -88,14 +92,21 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
                 "--out goes with --method trajectory: the regressions have no uncertainty that could be written down"
             );
         }
-        runs.training.iter().try_for_each(|recording| regress(arguments, &runs.known.model, recording))
+        let found: Vec<Value> = runs
+            .training
+            .iter()
+            .map(|recording| regress(arguments, &runs.known.model, recording))
+            .collect::<anyhow::Result<_>>()?;
+        arguments
+            .json
+            .write(|| Ok(json!({"schema": 1, "platform": runs.known.platform, "regressions": found})))
     }
 }
 
 fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Recording]) -> anyhow::Result<()> {
     let recordings: Vec<&Recording> = recordings.iter().collect();
     let found = identify(&recordings, &known.model, &known.prior, &Settings::default())?;
-    println!(
+    say!(
         "{} from {:.1} s of {} run{}: residuals {:.2} times the sensors' noise",
         known.platform,
         found.duration_s,
@@ -105,6 +116,14 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
     );
     print_identification(&known.model, &found);
     print_findings(&found.findings);
+    // Before anything is written: what was found is worth knowing also where it cannot be used.
+    arguments.json.write(|| {
+        let mut value = as_json(&known.model, &found);
+        value["schema"] = json!(1);
+        value["platform"] = json!(known.platform);
+        value["runs"] = json!(recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>());
+        Ok(value)
+    })?;
     let Some(out) = &arguments.out else { return Ok(()) };
     let (model, prior) = found
         .updated(&known.model, &known.prior)
@@ -113,7 +132,7 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
     let changes = changes((&known.model, &model), (&known.prior, &prior), &source);
     prepare_out(out, known)?;
     let written = model_file::write_step(out, known, &changes, ModelStep::of_source(source))?;
-    println!("{written} entries written to {}", out.display());
+    say!("{written} entries written to {}", out.display());
     Ok(())
 }
 
@@ -132,7 +151,7 @@ fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) -> anyhow::Result<()> {
+fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) -> anyhow::Result<Value> {
     let settings = RegressionSettings {
         method: match arguments.method {
             Method::Momentum => regression::Method::Momentum { shift: usize::from(arguments.shift) },
@@ -151,7 +170,7 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
         step_s: arguments.step,
     };
     let Regressed { samples, solution } = regression_of(recording, model, &settings)?;
-    println!("{}: {samples} samples, residual {:.2e} RMS", recording.name, solution.residual_rms);
+    say!("{}: {samples} samples, residual {:.2e} RMS", recording.name, solution.residual_rms);
     let before = mass_vector(&model.mass_properties);
     let cells: Vec<Vec<String>> = (0..MASS_PARAMETERS)
         .map(|i| {
@@ -165,8 +184,16 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
         })
         .collect();
     table::print(&headings(&["", "#model", "#found", "#singular value", "unit"]), &cells);
-    println!("Regressions are biased by noise where the excitation is weak; `--method trajectory` is not.");
-    Ok(())
+    say!("Regressions are biased by noise where the excitation is weak; `--method trajectory` is not.");
+    let parameters: Vec<Value> = (0..MASS_PARAMETERS)
+        .map(|i| {
+            json!({"name": NAMES[i], "unit": UNITS[i], "model": before[i], "found": solution.estimate[i],
+                "singular_value": solution.singular_values[i]})
+        })
+        .collect();
+    Ok(
+        json!({"run": recording.name, "samples": samples, "residual_rms": solution.residual_rms, "parameters": parameters}),
+    )
 }
 
 fn headings(names: &[&str]) -> Vec<String> {
@@ -210,16 +237,52 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
         &cells,
     );
     for EffectParameter { effect, name, unit, value, stddev } in &found.effects {
-        println!("  {effect} {name}: {} +- {} {unit}", three_digits(*value), three_digits(*stddev));
+        say!("  {effect} {name}: {} +- {} {unit}", three_digits(*value), three_digits(*stddev));
     }
     let values: Vec<String> = found.singular_values.iter().map(|v| three_digits(v.sqrt())).collect();
-    println!("  singular values of the information over the prior's: {}", values.join(", "));
+    say!("  singular values of the information over the prior's: {}", values.join(", "));
+}
+
+/// The same for programs.
+pub fn as_json(model: &PlatformModel, found: &Identification) -> Value {
+    let (before, stddev) = (mass_vector(&model.mass_properties), found.stddev());
+    let parameters: Vec<Value> = (0..MASS_PARAMETERS)
+        .map(|i| {
+            json!({
+                "name": NAMES[i], "unit": UNITS[i], "model": before[i], "found": found.estimate[i],
+                "stddev": stddev[i], "stddev_actuators_exact": found.stddev_known_actuators[i],
+                "prior_stddev": found.prior_stddev[i],
+                "determined": match found.determined[i] {
+                    Determined::Yes => "yes",
+                    Determined::Hardly => "hardly",
+                    Determined::No => "no",
+                },
+            })
+        })
+        .collect();
+    let effects: Vec<Value> = found
+        .effects
+        .iter()
+        .map(|e| json!({"effect": e.effect, "name": e.name, "unit": e.unit, "found": e.value, "stddev": e.stddev}))
+        .collect();
+    json!({
+        "duration_s": found.duration_s,
+        "residual_over_noise": found.reduced_chi_squared.sqrt(),
+        "parameters": parameters,
+        "effects": effects,
+        "findings": findings_as_json(&found.findings),
+    })
+}
+
+/// Findings for programs.
+pub fn findings_as_json(findings: &[Finding]) -> Vec<Value> {
+    findings.iter().map(|finding| json!({"fatal": finding.fatal, "text": finding.text})).collect()
 }
 
 /// Findings, fatal ones first.
 pub fn print_findings(findings: &[Finding]) {
     for finding in findings {
-        println!("{}: {}", if finding.fatal { "DO NOT USE" } else { "note" }, finding.text);
+        say!("{}: {}", if finding.fatal { "DO NOT USE" } else { "note" }, finding.text);
     }
 }
 
@@ -228,7 +291,7 @@ mod tests {
     use std::fs;
 
     use clap::Parser;
-    use whorl_params::{Value, set_in_file};
+    use whorl_params::set_in_file;
     use whorl_recording::read_model;
 
     use super::*;
@@ -280,7 +343,7 @@ mod tests {
         fs::write(&truth, "/whorl_1/driver:\n  ros__parameters:\n    backend: sim\n").unwrap();
         for (effect, name, value, stddev, in_truth) in adopted {
             let set = |file: &Path, section: &str, key: String, value: f64| {
-                set_in_file(file, section, &key, &Value::Double(value), None).unwrap();
+                set_in_file(file, section, &key, &whorl_params::Value::Double(value), None).unwrap();
             };
             set(&model, "/whorl_1/**", format!("model.effects.{effect}.{name}"), value);
             set(&model, "/whorl_1/**", format!("model_prior.effects.{effect}.{name}"), stddev);

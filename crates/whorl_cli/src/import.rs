@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use clap::{Args, Subcommand};
+use serde_json::json;
 use sha2::{Digest, Sha256};
 use whorl_bag::CsvMap;
 use whorl_node::Timestamp;
@@ -12,6 +13,8 @@ use whorl_recording::{
     KnownPlatform, Mounting, ReadOptions, Recording, RunOrigin, platform_parts, read_csv, read_model,
     read_run_with, write_run,
 };
+
+use crate::output::{JsonArgument, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -46,6 +49,8 @@ struct SourceArguments {
     /// A controller was running.
     #[arg(long)]
     closed_loop: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Largest number of ignored columns to list.
@@ -58,7 +63,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             let known = read_model(&arguments.platform, None)?;
             let map = CsvMap::load_for(&arguments.channels, &platform_parts(&known))?;
             let imported = read_csv(&arguments.file, &map, &known)?;
-            println!(
+            say!(
                 "{}: {} lines, {:.1} s of {}",
                 arguments.file.display(),
                 imported.rows,
@@ -66,13 +71,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
                 known.platform
             );
             for (channel, samples) in &imported.channels {
-                println!("  {channel:<22} {samples:>9}");
+                say!("  {channel:<22} {samples:>9}");
             }
             if !imported.ignored.is_empty() {
                 let shown: Vec<&str> = imported.ignored.iter().take(MOST_NAMES).map(String::as_str).collect();
                 let more = imported.ignored.len() - shown.len();
                 let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-                println!("ignored, because the map does not name them: {}{more}", shown.join(", "));
+                say!("ignored, because the map does not name them: {}{more}", shown.join(", "));
             }
             finish(arguments, &known, imported.recording, &[&arguments.file, &arguments.channels])
         }
@@ -85,7 +90,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             };
             let recordings = read_run_with(&arguments.file, &options)?;
             let recording = recordings.into_iter().next().context("the bag holds no platform")?;
-            println!("{}: {:.1} s of {}", arguments.file.display(), recording.duration_s(), known.platform);
+            say!("{}: {:.1} s of {}", arguments.file.display(), recording.duration_s(), known.platform);
             finish(arguments, &known, recording, &[&arguments.channels])
         }
     }
@@ -103,10 +108,10 @@ fn finish(
     recording.closed_loop |= arguments.closed_loop;
     recording.check_fits(&known.model, &known.platform)?;
     for remark in &recording.remarks {
-        println!("note: {remark}");
+        say!("note: {remark}");
     }
     for cost in recording.missing_channels(&known.model) {
-        println!("missing: {cost}");
+        say!("missing: {cost}");
     }
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let mut notes = vec![("imported_from".to_owned(), arguments.file.display().to_string())];
@@ -122,8 +127,13 @@ fn finish(
     let path = write_run(&recording, known, &origin, &arguments.out)?;
     let copy = path.join("channels.yaml");
     std::fs::copy(&arguments.channels, &copy).with_context(|| format!("cannot write {}", copy.display()))?;
-    println!("run directory: {}", path.display());
-    Ok(())
+    say!("run directory: {}", path.display());
+    arguments.json.write(|| {
+        Ok(json!({
+            "schema": 1, "run": path, "platform": known.platform, "duration_s": recording.duration_s(),
+            "remarks": recording.remarks, "missing": recording.missing_channels(&known.model),
+        }))
+    })
 }
 
 fn sha256(path: &Path) -> anyhow::Result<String> {

@@ -8,21 +8,17 @@ use serde::Serialize;
 use serde_json::Value;
 use whorl_bag::RunDirectory;
 use whorl_math::deg_from_rad;
+use whorl_math::words::or_did_you_mean;
 use whorl_report::{IndexRow, index_html};
 use whorl_tables::{Table, Values};
 
+use crate::output::{JsonArgument, say};
 use crate::runs::write;
 
 /// Folders below a given one that are searched for runs: DATE/RUN and the like.
 const DEPTH: usize = 3;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  whorl runs                                        every run in runs/, oldest first
-  whorl runs --sort error --where experiment=leader the runs of some experiments, best first
-  whorl runs --where verdict=failed                 what went wrong
-  whorl runs --parquet runs.parquet                 a table for SQL, e.g. DuckDB: SELECT law, avg(error_deg) FROM 'runs.parquet' GROUP BY law
-  whorl runs --html runs/index.html                 a page that sorts, filters and links to every run's page")]
 pub struct Arguments {
     /// Run directories, or folders that hold some.
     #[arg(default_value = "runs", value_name = "FOLDER")]
@@ -42,9 +38,8 @@ pub struct Arguments {
     /// Writes the table as a Parquet file, for SQL: docs/campaigns.md.
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// Writes the table as JSON; -: to the standard output, in place of the table.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// A column of the table.
@@ -75,7 +70,8 @@ impl FromStr for Filter {
         let column = Column::from_str(column, true).map_err(|_| {
             let names: Vec<String> =
                 Column::value_variants().iter().map(|c| format!("{c:?}").to_lowercase()).collect();
-            format!("there is no column '{column}'; there are {}", names.join(", "))
+            let likely = or_did_you_mean(column, names.iter().map(String::as_str));
+            format!("there is no column '{column}'; there are {}{likely}", names.join(", "))
         })?;
         Ok(Self(column, wanted.to_lowercase()))
     }
@@ -107,7 +103,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (mut rows, mut unreadable) = (Vec::new(), Vec::new());
     for folder in &arguments.folders {
         if !folder.is_dir() {
-            anyhow::bail!("{} is no folder", folder.display());
+            let why = if folder.exists() { "is no folder".to_owned() } else { whorl_params::missing(folder) };
+            anyhow::bail!("{} {why}", folder.display());
         }
         find(folder, DEPTH, &mut |run| match row(run) {
             Ok(row) => rows.push(row),
@@ -121,20 +118,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if arguments.reverse {
         rows.reverse();
     }
-    match &arguments.json {
-        Some(path) if path == Path::new("-") => println!("{}", serde_json::to_string_pretty(&rows)?),
-        path => {
-            if let Some(path) = path {
-                write(path, &serde_json::to_string_pretty(&rows)?)?;
-            }
-            print(&rows);
-        }
-    }
+    arguments.json.write(|| Ok(&rows))?;
+    print(&rows);
     if let Some(path) = &arguments.parquet {
         table(&rows).write(path)?;
-        if arguments.json.as_deref() != Some(Path::new("-")) {
-            println!("table: {}", path.display());
-        }
+        say!("table: {}", path.display());
     }
     for problem in &unreadable {
         eprintln!("warning: {problem}");
@@ -143,7 +131,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let base = path.parent().unwrap_or(Path::new(""));
         let rows: Vec<IndexRow> = rows.iter().map(|row| row.on_page(base)).collect();
         write(path, &index_html("Runs", &rows))?;
-        println!("page: {}", path.display());
+        say!("page: {}", path.display());
     }
     Ok(())
 }
@@ -298,7 +286,7 @@ const COLUMNS: [(&str, Column); 11] = [
 
 fn print(rows: &[Row]) {
     if rows.is_empty() {
-        println!("no runs");
+        say!("no runs");
         return;
     }
     let headings: Vec<String> = COLUMNS.iter().map(|(h, _)| (*h).to_owned()).collect();

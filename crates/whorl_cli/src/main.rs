@@ -1,5 +1,6 @@
 //! The `whorl` command.
 
+#![deny(clippy::print_stdout)]
 #![allow(
     rustdoc::broken_intra_doc_links,
     rustdoc::invalid_html_tags,
@@ -21,6 +22,7 @@ mod discover;
 mod effects;
 mod emulators;
 mod estimate;
+mod examples;
 mod excitation;
 mod explain;
 mod export;
@@ -34,6 +36,7 @@ mod monitor;
 mod next;
 mod nodes;
 mod orbit;
+mod output;
 mod parameters;
 mod platforms;
 mod progress;
@@ -51,10 +54,8 @@ mod where_;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Runs, simulates and records spherical air-bearing platforms in formation, and explains why a rig does not do what its
 /// model says.
@@ -91,11 +92,17 @@ enum Command {
     Platforms(platforms::Arguments),
     /// Estimates attitude from the recording of a gyro with an accelerometer, a magnetometer or other direction sensors.
     Estimate(estimate::Arguments),
-    /// Starts the experiment that the coordinator has loaded.
+    /// Starts the experiment that the coordinator has loaded, or goes on with one that is held.
     Start {
         /// Name of the experiment, as a check [default: whichever is loaded].
         #[arg(default_value = "", hide_default_value = true)]
         experiment: String,
+    },
+    /// Holds the running experiment: references come to rest, and the sequence waits for `whorl start`.
+    Hold {
+        /// Reason, for the log.
+        #[arg(default_value = "", hide_default_value = true)]
+        reason: String,
     },
     /// Ends the running experiment: every platform goes to its safe mode.
     Abort {
@@ -105,7 +112,7 @@ enum Command {
     },
     /// Shows phase, attitudes, errors, links and gas of a running formation; ends with the experiment.
     Monitor(monitor::Arguments),
-    /// Shows a running formation in a browser: in 3-D, with its errors, links, modes and faults; starts and aborts it.
+    /// Shows a running formation in a browser: in 3-D, with its errors, links, modes and faults; starts, holds and aborts it.
     Live(live::Arguments),
     /// Writes report.html and summary.json of recorded runs, and prints the headline numbers.
     Report {
@@ -115,6 +122,8 @@ enum Command {
         /// Path of the HTML page; with one RUN only [default: RUN/report.html].
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
+        #[command(flatten)]
+        json: output::JsonArgument,
     },
     /// Lists runs: experiment, law, seed, verdict, errors, effects of the models; sorts, filters, and makes a page of them.
     Runs(index::Arguments),
@@ -171,21 +180,36 @@ enum Command {
     },
 }
 
+/// The command line with the examples of every command.
+fn command_line() -> clap::Command {
+    examples::with_examples(Arguments::command())
+}
+
 fn main() -> ExitCode {
-    // `whorl ... | head` ends quietly when the pipe is closed, as other programs do.
-    let ends_with_its_reader = Arc::new(AtomicBool::new(true));
-    let _ = signal_hook::flag::register_conditional_shutdown(
-        signal_hook::consts::SIGPIPE,
-        0,
-        Arc::clone(&ends_with_its_reader),
-    );
-    let result = match Arguments::parse().command {
-        // A command that has started processes must live to end them.
-        Command::Run(arguments) => return run::run(&arguments, &ends_with_its_reader),
-        Command::Emulators(arguments) => return emulators::run(&arguments, &ends_with_its_reader),
-        Command::Checkout(arguments) => return checkout::run(&arguments, &ends_with_its_reader),
-        Command::Nodes(command) => return nodes::run(&command, &ends_with_its_reader),
-        Command::Demo(command) => return demo::run(&command, &ends_with_its_reader),
+    let matches = command_line().get_matches();
+    output::reserve(&matches);
+    let command = match Arguments::from_arg_matches(&matches) {
+        Ok(Arguments { command }) => command,
+        Err(error) => error.exit(),
+    };
+    // The standard library ignores SIGPIPE: `whorl ... | head` ends when its work is done, and its files are written.
+    let status = carried_out(command);
+    match output::failure() {
+        Some(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::FAILURE
+        }
+        None => status,
+    }
+}
+
+fn carried_out(command: Command) -> ExitCode {
+    let result = match command {
+        Command::Run(arguments) => return run::run(&arguments),
+        Command::Emulators(arguments) => return emulators::run(&arguments),
+        Command::Checkout(arguments) => return checkout::run(&arguments),
+        Command::Nodes(command) => return nodes::run(&command),
+        Command::Demo(command) => return demo::run(&command),
         Command::Arm(arguments) => arm::run(&arguments, true),
         Command::Disarm(arguments) => arm::run(&arguments, false),
         Command::Simulate(arguments) => simulate::run(&arguments),
@@ -194,10 +218,11 @@ fn main() -> ExitCode {
         Command::Orbit(arguments) => orbit::run(&arguments),
         Command::Platforms(arguments) => platforms::run(&arguments),
         Command::Start { experiment } => command::start(experiment),
+        Command::Hold { reason } => command::hold(reason),
         Command::Abort { reason } => command::abort(reason),
-        Command::Live(arguments) => live::run(&arguments, &ends_with_its_reader),
+        Command::Live(arguments) => live::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
-        Command::Report { runs, html } => report::run(&runs, html.as_deref()),
+        Command::Report { runs, html, json } => report::run(&runs, html.as_deref(), &json),
         Command::Import(arguments) => import::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),

@@ -1,12 +1,13 @@
 //! `whorl monitor`: the formation at a glance, live.
 
 use std::collections::BTreeMap;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use clap::Args;
 use nalgebra::Vector3;
+use serde_json::{Value, json};
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad};
 use whorl_msgs::diagnostic_msgs::DiagnosticStatus;
 use whorl_msgs::topics::{Message, Route, Topic};
@@ -16,6 +17,7 @@ use whorl_ros::SECOND_PUBLISHER;
 use whorl_ros::environment::Network;
 use whorl_security::policy::MONITOR;
 
+use crate::output::{JsonArgument, is_closed, text};
 use crate::run::tell;
 use crate::subscription::Subscription;
 
@@ -39,6 +41,11 @@ pub struct Arguments {
     /// Keep running after the end of the experiment.
     #[arg(long)]
     stay: bool,
+    /// Goes on without a reader: whoever started it waits for its status.
+    #[arg(long, hide = true)]
+    to_the_end: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Current state.
@@ -65,11 +72,12 @@ struct PlatformView {
 /// Carries out `whorl monitor`. Fails when the experiment was aborted.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     whorl_ros::limit_memory();
-    watch(&arguments.platforms, arguments.stay)
+    watch(arguments)
 }
 
 /// Shows the formation until the experiment ends, unless `stay` is set. Fails when the experiment was aborted.
-fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
+fn watch(arguments: &Arguments) -> anyhow::Result<()> {
+    let Arguments { platforms, stay, to_the_end, json } = arguments;
     let network = Network::from_environment()?.secured(MONITOR)?;
     let shared = [Topic::FormationState, Topic::Diagnostics];
     let of_platforms = [Topic::AttitudeEstimate, Topic::ControlStatus, Topic::ModelFit];
@@ -111,6 +119,10 @@ fn watch(platforms: &[String], stay: bool) -> anyhow::Result<()> {
             tell(format_args!("error: {text}"));
         }
         screen.show(&view.lines(platforms));
+        json.write_line(|| view.as_json(platforms))?;
+        if is_closed() && !to_the_end {
+            return Ok(());
+        }
         match view.formation.as_ref().map(|f| f.phase) {
             Some(FormationState::PHASE_FINISHED) if !stay => {
                 return Ok(());
@@ -149,6 +161,24 @@ impl View {
         }
     }
 
+    fn as_json(&self, names: &[String]) -> Value {
+        let formation = self.formation.as_ref();
+        let platform = |(index, name): (u16, &String)| {
+            self.platforms.get(&index).map_or_else(
+                || json!({"name": name, "heard": false}),
+                |platform| platform.as_json(name, formation, usize::from(index)),
+            )
+        };
+        json!({
+            "phase": formation.map(|f| phase_name(f.phase)),
+            "step": formation.map(|f| &f.step),
+            "elapsed_s": formation.map(|f| f.run_elapsed_s),
+            "length_s": formation.map(|f| f.run_length_s),
+            "not_recording": self.not_recording,
+            "platforms": (0u16..).zip(names).map(platform).collect::<Vec<_>>(),
+        })
+    }
+
     /// The phase, then for each platform attitude, error, link age, gas, rate.
     fn lines(&self, names: &[String]) -> Vec<String> {
         let formation = match &self.formation {
@@ -170,16 +200,56 @@ impl View {
     }
 }
 
+/// Modes in words; `None`: it tracks.
+fn mode_name(mode: u8) -> Option<&'static str> {
+    match mode {
+        ControlStatus::MODE_IDLE => Some("idle"),
+        ControlStatus::MODE_HOLD => Some("HOLD"),
+        ControlStatus::MODE_EXCITE => Some("EXCITE"),
+        ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST => Some("SAFE"),
+        _ => None,
+    }
+}
+
 impl PlatformView {
-    fn text(&self, formation: Option<&FormationState>, index: usize) -> String {
-        let mut text = match self.estimate.as_ref().map(|e| (e.usable(), e.q_world_body.to_unit())) {
-            Some((true, Some(q))) => {
-                let angles =
-                    EulerAngles::from_quaternion(&q, EulerSequence::E321).angles_rad.map(deg_from_rad);
-                format!("ypr {:7.2} {:6.2} {:6.2} deg", angles.x, angles.y, angles.z)
+    /// Yaw, pitch and roll \[deg\] of a usable estimate.
+    fn angles_deg(&self) -> Option<Vector3<f64>> {
+        let estimate = self.estimate.as_ref().filter(|e| e.usable())?;
+        let q = estimate.q_world_body.to_unit()?;
+        Some(EulerAngles::from_quaternion(&q, EulerSequence::E321).angles_rad.map(deg_from_rad))
+    }
+
+    /// What is not known is null.
+    fn as_json(&self, name: &str, formation: Option<&FormationState>, index: usize) -> Value {
+        let error_rad =
+            formation.and_then(|f| f.relative_error_rad.get(index)).map(|v| Vector3::from(*v).norm());
+        let angles = self.angles_deg().map(|a| [a.x, a.y, a.z]);
+        let model = self.fit.as_ref().map(|fit| match fit.state {
+            ModelFit::STATE_AGREES => json!({"state": "agrees"}),
+            ModelFit::STATE_DOUBT => json!({"state": "doubt"}),
+            ModelFit::STATE_MISMATCH => {
+                json!({"state": "mismatch", "effect": fit.effect, "probability": fit.probability})
             }
-            _ => "no attitude".to_owned(),
-        };
+            _ => json!({"state": "unknown"}),
+        });
+        json!({
+            "name": name,
+            "heard": true,
+            "yaw_pitch_roll_deg": angles,
+            "relative_error_deg": error_rad.map(deg_from_rad),
+            "link_age_s": formation.and_then(|f| f.link_age_s.get(index)),
+            "gas_used_kg": self.control.as_ref().map(|c| c.gas_used_kg),
+            "mode": self.control.as_ref().map(|c| mode_name(c.mode).unwrap_or("track")),
+            "model": model,
+            "estimates_hz": self.rate_hz,
+        })
+    }
+
+    fn text(&self, formation: Option<&FormationState>, index: usize) -> String {
+        let mut text = self.angles_deg().map_or_else(
+            || "no attitude".to_owned(),
+            |angles| format!("ypr {:7.2} {:6.2} {:6.2} deg", angles.x, angles.y, angles.z),
+        );
         let error = formation.and_then(|f| f.relative_error_rad.get(index)).map(|v| Vector3::from(*v).norm());
         if let Some(error_rad) = error.filter(|e| e.is_finite()) {
             text.push_str(&format!(" err {:6.3} deg", deg_from_rad(error_rad)));
@@ -188,13 +258,7 @@ impl PlatformView {
             text.push_str(&format!(" link {:3.0} ms", age_s * 1e3));
         }
         if let Some(control) = &self.control {
-            let mode = match control.mode {
-                ControlStatus::MODE_IDLE => " idle",
-                ControlStatus::MODE_HOLD => " HOLD",
-                ControlStatus::MODE_EXCITE => " EXCITE",
-                ControlStatus::MODE_SAFE_DAMPING | ControlStatus::MODE_SAFE_COAST => " SAFE",
-                _ => "",
-            };
+            let mode = mode_name(control.mode).map_or_else(String::new, |mode| format!(" {mode}"));
             text.push_str(&format!(" gas {:.2} g{mode}", control.gas_used_kg * 1e3));
         }
         match self.fit.as_ref().map(|fit| (fit.state, fit)) {
@@ -222,20 +286,17 @@ impl Screen {
     }
 
     fn show(&mut self, lines: &[String]) {
-        let mut out = std::io::stdout();
-        // A closed output does not stop the experiment.
         if self.terminal {
             // Back to the first line of the last view. Long lines are cut at the edge: wrapped ones
             // would not be written over.
             let up = if self.last.is_some() { format!("\x1b[{}A", lines.len()) } else { String::new() };
             let view: String = lines.iter().map(|line| format!("\x1b[2K{line}\n")).collect();
-            let _ = write!(out, "\x1b[?7l{up}\r{view}\x1b[?7h");
+            text(&format!("\x1b[?7l{up}\r{view}\x1b[?7h"));
             self.last = Some(Instant::now());
         } else if self.last.is_none_or(|t| t.elapsed() >= LINE) {
             self.last = Some(Instant::now());
-            let _ = writeln!(out, "{}", lines.join(" | "));
+            text(&format!("{}\n", lines.join(" | ")));
         }
-        let _ = out.flush();
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, Subcommand};
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor, become_node};
@@ -89,9 +88,9 @@ impl Parameters {
 }
 
 /// Carries out `whorl nodes`. The exit status is that of `whorl run`.
-pub fn run(command: &Command, ends_with_its_reader: &AtomicBool) -> ExitCode {
+pub fn run(command: &Command) -> ExitCode {
     exit_code(match command {
-        Command::Platform(arguments) => platform(arguments, ends_with_its_reader),
+        Command::Platform(arguments) => platform(arguments),
         Command::Coordinator(arguments) => coordinator(arguments),
         Command::Recorder(arguments) => recorder(arguments),
         Command::Stop => stop_all(),
@@ -99,7 +98,7 @@ pub fn run(command: &Command, ends_with_its_reader: &AtomicBool) -> ExitCode {
     })
 }
 
-fn platform(arguments: &Platform, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
+fn platform(arguments: &Platform) -> anyhow::Result<u8> {
     let Platform { platform, backend, source, channels, seed, parameters } = arguments;
     let mut options = parameters.folders.options(&parameters.experiment);
     options.platforms = Some(vec![platform.clone()]);
@@ -119,7 +118,6 @@ fn platform(arguments: &Platform, ends_with_its_reader: &AtomicBool) -> anyhow::
     }
     let _lease = domain.share(platform)?;
     let interrupted = Interrupted::new()?;
-    ends_with_its_reader.store(false, Ordering::Relaxed);
     domain.remember_supervisor(platform);
     let mut supervisor = Supervisor::new(domain.clone());
     for process in setup.platform(platform) {

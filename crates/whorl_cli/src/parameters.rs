@@ -4,10 +4,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use serde_json::{Map, Value, json};
+use whorl_math::words::or_did_you_mean;
 use whorl_params::{
     ListedDefault, ListedParameter, NodeParameters, ParameterTree, Reader, formation, is_shared,
     list_parameters, standard_layers,
 };
+
+use crate::output::{JsonArgument, text};
 
 /// Arguments of `whorl parameters`.
 #[derive(Debug, clap::Args)]
@@ -18,6 +22,8 @@ pub struct Arguments {
     /// Parameter folder, whose files say which wheels, jets and steps there are.
     #[arg(long, value_name = "DIR", default_value = "params")]
     params: PathBuf,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl parameters`.
@@ -25,11 +31,35 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let sections = sections(&arguments.params)?;
     let known: Vec<&str> = sections.keys().map(String::as_str).collect();
     if let Some(unknown) = arguments.nodes.iter().find(|node| !known.contains(&node.as_str())) {
-        bail!("there is no node or shared group {unknown}; allowed: {}", known.join(", "));
+        let likely = or_did_you_mean(unknown, known.iter().copied());
+        bail!("there is no node or shared group {unknown}; allowed: {}{likely}", known.join(", "));
     }
     let wanted = |name: &str| arguments.nodes.is_empty() || arguments.nodes.iter().any(|node| node == name);
-    print!("{}", page(sections.iter().filter(|(name, _)| wanted(name))));
-    Ok(())
+    text(&page(sections.iter().filter(|(name, _)| wanted(name))));
+    let listed = |(name, listed): (&String, &Vec<ListedParameter>)| {
+        let values: Vec<Value> = listed.iter().map(as_json).collect();
+        (name.clone(), Value::Array(values))
+    };
+    arguments
+        .json
+        .write(|| Ok(sections.iter().filter(|(name, _)| wanted(name)).map(listed).collect::<Map<_, _>>()))
+}
+
+fn as_json(parameter: &ListedParameter) -> Value {
+    let (default, is) = match &parameter.default {
+        ListedDefault::Required => (Value::Null, "required"),
+        ListedDefault::Depends => (Value::Null, "depends"),
+        ListedDefault::None => (Value::Null, "none"),
+        ListedDefault::Value(value) => (Value::String(value.to_string()), "value"),
+    };
+    json!({
+        "key": parameter.key,
+        "default": default,
+        "default_is": is,
+        "while_it_runs": !parameter.read_only,
+        "allowed": parameter.allowed,
+        "meaning": parameter.doc,
+    })
 }
 
 /// What a node asks for.

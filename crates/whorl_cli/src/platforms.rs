@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
+use crate::output::say;
+
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// How many platforms.
@@ -75,7 +77,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         })?;
         write(&out.join(format!("experiments/{}.yaml", graph.name())), &text)?;
     }
-    println!("{count} platforms in {}", out.display());
+    say!("{count} platforms in {}", out.display());
     Ok(())
 }
 

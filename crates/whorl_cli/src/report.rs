@@ -3,47 +3,60 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use serde_json::Value;
 pub use whorl_commands::report::{Written, effective_parameters, read, write};
 use whorl_math::deg_from_rad;
 use whorl_report::Summary;
 
+use crate::output::{JsonArgument, say};
+
 /// Carries out `whorl report`.
-pub fn run(runs: &[PathBuf], html: Option<&Path>) -> anyhow::Result<()> {
+pub fn run(runs: &[PathBuf], html: Option<&Path>, json: &JsonArgument) -> anyhow::Result<()> {
     if html.is_some() && runs.len() > 1 {
         bail!("--html needs exactly one RUN; {} were given", runs.len());
     }
+    let mut written = Vec::with_capacity(runs.len());
     for path in runs {
         let report = write(path, html)?;
         print(&report);
+        written.push(as_json(path, &report)?);
     }
-    Ok(())
+    // One run as such, so that its numbers are found where summary.json has them.
+    json.write(|| Ok(if let [only] = written.as_slice() { only.clone() } else { Value::Array(written) }))
+}
+
+/// What summary.json holds, with the run, its page and its verdict.
+pub fn as_json(run: &Path, report: &Written) -> anyhow::Result<Value> {
+    let mut value = serde_json::to_value(&report.summary)?;
+    value["run"] = serde_json::to_value(run)?;
+    value["page"] = serde_json::to_value(&report.page)?;
+    value["verdict"] = serde_json::to_value(&report.verdict)?;
+    Ok(value)
 }
 
 /// The headline numbers, where the page is, and the verdict: the last line is what a run came to.
 pub fn print(report: &Written) {
     print_headline(&report.summary);
-    println!("report: {}", report.page.display());
-    println!("verdict: {}", report.verdict.line);
+    say!("report: {}", report.page.display());
+    say!("verdict: {}", report.verdict.line);
 }
 
 /// The headline numbers.
 pub fn print_headline(summary: &Summary) {
-    println!(
-        "{} ({}): {} after {:.1} s",
-        summary.experiment, summary.law, summary.outcome, summary.duration_s
-    );
+    say!("{} ({}): {} after {:.1} s", summary.experiment, summary.law, summary.outcome, summary.duration_s);
     for pair in &summary.pairs {
         if !pair.relative_error_rms_rad.is_finite() {
-            println!(
+            say!(
                 "  {} to {}: no relative pointing error: the formation did not hold",
-                pair.follower, pair.leader
+                pair.follower,
+                pair.leader
             );
             continue;
         }
         let known = |rad: f64| {
             if rad.is_finite() { format!("{:.4}", deg_from_rad(rad)) } else { "unknown".to_owned() }
         };
-        println!(
+        say!(
             "  {} to {}: relative pointing error in hold {:.4} deg RMS ({:.4} max); estimators' share {}, control's share {}{}",
             pair.follower,
             pair.leader,
@@ -63,6 +76,6 @@ pub fn print_headline(summary: &Summary) {
         // Numbers that the run does not provide are left out.
         let known = numbers.iter().filter(|(_, value, ..)| value.is_finite());
         let known = known.map(|(label, value, digits, unit)| format!("{label} {value:.digits$} {unit}"));
-        println!("  {}: {}", platform.name, known.collect::<Vec<_>>().join(", "));
+        say!("  {}: {}", platform.name, known.collect::<Vec<_>>().join(", "));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
-use std::io::Write;
+use std::io::Write as _;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
@@ -16,6 +16,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
 use whorl_ros::environment::Network;
 
+use crate::output::JsonArgument;
 use crate::{report, security};
 
 /// Exit status when nothing was started.
@@ -61,6 +62,8 @@ pub struct Arguments {
     /// with new ones for this domain; nobody without keys takes part. Needs programs built with `--features security`.
     #[arg(long)]
     secure: bool,
+    #[command(flatten)]
+    json: JsonArgument,
     #[command(flatten)]
     folders: Folders,
 }
@@ -119,8 +122,8 @@ fn of_platform(text: &str) -> Result<(String, PathBuf), String> {
 
 /// Carries out `whorl run`. The exit status is 0 when the verdict is that the experiment passed, 1 when it, a node or the
 /// recording failed, 2 when nothing was started, and 130 when it was interrupted.
-pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> ExitCode {
-    exit_code(try_run(arguments, ends_with_its_reader))
+pub fn run(arguments: &Arguments) -> ExitCode {
+    exit_code(try_run(arguments))
 }
 
 /// The exit status; an error means that nothing was started.
@@ -134,7 +137,7 @@ pub fn exit_code(result: anyhow::Result<u8>) -> ExitCode {
     )
 }
 
-fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<u8> {
+fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let folders = &arguments.folders;
     // Without a name, the error lists the existing experiments.
     let mut setup = Setup::new(options(arguments, arguments.experiment.as_deref().unwrap_or_default()))?;
@@ -147,7 +150,6 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     let _lease = domain.take()?;
     let environment = if arguments.secure { security::environment(&setup.platforms)? } else { Vec::new() };
     let interrupted = Interrupted::new()?;
-    ends_with_its_reader.store(false, Ordering::Relaxed);
     let run = folders.new_run(arguments.out.as_deref(), &setup)?;
     domain.remember_supervisor(EXPERIMENT);
 
@@ -161,8 +163,11 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
             }
         }
     }
-    let mut page = arguments.live.then(|| LivePage::start(&setup.platforms, &run, arguments.live_port));
-    let mut monitor = Monitor::start(setup.platforms.clone(), environment);
+    let to_error = arguments.json.takes_standard_output();
+    let mut page =
+        arguments.live.then(|| LivePage::start(&setup.platforms, &run, arguments.live_port, to_error));
+    let mut monitor =
+        Monitor::start(setup.platforms.clone(), environment, arguments.json.takes_standard_output());
     let status = match started {
         Ok(()) => watch(&mut supervisor, Some(&mut monitor), &interrupted),
         Err(error) => {
@@ -176,7 +181,6 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     let all_well = stop(&mut supervisor);
     let status = if status == 0 && !all_well { 1 } else { status };
     domain.forget_supervisor(EXPERIMENT);
-    ends_with_its_reader.store(true, Ordering::Relaxed);
     // The report is written even for a run that was ended early.
     let judged = if run.join("bag").is_dir() {
         report::write(&run, None)
@@ -186,6 +190,7 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     Ok(match judged {
         Ok(report) => {
             report::print(&report);
+            arguments.json.write(|| report::as_json(&run, &report))?;
             if status == 0 && report.verdict.failed() { 1 } else { status }
         }
         Err(error) => {
@@ -365,13 +370,14 @@ const MONITORS: u32 = 5;
 pub struct Monitor {
     platforms: Vec<String>,
     environment: Vec<(String, String)>,
+    is_quiet: bool,
     child: Option<Child>,
     started: u32,
 }
 
 impl Monitor {
-    fn start(platforms: Vec<String>, environment: Vec<(String, String)>) -> Self {
-        let mut monitor = Self { platforms, environment, child: None, started: 0 };
+    fn start(platforms: Vec<String>, environment: Vec<(String, String)>, is_quiet: bool) -> Self {
+        let mut monitor = Self { platforms, environment, is_quiet, child: None, started: 0 };
         monitor.spawn();
         monitor
     }
@@ -384,7 +390,11 @@ impl Monitor {
             let mut command = Command::new(program);
             // Ctrl-C is for the supervisor.
             command.envs(self.environment.iter().cloned());
-            command.arg("monitor").args(&self.platforms).stdin(Stdio::null()).process_group(0).spawn()
+            command.arg("monitor").args(&self.platforms).arg("--to-the-end");
+            if self.is_quiet {
+                command.stdout(Stdio::null());
+            }
+            command.stdin(Stdio::null()).process_group(0).spawn()
         });
         match child {
             Ok(child) => self.child = Some(child),
@@ -421,10 +431,14 @@ impl Monitor {
 struct LivePage(Option<Child>);
 
 impl LivePage {
-    fn start(platforms: &[String], run: &Path, port: u16) -> Self {
+    fn start(platforms: &[String], run: &Path, port: u16, to_error: bool) -> Self {
         let child = std::env::current_exe().and_then(|program| {
             let mut command = Command::new(program);
             command.arg("live").args(platforms).arg("--run").arg(run).args(["--port", &port.to_string()]);
+            if to_error {
+                // Its address.
+                command.stdout(std::io::stderr());
+            }
             // Ctrl-C is for the supervisor.
             command.stdin(Stdio::null()).process_group(0).spawn()
         });
@@ -452,7 +466,7 @@ impl Drop for Monitor {
 
 /// Prints to the standard output; a closed output is ignored, since the processes must still be watched.
 pub fn say(text: impl Display) {
-    let _ = writeln!(std::io::stdout(), "{text}");
+    crate::output::line(format_args!("{text}"));
 }
 
 /// Prints to the standard error, likewise.

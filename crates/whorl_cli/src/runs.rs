@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::output::JsonArgument;
+
 pub use whorl_commands::runs::{RunSources, Runs, write};
 
 /// Runs, with the options for reading and testing them.
@@ -47,9 +49,8 @@ impl RunArguments {
 /// Output files for the answer.
 #[derive(Debug, Clone, clap::Args)]
 pub struct OutputArguments {
-    /// Writes all numbers as JSON.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonArgument,
     /// Path of the HTML page [default: the first run's directory, named after the command].
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
@@ -61,8 +62,7 @@ impl OutputArguments {
         &self,
         value: impl FnOnce() -> anyhow::Result<T>,
     ) -> anyhow::Result<()> {
-        let Some(path) = &self.json else { return Ok(()) };
-        write(path, &serde_json::to_string_pretty(&value()?)?)
+        self.json.write(value)
     }
 
     /// Writes the page to `--html`, else into the first run's directory, else beside its file. Returns the path.

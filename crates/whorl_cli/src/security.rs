@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Subcommand;
+use serde_json::json;
 use whorl_ros::environment::Network;
 use whorl_security::{ENCLAVE_FILES, Finding, Keystore, policy};
 
+use crate::output::JsonArgument;
 use crate::run::{say, tell};
 
 #[derive(Debug, Subcommand)]
@@ -26,6 +28,8 @@ pub enum Command {
     List {
         /// Its folder.
         keystore: PathBuf,
+        #[command(flatten)]
+        json: JsonArgument,
     },
     /// Checks signatures, names, dates, domain and rights of every enclave.
     Check {
@@ -34,6 +38,8 @@ pub enum Command {
         /// ROS domain that it should be for [default: ROS_DOMAIN_ID, or 0].
         #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u16).range(0..=232))]
         domain: Option<u16>,
+        #[command(flatten)]
+        json: JsonArgument,
     },
 }
 
@@ -52,15 +58,23 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
             ));
             judged(&keystore, domain)
         }
-        Command::List { keystore } => {
-            Keystore::open(keystore)?.enclaves()?.iter().for_each(say);
-            Ok(())
+        Command::List { keystore, json } => {
+            let enclaves = Keystore::open(keystore)?.enclaves()?;
+            enclaves.iter().for_each(say);
+            json.write(|| Ok(enclaves.iter().map(ToString::to_string).collect::<Vec<_>>()))
         }
-        Command::Check { keystore, domain } => {
+        Command::Check { keystore, domain, json } => {
             let keystore = Keystore::open(keystore)?;
             let domain = domain_or_environment(*domain)?;
-            judged(&keystore, domain)?;
             let count = keystore.enclaves()?.len();
+            json.write(|| {
+                let found = keystore.check(domain, whorl_ros::wall_clock().0.div_euclid(1_000_000_000))?;
+                let finding =
+                    |f: &Finding| json!({"enclave": f.enclave, "text": f.text, "is_fatal": f.is_fatal});
+                let findings: Vec<_> = found.iter().map(finding).collect();
+                Ok(json!({"schema": 1, "domain": domain, "enclaves": count, "findings": findings}))
+            })?;
+            judged(&keystore, domain)?;
             say(format_args!("{count} enclaves: signatures, names, dates and domain {domain} are right"));
             Ok(())
         }

@@ -3,20 +3,23 @@
 use std::path::Path;
 
 use anyhow::Context;
-use clap::CommandFactory;
 use clap_complete::Shell;
+
+use crate::output::{say, text};
 
 /// Prints the completions of a shell.
 pub fn completions(shell: Shell) {
-    clap_complete::generate(shell, &mut crate::Arguments::command(), "whorl", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut crate::command_line(), "whorl", &mut script);
+    text(&String::from_utf8_lossy(&script));
 }
 
 /// Writes a manual page for the command and for each of its commands.
 pub fn man(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    clap_mangen::generate_to(crate::Arguments::command(), folder)
+    clap_mangen::generate_to(crate::command_line(), folder)
         .with_context(|| format!("cannot write manual pages into {}", folder.display()))?;
-    println!("manual pages: {} (try: man -l {})", folder.display(), folder.join("whorl.1").display());
+    say!("manual pages: {} (try: man -l {})", folder.display(), folder.join("whorl.1").display());
     Ok(())
 }
 
@@ -26,7 +29,7 @@ mod tests {
 
     #[test]
     fn every_command_is_described_and_well_formed() {
-        let command = crate::Arguments::command();
+        let command = crate::command_line();
         command.clone().debug_assert();
         for sub in command.get_subcommands() {
             assert!(sub.get_about().is_some(), "{} has no description", sub.get_name());

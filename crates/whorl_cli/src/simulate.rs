@@ -1,20 +1,22 @@
 //! `whorl simulate`: an experiment in one process, deterministic, recorded like a real one.
 
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use clap::Args;
+use serde_json::json;
 pub use whorl_commands::simulate::record_quietly;
 use whorl_commands::simulate::{Record, Simulation};
 
+use crate::output::{JsonArgument, say};
 use crate::report;
 
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Experiment file, e.g. params/experiments/leader_follower.yaml.
-    #[arg(long, value_name = "FILE")]
+    /// A name in params/experiments/, or a file.
+    #[arg(long, value_name = "NAME|FILE")]
     experiment: PathBuf,
     /// Run directory to write; must not hold a run yet [default: runs/<UTC time>_<experiment>].
     #[arg(long, value_name = "DIR")]
@@ -40,6 +42,8 @@ pub struct Arguments {
     /// Print the nodes' log lines.
     #[arg(long, short)]
     verbose: bool,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 /// Carries out `whorl simulate`.
@@ -53,7 +57,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         None => Record::Beneath(PathBuf::from("runs")),
     };
     let simulation = Simulation {
-        experiment: arguments.experiment.clone(),
+        experiment: experiment_file(&arguments.experiment, arguments.params.as_deref())?,
         record,
         seed: arguments.seed,
         params: arguments.params.clone(),
@@ -70,23 +74,43 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let simulated = simulated?;
     let elapsed_s = began.elapsed().as_secs_f64();
-    println!(
+    say!(
         "simulated {:.1} s in {elapsed_s:.2} s ({:.0} times real time), {} messages{}",
         simulated.outcome.simulated_s,
         simulated.outcome.simulated_s / elapsed_s,
         simulated.messages,
         if simulated.outcome.finished { "" } else { "; the experiment had not ended by itself" }
     );
-    let Some(path) = simulated.path else { return Ok(()) };
-    println!("run directory: {}", path.display());
-    if !arguments.no_report {
-        let report = report::write(&path, None)?;
-        report::print(&report);
-        if report.verdict.failed() {
-            bail!("the run failed; its verdict says why");
+    let mut report = None;
+    if let Some(path) = &simulated.path {
+        say!("run directory: {}", path.display());
+        if !arguments.no_report {
+            let written = report::write(path, None)?;
+            report::print(&written);
+            report = Some((report::as_json(path, &written)?, written.verdict.failed()));
         }
     }
+    arguments.json.write(|| {
+        Ok(json!({
+            "schema": 1,
+            "simulated_s": simulated.outcome.simulated_s,
+            "elapsed_s": elapsed_s,
+            "messages": simulated.messages,
+            "finished": simulated.outcome.finished,
+            "run": simulated.path,
+            "report": report.as_ref().map(|(summary, _)| summary),
+        }))
+    })?;
+    if report.is_some_and(|(_, failed)| failed) {
+        bail!("the run failed; its verdict says why");
+    }
     Ok(())
+}
+
+/// The file of an experiment that is named or is a file; names are looked up in this folder, or in params/.
+pub fn experiment_file(experiment: &Path, params: Option<&Path>) -> anyhow::Result<PathBuf> {
+    let folder = params.unwrap_or(Path::new("params"));
+    Ok(whorl_launch::find_experiment(&experiment.to_string_lossy(), &[folder])?)
 }
 
 /// Shows the simulated time so far on a terminal, after one second.

@@ -35,16 +35,28 @@ impl Subscription {
     /// Hands over everything that has arrived. Messages that cannot be decoded are left out: the nodes that receive
     /// them count them.
     pub fn drain(&mut self, mut take: impl FnMut(Route, Message)) -> anyhow::Result<()> {
+        self.drain_raw(|_, route, bytes| {
+            if let Ok(message) = Message::decode(route.topic.info().message_type, &bytes) {
+                take(route, message);
+            }
+        })
+    }
+
+    /// What is listened to, with its name; its place in this list is its number.
+    pub fn routes(&self) -> &[(Route, String)] {
+        &self.routes
+    }
+
+    /// Hands over everything that has arrived as it came: number of the route, route, CDR.
+    pub fn drain_raw(&mut self, mut take: impl FnMut(u32, Route, Vec<u8>)) -> anyhow::Result<()> {
         // DDS's threads may fail, for example after the process was stopped for hours.
         if !self.participant.is_alive() {
             (self.participant, self.readers) = join(&self.network, &self.routes)?;
         }
-        for (route, reader) in &self.readers {
+        for (number, (route, reader)) in (0u32..).zip(&self.readers) {
             reader.drain_notifications();
             while let Some(sample) = reader.take()? {
-                if let Ok(message) = Message::decode(route.topic.info().message_type, &sample.bytes) {
-                    take(*route, message);
-                }
+                take(number, *route, sample.bytes);
             }
         }
         Ok(())

@@ -1,5 +1,7 @@
 //! Tables in plain text.
 
+use crate::output::say;
+
 /// Prints rows under headings, columns as wide as needed; columns whose heading begins with `#` are
 /// right-aligned.
 pub fn print(headings: &[String], rows: &[Vec<String>]) {
@@ -26,8 +28,8 @@ pub fn print(headings: &[String], rows: &[Vec<String>]) {
         }
         text.trim_end().to_owned()
     };
-    println!("{}", line(headings));
+    say!("{}", line(headings));
     for row in rows {
-        println!("{}", line(row));
+        say!("{}", line(row));
     }
 }

@@ -7,6 +7,7 @@ use whorl_validation::Whereabouts;
 use whorl_validation::dependence::Frame;
 
 use crate::explain::ExplainArguments;
+use crate::output::say;
 use crate::progress;
 use crate::table::print;
 
@@ -26,14 +27,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let found = progress::watched("analysing the runs", |say| locate(&runs.case(), &options(), say))?;
     for where_ in std::iter::once(&found.pooled).chain(&found.runs) {
         for (k, sentence) in where_.answer().iter().enumerate() {
-            println!("{}{sentence}", if k > 0 { "  " } else { "" });
+            say!("{}{sentence}", if k > 0 { "  " } else { "" });
         }
     }
     match &found.not_refitted {
         None => {
-            println!("The platform's own parameters were refitted to the runs first, within their priors.")
+            say!("The platform's own parameters were refitted to the runs first, within their priors.")
         }
-        Some(reason) => println!("note: the platform's own parameters are as given: {reason}"),
+        Some(reason) => say!("note: the platform's own parameters are as given: {reason}"),
     }
     if found.pooled.is_anything_left() {
         print_shares(&found.pooled);
@@ -41,14 +42,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.explain.write_json(|| as_json(&runs.known.platform, &found))?;
     let page = whorl_report::whereabouts_html(&found, &runs.facts);
     let page = arguments.explain.write_page("where.html", &page)?;
-    println!("\npage: {}", page.display());
+    say!("\npage: {}", page.display());
     Ok(())
 }
 
 /// Share of the excess that each quantity explains.
 fn print_shares(where_: &Whereabouts) {
     let d = &where_.dependences;
-    println!("\n{}: share of the excess that each quantity explains (shares overlap)", where_.run);
+    say!("\n{}: share of the excess that each quantity explains (shares overlap)", where_.run);
     let constant = |share: f64, frame: &str| {
         let cells = ["constant", frame, &format!("{:.0}", share * 100.0), "", "", ""];
         cells.map(str::to_owned).to_vec()

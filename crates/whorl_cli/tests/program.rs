@@ -1,6 +1,6 @@
 //! The command, as a shell starts it. Cargo builds it because of this test: `tests/support/binaries.rs` relies on that.
 
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn whorl(arguments: &[&str]) -> Output {
     #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -23,6 +23,144 @@ fn an_experiment_that_does_not_exist_is_an_error_in_words() {
     let text = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(refused.status.code(), Some(1), "{text}");
     assert!(text.starts_with("error: ") && text.contains("/no/such/experiment.yaml"), "{text}");
+}
+
+/// What a command says on its standard error, as lines; it must fail.
+fn refused(arguments: &[&str]) -> Vec<String> {
+    let output = whorl(arguments);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && output.stdout.is_empty(), "{arguments:?}: {text}");
+    text.lines().map(str::to_owned).collect()
+}
+
+/// The folder of parameters, from that of this crate.
+fn params(file: &str) -> String {
+    format!("{}/../../params/{file}", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn what_was_mistyped_is_suggested_everywhere_in_one_line() {
+    let experiment = params("experiments/swing.yaml");
+    let model = params("whorl_1.yaml");
+    let folder = params("");
+    let cases: &[(&[&str], &str)] = &[
+        (
+            &["simulate", "--experiment", "leader_folower", "--params", &folder],
+            "did you mean leader_follower?",
+        ),
+        (&["simulate", "--experiment", &experiment.replace("swing", "swnig")], "experiments/swing.yaml?"),
+        (&["excitation", "hodl", "--params", &folder], "did you mean hold?"),
+        (&["effects", "bearing_viscus_friction"], "did you mean bearing_viscous_friction?"),
+        (&["effects", "--model", &model.replace("whorl_1", "whorl1")], "whorl_1.yaml?"),
+        (&["history", &model, "--platform", "whorl_l"], "did you mean whorl_1?"),
+        (&["parameters", "estimater", "--params", &folder], "did you mean estimator?"),
+        (&["reproduce", "tabel_4_3"], "did you mean table_4_3?"),
+        (&["campaign", &params("campaigns/lnik.yaml")], "campaigns/link.yaml?"),
+        (&["runs", "--where", "verdit=failed"], "did you mean verdict?"),
+    ];
+    for (arguments, expected) in cases {
+        let lines = refused(arguments);
+        assert!(lines[0].contains(expected), "{arguments:?}: {lines:?}");
+        // Usage follows what clap refuses.
+        assert!(
+            lines.len() == 1 || lines.iter().any(|line| line.contains("--help")),
+            "{arguments:?}: {lines:?}"
+        );
+    }
+}
+
+/// Not one line for every parameter that the file would have had.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn a_missing_file_of_a_platform_is_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("experiments")).unwrap();
+    for file in ["common.yaml", "whorl_1.yaml", "experiments/leader_follower.yaml"] {
+        std::fs::copy(params(file), folder.path().join(file)).unwrap();
+    }
+    let experiment = folder.path().join("experiments/leader_follower.yaml").display().to_string();
+    let lines = refused(&["simulate", "--experiment", &experiment, "--no-record"]);
+    assert_eq!(lines.len(), 1, "{lines:?}");
+    assert!(lines[0].contains("whorl_2.yaml") && lines[0].contains("names whorl_2"), "{lines:?}");
+}
+
+/// One JSON value on the standard output and nothing else; with a file, the words stay.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn json_has_the_standard_output_for_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run").display().to_string();
+    let experiment = params("experiments/leader_follower_short.yaml");
+    let only_json = |arguments: &[&str]| -> serde_json::Value {
+        let output = whorl(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{arguments:?}: {error}"))
+    };
+    let simulated = only_json(&["simulate", "--experiment", &experiment, "--out", &run, "--json", "-"]);
+    assert_eq!(simulated["run"], run.as_str());
+    // The same numbers as in the run's own file.
+    let summary = std::fs::read(format!("{run}/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
+    assert_eq!(simulated["report"]["pairs"], summary["pairs"]);
+    assert_eq!(only_json(&["report", &run, "--json", "-"])["verdict"], summary["verdict"]);
+    let listed = only_json(&["runs", &folder.path().display().to_string(), "--json", "-"]);
+    assert_eq!(listed[0]["experiment"], "leader_follower_short");
+    let compared = only_json(&["compare-runs", &run, &run, "--json", "-"]);
+    assert_eq!(compared["pairs"][0]["significant"], false);
+    let compared = only_json(&["compare", &run, "--platform", "whorl_1", "--json", "-"]);
+    assert_eq!(compared["platform"], "whorl_1");
+    let effects = only_json(&["effects", "--json", "-"]);
+    let ids = effects.as_array().unwrap().iter().map(|e| e["id"].as_str().unwrap()).collect::<Vec<_>>();
+    assert!(ids.contains(&"bearing_viscous_friction"), "{ids:?}");
+    let planned =
+        only_json(&["campaign", &params("campaigns/link.yaml"), "--seeds", "2", "--dry-run", "--json", "-"]);
+    assert_eq!(planned["runs"].as_array().unwrap().len(), 2 * 5 * 4);
+    assert_eq!(planned["runs"][2]["swept"], serde_json::json!({"delay_s": "0.001", "loss": "0.05"}));
+    let pass = only_json(&["orbit", &params("experiments/co_observation.yaml"), "--json", "-"]);
+    assert_eq!(pass["passes"][0]["rows"][0]["platform"], "whorl_1");
+    let listed = only_json(&["parameters", "campaign", "--params", &params(""), "--json", "-"]);
+    assert!(listed["campaign"].as_array().unwrap().iter().any(|p| p["key"] == "keep_every"));
+
+    let file = folder.path().join("effects.json").display().to_string();
+    let both = whorl(&["effects", "--json", &file]);
+    assert!(String::from_utf8_lossy(&both.stdout).contains("bearing_viscous_friction"));
+    let written: serde_json::Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+    assert_eq!(written, effects);
+}
+
+/// `whorl ... | head`: the reader is gone before the first word, and every file is written all the same.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn a_closed_pipe_loses_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run").display().to_string();
+    let without_reader = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_whorl"));
+        let mut child =
+            command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && said.is_empty(), "{arguments:?}: {:?} {said}", output.status);
+    };
+    let experiment = params("experiments/leader_follower_short.yaml");
+    without_reader(&["simulate", "--experiment", &experiment, "--out", &run]);
+    assert!(folder.path().join("run/report.html").is_file());
+    without_reader(&["compare", &run, "--platform", "whorl_1"]);
+    assert!(folder.path().join("run/compare.html").is_file());
+    without_reader(&["effects", "--all"]);
+    without_reader(&["completions", "bash"]);
+    without_reader(&["--help"]);
+}
+
+/// What cannot be written is lost, and said to be.
+#[test]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn a_full_disk_behind_the_standard_output_is_an_error() {
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_whorl")).arg("effects").stdout(full).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("standard output"), "{said}");
 }
 
 #[test]

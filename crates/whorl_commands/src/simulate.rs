@@ -110,7 +110,7 @@ impl Simulation {
     fn layers(&self) -> anyhow::Result<Vec<PathBuf>> {
         let experiment = &self.experiment;
         if !experiment.is_file() {
-            bail!("no experiment file {}", experiment.display());
+            bail!("{} {}", experiment.display(), whorl_params::missing(experiment));
         }
         let folder = match &self.params {
             Some(folder) => folder.clone(),

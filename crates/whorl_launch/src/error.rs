@@ -15,15 +15,18 @@ pub enum LaunchError {
         known: Vec<String>,
     },
     /// Not a file, and not in the parameter folder.
-    #[error("no experiment '{name}': not a file, and {}", among(known))]
+    #[error("no experiment '{name}': not a file, and {}{}", among(known), likely(name, known))]
     NoExperiment {
         /// What was asked for.
         name: String,
         /// Names of the existing experiments.
         known: Vec<String>,
     },
+    /// A path at which there is no file.
+    #[error("{} {}", .0.display(), whorl_params::missing(.0))]
+    NoFile(PathBuf),
     /// A platform without a file.
-    #[error("no parameter file {} for platform '{platform}'", file.display())]
+    #[error("no parameter file for platform '{platform}': {} {}", file.display(), whorl_params::missing(file))]
     NoPlatform {
         /// The platform.
         platform: String,
@@ -31,7 +34,7 @@ pub enum LaunchError {
         file: PathBuf,
     },
     /// A platform that is not started.
-    #[error("no platform '{name}' among: {}", platforms.join(" "))]
+    #[error("no platform '{name}' among: {}{}", platforms.join(" "), likely(name, platforms))]
     UnknownPlatform {
         /// The platform.
         name: String,
@@ -73,6 +76,10 @@ impl LaunchError {
         let path = path.into();
         move |source| Self::Io { what, path, source }
     }
+}
+
+fn likely(name: &str, known: &[String]) -> String {
+    whorl_math::words::or_did_you_mean(name, known.iter().map(String::as_str))
 }
 
 /// The experiments that there are, in words.

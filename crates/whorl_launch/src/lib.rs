@@ -19,6 +19,6 @@ mod tests;
 pub use domain::{Domain, Lease};
 pub use error::LaunchError;
 pub use process::{Process, Programs};
-pub use setup::{Backend, DriverSource, Setup, SetupOptions};
+pub use setup::{Backend, DriverSource, Setup, SetupOptions, find_experiment};
 pub use step::run_to_end;
 pub use supervisor::{Ended, Stopped, Supervisor, become_node};

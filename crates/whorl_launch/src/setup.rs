@@ -101,7 +101,7 @@ impl Setup {
     pub fn new(options: SetupOptions) -> Result<Self, LaunchError> {
         let SetupOptions { experiment, params, params_of_whorl, platforms, drivers, backend_of_others, seed } =
             options;
-        let experiment = find_experiment(&experiment, &params, &params_of_whorl)?;
+        let experiment = find_experiment(&experiment, &[&params, &params_of_whorl])?;
         let common = [params.join("common.yaml"), experiment.clone()];
         let Formation { platforms: in_files } = ParameterTree::load(&common, &[])?.formation();
         let platforms = platforms.unwrap_or_else(|| in_files.clone());
@@ -253,18 +253,26 @@ fn truth_of(params: &Path, platform: &str) -> Option<PathBuf> {
     Some(params.join("truth").join(format!("{platform}.yaml"))).filter(|file| file.is_file())
 }
 
-fn find_experiment(name: &str, params: &Path, params_of_whorl: &Path) -> Result<PathBuf, LaunchError> {
+/// The file of an experiment: of this path, else of this name in one of the parameter folders, the first of which has it.
+///
+/// # Errors
+/// When there is none; with the names of those in the first folder.
+pub fn find_experiment(name: &str, params: &[&Path]) -> Result<PathBuf, LaunchError> {
+    let known = || params.first().map_or_else(Vec::new, |folder| experiments_in(&folder.join("experiments")));
     if name.is_empty() {
-        return Err(LaunchError::NoName { known: experiments_in(&params.join("experiments")) });
+        return Err(LaunchError::NoName { known: known() });
     }
+    let path = PathBuf::from(name);
     let file = format!("{name}.yaml");
-    let folders = [params.join("experiments"), params_of_whorl.join("experiments")];
-    let candidates =
-        std::iter::once(PathBuf::from(name)).chain(folders.iter().map(|folder| folder.join(&file)));
-    candidates.into_iter().find(|path| path.is_file()).ok_or_else(|| LaunchError::NoExperiment {
-        name: name.to_owned(),
-        known: experiments_in(&folders[0]),
-    })
+    let in_folders = params.iter().map(|folder| folder.join("experiments").join(&file));
+    if let Some(found) = std::iter::once(path.clone()).chain(in_folders).find(|path| path.is_file()) {
+        return Ok(found);
+    }
+    // Only a path has a folder or the ending of a file.
+    if path.components().count() > 1 || path.extension().is_some_and(|e| e == "yaml" || e == "yml") {
+        return Err(LaunchError::NoFile(path));
+    }
+    Err(LaunchError::NoExperiment { name: name.to_owned(), known: known() })
 }
 
 /// Names of the experiments in a folder, in alphabetical order.

@@ -45,6 +45,7 @@ mod rotation_vector;
 pub mod statistics;
 mod two_vector;
 mod vector;
+pub mod words;
 
 pub use allan::{AllanPoint, NoiseDensities, allan_deviation, noise_densities};
 pub use attitude::{

@@ -384,7 +384,7 @@ mod tests {
         let found = read_effect(&written(folder.path(), "Bad.yaml", FILE)).unwrap_err().to_string();
         assert!(found.contains("Bad.yaml: the file's name is the effect's id"), "{found}");
         let found = read_effect(&folder.path().join("absent.yaml")).unwrap_err().to_string();
-        assert!(found.contains("absent.yaml: cannot be read"), "{found}");
+        assert!(found.contains("absent.yaml: does not exist"), "{found}");
     }
 
     #[test]

@@ -36,7 +36,7 @@ mod effect_file;
 mod error;
 mod formation;
 mod limits;
-mod nearest;
+mod missing;
 mod node_parameters;
 mod node_pattern;
 mod platform_model;
@@ -61,6 +61,7 @@ pub use effect_file::{
 pub use error::{Origin, ParameterError, ParameterErrors};
 pub use formation::{Formation, LAW_ON_PLATFORMS, formation, own_platform};
 pub use limits::{Limits, any, non_negative, positive, range};
+pub use missing::missing;
 pub use node_parameters::{Entry, NodeParameters};
 pub use platform_model::{
     ModelStep, PlatformPrior, PriorEntry, model_history, platform_model, platform_model_with_prior,

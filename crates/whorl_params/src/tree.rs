@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use whorl_math::words::nearest;
+
 use crate::command_line::Override;
 use crate::error::{Origin, ParameterError, ParameterErrors};
-use crate::nearest::nearest;
+use crate::missing::missing;
 use crate::node_parameters::{Entry, NodeParameters};
 use crate::sections::{Section, sections, sections_for};
 
@@ -34,10 +36,7 @@ impl ParameterTree {
         for path in files {
             match std::fs::read_to_string(path) {
                 Ok(text) => texts.push((path.display().to_string(), text)),
-                Err(error) => errors.push(ParameterError::new(
-                    Origin::File { file: path.display().to_string().into(), line: 0 },
-                    format!("cannot be read: {error}"),
-                )),
+                Err(error) => errors.push(unreadable(path, &error)),
             }
         }
         let texts: Vec<(&str, &str)> =
@@ -58,12 +57,8 @@ impl ParameterTree {
     /// Everything that is wrong with the form of the file; sections for another name than `node`.
     pub fn load_for(path: &Path, node: &str) -> Result<NodeParameters, ParameterErrors> {
         let file: Arc<str> = path.display().to_string().into();
-        let text = std::fs::read_to_string(path).map_err(|error| {
-            ParameterErrors::from(ParameterError::new(
-                Origin::File { file: file.clone(), line: 0 },
-                format!("cannot be read: {error}"),
-            ))
-        })?;
+        let text =
+            std::fs::read_to_string(path).map_err(|error| ParameterErrors::from(unreadable(path, &error)))?;
         let mut errors = Vec::new();
         let sections = sections_for(&file, &text, node, &mut errors);
         ParameterErrors::check(errors)?;
@@ -146,12 +141,10 @@ impl ParameterTree {
                     continue;
                 }
                 let name = section.pattern.to_string();
-                let hint = match nearest(&name, nodes.clone().into_iter()) {
-                    Some(node) => format!("did you mean {node}?"),
-                    None => {
-                        format!("the nodes are {}", nodes.clone().into_iter().collect::<Vec<_>>().join(", "))
-                    }
-                };
+                let hint = nearest(&name, nodes.clone()).map_or_else(
+                    || format!("the nodes are {}", nodes.clone().into_iter().collect::<Vec<_>>().join(", ")),
+                    |node| format!("did you mean {node}?"),
+                );
                 errors.push(ParameterError::new(
                     Origin::File { file: layer.file.clone(), line: section.line },
                     format!("section {name} matches no node; {hint}"),
@@ -165,6 +158,14 @@ impl ParameterTree {
     pub fn files(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|layer| &*layer.file)
     }
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> ParameterError {
+    let problem = match error.kind() {
+        std::io::ErrorKind::NotFound => missing(path),
+        _ => format!("cannot be read: {error}"),
+    };
+    ParameterError::new(Origin::File { file: path.display().to_string().into(), line: 0 }, problem)
 }
 
 /// The usual layers of a parameter directory, lowest first: `common.yaml`, `<platform>.yaml` and
@@ -184,10 +185,22 @@ pub fn standard_layers(directory: &Path, platforms: &[&str], experiment: Option<
 /// [`standard_layers`] of an experiment: with the files of the platforms that it or `common.yaml` names.
 ///
 /// # Errors
-/// As [`ParameterTree::load`].
+/// As [`ParameterTree::load`]; a platform without a file of its own and without a model in the other files.
 pub fn layers_of_experiment(directory: &Path, experiment: &Path) -> Result<Vec<PathBuf>, ParameterErrors> {
-    let platforms =
-        ParameterTree::load(&standard_layers(directory, &[], Some(experiment)), &[])?.formation().platforms;
+    let tree = ParameterTree::load(&standard_layers(directory, &[], Some(experiment)), &[])?;
+    let platforms = tree.formation().platforms;
+    let has_model =
+        |platform: &String| !tree.for_node(&format!("/{platform}/estimator")).children("model").is_empty();
+    let mut errors = Vec::new();
+    for platform in platforms.iter().filter(|platform| !has_model(platform)) {
+        let file = directory.join(format!("{platform}.yaml"));
+        if !file.is_file() {
+            let named = format!("formation.platforms names {platform}, and this file {}", missing(&file));
+            let origin = Origin::File { file: file.display().to_string().into(), line: 0 };
+            errors.push(ParameterError::new(origin, named));
+        }
+    }
+    ParameterErrors::check(errors)?;
     let names: Vec<&str> = platforms.iter().map(String::as_str).collect();
     Ok(standard_layers(directory, &names, Some(experiment)))
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 use whorl_bag::{BagError, CsvError};
+use whorl_math::words::or_did_you_mean;
 use whorl_params::ParameterErrors;
 
 /// Errors of reading runs and models. Each says what is wrong and, where something can be done, what helps.
@@ -52,7 +53,10 @@ pub enum RecordingError {
         present: String,
     },
     /// The platform that was asked for is not in the run.
-    #[error("{}: there is no platform {platform} in it; there is: {present}", path.display())]
+    #[error(
+        "{}: there is no platform {platform} in it; there is: {present}{}", path.display(),
+        or_did_you_mean(platform, present.split(", "))
+    )]
     NoSuchPlatform {
         /// The run.
         path: PathBuf,

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use whorl_bag::RunDirectory;
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::words::or_did_you_mean;
 use whorl_params::{
     ModelStep, ParameterTree, PriorEntry, load_effects_beside, model_history, platform_model_with_prior,
     read_shared,
@@ -47,7 +48,11 @@ pub fn read_model(source: &Path, platform: Option<&str>) -> Result<KnownPlatform
     let present = tree.namespaces_with("model");
     let platform = match (platform, present.as_slice()) {
         (Some(platform), [_, ..]) if !present.iter().any(|name| name == platform) => {
-            return Err(no_model(format!("it has the model of {}, not of {platform}", present.join(", "))));
+            let likely = or_did_you_mean(platform, present.iter().map(String::as_str));
+            return Err(no_model(format!(
+                "it has the model of {}, not of {platform}{likely}",
+                present.join(", ")
+            )));
         }
         (Some(platform), _) => platform.to_owned(),
         (None, [only]) => only.clone(),

@@ -17,7 +17,7 @@
     history.replaceState(null, "", location.pathname);
   }
   const token = sessionStorage.getItem("token");
-  for (const id of ["start", "abort"]) {
+  for (const id of ["start", "hold", "abort"]) {
     by(id).hidden = !token;
     by(id).addEventListener("click", async () => {
       by("answer").textContent = "…";

@@ -5,6 +5,7 @@
 //! [`diagnosis_html`], [`adoption_html`]) are built in the same way.
 
 pub mod assets;
+mod campaign;
 mod data;
 mod document;
 mod events;
@@ -15,6 +16,7 @@ mod frames;
 mod index;
 mod live;
 mod metrics;
+mod orbit;
 mod overlay;
 mod page;
 mod pair;
@@ -28,6 +30,7 @@ mod verdict;
 #[cfg(test)]
 mod memory_tests;
 
+pub use campaign::{Sweep, SweptAxis, SweptGroup, campaign_html};
 pub use data::{Collector, Recorded, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
@@ -37,6 +40,7 @@ pub use explanation::{
 pub use index::{IndexRow, index_html};
 pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
+pub use orbit::{DrawnCraft, DrawnPass, orbit_html};
 pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 pub use page::{Description, TopicRow, html};
 pub use platform::PlatformData;

@@ -27,7 +27,8 @@ pub fn live_html(shapes: &[PlatformShape]) -> String {
                     b id="connection" role="status" { "connecting" }
                     output id="clock" {}
                     span id="state" class="state" {}
-                    button id="start" type="button" hidden { "Start" }
+                    button id="start" type="button" title="Starts the experiment, or goes on with one that is held" hidden { "Start" }
+                    button id="hold" type="button" title="References come to rest, and the experiment waits for Start" hidden { "Hold" }
                     button id="abort" type="button" hidden { "Abort" }
                     span id="answer" class="state" role="status" {}
                 }

@@ -78,7 +78,7 @@ impl NodeCore for Echo {
                 outputs.log(LogLevel::Info, format!("asked to start `{argument}`"));
                 outputs.respond(argument != "refuse", format!("echo of {argument}"));
             }
-            Event::Request { service: Service::AbortExperiment, .. } => {
+            Event::Request { service: Service::AbortExperiment | Service::HoldExperiment, .. } => {
                 outputs.respond(true, "finishing");
                 self.finished = true;
             }

@@ -132,7 +132,7 @@ fn dds_names<S: AsRef<str>>(topic: Topic, platform: Option<u16>, platforms: &[S]
 fn services_of(node: Node, platform: Option<u16>, name: &str) -> Vec<String> {
     let mut services: Vec<String> = NODE_SERVICES.iter().map(|service| format!("{name}/{service}")).collect();
     if node == Node::Coordinator && platform.is_none() {
-        services.extend([Service::StartExperiment, Service::AbortExperiment].map(|s| s.name().to_owned()));
+        services.extend(Service::ALL.map(|s| s.name().to_owned()));
     }
     services
 }

@@ -138,7 +138,7 @@ impl CoordinatorCore {
                 let progress = run.tick(&self.parameters, &sights, at, outputs);
                 if run.paused != was_paused {
                     let text = if run.paused {
-                        format!("the experiment waits: {}", self.problems.join("; "))
+                        format!("the experiment waits for {}", self.problems.join("; "))
                     } else {
                         "the experiment goes on".to_owned()
                     };
@@ -233,7 +233,12 @@ impl CoordinatorCore {
         let heard = self.links.iter().enumerate().filter(|(platform, _)| of_this(*platform));
         let holds = running && self.parameters.experiment.holds_on_mismatch.is_some();
         let mismatch = |link: &PlatformLink| link.mismatch().filter(|_| holds).map(str::to_owned);
-        heard.filter_map(|(_, link)| problem(link).or_else(|| mismatch(link))).collect()
+        let of_platforms = heard.filter_map(|(_, link)| problem(link).or_else(|| mismatch(link)));
+        let held = match &self.stage {
+            Stage::Running(run) => run.held.clone(),
+            _ => None,
+        };
+        held.into_iter().chain(of_platforms).collect()
     }
 
     /// Logs new problems of platforms, without repeating them when only an age has changed.
@@ -352,7 +357,7 @@ impl NodeCore for CoordinatorCore {
     fn services(&self) -> &'static [Service] {
         match self.parameters.role {
             Role::Platform(_) => &[],
-            Role::Formation | Role::Observer => &[Service::StartExperiment, Service::AbortExperiment],
+            Role::Formation | Role::Observer => &Service::ALL,
         }
     }
 
@@ -365,6 +370,9 @@ impl NodeCore for CoordinatorCore {
             }
             Event::Request { service: Service::AbortExperiment, argument } => {
                 self.request_abort(now, argument, outputs);
+            }
+            Event::Request { service: Service::HoldExperiment, argument } => {
+                self.request_hold(argument, outputs);
             }
             Event::Shutdown => self.shut_down(now, outputs),
             // Platforms come to rest when nobody commands them.

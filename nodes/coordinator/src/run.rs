@@ -95,6 +95,8 @@ pub(crate) struct Run {
     watch: PauseWatch,
     /// Since when it holds because a platform does not move as its model says.
     mismatch_since: Option<Timestamp>,
+    /// Why a person holds it, until it is started again.
+    pub held: Option<String>,
     pub paused: bool,
     members: Vec<Member>,
     goals: Goals,
@@ -150,6 +152,7 @@ impl Run {
             started: now,
             watch: PauseWatch::new(platforms),
             mismatch_since: None,
+            held: None,
             paused: false,
             members: Vec::with_capacity(platforms),
             goals: Goals {
@@ -230,7 +233,7 @@ impl Run {
             ));
         }
         match verdict {
-            PauseDecision::Go if mismatch => {
+            PauseDecision::Go if mismatch || self.held.is_some() => {
                 self.paused = true;
                 self.paused_s += REFERENCE_PERIOD_S;
             }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
+use whorl_math::words::or_did_you_mean;
 use whorl_params::ParameterErrors;
 
 /// Errors of CSV files. They name file, line (from 1, the header is line 1) and column.
@@ -32,7 +33,10 @@ pub enum CsvError {
         reason: String,
     },
     /// A column that the map names is not in the file.
-    #[error("{}:1: there is no column `{column}`; there are: {present}", path.display())]
+    #[error(
+        "{}:1: there is no column `{column}`; there are: {present}{}", path.display(),
+        or_did_you_mean(column, present.split(", "))
+    )]
     MissingColumn {
         /// The file.
         path: PathBuf,

@@ -30,7 +30,7 @@ fn what_is_not_a_bag_is_named() {
     assert!(matches!(BagReader::open(path), Err(BagError::Storage { storage, .. }) if storage == "sqlite3"));
     assert!(error(path).contains("ros2 bag convert"));
     std::fs::write(path.join("metadata.yaml"), metadata.replace("sqlite3", "mcap")).unwrap();
-    assert!(matches!(BagReader::open(path), Err(BagError::NotFound { path }) if path.ends_with("x.db3")));
+    assert!(matches!(BagReader::open(path), Err(BagError::NotFound { path, .. }) if path.ends_with("x.db3")));
     let wrapped = "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  compression_mode: FILE\n  relative_file_paths: [text.mcap]\n";
     std::fs::write(path.join("metadata.yaml"), wrapped).unwrap();
     assert!(error(path).contains("compression_mode FILE"));

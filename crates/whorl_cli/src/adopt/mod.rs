@@ -13,7 +13,8 @@ use whorl_params::load_effect;
 use whorl_recording::{RecordingError, load_effects};
 
 use self::tables::{print_parameters, print_versions};
-use crate::effects::is_effect_file;
+use crate::effects::{is_effect_file, unknown};
+use crate::output::say;
 use crate::progress;
 use crate::provenance::provenance_of_this;
 use crate::runs::{OutputArguments, RunArguments, RunContext};
@@ -45,7 +46,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let (run_paths, effects): (Vec<&String>, Vec<&String>) =
         items.iter().partition(|item| find(item).is_none() || Path::new(item.as_str()).exists());
     if let Some(missing) = run_paths.iter().find(|p| !Path::new(p.as_str()).exists()) {
-        bail!("{missing} is neither a run nor an effect; `whorl effects` lists the effects");
+        let path = Path::new(missing.as_str());
+        if path.components().count() > 1 || is_effect_file(missing) {
+            bail!("{missing} {}", whorl_params::missing(path));
+        }
+        bail!("{missing} is neither a run nor an effect: {}", unknown(missing));
     }
     let sets: Vec<Vec<String>> = if arguments.try_.is_empty() {
         if effects.is_empty() {
@@ -62,8 +67,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             .map(|set| joined.clone().chain(set.split('+').map(str::to_owned)).collect())
             .collect()
     };
-    if let Some(unknown) = sets.iter().flatten().find(|id| find(id).is_none()) {
-        bail!("there is no effect {unknown}; `whorl effects` lists them");
+    if let Some(id) = sets.iter().flatten().find(|id| find(id).is_none()) {
+        bail!(unknown(id));
     }
     let run_arguments = RunArguments {
         runs: run_paths.iter().map(PathBuf::from).collect(),
@@ -91,17 +96,17 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Ok("Nothing was written: --try only compares.".to_owned())
     };
     for sentence in &answer {
-        println!("{sentence}");
+        say!("{sentence}");
     }
-    println!();
+    say!();
     print_versions(&adoption.versions);
     for version in adoption.versions.iter().filter(|v| !v.effects.is_empty()) {
         print_parameters(version);
     }
     for (version, reason) in &adoption.left_out {
-        println!("note: {version}: {reason}");
+        say!("note: {version}: {reason}");
     }
-    println!("\n{}", written?);
+    say!("\n{}", written?);
     arguments
         .output
         .write_json(|| as_json(&runs.known.platform, &adoption.versions, &answer, &provenance))?;
@@ -110,7 +115,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     facts.push(("provenance".to_owned(), provenance));
     let page = whorl_report::adoption_html(&adoption, &facts);
     let page = arguments.output.write_page(&run_arguments, "adopt.html", &page)?;
-    println!("page: {}", page.display());
+    say!("page: {}", page.display());
     Ok(())
 }
 

@@ -5,6 +5,7 @@ use whorl_explain::Version;
 use whorl_explain::adopt::CORRECTION;
 use whorl_math::three_digits;
 
+use crate::output::say;
 use crate::table::print;
 
 /// A correction is listed if it exceeds this many standard deviations.
@@ -28,7 +29,7 @@ pub fn print_versions(versions: &[Version]) {
             row
         })
         .collect();
-    println!(
+    say!(
         "Prediction error over noise (root of chi-squared per degree of freedom, initial states fitted over 10 s; 1 = noise)"
     );
     print(&headings, &rows);
@@ -36,7 +37,7 @@ pub fn print_versions(versions: &[Version]) {
 
 pub fn print_parameters(version: &Version) {
     let Some(fit) = &version.fit else { return };
-    println!("\nParameters {}", version.name);
+    say!("\nParameters {}", version.name);
     // Insignificant corrections of wheels and jets would only hide the others.
     let is_told = |p: &&FittedParameter| {
         !p.name.ends_with(CORRECTION) || (p.estimate - p.before).abs() > TOLD_STDDEVS * p.stddev
@@ -62,7 +63,7 @@ pub fn print_parameters(version: &Version) {
     print(&headings, &rows);
     let others = fit.estimates.len() - rows.len();
     if others > 0 {
-        println!(
+        say!(
             "  and {others} corrections of wheels and jets, each within {TOLD_STDDEVS} standard deviations of zero"
         );
     }

@@ -8,6 +8,8 @@ use whorl_campaign::Part;
 use whorl_campaign::slurm::{Job, SlurmError, queued};
 use whorl_campaign::work::Folder;
 
+use crate::output::say;
+
 /// Time between two looks at the queue.
 const TICK: Duration = Duration::from_secs(2);
 /// A controller that is silent for longer is lost.
@@ -21,7 +23,7 @@ pub fn distribute(job: &Job, folder: &Folder, total: u64, noun: &str) -> anyhow:
     loop {
         let number = match job.submitted() {
             Some(number) => {
-                println!("following job {number}, which was submitted before");
+                say!("following job {number}, which was submitted before");
                 number
             }
             None => {
@@ -39,7 +41,7 @@ pub fn distribute(job: &Job, folder: &Folder, total: u64, noun: &str) -> anyhow:
                 }
                 submissions += 1;
                 let number = job.submit(&parts)?;
-                println!(
+                say!(
                     "job {number}: {} of {} parts; logs in {}",
                     parts.len(),
                     job.parts,

@@ -6,7 +6,6 @@ mod session;
 use std::hash::{BuildHasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
@@ -67,10 +66,9 @@ pub struct HiddenEffect {
 
 /// Carries out `whorl demo`. The exit status is 0 when the secret was found and both errors fell, 1 when not, and 130 when
 /// it was interrupted.
-pub fn run(command: &Command, ends_with_its_reader: &AtomicBool) -> ExitCode {
+pub fn run(command: &Command) -> ExitCode {
     let Command::HiddenEffect(arguments) = command;
     let result = Session::new(arguments.out.as_deref(), &arguments.root).and_then(|session| {
-        ends_with_its_reader.store(false, Ordering::Relaxed);
         hidden_effect(arguments, &session)
             .inspect_err(|_| match session.kept {
                 true => tell(format_args!("kept in {}", session.folder.display())),

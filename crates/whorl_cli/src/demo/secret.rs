@@ -33,7 +33,7 @@ impl Choice {
         // Those that no catalogue has stand beside the file.
         load_effects_beside(&[file.to_owned()])?;
         if let Some(unknown) = choice.effects.iter().map(|(id, _)| id).find(|id| find(id).is_none()) {
-            bail!("{}: there is no effect {unknown}; `whorl effects` lists them", file.display());
+            bail!("{}: {}", file.display(), crate::effects::unknown(unknown));
         }
         Ok(choice)
     }

@@ -7,12 +7,15 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 use nalgebra::{UnitQuaternion, Vector3};
+use serde_json::json;
 use whorl_bag::{CsvMap, CsvRows};
 use whorl_commands::attitudes::{CsvLines, Line, Tally, recorded_by, told};
 use whorl_commands::estimate::{Chosen, EstimateOptions, too_few};
 use whorl_free_motion::{Orientation, Sample};
 
 use output::Output;
+
+use crate::output::{JsonArgument, say};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -53,6 +56,8 @@ pub struct Arguments {
     /// Noise of each vector sensor in the order of the map, filter directions; the last stands for all further ones [deg].
     #[arg(long, value_name = "DEG", value_delimiter = ',', default_value = "1.0")]
     vector_noise_deg: Vec<f64>,
+    #[command(flatten)]
+    json: JsonArgument,
 }
 
 impl Arguments {
@@ -135,30 +140,40 @@ fn tell(
         bail!("{}", too_few(&arguments.recording.display().to_string(), samples, chosen));
     }
     let smoothed = if arguments.smooth { ", smoothed" } else { "" };
-    println!("{samples} samples, {duration_s:.1} s, filter {}{smoothed}", chosen.name());
+    say!("{samples} samples, {duration_s:.1} s, filter {}{smoothed}", chosen.name());
     if map.vectors.is_empty() {
-        println!("no magnetometer: the heading is relative to the first attitude, and drifts");
+        say!("no magnetometer: the heading is relative to the first attitude, and drifts");
     }
     if chosen.is_magnetised() {
-        println!("there is iron or a magnet on the sensor; its field is estimated and removed");
+        say!("there is iron or a magnet on the sensor; its field is estimated and removed");
     }
     match tally.errors.root_mean_square_rad() {
         Some(rms) => {
             let [total, heading, inclination] = rms.map(f64::to_degrees);
-            println!(
+            say!(
                 "error against truth, RMS: {total:.2} deg total, {heading:.2} heading, {inclination:.2} inclination \
                  ({} samples)",
                 tally.errors.count()
             );
-            println!(
+            say!(
                 "squared heading error over its stated variance: {:.2} on average, 1 expected",
                 tally.heading_consistency().unwrap_or(f64::NAN)
             );
         }
-        None => println!("the file has no truth to compare with"),
+        None => say!("the file has no truth to compare with"),
     }
     if let Some(path) = &arguments.out {
-        println!("attitudes: {}", path.display());
+        say!("attitudes: {}", path.display());
     }
-    Ok(())
+    let error = tally.errors.root_mean_square_rad().map(|rms| {
+        let [total, heading, inclination] = rms.map(f64::to_degrees);
+        json!({"samples": tally.errors.count(), "total_deg": total, "heading_deg": heading,
+            "inclination_deg": inclination,
+            "heading_over_stated_variance": tally.heading_consistency()})
+    });
+    arguments.json.write(|| {
+        Ok(json!({"schema": 1, "samples": samples, "estimates": tally.estimates,
+            "duration_s": duration_s, "filter": chosen.name(), "smoothed": arguments.smooth,
+            "error_rms": error, "attitudes": arguments.out}))
+    })
 }

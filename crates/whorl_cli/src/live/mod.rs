@@ -1,5 +1,6 @@
 //! `whorl live`: the formation in a browser.
 
+mod foxglove;
 mod server;
 mod view;
 
@@ -7,7 +8,6 @@ use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -56,6 +56,10 @@ pub struct Arguments {
     /// No commands, not even with the token.
     #[arg(long)]
     read_only: bool,
+    /// Serves every topic at ws://ADDRESS:PORT/foxglove for Foxglove and Lichtblick, to watch; every page that the browser of
+    /// this machine has open can then read along.
+    #[arg(long)]
+    foxglove: bool,
     /// Run directory whose parameters say what the platforms look like (limits, jets) [default: the files of --params].
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
@@ -65,10 +69,8 @@ pub struct Arguments {
 }
 
 /// Carries out `whorl live`, until it is stopped.
-pub fn run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::Result<()> {
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     whorl_ros::limit_memory();
-    // A browser that closes its connection is no reason to end.
-    ends_with_its_reader.store(false, Ordering::Relaxed);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(serve(arguments))
 }
@@ -94,7 +96,12 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
             "warning: everybody who reaches {address} can watch; only who knows the token can command"
         ));
     }
-    let server = Arc::new(Server { address, page, frames, token });
+    let foxglove =
+        arguments.foxglove.then(|| foxglove::Feed::start(&network, &arguments.platforms)).transpose()?;
+    if foxglove.is_some() {
+        say(format_args!("Foxglove at ws://{address}/foxglove"));
+    }
+    let server = Arc::new(Server { address, page, frames, token, foxglove });
     let serving = axum::serve(listener, server::routes(server));
     let stopped = stop_signal()?;
     tokio::select! {

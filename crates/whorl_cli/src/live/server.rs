@@ -1,4 +1,4 @@
-//! The web server of the live page: the page, a stream of frames, and two commands.
+//! The web server of the live page: the page, a stream of frames, and three commands.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -15,12 +15,15 @@ use axum::routing::{get, post};
 use sha2::{Digest, Sha256};
 use tokio::sync::watch;
 
-use crate::command::{request_abort, request_start};
+use super::foxglove::{self, Feed};
+use crate::command::{request_abort, request_hold, request_start};
 
+/// Where Foxglove connects.
+const FOXGLOVE: &str = "/foxglove";
 /// Browsers that are served at the same time.
 const BROWSERS: usize = 32;
 /// A browser that takes nothing for this long is left.
-const PATIENCE: Duration = Duration::from_secs(20);
+pub const PATIENCE: Duration = Duration::from_secs(20);
 /// Browsers send nothing but a name or a reason.
 const LARGEST_REQUEST: usize = 1024;
 /// Scripts and styles are in the page; nothing else may be loaded or called.
@@ -37,6 +40,8 @@ pub struct Server {
     pub frames: watch::Sender<Utf8Bytes>,
     /// What a browser must know to command; `None`: nobody commands.
     pub token: Option<String>,
+    /// Every topic, if it is served.
+    pub foxglove: Option<Arc<Feed>>,
 }
 
 /// The routes.
@@ -44,7 +49,9 @@ pub fn routes(server: Arc<Server>) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/frames", get(frames))
+        .route(FOXGLOVE, get(foxglove))
         .route("/start", post(start))
+        .route("/hold", post(hold))
         .route("/abort", post(abort))
         .layer(DefaultBodyLimit::max(LARGEST_REQUEST))
         .layer(middleware::from_fn_with_state(Arc::clone(&server), same_site))
@@ -54,13 +61,14 @@ pub fn routes(server: Arc<Server>) -> Router {
 /// Refuses pages of other sites: those that call from the user's browser (by their origin), and those whose name was
 /// made to point here (by the host they call).
 async fn same_site(State(server): State<Arc<Server>>, request: Request, next: Next) -> Response {
-    match refusal(server.address, request.headers()) {
+    let from_anywhere = server.foxglove.is_some() && request.uri().path() == FOXGLOVE;
+    match refusal(server.address, request.headers(), from_anywhere) {
         Some(why) => (StatusCode::FORBIDDEN, why).into_response(),
         None => next.run(request).await,
     }
 }
 
-fn refusal(address: SocketAddr, headers: &HeaderMap) -> Option<&'static str> {
+fn refusal(address: SocketAddr, headers: &HeaderMap, from_anywhere: bool) -> Option<&'static str> {
     let header = |name| headers.get(name).and_then(|v| v.to_str().ok());
     let host = header(HOST).unwrap_or_default();
     let named = host.rsplit_once(':').map_or(host, |(name, _)| name).trim_matches(['[', ']']);
@@ -69,11 +77,24 @@ fn refusal(address: SocketAddr, headers: &HeaderMap) -> Option<&'static str> {
         return Some("call this page by its address\n");
     }
     let from_elsewhere = header(ORIGIN).is_some_and(|origin| origin.strip_prefix("http://") != Some(host));
-    from_elsewhere.then_some("another site's page may not read or command a formation\n")
+    (from_elsewhere && !from_anywhere).then_some("another site's page may not read or command a formation\n")
 }
 
 async fn page(State(server): State<Arc<Server>>) -> Response {
     ([(CONTENT_SECURITY_POLICY, POLICY), (CACHE_CONTROL, "no-store")], Html((server.page)())).into_response()
+}
+
+async fn foxglove(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) -> Response {
+    match &server.foxglove {
+        None => (StatusCode::NOT_FOUND, "start it with: whorl live --foxglove\n").into_response(),
+        Some(feed) => {
+            let feed = Arc::clone(feed);
+            upgrade
+                .protocols(foxglove::PROTOCOLS)
+                .max_message_size(foxglove::LARGEST_REQUEST)
+                .on_upgrade(move |socket| foxglove::serve(socket, feed))
+        }
+    }
 }
 
 async fn frames(State(server): State<Arc<Server>>, upgrade: WebSocketUpgrade) -> Response {
@@ -104,6 +125,11 @@ async fn stream(mut socket: WebSocket, mut frames: watch::Receiver<Utf8Bytes>) {
 
 async fn start(State(server): State<Arc<Server>>, headers: HeaderMap, name: String) -> Response {
     command(&server, &headers, move || request_start(name)).await
+}
+
+async fn hold(State(server): State<Arc<Server>>, headers: HeaderMap, reason: String) -> Response {
+    let reason = if reason.is_empty() { "by the live page".to_owned() } else { reason };
+    command(&server, &headers, move || request_hold(reason)).await
 }
 
 async fn abort(State(server): State<Arc<Server>>, headers: HeaderMap, reason: String) -> Response {
@@ -146,12 +172,15 @@ mod tests {
     #[test]
     fn pages_of_other_sites_are_refused() {
         let here: SocketAddr = "127.0.0.1:8470".parse().unwrap();
-        let refused = |list: &[(&'static str, &str)]| refusal(here, &headers(list)).is_some();
+        let refused = |list: &[(&'static str, &str)]| refusal(here, &headers(list), false).is_some();
         assert!(!refused(&[("host", "127.0.0.1:8470")]));
         assert!(!refused(&[("host", "localhost:8470"), ("origin", "http://localhost:8470")]));
         assert!(refused(&[("host", "127.0.0.1:8470"), ("origin", "https://example.org")]));
         assert!(refused(&[("host", "127.0.0.1:8470"), ("origin", "http://127.0.0.1:80")]));
         assert!(refused(&[("host", "rebound.example.org:8470")]), "a name that was made to point here");
+        let app = headers(&[("host", "localhost:8470"), ("origin", "https://app.example.org")]);
+        assert!(refusal(here, &app, true).is_none(), "what is served to apps of other sites");
+        assert!(refusal(here, &headers(&[("host", "rebound.example.org:8470")]), true).is_some());
     }
 
     #[test]

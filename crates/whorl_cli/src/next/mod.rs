@@ -15,6 +15,7 @@ use whorl_explain::propose::{Judged, yaml};
 use whorl_report::{NextPage, PlannedMotion};
 
 use crate::explain::{ExplainArguments, SearchArguments};
+use crate::output::say;
 use crate::progress;
 use crate::runs::write;
 use crate::table::print;
@@ -42,7 +43,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         _ => bail!("--out {}: an experiment file's name must end in .yaml", out.display()),
     };
     let runs = progress::during("reading the runs", || arguments.explain.runs.read())?;
-    let options = arguments.search.options();
+    let options = arguments.search.options()?;
     let known = &runs.known;
     let folder = out.parent().and_then(Path::parent);
     let common = common_file(known, folder).context(
@@ -69,24 +70,24 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     write(out, &text)?;
     for sentence in &answer {
-        println!("{sentence}");
+        say!("{sentence}");
     }
-    println!();
+    say!();
     print(&tables::HEADINGS.map(str::to_owned), &tables::rows(&proposal));
     for (name, reason) in &proposal.left_out {
-        println!("note: {name} is left out: even scaled down it {reason}");
+        say!("note: {name} is left out: even scaled down it {reason}");
     }
-    println!("\nexperiment: {}", out.display());
+    say!("\nexperiment: {}", out.display());
     let of_folder = folder
         .filter(|f| *f != Path::new("params") && f.join(format!("{}.yaml", known.platform)).is_file())
         .map_or_else(String::new, |f| format!(" --params {}", f.display()));
-    println!(
+    say!(
         "run it:     launch_scripts/run_experiment.sh {} --platforms {}{of_folder}",
         out.display(),
         known.platform
     );
     let given: Vec<String> = arguments.explain.runs.runs.iter().map(|r| r.display().to_string()).collect();
-    println!("then:       whorl diagnose {} NEW_RUN", given.join(" "));
+    say!("then:       whorl diagnose {} NEW_RUN", given.join(" "));
     arguments.explain.write_json(|| Ok(as_json(&known.platform, &proposal, best, &answer)))?;
     let shown = NextPage {
         answer,
@@ -96,7 +97,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let page = whorl_report::next_html(&shown, &runs.facts);
     let page = arguments.explain.write_page("next.html", &page)?;
-    println!("page:       {}", page.display());
+    say!("page:       {}", page.display());
     Ok(())
 }
 

@@ -30,7 +30,7 @@ pub enum Campaign {
 /// What is wrong with the file, or with runs that cannot begin.
 pub fn planned(file: &Path, params: Option<&Path>, seeds: Option<u64>) -> anyhow::Result<Campaign> {
     if !file.is_file() {
-        bail!("no campaign file {}", file.display());
+        bail!("{} {}", file.display(), whorl_params::missing(file));
     }
     let tree = ParameterTree::load(&[file.to_owned()], &[])?;
     tree.check_sections(["/campaign"])?;

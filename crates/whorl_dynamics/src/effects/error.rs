@@ -56,14 +56,3 @@ pub enum EffectError {
         available: usize,
     },
 }
-
-/// `candidates`, at most `count`, those with the smallest edit distance to `name` first.
-pub(crate) fn nearest<'a>(
-    name: &str,
-    candidates: impl Iterator<Item = &'a str>,
-    count: usize,
-) -> Vec<String> {
-    let mut ranked: Vec<(usize, &str)> = candidates.map(|c| (strsim::levenshtein(name, c), c)).collect();
-    ranked.sort_by_key(|(distance, _)| *distance);
-    ranked.into_iter().take(count).map(|(_, c)| c.to_owned()).collect()
-}

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
+use whorl_math::words::ranked;
 
-use super::error::nearest;
 use super::{Effect, EffectError, Role, ThrustLag, TrueImu, catalogue, find};
 use crate::{Environment, PlatformModel};
 
@@ -60,7 +60,7 @@ impl EffectSet {
         for (id, given) in map {
             let effect = find(id).ok_or_else(|| EffectError::UnknownEffect {
                 name: id.clone(),
-                nearest: nearest(id, catalogue().iter().map(|e| e.info().id), 3),
+                nearest: ranked(id, catalogue().iter().map(|e| e.info().id), 3),
             })?;
             let specs = effect.parameters(model);
             let mut values: Vec<f64> = specs.iter().map(|spec| spec.neutral).collect();
@@ -70,7 +70,7 @@ impl EffectSet {
                     return Err(EffectError::UnknownParameter {
                         effect: effect.info().id,
                         name: name.clone(),
-                        nearest: nearest(name, specs.iter().map(|s| s.name.as_str()), 4),
+                        nearest: ranked(name, specs.iter().map(|s| s.name.as_str()), 4),
                     });
                 };
                 if !(value >= spec.min && value <= spec.max) {

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::catalogue;
+use whorl_math::words::did_you_mean;
 
 use crate::effect_file::{EFFECTS_FOLDER, find_or_load};
 use crate::limits::range;
-use crate::nearest::nearest;
 use crate::reader::Reader;
 
 /// Effect id -> parameter -> value. Parameters that are left out stay out and keep the neutral
@@ -23,10 +23,9 @@ pub(super) fn read(r: &mut Reader<'_>, model: &PlatformModel) -> BTreeMap<String
             }
             let Some(Ok(effect)) = found else {
                 let ids = || catalogue().iter().map(|effect| effect.info().id);
-                let hint = match nearest(&id, ids()) {
-                    Some(near) => format!("did you mean {near}?"),
-                    None => format!("the catalogue has: {}", ids().collect::<Vec<_>>().join(", ")),
-                };
+                let hint = did_you_mean(&id, ids()).unwrap_or_else(|| {
+                    format!("the catalogue has: {}", ids().collect::<Vec<_>>().join(", "))
+                });
                 r.reject_group(
                     &id,
                     format!(

@@ -6,9 +6,9 @@
 
 use whorl_dynamics::actuators::{Actuators, Group, Slot};
 use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_math::words::nearest;
 
 use crate::limits::non_negative;
-use crate::nearest::nearest;
 use crate::reader::{Absent, Reader, Request};
 use crate::shared_groups::{MODEL_GROUP, PRIOR_GROUP};
 use crate::value::{Kind, Value};
@@ -198,10 +198,10 @@ fn hint(r: &Reader<'_>, key: &str) -> String {
     {
         return format!("the model has no effect {id}: add model.effects.{id} first");
     }
-    match nearest(key, r.known_below(MODEL_GROUP)) {
-        Some(near) => format!("did you mean {near}?"),
-        None => "allowed: the keys of the group model".to_owned(),
-    }
+    nearest(key, r.known_below(MODEL_GROUP)).map_or_else(
+        || "allowed: the keys of the group model".to_owned(),
+        |near| format!("did you mean {near}?"),
+    )
 }
 
 /// The prior of a model: its entries, and [`ModelPrior::typical`] for parameters without one.

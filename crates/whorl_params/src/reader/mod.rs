@@ -7,9 +7,10 @@ mod texts;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
 
+use whorl_math::words::nearest;
+
 use crate::descriptor::{Descriptor, NumericRange};
 use crate::error::{ParameterError, ParameterErrors};
-use crate::nearest::nearest;
 use crate::node_parameters::{Entry, NodeParameters};
 use crate::shared_groups::is_shared;
 use crate::value::{Kind, Value};

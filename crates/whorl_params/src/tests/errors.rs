@@ -335,7 +335,10 @@ fn errors_of_several_files_come_together() {
     );
     assert_eq!(error.len(), 2);
     let missing = ParameterTree::load(&["/nowhere/params.yaml".into()], &[]).unwrap_err().to_string();
-    assert!(missing.starts_with("/nowhere/params.yaml: cannot be read: "), "{missing}");
+    assert!(
+        missing.starts_with("/nowhere/params.yaml: does not exist; there is no folder /nowhere"),
+        "{missing}"
+    );
 }
 
 #[test]

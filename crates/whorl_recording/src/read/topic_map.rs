@@ -5,6 +5,7 @@ use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
 use whorl_bag::{BagReader, BagTopic, Channel, Form};
+use whorl_math::words::or_did_you_mean;
 use whorl_params::{ParameterErrors, ParameterTree, Reader};
 
 use super::roles::Role;
@@ -132,7 +133,8 @@ fn topic(r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) -> Option<S
     }
     let Some(topic) = bag.topic(&name) else {
         let present: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
-        r.reject(&full, format!("the bag has no such topic; it has: {}", present.join(", ")));
+        let likely = or_did_you_mean(&name, present.iter().copied());
+        r.reject(&full, format!("the bag has no such topic; it has: {}{likely}", present.join(", ")));
         return None;
     };
     if !fits(topic, role) {

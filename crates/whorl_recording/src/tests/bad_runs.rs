@@ -100,7 +100,7 @@ fn models_that_are_not_there_are_missed_with_a_hint() {
     let text = error(&run_with(&[], folder.path()), None);
     assert!(text.contains("holds no parameters: name the platform's file"), "{text}");
     let text = error(&folder.path().join("x.yaml"), None);
-    assert!(text.contains("x.yaml: cannot be read"), "{text}");
+    assert!(text.contains("x.yaml: does not exist"), "{text}");
 }
 
 /// A file with a section for every platform names none: it is called after the file, also in the run that was

@@ -24,7 +24,7 @@ use maud::Markup;
 /// Facts about a page: label and value, in order (model, command, versions, ...).
 pub type Facts = [(String, String)];
 
-fn facts(page: &mut Document, facts: &Facts) {
+pub(crate) fn facts(page: &mut Document, facts: &Facts) {
     if facts.is_empty() {
         return;
     }

@@ -1,7 +1,7 @@
-//! Requests to the coordinator (start, abort, stop), and its own requests for the time.
+//! Requests to the coordinator (start, hold, abort, stop), and its own requests for the time.
 
 use whorl_msgs::topics::{Route, Topic};
-use whorl_node::{Outputs, Timestamp};
+use whorl_node::{LogLevel, Outputs, Timestamp};
 
 use super::{CoordinatorCore, PERIOD};
 use crate::clock::ticks_between_requests;
@@ -33,7 +33,12 @@ impl CoordinatorCore {
             return;
         }
         let problems = self.current_problems(now);
-        match &self.stage {
+        match &mut self.stage {
+            Stage::Running(run) if run.held.is_some() => {
+                run.held = None;
+                outputs.log(LogLevel::Info, format!("{name} is held no longer"));
+                outputs.respond(true, format!("{name} goes on"));
+            }
             Stage::Running(_) => outputs.respond(false, format!("{name} is already running")),
             _ if !problems.is_empty() => {
                 outputs.respond(false, format!("waiting for {}", problems.join("; ")));
@@ -45,6 +50,23 @@ impl CoordinatorCore {
                     Err(reason) => outputs.respond(false, reason),
                 }
             }
+        }
+    }
+
+    /// The sequence waits, as for a platform that does not move as its model says, until it is started again.
+    pub(super) fn request_hold(&mut self, reason: &str, outputs: &mut Outputs) {
+        if self.parameters.role == Role::Observer {
+            outputs.respond(false, "every platform runs the law itself: the experiment can only be aborted");
+            return;
+        }
+        match &mut self.stage {
+            Stage::Running(run) => {
+                let reason = if reason.is_empty() { "asked for by a service call" } else { reason };
+                outputs.log(LogLevel::Warn, format!("held: {reason}"));
+                run.held = Some(format!("a start (held: {reason})"));
+                outputs.respond(true, "held: the references come to rest; start goes on");
+            }
+            _ => outputs.respond(false, "no experiment is running"),
         }
     }
 

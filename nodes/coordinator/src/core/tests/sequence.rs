@@ -118,6 +118,37 @@ fn start_and_abort_by_service() {
     assert!(lab.core.finished());
 }
 
+/// Held in the middle of a turn: the references come to rest within their limits, the sequence stands still however long, and
+/// goes on to its end once it is started again.
+#[test]
+fn an_experiment_is_held_where_it_is_and_goes_on_by_service() {
+    let mut lab = Laboratory::new(PAIR);
+    assert!(!lab.request(Service::HoldExperiment, "").success, "nothing runs yet");
+    lab.run_until(FormationState::PHASE_MANOEUVRE, 40.0);
+    lab.run(2.0);
+    let answer = lab.request(Service::HoldExperiment, "a cable hangs");
+    assert!(answer.success, "{}", answer.message);
+    lab.run(30.0);
+    let rate = |lab: &Laboratory| {
+        let latest = lab.references.iter().map(|of| of.last().unwrap().omega_wr_r_rad_s);
+        latest.map(|r: whorl_msgs::geometry_msgs::Vector3| r.x.hypot(r.y).hypot(r.z)).fold(0.0, f64::max)
+    };
+    assert!(rate(&lab) < 1e-6, "the references rest: {} rad/s", rate(&lab));
+    let held = lab.states.last().unwrap().clone();
+    lab.run(60.0);
+    let later = lab.states.last().unwrap();
+    assert_eq!((later.phase, &later.step), (held.phase, &held.step));
+    assert!((later.step_elapsed_s - held.step_elapsed_s).abs() < 1e-9, "{held:?} {later:?}");
+    assert_eq!(
+        lab.commands.last().unwrap().command,
+        FormationCommand::COMMAND_TRACK,
+        "it keeps its authority"
+    );
+    assert!(lab.request(Service::StartExperiment, "").success);
+    assert!(!lab.request(Service::StartExperiment, "").success, "it runs again");
+    lab.run_until(FormationState::PHASE_FINISHED, 80.0);
+}
+
 #[test]
 fn an_experiment_can_be_started_again_when_the_node_stays() {
     let stays = PAIR.replace("name: pair", "name: pair, exit_when_finished: false, at_end: hold");

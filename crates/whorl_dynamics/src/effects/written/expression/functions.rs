@@ -13,7 +13,7 @@ impl Parser<'_> {
         let known =
             FUNCTIONS.iter().flat_map(|(form, _)| form.split("), ")).filter_map(|f| f.split('(').next());
         if !known.clone().any(|f| f == word) {
-            let near = crate::effects::error::nearest(word, known, 3);
+            let near = whorl_math::words::ranked(word, known, 3);
             return Err(
                 self.refuse(from, format!("there is no function `{word}`; nearest: {}", near.join(", ")))
             );

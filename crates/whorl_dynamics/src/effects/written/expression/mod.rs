@@ -393,7 +393,7 @@ impl Parser<'_> {
         }
         let Some(quantity) = QUANTITIES.iter().find(|q| q.name == word) else {
             let own = self.names.iter().map(|n| n.name.as_str());
-            let near = crate::effects::error::nearest(word, own.chain(QUANTITIES.iter().map(|q| q.name)), 3);
+            let near = whorl_math::words::ranked(word, own.chain(QUANTITIES.iter().map(|q| q.name)), 3);
             return Err(self.refuse(
                 from,
                 format!(
