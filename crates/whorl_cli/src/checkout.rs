@@ -75,7 +75,7 @@ fn try_run(arguments: &Arguments, ends_with_its_reader: &AtomicBool) -> anyhow::
     ends_with_its_reader.store(false, Ordering::Relaxed);
     let mut supervisor = Supervisor::new(domain.clone());
     supervisor.start(&programs, driver, &domain.logs())?;
-    let result = Bench::new(platform, &interrupted).and_then(|mut bench| {
+    let result = Bench::new(platform, &model, &interrupted).and_then(|mut bench| {
         bench.wait_for_devices(&mut supervisor)?;
         if arguments.backend == Backend::Hardware && domain.emulated(platform).is_none() {
             if !arguments.yes {
@@ -111,10 +111,12 @@ struct Bench<'a> {
     slot: u64,
     rates: Vec<(Instant, Vector3<f64>)>,
     seen: bool,
+    /// Gimbals of the platform, which stay where they are.
+    gimbals: usize,
 }
 
 impl<'a> Bench<'a> {
-    fn new(platform: &str, interrupted: &'a Interrupted) -> anyhow::Result<Self> {
+    fn new(platform: &str, model: &PlatformModel, interrupted: &'a Interrupted) -> anyhow::Result<Self> {
         let network = Network::from_environment()?;
         let platforms = [platform.to_owned()];
         let topics = Subscription::new(&network, &platforms, &[], &[Topic::ImuRaw, Topic::WheelState])?;
@@ -133,6 +135,7 @@ impl<'a> Bench<'a> {
             slot: 0,
             rates: Vec::new(),
             seen: false,
+            gimbals: model.gyros().len(),
         })
     }
 
@@ -193,6 +196,7 @@ impl<'a> Bench<'a> {
                 jet_slot: self.slot,
                 jet_slot_length_s: length_s.max(JET_S),
                 jet_on_time_s: jets.to_vec(),
+                gimbal_rate_rad_s: vec![0.0; self.gimbals],
             };
             self.sequence += 1;
             Message::from(command).encode_into(&mut bytes)?;

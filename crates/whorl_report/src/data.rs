@@ -31,6 +31,8 @@ pub struct PlatformData {
     pub vector: Vec<Recorded<Vector3Stamped>>,
     /// Wheel speeds and torques.
     pub wheels: Vec<Recorded<JointState>>,
+    /// Angles, rates and torques of gimbals.
+    pub gimbals: Vec<Recorded<JointState>>,
     /// Valves.
     pub thrusters: Vec<Recorded<ThrusterState>>,
     /// Bus voltage.
@@ -114,6 +116,7 @@ impl RunData {
             ImuRaw Imu imu;
             VectorDirection Vector3Stamped vector;
             WheelState JointState wheels;
+            GimbalState JointState gimbals;
             ThrusterState ThrusterState thrusters;
             Battery BatteryState battery;
             TankPressure FluidPressure tank_pressure;

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_math::{EulerAngles, EulerSequence, deg_from_rad, rpm_from_rad_s};
+use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::whorl::ModelFit;
 
 use crate::data::{PlatformData, RunData};
@@ -123,6 +124,20 @@ pub fn platform_figures(
         y_label: "speed [rpm]".to_owned(),
         curves: wheel_speeds(data),
         limits: wheel_limits(shape),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Gimbal angles".to_owned(),
+        caption: "Of the control moment gyros.".to_owned(),
+        y_label: "angle [deg]".to_owned(),
+        curves: gimbals(data, |state| &state.position),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Gimbal rates".to_owned(),
+        caption: "Of the control moment gyros.".to_owned(),
+        y_label: "rate [deg/s]".to_owned(),
+        curves: gimbals(data, |state| &state.velocity),
         ..Figure::default()
     });
     figures.push(Figure {
@@ -297,6 +312,17 @@ fn wheel_speeds(data: &PlatformData) -> Vec<Curve> {
         )
     });
     speeds.collect()
+}
+
+/// What a function picks of the gimbals' states, in degrees.
+fn gimbals(data: &PlatformData, of: fn(&JointState) -> &Vec<f64>) -> Vec<Curve> {
+    let names = data.gimbals.first().map(|g| g.message.name.clone()).unwrap_or_default();
+    let one = |(i, name): (usize, &String)| {
+        let values =
+            data.gimbals.iter().filter_map(|g| Some((g.stamp_s, deg_from_rad(*of(&g.message).get(i)?))));
+        Curve::new(name.as_str(), values)
+    };
+    names.iter().enumerate().map(one).collect()
 }
 
 fn jet_figures(data: &PlatformData) -> Vec<Figure> {
