@@ -13,7 +13,7 @@ static INFO: EffectInfo = EffectInfo {
     title: "gimbal bearing friction",
     explanation: "A gimbal turns slower than it is told, and not at all when it is told to turn slowly: the platform gets less torque than the allocation has planned.",
     equation: "torque on gimbal j = -b_j dgamma/dt - T_j sign(dgamma/dt), stuck at dgamma/dt = 0 while |drive| <= T_j; the body takes the opposite",
-    source: "viscous and Coulomb friction; of gimbals: Lappas, Steyn and Underwood, Attitude control for small satellites using control moment gyros, Acta Astronautica 51, 2002",
+    source: "viscous and Coulomb friction, sticking as in Karnopp, Computer simulation of stick-slip friction in mechanical dynamic systems, J. Dynamic Systems, Measurement, and Control 107, 1985",
     kind: EffectKind::Actuator,
     confusable_with: &[],
     separated_by: "",

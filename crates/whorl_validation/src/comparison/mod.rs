@@ -122,8 +122,7 @@ fn remarks(
             "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
         );
     }
-    let has_wheels = recording.wheel_torque_command_n_m.value.iter().any(|torques| !torques.is_empty());
-    if !clamped && recording.wheel_speed_rad_s.is_empty() && has_wheels {
+    if !clamped && recording.wheel_speed_rad_s.is_empty() && !recording.wheel_torque_command_n_m.is_empty() {
         say("The wheels' speeds were not recorded: they are assumed to start at rest.");
     }
     if *freedom == Freedom::OnBearing && !clamped && recording.specific_force_b_m_s2.is_empty() {

@@ -19,7 +19,7 @@
 use nalgebra::{Matrix3, Vector3};
 use whorl_dynamics::actuators::Motor;
 
-/// lambda_0, mu, e_0 of Wie, Bailey and Heiberg 2001, section V.
+/// lambda_0, mu, e_0 as Wie, Bailey and Heiberg 2001 use them.
 const LARGEST: f64 = 0.01;
 const FADING: f64 = 10.0;
 const MIXED: f64 = 0.01;
