@@ -8,6 +8,7 @@ impl ActuatorCommand {
     pub fn motor_commands(&self, field: &str) -> Option<&[f64]> {
         match field {
             "wheel_torque_n_m" => Some(&self.wheel_torque_n_m),
+            "gimbal_rate_rad_s" => Some(&self.gimbal_rate_rad_s),
             _ => None,
         }
     }
@@ -16,6 +17,7 @@ impl ActuatorCommand {
     pub fn motor_commands_mut(&mut self, field: &str) -> Option<&mut Vec<f64>> {
         match field {
             "wheel_torque_n_m" => Some(&mut self.wheel_torque_n_m),
+            "gimbal_rate_rad_s" => Some(&mut self.gimbal_rate_rad_s),
             _ => None,
         }
     }

@@ -7,6 +7,9 @@ use thiserror::Error;
 /// The 4 bytes in front of a little-endian CDR payload: representation identifier, options.
 pub const LITTLE_ENDIAN_HEADER: [u8; 4] = [0, 1, 0, 0];
 
+/// Types that had no list at their end in earlier versions; recordings from then lack it, and it is empty.
+const GROWN: [&str; 1] = ["whorl_msgs/msg/ActuatorCommand"];
+
 /// Why bytes could not be encoded or decoded.
 #[derive(Debug, Error)]
 pub enum CdrError {
@@ -65,10 +68,19 @@ pub fn decode<T: DeserializeOwned>(type_name: &'static str, bytes: &[u8]) -> Res
     let [high, low, _, _, payload @ ..] = bytes else {
         return Err(CdrError::TooShort { length: bytes.len() });
     };
-    let decoded = match u16::from_be_bytes([*high, *low]) {
-        0 => cdr_encoding::from_bytes::<T, BigEndian>(payload),
-        1 => cdr_encoding::from_bytes::<T, LittleEndian>(payload),
-        identifier => return Err(CdrError::Representation { identifier }),
+    let read = |payload: &[u8]| match u16::from_be_bytes([*high, *low]) {
+        0 => Ok(cdr_encoding::from_bytes::<T, BigEndian>(payload)),
+        1 => Ok(cdr_encoding::from_bytes::<T, LittleEndian>(payload)),
+        identifier => Err(CdrError::Representation { identifier }),
     };
+    let mut decoded = read(payload)?;
+    if decoded.is_err() && GROWN.contains(&type_name) {
+        // Its last list starts where the payload ends, at a multiple of 4: an empty one is four zeros.
+        let mut longer = payload.to_vec();
+        longer.resize(payload.len().next_multiple_of(4) + 4, 0);
+        if let Ok(whole) = read(&longer)? {
+            decoded = Ok(whole);
+        }
+    }
     decoded.map(|(value, _)| value).map_err(|source| CdrError::Content { type_name, source })
 }

@@ -176,6 +176,9 @@ topics! {
     VectorDirection "vector_sensor/direction" platform Vector3Stamped STREAM 10.0;
     /// Wheels: `velocity` is the speed \[rad/s\], `effort` the motor torque \[N m\]. From the driver.
     WheelState "wheels/state" platform JointState STREAM 100.0;
+    /// Gimbals of control moment gyros: `position` is the angle \[rad\], `velocity` the rate \[rad/s\], `effort` the
+    /// motor torque \[N m\]. From the driver, of platforms that have them.
+    GimbalState "gimbals/state" platform JointState STREAM 100.0;
     /// Valve on-times, from the driver.
     ThrusterState "thrusters/state" platform ThrusterState STREAM 100.0;
     /// Bus voltage \[V\], from the driver.
@@ -184,7 +187,7 @@ topics! {
     TankPressure "tank_pressure" platform FluidPressure STREAM 10.0;
     /// Platform temperature in degrees Celsius, from the driver.
     Temperature "temperature" platform Temperature STREAM 1.0;
-    /// Wheel torques and jet on-times, from local control.
+    /// Wheel torques, gimbal rates and jet on-times, from local control.
     ActuatorCommand "actuators/command" platform ActuatorCommand STREAM 100.0;
     /// What the driver's gate made of them, from the driver.
     GateState "actuators/gate" platform GateState STREAM 10.0;
@@ -221,10 +224,11 @@ topics! {
 
 impl Topic {
     /// Measurements that a driver publishes.
-    pub const FROM_DRIVER: [Self; 8] = [
+    pub const FROM_DRIVER: [Self; 9] = [
         Self::ImuRaw,
         Self::VectorDirection,
         Self::WheelState,
+        Self::GimbalState,
         Self::ThrusterState,
         Self::Battery,
         Self::TankPressure,

@@ -20,7 +20,7 @@ pub fn channels() -> String {
             Form::Axes | Form::Directions => Some(vec!["x", "y", "z"]),
             Form::Attitude => Some(vec!["w", "x", "y", "z"]),
             Form::Scalar => Some(vec![""]),
-            Form::Wheels { .. } | Form::Pulses => None,
+            Form::Wheels { .. } | Form::Gimbals { .. } | Form::Pulses => None,
         };
         json!({
             "key": info.key,

@@ -3,5 +3,6 @@
 mod accuracy;
 mod determinism;
 mod faults;
+mod gyros;
 mod link;
 mod momentum;

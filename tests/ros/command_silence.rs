@@ -82,6 +82,7 @@ fn a_driver_alone_obeys_a_sender_and_switches_off_when_he_falls_silent() {
             jet_slot: 0,
             jet_slot_length_s: 20.0,
             jet_on_time_s: jets,
+            gimbal_rate_rad_s: Vec::new(),
         };
         writer.publish(&encoded(&command.into())).unwrap();
         sequence += 1;

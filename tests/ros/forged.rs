@@ -100,6 +100,7 @@ fn a_forged_sequence_number_does_not_deafen_a_subscription() {
                 jet_slot: sent / 10,
                 jet_slot_length_s: 0.1,
                 jet_on_time_s: vec![0.0; 12],
+                gimbal_rate_rad_s: Vec::new(),
             };
             sent += 1;
             writer.publish(&encoded(&command.into())).unwrap();

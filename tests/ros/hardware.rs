@@ -69,6 +69,7 @@ impl Sender {
                 jet_slot: 0,
                 jet_slot_length_s: 1.0,
                 jet_on_time_s: vec![0.0; 12],
+                gimbal_rate_rad_s: Vec::new(),
             };
             self.writer.publish(&encoded(&command.into())).unwrap();
             self.sequence += 1;

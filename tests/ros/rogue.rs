@@ -39,6 +39,7 @@ fn command() -> ActuatorCommand {
         jet_slot: 1,
         jet_slot_length_s: 0.1,
         jet_on_time_s: vec![0.0; 12],
+        gimbal_rate_rad_s: Vec::new(),
     }
 }
 

@@ -78,7 +78,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let interrupted = Interrupted::new()?;
     let mut supervisor = Supervisor::new(domain.clone());
     supervisor.start(&programs, driver, &domain.logs())?;
-    let result = Bench::new(platform, &interrupted).and_then(|mut bench| {
+    let result = Bench::new(platform, &model, &interrupted).and_then(|mut bench| {
         bench.wait_for_devices(&mut supervisor)?;
         if arguments.backend == Backend::Hardware && domain.emulated(platform).is_none() {
             if !arguments.yes {
@@ -118,10 +118,12 @@ struct Bench<'a> {
     slot: u64,
     rates: Vec<(Instant, Vector3<f64>)>,
     seen: bool,
+    /// Gimbals of the platform, which stay where they are.
+    gimbals: usize,
 }
 
 impl<'a> Bench<'a> {
-    fn new(platform: &str, interrupted: &'a Interrupted) -> anyhow::Result<Self> {
+    fn new(platform: &str, model: &PlatformModel, interrupted: &'a Interrupted) -> anyhow::Result<Self> {
         let network = Network::from_environment()?;
         let platforms = [platform.to_owned()];
         let topics = Subscription::new(&network, &platforms, &[], &[Topic::ImuRaw, Topic::WheelState])?;
@@ -140,6 +142,7 @@ impl<'a> Bench<'a> {
             slot: 0,
             rates: Vec::new(),
             seen: false,
+            gimbals: model.gyros().len(),
         })
     }
 
@@ -200,6 +203,7 @@ impl<'a> Bench<'a> {
                 jet_slot: self.slot,
                 jet_slot_length_s: length_s.max(JET_S),
                 jet_on_time_s: jets.to_vec(),
+                gimbal_rate_rad_s: vec![0.0; self.gimbals],
             };
             self.sequence += 1;
             Message::from(command).encode_into(&mut bytes)?;

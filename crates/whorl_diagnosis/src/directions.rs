@@ -95,6 +95,7 @@ pub fn directions(
         jets: !model.jets().is_empty(),
         wheels,
         wheel_command: wheels && measured.wheel_torque,
+        gimbals: false,
         accel: false,
         vector: false,
         temperature: measured.temperature,

@@ -31,6 +31,12 @@ pub struct Environment<'a> {
     pub wheel_speed_rad_s: &'a [f64],
     /// Torques the wheel motors make [N m], friction not included.
     pub wheel_motor_torque_n_m: &'a [f64],
+    /// Gimbal angles of control moment gyros \[rad\].
+    pub gimbal_angle_rad: &'a [f64],
+    /// Gimbal rates [rad/s].
+    pub gimbal_rate_rad_s: &'a [f64],
+    /// Gimbal accelerations [rad/s^2]. Known only from measurements of the gimbals' motion.
+    pub gimbal_acceleration_rad_s2: &'a [f64],
     /// Share of each valve's flow that passes now, 0..1.
     pub valve_fraction: &'a [f64],
     /// Tank pressure \[Pa\].
@@ -66,6 +72,9 @@ impl<'a> Environment<'a> {
             omega_dot_wb_b_rad_s2: Vector3::zeros(),
             wheel_speed_rad_s: &[],
             wheel_motor_torque_n_m: &[],
+            gimbal_angle_rad: &[],
+            gimbal_rate_rad_s: &[],
+            gimbal_acceleration_rad_s2: &[],
             valve_fraction: &[],
             tank_pressure_pa: model.tank().initial_pressure_pa,
             gas_used_kg: 0.0,
@@ -92,6 +101,24 @@ impl<'a> Environment<'a> {
     #[must_use]
     pub fn wheel_speed(&self, wheel: usize) -> f64 {
         self.wheel_speed_rad_s.get(wheel).copied().unwrap_or(0.0)
+    }
+
+    /// Gimbal angle of a gyro \[rad\].
+    #[must_use]
+    pub fn gimbal_angle(&self, gyro: usize) -> f64 {
+        self.gimbal_angle_rad.get(gyro).copied().unwrap_or(0.0)
+    }
+
+    /// Gimbal rate of a gyro [rad/s].
+    #[must_use]
+    pub fn gimbal_rate(&self, gyro: usize) -> f64 {
+        self.gimbal_rate_rad_s.get(gyro).copied().unwrap_or(0.0)
+    }
+
+    /// Gimbal acceleration of a gyro [rad/s^2].
+    #[must_use]
+    pub fn gimbal_acceleration(&self, gyro: usize) -> f64 {
+        self.gimbal_acceleration_rad_s2.get(gyro).copied().unwrap_or(0.0)
     }
 
     /// Torque of a wheel's motor [N m].

@@ -43,7 +43,8 @@ impl Component {
             Form::Wheels { .. } => wheels,
             Form::Scalar => 1,
             // Attitudes have no separate components, and pulses are not samples.
-            Form::Attitude | Form::Pulses => 0,
+            // The motion of gimbals is an input of the model, which predicts none of it.
+            Form::Attitude | Form::Pulses | Form::Gimbals { .. } => 0,
         };
         (0..count).map(move |index| Self::new(channel, sensor, index))
     }

@@ -125,14 +125,14 @@ fn checked(of: &Samples, first_s: f64) -> Result<Vec<(i64, Vec<f64>)>, String> {
         Form::Axes | Form::Directions => Some((3, "x, y, z")),
         Form::Attitude => Some((4, "w, x, y, z")),
         Form::Scalar => Some((1, "one number")),
-        Form::Wheels { .. } => None,
+        Form::Wheels { .. } | Form::Gimbals { .. } => None,
         Form::Pulses => return Err("jets have pulses, not samples: give `jets`".to_owned()),
     };
     if let Some((width, what)) = allowed.filter(|(width, _)| *width != of.width) {
         return Err(format!("a sample has {} numbers; allowed: {width} ({what})", of.width));
     }
     if of.width == 0 {
-        return Err("a sample has no numbers; allowed: one for each wheel".to_owned());
+        return Err("a sample has no numbers; allowed: one for each wheel or gyro".to_owned());
     }
     let rows = of.numbers.chunks_exact(of.width);
     if rows.len() != of.time_s.len() || !rows.remainder().is_empty() {

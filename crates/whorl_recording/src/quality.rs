@@ -27,7 +27,7 @@ struct Cost {
     sentence: &'static str,
 }
 
-const COSTS: [Cost; 9] = [
+const COSTS: [Cost; 10] = [
     Cost {
         any_of: &[Channel::WheelSpeed],
         is_of_body: false,
@@ -41,6 +41,13 @@ const COSTS: [Cost; 9] = [
         matters: |model| !model.wheels().is_empty(),
         sentence: "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier, and \
              wheel_friction cannot be told from what the motors were asked to do.",
+    },
+    Cost {
+        any_of: &[Channel::GimbalAngle],
+        is_of_body: true,
+        matters: |model| !model.gyros().is_empty(),
+        sentence: "No gimbal angle: the momentum of the control moment gyros is not known, so their torque looks like a \
+             disturbance, and gimbal_misalignment and rotor_momentum cannot be told.",
     },
     Cost {
         any_of: &[Channel::Gyro],
@@ -95,13 +102,20 @@ impl Recording {
     /// Refuses a model of another platform.
     ///
     /// # Errors
-    /// [`RecordingError::OtherPlatform`] when the numbers of wheels or jets differ.
+    /// [`RecordingError::OtherPlatform`] when the numbers of wheels, gyros or jets differ.
     pub fn check_fits(&self, model: &PlatformModel, model_name: &str) -> Result<(), RecordingError> {
         let mut of_wheels =
             self.sampled().filter(|(channel, ..)| matches!(channel.info().form, Form::Wheels { .. }));
         let wheels = of_wheels.next().map(|(.., series)| series.numbers(0).len());
         let jets = Some(self.jet_pulses.len()).filter(|jets| *jets > 0);
-        let parts = [("wheels", wheels, model.wheels().len()), ("jets", jets, model.jets().len())];
+        let mut of_gimbals =
+            self.sampled().filter(|(channel, ..)| matches!(channel.info().form, Form::Gimbals { .. }));
+        let gimbals = of_gimbals.next().map(|(.., series)| series.numbers(0).len());
+        let parts = [
+            ("wheels", wheels, model.wheels().len()),
+            ("control moment gyros", gimbals, model.gyros().len()),
+            ("jets", jets, model.jets().len()),
+        ];
         for (what, counted, expected) in parts {
             if let Some(counted) = counted.filter(|counted| *counted != expected) {
                 return Err(RecordingError::OtherPlatform {

@@ -69,6 +69,12 @@ pub struct Recording {
     pub wheel_torque_command_n_m: Series<Vec<f64>>,
     /// Measured motor currents \[A\], one per wheel, positive where the torque is.
     pub wheel_current_a: Series<Vec<f64>>,
+    /// Measured gimbal angles of control moment gyros \[rad\], one per gyro of the platform.
+    pub gimbal_angle_rad: Series<Vec<f64>>,
+    /// Measured gimbal rates [rad/s], one per gyro.
+    pub gimbal_rate_rad_s: Series<Vec<f64>>,
+    /// Torques of the gimbals' motors about their axes [N m], one per gyro.
+    pub gimbal_torque_n_m: Series<Vec<f64>>,
     /// Commanded pulses of each jet, in order of time; empty if the jets' commands were not recorded.
     pub jet_pulses: Vec<Vec<OnInterval>>,
     /// Known torque on the body from other actuators, body axes [N m]; each holds until the next.
@@ -101,6 +107,9 @@ macro_rules! series_of {
             Channel::WheelSpeed => &$($mutable)? $recording.wheel_speed_rad_s,
             Channel::WheelTorqueCommand => &$($mutable)? $recording.wheel_torque_command_n_m,
             Channel::WheelCurrent => &$($mutable)? $recording.wheel_current_a,
+            Channel::GimbalAngle => &$($mutable)? $recording.gimbal_angle_rad,
+            Channel::GimbalRate => &$($mutable)? $recording.gimbal_rate_rad_s,
+            Channel::GimbalTorque => &$($mutable)? $recording.gimbal_torque_n_m,
             // Pulses are no samples.
             Channel::Jets => return None,
             Channel::BodyTorque => &$($mutable)? $recording.body_torque_b_n_m,

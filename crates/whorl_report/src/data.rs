@@ -168,6 +168,7 @@ impl Collector {
                 data.add_control(window, of(m.header.stamp), &m);
             }
             (Topic::WheelState, Message::JointState(m)) => data.add_wheels(of(m.header.stamp), &m),
+            (Topic::GimbalState, Message::JointState(m)) => data.add_gimbals(of(m.header.stamp), &m),
             (Topic::ThrusterState, Message::ThrusterState(m)) => {
                 data.add_thrusters(window, of(m.header.stamp), m);
             }

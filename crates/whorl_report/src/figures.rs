@@ -110,6 +110,20 @@ pub fn platform_figures(data: &PlatformData, shape: Option<&PlatformShape>) -> V
         ..Figure::default()
     });
     figures.push(Figure {
+        title: "Gimbal angles".to_owned(),
+        caption: "Of the control moment gyros.".to_owned(),
+        y_label: "angle [deg]".to_owned(),
+        curves: data.gimbals.iter().map(|(name, [angle, _])| angle.curve(name.as_str())).collect(),
+        ..Figure::default()
+    });
+    figures.push(Figure {
+        title: "Gimbal rates".to_owned(),
+        caption: "Of the control moment gyros.".to_owned(),
+        y_label: "rate [deg/s]".to_owned(),
+        curves: data.gimbals.iter().map(|(name, [_, rate])| rate.curve(name.as_str())).collect(),
+        ..Figure::default()
+    });
+    figures.push(Figure {
         title: "Torque".to_owned(),
         caption:
             "Achieved by the actuators' model (solid) and asked for by the controller (dashed), body axes. \

@@ -50,6 +50,8 @@ pub struct PlatformData {
     pub(crate) torque_asked: [GrowingCurve; 3],
     /// Name and speed of each wheel \[rpm\].
     pub(crate) wheels: Vec<(String, GrowingCurve)>,
+    /// Name, angle \[deg\] and rate \[deg/s\] of each gimbal.
+    pub(crate) gimbals: Vec<(String, [GrowingCurve; 2])>,
     /// Open time of each jet \[s\].
     pub(crate) jets: Vec<GrowingCurve>,
     /// Gas used \[g\].
@@ -318,6 +320,16 @@ impl PlatformData {
         }
         let largest = &mut self.numbers.wheel_speed_max_rad_s;
         *largest = m.velocity.iter().fold(*largest, |max, speed| max.max(speed.abs()));
+    }
+
+    pub(crate) fn add_gimbals(&mut self, time_s: f64, m: &JointState) {
+        if self.gimbals.is_empty() {
+            self.gimbals.extend(m.name.iter().map(|name| (name.clone(), Default::default())));
+        }
+        for ((_, [angle, rate]), (q, v)) in self.gimbals.iter_mut().zip(m.position.iter().zip(&m.velocity)) {
+            angle.push(time_s, deg_from_rad(*q));
+            rate.push(time_s, deg_from_rad(*v));
+        }
     }
 
     pub(crate) fn add_thrusters(&mut self, window: &mut Window, time_s: f64, m: ThrusterState) {

@@ -41,7 +41,7 @@ pub struct Grant {
 fn access(topic: Topic) -> (&'static [Node], &'static [Node]) {
     use Node::{Coordinator, Driver, Estimator, LocalControl, ModelMonitor, Recorder};
     match topic {
-        Topic::ImuRaw | Topic::WheelState | Topic::ThrusterState => {
+        Topic::ImuRaw | Topic::WheelState | Topic::GimbalState | Topic::ThrusterState => {
             (&[Driver], &[Estimator, LocalControl, ModelMonitor])
         }
         Topic::VectorDirection => (&[Driver], &[Estimator]),

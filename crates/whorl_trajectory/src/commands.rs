@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
 
+use crate::gimbals::GimbalMotion;
 use crate::wheel_torque;
 
 /// Commands of a run in order of time.
@@ -27,6 +28,7 @@ enum Event {
     Jet { jet: usize, on_time_s: f64 },
     Ballast(Vector3<f64>),
     Torque(Vector3<f64>),
+    Gimbals { angle_rad: Vec<f64>, rate_rad_s: Vec<f64> },
 }
 
 /// Mean inputs over a short stretch of time.
@@ -66,6 +68,13 @@ impl Commands {
         let body = &recording.body_torque_b_n_m;
         for (t, torque) in body.time_s.iter().zip(&body.value) {
             events.push((ns(*t), Event::Torque(*torque)));
+        }
+        // The gimbals of the model follow those that were measured: from each sample to the next.
+        let gimbals = &recording.gimbal_angle_rad;
+        for (k, (t, angle_rad)) in gimbals.time_s.iter().zip(&gimbals.value).enumerate() {
+            let next = gimbals.time_s.get(k + 1).copied().unwrap_or(*t);
+            let rate_rad_s = GimbalMotion::between(recording, *t, next).rate_rad_s;
+            events.push((ns(*t), Event::Gimbals { angle_rad: angle_rad.clone(), rate_rad_s }));
         }
         let mut flow = Vec::new();
         for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
@@ -113,6 +122,9 @@ impl Commands {
             }
             Some((_, Event::Ballast(moment))) => plant.set_ballast_moment(*moment),
             Some((_, Event::Torque(torque))) => plant.set_body_torque(*torque),
+            Some((_, Event::Gimbals { angle_rad, rate_rad_s })) => {
+                let _ = plant.move_gimbals_along(angle_rad, rate_rad_s);
+            }
             None => {}
         }
     }

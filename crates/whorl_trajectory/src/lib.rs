@@ -7,12 +7,14 @@
 //! - [`bins`]: means of samples over equal stretches of time;
 //! - [`line`](mod@line): straight lines through neighbouring samples;
 //! - [`commands`]: commands of a run, as the model's actuators receive them;
+//! - [`gimbals`]: the measured motion of gimbals;
 //! - [`smoothing`]: attitude, rate, wheel speeds and sensor biases from all of a run's data;
 //! - [`residual_torque`]: the unexplained torque over time;
 //! - [`spectrum`]: Fourier transforms of series.
 
 pub mod bins;
 pub mod commands;
+pub mod gimbals;
 pub mod line;
 pub mod noise;
 mod refusal;

@@ -200,6 +200,12 @@ fn counts(recording: &Recording, model: &PlatformModel) -> Result<(), Refusal> {
             return Err(count("wheels", given, wheels));
         }
     }
+    let gyros = model.gyros().len();
+    for series in [&recording.gimbal_angle_rad, &recording.gimbal_rate_rad_s, &recording.gimbal_torque_n_m] {
+        if let Some(given) = series.value.iter().map(Vec::len).find(|given| *given != gyros) {
+            return Err(count("control moment gyros", given, gyros));
+        }
+    }
     if !recording.jet_pulses.is_empty() && recording.jet_pulses.len() != jets {
         return Err(count("jets", recording.jet_pulses.len(), jets));
     }

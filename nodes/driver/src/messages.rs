@@ -10,11 +10,15 @@ use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::AttitudeEstimate;
 use whorl_node::Timestamp;
 
-/// Of each kind of actuator that has motors: the topic of its joint states, and the joints' names.
+/// Of each kind of actuator that has motors: the topic of its joint states, and the joints' names. Wheels have their topic
+/// even on a platform without any; the other kinds only on platforms that have them.
 pub(crate) fn joint_names(actuators: &Actuators) -> Vec<(Kind, Topic, Vec<String>)> {
     let kinds = Kind::ALL.into_iter().zip(actuators.kinds());
     let measured = kinds.filter_map(|(kind, row)| {
         let topic = Topic::find(row.channel()?.state_topic, true)?;
+        if kind != Kind::Wheels && row.names().is_empty() {
+            return None;
+        }
         Some((kind, topic, row.names().into_iter().map(str::to_owned).collect()))
     });
     measured.collect()

@@ -67,6 +67,8 @@ pub struct Summary {
     pub unloading: bool,
     /// Gas used by the model [kg].
     pub gas_used_kg: f64,
+    /// How far gimbals are from a singular configuration, if the platform has any.
+    pub singularity_measure: Option<f64>,
 }
 
 /// The message.
@@ -78,6 +80,8 @@ pub fn diagnostics(now: Timestamp, name: &str, s: &Summary) -> DiagnosticArray {
         _ => DiagnosticStatus::OK,
     };
     let value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
+    let gimbals =
+        s.singularity_measure.map(|m| value("singularity measure of the gimbals", format!("{m:.4}")));
     DiagnosticArray {
         header: Header { stamp: now.into(), frame_id: String::new() },
         status: vec![DiagnosticStatus {
@@ -85,7 +89,7 @@ pub fn diagnostics(now: Timestamp, name: &str, s: &Summary) -> DiagnosticArray {
             name: format!("{name}: local_control"),
             message: phrase(s.mode, s.reason),
             hardware_id: name.to_owned(),
-            values: vec![
+            values: [
                 value("messages not finite", s.refused.not_finite.to_string()),
                 value("messages out of order", s.refused.out_of_order.to_string()),
                 value("messages late", s.refused.late.to_string()),
@@ -96,7 +100,10 @@ pub fn diagnostics(now: Timestamp, name: &str, s: &Summary) -> DiagnosticArray {
                 value("failed jets", s.failed_jets.to_string()),
                 value("unloading wheels", s.unloading.to_string()),
                 value("gas used [kg]", format!("{:.5}", s.gas_used_kg)),
-            ],
+            ]
+            .into_iter()
+            .chain(gimbals)
+            .collect(),
         }],
     }
 }

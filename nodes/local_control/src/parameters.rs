@@ -102,10 +102,11 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     let actuators = match r.choice_or(
         "actuators",
         "both",
-        &["wheels", "jets", "both"],
-        "wheels: momentum wheels alone; jets: cold-gas jets alone; both: wheels, unloaded by the jets",
+        &["wheels", "motors", "jets", "both"],
+        "wheels, or motors: momentum wheels and gimbals of control moment gyros alone; jets: cold-gas jets alone; both: \
+         motors, wheels unloaded by the jets",
     ) {
-        "wheels" => Mode::Motors,
+        "wheels" | "motors" => Mode::Motors,
         "jets" => Mode::Jets,
         _ => Mode::Both,
     };
@@ -179,10 +180,10 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         );
     }
     if actuators != Mode::Motors && model.jets().is_empty() {
-        r.reject("actuators", "the model has no jets; allowed: wheels");
+        r.reject("actuators", "the model has no jets; allowed: wheels or motors");
     }
     if actuators != Mode::Jets && model.actuators.motor_ranges().iter().all(Range::is_empty) {
-        r.reject("actuators", "the model has no wheels; allowed: jets");
+        r.reject("actuators", "the model has no wheels and no control moment gyros; allowed: jets");
     }
     for margin in ["reference_tilt_margin_rad", "safe_tilt_margin_rad"] {
         let value = if margin.starts_with('r') {

@@ -167,6 +167,7 @@ impl LocalControlCore {
                 failed_jets: self.actuation.failed_jets().iter().filter(|failed| **failed).count(),
                 unloading: self.actuation.unloading(),
                 gas_used_kg: self.actuation.gas_used_kg(),
+                singularity_measure: self.actuation.singularity_measure(),
             };
             outputs.publish(
                 Route::shared(Topic::Diagnostics),

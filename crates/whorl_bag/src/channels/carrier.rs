@@ -21,6 +21,8 @@ pub enum Carrier {
     LinearAcceleration,
     /// `geometry_msgs/Vector3Stamped`.
     Vector,
+    /// `sensor_msgs/JointState`, `position` \[rad\].
+    JointPosition,
     /// `sensor_msgs/JointState`, `velocity` [rad/s].
     JointVelocity,
     /// `sensor_msgs/JointState`, `effort`.
@@ -46,7 +48,7 @@ impl Carrier {
         match self {
             Self::AngularVelocity | Self::LinearAcceleration => MessageType::Imu,
             Self::Vector => MessageType::Vector3Stamped,
-            Self::JointVelocity | Self::JointEffort => MessageType::JointState,
+            Self::JointPosition | Self::JointVelocity | Self::JointEffort => MessageType::JointState,
             Self::Voltage => MessageType::BatteryState,
             Self::FluidPressure => MessageType::FluidPressure,
             Self::Temperature => MessageType::Temperature,
@@ -70,6 +72,7 @@ impl Carrier {
                 axes(m.linear_acceleration).filter(|_| given(&m.linear_acceleration_covariance))
             }
             (Self::Vector, Message::Vector3Stamped(m)) => axes(m.vector),
+            (Self::JointPosition, Message::JointState(m)) => list(&m.position),
             (Self::JointVelocity, Message::JointState(m)) => list(&m.velocity),
             (Self::JointEffort, Message::JointState(m)) => list(&m.effort),
             (Self::Voltage, Message::BatteryState(m)) => Some(vec![f64::from(m.voltage)]),
@@ -103,6 +106,7 @@ impl Carrier {
                 m.linear_acceleration_covariance = [0.0; 9];
             }
             (Self::Vector, Message::Vector3Stamped(m)) => m.vector = axes(),
+            (Self::JointPosition, Message::JointState(m)) => m.position = numbers.to_vec(),
             (Self::JointVelocity, Message::JointState(m)) => m.velocity = numbers.to_vec(),
             (Self::JointEffort, Message::JointState(m)) => m.effort = numbers.to_vec(),
             (Self::Voltage, Message::BatteryState(m)) => m.voltage = first() as f32,

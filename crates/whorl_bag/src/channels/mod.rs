@@ -87,6 +87,7 @@ impl Channel {
                 Some(name) => format!("{}_{each}", name.as_ref()),
                 None => format!("wheel_{}_{each}", index + 1),
             },
+            Form::Gimbals { each } => format!("gimbal_{}_{each}", index + 1),
             Form::Axes => format!("{}_{}", info.key, AXES.get(index).copied().unwrap_or_default()),
             _ => info.key.to_owned(),
         }

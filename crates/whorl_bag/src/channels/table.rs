@@ -16,6 +16,11 @@ pub enum Form {
         /// What a wheel's number is called behind the wheel's name.
         each: &'static str,
     },
+    /// One for each control moment gyro, in the order of the platform's gyros.
+    Gimbals {
+        /// What a gimbal's number is called behind its name.
+        each: &'static str,
+    },
     /// One.
     Scalar,
     /// Components along x, y, z of the body of a direction that is fixed in the world; a platform may have several
@@ -185,6 +190,39 @@ channels! {
         topic_key: "wheel_current",
         carrier: Carrier::JointEffort,
         resolution: Some(0.01),
+    }
+    /// Gimbal angles of control moment gyros \[rad\].
+    GimbalAngle {
+        key: "gimbal_angle",
+        holds: "angle of each control moment gyro's gimbal, right-handed about its axis",
+        form: Form::Gimbals { each: "angle" },
+        units: units::ANGLE,
+        column: ("gimbal", "_rad"),
+        place: Place::Topic(Topic::GimbalState),
+        topic_key: "gimbal_state",
+        carrier: Carrier::JointPosition,
+    }
+    /// Gimbal rates [rad/s].
+    GimbalRate {
+        key: "gimbal_rate",
+        holds: "rate of each control moment gyro's gimbal",
+        form: Form::Gimbals { each: "rate" },
+        units: units::RATE,
+        column: ("gimbal", "_rad_s"),
+        place: Place::Topic(Topic::GimbalState),
+        topic_key: "gimbal_state",
+        carrier: Carrier::JointVelocity,
+    }
+    /// Torques of the gimbals' motors [N m].
+    GimbalTorque {
+        key: "gimbal_torque",
+        holds: "torque of each gimbal's motor about its axis",
+        form: Form::Gimbals { each: "torque" },
+        units: units::TORQUE,
+        column: ("gimbal", "_n_m"),
+        place: Place::Topic(Topic::GimbalState),
+        topic_key: "gimbal_state",
+        carrier: Carrier::JointEffort,
     }
     /// Commanded pulses of each jet \[s\].
     Jets {

@@ -169,7 +169,9 @@ impl CsvMap {
             Form::Directions => !self.vectors.is_empty(),
             Form::Pulses => self.jets.is_some(),
             Form::Attitude => self.true_attitude.is_some(),
-            Form::Axes | Form::Wheels { .. } | Form::Scalar => self.channels.contains_key(&channel),
+            Form::Axes | Form::Wheels { .. } | Form::Gimbals { .. } | Form::Scalar => {
+                self.channels.contains_key(&channel)
+            }
         }
     }
 
@@ -199,6 +201,7 @@ impl CsvMap {
                     (columns.to_vec(), "unit of these columns")
                 }
                 Form::Wheels { .. } => (counted(r, info.holds, wheels), "unit of these columns"),
+                Form::Gimbals { .. } => (counted(r, info.holds, None), "unit of these columns"),
                 Form::Scalar => {
                     let holds = format!("name of the column of the {}", info.holds);
                     (vec![r.string("column", &holds)], "unit of this column")

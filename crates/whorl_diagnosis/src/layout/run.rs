@@ -5,6 +5,7 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Mounting, OnInterval, Recording, Series};
 use whorl_trajectory::bins::{Bins, Mean3, SampleTimes};
+use whorl_trajectory::gimbals::GimbalMotion;
 use whorl_trajectory::noise::stamp_jitter_s;
 use whorl_trajectory::{Needs, check, wheel_torque};
 
@@ -38,6 +39,36 @@ pub(crate) struct VectorRun {
     pub mean: Vec<Mean3>,
     /// In each of the two directions across a sample \[rad\].
     pub noise_rad: f64,
+}
+
+/// Gimbals as they were read at one instant.
+#[derive(Debug, Clone)]
+pub(crate) struct GimbalSample {
+    pub time_s: f64,
+    pub angle_rad: Vec<f64>,
+    pub rate_rad_s: Vec<f64>,
+    pub torque_n_m: Vec<f64>,
+}
+
+impl GimbalSample {
+    /// Those whose stamps agree.
+    fn all(recording: &Recording) -> Vec<Self> {
+        let (angle, rate, torque) =
+            (&recording.gimbal_angle_rad, &recording.gimbal_rate_rad_s, &recording.gimbal_torque_n_m);
+        let find = |series: &Series<Vec<f64>>, time_s: f64| {
+            let k = series.time_s.partition_point(|t| *t < time_s);
+            (series.time_s.get(k) == Some(&time_s)).then(|| series.value.get(k).cloned()).flatten()
+        };
+        let sample = |(time_s, angle_rad): (&f64, &Vec<f64>)| {
+            Some(Self {
+                time_s: *time_s,
+                angle_rad: angle_rad.clone(),
+                rate_rad_s: find(rate, *time_s)?,
+                torque_n_m: find(torque, *time_s)?,
+            })
+        };
+        angle.time_s.iter().zip(&angle.value).filter_map(sample).collect()
+    }
 }
 
 /// A recording on nodes.
@@ -81,6 +112,10 @@ pub(crate) struct Run {
     /// Latency of gyro and accelerometer that was taken off their stamps \[s\].
     pub latency_s: f64,
     pub remarks: Vec<String>,
+    /// Samples of the gimbals that have angle, rate and motor torque.
+    pub gimbal_samples: Vec<GimbalSample>,
+    /// Of each interval; empty without gimbals.
+    pub gimbals: Vec<GimbalMotion>,
     pub has_pressure: bool,
     pub has_voltage: bool,
     pub has_temperature: bool,
@@ -231,6 +266,14 @@ impl Run {
             noise,
             latency_s,
             remarks: Vec::new(),
+            gimbal_samples: GimbalSample::all(recording),
+            gimbals: if recording.gimbal_angle_rad.is_empty() {
+                Vec::new()
+            } else {
+                intervals_of(&bins.times.node_s)
+                    .map(|(from, to)| GimbalMotion::between(recording, from, to))
+                    .collect()
+            },
             has_pressure: recording.tank_pressure_pa.len() > 1,
             has_voltage: recording.bus_voltage_v.len() > 1,
             has_temperature: recording.temperature_k.len() > 1,
@@ -268,7 +311,8 @@ impl Run {
                 );
             }
         }
-        let has_actuators = !model.wheels().is_empty() || !model.jets().is_empty();
+        let has_actuators =
+            !model.wheels().is_empty() || !model.jets().is_empty() || !model.gyros().is_empty();
         if !has_actuators && recording.body_torque_b_n_m.is_empty() {
             missing.push("no body torque, and the model has no wheels or jets: any torque on the platform appears as a missing torque");
         }
@@ -279,6 +323,10 @@ impl Run {
             if recording.wheel_torque_command_n_m.is_empty() {
                 missing.push("no wheel torque commands: friction, windage and supply voltage of the wheels cannot be tested");
             }
+        }
+        if !model.gyros().is_empty() && recording.gimbal_angle_rad.is_empty() {
+            missing
+                .push("no gimbal angles: the torque of the control moment gyros appears as a missing torque");
         }
         if recording.tank_pressure_pa.is_empty() && recording.jet_pulses.iter().any(|p| !p.is_empty()) {
             missing.push("no tank pressure: it is predicted from the gas used");
@@ -309,6 +357,12 @@ impl Run {
 /// Whether the body was held.
 pub(crate) fn is_clamped(recording: &Recording, model: &PlatformModel) -> bool {
     recording.mounting == Mounting::Clamped || !model.freedom.turns()
+}
+
+/// From each node to the next; at the last one, to itself.
+fn intervals_of(node_s: &[f64]) -> impl Iterator<Item = (f64, f64)> {
+    let next = node_s.iter().skip(1).chain(node_s.last());
+    node_s.iter().zip(next).map(|(from, to)| (*from, *to))
 }
 
 /// A channel with its stamps set back.

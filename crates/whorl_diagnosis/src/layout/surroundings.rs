@@ -67,10 +67,11 @@ impl Run {
         Ok(())
     }
 
-    /// What effects see at node `k` in this motion, wheels and inputs left to the caller.
+    /// What effects see at node `k` in this motion, gimbals as in the interval after it, wheels and inputs left to the
+    /// caller.
     pub fn environment<'a>(&'a self, model: &'a PlatformModel, k: usize) -> Environment<'a> {
         let at = |values: &[f64], fallback: f64| values.get(k).copied().unwrap_or(fallback);
-        Environment {
+        let mut environment = Environment {
             time_s: self.time(k),
             tank_pressure_pa: at(&self.pressure_pa, model.tank().initial_pressure_pa),
             gas_used_kg: at(&self.gas_used_kg, 0.0),
@@ -78,7 +79,11 @@ impl Run {
             temperature_k: at(&self.temperature_k, model.sensors.ambient_temperature_k),
             ballast_direction: self.ballast_direction.get(k).copied().unwrap_or_default(),
             ..Environment::new(model, nalgebra::UnitQuaternion::identity(), Vector3::zeros())
+        };
+        if let Some(gimbals) = self.gimbals.get(k) {
+            gimbals.show(&mut environment);
         }
+        environment
     }
 }
 

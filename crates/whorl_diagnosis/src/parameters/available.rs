@@ -12,6 +12,7 @@ pub(crate) struct Available {
     pub jets: bool,
     pub wheels: bool,
     pub wheel_command: bool,
+    pub gimbals: bool,
     pub accel: bool,
     pub vector: bool,
     pub temperature: bool,
@@ -34,6 +35,9 @@ impl Available {
             jets: any(&|r| !r.clamped && r.jet_pulses.iter().any(|p| !p.is_empty())),
             wheels: any(&|r| !r.wheel_command.is_empty()),
             wheel_command: any(&|r| r.has_wheel_command),
+            gimbals: any(&|r| {
+                !r.clamped && r.gimbals.iter().any(|g| g.rate_rad_s.iter().any(|rate| *rate != 0.0))
+            }),
             accel: any(&|r| !r.clamped && r.accel.iter().any(|a| a.count > 0.0)),
             vector: any(&|r| !r.clamped && !r.vectors.is_empty()),
             temperature: any(&|r| r.has_temperature),
@@ -57,6 +61,7 @@ impl Available {
             Need::Jets => self.jets,
             Need::Wheels => self.wheels,
             Need::WheelCommands => self.wheel_command,
+            Need::Gimbals => self.gimbals,
             Need::Accelerometer => self.accel,
             Need::VectorSensor => self.vector,
             Need::Temperature => self.temperature,

@@ -77,13 +77,25 @@ pub fn prospects(
         temperature: own.temperature || added.temperature,
         voltage: own.voltage || added.voltage,
         ballast: own.ballast || added.ballast,
+        gimbals: own.gimbals || added.gimbals,
         bin_s: own.bin_s.max(added.bin_s),
         largest_rate_rad_s: own.largest_rate_rad_s.max(added.largest_rate_rad_s),
         largest_tilt_rad: own.largest_tilt_rad.max(added.largest_tilt_rad),
         clips: own.clips || added.clips,
     };
     let testable = |a: &Available| {
-        [a.body, a.jets, a.wheels, a.wheel_command, a.accel, a.vector, a.temperature, a.voltage, a.ballast]
+        [
+            a.body,
+            a.jets,
+            a.wheels,
+            a.wheel_command,
+            a.gimbals,
+            a.accel,
+            a.vector,
+            a.temperature,
+            a.voltage,
+            a.ballast,
+        ]
     };
     if testable(&joint) != testable(&own) {
         search.available = joint;

@@ -29,6 +29,7 @@ fn input_of(problem: &Problem, column: &Column) -> Option<usize> {
     match spec.base? {
         BasePrior::JetThrust => Some(0),
         BasePrior::WheelSpinInertia => Some(1 + spec.part.index()?),
+        BasePrior::RotorMomentum => Some(1 + problem.reference.model.wheels().len() + spec.part.index()?),
         _ => None,
     }
 }

@@ -4,6 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use std::collections::BTreeMap;
+use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::{InitialState, MassProperties, ModelPrior, Plant, PlatformModel};
 use whorl_recording::{OnInterval, Recording, Series, VectorChannel};
 
@@ -127,6 +128,21 @@ pub(crate) fn record(
         let samples = plant.sample_wheels();
         recording.wheel_speed_rad_s.time_s.push(t);
         recording.wheel_speed_rad_s.value.push(samples.iter().map(|s| s.speed_rad_s).collect());
+        if !truth.gyros().is_empty() {
+            let gimbals = plant.sample_joints(Kind::ControlMomentGyros);
+            for (series, numbers) in [
+                (&mut recording.gimbal_angle_rad, gimbals.position_rad),
+                (&mut recording.gimbal_rate_rad_s, gimbals.velocity_rad_s),
+                (&mut recording.gimbal_torque_n_m, gimbals.effort_n_m),
+            ] {
+                series.time_s.push(t);
+                series.value.push(numbers);
+            }
+            // Each gimbal swings at its own frequency.
+            let swing = |j: usize| 0.4 * (0.4 * (1.0 + 0.37 * j as f64) * t + j as f64).sin();
+            let rates: Vec<f64> = (0..truth.gyros().len()).map(swing).collect();
+            plant.command_motors(Kind::ControlMomentGyros, &rates).unwrap();
+        }
         if k % 10 == 0 {
             if let Some(sample) = plant.sample_vector() {
                 recording.vectors[0].direction_b.time_s.push(t);

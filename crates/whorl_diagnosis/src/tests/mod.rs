@@ -2,6 +2,7 @@
 
 mod bad_input;
 pub(crate) mod generator;
+mod gyros;
 mod naming;
 mod noise_walks;
 mod prospects;

@@ -305,7 +305,7 @@ impl Search<'_> {
         let odd_runs = self.odd_runs(&noise);
         let mut remarks: Vec<String> =
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
-        let mut direct: Vec<Candidate> = self.digital().into_iter().collect();
+        let mut direct: Vec<Candidate> = self.digital().into_iter().chain(self.gimbal_drag()).collect();
         let at = point_of(self.problem, &self.layout, &self.point, &self.best);
         direct.extend(fast_effects(self.place(), &at, &self.options.exclude));
         let contradiction = self.contradiction();

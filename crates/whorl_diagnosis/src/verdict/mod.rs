@@ -3,6 +3,7 @@
 pub(crate) mod answer;
 pub(crate) mod direct;
 pub(crate) mod fit;
+pub(crate) mod gimbals;
 pub(crate) mod posterior;
 pub(crate) mod report;
 pub(crate) mod unrecorded;

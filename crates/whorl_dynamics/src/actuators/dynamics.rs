@@ -76,7 +76,7 @@ pub(crate) trait KindDynamics {
     fn add_momentum(&self, _state: &Self::State, _sum_b_n_m_s: &mut Vector3<f64>) {}
 
     /// Takes out of `left` the inertia that does not resist angular acceleration, body axes [kg m^2]; without a
-    /// drive, of every part that can move.
+    /// drive, of every part whose torque a model knows, rather than its motion.
     fn take_out(&self, _drive: Option<&Self::Drive>, _left: &mut Matrix3<f64>) {}
 
     /// Forces at one instant; what acts on the body directly is added to `body`.

@@ -64,6 +64,17 @@ pub trait ActuatorKind: fmt::Debug {
     /// the unit of its command.
     fn motors(&self, _joints: &Joints, _effects: &[f64], _motors: &mut [Motor]) {}
 
+    /// Commands that its motors should have for their own sake, as far as the torque on the body leaves them free, in
+    /// the unit of each command: zero unless a kind says otherwise.
+    fn prefer(&self, _joints: &Joints, preferred: &mut [f64]) {
+        preferred.fill(0.0);
+    }
+
+    /// Whether the direction of its motors' torque changes as they move, so that all may come to lie in one plane.
+    fn may_be_singular(&self) -> bool {
+        false
+    }
+
     /// Momentum that its moving parts have relative to the body, body axes [N m s].
     fn momentum_b_n_m_s(&self, _joints: &Joints) -> Vector3<f64> {
         Vector3::zeros()

@@ -21,8 +21,6 @@ macro_rules! with_kinds {
             wheels: Wheels, WheelPriors;
             jets: Jets, JetPriors;
             moving_masses: MovingMasses, MovingMassPriors;
-            // Shows that a kind needs only its folder and a row; used only in the tests of this crate.
-            #[cfg(test)]
             control_moment_gyros: ControlMomentGyros, GyroPriors;
         }
     };
@@ -154,6 +152,22 @@ impl Actuators {
                 kind.motors(joints, effects.get(range).unwrap_or(&[]), motors);
             }
         }
+    }
+
+    /// Commands that every motor should have for its own sake, in the order of the table; see
+    /// [`ActuatorKind::prefer`].
+    pub fn prefer(&self, joints: &[Joints; KINDS], preferred: &mut [f64]) {
+        for ((kind, range), joints) in self.kinds().into_iter().zip(self.motor_ranges()).zip(joints) {
+            if let Some(preferred) = preferred.get_mut(range) {
+                kind.prefer(joints, preferred);
+            }
+        }
+    }
+
+    /// Whether the direction of some motor's torque changes as it moves, so that all may come to lie in one plane.
+    #[must_use]
+    pub fn may_be_singular(&self) -> bool {
+        self.kinds().into_iter().any(|kind| kind.may_be_singular() && !kind.names().is_empty())
     }
 
     /// Momentum that the moving parts have relative to the body, body axes [N m s].

@@ -21,6 +21,10 @@ pub enum BasePrior {
     JetThrust,
     /// `actuators.jets.direction_rad` of the parameter's jet.
     JetDirection,
+    /// `actuators.control_moment_gyros.rotor_momentum` of the parameter's gyro.
+    RotorMomentum,
+    /// `actuators.control_moment_gyros.axis_rad` of the parameter's gyro.
+    GimbalAxis,
 }
 
 impl BasePrior {
@@ -35,6 +39,8 @@ impl BasePrior {
             Self::WheelAxis => of(&prior.actuators.wheels.axis_rad),
             Self::JetThrust => of(&prior.actuators.jets.thrust),
             Self::JetDirection => of(&prior.actuators.jets.direction_rad),
+            Self::RotorMomentum => of(&prior.actuators.control_moment_gyros.rotor_momentum),
+            Self::GimbalAxis => of(&prior.actuators.control_moment_gyros.axis_rad),
         }
     }
 
@@ -58,6 +64,8 @@ impl BasePrior {
             Self::WheelAxis => set(&mut prior.actuators.wheels.axis_rad),
             Self::JetThrust => set(&mut prior.actuators.jets.thrust),
             Self::JetDirection => set(&mut prior.actuators.jets.direction_rad),
+            Self::RotorMomentum => set(&mut prior.actuators.control_moment_gyros.rotor_momentum),
+            Self::GimbalAxis => set(&mut prior.actuators.control_moment_gyros.axis_rad),
         }
     }
 
@@ -70,7 +78,12 @@ impl BasePrior {
         match self {
             Self::GravityOffset(axis) => properties.gravity_offset_b_n_m().get(axis).copied(),
             Self::Inertia(row, column) => inertia.get((row, column)).copied(),
-            Self::WheelSpinInertia | Self::WheelAxis | Self::JetThrust | Self::JetDirection => None,
+            Self::WheelSpinInertia
+            | Self::WheelAxis
+            | Self::JetThrust
+            | Self::JetDirection
+            | Self::RotorMomentum
+            | Self::GimbalAxis => None,
         }
     }
 }

@@ -16,10 +16,11 @@ use nalgebra::Vector3;
 
 use super::{ParameterSpec, Part};
 use crate::PlatformModel;
+use crate::actuators::control_moment_gyros::Gyro;
 use crate::platform::{Jet, Wheel};
 
 /// Declares a struct of named values and the parameters behind them; see the module's page. `$of` is what the
-/// parameters depend on: the platform, or one wheel or jet of it.
+/// parameters depend on: the platform, or one wheel, jet or gyro of it.
 macro_rules! parameters {
     ($(#[$doc:meta])* $name:ident($of:ident: $kind:ty) { $($field:ident: $value:ty = $specs:expr),+ $(,)? }) => {
         $(#[$doc])*
@@ -172,6 +173,12 @@ pub(super) fn per_wheel<N: Named<Of = Wheel>>(model: &PlatformModel) -> Vec<Para
 pub(super) fn per_jet<N: Named<Of = Jet>>(model: &PlatformModel) -> Vec<ParameterSpec> {
     let of = |(j, jet): (usize, &Jet)| of_part(N::specs(jet), &jet.name, Part::Jet(j));
     model.jets().iter().enumerate().flat_map(of).collect()
+}
+
+/// Parameters of every control moment gyro: the gyro's name, and behind it the name that `specs` gives.
+pub(super) fn per_gyro<N: Named<Of = Gyro>>(model: &PlatformModel) -> Vec<ParameterSpec> {
+    let of = |(j, gyro): (usize, &Gyro)| of_part(N::specs(gyro), &gyro.name, Part::Gyro(j));
+    model.gyros().iter().enumerate().flat_map(of).collect()
 }
 
 fn of_part(specs: Vec<ParameterSpec>, owner: &str, part: Part) -> Vec<ParameterSpec> {

@@ -15,15 +15,17 @@ pub enum Part {
     Wheel(usize),
     /// This jet of the model.
     Jet(usize),
+    /// This control moment gyro of the model.
+    Gyro(usize),
 }
 
 impl Part {
-    /// The wheel's or jet's number.
+    /// The wheel's, jet's or gyro's number.
     #[must_use]
     pub fn index(self) -> Option<usize> {
         match self {
             Self::Platform => None,
-            Self::Wheel(index) | Self::Jet(index) => Some(index),
+            Self::Wheel(index) | Self::Jet(index) | Self::Gyro(index) => Some(index),
         }
     }
 }

@@ -14,6 +14,8 @@ pub enum Need {
     Jets,
     /// Wheels are driven.
     Wheels,
+    /// Gimbals of control moment gyros turn while the body is free, and their motion is recorded.
+    Gimbals,
     /// Commanded torques of wheels are recorded.
     WheelCommands,
     /// The accelerometer is recorded.
@@ -189,6 +191,9 @@ pub enum Sighting {
     /// A torque across each wheel's axis that turns with it and goes with its speed squared; the parameter of each
     /// wheel is its size [kg m^2].
     WheelTurn,
+    /// Torque of gimbals' motors that the motion of neither gimbals nor body explains: of each gyro the parameters are the
+    /// viscous friction and the Coulomb friction, in this order.
+    GimbalDrag,
     /// One frequency in the inertial sensors, too fast for a regression.
     SensorLine {
         /// Parameters of the amplitude in each gyro axis [rad/s].

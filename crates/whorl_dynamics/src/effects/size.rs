@@ -6,6 +6,7 @@
 
 use super::ParameterSpec;
 use crate::PlatformModel;
+use crate::actuators::control_moment_gyros::Gyro;
 use crate::platform::{Jet, Wheel};
 
 /// Mean moment of inertia of the platform for which sizes are stated [kg m^2].
@@ -35,6 +36,8 @@ impl RigSize for PlatformModel {
 impl RigSize for Wheel {}
 
 impl RigSize for Jet {}
+
+impl RigSize for Gyro {}
 
 /// A parameter with its usual size on a rig; its range grows with it, and never shrinks.
 pub(super) fn for_size_of(part: &impl RigSize, spec: ParameterSpec) -> ParameterSpec {

@@ -5,26 +5,42 @@ mod sources;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use super::{
     Effect, EffectError, EffectKind, EffectSet, ParameterSpec, Part, Sighting, TrueImu, catalogue, describe,
     find,
 };
+use crate::actuators::{ActuatorKind, Kind};
 use crate::sensing::{ImuSample, VectorSample, WheelSample};
 use crate::{Environment, InitialState, Plant, PlatformModel};
 
 type Values = BTreeMap<String, f64>;
 
-fn with_effect(effect: &dyn Effect, values: &[(ParameterSpec, f64)]) -> PlatformModel {
+/// Whorl-I with two control moment gyros beside its wheels and jets: every effect has its part.
+fn platform() -> PlatformModel {
     let mut model = PlatformModel::whorl_1_reference();
+    let axes = [(Vector3::new(0.3, 1.0, -0.2), Vector3::x()), (Vector3::new(-0.5, 0.2, 1.0), Vector3::y())];
+    for (name, (gimbal, spin)) in ["cmg_a", "cmg_b"].into_iter().zip(axes) {
+        model.actuators.control_moment_gyros.add(name.to_owned());
+        let gyro = model.gyros_mut().last_mut().unwrap();
+        (gyro.gimbal_axis_b, gyro.spin_axis_b) = (Unit::new_normalize(gimbal), Unit::new_normalize(spin));
+        gyro.rotor_momentum_n_m_s = 0.8;
+        gyro.gimbal_inertia_kg_m2 = 6e-3;
+        (gyro.max_rate_rad_s, gyro.max_angle_rad, gyro.time_constant_s) = (1.0, 6.0, 4e-3);
+    }
+    model
+}
+
+fn with_effect(effect: &dyn Effect, values: &[(ParameterSpec, f64)]) -> PlatformModel {
+    let mut model = platform();
     let values: Values = values.iter().map(|(spec, x)| (spec.name.clone(), *x)).collect();
     model.effects.insert(effect.info().id.to_owned(), values);
     model
 }
 
 fn specs(effect: &dyn Effect) -> Vec<ParameterSpec> {
-    effect.parameters(&PlatformModel::whorl_1_reference())
+    effect.parameters(&platform())
 }
 
 fn neutral(effect: &dyn Effect) -> Vec<(ParameterSpec, f64)> {
@@ -49,6 +65,7 @@ type Record = (
     Vec<ImuSample>,
     Vec<VectorSample>,
     Vec<WheelSample>,
+    Vec<[f64; 6]>,
 );
 
 /// A run that moves everything: tilt, spin past the gyro's range, wheels, jets, ballast, into the stop.
@@ -60,16 +77,18 @@ fn rich_run(model: &PlatformModel) -> Record {
         ..InitialState::default()
     };
     let mut plant = Plant::new(model, &initial, 7).unwrap();
-    let mut record: Record = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut record: Record = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for slot in 0..100_i64 {
         let now_ns = slot * 20_000_000;
         let phase = slot as f64;
         plant.command_wheels(&[0.2 * (0.3 * phase).sin(), 0.1, -0.2 * (0.2 * phase).cos()]).unwrap();
+        plant.command_motors(Kind::ControlMomentGyros, &[0.5 * (0.2 * phase).sin(), -0.3]).unwrap();
         plant.command_jet_pulse((slot % 12) as usize, now_ns, 0.0151).unwrap();
         plant
             .set_ballast_moment(Vector3::new((0.1 * phase).sin(), (0.13 * phase).cos(), 0.02 * phase) * 0.01);
         plant.advance_to(now_ns + 20_000_000).unwrap();
         let state = plant.state();
+        record.4.push(state.actuators.control_moment_gyros.angle_rad);
         let [x, y, z, ..] = *state.wheel_speed_rad_s();
         record.0.push((state.q_world_body, state.omega_wb_b_rad_s, [x, y, z], state.gas_kg()));
         record.1.push(plant.sample_imu());
@@ -132,6 +151,9 @@ fn the_catalogue_is_complete_and_well_formed() {
         "wheel_motor_constant",
         "winding_cable",
         "imu_bandwidth",
+        "gimbal_misalignment",
+        "gimbal_friction",
+        "rotor_momentum",
     ];
     let ids: BTreeSet<&str> = catalogue().iter().map(|e| e.info().id).collect();
     // Ids are fixed: files and reports use them. New ones may come.
@@ -155,7 +177,7 @@ fn the_catalogue_is_complete_and_well_formed() {
             assert!(spec.prior_stddev > 0.0 && spec.prior_stddev.is_finite(), "{label}");
             assert!(!spec.doc.is_empty() && !spec.unit.is_empty(), "{label}");
         }
-        let model = PlatformModel::whorl_1_reference();
+        let model = platform();
         let text = describe(*effect, &model);
         assert!(text.starts_with(info.id) && specs.iter().all(|s| text.contains(&s.name)));
         let turns_with_a_wheel = effect.sighting() == Some(Sighting::WheelTurn);
@@ -170,7 +192,7 @@ fn the_catalogue_is_complete_and_well_formed() {
 
 #[test]
 fn parameters_say_which_wheel_or_jet_is_theirs() {
-    let model = PlatformModel::whorl_1_reference();
+    let model = platform();
     for effect in catalogue() {
         for spec in effect.parameters(&model) {
             // A name is the part's own, alone or with the quantity behind it.
@@ -178,7 +200,8 @@ fn parameters_say_which_wheel_or_jet_is_theirs() {
                 spec.name == part || spec.name.strip_prefix(part).is_some_and(|rest| rest.starts_with('_'))
             };
             let named = (model.wheels().iter().position(|w| is_of(&w.name)).map(Part::Wheel))
-                .or_else(|| model.jets().iter().position(|j| is_of(&j.name)).map(Part::Jet));
+                .or_else(|| model.jets().iter().position(|j| is_of(&j.name)).map(Part::Jet))
+                .or_else(|| model.gyros().iter().position(|g| is_of(&g.name)).map(Part::Gyro));
             assert_eq!(spec.part, named.unwrap_or(Part::Platform), "{}.{}", effect.info().id, spec.name);
         }
     }
@@ -186,11 +209,11 @@ fn parameters_say_which_wheel_or_jet_is_theirs() {
 
 #[test]
 fn neutral_values_change_nothing_at_all() {
-    let base = rich_run(&PlatformModel::whorl_1_reference());
+    let base = rich_run(&platform());
     for effect in catalogue() {
         let run = rich_run(&with_effect(*effect, &neutral(*effect)));
         assert!(run == base, "{}", effect.info().id);
-        let mut model = PlatformModel::whorl_1_reference();
+        let mut model = platform();
         model.effects.insert(effect.info().id.to_owned(), Values::new());
         assert!(rich_run(&model) == base, "{}: left-out parameters are neutral", effect.info().id);
     }
@@ -213,7 +236,7 @@ fn every_parameter_of_every_effect_matters() {
 
 /// Everything that an effect does in one environment, as a list of numbers.
 fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
-    let mut model = PlatformModel::whorl_1_reference();
+    let mut model = platform();
     effect.adjust(values, &mut model).unwrap();
     let q = UnitQuaternion::from_euler_angles(0.07, -0.06, 0.4);
     let (speed, torque, valves) = ([40.0, -30.0, 20.0], [0.1, -0.2, 0.3], [0.0, 1.0, 0.0, 0.0]);
@@ -259,6 +282,11 @@ fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
         numbers.extend(&wheel.spin_axis_b.into_inner());
         numbers.extend([wheel.spin_inertia_kg_m2, wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m]);
     }
+    for gyro in model.gyros() {
+        numbers.extend(&gyro.gimbal_axis_b.into_inner());
+        numbers.extend(&gyro.spin_axis_b.into_inner());
+        numbers.extend([gyro.rotor_momentum_n_m_s, gyro.viscous_friction_n_m_s, gyro.coulomb_friction_n_m]);
+    }
     for jet in model.jets() {
         numbers.extend(&jet.torque_b_n_m());
         numbers.extend([jet.opening_delay_s, jet.closing_delay_s]);
@@ -279,7 +307,7 @@ fn response(effect: &dyn Effect, values: &[f64], hidden: &[f64]) -> Vec<f64> {
 #[test]
 fn every_effect_is_differentiable_in_its_parameters() {
     for effect in catalogue() {
-        let model = PlatformModel::whorl_1_reference();
+        let model = platform();
         let hidden: Vec<f64> = (0..effect.hidden_states(&model)).map(|k| 0.02 + 0.01 * k as f64).collect();
         for at in [neutral(*effect), present(*effect)] {
             let point: Vec<f64> = at.iter().map(|(_, x)| *x).collect();
@@ -311,7 +339,7 @@ fn every_effect_is_differentiable_in_its_parameters() {
 /// Effects declared passive never add energy, whatever the motion.
 #[test]
 fn passive_effects_only_take_energy() {
-    let model = PlatformModel::whorl_1_reference();
+    let model = platform();
     let mut seen = Vec::new();
     for effect in catalogue().iter().filter(|e| e.info().is_passive) {
         seen.push(effect.info().id);
@@ -346,6 +374,8 @@ fn predicted_and_simulated_acceleration_agree_for_every_effect() {
         };
         let mut plant = Plant::new(&model, &initial, 7).unwrap();
         plant.command_wheels(&[0.1, -0.2, 0.3]).unwrap();
+        // A model takes the gimbals' motion as measured.
+        plant.move_gimbals_along(&[0.3, -0.7], &[0.2, 0.4]).unwrap();
         plant.advance_to(50_000_000).unwrap();
         let hidden = plant.state().hidden;
         let predicted = plant.gyrostat().angular_acceleration_b_rad_s2(&plant.environment(), &hidden);
@@ -356,7 +386,7 @@ fn predicted_and_simulated_acceleration_agree_for_every_effect() {
 
 #[test]
 fn refusals_name_what_is_wrong_and_what_is_near() {
-    let model = PlatformModel::whorl_1_reference();
+    let model = platform();
     let read = |id: &str, values: &[(&str, f64)]| {
         let values: Values = values.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
         EffectSet::from_map(&BTreeMap::from([(id.to_owned(), values)]), &model).unwrap_err()

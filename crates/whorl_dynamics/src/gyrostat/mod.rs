@@ -59,9 +59,9 @@ pub enum GyrostatError {
     /// Its actuators cannot be simulated.
     #[error(transparent)]
     Actuator(#[from] ActuatorError),
-    /// Wheels or moving masses have more inertia than the platform that contains them.
+    /// Wheels, gimbals or moving masses have more inertia than the platform that contains them.
     #[error(
-        "the inertia left when the wheels' spin inertias and moving masses are taken out is not positive definite"
+        "the inertia left when the wheels' spin inertias, the gimbals' and moving masses are taken out is not positive definite"
     )]
     NothingLeft,
 }
@@ -98,16 +98,13 @@ impl Gyrostat {
         let adjusted = effects.adjusted(model)?;
         adjusted.actuators.check()?;
         let reaction_inertia_b_kg_m2 = effects.reaction_inertia_b_kg_m2(&adjusted);
-        // With fewer free wheels the resisting inertia only grows, so all wheels free is the case to check.
+        let thrust_lag = effects.thrust_lag();
+        // With fewer free parts the resisting inertia only grows, so all parts free is the case to check.
+        let free = adjusted.actuators.idle(thrust_lag, 0);
+        rate_equation(&adjusted, &reaction_inertia_b_kg_m2, Some(&free)).ok_or(GyrostatError::NothingLeft)?;
         let equation =
             rate_equation(&adjusted, &reaction_inertia_b_kg_m2, None).ok_or(GyrostatError::NothingLeft)?;
-        Ok(Self {
-            thrust_lag: effects.thrust_lag(),
-            reaction_inertia_b_kg_m2,
-            equation,
-            model: adjusted,
-            effects,
-        })
+        Ok(Self { thrust_lag, reaction_inertia_b_kg_m2, equation, model: adjusted, effects })
     }
 
     /// The platform, constants corrected by its effects.
@@ -170,7 +167,7 @@ impl Gyrostat {
             )
     }
 
-    /// Accelerations with every wheel free, under what the model has and a torque that it does not have
+    /// Accelerations with every wheel free and the gimbals moving as measured, under what the model has and a torque that it does not have
     /// (`outside_b_n_m`: moving masses, a command in simulation) [N m].
     #[must_use]
     pub fn accelerations(
@@ -180,14 +177,15 @@ impl Gyrostat {
         outside_b_n_m: &Vector3<f64>,
     ) -> Accelerations {
         let omega = environment.omega_wb_b_rad_s;
-        let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s);
+        let momentum = self.momentum_b_n_m_s(&omega, environment.wheel_speed_rad_s)
+            + self.gyro_momentum_b_n_m_s(environment);
         let mut torque = self.modelled_torque_b_n_m(environment, hidden) + outside_b_n_m;
         if environment.valve_fraction.iter().any(|fraction| *fraction != 0.0) {
             torque += self.jet_torque_b_n_m(environment);
         }
         let (wheel_torque, stuck) = (self.wheel_torque_n_m(environment), [false; MAX_WHEELS]);
-        let on_wheels = self.on_wheels_b_n_m(&wheel_torque, &stuck);
-        let omega_dot = self.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &on_wheels);
+        let on_parts = self.on_wheels_b_n_m(&wheel_torque, &stuck) + self.on_gyros_b_n_m(environment);
+        let omega_dot = self.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &on_parts);
         Accelerations {
             omega_dot_wb_b_rad_s2: omega_dot,
             wheel_rad_s2: self.wheel_accelerations_rad_s2(&wheel_torque, &stuck, &omega_dot),

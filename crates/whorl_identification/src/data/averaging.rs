@@ -104,6 +104,12 @@ pub struct PreparedData {
 /// When a run cannot be used at all.
 pub fn prepare(runs: &[&Recording], model: &PlatformModel, step_s: f64) -> Result<PreparedData, DataError> {
     let gyrostat = Gyrostat::new(model).map_err(|error| DataError::Model(error.to_string()))?;
+    if !model.gyros().is_empty() {
+        let sentence = "mass properties are identified from platforms with wheels and jets; this one has control moment gyros, \
+                        whose gimbals the identification does not read. `whorl diagnose` does, and fits inertia and gravity \
+                        offset beside its effects.";
+        return Err(DataError::Refused(sentence.to_owned()));
+    }
     let mut data = PreparedData::default();
     for (index, run) in runs.iter().enumerate() {
         prepare_run(index, run, &gyrostat, step_s, &mut data)?;

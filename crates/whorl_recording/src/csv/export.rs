@@ -130,7 +130,7 @@ pub fn column_names(channel: Channel, sensor: usize, count: usize, given: &[Stri
         Form::Directions => along(&AXES, &format!("{stem}_{}", sensor + 1)),
         Form::Attitude => along(&["w", "x", "y", "z"], stem),
         Form::Scalar => vec![format!("{stem}{end}")],
-        Form::Wheels { .. } | Form::Pulses => {
+        Form::Wheels { .. } | Form::Gimbals { .. } | Form::Pulses => {
             let name = |j: usize| given.get(j).cloned().unwrap_or_else(|| format!("{stem}_{}", j + 1));
             (0..count).map(|j| format!("{}{end}", name(j))).collect()
         }
@@ -157,7 +157,11 @@ impl Parts<'_> {
             None => return None,
         };
         let count = cells.first()?.1.split(',').count();
-        let given = if info.form == Form::Pulses { self.jets } else { self.wheels };
+        let given = match info.form {
+            Form::Pulses => self.jets,
+            Form::Wheels { .. } => self.wheels,
+            _ => &[],
+        };
         let mut names = column_names(channel, sensor, count, given);
         for (name, _) in names.iter_mut().zip(lacks).filter(|(_, lacks)| *lacks) {
             NO_COLUMN.clone_into(name);

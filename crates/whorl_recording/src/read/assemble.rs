@@ -75,6 +75,8 @@ pub(super) fn recording(
     let commanded = gathered.samples.entry((Channel::WheelTorqueCommand, 0)).or_default();
     if commanded.is_empty() {
         *commanded = wheel_torque::in_force(&applied.wheel_torque_n_m, &gathered.wheel_effort);
+        // Commands of a platform without wheels.
+        commanded.retain(|(_, torques)| !torques.is_empty());
     }
     let vectors = vectors(&mut gathered, start, model, &mut remarks);
     let mut recording = Recording {

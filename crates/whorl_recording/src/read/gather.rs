@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use whorl_bag::{Carrier, Channel, RecordedMessage};
+use whorl_bag::{Carrier, Channel, Form, RecordedMessage};
 use whorl_msgs::Message;
 use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::whorl::{ControlStatus, ThrusterState};
@@ -82,7 +82,9 @@ impl Gathered {
         for role in roles {
             match (*role, message) {
                 (Role::Measured(_, _), Message::ThrusterState(m)) => self.thrusters.push((at, m.clone())),
-                (Role::Measured(channel, _), Message::JointState(m)) => self.wheels(channel, at, m),
+                (Role::Measured(channel, _), Message::JointState(m)) if is_of_wheels(channel) => {
+                    self.wheels(channel, at, m);
+                }
                 (Role::Measured(channel, sensor), message) => {
                     self.keep(channel, sensor, at, channel.info().carrier.read(message));
                 }
@@ -166,6 +168,11 @@ impl Gathered {
     pub fn one_clock(&self) -> bool {
         self.clocks == Some(Clocks::One)
     }
+}
+
+/// Gimbals come in the order of the platform's parameters; wheels may stand among other joints.
+fn is_of_wheels(channel: Channel) -> bool {
+    matches!(channel.info().form, Form::Wheels { .. })
 }
 
 /// In order of their stamps, each stamp once; returns how many were left out as doubles.

@@ -42,6 +42,7 @@ pub(super) fn message((kind, numbers, stamp, counter): &(usize, Vec<f64>, i64, u
                 jet_slot: counter / 2,
                 jet_slot_length_s: first.abs(),
                 jet_on_time_s: numbers,
+                gimbal_rate_rad_s: Vec::new(),
             };
             (Topic::ActuatorCommand, command.into())
         }

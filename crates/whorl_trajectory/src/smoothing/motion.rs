@@ -6,6 +6,7 @@ use whorl_recording::{Mounting, Recording, Series};
 
 use super::attitude::{Attitudes, smooth_attitude};
 use crate::commands::Commands;
+use crate::gimbals::GimbalMotion;
 use crate::line::{Value, local_line};
 
 /// Half-width of the average for a smoothed rate or speed \[s\].
@@ -73,6 +74,8 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             environment.wheel_speed_rad_s = &wheel_speed;
             environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
             environment.valve_fraction = &drive.valve_fraction;
+            let gimbals = GimbalMotion::between(recording, from, *t);
+            gimbals.show(&mut environment);
             let equation = gyrostat.rate_equation();
             let ballast = equation.gravity_torque_n_m(&drive.ballast_moment_b_n_m, &environment.vertical_b);
             let outside = drive.body_torque_b_n_m + ballast;

@@ -86,6 +86,7 @@ fn a_new_slot_replaces_what_is_left_of_the_one_before() {
             jet_slot: sequence,
             jet_slot_length_s: 0.1,
             jet_on_time_s,
+            gimbal_rate_rad_s: Vec::new(),
         };
         let route = Route::platform(PlatformId(0), Topic::ActuatorCommand);
         driver.step(at(now_ms), Event::Message { route, message: &command.into() }, &mut Outputs::default());
@@ -161,6 +162,7 @@ fn a_command_after_a_pause_does_not_hide_it() {
         jet_slot: 4,
         jet_slot_length_s: 0.1,
         jet_on_time_s: vec![0.0; model.jets().len()],
+        gimbal_rate_rad_s: Vec::new(),
     };
     late.jet_on_time_s[2] = 0.05;
     // It is handled before the timer that is owed.

@@ -17,6 +17,7 @@ fn command(sequence: u64, stamp_ms: i64, valid_ms: i64, slot: u64) -> ActuatorCo
         jet_slot: slot,
         jet_slot_length_s: 0.1,
         jet_on_time_s: vec![0.02, 0.5],
+        gimbal_rate_rad_s: Vec::new(),
     }
 }
 

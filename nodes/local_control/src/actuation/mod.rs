@@ -13,6 +13,7 @@
 
 mod jets;
 mod motors;
+mod steering;
 
 use std::ops::Range;
 
@@ -92,6 +93,14 @@ pub struct Actuation {
     unloading: MomentumUnloading,
     wheel_target_rad_s: Vec<f64>,
     demand: TorqueDemand,
+    /// Whether the motors' torques may come to lie in one plane.
+    may_be_singular: bool,
+    /// Command that each motor should have for its own sake.
+    preferred: Vec<f64>,
+    /// Time of this step.
+    now: Timestamp,
+    /// How far the motors' torques are from lying in one plane, if they ever may: det C C^T of [`steering`].
+    measure: Option<f64>,
     /// Unloading torque desired of each motor.
     unload: Vec<f64>,
     /// Torque of the model's effects on each motor's rotor besides friction, in the unit of its command.
@@ -139,7 +148,9 @@ impl Actuation {
         actuators.motors(&Default::default(), &[], &mut motors);
         let lag = gyrostat.thrust_lag();
         let gas_rate_kg_s: Vec<f64> = jets.iter().map(|jet| gyrostat.gas_rate_kg_s(jet.thrust_n)).collect();
-        let columns = |vectors: Vec<Vector3<f64>>| Matrix3xX::from_columns(&vectors);
+        let columns = |vectors: Vec<Vector3<f64>>| {
+            Matrix3xX::from_fn(vectors.len(), |i, j| vectors.get(j).map_or(0.0, |vector| vector[i]))
+        };
         let effectors = Effectors::new(EffectorLayout {
             jet_torque_b_n_m: columns(jets.iter().map(Jet::torque_b_n_m).collect()),
             jet_force_b_n: None,
@@ -157,6 +168,10 @@ impl Actuation {
             modulator,
             unloading: MomentumUnloading::new(parameters.unloading)?,
             wheel_target_rad_s: parameters.wheel_speed_target_rad_s.clone(),
+            may_be_singular: actuators.may_be_singular(),
+            preferred: vec![0.0; motors.len()],
+            now: Timestamp(0),
+            measure: None,
             unload: vec![0.0; motors.len()],
             effects: vec![0.0; motors.len()],
             command: vec![0.0; motors.len()],
@@ -207,6 +222,7 @@ impl Actuation {
         joints: &[Joints; KINDS],
         failed_by_driver: &[bool],
     ) -> Actuated {
+        self.now = stamp;
         self.set_motors(joints);
         self.set_available(failed_by_driver);
         if self.mode != Mode::Motors && self.slot_begins(stamp) {
@@ -243,6 +259,7 @@ impl Actuation {
         joints: &[Joints; KINDS],
         failed_by_driver: &[bool],
     ) -> (Actuated, bool) {
+        self.now = stamp;
         self.set_motors(joints);
         self.set_available(failed_by_driver);
         let begins = self.slot_begins(stamp);
@@ -297,7 +314,14 @@ impl Actuation {
         self.demand.mode = mode;
         self.demand.torque_b_n_m = torque_b_n_m;
         if mode != Mode::Both {
-            self.demand.motor_desired.fill(0.0);
+            self.demand.motor_desired.copy_from_slice(&self.preferred);
+        }
+        if mode == Mode::Motors && self.may_be_singular {
+            let period_ns = (steering::PERIOD_S * 1e9) as i64;
+            let time_s = self.now.0.rem_euclid(period_ns) as f64 * 1e-9;
+            let (attainable_b_n_m, measure) = steering::attainable(&self.motors, &torque_b_n_m, time_s);
+            self.measure = Some(measure);
+            self.demand.torque_b_n_m = attainable_b_n_m;
         }
         let allocation = self.allocator.allocate(&self.demand).ok();
         if allocation.as_ref().is_none_or(|a| matches!(a.status, Status::Fallback(_))) {
@@ -309,7 +333,20 @@ impl Actuation {
             let agrees = self.allocator.check(&self.demand, allocation).is_ok_and(|check| check.agrees());
             self.checks.disagreed += u64::from(!agrees);
         }
-        allocation
+        // The share of what was asked, not of what could be given without excessive rates.
+        let square = torque_b_n_m.norm_squared();
+        allocation.map(|mut found| {
+            if self.demand.torque_b_n_m != torque_b_n_m && square > 0.0 {
+                let share = found.achieved_torque_b_n_m.dot(&torque_b_n_m) / square;
+                found.alpha = found.alpha.min(share.clamp(0.0, 1.0));
+            }
+            found
+        })
+    }
+
+    /// How far the torques of gimbals are from lying in one plane, 0 = singular; `None` without gimbals.
+    pub fn singularity_measure(&self) -> Option<f64> {
+        self.measure
     }
 
     /// Allocations that needed the fallback.

@@ -9,6 +9,7 @@ impl Actuation {
     /// Bounds, torque and feed-forward of every motor in its current state.
     pub(super) fn set_motors(&mut self, joints: &[Joints; KINDS]) {
         self.actuators.motors(joints, &self.effects, &mut self.motors);
+        self.actuators.prefer(joints, &mut self.preferred);
         let bounds = self.demand.motor_min.iter_mut().zip(&mut self.demand.motor_max);
         for (j, (motor, (min, max))) in self.motors.iter().zip(bounds).enumerate() {
             self.allocator.set_motor_torque(j, &motor.torque_b);

@@ -97,7 +97,8 @@ impl Way {
         let lag = base.thrust_lag() != moved.thrust_lag();
         let thrust = thrust_factor(base) != thrust_factor(moved);
         let jets = a.jets() != b.jets() || a.tank() != b.tank() || lag || thrust;
-        let platform = a.wheels() != b.wheels() || a.mass_properties != b.mass_properties;
+        let gyros = a.gyros() != b.gyros();
+        let platform = gyros || a.wheels() != b.wheels() || a.mass_properties != b.mass_properties;
         let values = |gyrostat: &Gyrostat| {
             let mut active = gyrostat.effects().iter();
             active.find(|e| e.effect().info().id == effect.info().id).map(|e| e.values().to_vec())

@@ -35,8 +35,10 @@ impl System<'_> {
         offset += self.run.ballast_moment.get(k).copied().unwrap_or_default();
         put(a, n, ANGLE, ANGLE, &-skew(omega));
         put(a, n, ANGLE, RATE, &Matrix3::identity());
-        let momentum = self.mechanics.gyrostat.momentum_b_n_m_s(omega, &speed[..self.wheels()]);
-        let mut rate = self.mechanics.gyrostat.rate_equation().linearised(omega, &momentum, &offset, &up);
+        let gyrostat = &self.mechanics.gyrostat;
+        let momentum = gyrostat.momentum_b_n_m_s(omega, &speed[..self.wheels()])
+            + gyrostat.gyro_momentum_b_n_m_s(&self.run.environment(model, k));
+        let mut rate = gyrostat.rate_equation().linearised(omega, &momentum, &offset, &up);
         if let Some(slope) = self.prediction.torque_slope.get(k) {
             let damping = rate.by_torque * slope.by_rate;
             // What settles within an interval does no more than settle.

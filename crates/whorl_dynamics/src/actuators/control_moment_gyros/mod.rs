@@ -10,12 +10,24 @@
 //! and its gimbal follows, from Lagrange's equation with the rotor's speed held,
 //!
 //! ```text
-//! J_g (d2gamma/dt2 + g . dw/dt) = u + h0 t . w
+//! J_g (d2gamma/dt2 + g . dw/dt) = u + h0 t . w - b dgamma/dt - T sign(dgamma/dt)
 //! ```
 //!
+//! with viscous friction b and Coulomb friction T of its bearing, which holds a gimbal at rest that less than T drives.
+//! Its drive is a proportional rate control, u = J_g (asked - dgamma/dt) / tau, which slows down before the gimbal's
+//! travel ends: the rate asked never exceeds what is left of it over 4 tau.
+//!
 //! The inertia of the gimbal assembly is taken as the same at every angle, and is part of the platform's.
+//!
+//! What a model makes of *measured* gimbals is in `gyrostat`; how near they are to a singular configuration, and where
+//! null motion leads them, in [`singularity`].
 
 mod dynamics;
+mod gyrostat;
+mod plant;
+mod platform;
+pub mod singularity;
+#[cfg(test)]
 mod tests;
 
 pub use dynamics::State;
@@ -48,7 +60,17 @@ pub struct Gyro {
     pub max_angle_rad: f64,
     /// Time constant of the gimbal's rate control \[s\], > 0.
     pub time_constant_s: f64,
+    /// Viscous friction of the gimbal's bearing [N m s], >= 0.
+    pub viscous_friction_n_m_s: f64,
+    /// Coulomb friction of the gimbal's bearing [N m], >= 0.
+    pub coulomb_friction_n_m: f64,
 }
+
+/// Time in which a gimbal that nears the end of its travel would cover the rest at its present rate, at least, in time
+/// constants of its rate control: the fastest approach without overshoot of a loop with that lag.
+const APPROACH: f64 = 4.0;
+/// Rate below which Coulomb friction is compensated in proportion [rad/s]: its sign is noise there.
+const COULOMB_RATE_RAD_S: f64 = 2e-3;
 
 impl Gyro {
     /// s and t at a gimbal angle, body axes.
@@ -58,6 +80,27 @@ impl Gyro {
         let s0 = t0.cross(&self.gimbal_axis_b);
         let (sin, cos) = angle_rad.sin_cos();
         (s0 * cos + t0 * sin, t0 * cos - s0 * sin)
+    }
+
+    /// Torque with which the body turns the rotor per unit of gimbal rate, h0 t, body axes [N m s]; also that about the
+    /// gimbal axis per unit of body rate along it.
+    #[must_use]
+    pub fn torque_per_rate_b_n_m_s(&self, angle_rad: f64) -> Vector3<f64> {
+        self.axes_b(angle_rad).1 * self.rotor_momentum_n_m_s
+    }
+
+    /// The rates that its drive accepts at a gimbal angle [rad/s].
+    fn rates_rad_s(&self, angle_rad: f64) -> (f64, f64) {
+        let over_s = APPROACH * self.time_constant_s;
+        let limit = self.max_rate_rad_s;
+        let within = |rate: f64| rate.max(-limit).min(limit);
+        (within((-self.max_angle_rad - angle_rad) / over_s), within((self.max_angle_rad - angle_rad) / over_s))
+    }
+
+    /// Torque of its motor that is asked for this rate [N m].
+    fn motor_torque_n_m(&self, asked_rad_s: f64, angle_rad: f64, rate_rad_s: f64) -> f64 {
+        let (least, most) = self.rates_rad_s(angle_rad);
+        self.gimbal_inertia_kg_m2 * (asked_rad_s.max(least).min(most) - rate_rad_s) / self.time_constant_s
     }
 }
 
@@ -80,6 +123,8 @@ impl ActuatorKind for ControlMomentGyros {
             max_rate_rad_s: 0.0,
             max_angle_rad: 0.0,
             time_constant_s: 0.0,
+            viscous_friction_n_m_s: 0.0,
+            coulomb_friction_n_m: 0.0,
         });
     }
 
@@ -88,7 +133,7 @@ impl ActuatorKind for ControlMomentGyros {
     }
 
     fn fields(&mut self, _group: usize, member: usize) -> Vec<Field<'_>> {
-        use Allowed::Positive;
+        use Allowed::{NonNegative, Positive};
         let Some(gyro) = self.0.get_mut(member) else { return Vec::new() };
         vec![
             Field::direction("gimbal_axis", "gimbal axis, body axes", &mut gyro.gimbal_axis_b),
@@ -137,6 +182,24 @@ impl ActuatorKind for ControlMomentGyros {
                 &mut gyro.time_constant_s,
             )
             .shared(),
+            Field::number(
+                "viscous_friction_n_m_s",
+                "viscous friction of the gimbal's bearing",
+                "N m s",
+                NonNegative,
+                &mut gyro.viscous_friction_n_m_s,
+            )
+            .or(0.0)
+            .shared(),
+            Field::number(
+                "coulomb_friction_n_m",
+                "Coulomb friction of the gimbal's bearing",
+                "N m",
+                NonNegative,
+                &mut gyro.coulomb_friction_n_m,
+            )
+            .or(0.0)
+            .shared(),
         ]
     }
 
@@ -160,18 +223,35 @@ impl ActuatorKind for ControlMomentGyros {
         })
     }
 
-    /// Commands are gimbal rates [rad/s].
+    /// Commands are gimbal rates [rad/s]. The rate control gives way to friction by the rate that its torque is worth,
+    /// which is commanded on top.
     fn motors(&self, joints: &Joints, _effects: &[f64], motors: &mut [Motor]) {
         for (j, (gyro, motor)) in self.0.iter().zip(motors).enumerate() {
-            let (limit, angle) = (gyro.max_rate_rad_s, joints.position(j));
+            let (limit, angle, rate) = (gyro.max_rate_rad_s, joints.position(j), joints.velocity(j));
+            let coulomb = gyro.coulomb_friction_n_m * (rate / COULOMB_RATE_RAD_S).clamp(-1.0, 1.0);
+            let friction = gyro.viscous_friction_n_m_s * rate + coulomb;
+            let feedforward = friction * gyro.time_constant_s / gyro.gimbal_inertia_kg_m2;
+            let feedforward = feedforward.max(-limit).min(limit);
+            let (least, most) = gyro.rates_rad_s(angle);
+            let most = most.min(limit - feedforward);
             *motor = Motor {
                 torque_b: gyro.axes_b(angle).1 * -gyro.rotor_momentum_n_m_s,
                 limit,
-                min: if angle <= -gyro.max_angle_rad { 0.0 } else { -limit },
-                max: if angle >= gyro.max_angle_rad { 0.0 } else { limit },
-                feedforward: 0.0,
+                min: least.max(-limit - feedforward).min(most),
+                max: most,
+                feedforward,
             };
         }
+    }
+
+    /// Null motion: along the slope of the singularity measure, so that gimbals that are free to do so move away from
+    /// where they could not turn the body about every axis.
+    fn prefer(&self, joints: &Joints, preferred: &mut [f64]) {
+        singularity::null_motion_rad_s(&self.0, &joints.position_rad, preferred);
+    }
+
+    fn may_be_singular(&self) -> bool {
+        true
     }
 
     fn momentum_b_n_m_s(&self, joints: &Joints) -> Vector3<f64> {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 
-use super::{ControlMomentGyros, Gyro};
+use super::{ControlMomentGyros, Gyro, singularity};
 use crate::actuators::{ActuatorKind, Joints, Kind, Motor};
 use crate::{InitialState, MassProperties, Plant, PlatformModel};
 
@@ -16,6 +16,8 @@ fn gyro(gimbal_axis: Vector3<f64>, spin_axis: Vector3<f64>) -> Gyro {
         max_rate_rad_s: 0.4,
         max_angle_rad: 1.2,
         time_constant_s: 0.005,
+        viscous_friction_n_m_s: 0.0,
+        coulomb_friction_n_m: 0.0,
     }
 }
 
@@ -130,5 +132,142 @@ fn the_allocation_column_is_the_torque_that_the_plant_gives() {
     assert!((given - expected).xz().norm() < 1e-9 && expected.norm() > 0.3, "{given:?} {expected:?}");
     let stopped = Joints { position_rad: vec![1.3], velocity_rad_s: vec![0.0] };
     plant.gyrostat().model().actuators.control_moment_gyros.motors(&stopped, &[], &mut motors);
-    assert_eq!((motors[0].min, motors[0].max), (-0.4, 0.0), "beyond its largest angle only back");
+    assert!(motors[0].max < 0.0 && motors[0].min == -0.4, "beyond its largest angle only back");
+}
+
+/// Wie, section 7.5: a pyramid of four gyros at rest with skew angle b has det(C C^T) = 16 cos^4 b sin^2 b; it is singular
+/// with all rotors along one direction as far as they go.
+#[test]
+fn the_measure_of_a_pyramid_is_the_known_one() {
+    for skew in [0.4_f64, 0.927_3, 1.2] {
+        let gyros: Vec<Gyro> = (0..4)
+            .map(|j| {
+                let (sin, cos) = (std::f64::consts::FRAC_PI_2 * f64::from(j)).sin_cos();
+                let out = Vector3::new(cos * skew.sin(), sin * skew.sin(), skew.cos());
+                gyro(out, Vector3::new(-sin, cos, 0.0))
+            })
+            .collect();
+        let expected = 4.0 * skew.cos().powi(2) * skew.sin();
+        let found = singularity::measure(&gyros, &[0.0; 4]);
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        // All momentum towards y.
+        let towards_y: Vec<f64> = gyros
+            .iter()
+            .map(|g| g.gimbal_axis_b.cross(&g.spin_axis_b).y.atan2(g.spin_axis_b.y))
+            .collect();
+        assert!(singularity::measure(&gyros, &towards_y) < 1e-9);
+    }
+}
+
+/// The slope that null motion follows, by differences; of two gyros, three, and four.
+#[test]
+fn null_motion_follows_the_slope_of_the_squared_measure() {
+    let all = [
+        gyro(Vector3::new(0.3, 1.0, -0.2), Vector3::new(1.0, 0.1, 0.4)),
+        gyro(Vector3::new(-0.5, 0.2, 1.0), Vector3::new(0.2, 1.0, 0.1)),
+        gyro(Vector3::new(1.0, 0.2, 0.3), Vector3::new(0.1, 0.1, 1.0)),
+        gyro(Vector3::new(0.2, -0.7, 0.4), Vector3::new(1.0, 0.0, 0.0)),
+    ];
+    for count in 2..=4 {
+        let gyros = &all[..count];
+        let angle_rad = [0.3, -0.2, 0.5, 0.1];
+        let squared = |j: usize, by: f64| {
+            let mut moved = angle_rad;
+            moved[j] += by;
+            singularity::measure(gyros, &moved[..count]).powi(2)
+        };
+        let mut rate_rad_s = vec![0.0; count];
+        singularity::null_motion_rad_s(gyros, &angle_rad[..count], &mut rate_rad_s);
+        for (j, rate) in rate_rad_s.iter().enumerate() {
+            let slope = (squared(j, 1e-5) - squared(j, -1e-5)) / 2e-5;
+            let expected = 0.2 * 0.4 * slope.clamp(-1.0, 1.0);
+            assert!((rate - expected).abs() < 1e-8, "{count} {j}: {rate} {expected}");
+        }
+    }
+}
+
+/// With the body held, a gimbal that is asked for rate r against Coulomb friction T turns at r - T tau/J, and not at all
+/// while J r / tau < T.
+#[test]
+fn a_rate_control_gives_way_to_friction_and_sticks() {
+    let mut with_friction = gyro(Vector3::y(), Vector3::x());
+    with_friction.coulomb_friction_n_m = 1.0;
+    with_friction.viscous_friction_n_m_s = 2.0;
+    let mut plant = plant(Matrix3::identity() * 8.0, vec![with_friction], Vector3::zeros());
+    plant.set_clamped(true);
+    let rate_after = |plant: &mut Plant, asked: f64| {
+        plant.command_motors(Kind::ControlMomentGyros, &[asked]).unwrap();
+        plant.advance_to(plant.now_ns() + 200_000_000).unwrap();
+        plant.state().actuators.control_moment_gyros.rate_rad_s[0]
+    };
+    // J / tau = 10 N m s: held below 0.1 rad/s, and (10 + 2) rate = 10 asked - 1 above.
+    assert_eq!(rate_after(&mut plant, 0.09), 0.0);
+    assert!((rate_after(&mut plant, 0.3) - (10.0 * 0.3 - 1.0) / 12.0).abs() < 1e-9);
+    assert!((rate_after(&mut plant, -0.2) - -(10.0 * 0.2 - 1.0) / 12.0).abs() < 1e-9);
+    assert_eq!(rate_after(&mut plant, 0.0), 0.0, "it comes to rest and stays");
+    // What control commands on top is what friction takes.
+    let joints = Joints { position_rad: vec![0.0], velocity_rad_s: vec![0.2] };
+    let mut motors = [Motor::default()];
+    plant.gyrostat().model().actuators.control_moment_gyros.motors(&joints, &[], &mut motors);
+    assert!((rate_after(&mut plant, 0.2 + motors[0].feedforward) - 0.2).abs() < 1e-9);
+}
+
+/// A gimbal asked to go on at its end of travel stops there without overshoot.
+#[test]
+fn a_gimbal_stops_at_the_end_of_its_travel() {
+    let mut plant = plant(Matrix3::identity() * 8.0, vec![gyro(Vector3::y(), Vector3::x())], Vector3::zeros());
+    plant.set_clamped(true);
+    plant.command_motors(Kind::ControlMomentGyros, &[0.4]).unwrap();
+    let mut furthest = 0.0_f64;
+    for step in 1..=500 {
+        plant.advance_to(step * 10_000_000).unwrap();
+        furthest = furthest.max(plant.state().actuators.control_moment_gyros.angle_rad[0]);
+    }
+    assert!((furthest - 1.2).abs() < 1e-6, "{furthest}");
+}
+
+/// A model that takes the gimbals' motion as measured accelerates as the plant in which they move so, whatever the rates.
+#[test]
+fn the_model_with_measured_gimbals_is_the_plants_equation() {
+    let inertia = Matrix3::new(6.2, -0.9, -0.2, -0.9, 7.5, 0.1, -0.2, 0.1, 12.1);
+    let gyros = vec![
+        gyro(Vector3::new(0.3, 1.0, -0.2), Vector3::new(1.0, 0.1, 0.4)),
+        gyro(Vector3::new(-0.5, 0.2, 1.0), Vector3::new(0.2, 1.0, 0.1)),
+    ];
+    let mut plant = plant(inertia, gyros, Vector3::new(0.3, -0.2, 0.25));
+    plant.command_motors(Kind::ControlMomentGyros, &[0.3, -0.2]).unwrap();
+    plant.advance_to(30_000_000).unwrap();
+    let (before, now_ns) = (plant.clone(), plant.now_ns());
+    let step_ns = 10_000;
+    plant.advance_to(now_ns + step_ns).unwrap();
+    // The gimbals' accelerations by differences of what the free gimbals did.
+    let step_s = step_ns as f64 * 1e-9;
+    let gimbals = [&before, &plant].map(|p| p.state().actuators.control_moment_gyros);
+    let acceleration: Vec<f64> =
+        (0..2).map(|j| (gimbals[1].rate_rad_s[j] - gimbals[0].rate_rad_s[j]) / step_s).collect();
+    assert!(acceleration.iter().all(|a| a.abs() > 0.01), "they do accelerate: {acceleration:?}");
+    let mut environment = before.environment();
+    environment.gimbal_acceleration_rad_s2 = &acceleration;
+    let predicted = before.gyrostat().angular_acceleration_b_rad_s2(&environment, &[]);
+    let found = before.angular_acceleration_b_rad_s2();
+    assert!((predicted - found).norm() < 1e-4 * found.norm(), "{predicted} {found}");
+}
+
+/// Gimbals that are moved along a measured motion take up and give back momentum as free ones do.
+#[test]
+fn gimbals_moved_along_conserve_momentum() {
+    let inertia = Matrix3::from_diagonal(&Vector3::new(6.0, 7.0, 12.0));
+    let mut plant = plant(inertia, vec![gyro(Vector3::y(), Vector3::x())], Vector3::zeros());
+    plant.move_gimbals_along(&[0.0], &[0.0]).unwrap();
+    let momentum = |plant: &Plant| plant.truth().q_world_body * plant.truth().momentum_b_n_m_s;
+    let start = momentum(&plant);
+    for k in 0..50_i64 {
+        let angle = plant.state().actuators.control_moment_gyros.angle_rad[0];
+        plant.move_gimbals_along(&[angle], &[0.3 * (0.2 * k as f64).sin()]).unwrap();
+        plant.advance_to((k + 1) * 20_000_000).unwrap();
+    }
+    assert!((momentum(&plant) - start).norm() < 1e-9);
+    assert!(plant.state().omega_wb_b_rad_s.norm() > 0.01, "the body really turns");
+    assert!(plant.move_gimbals_along(&[0.0, 0.0], &[0.0]).is_err());
+    assert!(plant.move_gimbals_along(&[f64::NAN], &[0.0]).is_err());
 }

@@ -7,7 +7,7 @@ mod plant;
 mod platform;
 
 pub use dynamics::State;
-pub(crate) use dynamics::{Drive, Forces, available_motor_torque_n_m};
+pub(crate) use dynamics::{Drive, Forces, available_motor_torque_n_m, sign};
 
 use nalgebra::{Unit, Vector3};
 

@@ -8,8 +8,8 @@ use super::super::{
     BasePrior, Clues, Contribution, Direction, Effect, Grouping, ParameterSpec, Part, Resonance, Rhythm,
     Role, Sighting, catalogue,
 };
-use super::{neutral, rich_run, specs, with_effect};
-use crate::{ModelPrior, PlatformModel};
+use super::{neutral, platform, rich_run, specs, with_effect};
+use crate::ModelPrior;
 
 const CLUES: Clues<'static> = Clues {
     bin_s: 0.04,
@@ -21,7 +21,7 @@ const CLUES: Clues<'static> = Clues {
 };
 
 fn starts(effect: &dyn Effect) -> Vec<Direction> {
-    effect.starts(&PlatformModel::whorl_1_reference(), &CLUES).into_iter().flatten().flatten().collect()
+    effect.starts(&platform(), &CLUES).into_iter().flatten().flatten().collect()
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn roles_of_parameters_are_consistent() {
 /// Whatever the platform's prior says of its constants, exactly the base effects' parameters have it.
 #[test]
 fn base_effects_have_a_place_in_the_prior_of_the_platform() {
-    let model = PlatformModel::whorl_1_reference();
+    let model = platform();
     let typical = ModelPrior::typical(&model);
     let mut places = Vec::new();
     for effect in catalogue() {
@@ -84,13 +84,15 @@ fn base_effects_have_a_place_in_the_prior_of_the_platform() {
             places.push((base, spec.part));
         }
     }
-    // Two angles share the place of their wheel or jet; nothing else shares one.
-    places.retain(|(base, _)| !matches!(base, BasePrior::WheelAxis | BasePrior::JetDirection));
+    // Two angles share the place of their wheel, jet or gyro; nothing else shares one.
+    places.retain(|(base, _)| {
+        !matches!(base, BasePrior::WheelAxis | BasePrior::JetDirection | BasePrior::GimbalAxis)
+    });
     let count = places.len();
     places.sort();
     places.dedup();
     assert_eq!(places.len(), count);
-    assert_eq!(count, 3 + 3 + model.wheels().len() + model.jets().len());
+    assert_eq!(count, 3 + 3 + model.wheels().len() + model.jets().len() + model.gyros().len());
 }
 
 #[test]
@@ -114,6 +116,10 @@ fn names_that_effects_give_are_those_of_their_parameters() {
             Some(Sighting::WheelTurn) => {
                 assert!(specs.iter().enumerate().all(|(j, spec)| spec.part == Part::Wheel(j)), "{id}");
             }
+            Some(Sighting::GimbalDrag) => {
+                let parts = specs.iter().enumerate().all(|(i, spec)| spec.part == Part::Gyro(i / 2));
+                assert!(parts && specs.len() == 4, "{id}");
+            }
             Some(Sighting::SensorLine { gyro, accelerometer, frequency, background }) => {
                 assert!(gyro.iter().chain(&accelerometer).all(|name| has(name)), "{id}");
                 assert!(has(frequency) && has(background), "{id}");
@@ -128,7 +134,7 @@ fn names_that_effects_give_are_those_of_their_parameters() {
 /// A start is a place where the effect is still absent, and something moves from there.
 #[test]
 fn effects_are_absent_where_they_start() {
-    let base = rich_run(&PlatformModel::whorl_1_reference());
+    let base = rich_run(&platform());
     let mut seen = 0;
     for effect in catalogue() {
         for direction in starts(*effect) {
@@ -151,7 +157,7 @@ fn effects_are_absent_where_they_start() {
 fn a_sine_and_a_cosine_are_one_periodic_torque() {
     let effect = catalogue().iter().find(|effect| effect.rhythm() == Some(Rhythm::Torque)).unwrap();
     let (amplitude, phase_rad): ([f64; 3], f64) = ([0.02, -0.05, 0.01], 0.4);
-    let start = effect.starts(&PlatformModel::whorl_1_reference(), &CLUES).unwrap().remove(0);
+    let start = effect.starts(&platform(), &CLUES).unwrap().remove(0);
     // a sin(x + phase) = a cos(phase) sin(x) + a sin(phase) cos(x): the starts come as pairs.
     let contributions: Vec<Contribution<'_>> = start
         .iter()
@@ -172,7 +178,7 @@ fn a_sine_and_a_cosine_are_one_periodic_torque() {
 /// Effects that control compensates can be computed from its inputs: no states of the effect's own, and not the time.
 #[test]
 fn effects_with_states_of_their_own_are_not_fed_forward() {
-    let model = PlatformModel::whorl_1_reference();
+    let model = platform();
     for effect in catalogue() {
         if effect.is_fed_forward(&model) {
             assert_eq!(effect.hidden_states(&model), 0, "{}", effect.info().id);

@@ -1,0 +1,240 @@
+//! Friction of gimbals, which the torque of their motors shows and the motion of the body does not.
+//!
+//! A gimbal's own equation (`whorl_dynamics::actuators::control_moment_gyros`), with everything that is measured on the
+//! left,
+//!
+//! ```text
+//! u + h0 t . w - (b_model dgamma/dt + T_model sign(dgamma/dt)) = J d2gamma/dt2 + b dgamma/dt + T sign(dgamma/dt) + c
+//! ```
+//!
+//! is linear in what is not known: b and T beyond the model's, and as nuisances the inertia, because the acceleration at
+//! the instant of a sample is not that between samples, and a constant c, the zero of the torque's measurement. Least
+//! squares over the samples in which the gimbal turns. Its residual is correlated from sample to sample; with the
+//! correlation r of neighbours, n samples are worth n (1 - r)/(1 + r) independent ones (Bartlett 1935).
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use whorl_dynamics::Effect;
+use whorl_dynamics::effects::{Part, Sighting, catalogue};
+
+use crate::diagnosis::{Candidate, ParameterEstimate};
+use crate::layout::motion::Motion;
+use crate::layout::run::Run;
+use crate::search::Search;
+
+/// Share of its largest rate below which the sense of a gimbal's rate is noise.
+const TURNS_SHARE: f64 = 0.02;
+/// Samples in which a gimbal turns that a fit needs.
+const FEWEST: usize = 200;
+/// Standard deviations that a friction must be away from the model's.
+const CERTAIN_STDDEVS: f64 = 6.0;
+
+/// Samples of one gimbal in which it turns: what is measured, and the columns J, c, b, T.
+#[derive(Default)]
+struct Rows {
+    left_n_m: Vec<f64>,
+    columns: Vec<[f64; 4]>,
+}
+
+impl Search<'_> {
+    /// Friction of gimbals beyond the model's, if their motors' torques show any.
+    pub(crate) fn gimbal_drag(&self) -> Option<Candidate> {
+        let effect = catalogue().iter().find(|effect| effect.sighting() == Some(Sighting::GimbalDrag))?;
+        if self.options.exclude.iter().any(|e| e == effect.info().id) {
+            return None;
+        }
+        let gyros = self.problem.reference.model.gyros().len();
+        let mut found: Option<Candidate> = None;
+        for gyro in 0..gyros {
+            let mut rows = Rows::default();
+            for (run, motion) in self.problem.runs.iter().zip(self.problem.motions.iter()) {
+                rows.add(run, motion, &self.problem.reference.model, gyro);
+            }
+            let Some(row) = rows.candidate(*effect, &self.problem.reference.model, gyro, gyros) else {
+                continue;
+            };
+            found = Some(match found {
+                None => row,
+                Some(mut all) => {
+                    all.delta_log_evidence += row.delta_log_evidence;
+                    all.held_out_gain += row.held_out_gain;
+                    all.detectability += row.detectability;
+                    all.share_of_excess = all.share_of_excess.max(row.share_of_excess);
+                    all.parameters.extend(row.parameters);
+                    all
+                }
+            });
+        }
+        found
+    }
+}
+
+impl Rows {
+    fn add(&mut self, run: &Run, motion: &Motion, model: &whorl_dynamics::PlatformModel, gyro: usize) {
+        let Some(of) = model.gyros().get(gyro) else { return };
+        let of_gyro = |values: &[f64]| values.get(gyro).copied();
+        let samples: Vec<(f64, f64, f64, f64)> = run
+            .gimbal_samples
+            .iter()
+            .filter_map(|s| {
+                Some((s.time_s, of_gyro(&s.angle_rad)?, of_gyro(&s.rate_rad_s)?, of_gyro(&s.torque_n_m)?))
+            })
+            .collect();
+        let fastest = samples.iter().map(|s| s.2.abs()).fold(0.0, f64::max);
+        for pair in samples.windows(2) {
+            let &[(before_s, _, before, _), (time_s, angle, rate, torque)] = pair else { continue };
+            if rate.abs() <= TURNS_SHARE * fastest || rate * before <= 0.0 || time_s <= before_s {
+                continue;
+            }
+            let omega = rate_at(run, motion, time_s);
+            let load = of.torque_per_rate_b_n_m_s(angle).dot(&omega);
+            let friction = of.viscous_friction_n_m_s * rate + of.coulomb_friction_n_m * rate.signum();
+            self.left_n_m.push(torque + load - friction);
+            self.columns.push([(rate - before) / (time_s - before_s), 1.0, rate, rate.signum()]);
+        }
+    }
+
+    /// Coefficients of these columns over a range of rows.
+    fn fit(&self, columns: usize, from: usize, to: usize) -> Option<DVector<f64>> {
+        let (a, y) = self.part(columns, from, to);
+        (a.transpose() * &a).cholesky().map(|c| c.solve(&(a.transpose() * y)))
+    }
+
+    fn part(&self, columns: usize, from: usize, to: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let a = DMatrix::from_fn(to - from, columns, |i, j| self.columns[from + i][j]);
+        let y = DVector::from_fn(to - from, |i, _| self.left_n_m[from + i]);
+        (a, y)
+    }
+
+    /// Sum of squared residuals.
+    fn misfit(&self, x: &DVector<f64>, from: usize, to: usize) -> f64 {
+        let (a, y) = self.part(x.len(), from, to);
+        (y - a * x).norm_squared()
+    }
+
+    fn candidate(
+        &self,
+        effect: &dyn Effect,
+        model: &whorl_dynamics::PlatformModel,
+        gyro: usize,
+        gyros: usize,
+    ) -> Option<Candidate> {
+        let n = self.left_n_m.len();
+        if n < FEWEST {
+            return None;
+        }
+        let (without, with) = (self.fit(2, 0, n)?, self.fit(4, 0, n)?);
+        let (misfit_0, misfit_1) = (self.misfit(&without, 0, n), self.misfit(&with, 0, n));
+        let (a, y) = self.part(4, 0, n);
+        let residual = y - &a * &with;
+        let neighbours: f64 = residual.as_slice().windows(2).map(|w| w[0] * w[1]).sum();
+        let correlation = (neighbours / misfit_1.max(f64::MIN_POSITIVE)).clamp(0.0, 0.99);
+        let worth = n as f64 * (1.0 - correlation) / (1.0 + correlation);
+        let covariance = (a.transpose() * &a).try_inverse()? * (misfit_1 / worth);
+        // A drag is never negative: less than the model's is another finding than this effect.
+        let significance = |i: usize| with[i] / covariance[(i, i)].sqrt();
+        let strongest = significance(2).max(significance(3));
+        let gain = 0.5 * worth * (misfit_0 / misfit_1.max(f64::MIN_POSITIVE)).ln();
+        let evidence = gain - worth.ln() - (gyros as f64).ln();
+        if !(strongest > CERTAIN_STDDEVS && evidence > 0.0) {
+            return None;
+        }
+        // What the first half teaches, on the second.
+        let half = n / 2;
+        let (before, after) = (self.fit(2, 0, half)?, self.fit(4, 0, half)?);
+        let (left_0, left_1) = (self.misfit(&before, half, n), self.misfit(&after, half, n));
+        let held_out_gain = 0.25 * worth * (left_0 / left_1.max(f64::MIN_POSITIVE)).ln();
+        let specs = effect.parameters(model);
+        let own = specs.iter().filter(|spec| spec.part == Part::Gyro(gyro));
+        let parameters = own.zip([2, 3]).map(|(spec, i)| {
+            let stddev = covariance[(i, i)].sqrt();
+            let estimate = with[i].max(spec.min).min(spec.max);
+            ParameterEstimate {
+                name: spec.name.clone(),
+                unit: spec.unit.to_owned(),
+                estimate,
+                stddev,
+                at_bound: estimate != with[i],
+                smallest_detectable: CERTAIN_STDDEVS * stddev,
+            }
+        });
+        Some(Candidate {
+            effect: effect.info().id.to_owned(),
+            delta_log_evidence: evidence,
+            held_out_gain,
+            share_of_excess: (1.0 - misfit_1 / misfit_0).clamp(0.0, 1.0),
+            swallowed_by_base: 0.0,
+            detectability: 2.0 * gain,
+            indistinguishable_from: Vec::new(),
+            parameters: parameters.collect(),
+        })
+    }
+}
+
+/// Rate of the body at a time, straight between nodes [rad/s].
+fn rate_at(run: &Run, motion: &Motion, time_s: f64) -> Vector3<f64> {
+    let k = run.node_at(time_s);
+    let at = |k: usize| motion.omega.get(k).copied();
+    match (at(k), at(k + 1)) {
+        (Some(a), Some(b)) if run.length(k) > 0.0 => {
+            a.lerp(&b, ((time_s - run.time(k)) / run.length(k)).clamp(0.0, 1.0))
+        }
+        (Some(a), _) => a,
+        _ => Vector3::zeros(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64;
+    use whorl_dynamics::PlatformModel;
+    use whorl_dynamics::actuators::ActuatorKind;
+    use whorl_dynamics::effects::find;
+
+    use super::*;
+
+    /// A gimbal that swings, its drag written out by hand, its torque measured with noise.
+    fn rows(viscous_n_m_s: f64, coulomb_n_m: f64, seed: u128) -> Rows {
+        let mut random = Pcg64::new(seed, 3);
+        let mut rows = Rows::default();
+        for k in 0..4000_u32 {
+            let t = f64::from(k) * 0.01;
+            let (rate, acceleration) = (0.4 * t.cos(), -0.4 * t.sin());
+            if rate.abs() < 0.01 {
+                continue;
+            }
+            let noise: f64 = StandardNormal.sample(&mut random);
+            rows.left_n_m.push(
+                6e-3 * acceleration
+                    + viscous_n_m_s * rate
+                    + coulomb_n_m * rate.signum()
+                    + 1e-3
+                    + 2e-3 * noise,
+            );
+            rows.columns.push([acceleration, 1.0, rate, rate.signum()]);
+        }
+        rows
+    }
+
+    fn model() -> PlatformModel {
+        let mut model = PlatformModel::whorl_1_reference();
+        model.actuators.control_moment_gyros.add("cmg".to_owned());
+        let gyro = &mut model.gyros_mut()[0];
+        (gyro.gimbal_inertia_kg_m2, gyro.max_rate_rad_s, gyro.time_constant_s) = (6e-3, 1.0, 4e-3);
+        model
+    }
+
+    #[test]
+    fn drag_is_found_with_its_size_and_none_where_there_is_none() {
+        let effect = find("gimbal_friction").unwrap();
+        let found = rows(0.01, 0.02, 1).candidate(effect, &model(), 0, 1).unwrap();
+        for (parameter, truth) in found.parameters.iter().zip([0.01, 0.02]) {
+            let off = (parameter.estimate - truth) / parameter.stddev;
+            assert!(off.abs() < 4.0 && parameter.stddev < 0.1 * truth, "{parameter:?}");
+        }
+        assert!(found.held_out_gain > 10.0 && found.delta_log_evidence > 100.0);
+        for seed in 0..20 {
+            assert!(rows(0.0, 0.0, seed).candidate(effect, &model(), 0, 1).is_none(), "{seed}");
+        }
+    }
+}
