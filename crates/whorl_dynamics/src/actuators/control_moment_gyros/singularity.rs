@@ -30,7 +30,7 @@ pub fn null_motion_rad_s(gyros: &[Gyro], angle_rad: &[f64], rate_rad_s: &mut [f6
     for (j, ((slot, gyro), slope)) in rate_rad_s.iter_mut().zip(gyros).zip(slopes(&columns, gyros.len())).enumerate() {
         // Not into the end of the gimbal's travel.
         let (least, most) = gyro.rates_rad_s(angle_rad.get(j).copied().unwrap_or(0.0));
-        let wanted = NULL_MOTION_SHARE * gyro.max_rate_rad_s * slope.max(-1.0).min(1.0);
+        let wanted = NULL_MOTION_SHARE * gyro.max_rate_rad_s * slope.clamp(-1.0, 1.0);
         *slot = wanted.max(least).min(most);
     }
 }
