@@ -326,7 +326,7 @@ mod tests {
             ("recordings: [a]", "task"),
             ("recordings: [a]; task: compare; smooth: true", "it is for `task: estimate`, not for compare"),
             ("recordings: [a]; task: compare; seeds: 3", "it does not go with `recordings`"),
-            ("recordings: [a]; task: compare; modle: x", "did you mean"),
+            ("recordings: [a]; task: compare; platfroms: x", "did you mean"),
         ] {
             let error = definition(text).unwrap_err();
             assert!(error.contains(said), "{text}: {error}");

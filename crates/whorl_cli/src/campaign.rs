@@ -180,7 +180,7 @@ fn dry_run(campaign: &Campaign, json: &JsonArgument) -> anyhow::Result<()> {
         }
     }
     say!("{} {}", lines.len(), campaign.noun());
-    json.write(|| Ok(json!({"schema": SCHEMA, (campaign.noun()): lines})))
+    json.write(|| Ok(json!({"schema": SCHEMA, (campaign.noun()): campaign.as_json()?})))
 }
 
 fn progress(folder: &Folder, campaign: &Campaign, began: Instant, here: u64) {

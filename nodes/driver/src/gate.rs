@@ -238,7 +238,8 @@ impl Gate {
             let limited = asked(motors).iter().zip(&motors.limits).map(|(u, limit)| u.clamp(-limit, *limit));
             Action::Motors(motors.kind, limited.collect())
         };
-        let mut actions: Vec<Action> = self.motors.iter().map(clipped).collect();
+        let there = self.motors.iter().filter(|motors| !motors.limits.is_empty());
+        let mut actions: Vec<Action> = there.map(clipped).collect();
         if slot_seen != Some(command.jet_slot) {
             actions.push(Action::Pulses(command.jet_on_time_s.iter().map(|t| t.min(slot_s)).collect()));
         }

@@ -38,7 +38,8 @@ impl Stored {
                 rate_b_n_m: Vector3::zeros(),
             })
         };
-        Self { kinds: actuators.kinds().into_iter().enumerate().filter_map(of_kind).collect() }
+        let kinds = actuators.kinds().into_iter().enumerate().filter_map(of_kind);
+        Self { kinds: kinds.filter(|of| of.parts > 0).collect() }
     }
 
     /// The topics on which the states of joints arrive.

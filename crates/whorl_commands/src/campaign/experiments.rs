@@ -1,8 +1,9 @@
 //! Campaigns over experiments: simulated runs.
 
 use anyhow::Context;
+use serde_json::{Map, Value, json};
 use whorl_campaign::work::{Folder, Tasks};
-use whorl_campaign::{Plan, page, table};
+use whorl_campaign::{Plan, RunSpec, page, table};
 
 use super::Tables;
 
@@ -33,6 +34,17 @@ pub fn lines(plan: &Plan) -> Vec<String> {
         Some(format!("{index:6}  {}  seed {}  {}", spec.experiment, spec.seed, spec.labels.join("  ")))
     };
     (0..plan.len()).map_while(line).collect()
+}
+
+/// Every run as data: what was swept by its name.
+pub fn as_json(plan: &Plan) -> Vec<Value> {
+    let axes = || plan.definition.axes.iter().map(|axis| axis.name.clone());
+    let runs = (0..plan.len()).map_while(|index| plan.run(index));
+    let run = |spec: RunSpec| {
+        let swept: Map<String, Value> = axes().zip(spec.labels.into_iter().map(Value::from)).collect();
+        json!({"run": spec.index, "experiment": spec.experiment, "seed": spec.seed, "swept": swept})
+    };
+    runs.map(run).collect()
 }
 
 /// Writes tables and page of what is done into the campaign's folder.

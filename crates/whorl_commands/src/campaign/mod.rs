@@ -8,6 +8,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use serde_json::Value;
 use whorl_campaign::work::{Folder, Tasks};
 use whorl_campaign::{Plan, definition, recordings as asked};
 use whorl_params::{ParameterTree, try_read};
@@ -118,6 +119,17 @@ impl Campaign {
         match self {
             Self::Experiments(plan) => Ok(experiments::lines(plan)),
             Self::Recordings(plan) => plan.lines(),
+        }
+    }
+
+    /// Every task as data.
+    ///
+    /// # Errors
+    /// As [`Self::list`].
+    pub fn as_json(&self) -> anyhow::Result<Vec<Value>> {
+        match self {
+            Self::Experiments(plan) => Ok(experiments::as_json(plan)),
+            Self::Recordings(plan) => plan.as_json(),
         }
     }
 

@@ -149,6 +149,12 @@ impl RecordingPlan {
         Ok(found.iter().enumerate().map(line).collect())
     }
 
+    /// Every task as data.
+    pub(super) fn as_json(&self) -> anyhow::Result<Vec<Value>> {
+        let item = |item: &Item| json!({"recording": item.recording, "platform": item.platform});
+        Ok(self.definition.found(&self.base)?.iter().map(item).collect())
+    }
+
     /// The row of a recording.
     fn row(&self, folder: &Folder, item: &Item) -> io::Result<Value> {
         let path = self.path(item);

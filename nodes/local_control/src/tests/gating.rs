@@ -149,7 +149,7 @@ fn wrong_parameters_are_refused_with_their_reason() {
     assert!(refused(&["tracking.integral_time_s:=0.2"]).contains("integral time 0.2 s is unstable"));
     assert!(refused(&["failed_jets:=[jet_99]"]).contains("no jet jet_99"));
     assert!(refused(&["limits.reference_tilt_margin_rad:=0.2"]).contains("tilt margin"));
-    assert!(refused(&["actuators:=rockets"]).contains("wheels, jets, both"));
+    assert!(refused(&["actuators:=rockets"]).contains("wheels, motors, jets, both"));
     assert!(refused(&["safe_mode.redamp_rate_rad_s:=0.001"]).contains("coast_rate_rad_s"));
     assert!(refused(&["unloading.engage_share:=0.05"]).contains("release_share"));
     let parameters = parameters("whorl_1", &[]);

@@ -261,13 +261,15 @@ fn gimbals_moved_along_conserve_momentum() {
     plant.move_gimbals_along(&[0.0], &[0.0]).unwrap();
     let momentum = |plant: &Plant| plant.truth().q_world_body * plant.truth().momentum_b_n_m_s;
     let start = momentum(&plant);
+    let mut fastest = 0.0_f64;
     for k in 0..50_i64 {
         let angle = plant.state().actuators.control_moment_gyros.angle_rad[0];
         plant.move_gimbals_along(&[angle], &[0.3 * (0.2 * k as f64).sin()]).unwrap();
         plant.advance_to((k + 1) * 20_000_000).unwrap();
+        fastest = fastest.max(plant.state().omega_wb_b_rad_s.norm());
     }
     assert!((momentum(&plant) - start).norm() < 1e-9);
-    assert!(plant.state().omega_wb_b_rad_s.norm() > 0.01, "the body really turns");
+    assert!(fastest > 5e-3, "the body really turns: {fastest}");
     assert!(plant.move_gimbals_along(&[0.0, 0.0], &[0.0]).is_err());
     assert!(plant.move_gimbals_along(&[f64::NAN], &[0.0]).is_err());
 }
