@@ -10,7 +10,12 @@ work=$(realpath "$2")
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-217} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
 pids=()
-trap 'for pid in "${pids[@]}"; do kill -INT "$pid" 2>/dev/null || true; done; wait' EXIT
+stop() {
+    local pid
+    for pid in "${pids[@]}"; do kill -INT "$pid" 2>/dev/null || true; done
+    wait
+}
+trap stop EXIT
 
 mkdir -p "$work/client"
 cp tests/interop/foxglove/{package.json,client.mjs} "$work/client"
