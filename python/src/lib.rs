@@ -25,6 +25,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<recording::Recording>()?;
     m.add_class::<pieces::Allocator>()?;
     m.add_class::<campaign::Campaign>()?;
+    m.add_class::<campaign::Held>()?;
     m.add_function(wrap_pyfunction!(catalogue::channels, m)?)?;
     m.add_function(wrap_pyfunction!(catalogue::effects, m)?)?;
     m.add_function(wrap_pyfunction!(catalogue::describe_effect, m)?)?;

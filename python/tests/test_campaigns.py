@@ -5,6 +5,8 @@ import json
 import os
 import signal
 import subprocess
+import sys
+import textwrap
 import time
 
 import numpy as np
@@ -186,11 +188,23 @@ def test_a_new_effect_is_a_candidate_for_old_runs(program, archive, params, tmp_
     candidates = polars.read_parquet(tmp_path / "new/candidates")
     assert written.stem in set(candidates["effect"])
 
-    # In this process the effect has been added for something else: a campaign that does not name it does without, as workers do.
-    assert whorl.load_effect(written) == written.stem
-    campaign = whorl.Campaign(campaign_file(archive, "without", one, "runs/second"), tmp_path / "old")
-    campaign.run(0)
-    old = campaign.write_tables().to_polars("candidates")
+    # Where a process has added the effect for something else, a campaign that does not name it does without, as workers do. In a
+    # process of its own: an effect that is loaded stays.
+    without = campaign_file(archive, "without", one, "runs/second")
+    script = textwrap.dedent(
+        """
+        import sys, whorl
+        written, campaign, out = sys.argv[1:]
+        print(whorl.load_effect(written))
+        campaign = whorl.Campaign(campaign, out)
+        campaign.run(0)
+        campaign.write_tables()
+        """
+    )
+    given = [sys.executable, "-c", script, str(written), str(without), str(tmp_path / "old")]
+    done = subprocess.run(given, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stdout.split() == [written.stem], done.stdout + done.stderr
+    old = polars.read_parquet(tmp_path / "old/candidates")
     assert written.stem not in set(old["effect"]) and set(old["recording"]) == {"runs/second"}
 
 

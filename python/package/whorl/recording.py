@@ -356,7 +356,7 @@ def _exported(present: Sequence[str], platform: Optional[Platform]) -> Dict[str,
             if row.sensors > 1:
                 names = [f"{stem}_{sensor + 1}_{c}{end}" for c in row.components or ()]
             elif row.components is None:
-                wheels = platform.wheels if platform is not None and key != "jets" else []
+                wheels = platform.wheels if platform is not None and stem == "wheel" else []
                 names = [f"{wheel}{end}" for wheel in wheels]
                 if not set(names) <= set(present) or not names:
                     names = []
