@@ -5,18 +5,17 @@ use std::sync::Arc;
 
 use anyhow::bail;
 use pyo3::prelude::*;
-use serde_json::json;
 use whorl_commands::provenance::provenance;
 use whorl_commands::runs::Runs;
 use whorl_commands::{
     adopt as adoption, compare as comparison, diagnose as diagnosis, discover as discovery,
+    identify as identification,
 };
 use whorl_commands::{locate as location, options, simulate::utc_now};
 use whorl_diagnosis::Options;
 use whorl_dynamics::effects::find;
 use whorl_explain::Say;
 use whorl_identification::Settings;
-use whorl_identification::mass_parameters::{MASS_PARAMETERS, NAMES, UNITS, mass_vector};
 use whorl_params::effect_yaml;
 use whorl_recording::KnownPlatform;
 
@@ -237,38 +236,7 @@ pub fn identify(
         let prior = known.prior.clone().with_mass_properties_scaled(prior_scale);
         let all: Vec<_> = runs.training.iter().collect();
         let found = whorl_identification::identify(&all, &known.model, &prior, &Settings::default())?;
-        let (before, stddev) = (mass_vector(&known.model.mass_properties), found.stddev());
-        let parameters: Vec<_> = (0..MASS_PARAMETERS)
-            .map(|i| {
-                json!({
-                    "name": NAMES[i], "unit": UNITS[i], "before": before[i], "estimate": found.estimate[i],
-                    "stddev": stddev[i], "stddev_known_actuators": found.stddev_known_actuators[i],
-                    "prior_stddev": found.prior_stddev[i],
-                    "determined": format!("{:?}", found.determined[i]).to_lowercase(),
-                })
-            })
-            .collect();
-        let effects: Vec<_> = found
-            .effects
-            .iter()
-            .map(|p| {
-                json!({"effect": p.effect, "name": p.name, "unit": p.unit, "estimate": p.value, "stddev": p.stddev})
-            })
-            .collect();
-        let findings: Vec<_> =
-            found.findings.iter().map(|f| json!({"fatal": f.fatal, "text": f.text})).collect();
-        let covariance: Vec<Vec<f64>> =
-            found.covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
-        let json = json!({
-            "platform": known.platform,
-            "duration_s": found.duration_s,
-            "residual_over_noise": found.reduced_chi_squared.sqrt(),
-            "usable": found.usable(),
-            "parameters": parameters,
-            "covariance": covariance,
-            "effects": effects,
-            "findings": findings,
-        });
+        let json = identification::as_json(&known.platform, &known.model, &found);
         let new = found
             .updated(&known.model, &prior)
             .ok()

@@ -3,12 +3,13 @@
 use anyhow::{Context, bail};
 use nalgebra::{Unit, Vector3};
 use serde_json::{Value, json};
+use whorl_commands::identify::findings_as_json;
 use whorl_identification::balance::{Ballast, plan_balance};
 use whorl_identification::mass_parameters::gravity_offset_b_n_m;
 use whorl_identification::{Settings, identify};
 use whorl_recording::Recording;
 
-use crate::identify::{findings_as_json, print_findings};
+use crate::identify::print_findings;
 use crate::output::{JsonArgument, say};
 use crate::runs::RunArguments;
 

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use whorl_commands::identify::as_json;
 use whorl_dynamics::platform::Wheel;
 use whorl_identification::{Determined, Settings, predict};
 use whorl_math::deg_from_rad;
 use whorl_math::words::or_did_you_mean;
 use whorl_recording::{KnownPlatform, ReadOptions, Recording, read_model, read_run_with};
 
-use crate::identify::{as_json, print_findings, print_identification};
+use crate::identify::{print_findings, print_identification};
 use crate::output::{JsonArgument, say};
 use crate::simulate;
 
@@ -86,9 +87,7 @@ fn report(known: &KnownPlatform, recording: &Recording) -> anyhow::Result<Value>
     let determined = found.determined.iter().filter(|d| **d == Determined::Yes).count();
     say!("This experiment will determine {determined} of 9 parameters to the uncertainties above.");
     print_findings(&found.findings);
-    let mut value = as_json(&known.model, &found);
-    value["platform"] = json!(known.platform);
-    Ok(value)
+    Ok(as_json(&known.platform, &known.model, &found))
 }
 
 /// How close the experiment comes to the limits of the wheels, and how long the jets fire.

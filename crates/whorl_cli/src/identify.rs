@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde_json::{Value, json};
+use whorl_commands::identify::as_json;
 use whorl_dynamics::PlatformModel;
 use whorl_explain::changes::changes;
 use whorl_identification::mass_parameters::{MASS_PARAMETERS, MassVector, NAMES, UNITS, mass_vector};
@@ -118,9 +119,8 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
     print_findings(&found.findings);
     // Before anything is written: what was found is worth knowing also where it cannot be used.
     arguments.json.write(|| {
-        let mut value = as_json(&known.model, &found);
+        let mut value = as_json(&known.platform, &known.model, &found);
         value["schema"] = json!(1);
-        value["platform"] = json!(known.platform);
         value["runs"] = json!(recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>());
         Ok(value)
     })?;
@@ -187,7 +187,7 @@ fn regress(arguments: &Arguments, model: &PlatformModel, recording: &Recording) 
     say!("Regressions are biased by noise where the excitation is weak; `--method trajectory` is not.");
     let parameters: Vec<Value> = (0..MASS_PARAMETERS)
         .map(|i| {
-            json!({"name": NAMES[i], "unit": UNITS[i], "model": before[i], "found": solution.estimate[i],
+            json!({"name": NAMES[i], "unit": UNITS[i], "before": before[i], "estimate": solution.estimate[i],
                 "singular_value": solution.singular_values[i]})
         })
         .collect();
@@ -241,42 +241,6 @@ pub fn print_identification(model: &PlatformModel, found: &Identification) {
     }
     let values: Vec<String> = found.singular_values.iter().map(|v| three_digits(v.sqrt())).collect();
     say!("  singular values of the information over the prior's: {}", values.join(", "));
-}
-
-/// The same for programs.
-pub fn as_json(model: &PlatformModel, found: &Identification) -> Value {
-    let (before, stddev) = (mass_vector(&model.mass_properties), found.stddev());
-    let parameters: Vec<Value> = (0..MASS_PARAMETERS)
-        .map(|i| {
-            json!({
-                "name": NAMES[i], "unit": UNITS[i], "model": before[i], "found": found.estimate[i],
-                "stddev": stddev[i], "stddev_actuators_exact": found.stddev_known_actuators[i],
-                "prior_stddev": found.prior_stddev[i],
-                "determined": match found.determined[i] {
-                    Determined::Yes => "yes",
-                    Determined::Hardly => "hardly",
-                    Determined::No => "no",
-                },
-            })
-        })
-        .collect();
-    let effects: Vec<Value> = found
-        .effects
-        .iter()
-        .map(|e| json!({"effect": e.effect, "name": e.name, "unit": e.unit, "found": e.value, "stddev": e.stddev}))
-        .collect();
-    json!({
-        "duration_s": found.duration_s,
-        "residual_over_noise": found.reduced_chi_squared.sqrt(),
-        "parameters": parameters,
-        "effects": effects,
-        "findings": findings_as_json(&found.findings),
-    })
-}
-
-/// Findings for programs.
-pub fn findings_as_json(findings: &[Finding]) -> Vec<Value> {
-    findings.iter().map(|finding| json!({"fatal": finding.fatal, "text": finding.text})).collect()
 }
 
 /// Findings, fatal ones first.

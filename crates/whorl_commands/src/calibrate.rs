@@ -5,6 +5,8 @@ use serde_json::{Value, json};
 use whorl_identification::calibration::{CalibrationSettings, ImuCalibration, PerAxis, SensorCalibration};
 use whorl_math::rad_from_deg;
 
+use crate::identify::findings_as_json;
+
 /// Version of the JSON output.
 const SCHEMA: u32 = 1;
 
@@ -36,8 +38,6 @@ pub fn settings(
 /// Everything; what was not determined is null.
 #[must_use]
 pub fn as_json(platform: &str, found: &ImuCalibration) -> Value {
-    let findings: Vec<Value> =
-        found.findings.iter().map(|f| json!({"fatal": f.fatal, "text": f.text})).collect();
     json!({
         "schema": SCHEMA,
         "platform": platform,
@@ -46,7 +46,7 @@ pub fn as_json(platform: &str, found: &ImuCalibration) -> Value {
         "usable": !found.findings.iter().any(|finding| finding.fatal),
         "gyro": sensor(&found.gyro, "rad/s"),
         "accelerometer": sensor(&found.accelerometer, "m/s^2"),
-        "findings": findings,
+        "findings": findings_as_json(&found.findings),
     })
 }
 

@@ -8,7 +8,7 @@
 //! | [`compare`], [`locate`], [`diagnose`], [`adopt`] | answers of [`whorl_explain`] as JSON |
 //! | [`next`] | the manoeuvre that a diagnosis recommends, rehearsed in simulation |
 //! | [`discover`] | whether a law is to be searched for, with which competitors, and the answer in words |
-//! | [`history`], [`calibrate`] | how a model came to be and what changed since; errors of the sensors |
+//! | [`history`], [`calibrate`], [`identify`] | how a model came to be and what changed since; errors of the sensors; mass properties |
 //! | [`estimate`], [`attitudes`] | the attitude of a recorded sensor or vehicle |
 //! | [`simulate`] | an experiment in one process, recorded |
 //! | [`campaign`] | plan, folder and tables of a campaign, over experiments or recordings |
@@ -25,6 +25,7 @@ pub mod diagnose;
 pub mod discover;
 pub mod estimate;
 pub mod history;
+pub mod identify;
 pub mod locate;
 pub mod model_file;
 pub mod next;
