@@ -34,14 +34,16 @@ pub(crate) struct OnBody {
 /// The plant's side of a kind. Angular momentum is conserved when, with the kind's momentum h and the torques u that
 /// it reports as reaction, dh/dt = u - (inertia taken out) dw/dt in body axes.
 ///
-/// No function here may allocate: it runs four times in every integration step.
+/// No function here may allocate: it runs four times in every integration step. Where a function writes into `to`, that
+/// holds zeros, or what the same function of the same platform wrote before, so that only entries of the platform's own
+/// parts need be written.
 pub(crate) trait KindDynamics {
     /// Continuous states; also their rates.
     type State: Copy + Default + PartialEq + fmt::Debug;
     /// Constant between two events: commands, and which parts stick or are open.
     type Drive: Clone + fmt::Debug;
     /// Torques and flows within the kind at one instant.
-    type Forces;
+    type Forces: Default;
 
     /// States of a platform at rest.
     fn at_rest(&self) -> Self::State {
@@ -50,6 +52,9 @@ pub(crate) trait KindDynamics {
 
     /// Nothing commanded; `lag` is that of the jets' thrust.
     fn idle(&self, lag: ThrustLag, now_ns: i64) -> Self::Drive;
+
+    /// to = state + factor * rate.
+    fn moved(&self, _state: &Self::State, _rate: &Self::State, _factor: f64, _to: &mut Self::State) {}
 
     /// state += factor * rate.
     fn add_scaled(&self, _state: &mut Self::State, _rate: &Self::State, _factor: f64) {}
@@ -87,7 +92,8 @@ pub(crate) trait KindDynamics {
         drive: &Self::Drive,
         omega_wb_b_rad_s: &Vector3<f64>,
         body: &mut OnBody,
-    ) -> Self::Forces;
+        to: &mut Self::Forces,
+    );
 
     /// Adds what effects do.
     fn add_effects(
@@ -109,7 +115,8 @@ pub(crate) trait KindDynamics {
         drive: &Self::Drive,
         forces: &Self::Forces,
         omega_dot_wb_b_rad_s2: &Vector3<f64>,
-    ) -> Self::State;
+        to: &mut Self::State,
+    );
 
     /// When the drive changes by itself next \[ns\]: the integrator stops there and calls [`Self::settle`].
     fn next_event_ns(&self, _drive: &Self::Drive) -> i64 {

@@ -38,7 +38,7 @@ pub(crate) use dynamics::{Instant, OnBody};
 pub use field::{Allowed, Field, Slot};
 pub use kind::{ActuatorError, ActuatorKind, Group, KindPrior, MotorChannel};
 pub use motion::States;
-pub(crate) use motion::{Drives, Part};
+pub(crate) use motion::{Drives, Forces, Part};
 pub use motors::{Joints, Motor};
 
 use std::ops::Range;

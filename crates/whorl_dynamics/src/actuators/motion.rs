@@ -28,6 +28,7 @@ macro_rules! motion {
         }
 
         /// Torques and flows within each kind at one instant.
+        #[derive(Default)]
         pub(crate) struct Forces {
             $($(#[$row])* $module: super::$module::Forces,)*
         }
@@ -40,6 +41,11 @@ macro_rules! motion {
 
             pub(crate) fn idle(&self, lag: ThrustLag, now_ns: i64) -> Drives {
                 Drives { $($(#[$row])* $module: self.$module.idle(lag, now_ns)),* }
+            }
+
+            #[inline]
+            pub(crate) fn moved(&self, states: &States, rates: &States, factor: f64, to: &mut States) {
+                $($(#[$row])* { self.$module.moved(&states.$module, &rates.$module, factor, &mut to.$module); })*
             }
 
             #[inline]
@@ -88,10 +94,15 @@ macro_rules! motion {
                 drives: &Drives,
                 omega_wb_b_rad_s: &Vector3<f64>,
                 body: &mut OnBody,
-            ) -> Forces {
-                Forces {
-                    $($(#[$row])* $module: self.$module.act(at, &states.$module, &drives.$module, omega_wb_b_rad_s, body),)*
-                }
+                to: &mut Forces,
+            ) {
+                $(
+                    $(#[$row])*
+                    {
+                        let (state, drive) = (&states.$module, &drives.$module);
+                        self.$module.act(at, state, drive, omega_wb_b_rad_s, body, &mut to.$module);
+                    }
+                )*
             }
 
             #[inline]
@@ -119,15 +130,15 @@ macro_rules! motion {
                 drives: &Drives,
                 forces: &Forces,
                 omega_dot_wb_b_rad_s2: &Vector3<f64>,
-            ) -> States {
-                States {
-                    $($(#[$row])* $module: self.$module.rate(
-                        &states.$module,
-                        &drives.$module,
-                        &forces.$module,
-                        omega_dot_wb_b_rad_s2,
-                    ),)*
-                }
+                to: &mut States,
+            ) {
+                $(
+                    $(#[$row])*
+                    {
+                        let (state, drive) = (&states.$module, &drives.$module);
+                        self.$module.rate(state, drive, &forces.$module, omega_dot_wb_b_rad_s2, &mut to.$module);
+                    }
+                )*
             }
 
             #[inline]

@@ -5,7 +5,7 @@ use whorl_math::{quaternion_rate, vertical_b};
 
 use super::{Gyrostat, RateEquation, State};
 use crate::Environment;
-use crate::actuators::{Actuators, Drives, Instant, OnBody, States};
+use crate::actuators::{Actuators, Drives, Forces, Instant, OnBody, States};
 use crate::effects::{MAX_HIDDEN_STATES, Touching, contact_torque_b_n_m};
 
 /// Stiffness of the bearing's own stop over the mean moment of inertia [1/s^2]: a platform rebounds within 0.25 s and
@@ -14,7 +14,7 @@ const STOP_STIFFNESS_S2: f64 = 2000.0 / 8.6;
 /// Damping of the bearing's own stop over the mean moment of inertia [1/s]: about a third of critical.
 const STOP_DAMPING_S: f64 = 100.0 / 8.6;
 
-/// Time derivative of [`State`].
+/// Time derivative of [`State`]; entries beyond the platform's own parts and hidden states stay zero.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Derivative {
     pub quaternion: Quaternion<f64>,
@@ -54,29 +54,41 @@ impl Drive {
 }
 
 impl State {
-    /// This state moved along `derivative` for `dt_s`. The quaternion is not normalised: the
-    /// stages of a Runge-Kutta step leave the sphere by design, its end is normalised.
+    /// This state moved along `derivative` for `dt_s`, into `to`, a state of the same platform. The quaternion is not
+    /// normalised: the stages of a Runge-Kutta step leave the sphere by design, its end is normalised.
+    #[inline]
     pub(crate) fn moved(
         &self,
         derivative: &Derivative,
         dt_s: f64,
         actuators: &Actuators,
         hidden: usize,
-    ) -> Self {
-        let mut moved = *self;
-        moved.q_world_body =
+        to: &mut Self,
+    ) {
+        to.q_world_body =
             UnitQuaternion::new_unchecked(self.q_world_body.into_inner() + derivative.quaternion * dt_s);
-        moved.omega_wb_b_rad_s += derivative.omega * dt_s;
-        actuators.add_scaled(&mut moved.actuators, &derivative.actuators, dt_s);
-        for (x, rate) in moved.hidden.iter_mut().zip(&derivative.hidden).take(hidden) {
-            *x += rate * dt_s;
+        to.omega_wb_b_rad_s = self.omega_wb_b_rad_s + derivative.omega * dt_s;
+        actuators.moved(&self.actuators, &derivative.actuators, dt_s, &mut to.actuators);
+        let hidden_states = self.hidden.iter().zip(&derivative.hidden).take(hidden);
+        for (to, (x, rate)) in to.hidden.iter_mut().zip(hidden_states) {
+            *to = x + rate * dt_s;
         }
-        moved
     }
 }
 
 impl Derivative {
-    /// self + factor * other.
+    /// No motion.
+    pub fn zero() -> Self {
+        Self {
+            quaternion: Quaternion::new(0.0, 0.0, 0.0, 0.0),
+            omega: Vector3::zeros(),
+            actuators: States::default(),
+            hidden: [0.0; MAX_HIDDEN_STATES],
+        }
+    }
+
+    /// self += factor * other.
+    #[inline]
     fn add_scaled(&mut self, other: &Self, factor: f64, actuators: &Actuators, hidden: usize) {
         self.quaternion += other.quaternion * factor;
         self.omega += other.omega * factor;
@@ -86,13 +98,23 @@ impl Derivative {
         }
     }
 
-    /// (k1 + 2 k2 + 2 k3 + k4), six times the mean of a Runge-Kutta step.
-    pub fn runge_kutta_sum([k1, k2, k3, k4]: [&Self; 4], actuators: &Actuators, hidden: usize) -> Self {
-        let mut sum = *k1;
-        sum.add_scaled(k2, 2.0, actuators, hidden);
-        sum.add_scaled(k3, 2.0, actuators, hidden);
-        sum.add_scaled(k4, 1.0, actuators, hidden);
-        sum
+    /// (k1 + 2 k2 + 2 k3 + k4), six times the mean of a Runge-Kutta step, into `self`.
+    #[inline]
+    pub fn set_runge_kutta_sum(
+        &mut self,
+        [k1, k2, k3, k4]: [&Self; 4],
+        actuators: &Actuators,
+        hidden: usize,
+    ) {
+        self.quaternion = k1.quaternion + k2.quaternion * 2.0;
+        self.omega = k1.omega + k2.omega * 2.0;
+        actuators.moved(&k1.actuators, &k2.actuators, 2.0, &mut self.actuators);
+        let of_hidden = k1.hidden.iter().zip(&k2.hidden).take(hidden);
+        for (sum, (k1, k2)) in self.hidden.iter_mut().zip(of_hidden) {
+            *sum = k1 + 2.0 * k2;
+        }
+        self.add_scaled(k3, 2.0, actuators, hidden);
+        self.add_scaled(k4, 1.0, actuators, hidden);
     }
 }
 
@@ -143,8 +165,15 @@ impl Gyrostat {
         [stop != Vector3::zeros(), contact]
     }
 
-    /// Time derivative of `state`.
-    pub(crate) fn derivative(&self, at: &Instant, state: &State, drive: &Drive) -> Derivative {
+    /// Time derivative of `state`, into `to`, which with `forces` was made for this platform or holds zeros.
+    pub(crate) fn derivative(
+        &self,
+        at: &Instant,
+        state: &State,
+        drive: &Drive,
+        forces: &mut Forces,
+        to: &mut Derivative,
+    ) {
         let omega = state.omega_wb_b_rad_s;
         let vertical_b = vertical_b(&state.q_world_body);
         let actuators = &self.model.actuators;
@@ -155,32 +184,29 @@ impl Gyrostat {
             thrust_factor: environment.as_ref().map_or(1.0, |seen| self.effects.thrust_factor(seen)),
             gravity_offset_b_n_m: *self.model.mass_properties.gravity_offset_b_n_m(),
         };
-        let mut forces = actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body);
+        actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body, forces);
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
             + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b)
             + self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop);
         if let Some(environment) = &environment {
             torque += self.effects.torque_b_n_m(environment, &state.hidden);
-            actuators.add_effects(&self.effects, environment, &state.actuators, &mut forces);
+            actuators.add_effects(&self.effects, environment, &state.actuators, forces);
         }
 
         let omega_dot = if drive.clamped {
             Vector3::zeros()
         } else {
-            let reaction = actuators.reaction_b_n_m(&drive.actuators, &forces);
+            let reaction = actuators.reaction_b_n_m(&drive.actuators, forces);
             drive.equation.acceleration_b_rad_s2(&omega, &momentum, &torque, &reaction)
         };
-        let mut hidden = [0.0; MAX_HIDDEN_STATES];
         if let Some(mut environment) = environment.filter(|_| self.effects.hidden_states() > 0) {
             environment.omega_dot_wb_b_rad_s2 = omega_dot;
-            self.effects.hidden_derivative(&environment, &state.hidden, &mut hidden);
+            to.hidden = [0.0; MAX_HIDDEN_STATES];
+            self.effects.hidden_derivative(&environment, &state.hidden, &mut to.hidden);
         }
-        Derivative {
-            quaternion: quaternion_rate(&state.q_world_body, &omega),
-            omega: omega_dot,
-            actuators: actuators.rates(&state.actuators, &drive.actuators, &forces, &omega_dot),
-            hidden,
-        }
+        to.quaternion = quaternion_rate(&state.q_world_body, &omega);
+        to.omega = omega_dot;
+        actuators.rates(&state.actuators, &drive.actuators, forces, &omega_dot, &mut to.actuators);
     }
 }

@@ -33,7 +33,13 @@ impl State {
 
     /// The quaternion back on the sphere.
     pub(crate) fn normalised(mut self) -> Self {
-        self.q_world_body = UnitQuaternion::new_normalize(self.q_world_body.into_inner());
+        self.normalise();
         self
+    }
+
+    /// Puts the quaternion back on the sphere.
+    #[inline]
+    pub(crate) fn normalise(&mut self) {
+        self.q_world_body = UnitQuaternion::new_normalize(self.q_world_body.into_inner());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Plant, PlantError};
 use crate::State;
-use crate::actuators::Part;
+use crate::actuators::{Forces, Part};
 use crate::effects::Touching;
 use crate::gyrostat::Derivative;
 use crate::sensing::Snapshot;
@@ -12,6 +12,32 @@ use crate::sensing::Snapshot;
 const MAX_STOPS_PER_SEGMENT: usize = 16;
 /// How well the beginning and the end of a contact are located \[s\]: at 1 rad/s the torque's jump is then a nanoradian late.
 const CONTACT_TIME_S: f64 = 1e-9;
+
+/// What a step works with: only the parts that a platform has are written in every step, the rest stays zero.
+struct Work {
+    /// Derivative at the start of a step.
+    first: Derivative,
+    later: [Derivative; 3],
+    sum: Derivative,
+    forces: Forces,
+    stage: State,
+    /// State at the end of a step.
+    end: State,
+}
+
+impl Work {
+    fn new(state: &State) -> Self {
+        let zero = Derivative::zero();
+        Self {
+            first: zero,
+            later: [zero; 3],
+            sum: zero,
+            forces: Forces::default(),
+            stage: *state,
+            end: *state,
+        }
+    }
+}
 
 impl Plant {
     /// Moves on to `time_ns`. Valve edges due at `time_ns` itself happen at the start of the next
@@ -23,6 +49,7 @@ impl Plant {
         if time_ns < self.now_ns {
             return Err(PlantError::BackInTime { now_ns: self.now_ns, asked_ns: time_ns });
         }
+        let mut work = Work::new(&self.state);
         while self.now_ns < time_ns {
             let actuators = &self.gyrostat.model().actuators;
             let mut event_ns = actuators.next_event_ns(&self.drive.actuators);
@@ -35,7 +62,7 @@ impl Plant {
             let elapsed_ns = self.now_ns - self.start_ns;
             let grid_ns = self.now_ns - elapsed_ns % self.step_ns + self.step_ns;
             let end_ns = time_ns.min(grid_ns).min(event_ns);
-            self.integrate_segment((end_ns - self.now_ns) as f64 * 1e-9);
+            self.integrate_segment((end_ns - self.now_ns) as f64 * 1e-9, &mut work);
             self.now_ns = end_ns;
         }
         let motion = self.state.q_world_body.coords.iter().chain(&self.state.omega_wb_b_rad_s);
@@ -49,50 +76,49 @@ impl Plant {
 
     /// Integrates over `length_s` without valve edges, cutting where wheels stop or break loose, and where contacts begin
     /// or end.
-    fn integrate_segment(&mut self, length_s: f64) {
+    fn integrate_segment(&mut self, length_s: f64, work: &mut Work) {
         let mut done_s = 0.0;
         let mut touches = self.touches_after(&self.state, 0.0);
         self.keep_branches(Some(touches));
-        let mut first = self.derivative_after(&self.state, 0.0);
+        self.find_first(0.0, work);
         if self.history.is_needed() {
             self.history.push(Snapshot {
                 time_ns: self.now_ns,
                 q_world_body: self.state.q_world_body,
                 omega_wb_b_rad_s: self.state.omega_wb_b_rad_s,
-                omega_dot_wb_b_rad_s2: first.omega,
+                omega_dot_wb_b_rad_s2: work.first.omega,
                 behind_filter: self.behind_filter,
             });
         }
         for _ in 0..MAX_STOPS_PER_SEGMENT {
-            if self.release_parts(done_s, &first) {
-                first = self.derivative_after(&self.state, done_s);
+            if self.release_parts(done_s, &work.first) {
+                self.find_first(done_s, work);
             }
             let remaining_s = length_s - done_s;
-            let end = self.runge_kutta(done_s, remaining_s, &first);
-            let stop = self.first_stop(done_s, remaining_s, &first, &end);
-            let (end, step_s) = stop.as_ref().map_or((&end, remaining_s), |(_, s, state)| (state, *s));
-            if let Some((contact_s, at_contact)) = self.first_contact(touches, done_s, step_s, &first, end) {
-                self.move_on(at_contact, &first, done_s, contact_s);
+            self.runge_kutta(done_s, remaining_s, work);
+            let stop = self.first_stop(done_s, remaining_s, work);
+            let step_s = stop.as_ref().map_or(remaining_s, |(_, s)| *s);
+            if let Some(contact_s) = self.first_contact(touches, done_s, step_s, work) {
+                self.move_on(done_s, contact_s, work);
                 done_s += contact_s;
                 touches = self.touches_after(&self.state, done_s);
                 self.keep_branches(Some(touches));
-                first = self.derivative_after(&self.state, done_s);
+                self.find_first(done_s, work);
                 continue;
             }
-            let end = *end;
-            self.move_on(end, &first, done_s, step_s);
-            let Some((part, ..)) = stop else {
+            self.move_on(done_s, step_s, work);
+            let Some((part, _)) = stop else {
                 self.keep_branches(None);
                 self.add_hidden_noise(length_s);
                 return;
             };
             self.slide(part, 0.0);
             done_s += step_s;
-            first = self.derivative_after(&self.state, done_s);
+            self.find_first(done_s, work);
         }
         self.keep_branches(None);
-        let end = self.runge_kutta(done_s, length_s - done_s, &first);
-        self.move_on(end, &first, done_s, length_s - done_s);
+        self.runge_kutta(done_s, length_s - done_s, work);
+        self.move_on(done_s, length_s - done_s, work);
         self.add_hidden_noise(length_s);
     }
 
@@ -106,85 +132,85 @@ impl Plant {
         (self.drive.stop, self.drive.contact) = (stop, contact);
     }
 
-    /// The time until a contact begins or ends on the way to `end`, and the state there, by halving: it exists if the end
-    /// lies on another branch.
-    fn first_contact(
-        &self,
-        touches: [bool; 2],
-        offset_s: f64,
-        h_s: f64,
-        first: &Derivative,
-        end: &State,
-    ) -> Option<(f64, State)> {
-        if self.touches_after(end, offset_s + h_s) == touches {
+    /// The time until a contact begins or ends on the way to `work.end`, by halving: it exists if the end lies on another
+    /// branch. `work.end` is then the state there.
+    fn first_contact(&self, touches: [bool; 2], offset_s: f64, h_s: f64, work: &mut Work) -> Option<f64> {
+        if self.touches_after(&work.end, offset_s + h_s) == touches {
             return None;
         }
-        let (mut before_s, mut after_s, mut found) = (0.0, h_s, *end);
+        let (mut before_s, mut after_s, mut found) = (0.0, h_s, work.end);
         while after_s - before_s > CONTACT_TIME_S {
             let middle_s = 0.5 * (before_s + after_s);
-            let middle = self.runge_kutta(offset_s, middle_s, first);
-            if self.touches_after(&middle, offset_s + middle_s) == touches {
+            self.runge_kutta(offset_s, middle_s, work);
+            if self.touches_after(&work.end, offset_s + middle_s) == touches {
                 before_s = middle_s;
             } else {
-                (after_s, found) = (middle_s, middle);
+                (after_s, found) = (middle_s, work.end);
             }
         }
-        Some((after_s, found))
+        work.end = found;
+        Some(after_s)
     }
 
-    /// Takes the state at the end of a step that begins `offset_s` after now, and carries the sensors' low-pass on.
-    fn move_on(&mut self, end: State, first: &Derivative, offset_s: f64, step_s: f64) {
+    /// Takes `work.end` as the state at the end of a step that begins `offset_s` after now, and carries the sensors'
+    /// low-pass on.
+    fn move_on(&mut self, offset_s: f64, step_s: f64, work: &mut Work) {
         if self.has_filter {
-            let from = self.ideal_imu(&self.state, &first.omega);
-            let last = self.derivative_after(&end, offset_s + step_s);
-            let to = self.ideal_imu(&end, &last.omega);
+            let from = self.ideal_imu(&self.state, &work.first.omega);
+            let (at, Work { end, later: [last, ..], forces, .. }) = (self.instant(offset_s + step_s), work);
+            self.gyrostat.derivative(&at, end, &self.drive, forces, last);
+            let to = self.ideal_imu(end, &last.omega);
             self.filter(&from, &to, step_s);
+            self.state = *end;
+        } else {
+            self.state = work.end;
         }
-        self.state = end;
     }
 
-    /// One classical Runge-Kutta step over `h_s` that begins `offset_s` after now; `k1` is the
-    /// derivative there.
-    fn runge_kutta(&self, offset_s: f64, h_s: f64, k1: &Derivative) -> State {
+    /// One classical Runge-Kutta step over `h_s` that begins `offset_s` after now, with `work.first` the derivative there,
+    /// to `work.end`.
+    fn runge_kutta(&self, offset_s: f64, h_s: f64, work: &mut Work) {
         let actuators = &self.gyrostat.model().actuators;
         let hidden = self.gyrostat.effects().hidden_states();
-        let x = &self.state;
-        let half_s = 0.5 * h_s;
-        let k2 = self.derivative_after(&x.moved(k1, half_s, actuators, hidden), offset_s + half_s);
-        let k3 = self.derivative_after(&x.moved(&k2, half_s, actuators, hidden), offset_s + half_s);
-        let k4 = self.derivative_after(&x.moved(&k3, h_s, actuators, hidden), offset_s + h_s);
-        let sum = Derivative::runge_kutta_sum([k1, &k2, &k3, &k4], actuators, hidden);
-        let mut end = x.moved(&sum, h_s / 6.0, actuators, hidden);
+        let (x, half_s) = (&self.state, 0.5 * h_s);
+        let Work { first, later: [k2, k3, k4], sum, forces, stage, end } = work;
+        let mut derivative = |stage: &State, after_s: f64, to: &mut Derivative| {
+            self.gyrostat.derivative(&self.instant(offset_s + after_s), stage, &self.drive, forces, to);
+        };
+        x.moved(first, half_s, actuators, hidden, stage);
+        derivative(stage, half_s, k2);
+        x.moved(k2, half_s, actuators, hidden, stage);
+        derivative(stage, half_s, k3);
+        x.moved(k3, h_s, actuators, hidden, stage);
+        derivative(stage, h_s, k4);
+        sum.set_runge_kutta_sum([first, k2, k3, k4], actuators, hidden);
+        x.moved(sum, h_s / 6.0, actuators, hidden, end);
         actuators.bound(&mut end.actuators);
-        end.normalised()
+        end.normalise();
     }
 
-    fn derivative_after(&self, state: &State, offset_s: f64) -> Derivative {
-        self.gyrostat.derivative(&self.instant(offset_s), state, &self.drive)
+    /// The derivative now, `offset_s` after the start of the segment, to `work.first`.
+    fn find_first(&self, offset_s: f64, work: &mut Work) {
+        let Work { first, forces, .. } = work;
+        self.gyrostat.derivative(&self.instant(offset_s), &self.state, &self.drive, forces, first);
     }
 
-    /// The first part with Coulomb friction whose speed changes sign on the way to `end`, the time until then and the
-    /// state there, found by the secant method.
-    fn first_stop(
-        &self,
-        offset_s: f64,
-        h_s: f64,
-        first: &Derivative,
-        end: &State,
-    ) -> Option<(Part, f64, State)> {
+    /// The first part with Coulomb friction whose speed changes sign on the way to `work.end` and the time until then,
+    /// found by the secant method. `work.end` is then the state there.
+    fn first_stop(&self, offset_s: f64, h_s: f64, work: &mut Work) -> Option<(Part, f64)> {
         let actuators = &self.gyrostat.model().actuators;
         let (start, drives) = (&self.state.actuators, &self.drive.actuators);
-        let (part, mut stop_s) = actuators.first_stop(start, &end.actuators, drives, h_s)?;
-        let mut at_stop = self.runge_kutta(offset_s, stop_s, first);
+        let (part, mut stop_s) = actuators.first_stop(start, &work.end.actuators, drives, h_s)?;
+        self.runge_kutta(offset_s, stop_s, work);
         for _ in 0..3 {
-            let (from, to) = (actuators.speed(start, part), actuators.speed(&at_stop.actuators, part));
+            let (from, to) = (actuators.speed(start, part), actuators.speed(&work.end.actuators, part));
             if to.abs() <= 1e-12 || from == to {
                 break;
             }
             stop_s = (stop_s * from / (from - to)).clamp(0.0, h_s);
-            at_stop = self.runge_kutta(offset_s, stop_s, first);
+            self.runge_kutta(offset_s, stop_s, work);
         }
-        Some((part, stop_s, at_stop))
+        Some((part, stop_s))
     }
 
     /// Releases stuck parts that are no longer held; true if there were any.

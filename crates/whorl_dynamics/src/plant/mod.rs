@@ -14,8 +14,8 @@ pub use command::CommandError;
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use crate::actuators::Instant;
-use crate::gyrostat::Drive;
+use crate::actuators::{Forces, Instant};
+use crate::gyrostat::{Derivative, Drive};
 use crate::sensing::History;
 use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State, TrueImu};
 use noise::{Normal, Stream, TriaxialSensor};
@@ -279,7 +279,9 @@ impl Plant {
     /// Angular acceleration now, body axes [rad/s^2].
     #[must_use]
     pub fn angular_acceleration_b_rad_s2(&self) -> Vector3<f64> {
-        self.gyrostat.derivative(&self.instant(0.0), &self.state, &self.drive).omega
+        let (mut forces, mut derivative) = (Forces::default(), Derivative::zero());
+        self.gyrostat.derivative(&self.instant(0.0), &self.state, &self.drive, &mut forces, &mut derivative);
+        derivative.omega
     }
 }
 

@@ -61,6 +61,14 @@ impl KindDynamics for ControlMomentGyros {
     }
 
     #[inline]
+    fn moved(&self, state: &State, rate: &State, factor: f64, to: &mut State) {
+        for j in 0..self.0.len() {
+            to.angle_rad[j] = state.angle_rad[j] + factor * rate.angle_rad[j];
+            to.rate_rad_s[j] = state.rate_rad_s[j] + factor * rate.rate_rad_s[j];
+        }
+    }
+
+    #[inline]
     fn add_scaled(&self, state: &mut State, rate: &State, factor: f64) {
         for j in 0..self.0.len() {
             state.angle_rad[j] += factor * rate.angle_rad[j];
@@ -105,8 +113,8 @@ impl KindDynamics for ControlMomentGyros {
         drive: &Drive,
         omega_wb_b_rad_s: &Vector3<f64>,
         _body: &mut OnBody,
-    ) -> Forces {
-        let mut forces = [(Vector3::zeros(), 0.0); MAX_GYROS];
+        forces: &mut Forces,
+    ) {
         for (j, gyro) in self.0.iter().enumerate() {
             let across = gyro.axes_b(state.angle_rad[j]).1 * gyro.rotor_momentum_n_m_s;
             let rate = state.rate_rad_s[j];
@@ -116,7 +124,6 @@ impl KindDynamics for ControlMomentGyros {
             let about_gimbal = motor_n_m - friction_n_m + across.dot(omega_wb_b_rad_s);
             forces[j] = (across * rate, if drive.is_free(j) { about_gimbal } else { 0.0 });
         }
-        forces
     }
 
     #[inline]
@@ -133,13 +140,16 @@ impl KindDynamics for ControlMomentGyros {
         drive: &Drive,
         forces: &Forces,
         omega_dot_wb_b_rad_s2: &Vector3<f64>,
-    ) -> State {
-        let mut rate = State { angle_rad: state.rate_rad_s, ..State::default() };
-        for (j, gyro) in self.0.iter().enumerate().filter(|(j, _)| drive.is_free(*j)) {
-            rate.rate_rad_s[j] =
-                forces[j].1 / gyro.gimbal_inertia_kg_m2 - gyro.gimbal_axis_b.dot(omega_dot_wb_b_rad_s2);
+        to: &mut State,
+    ) {
+        for (j, gyro) in self.0.iter().enumerate() {
+            to.angle_rad[j] = state.rate_rad_s[j];
+            to.rate_rad_s[j] = if drive.is_free(j) {
+                forces[j].1 / gyro.gimbal_inertia_kg_m2 - gyro.gimbal_axis_b.dot(omega_dot_wb_b_rad_s2)
+            } else {
+                0.0
+            };
         }
-        rate
     }
 
     fn set_out(&self, state: &State, drive: &mut Drive) {

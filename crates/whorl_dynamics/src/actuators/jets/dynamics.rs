@@ -25,7 +25,7 @@ pub(crate) struct Drive {
 }
 
 /// Gas that leaves the tank [kg/s].
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Forces {
     gas_rate_kg_s: f64,
 }
@@ -45,6 +45,11 @@ impl KindDynamics for Jets {
             valve_fraction: [0.0; MAX_JETS],
             initial_gas_kg: self.tank.initial_gas_kg(),
         }
+    }
+
+    #[inline]
+    fn moved(&self, state: &State, rate: &State, factor: f64, to: &mut State) {
+        to.gas_kg = state.gas_kg + rate.gas_kg * factor;
     }
 
     #[inline]
@@ -73,7 +78,8 @@ impl KindDynamics for Jets {
         drive: &Drive,
         _omega_wb_b_rad_s: &Vector3<f64>,
         body: &mut OnBody,
-    ) -> Forces {
+        to: &mut Forces,
+    ) {
         let jets = drive.valves.drive(at.now_ns, at.offset_s);
         // Most of the time no jet blows, and a power is expensive.
         let thrust_factor = if jets.thrust_n == 0.0 {
@@ -83,7 +89,7 @@ impl KindDynamics for Jets {
             self.tank.thrust_factor(pressure_ratio) * body.thrust_factor
         };
         body.torque_b_n_m += jets.torque_b_n_m * thrust_factor;
-        Forces { gas_rate_kg_s: self.tank.gas_rate_kg_s(jets.thrust_n * thrust_factor) }
+        *to = Forces { gas_rate_kg_s: self.tank.gas_rate_kg_s(jets.thrust_n * thrust_factor) };
     }
 
     #[inline]
@@ -106,8 +112,9 @@ impl KindDynamics for Jets {
         _drive: &Drive,
         forces: &Forces,
         _omega_dot_wb_b_rad_s2: &Vector3<f64>,
-    ) -> State {
-        State { gas_kg: -forces.gas_rate_kg_s }
+        to: &mut State,
+    ) {
+        to.gas_kg = -forces.gas_rate_kg_s;
     }
 
     #[inline]

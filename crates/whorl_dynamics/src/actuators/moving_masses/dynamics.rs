@@ -47,7 +47,8 @@ impl KindDynamics for MovingMasses {
         drive: &Drive,
         _omega_wb_b_rad_s: &Vector3<f64>,
         body: &mut OnBody,
-    ) -> Forces {
+        _to: &mut Forces,
+    ) {
         body.gravity_offset_b_n_m += drive.moment_b_n_m;
     }
 
@@ -58,8 +59,8 @@ impl KindDynamics for MovingMasses {
         _drive: &Drive,
         _forces: &Forces,
         _omega_dot_wb_b_rad_s2: &Vector3<f64>,
-    ) -> State {
-        State
+        _to: &mut State,
+    ) {
     }
 }
 

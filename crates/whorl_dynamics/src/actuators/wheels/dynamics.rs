@@ -48,6 +48,14 @@ impl KindDynamics for Wheels {
     }
 
     #[inline]
+    fn moved(&self, state: &State, rate: &State, factor: f64, to: &mut State) {
+        let speeds = state.speed_rad_s.iter().zip(&rate.speed_rad_s).take(self.0.len());
+        for (to, (speed, rate)) in to.speed_rad_s.iter_mut().zip(speeds) {
+            *to = speed + factor * rate;
+        }
+    }
+
+    #[inline]
     fn add_scaled(&self, state: &mut State, rate: &State, factor: f64) {
         for (sum, x) in state.speed_rad_s.iter_mut().zip(&rate.speed_rad_s).take(self.0.len()) {
             *sum += factor * x;
@@ -92,15 +100,14 @@ impl KindDynamics for Wheels {
         drive: &Drive,
         _omega_wb_b_rad_s: &Vector3<f64>,
         _body: &mut OnBody,
-    ) -> Forces {
-        let mut torque_n_m = [0.0; MAX_WHEELS];
+        torque_n_m: &mut Forces,
+    ) {
         for (j, wheel) in self.0.iter().enumerate() {
             let speed = state.speed_rad_s[j];
             torque_n_m[j] =
                 available_motor_torque_n_m(drive.motor_torque_n_m[j], speed, wheel.max_speed_rad_s)
                     + friction_n_m(wheel, speed, drive.sliding[j]);
         }
-        torque_n_m
     }
 
     #[inline]
@@ -130,15 +137,16 @@ impl KindDynamics for Wheels {
         drive: &Drive,
         torque_n_m: &Forces,
         omega_dot_wb_b_rad_s2: &Vector3<f64>,
-    ) -> State {
-        let mut rate = State::default();
+        to: &mut State,
+    ) {
         let wheels = self.0.iter().zip(torque_n_m).zip(&drive.stuck);
-        for (slot, ((wheel, torque), stuck)) in rate.speed_rad_s.iter_mut().zip(wheels) {
-            if !stuck {
-                *slot = torque / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2);
-            }
+        for (to, ((wheel, torque), stuck)) in to.speed_rad_s.iter_mut().zip(wheels) {
+            *to = if *stuck {
+                0.0
+            } else {
+                torque / wheel.spin_inertia_kg_m2 - wheel.spin_axis_b.dot(omega_dot_wb_b_rad_s2)
+            };
         }
-        rate
     }
 
     fn set_out(&self, state: &State, drive: &mut Drive) {
