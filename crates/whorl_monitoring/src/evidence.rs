@@ -16,6 +16,7 @@ use whorl_diagnosis::Directions;
 
 use crate::Settings;
 use crate::filter::{Changes, Places, Whitened, torque_rates};
+use crate::passing::{self, Carried, Columns};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
@@ -34,6 +35,8 @@ pub const UNKNOWN_TORQUE: &str = "unknown_torque";
 struct Suspect {
     effect: usize,
     columns: Vec<usize>,
+    /// Places of the products of its columns among those that are summed: (0, 0), (0, 1), (1, 1), (0, 2) and so on.
+    products: Vec<usize>,
     /// Prior standard deviation of each column.
     stddev: Vec<f64>,
     ln_prior: f64,
@@ -43,15 +46,7 @@ struct Suspect {
 #[derive(Debug, Clone)]
 struct Start {
     at_ns: i64,
-    /// Error of the filter's state per unit of each column.
-    state: DMatrix<f64>,
-    sums: Vec<Sums>,
-}
-
-#[derive(Debug, Clone)]
-struct Sums {
-    information: DMatrix<f64>,
-    score: DVector<f64>,
+    carried: Carried,
 }
 
 /// A suspect and how much speaks for it since one start.
@@ -85,6 +80,9 @@ pub struct Evidence {
     memory_ns: i64,
     next_start_ns: Option<i64>,
     length: usize,
+    /// Pairs of columns whose products are summed.
+    products: Vec<(usize, usize)>,
+    columns: Columns,
 }
 
 impl Evidence {
@@ -110,18 +108,37 @@ impl Evidence {
                 })
                 .collect();
             let stddev = suspect.directions.iter().map(|d| all.directions[*d].catalogue_stddev).collect();
-            suspects.push(Suspect { effect, columns, stddev, ln_prior: 0.0 });
+            suspects.push(Suspect { effect, columns, products: Vec::new(), stddev, ln_prior: 0.0 });
         }
         // A torque without a name is as likely as any effect.
         let first = followed.len();
         let columns: Vec<usize> = (first..first + 3).collect();
-        suspects.push(Suspect { effect: effects.len(), columns, stddev: vec![1.0; 3], ln_prior: 0.0 });
+        suspects.push(Suspect {
+            effect: effects.len(),
+            columns,
+            products: Vec::new(),
+            stddev: vec![1.0; 3],
+            ln_prior: 0.0,
+        });
         effects.push(UNKNOWN_TORQUE);
         let ways = |effect: usize| suspects.iter().filter(|s| s.effect == effect).count() as f64;
         let priors: Vec<f64> =
             suspects.iter().map(|s| -(effects.len() as f64 * ways(s.effect)).ln()).collect();
         for (suspect, ln_prior) in suspects.iter_mut().zip(priors) {
             suspect.ln_prior = ln_prior;
+        }
+        // Suspects share columns, so they share products of them.
+        let mut products: Vec<(usize, usize)> = Vec::new();
+        for suspect in &mut suspects {
+            for (k, b) in suspect.columns.iter().enumerate() {
+                for a in suspect.columns.iter().take(k + 1) {
+                    let place = products.iter().position(|pair| *pair == (*a, *b)).unwrap_or_else(|| {
+                        products.push((*a, *b));
+                        products.len() - 1
+                    });
+                    suspect.products.push(place);
+                }
+            }
         }
         Self {
             nameless_n_m: NAMELESS * settings.background_torque_n_m,
@@ -131,6 +148,8 @@ impl Evidence {
             memory_ns: ns(settings.memory_s),
             next_start_ns: None,
             length: places.len(),
+            products,
+            columns: Columns::default(),
             effects,
             suspects,
             followed,
@@ -148,16 +167,9 @@ impl Evidence {
             return;
         }
         self.next_start_ns = Some(due + self.every_ns * ((at_ns - due) / self.every_ns.max(1) + 1));
-        let sums = |s: &Suspect| Sums {
-            information: DMatrix::zeros(s.columns.len(), s.columns.len()),
-            score: DVector::zeros(s.columns.len()),
-        };
         self.starts.retain(|start| at_ns - start.at_ns < self.memory_ns);
-        self.starts.push(Start {
-            at_ns,
-            state: DMatrix::zeros(self.length, self.columns()),
-            sums: self.suspects.iter().map(sums).collect(),
-        });
+        self.starts
+            .push(Start { at_ns, carried: Carried::new(self.length, self.columns(), self.products.len()) });
         // Old starts grow sparse: what began long ago is not dated to the second. Leaving starts out only lowers the sum.
         while self.starts.len() > STARTS {
             let age = |k: usize| (at_ns - self.starts[k].at_ns) as f64 + self.every_ns as f64;
@@ -171,7 +183,7 @@ impl Evidence {
     /// The motion is unknown after a gap: so is what an effect has made of it.
     pub fn forget_motion(&mut self, motion: usize) {
         for start in &mut self.starts {
-            start.state.rows_mut(0, motion).fill(0.0);
+            start.carried.forget(motion);
         }
     }
 
@@ -183,52 +195,28 @@ impl Evidence {
 
     /// Takes a bin.
     pub fn add(&mut self, whitened: &Whitened, changes: &Changes, places: &Places) {
-        let motion = places.motion();
-        let mut rates = DMatrix::zeros(motion, self.columns());
-        for (k, direction) in self.followed.iter().enumerate() {
-            rates.column_mut(k).copy_from(&changes.rates.column(*direction));
-        }
         let torque = &self.torque_rates * self.nameless_n_m;
-        rates.columns_mut(self.followed.len(), 3).copy_from(&torque);
-        let (at_end, half_way) = (&whitened.by_rate.0 * &rates, &whitened.by_rate.1 * &rates);
-        let mut own = DMatrix::zeros(whitened.reading.len(), self.columns());
-        for (row, reading) in whitened.reading.iter().enumerate() {
-            own.row_mut(row).copy_from(&half_way.row(*reading));
-            if *reading < 3 {
-                for (k, direction) in self.followed.iter().enumerate() {
-                    own[(row, k)] += changes.readings[(*reading, *direction)];
-                }
-            }
-        }
-        let suspects = &self.suspects;
-        for start in &mut self.starts {
-            let mut x = &own + &whitened.by_state * &start.state;
-            start.state -= &whitened.gain * &x;
-            whitened.whiten(&mut x);
-            for (sums, suspect) in start.sums.iter_mut().zip(suspects) {
-                for (i, a) in suspect.columns.iter().enumerate() {
-                    let a = x.column(*a);
-                    sums.score[i] += a.dot(&whitened.innovation);
-                    for (j, b) in suspect.columns.iter().enumerate().skip(i) {
-                        let product = a.dot(&x.column(*b));
-                        sums.information[(i, j)] += product;
-                        if i != j {
-                            sums.information[(j, i)] += product;
-                        }
-                    }
-                }
-            }
-            let moved = &whitened.transition * &start.state + &at_end;
-            start.state.rows_mut(0, motion).copy_from(&moved);
-            let (torque, constants) = (places.torque(), places.first_constant());
-            start.state.rows_mut(torque, constants - torque).scale_mut(whitened.torque_left);
-            let count = self.length - constants;
-            start.state.rows_mut(constants, count).scale_mut(whitened.constants_left);
-        }
+        let named = self.followed.len();
+        let rate = |row: usize, column: usize| match self.followed.get(column) {
+            Some(direction) => changes.rates[(row, *direction)],
+            None if column < named + 3 => torque[(row, column - named)],
+            None => 0.0,
+        };
+        let reading = |reading: usize, column: usize| match self.followed.get(column) {
+            Some(direction) if reading < 3 => changes.readings[(reading, *direction)],
+            _ => 0.0,
+        };
+        self.columns.load(whitened, places.motion(), named + 3, rate, reading);
+        let left = passing::Left {
+            torque: (places.torque()..places.first_constant(), whitened.torque_left),
+            constants: (places.first_constant()..places.len(), whitened.constants_left),
+        };
+        let carried = self.starts.iter_mut().map(|start| &mut start.carried);
+        passing::pass(carried, &self.columns, &left, &self.products);
     }
 
     /// ln of the likelihood ratio for a suspect since a start, over all sizes.
-    fn ln_ratio(suspect: &Suspect, sums: &Sums) -> f64 {
+    fn ln_ratio(suspect: &Suspect, sums: &Carried) -> f64 {
         let ratios = SIZES.map(|size| ln_ratio(suspect, sums, size));
         ln_sum(ratios.into_iter()) - (SIZES.len() as f64).ln()
     }
@@ -236,24 +224,26 @@ impl Evidence {
     /// ln of the sum over starts of the mean likelihood ratios over suspects \[nats\]; minus infinity without any.
     #[must_use]
     pub fn ln_evidence(&self) -> f64 {
-        ln_sum(self.starts.iter().flat_map(|start| {
-            self.suspects.iter().zip(&start.sums).map(|(s, sums)| s.ln_prior + Self::ln_ratio(s, sums))
-        }))
+        ln_sum(
+            self.starts.iter().flat_map(|start| {
+                self.suspects.iter().map(|s| s.ln_prior + Self::ln_ratio(s, &start.carried))
+            }),
+        )
     }
 
     /// The effects by how much speaks for them, the likeliest first.
     #[must_use]
     pub fn weighed(&self) -> Vec<Weighed> {
         let total = self.ln_evidence();
-        let mut best: Vec<Option<(f64, &Suspect, &Start, &Sums)>> = vec![None; self.effects.len()];
+        let mut best: Vec<Option<(f64, &Suspect, &Start)>> = vec![None; self.effects.len()];
         let mut share = vec![0.0; self.effects.len()];
         for start in &self.starts {
-            for (suspect, sums) in self.suspects.iter().zip(&start.sums) {
-                let ln = suspect.ln_prior + Self::ln_ratio(suspect, sums);
+            for suspect in &self.suspects {
+                let ln = suspect.ln_prior + Self::ln_ratio(suspect, &start.carried);
                 share[suspect.effect] += (ln - total).exp();
                 let slot = &mut best[suspect.effect];
                 if slot.as_ref().is_none_or(|(so_far, ..)| ln > *so_far) {
-                    *slot = Some((ln, suspect, start, sums));
+                    *slot = Some((ln, suspect, start));
                 }
             }
         }
@@ -262,10 +252,10 @@ impl Evidence {
             .zip(&share)
             .zip(&self.effects)
             .filter_map(|((best, probability), effect)| {
-                let (_, suspect, start, sums) = best.as_ref()?;
+                let (_, suspect, start) = best.as_ref()?;
                 let nameless = *effect == UNKNOWN_TORQUE;
                 let (estimate, stddev) =
-                    estimate(suspect, sums, if nameless { self.nameless_n_m } else { 1.0 })?;
+                    estimate(suspect, &start.carried, if nameless { self.nameless_n_m } else { 1.0 })?;
                 let direction = |column: &usize| self.followed.get(*column).copied();
                 Some(Weighed {
                     effect,
@@ -292,34 +282,64 @@ fn ln_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
     if most == f64::NEG_INFINITY { most } else { most + terms.map(|x| (x - most).exp()).sum::<f64>().ln() }
 }
 
-fn scaled(suspect: &Suspect, sums: &Sums, size: f64) -> (DMatrix<f64>, DVector<f64>) {
-    let count = suspect.columns.len();
-    let s = |i: usize| suspect.stddev[i] * size;
-    let information = DMatrix::from_fn(count, count, |i, j| {
-        s(i) * sums.information[(i, j)] * s(j) + if i == j { 1.0 } else { 0.0 }
-    });
-    (information, DVector::from_fn(count, |i, _| s(i) * sums.score[i]))
+/// I + V^1/2 A V^1/2, lower triangle, and V^1/2 z.
+fn scaled(
+    suspect: &Suspect,
+    sums: &Carried,
+    size: f64,
+) -> ([[f64; MOST_DIRECTIONS]; MOST_DIRECTIONS], [f64; MOST_DIRECTIONS]) {
+    let (mut information, mut score) = ([[0.0; MOST_DIRECTIONS]; MOST_DIRECTIONS], [0.0; MOST_DIRECTIONS]);
+    let mut products = suspect.products.iter();
+    for (i, column) in suspect.columns.iter().enumerate().take(MOST_DIRECTIONS) {
+        let s_i = suspect.stddev[i] * size;
+        score[i] = s_i * sums.score(*column);
+        for (j, place) in products.by_ref().take(i + 1).enumerate() {
+            information[i][j] = s_i * sums.product(*place) * suspect.stddev[j] * size;
+        }
+        information[i][i] += 1.0;
+    }
+    (information, score)
 }
 
-fn ln_ratio(suspect: &Suspect, sums: &Sums, size: f64) -> f64 {
-    let (information, score) = scaled(suspect, sums, size);
-    // The identity plus a product with itself has no zero; numbers that are not finite speak for nothing.
-    let Some(cholesky) = information.cholesky() else { return f64::NEG_INFINITY };
-    let ln_determinant: f64 = 2.0 * cholesky.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-    0.5 * (score.dot(&cholesky.solve(&score)) - ln_determinant)
+fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64) -> f64 {
+    let (mut lower, mut y) = scaled(suspect, sums, size);
+    let (mut determinant, mut squares) = (1.0, 0.0);
+    // Cholesky's factor and the forward substitution, row by row.
+    for i in 0..suspect.columns.len().min(MOST_DIRECTIONS) {
+        for j in 0..i {
+            let mut sum = lower[i][j];
+            for k in 0..j {
+                sum -= lower[i][k] * lower[j][k];
+            }
+            lower[i][j] = sum / lower[j][j];
+            y[i] -= lower[i][j] * y[j];
+        }
+        let pivot = lower[i][i] - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>();
+        // The identity plus a product with itself has no zero; numbers that are not finite speak for nothing.
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return f64::NEG_INFINITY;
+        }
+        determinant *= pivot;
+        lower[i][i] = pivot.sqrt();
+        y[i] /= lower[i][i];
+        squares += y[i] * y[i];
+    }
+    0.5 * (squares - determinant.ln())
 }
 
 /// Estimates and standard deviations of a suspect's columns, times a factor.
-fn estimate(suspect: &Suspect, sums: &Sums, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
     let best = SIZES
         .iter()
         .copied()
         .max_by(|a, b| ln_ratio(suspect, sums, *a).total_cmp(&ln_ratio(suspect, sums, *b)))?;
-    let (information, score) = scaled(suspect, sums, best);
+    let (lower, score) = scaled(suspect, sums, best);
+    let count = suspect.columns.len();
+    let information = DMatrix::from_fn(count, count, |i, j| lower[i.max(j)][i.min(j)]);
     let cholesky = information.cholesky()?;
+    let score = DVector::from_fn(count, |i, _| score[i]);
     let (mean, covariance) = (cholesky.solve(&score), cholesky.inverse());
     let s = |i: usize| suspect.stddev[i] * best * factor;
-    let count = suspect.columns.len();
     Some((
         (0..count).map(|i| mean[i] * s(i)).collect(),
         (0..count).map(|i| covariance[(i, i)].sqrt() * s(i)).collect(),
@@ -330,17 +350,20 @@ fn estimate(suspect: &Suspect, sums: &Sums, factor: f64) -> Option<(Vec<f64>, Ve
 mod tests {
     use super::*;
 
+    fn suspect(count: usize, stddev: f64) -> Suspect {
+        let columns: Vec<usize> = (0..count).collect();
+        let products = (0..count * (count + 1) / 2).collect();
+        Suspect { effect: 0, columns, products, stddev: vec![stddev; count], ln_prior: 0.0 }
+    }
+
     /// One column: the integral of the likelihood over the prior, by the trapezoidal rule.
     #[test]
     fn the_ratio_is_the_likelihood_integrated_over_the_prior() {
-        let suspect = Suspect { effect: 0, columns: vec![0], stddev: vec![0.7], ln_prior: 0.0 };
+        let suspect = suspect(1, 0.7);
         let (x, y) = ([0.3, -1.0, 2.0, 0.4], [0.5, -0.2, 1.7, 0.1]);
         let information: f64 = x.iter().map(|x| x * x).sum();
         let score: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
-        let sums = Sums {
-            information: DMatrix::from_element(1, 1, information),
-            score: DVector::from_element(1, score),
-        };
+        let sums = Carried::with_sums(&[score], &[information]);
         let sigma = 0.7 * 3.0;
         let density = |phi: f64| {
             let misfit: f64 = x.iter().zip(y).map(|(x, y)| (y - x * phi).powi(2) - y * y).sum();
@@ -349,5 +372,21 @@ mod tests {
         let step = 1e-3;
         let integral: f64 = (-20_000..20_000).map(|k| density(f64::from(k) * step) * step).sum();
         assert!((ln_ratio(&suspect, &sums, 3.0) - integral.ln()).abs() < 1e-9);
+    }
+
+    /// Three columns, against the formula at the head of this file in matrices.
+    #[test]
+    fn the_ratio_of_several_columns_is_the_formula() {
+        let suspect = suspect(3, 0.7);
+        let x = DMatrix::from_fn(5, 3, |i, j| ((i * 3 + j) as f64).sin());
+        let y = DVector::from_fn(5, |i, _| (i as f64).cos());
+        let (a, z) = (x.transpose() * &x, x.transpose() * &y);
+        let products = [a[(0, 0)], a[(0, 1)], a[(1, 1)], a[(0, 2)], a[(1, 2)], a[(2, 2)]];
+        let sums = Carried::with_sums(z.as_slice(), &products);
+        let s = 0.7 * 3.0;
+        let inner = DMatrix::identity(3, 3) + &a * (s * s);
+        let quadratic = (z.transpose() * inner.clone().try_inverse().unwrap() * &z)[0] * s * s;
+        let expected = 0.5 * (quadratic - inner.determinant().ln());
+        assert!((ln_ratio(&suspect, &sums, 3.0) - expected).abs() < 1e-12);
     }
 }

@@ -191,10 +191,25 @@ pub struct Whitened {
 }
 
 impl Whitened {
-    /// Divides by the square root of the covariance.
-    pub fn whiten(&self, matrix: &mut DMatrix<f64>) {
-        // The diagonal is positive: it is a Cholesky factor.
-        let _ = self.lower.solve_lower_triangular_mut(matrix);
+    /// Lower triangle of the innovations' covariance.
+    #[must_use]
+    pub fn lower(&self) -> &DMatrix<f64> {
+        &self.lower
+    }
+
+    /// Of made-up numbers.
+    #[cfg(test)]
+    pub fn of_parts(
+        innovation: DVector<f64>,
+        reading: Vec<usize>,
+        by_state: DMatrix<f64>,
+        lower: DMatrix<f64>,
+        gain: DMatrix<f64>,
+        transition: DMatrix<f64>,
+        by_rate: (DMatrix<f64>, DMatrix<f64>),
+    ) -> Self {
+        let (torque_left, constants_left) = (0.9, 0.8);
+        Self { innovation, reading, by_state, lower, gain, transition, by_rate, torque_left, constants_left }
     }
 }
 

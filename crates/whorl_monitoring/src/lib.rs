@@ -19,6 +19,7 @@
 pub mod evidence;
 pub mod filter;
 mod monitor;
+mod passing;
 pub mod predictor;
 mod settings;
 
