@@ -77,14 +77,22 @@ impl Problem {
             self.push_bounds(if demand.mode.uses_motors() { (min, max) } else { (rest, rest) });
         }
 
-        let reach = |k: usize| effectors.column(k).norm() * self.width[k];
+        let reach = |k: usize| {
+            // Most cannot move: jets, where motors alone do.
+            if self.width[k] > 0.0 { effectors.column(k).norm() * self.width[k] } else { 0.0 }
+        };
         let strongest = (0..count).map(reach).fold(0.0, f64::max);
         self.scale_n_m = if strongest > 0.0 { strongest } else { 1.0 };
         self.offset = Vector3::zeros();
         for k in 0..count {
+            let (lower, width) = (self.lower[k], self.width[k]);
+            if lower == 0.0 && width == 0.0 {
+                self.columns.push(Vector3::zeros());
+                continue;
+            }
             let column = effectors.column(k) / self.scale_n_m;
-            self.columns.push(column * self.width[k]);
-            self.offset += column * self.lower[k];
+            self.columns.push(column * width);
+            self.offset += column * lower;
         }
         // Opposite motors at their lower bounds may cancel to rounding: that is a zero.
         let rounding = 1e-14 * self.lower.iter().map(|lower| lower.abs()).sum::<f64>();

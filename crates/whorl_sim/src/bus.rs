@@ -8,6 +8,7 @@ use std::time::Duration;
 use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
 
+use crate::apart::{Apart, OwnEvent};
 use crate::link::{Host, Link, LinkParameters};
 
 /// Observes all events, in order of time.
@@ -31,10 +32,22 @@ pub trait Observer {
 struct Node {
     name: String,
     host: Host,
-    core: Box<dyn NodeCore>,
+    runs: Runs,
     timer_period: Option<Duration>,
     /// Offset of its clock from simulated time \[ns\].
     ahead_ns: i64,
+}
+
+/// Where a node runs; the results are the same.
+enum Runs {
+    Here(Box<dyn NodeCore>),
+    Apart(Apart),
+}
+
+impl Node {
+    fn shown(&self, now: Timestamp) -> Timestamp {
+        Timestamp(now.0.saturating_add(self.ahead_ns))
+    }
 }
 
 enum Delivery {
@@ -81,6 +94,7 @@ pub struct Bus {
     outputs: Outputs,
     stepped: Vec<usize>,
     link_messages: u64,
+    threads: bool,
 }
 
 impl Bus {
@@ -105,7 +119,16 @@ impl Bus {
             outputs: Outputs::default(),
             stepped: Vec::new(),
             link_messages: 0,
+            threads: false,
         }
+    }
+
+    /// Lets nodes that are added from now on run in threads of their own where that changes nothing
+    /// ([`NodeCore::speaks_at_timer_only`]).
+    #[must_use]
+    pub fn with_threads(mut self, threads: bool) -> Self {
+        self.threads = threads;
+        self
     }
 
     /// Adds a node whose timer first fires `phase` after the start.
@@ -120,7 +143,9 @@ impl Bus {
         if timer_period.is_some() {
             self.push(self.now + phase, index, Delivery::Timer);
         }
-        self.nodes.push(Node { name: name.into(), host, core, timer_period, ahead_ns: 0 });
+        let apart = self.threads && core.speaks_at_timer_only();
+        let runs = if apart { Runs::Apart(Apart::new(core)) } else { Runs::Here(core) };
+        self.nodes.push(Node { name: name.into(), host, runs, timer_period, ahead_ns: 0 });
     }
 
     /// Sets the clock offset of a computer against simulated time \[s\], for nodes that were added before.
@@ -145,7 +170,11 @@ impl Bus {
     /// Whether the named node has finished its work.
     #[must_use]
     pub fn finished(&self, name: &str) -> bool {
-        self.nodes.iter().any(|n| n.name == name && n.core.finished())
+        let finished = |node: &Node| match &node.runs {
+            Runs::Here(core) => core.finished(),
+            Runs::Apart(apart) => apart.finished(),
+        };
+        self.nodes.iter().any(|node| node.name == name && finished(node))
     }
 
     /// Delivers all events up to and including `until`.
@@ -167,6 +196,13 @@ impl Bus {
                     self.step(entry.node, Event::Timer, observer)?;
                 }
                 Delivery::Message { route, message } => {
+                    let node = &mut self.nodes[entry.node];
+                    let shown = node.shown(self.now);
+                    if let Runs::Apart(apart) = &mut node.runs {
+                        observer.stepping(shown, &node.name, &Event::Message { route, message: &message });
+                        apart.message(shown, route, message);
+                        continue;
+                    }
                     self.step(entry.node, Event::Message { route, message: &message }, observer)?;
                 }
             }
@@ -192,9 +228,19 @@ impl Bus {
         let mut outputs = std::mem::take(&mut self.outputs);
         outputs.clear();
         let node = &mut self.nodes[index];
-        let shown = Timestamp(self.now.0.saturating_add(node.ahead_ns));
+        let shown = node.shown(self.now);
         observer.stepping(shown, &node.name, &event);
-        node.core.step(shown, event, &mut outputs);
+        match (&mut node.runs, event) {
+            (Runs::Here(core), event) => core.step(shown, event, &mut outputs),
+            (Runs::Apart(apart), Event::Timer) => {
+                outputs = apart.own_event(shown, OwnEvent::Timer, outputs);
+            }
+            (Runs::Apart(apart), Event::Shutdown) => {
+                outputs = apart.own_event(shown, OwnEvent::Shutdown, outputs);
+            }
+            // Messages were handed over by the caller; nothing else happens in a simulation.
+            (Runs::Apart(_), _) => {}
+        }
         let host = node.host;
         for line in &outputs.log {
             observer.logged(self.now, &self.nodes[index].name, line);

@@ -59,6 +59,8 @@ struct Running {
     valve_closes: Vec<Timestamp>,
     /// When the valve board saw the driver last; `None`: its watchdog has acted, or it has not seen it yet.
     heartbeat: Option<Timestamp>,
+    /// A fault of a jet is, or was, in force.
+    jets_failed: bool,
     last_good_rate: Option<Vector3<f64>>,
 }
 
@@ -108,6 +110,7 @@ impl SimulatedHardware {
                 driven_s: vec![0.0; self.model.jets().len()],
                 valve_closes: vec![now; self.model.jets().len()],
                 heartbeat: None,
+                jets_failed: false,
                 last_good_rate: None,
             });
         }
@@ -130,26 +133,12 @@ impl Start {
 
 impl Hardware for SimulatedHardware {
     fn advance_to(&mut self, now: Timestamp) {
-        let (faults, watchdog) = (self.faults.clone(), self.watchdog);
-        let Some(running) = self.running(now) else { return };
-        let elapsed_s = now.seconds_since(running.began);
-        for jet in 0..running.driven_s.len() {
-            let active = faults.iter().filter(|f| f.active(elapsed_s)).find_map(|f| match f.kind {
-                FaultKind::JetStuckClosed { jet: j } if j == jet => Some(JetFailure::StuckClosed),
-                FaultKind::JetStuckOpen { jet: j } if j == jet => Some(JetFailure::StuckOpen),
-                _ => None,
-            });
-            let failure = active.unwrap_or(JetFailure::None);
-            if running.plant.jet_failure(jet) != failure {
-                // The jet exists: fault parameters are checked against the platform.
-                let _ = running.plant.set_jet_failure(jet, failure);
-            }
-            let weak = faults.iter().filter(|f| f.active(elapsed_s)).find_map(|f| match f.kind {
-                FaultKind::JetWeak { jet: j, per_mille } if j == jet => Some(per_mille),
-                _ => None,
-            });
-            running.plant.set_jet_strength(jet, f64::from(weak.unwrap_or(1000)) * 1e-3);
+        let (faults, watchdog) = (std::mem::take(&mut self.faults), self.watchdog);
+        if let Some(running) = self.running(now) {
+            running.fail_jets(now, &faults);
         }
+        self.faults = faults;
+        let Some(running) = self.running(now) else { return };
         let barks = running.heartbeat.zip(watchdog).map(|(last, after)| last + after);
         if let Some(at) = barks.filter(|at| *at <= now) {
             running.heartbeat = None;
@@ -202,22 +191,21 @@ impl Hardware for SimulatedHardware {
     fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>) {
         let vector_period = self.model.sensors.vector.map(|v| Duration::from_secs_f64(1.0 / v.rate_hz));
         let initial_v = self.model.bus.initial_v;
-        let sensors = self.model.sensors;
-        let (faults, names) = (self.faults.clone(), self.joint_names.clone());
-        let Some(running) = self.running(now) else { return };
-        if running.diverged.is_some() {
+        if self.running(now).is_none_or(|running| running.diverged.is_some()) {
             return;
         }
+        let Self { model, faults, joint_names, running: Some(running), .. } = self else { return };
+        let sensors = &model.sensors;
         let elapsed_s = now.seconds_since(running.began);
         let active = || faults.iter().filter(|f| f.active(elapsed_s)).map(|f| f.kind);
         let header = Header { stamp: now.into(), frame_id: frame_id.to_owned() };
 
-        let mut imu = running.imu(&header, &sensors);
+        let mut imu = running.imu(&header, sensors);
         if spoil_imu(&mut imu, &mut running.last_good_rate, active()) {
             out.push((Topic::ImuRaw, imu.into()));
         }
-        for (kind, topic, name) in names {
-            out.push((topic, running.joints(kind, &header, name).into()));
+        for (kind, topic, name) in joint_names {
+            out.push((*topic, running.joints(*kind, &header, name.clone()).into()));
         }
         out.push((Topic::ThrusterState, running.thrusters(now, &header).into()));
         if due(&mut running.due.vector, now, vector_period) {
@@ -267,6 +255,40 @@ fn due(next: &mut Timestamp, now: Timestamp, period: Option<Duration>) -> bool {
 }
 
 impl Running {
+    /// Puts the faults of jets into force, and lets those go that are over.
+    fn fail_jets(&mut self, now: Timestamp, faults: &[Fault]) {
+        let elapsed_s = now.seconds_since(self.began);
+        let of_jets = |kind| {
+            matches!(
+                kind,
+                FaultKind::JetStuckClosed { .. } | FaultKind::JetStuckOpen { .. } | FaultKind::JetWeak { .. }
+            )
+        };
+        let active = || faults.iter().filter(|f| f.active(elapsed_s)).map(|f| f.kind);
+        let failed = active().any(of_jets);
+        if !failed && !self.jets_failed {
+            return;
+        }
+        self.jets_failed = failed;
+        for jet in 0..self.driven_s.len() {
+            let broken = active().find_map(|kind| match kind {
+                FaultKind::JetStuckClosed { jet: j } if j == jet => Some(JetFailure::StuckClosed),
+                FaultKind::JetStuckOpen { jet: j } if j == jet => Some(JetFailure::StuckOpen),
+                _ => None,
+            });
+            let failure = broken.unwrap_or(JetFailure::None);
+            if self.plant.jet_failure(jet) != failure {
+                // The jet exists: fault parameters are checked against the platform.
+                let _ = self.plant.set_jet_failure(jet, failure);
+            }
+            let weak = active().find_map(|kind| match kind {
+                FaultKind::JetWeak { jet: j, per_mille } if j == jet => Some(per_mille),
+                _ => None,
+            });
+            self.plant.set_jet_strength(jet, f64::from(weak.unwrap_or(1000)) * 1e-3);
+        }
+    }
+
     fn advance_to(&mut self, now: Timestamp) {
         if now.0 > self.plant.now_ns() && self.diverged.is_none() {
             self.diverged = self.plant.advance_to(now.0).err();

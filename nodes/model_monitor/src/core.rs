@@ -226,6 +226,10 @@ impl NodeCore for ModelMonitorCore {
         Some(Duration::from_secs_f64(1.0 / self.parameters.rate_hz))
     }
 
+    fn speaks_at_timer_only(&self) -> bool {
+        true
+    }
+
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
         match event {
             Event::Message { route, message } => self.take(now, route, message),

@@ -1,6 +1,7 @@
-//! The node set in one process, on clocks that differ, with mass properties estimated, without a ground station.
+//! The node set in one process, on clocks that differ, with mass properties estimated, without a ground station, on threads.
 
 mod clocks;
 mod mass_properties;
 mod model_monitor;
 mod on_platforms;
+mod threads;
