@@ -43,6 +43,16 @@ pub fn delta_v_eci_m_s(propagator: Propagator, chief: &OrbitState, deputy: &Orbi
     deputy.velocity_m_s * (x / (1.0 + (1.0 + x).sqrt()))
 }
 
+/// Drift of a deputy ahead of its chief that their energies mean, along the track [m/revolution]: -3 pi times the
+/// difference of the semi-major axes.
+#[must_use]
+pub fn drift_m_rev(propagator: Propagator, chief: &OrbitState, deputy: &OrbitState) -> f64 {
+    let [of_chief, of_deputy] = [chief, deputy].map(|state| propagator.energy_m2_s2(state));
+    // a = -mu / (2 E): exact, as the energies are close.
+    let longer_m = -0.5 * EARTH_MU_M3_S2 * (of_chief - of_deputy) / (of_chief * of_deputy);
+    -3.0 * std::f64::consts::PI * longer_m
+}
+
 /// The same for models that are linear in the separation, Hill axes \[m/s\].
 #[must_use]
 pub fn linear_delta_v_hill_m_s(chief: &OrbitState, deputy: &HillState) -> Vector3<f64> {

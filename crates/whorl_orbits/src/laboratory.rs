@@ -15,6 +15,7 @@ use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 use whorl_math::{EulerAngles, EulerSequence, quaternion_exp, rotation_vector, wrap_angle_rad};
 
+use crate::flight::Flight;
 use crate::pass::{Pass, PassError, Sight};
 
 /// Laboratory time between two samples of the pass \[s\]; a spline runs through them.
@@ -164,8 +165,9 @@ pub fn trajectories(
     let samples = ((mapping.duration_s - mapping.ramp_s) / SAMPLE_S).ceil().max(2.0) as usize + 1;
     let step_s = (mapping.duration_s - mapping.ramp_s) / (samples - 1) as f64;
     let mut sights: Vec<Vec<Sight>> = Vec::with_capacity(samples);
+    let flight = Flight::new(pass)?;
     for k in 0..samples {
-        sights.push(pass.at(k as f64 * step_s * mapping.time_ratio)?);
+        sights.push(flight.at(k as f64 * step_s * mapping.time_ratio)?);
     }
     let to_world = world_from_eci(&sights)?;
     let middle = sights.get(samples / 2).and_then(|s| s.first());
@@ -325,7 +327,13 @@ mod tests {
 
     fn pass(thrust_weight: f64) -> Pass {
         let mounting = Mounting { boresight_body: Vector3::x_axis(), thrust_body: Vector3::y_axis() };
-        let spacecraft = |formation, wanted| Spacecraft { formation, mounting, wanted };
+        let spacecraft = |formation, wanted| Spacecraft {
+            formation,
+            mounting,
+            wanted,
+            burn: None,
+            velocity_error_hill_m_s: Vector3::zeros(),
+        };
         Pass {
             chief: Elements {
                 semi_major_axis_m: EARTH_RADIUS_M + 500e3,

@@ -19,6 +19,7 @@
 //! | [`earth`] | the ellipsoid of WGS 84, geodetic and geocentric latitude | |
 //! | [`co_observation`] | targets, desired attitudes | 2.38, Figure 2.1 |
 //! | [`pass`] | every spacecraft over a pass: orbit, relative state, attitude | |
+//! | [`flight`] | the pass with its wanted velocity changes carried out: thrust where the attitude points it, gas | 2.38 |
 //! | [`laboratory`] | the pass scaled to the laboratory, and whether platforms can follow it | |
 //!
 //! Misprints in the dissertation: the right side of (2.5) holds for neither
@@ -31,9 +32,11 @@ pub mod differences;
 pub mod drift;
 pub mod earth;
 pub mod elements;
+pub mod flight;
 pub mod formation;
 pub mod hill;
 pub mod laboratory;
+pub mod mean_elements;
 pub mod pass;
 pub mod propagation;
 pub mod relative_motion;

@@ -6,6 +6,7 @@ use thiserror::Error;
 use crate::co_observation::{Mounting, Pointing, Target, TargetError, elevation_rad, pointing};
 use crate::drift::{delta_v_eci_m_s, linear_delta_v_hill_m_s};
 use crate::elements::{Elements, OrbitError};
+use crate::flight::{Burn, Flight, with_velocity_error};
 use crate::formation::{Formation, FormationError, with_equal_energy};
 use crate::hill::{HillState, eci_from_hill};
 use crate::orbit_state::OrbitState;
@@ -59,6 +60,10 @@ pub struct Spacecraft {
     pub mounting: Mounting,
     /// Its wanted velocity change.
     pub wanted: WantedDeltaV,
+    /// How it carries that out; `None`: it only turns its thruster there.
+    pub burn: Option<Burn>,
+    /// By how much its velocity is off at the epoch, Hill axes \[m/s\].
+    pub velocity_error_hill_m_s: Vector3<f64>,
 }
 
 /// The whole pass.
@@ -96,6 +101,17 @@ pub enum PassError {
         /// As given.
         eccentricity: f64,
     },
+    /// A number of a burn.
+    #[error("{name} = {value} of a burn must be {}", if *.name == "start_s" { "0 or more" } else { "positive" })]
+    Burn {
+        /// Which.
+        name: &'static str,
+        /// As given.
+        value: f64,
+    },
+    /// Thrust in a model of relative motion alone.
+    #[error("a burn changes the orbit of one spacecraft: the model must be two_body or j2")]
+    ThrustWithoutOrbits,
 }
 
 /// One spacecraft at one instant.
@@ -112,70 +128,109 @@ pub struct Sight {
 }
 
 impl Pass {
-    /// Every spacecraft at a time after the epoch \[s\].
+    /// Every spacecraft at a time after the epoch \[s\], burns included; [`Flight`] gives many times of a pass with burns
+    /// at a lower cost.
     ///
     /// # Errors
     /// Why a pass is invalid.
     pub fn at(&self, time_s: f64) -> Result<Vec<Sight>, PassError> {
+        Flight::new(self)?.at(time_s)
+    }
+
+    /// How each spacecraft moves by itself.
+    #[must_use]
+    pub fn propagator(&self) -> Propagator {
+        if self.model == RelativeModel::J2 { Propagator::J2 } else { Propagator::TwoBody }
+    }
+
+    /// The chief's orbit and every spacecraft at a time, without thrust.
+    pub(crate) fn unperturbed(&self, time_s: f64) -> Result<(OrbitState, Vec<OrbitState>), PassError> {
         self.chief.check()?;
         if self.model == RelativeModel::ClohessyWiltshire && self.chief.eccentricity > CIRCLE {
             return Err(PassError::NotCircular { eccentricity: self.chief.eccentricity });
         }
-        let propagator = if self.model == RelativeModel::J2 { Propagator::J2 } else { Propagator::TwoBody };
+        let propagator = self.propagator();
         let epoch = self.chief.state();
         let chief = propagator.after(&epoch, time_s)?;
         let n = self.chief.mean_motion_rad_s();
         let mut states = Vec::with_capacity(self.spacecraft.len());
         for spacecraft in &self.spacecraft {
+            let error = spacecraft.velocity_error_hill_m_s;
+            let exact = |start: &HillState| {
+                with_velocity_error(&epoch, &with_equal_energy(propagator, &epoch, start), &error)
+            };
             states.push(match &spacecraft.formation {
-                None => chief,
+                None if error == Vector3::zeros() => chief,
+                None => propagator.after(&with_velocity_error(&epoch, &epoch, &error), time_s)?,
                 Some(formation) => {
                     let start = formation.deputy(&self.chief)?;
                     match self.model {
                         RelativeModel::TwoBody | RelativeModel::J2 => {
-                            propagator.after(&with_equal_energy(propagator, &epoch, &start), time_s)?
+                            propagator.after(&exact(&start), time_s)?
                         }
                         RelativeModel::Nonlinear => {
-                            let start = HillState::of(&epoch, &with_equal_energy(propagator, &epoch, &start));
+                            let start = HillState::of(&epoch, &exact(&start));
                             relative_motion::after(&epoch, &start, time_s).deputy(&chief)
                         }
                         RelativeModel::ClohessyWiltshire => {
+                            let mut start = start;
+                            start.velocity_m_s += error;
                             clohessy_wiltshire::closed_form(&start, n, time_s).deputy(&chief)
                         }
                         RelativeModel::YamanakaAnkersen => {
                             let mut start = start;
-                            start.velocity_m_s += linear_delta_v_hill_m_s(&epoch, &start);
+                            start.velocity_m_s += linear_delta_v_hill_m_s(&epoch, &start) + error;
                             yamanaka_ankersen::after(&self.chief, &start, time_s).deputy(&chief)
                         }
                     }
                 }
             });
         }
+        Ok((chief, states))
+    }
+
+    /// What a spacecraft in this state wants, inertial axes \[m/s\].
+    pub(crate) fn wanted_eci_m_s(
+        &self,
+        wanted: WantedDeltaV,
+        chief: &OrbitState,
+        state: &OrbitState,
+    ) -> Vector3<f64> {
+        match wanted {
+            WantedDeltaV::None => Vector3::zeros(),
+            WantedDeltaV::Hill(delta_v) => eci_from_hill(chief) * delta_v,
+            // In a linearised model's own terms: exact energies differ there by what it neglects.
+            WantedDeltaV::RemoveDrift if self.model.is_linear() => {
+                eci_from_hill(chief) * linear_delta_v_hill_m_s(chief, &HillState::of(chief, state))
+            }
+            WantedDeltaV::RemoveDrift => delta_v_eci_m_s(self.propagator(), chief, state),
+        }
+    }
+
+    /// Where every spacecraft points that is in these states; `wanted` gives each one's wanted velocity change, inertial
+    /// axes \[m/s\].
+    pub(crate) fn sights(
+        &self,
+        time_s: f64,
+        chief: &OrbitState,
+        states: &[OrbitState],
+        wanted: impl Fn(usize, &OrbitState) -> Vector3<f64>,
+    ) -> Result<Vec<Sight>, PassError> {
         let positions: Vec<_> = states.iter().map(|s| s.position_m).collect();
         let target = self.target.position_m(&positions, time_s)?;
-        let to_eci = eci_from_hill(&chief);
         let mut sights = Vec::with_capacity(states.len());
-        for (index, (spacecraft, state)) in self.spacecraft.iter().zip(&states).enumerate() {
-            let relative = HillState::of(&chief, state);
+        for (index, (spacecraft, state)) in self.spacecraft.iter().zip(states).enumerate() {
+            let relative = HillState::of(chief, state);
             let elevation = elevation_rad(&target, &state.position_m);
             if elevation < 0.0 {
                 let below_deg = -elevation.to_degrees();
                 return Err(TargetError::BelowHorizon { spacecraft: index, below_deg }.into());
             }
-            let wanted_eci = match spacecraft.wanted {
-                WantedDeltaV::None => Vector3::zeros(),
-                WantedDeltaV::Hill(delta_v) => to_eci * delta_v,
-                // In a linearised model's own terms: exact energies differ there by what it neglects.
-                WantedDeltaV::RemoveDrift if self.model.is_linear() => {
-                    to_eci * linear_delta_v_hill_m_s(&chief, &relative)
-                }
-                WantedDeltaV::RemoveDrift => delta_v_eci_m_s(propagator, &chief, state),
-            };
             let line_of_sight = target - state.position_m;
             let pointing = pointing(
                 &spacecraft.mounting,
                 &line_of_sight,
-                &wanted_eci,
+                &wanted(index, state),
                 &state.velocity_m_s,
                 self.thrust_weight,
             );
@@ -200,7 +255,13 @@ mod tests {
 
     fn pass(model: RelativeModel, eccentricity: f64, formation: Formation, wanted: WantedDeltaV) -> Pass {
         let mounting = Mounting { boresight_body: Vector3::x_axis(), thrust_body: Vector3::y_axis() };
-        let spacecraft = |formation, wanted| Spacecraft { formation, mounting, wanted };
+        let spacecraft = |formation, wanted| Spacecraft {
+            formation,
+            mounting,
+            wanted,
+            burn: None,
+            velocity_error_hill_m_s: Vector3::zeros(),
+        };
         Pass {
             chief: Elements {
                 semi_major_axis_m: (EARTH_RADIUS_M + 500e3) / (1.0 - eccentricity),

@@ -1,5 +1,6 @@
 //! `whorl orbit`: the passes of an experiment as the laboratory would reproduce them.
 
+mod burns;
 mod page;
 
 use std::path::{Path, PathBuf};
@@ -9,6 +10,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 use whorl_coordinator::parameters::{self, CoObservation, StepKind};
+use whorl_orbits::flight::Flight;
 use whorl_params::{Override, ParameterTree, layers_of_experiment, try_read};
 use whorl_report::orbit_html;
 
@@ -57,11 +59,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             if arguments.html.is_some() {
                 drawn.push(page::drawn(&step.name, pass, &parameters.platforms)?);
             }
-            let rows = rows(pass, &parameters.platforms, arguments.every)?;
+            let flight = Flight::new(&pass.pass)?;
+            let rows = rows(pass, &flight, &parameters.platforms, arguments.every)?;
             table(&rows);
-            passes.push(
-                json!({"step": step.name, "duration_s": step.duration_s, "orbit_s": orbit_s, "rows": rows}),
-            );
+            let flown = burns::burns(&flight, &parameters.platforms);
+            let keeping = burns::keeping(pass, &flight, &parameters.platforms)?;
+            burns::print(&flown, &keeping);
+            passes.push(json!({
+                "step": step.name, "duration_s": step.duration_s, "orbit_s": orbit_s, "rows": rows,
+                "burns": flown, "keeping": keeping,
+            }));
         }
     }
     if passes.is_empty() {
@@ -96,14 +103,19 @@ struct Row {
     yaw_pitch_roll_deg: [f64; 3],
 }
 
-fn rows(pass: &CoObservation, platforms: &[String], every_s: f64) -> anyhow::Result<Vec<Row>> {
+fn rows(
+    pass: &CoObservation,
+    flight: &Flight<'_>,
+    platforms: &[String],
+    every_s: f64,
+) -> anyhow::Result<Vec<Row>> {
     let steps = (pass.mapping.duration_s / every_s).floor() as u32;
     let mut rows = Vec::new();
     for k in 0..=steps {
         let time_s = f64::from(k) * every_s;
         let Some(first) = pass.trajectories.first() else { break };
         let orbit_s = first.orbit_time_s(time_s);
-        let sights = pass.pass.at(orbit_s)?;
+        let sights = flight.at(orbit_s)?;
         for (((name, sight), craft), motion) in
             platforms.iter().zip(&sights).zip(&pass.pass.spacecraft).zip(&pass.trajectories)
         {

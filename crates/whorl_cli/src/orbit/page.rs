@@ -5,6 +5,7 @@ use whorl_coordinator::parameters::CoObservation;
 use whorl_orbits::EARTH_RATE_RAD_S;
 use whorl_orbits::co_observation::ground_track_m;
 use whorl_orbits::earth::geodetic_from_geocentric_rad;
+use whorl_orbits::flight::Flight;
 use whorl_report::{DrawnCraft, DrawnPass};
 
 /// Instants of the page.
@@ -23,11 +24,12 @@ pub fn drawn(step: &str, pass: &CoObservation, platforms: &[String]) -> anyhow::
         ..DrawnPass::default()
     };
     let Some(first) = pass.trajectories.first() else { return Ok(drawn) };
+    let flight = Flight::new(&pass.pass)?;
     for k in 0..=INSTANTS {
         let time_s = pass.mapping.duration_s * f64::from(k) / f64::from(INSTANTS);
         let orbit_s = first.orbit_time_s(time_s);
         let to_earth = Rotation3::from_axis_angle(&Vector3::z_axis(), -EARTH_RATE_RAD_S * orbit_s);
-        let sights = pass.pass.at(orbit_s)?;
+        let sights = flight.at(orbit_s)?;
         let positions: Vec<Vector3<f64>> = sights.iter().map(|sight| sight.state.position_m).collect();
         let target = to_earth * pass.pass.target.position_m(&positions, orbit_s)?;
         drawn.time_s.push([time_s, orbit_s]);

@@ -74,4 +74,5 @@ def main():
                     out.writerow([name, int(j2 > 0), t] + [repr(float(x)) for part in row for x in part])
 
 
-main()
+if __name__ == "__main__":
+    main()

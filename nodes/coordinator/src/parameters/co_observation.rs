@@ -5,6 +5,7 @@ use whorl_control::formation::{ReferenceLimits, YawPitchRoll, YawPitchRollMotion
 use whorl_control::reference::Reference;
 use whorl_dynamics::platform::TiltLimit;
 use whorl_orbits::co_observation::{Mounting, Target};
+use whorl_orbits::flight::{Burn, Flight};
 use whorl_orbits::formation::Formation;
 use whorl_orbits::laboratory::{LaboratoryError, Mapping, Reach, Trajectory, trajectories};
 use whorl_orbits::pass::{Pass, PassError, RelativeModel, Spacecraft, WantedDeltaV};
@@ -44,9 +45,10 @@ impl CoObservation {
     #[must_use]
     pub fn largest_errors_rad(&self) -> Vec<(f64, f64)> {
         let mut largest = vec![(f64::NAN, f64::NAN); self.pass.spacecraft.len()];
+        let Ok(flight) = Flight::new(&self.pass) else { return largest };
         for k in 0..=50 {
             let time_s = self.mapping.orbit_span_s() * f64::from(k) / 50.0;
-            for (worst, sight) in largest.iter_mut().zip(self.pass.at(time_s).into_iter().flatten()) {
+            for (worst, sight) in largest.iter_mut().zip(flight.at(time_s).into_iter().flatten()) {
                 worst.0 = worst.0.max(sight.pointing.boresight_error_rad);
                 worst.1 = worst.1.max(sight.pointing.thrust_error_rad);
             }
@@ -116,7 +118,9 @@ pub(super) fn read(
             let key = match &error {
                 LaboratoryError::Pass(PassError::Orbit(_)) => "orbit.perigee_altitude_km",
                 LaboratoryError::Pass(PassError::Target(_)) if r.has("target") => "target",
-                LaboratoryError::Pass(PassError::NotCircular { .. }) => "model",
+                LaboratoryError::Pass(PassError::NotCircular { .. } | PassError::ThrustWithoutOrbits) => {
+                    "model"
+                }
                 _ => "kind",
             };
             let error = refusals::with_names(&error.to_string(), platforms);
@@ -148,18 +152,28 @@ fn read_target(r: &mut Reader<'_>) -> Target {
         &["centroid", "point"],
         "centroid of the points below, or a given one",
     ) {
-        "point" => Target::Point {
-            latitude_rad: r
-                .f64("latitude_deg", range(-90.0..=90.0), "geocentric latitude [deg]")
-                .to_radians(),
-            longitude_rad: r
+        "point" => {
+            let on_map = r.choice_or(
+                "latitude_is",
+                "geocentric",
+                &["geocentric", "geodetic"],
+                "which latitude latitude_deg is: of the line from the Earth's centre, or geodetic, as on maps (WGS 84)",
+            ) == "geodetic";
+            let latitude_rad =
+                r.f64("latitude_deg", range(-90.0..=90.0), "latitude, see latitude_is [deg]").to_radians();
+            let longitude_rad = r
                 .f64(
                     "longitude_deg",
                     range(-360.0..=360.0),
                     "east of the vernal equinox when the pass begins [deg]",
                 )
-                .to_radians(),
-        },
+                .to_radians();
+            if on_map {
+                Target::geodetic(latitude_rad, longitude_rad)
+            } else {
+                Target::Point { latitude_rad, longitude_rad }
+            }
+        }
         _ => Target::Centroid,
     }
 }
@@ -212,5 +226,31 @@ fn read_spacecraft(r: &mut Reader<'_>, index: usize) -> Spacecraft {
         )),
         _ => WantedDeltaV::None,
     };
-    Spacecraft { formation, mounting, wanted }
+    let burn = r.has("burn").then(|| {
+        r.group("burn", |r| Burn {
+            start_s: r.f64(
+                "start_s",
+                range(0.0..),
+                "when it begins, in seconds of orbit after the pass has [s]",
+            ),
+            thrust_n: r.f64("thrust_n", positive(), "thrust [N]"),
+            mass_kg: r.f64("mass_kg", positive(), "mass of the spacecraft [kg]"),
+            specific_impulse_s: r.f64_or(
+                "specific_impulse_s",
+                70.0,
+                positive(),
+                "specific impulse; cold nitrogen: 70 [s]",
+            ),
+        })
+    });
+    let velocity_error_hill_m_s = if r.has("velocity_error_hill_m_s") {
+        r.vector3(
+            "velocity_error_hill_m_s",
+            range(-100.0..=100.0),
+            "by how much its velocity is off when the pass begins: radial, in-track, cross-track [m/s]",
+        )
+    } else {
+        Vector3::zeros()
+    };
+    Spacecraft { formation, mounting, wanted, burn, velocity_error_hill_m_s }
 }
