@@ -52,8 +52,31 @@ const TABLE_4_4: Printed = [
     ["0.07", "-103.", "0.04", "-102."],
 ];
 
-/// The sign of the printed errors is that of the true value, not that of the error.
-const SIGN_NOTE: &str = "The text says that a negative percent error means an estimate smaller than expected. The printed signs are those of the true values (every product and offset that is negative has a negative error, whichever way it is off): they are 100 |estimate - truth| / truth. Ours are 100 (estimate - truth) / |truth|.";
+/// What the signs of the printed errors are, counted: every second column of a table is the error of the one before.
+fn sign_sentence(printed: &Printed, truth: &MassVector) -> String {
+    let number = |cell: &str| cell.parse::<f64>().ok().filter(|x| *x != 0.0);
+    let (mut cells, mut of_error, mut of_truth) = (0, 0, 0);
+    for (row, truth) in printed.iter().zip(truth.iter()) {
+        for pair in row.chunks(2) {
+            let [estimate, error] = pair else { continue };
+            let (Ok(estimate), Some(error)) = (estimate.parse::<f64>(), number(error)) else { continue };
+            cells += 1;
+            of_error += usize::from((estimate - truth) * error > 0.0);
+            of_truth += usize::from(truth * error > 0.0);
+        }
+    }
+    let convention = "100 (estimate - truth) / |truth|";
+    let verdict = if of_error == cells {
+        format!("they are {convention}, as ours")
+    } else if of_truth == cells {
+        format!("they are 100 |estimate - truth| / truth. Ours are {convention}")
+    } else {
+        format!("neither fits all. Ours are {convention}")
+    };
+    format!(
+        "The text says that a negative percent error means an estimate smaller than expected. Of {cells} printed signs {of_error} are those of estimate less truth, and {of_truth} those of the truth, whichever way the estimate is off: {verdict}."
+    )
+}
 
 fn printed_run(model: &PlatformModel) -> StateSeries {
     simulate_rigid_body(&model.mass_properties, (level(), Vector3::zeros()), &bang_bang, 0.1, 1001, 20)
@@ -107,7 +130,7 @@ pub fn perfect_data() -> Reproduction {
             ),
             "The energy balance works in integrated form as well, for the gyrostat too; 4.6.3 dismisses it."
                 .to_owned(),
-            SIGN_NOTE.to_owned(),
+            sign_sentence(&TABLE_4_2, &truth),
         ],
         ..Reproduction::default()
     }
@@ -164,7 +187,7 @@ pub fn filtered(vector: bool) -> Reproduction {
     let printed = if vector { &TABLE_4_3 } else { &TABLE_4_4 };
     let printed_name = if vector { "Table 4.3" } else { "Table 4.4" };
     let runs = printed_tables::sweep();
-    let mut sentences = vec![loss_sentence(&truth, &ours), SIGN_NOTE.to_owned()];
+    let mut sentences = vec![loss_sentence(&truth, &ours), sign_sentence(printed, &truth)];
     sentences.extend(printed_tables::sentences(&runs, printed, printed_name, vector));
     match &found {
         Ok(found) => {
