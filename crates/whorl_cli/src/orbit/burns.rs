@@ -63,7 +63,7 @@ pub fn burns(flight: &Flight<'_>, platforms: &[String]) -> Vec<BurnRow> {
     each.collect()
 }
 
-/// What it costs each deputy to stay, by mean elements; nothing where the pass knows no oblateness.
+/// What it costs each deputy to stay once the pass is over, by mean elements; nothing where the pass knows no oblateness.
 pub fn keeping(
     pass: &CoObservation,
     flight: &Flight<'_>,
@@ -72,7 +72,10 @@ pub fn keeping(
     if pass.pass.model != RelativeModel::J2 {
         return Ok(Vec::new());
     }
-    let chief = match mean_elements::mean(&Elements::of(&pass.pass.chief.state())?) {
+    // When the pass is over, and what was to be thrust has been.
+    let end_s = pass.mapping.orbit_span_s();
+    let chief = pass.pass.propagator().after(&pass.pass.chief.state(), end_s)?;
+    let chief = match mean_elements::mean(&Elements::of(&chief)?) {
         Err(error @ MeanElementsError::Critical { .. }) => {
             say!("  mean elements: {error}");
             return Ok(Vec::new());
@@ -80,7 +83,7 @@ pub fn keeping(
         found => found?,
     };
     let mut rows = Vec::new();
-    let sights = flight.at(0.0)?;
+    let sights = flight.at(end_s)?;
     for ((platform, sight), spacecraft) in platforms.iter().zip(&sights).zip(&pass.pass.spacecraft) {
         if spacecraft.formation.is_none() {
             continue;
@@ -106,7 +109,7 @@ pub fn print(burns: &[BurnRow], keeping: &[KeepingRow]) {
     for row in burns {
         say!(
             "  {} thrusts from {:.1} s to {:.1} s of the pass: {:.4} m/s wanted, {:.4} m/s given along it and {:.4} m/s across; \
-             {:.1} g of gas. Drift along the track: {:+.0} m a revolution before, {:+.0} m after",
+             {:.1} g of gas. Drift along the track by the energies: {:+.0} m a revolution before, {:+.0} m after",
             row.platform,
             row.start_s,
             row.end_s,
@@ -121,7 +124,7 @@ pub fn print(burns: &[BurnRow], keeping: &[KeepingRow]) {
     for row in keeping {
         let gas = row.gas_kg_day.map_or_else(String::new, |kg| format!(", {:.1} g of gas a day", kg * 1e3));
         say!(
-            "  {} is pulled away by the oblateness: {:+.1} m along the track and {:+.1} m across it a revolution (mean \
+            "  {} drifts after the pass, the oblateness included, by {:+.1} m along the track and {:+.1} m across it a revolution (mean \
              elements). Node and perigee held: {:.4} m/s a revolution{gas}; drift ended: {:.4} m/s once",
             row.platform,
             row.along_m_rev,

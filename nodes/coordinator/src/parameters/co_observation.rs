@@ -243,14 +243,11 @@ fn read_spacecraft(r: &mut Reader<'_>, index: usize) -> Spacecraft {
             ),
         })
     });
-    let velocity_error_hill_m_s = if r.has("velocity_error_hill_m_s") {
-        r.vector3(
-            "velocity_error_hill_m_s",
-            range(-100.0..=100.0),
-            "by how much its velocity is off when the pass begins: radial, in-track, cross-track [m/s]",
-        )
-    } else {
-        Vector3::zeros()
-    };
+    let velocity_error_hill_m_s = r.vector3_or(
+        "velocity_error_hill_m_s",
+        Vector3::zeros(),
+        range(-100.0..=100.0),
+        "by how much its velocity is off when the pass begins: radial, in-track, cross-track [m/s]",
+    );
     Spacecraft { formation, mounting, wanted, burn, velocity_error_hill_m_s }
 }
