@@ -307,11 +307,9 @@ fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64) -> f64 {
     // Cholesky's factor and the forward substitution, row by row.
     for i in 0..suspect.columns.len().min(MOST_DIRECTIONS) {
         for j in 0..i {
-            let mut sum = lower[i][j];
-            for k in 0..j {
-                sum -= lower[i][k] * lower[j][k];
-            }
-            lower[i][j] = sum / lower[j][j];
+            let (of_i, of_j) = (lower[i], lower[j]);
+            let products = of_i.iter().zip(&of_j).take(j);
+            lower[i][j] = products.fold(of_i[j], |sum, (a, b)| sum - a * b) / of_j[j];
             y[i] -= lower[i][j] * y[j];
         }
         let pivot = lower[i][i] - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>();
