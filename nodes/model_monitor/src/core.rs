@@ -226,8 +226,9 @@ impl NodeCore for ModelMonitorCore {
         Some(Duration::from_secs_f64(1.0 / self.parameters.rate_hz))
     }
 
+    /// One that does not watch has nothing to do that a thread would be worth.
     fn speaks_at_timer_only(&self) -> bool {
-        true
+        self.monitor.is_some()
     }
 
     fn step(&mut self, now: Timestamp, event: Event<'_>, outputs: &mut Outputs) {
