@@ -325,7 +325,11 @@ mod tests {
         adopted.actuators.jets.thrust.iter_mut().for_each(|s| *s = 1e-3);
         adopted.inertia_b_kg_m2[(0, 1)] = 0.0;
         adopted.gravity_offset_b_n_m.z = 10.0;
-        adopted.effects.entry("bearing_viscous_friction".to_owned()).or_default().insert("c_n_m_s".to_owned(), 1e-9);
+        adopted
+            .effects
+            .entry("bearing_viscous_friction".to_owned())
+            .or_default()
+            .insert("c_n_m_s".to_owned(), 1e-9);
         let wide = widened(&model, &adopted);
         assert_eq!(wide.actuators.jets.thrust, typical.actuators.jets.thrust);
         assert_eq!(wide.inertia_b_kg_m2[(0, 0)], typical.inertia_b_kg_m2[(0, 0)]);

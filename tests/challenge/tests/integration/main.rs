@@ -2,6 +2,7 @@
 
 mod filter;
 mod motion;
+mod onset;
 mod score;
 mod small_rigs;
 mod valves;
