@@ -91,6 +91,10 @@ impl Search<'_> {
                 if nuisance == own && error.to_bits() == at.standing.relative_error.to_bits() {
                     constant = Some(steps.constant);
                 }
+                // Beside a torque that is no background, it would be something without a name as well.
+                if self.problem.is_large(nuisance) {
+                    continue;
+                }
                 if best.as_ref().is_none_or(|b| steps.log_evidence > b.0.log_evidence) {
                     best = Some((steps, nuisance, error));
                 }

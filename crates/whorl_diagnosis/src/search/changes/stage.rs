@@ -182,7 +182,7 @@ impl Stage {
         let variances = fit.variances(&at.layout);
         let reference = &search.problem.reference;
         let mut cuts: Vec<Cut> = Vec::new();
-        let mut log_density = self.nuisance.log_prior();
+        let mut log_density = search.problem.log_prior(self.nuisance);
         for part in &self.parts {
             let problem = &part.problem;
             log_density += part.data.log_density;
