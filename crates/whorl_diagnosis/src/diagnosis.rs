@@ -100,56 +100,6 @@ impl Unknown {
     }
 }
 
-/// When something begins, ends or changes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Onset {
-    /// Mean, time since the start of the run \[s\].
-    pub at_s: f64,
-    /// Standard deviation \[s\].
-    pub stddev_s: f64,
-    /// Begin of the interval that holds it with 95 % \[s\].
-    pub from_s: f64,
-    /// End of that interval \[s\].
-    pub to_s: f64,
-}
-
-/// One amplitude of an effect before and after a change.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ChangedParameter {
-    /// Name in the catalogue.
-    pub name: String,
-    /// Unit, "1" for none.
-    pub unit: String,
-    /// Value before the onset, in all runs that are not said to be like its end.
-    pub before: f64,
-    /// Standard deviation; 0 where there is no effect.
-    pub before_stddev: f64,
-    /// Value after the onset.
-    pub after: f64,
-    /// Standard deviation; 0 where there is no effect.
-    pub after_stddev: f64,
-}
-
-/// An effect that does not act alike throughout the data.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Change {
-    /// Id in the catalogue.
-    pub effect: String,
-    /// The run in which it changes.
-    pub run: String,
-    /// When; `None`: this run differs from those before it as a whole.
-    pub onset: Option<Onset>,
-    /// The runs that follow, in the order in which they were given, are like the end of this one; else they are like its
-    /// beginning.
-    pub in_later_runs: bool,
-    /// Its amplitudes before and after.
-    pub parameters: Vec<ChangedParameter>,
-    /// Probability that it changes, if the effect is there at all.
-    pub probability: f64,
-    /// Log evidence gained over an effect that does not change, its onset being paid for.
-    pub delta_log_evidence: f64,
-}
-
 /// A set of explanations and how probable it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Explanation {
@@ -237,9 +187,6 @@ pub struct Diagnosis {
     /// Noise of each channel of each run.
     #[serde(default)]
     pub noise: Vec<NoiseScale>,
-    /// Effects of the answer that begin, end or change within the data.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub changes: Vec<Change>,
     /// Runs that disagree with the others.
     pub odd_runs: Vec<String>,
     /// What to do next.
@@ -263,7 +210,6 @@ impl Diagnosis {
         self.explanations.clear();
         self.kind = None;
         self.unknown = None;
-        self.changes.clear();
         self.next = Some(NextManoeuvre {
             manoeuvre: "the same again, with the missing channel recorded".to_owned(),
             expected_log_odds: 0.0,
@@ -288,7 +234,6 @@ impl Diagnosis {
             candidates: Vec::new(),
             slow_residual: SlowResidual::default(),
             odd_runs: Vec::new(),
-            changes: Vec::new(),
             next: None,
             remarks: Vec::new(),
         }

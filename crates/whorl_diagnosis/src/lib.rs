@@ -31,8 +31,8 @@ mod verdict;
 mod whitening;
 
 pub use diagnosis::{
-    BackgroundTorque, Candidate, Change, ChangedParameter, Diagnosis, Explanation, NextManoeuvre, NoiseScale,
-    Onset, ParameterEstimate, SCHEMA, SlowResidual, Unknown, Verdict,
+    BackgroundTorque, Candidate, Diagnosis, Explanation, NextManoeuvre, NoiseScale, ParameterEstimate,
+    SCHEMA, SlowResidual, Unknown, Verdict,
 };
 pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;

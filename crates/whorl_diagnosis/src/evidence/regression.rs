@@ -143,12 +143,6 @@ impl Whitened {
         columns.chunks(LANES).map(of_group).collect()
     }
 
-    /// One column, row by row.
-    pub fn column(&self, column: usize) -> impl Iterator<Item = f64> + '_ {
-        let group = self.groups.get(column / LANES).map_or(&[][..], Vec::as_slice);
-        group.iter().map(move |lanes| f64::from(lanes[column % LANES]))
-    }
-
     /// Residual of a fit.
     pub fn residual(&self, estimate: &DVector<f64>) -> Vec<f64> {
         let mut e = self.y.clone();

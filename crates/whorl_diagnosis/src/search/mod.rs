@@ -1,6 +1,5 @@
 //! Which sets come near the best one, each fitted and weighed where it fits best.
 
-pub(crate) mod changes;
 pub(crate) mod climb;
 pub(crate) mod converge;
 pub(crate) mod latency;

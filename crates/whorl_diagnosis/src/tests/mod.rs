@@ -1,7 +1,6 @@
 //! Whole diagnoses of simulated runs.
 
 mod bad_input;
-mod changes;
 pub(crate) mod generator;
 mod gyros;
 mod naming;

@@ -7,8 +7,7 @@ use whorl_math::statistics::median;
 use whorl_recording::{Channel, Component};
 
 use crate::diagnosis::{
-    BackgroundTorque, Candidate, Change, ChangedParameter, Explanation, NoiseScale, ParameterEstimate,
-    SlowResidual, Unknown,
+    BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
 };
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::nuisance::{LARGE, NAMELESS};
@@ -18,8 +17,6 @@ use crate::explanations::candidates::SHOWS;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
-use crate::search::changes::Changed;
-use crate::search::changes::regression::add_logs;
 use crate::search::nameless::Nameless;
 use crate::search::prior::OTHER_LAW;
 use crate::search::prior::log_prior;
@@ -141,7 +138,7 @@ impl Search<'_> {
 
     /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
     /// beside the best of them and alone.
-    fn belief(&mut self, left: f64) -> Result<(Belief, Vec<Change>), DiagnosisError> {
+    fn belief(&mut self, left: f64) -> Result<Belief, DiagnosisError> {
         let mut all = self.weighed_sets();
         let standing = self.standing(&self.best);
         let rhythm = self.rhythm();
@@ -190,42 +187,7 @@ impl Search<'_> {
                 }));
             }
         }
-        let changed = self.changed(is_clean)?;
-        for one in &changed {
-            let log_posterior = one.log_evidence + log_prior(&one.effects);
-            match all.iter_mut().find(|w| w.effects == one.effects && w.unknown.is_none()) {
-                Some(same) => same.log_posterior = add_logs(same.log_posterior, log_posterior),
-                None => all.push(Weighted {
-                    effects: one.effects.clone(),
-                    unknown: None,
-                    log_posterior,
-                    probability: 0.0,
-                }),
-            }
-        }
-        let belief = Belief::new(all);
-        let changes = self.believed_changes(&belief, &changed);
-        Ok((belief, changes))
-    }
-
-    /// Of the most probable set, the effects that rather change than not.
-    fn believed_changes(&self, belief: &Belief, changed: &[Changed]) -> Vec<Change> {
-        let Some(first) = belief.all.first().filter(|w| w.unknown.is_none()) else { return Vec::new() };
-        let constant = self.fitted.get(&first.effects).map(|set| set.standing.log_evidence);
-        let without = constant.or_else(|| self.standing(&self.base).map(|base| base.log_evidence));
-        let mut found: Vec<Change> = Vec::new();
-        for one in changed.iter().filter(|c| c.effects == first.effects) {
-            let share = one.log_evidence + log_prior(&one.effects) - first.log_posterior;
-            if share.exp() > 0.5 && found.iter().all(|c| c.effect != one.change.effect) {
-                let delta_log_evidence = one.log_evidence - without.unwrap_or(one.log_evidence);
-                found.push(Change {
-                    probability: share.exp().min(1.0),
-                    delta_log_evidence,
-                    ..one.change.clone()
-                });
-            }
-        }
-        found
+        Ok(Belief::new(all))
     }
 
     /// Noise of each channel of each run over what the model states. Innovations below the measured noise are not its doing.
@@ -345,7 +307,7 @@ impl Search<'_> {
         let at = point_of(self.problem, &self.layout, &self.point, &self.best);
         direct.extend(fast_effects(self.place(), &at, &self.options.exclude));
         let contradiction = self.contradiction();
-        let (belief, mut changes) = self.belief(left)?;
+        let belief = self.belief(left)?;
         let mut verdict = belief.verdict(self.could_have_seen());
         for row in &direct {
             remarks.push(format!(
@@ -402,17 +364,7 @@ impl Search<'_> {
             list.dedup();
             row.indistinguishable_from = list;
         }
-        changes.retain(|change| effects.contains(&change.effect));
-        let own = self.best.names(&self.layout);
-        for change in changes.iter().filter(|change| !own.contains(&change.effect)) {
-            if let Some(row) = candidates.iter_mut().find(|row| row.effect == change.effect) {
-                row.parameters = change.parameters.iter().map(largest_of).collect();
-                row.delta_log_evidence = change.delta_log_evidence;
-            }
-        }
-        // Named effects first.
-        candidates.sort_by_key(|row| !effects.contains(&row.effect));
-        if left > REAL_REST && verdict == Verdict::Named && changes.is_empty() {
+        if left > REAL_REST && verdict == Verdict::Named {
             remarks.push(format!(
                 "{:.0} % of the excess remains unexplained, above the noise",
                 100.0 * (1.0 - share)
@@ -440,7 +392,6 @@ impl Search<'_> {
             noise,
             unknown,
             slow_residual,
-            changes,
             odd_runs,
             next: self.advice(verdict, &candidates),
             candidates,
@@ -482,23 +433,6 @@ impl Search<'_> {
         };
         let odds = candidates.first().map_or(0.0, |c| c.detectability * 0.5);
         Some(NextManoeuvre { manoeuvre: text, expected_log_odds: odds })
-    }
-}
-
-/// An amplitude where it is larger.
-fn largest_of(changed: &ChangedParameter) -> ParameterEstimate {
-    let (estimate, stddev) = if changed.after.abs() >= changed.before.abs() {
-        (changed.after, changed.after_stddev)
-    } else {
-        (changed.before, changed.before_stddev)
-    };
-    ParameterEstimate {
-        name: changed.name.clone(),
-        unit: changed.unit.clone(),
-        estimate,
-        stddev,
-        at_bound: false,
-        smallest_detectable: 5.0 * stddev,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use whorl_dynamics::effects::find;
 
-use crate::diagnosis::{Candidate, Change};
+use crate::diagnosis::Candidate;
 use crate::{Diagnosis, Explanation, Verdict};
 
 /// So many sets that explain the data as well are read out; all of them are in `confounded_with`.
@@ -49,51 +49,6 @@ impl Explanation {
             (false, false) => list(&self.effects),
             (false, true) => format!("{} and something without a name", list(&self.effects)),
         }
-    }
-}
-
-impl Change {
-    /// When and how it changes.
-    #[must_use]
-    pub fn sentence(&self) -> String {
-        // Twice the standard deviation is no effect.
-        let is_none = |value: f64, stddev: f64| value.abs() <= 2.0 * stddev || (value, stddev) == (0.0, 0.0);
-        let absent_before = self.parameters.iter().all(|p| is_none(p.before, p.before_stddev));
-        let absent_after = self.parameters.iter().all(|p| is_none(p.after, p.after_stddev));
-        let (effect, run) = (&self.effect, &self.run);
-        let later = if self.in_later_runs { ", and stays so in the runs that follow" } else { "" };
-        let what = match (&self.onset, absent_before, absent_after) {
-            (Some(_), true, false) => "begins",
-            (Some(_), false, true) => "ends",
-            (Some(_), ..) => "changes",
-            (None, true, false) if self.in_later_runs => "is there from",
-            (None, true, false) => "is there only in",
-            (None, false, true) if self.in_later_runs => "is no longer there from",
-            (None, false, true) => "is absent only in",
-            (None, ..) if self.in_later_runs => "is another from",
-            (None, ..) => "is another in",
-        };
-        let place = match &self.onset {
-            Some(onset) => format!(
-                "{what} in {run} at {:.2} +- {:.2} s (95 %: {:.2} to {:.2} s){later}",
-                onset.at_s, onset.stddev_s, onset.from_s, onset.to_s
-            ),
-            None if self.in_later_runs => format!("{what} {run} on"),
-            None => format!("{what} {run}"),
-        };
-        let value = |value: f64, stddev: f64| {
-            if stddev > 0.0 { format!("{value:.3e} +- {stddev:.1e}") } else { format!("{value:.3e}") }
-        };
-        let values: Vec<String> = self
-            .parameters
-            .iter()
-            .map(|p| {
-                let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
-                let (before, after) = (value(p.before, p.before_stddev), value(p.after, p.after_stddev));
-                format!("{} = {before}, then {after}{unit}", p.name)
-            })
-            .collect();
-        format!("{effect} {place}: {}; {}.", values.join(", "), percent(self.probability))
     }
 }
 
@@ -181,7 +136,6 @@ impl Diagnosis {
                 text.push(format!("{id}: {}.", sizes(candidate)));
             }
         }
-        text.extend(self.changes.iter().map(Change::sentence));
         if !self.effects.is_empty() {
             let slow = &self.slow_residual;
             let held = match (slow.held_out_before, slow.held_out_after) {

@@ -19,7 +19,7 @@ use super::plan::{Cell, Spec};
 use crate::detectability::{Lens, Seen};
 use crate::scenario::{NoiseLevels, Stated, Style, index, measure, plan as make_plan, rng};
 use crate::truth::body::across;
-use crate::truth::run::{SLOT_S, Span, Trace};
+use crate::truth::run::Span;
 use crate::truth::{Body, Hidden, Mechanics, Plan, simulate};
 
 /// Separation above which an effect is clearly distinct from its rivals.
@@ -387,48 +387,6 @@ fn record(
     }
     let mut noise = rng(&format!("{key}/noise/{}", plan.name));
     Ok(measure(&trace, &plan, &stand.levels, &laboratory.model, false, &mut noise))
-}
-
-/// Training and held-out runs of a stand whose platform is sound until one time in one run, and broken from then on, in all
-/// runs that follow.
-///
-/// # Errors
-/// When the platform would touch its stop.
-pub fn breaking(
-    stand: &Stand,
-    laboratory: &Laboratory,
-    key: &str,
-    effect: (&str, Values),
-    run: usize,
-    at_s: f64,
-) -> Result<(Vec<Recording>, Vec<Recording>)> {
-    let (sound, broken) = (stand.hidden(&[]), stand.hidden(&[effect]));
-    let of = |i: usize, plan: &Plan| -> Result<Recording> {
-        let slots = plan.wheel_command_n_m.len();
-        let change = match i.cmp(&run) {
-            std::cmp::Ordering::Less => slots,
-            std::cmp::Ordering::Equal => ((at_s / SLOT_S).round() as usize).min(slots),
-            std::cmp::Ordering::Greater => 0,
-        };
-        let mut plan = plan.clone();
-        let mut motion = plan.start.clone();
-        let mut trace = Trace::default();
-        for (hidden, from_slot, to_slot) in [(&sound, 0, change), (&broken, change, slots)] {
-            if to_slot > from_slot {
-                let mechanics = Mechanics::new(stand.body.clone(), hidden.clone());
-                let span = Span { from_slot, to_slot, step_s: STEP_S, mark_every: usize::MAX };
-                trace.extend(simulate(&mechanics, &mut plan, &motion, span, None));
-                motion = trace.marks.last().cloned().context("no motion at the end")?;
-            }
-        }
-        if trace.largest_tilt_rad > 0.985 * stand.body.tilt_max_rad {
-            bail!("the platform would touch its stop");
-        }
-        let mut noise = rng(&format!("{key}/noise/{}", plan.name));
-        Ok(measure(&trace, &plan, &stand.levels, &laboratory.model, false, &mut noise))
-    };
-    let training = stand.plans.iter().enumerate().map(|(i, plan)| of(i, plan)).collect::<Result<_>>()?;
-    Ok((training, vec![of(stand.plans.len(), &stand.held_out)?]))
 }
 
 /// Builds a case on its stand.

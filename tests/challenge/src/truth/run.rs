@@ -72,26 +72,6 @@ pub struct Trace {
     pub omega_b_rad_s: Vec<Vector3<f64>>,
 }
 
-impl Trace {
-    /// What follows it.
-    pub fn extend(&mut self, next: Self) {
-        self.time_s.extend(next.time_s);
-        self.gyro_b_rad_s.extend(next.gyro_b_rad_s);
-        self.force_b_m_s2.extend(next.force_b_m_s2);
-        self.wheel_rad_s.extend(next.wheel_rad_s);
-        self.vector_time_s.extend(next.vector_time_s);
-        self.direction_b.extend(next.direction_b);
-        self.volt.extend(next.volt);
-        self.pressure_pa.extend(next.pressure_pa);
-        self.temperature_k.extend(next.temperature_k);
-        self.marks = next.marks;
-        self.largest_tilt_rad = self.largest_tilt_rad.max(next.largest_tilt_rad);
-        self.largest_rate_rad_s = self.largest_rate_rad_s.max(next.largest_rate_rad_s);
-        self.q_world_body.extend(next.q_world_body);
-        self.omega_b_rad_s.extend(next.omega_b_rad_s);
-    }
-}
-
 /// How to simulate.
 #[derive(Debug, Clone, Copy)]
 pub struct Span {

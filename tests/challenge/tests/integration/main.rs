@@ -2,7 +2,6 @@
 
 mod filter;
 mod motion;
-mod onset;
 mod score;
 mod small_rigs;
 mod valves;

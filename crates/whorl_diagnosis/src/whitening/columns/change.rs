@@ -26,24 +26,6 @@ pub(super) struct Change {
     pub vectors: Vec<Vec<Vector3<f64>>>,
 }
 
-impl Change {
-    /// The same, with nothing changed outside these nodes.
-    pub fn within(&self, from: usize, to: usize) -> Self {
-        fn cut<T: Copy>(list: &[T], zero: T, from: usize, to: usize) -> Vec<T> {
-            let inside = |(k, x): (usize, &T)| if (from..to).contains(&k) { *x } else { zero };
-            list.iter().enumerate().map(inside).collect()
-        }
-        let vectors = |list: &[Vector3<f64>]| cut(list, Vector3::zeros(), from, to);
-        Self {
-            omega_dot: vectors(&self.omega_dot),
-            wheel_dot: cut(&self.wheel_dot, [0.0; MAX_WHEELS], from, to),
-            gyro: vectors(&self.gyro),
-            accel: vectors(&self.accel),
-            vectors: self.vectors.iter().map(|list| vectors(list)).collect(),
-        }
-    }
-}
-
 /// Changes of a run for a group of columns.
 pub(super) fn changes(run: &Run, motion: &Motion, base: &Linearised, moved: &[Moved]) -> Vec<Change> {
     let mut changes: Vec<Change> = moved.iter().map(|_| Change::default()).collect();

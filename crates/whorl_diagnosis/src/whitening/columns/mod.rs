@@ -50,28 +50,6 @@ pub(crate) fn group_response(
     pass(run, linearised, &changes(run, motion, linearised, moved))
 }
 
-/// As [`group_response`], of each column as many responses as there are stretches of nodes: to what it changes within that
-/// stretch alone. Together they are its response. Bounds are in order, the first 0, the last the number of nodes.
-pub(crate) fn stretch_responses(
-    run: &Run,
-    motion: &Motion,
-    linearised: &Linearised,
-    moved: &[Moved],
-    bounds: &[usize],
-    threads: usize,
-) -> Vec<Vec<Lanes>> {
-    let changes = changes(run, motion, linearised, moved);
-    let stretches = || bounds.iter().zip(bounds.iter().skip(1));
-    let work: Vec<(usize, usize, usize)> =
-        (0..changes.len()).flat_map(|c| stretches().map(move |(from, to)| (c, *from, *to))).collect();
-    let chunks: Vec<&[(usize, usize, usize)]> = work.chunks(GROUPS * LANES).collect();
-    let passed = crate::threads::map(threads, &chunks, |chunk| {
-        let of = |(c, from, to): &(usize, usize, usize)| changes.get(*c).map(|all| all.within(*from, *to));
-        pass(run, linearised, &chunk.iter().filter_map(of).collect::<Vec<_>>())
-    });
-    passed.into_iter().flatten().collect()
-}
-
 /// What nobody has a formula for: what it adds at every node.
 pub(crate) enum Stray {
     /// Torque on the body over every interval [N m].
