@@ -8,7 +8,7 @@
 //! becomes 1 - (1 - p)^N: that is the significance after all that was looked at.
 
 use whorl_diagnosis::{Options, PRIOR_MARGIN, fit};
-use whorl_dynamics::effects::find;
+use whorl_dynamics::effects::{catalogue, find};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::{normal_probability, normal_quantile};
 use whorl_recording::Recording;
@@ -133,6 +133,8 @@ pub fn trends(
         model.effects.keys().filter_map(|id| find(id)).map(|effect| effect.info().id).collect();
     let (mut trends, mut left_out): (Vec<Trend>, Vec<(String, String)>) = (Vec::new(), Vec::new());
     let mut last_error = None;
+    // What changed may have changed by more than a model that was adopted a week ago thinks possible.
+    let prior = &widened(model, prior);
     for (index, run) in runs.iter().enumerate() {
         say(index as f64 / runs.len() as f64, &format!("fitting {}", run.recording.name));
         let found = fit(std::slice::from_ref(run.recording), &[], model, prior, &effects, options);
@@ -181,6 +183,28 @@ pub fn trends(
     trends.sort_by(|a, b| chance(a).total_cmp(&chance(b)));
     let runs = runs.iter().map(|run| (run.recording.name.clone(), run.began_s)).collect();
     Ok(Trends { runs, trends, tests, left_out })
+}
+
+/// The prior with every uncertainty at least a typical one; what is exact stays so. What it adds to an estimate is taken out
+/// again, so a wide one costs nothing, while beside one that an earlier fit has left a large change counts as noise.
+fn widened(model: &PlatformModel, prior: &ModelPrior) -> ModelPrior {
+    let typical = ModelPrior::typical(model);
+    let mut wide = prior.clone();
+    let larger = |own: f64, usual: f64| if own > 0.0 { own.max(usual) } else { own };
+    wide.inertia_b_kg_m2 = prior.inertia_b_kg_m2.zip_map(&typical.inertia_b_kg_m2, larger);
+    for effect in catalogue() {
+        for spec in effect.parameters(model) {
+            if let Some(base) = spec.base {
+                let stddev = larger(base.stddev(prior, spec.part), base.stddev(&typical, spec.part));
+                base.set_stddev(&mut wide, spec.part, stddev);
+            }
+            let of_effect = wide.effects.get_mut(effect.info().id);
+            if let Some(own) = of_effect.and_then(|of_effect| of_effect.get_mut(&spec.name)) {
+                *own = larger(*own, spec.prior_stddev);
+            }
+        }
+    }
+    wide
 }
 
 fn prior_stddev(group: &str, name: &str, model: &PlatformModel, prior: &ModelPrior) -> Option<f64> {
@@ -290,6 +314,29 @@ mod tests {
             scatter: 1.0,
             change: None,
         }
+    }
+
+    /// A model that was adopted knows each jet to a thousandth; a valve that loses a tenth is far outside.
+    #[test]
+    fn what_an_earlier_fit_left_is_widened_to_what_is_typical() {
+        let model = PlatformModel::whorl_1_reference();
+        let typical = ModelPrior::typical(&model);
+        let mut adopted = typical.clone().with_mass_properties_scaled(0.01);
+        adopted.actuators.jets.thrust.iter_mut().for_each(|s| *s = 1e-3);
+        adopted.inertia_b_kg_m2[(0, 1)] = 0.0;
+        adopted.gravity_offset_b_n_m.z = 10.0;
+        adopted
+            .effects
+            .entry("bearing_viscous_friction".to_owned())
+            .or_default()
+            .insert("c_n_m_s".to_owned(), 1e-9);
+        let wide = widened(&model, &adopted);
+        assert_eq!(wide.actuators.jets.thrust, typical.actuators.jets.thrust);
+        assert_eq!(wide.inertia_b_kg_m2[(0, 0)], typical.inertia_b_kg_m2[(0, 0)]);
+        assert_eq!(wide.gravity_offset_b_n_m.x, typical.gravity_offset_b_n_m.x);
+        // What is exact, and what is wider still, stay.
+        assert_eq!((wide.inertia_b_kg_m2[(0, 1)], wide.gravity_offset_b_n_m.z), (0.0, 10.0));
+        assert!(wide.effects["bearing_viscous_friction"]["c_n_m_s"] > 1e-4);
     }
 
     const DAYS: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];

@@ -1,12 +1,13 @@
 //! Runs `whorl discover` on laws that were drawn, on controls and on effects of the catalogue, and prints the score.
 //!
 //! ```text
-//! cargo run --release -p whorl_challenge --bin whorl_challenge_laws -- [--laws N] [--others N] [--first SEED] [--lambda L]
+//! cargo run --release -p whorl_challenge --bin whorl_challenge_laws -- [--laws N] [--others N] [--first SEED] [--stride S] [--lambda L]
 //! ```
 //!
 //! Each case goes the way of a user: the catalogue first, and where it has no answer, the search for a law. The law is then
 //! adopted and judged on the held-out run.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -32,9 +33,18 @@ struct Arguments {
     /// Seed of the first case.
     #[arg(long, default_value_t = 0)]
     first: u32,
+    /// From one seed to the next: 2 keeps to even seeds, those for work, or to odd ones.
+    #[arg(long, default_value_t = 1)]
+    stride: usize,
     /// Detectability aimed at.
     #[arg(long, default_value_t = 1000)]
     lambda: u32,
+    /// Writes every case as CSV into a folder of its own below this, for other programs.
+    #[arg(long, value_name = "DIR")]
+    write: Option<PathBuf>,
+    /// Only builds and writes the cases.
+    #[arg(long)]
+    only_build: bool,
 }
 
 /// Effects of the catalogue that must not be answered with an invented law.
@@ -59,18 +69,26 @@ fn main() -> Result<()> {
         seed,
     };
     let mut score = Score::default();
-    let seeds = |count: u32| arguments.first..arguments.first + count;
+    let seeds = |count: u32| (arguments.first..).step_by(arguments.stride.max(1)).take(count as usize);
     for seed in seeds(arguments.laws) {
         let spec = spec(Cell::Outside, &[foreign::DRAWN_LAW], arguments.lambda, seed);
-        if let Some(built) = made(&laboratory, &spec) {
+        let Some(built) = made(&laboratory, &spec) else { continue };
+        if let Some(folder) = &arguments.write {
+            whorl_challenge::write::case(folder, &built)?;
+        }
+        if !arguments.only_build {
             judge_law(&built, &mut score)?;
         }
     }
     let (mut others, mut invented) = (0, 0);
     for seed in seeds(arguments.others) {
-        let known = KNOWN.get(seed as usize % KNOWN.len()).copied().unwrap_or(KNOWN[0]);
+        let turn = (seed - arguments.first) as usize / arguments.stride.max(1);
+        let known = KNOWN.get(turn % KNOWN.len()).copied().unwrap_or(KNOWN[0]);
         for spec in [spec(Cell::Control, &[], 0, seed), spec(Cell::Single, &[known], 1000, seed)] {
             let Some(built) = made(&laboratory, &spec) else { continue };
+            if arguments.only_build {
+                continue;
+            }
             let (diagnosis, found) = asked(&built)?;
             let law = found.as_ref().and_then(Discovery::best);
             others += 1;

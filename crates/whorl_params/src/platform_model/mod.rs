@@ -40,12 +40,17 @@ pub fn platform_model_with_prior(r: &mut Reader<'_>) -> Option<(PlatformModel, P
 }
 
 /// Reads the platform of a simulation: the group `model`, where every key may be overridden in the
-/// group `truth` (`truth.inertia_kg_m2.zz`, `truth.jets.jet_3.thrust_n`), and effects may be added
-/// there. Estimator and control must not call this.
+/// group `truth` (`truth.inertia_kg_m2.zz`, `truth.jets.jet_3.thrust_n`). Where effects are listed there, the platform has
+/// these and no others: hardware gains none because its model adopts one. Estimator and control must not call this.
 pub fn truth_model(r: &mut Reader<'_>) -> Option<PlatformModel> {
     r.claim_group(MODEL_GROUP);
     r.claim_group("truth");
-    r.overlay(MODEL_GROUP, "truth", |r| r.group(MODEL_GROUP, model))
+    let listed = r.group("truth", |r| r.children("effects"));
+    let mut truth = r.overlay(MODEL_GROUP, "truth", |r| r.group(MODEL_GROUP, model))?;
+    if !listed.is_empty() {
+        truth.effects.retain(|id, _| listed.contains(id));
+    }
+    Some(truth)
 }
 
 fn model(r: &mut Reader<'_>) -> Option<PlatformModel> {

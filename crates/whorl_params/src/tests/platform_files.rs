@@ -200,6 +200,27 @@ fn truth_differs_from_the_model_where_it_says_so() {
     }
 }
 
+/// What a model adopts explains what the hardware had all along: it must not be added to it.
+#[test]
+fn hardware_has_the_effects_that_its_truth_lists_and_no_others() {
+    let with = |lines: &str| {
+        let [common, own] = ["common.yaml", "whorl_1.yaml"]
+            .map(|file| std::fs::read_to_string(params_directory().join(file)).unwrap());
+        let adopted = "/whorl_1/**:\n  ros__parameters:\n    model:\n      effects:\n        air_current: {t_x_n_m: 0.01}\n        \
+                       bearing_viscous_friction: {c_n_m_s: 0.004}\n";
+        let truth = format!("/whorl_1/driver:\n  ros__parameters:\n    truth:\n{lines}");
+        let texts = [("common", common.as_str()), ("own", &own), ("adopted", adopted), ("truth", &truth)];
+        let tree = ParameterTree::from_texts(&texts, &[]).unwrap();
+        read_shared(&tree.for_node("/whorl_1/driver"), truth_model).unwrap().unwrap().effects
+    };
+    let listed = with("      effects:\n        bearing_viscous_friction: {c_n_m_s: 0.002}\n");
+    assert_eq!(listed.keys().collect::<Vec<_>>(), ["bearing_viscous_friction"]);
+    assert_eq!(listed["bearing_viscous_friction"]["c_n_m_s"], 0.002);
+    // A truth that says nothing of effects has the model's.
+    let none = with("      mass_kg: 100.0\n");
+    assert_eq!(none.keys().collect::<Vec<_>>(), ["air_current", "bearing_viscous_friction"]);
+}
+
 /// What a platform must say about itself; all else has a value that means "none".
 #[test]
 fn a_short_platform_file_is_complete() {
