@@ -11,7 +11,7 @@ use crate::list::Address;
 use crate::mailbox::Mailbox;
 use crate::reading::Reporter;
 use crate::running::Place;
-use crate::{DeviceError, iio, modbus_relays, smartmotor, vn100};
+use crate::{DeviceError, iio, modbus_relays, ros, smartmotor, vn100};
 
 /// A kind of device: one row of [`KINDS`].
 pub struct DeviceKind {
@@ -24,7 +24,17 @@ pub struct DeviceKind {
 }
 
 /// Every kind of device. A further kind is its folder and a row here.
-pub const KINDS: &[DeviceKind] = &[vn100::KIND, smartmotor::KIND, modbus_relays::KIND, iio::KIND];
+pub const KINDS: &[DeviceKind] = &[
+    vn100::KIND,
+    smartmotor::KIND,
+    modbus_relays::KIND,
+    iio::KIND,
+    ros::IMU,
+    ros::MAGNETOMETER,
+    ros::POSE,
+    ros::MOTORS,
+    ros::VALVES,
+];
 
 /// What a platform needs, or may have, and a device gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,6 +78,15 @@ impl Role {
     }
 }
 
+/// A topic of another node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UsedTopic {
+    /// Its full name, as in the list of devices.
+    pub name: String,
+    /// Whether the device reads it, and does not write it.
+    pub is_read: bool,
+}
+
 /// One device of a platform.
 pub trait Device: fmt::Debug + Send + Sync {
     /// What nobody else on this platform may use at the same time.
@@ -76,6 +95,16 @@ pub trait Device: fmt::Debug + Send + Sync {
     /// A port or folder of this computer without which there is no such device.
     fn path(&self) -> Option<&str> {
         None
+    }
+
+    /// Address and port of a host on the network, without which there is no such device.
+    fn host(&self) -> Option<&str> {
+        None
+    }
+
+    /// Topics of other nodes, without which there is no such device.
+    fn topics(&self) -> Vec<UsedTopic> {
+        Vec::new()
     }
 
     /// What it gives.

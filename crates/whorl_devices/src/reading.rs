@@ -11,6 +11,19 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use whorl_dynamics::actuators::Kind;
 
+/// What a motor moves, at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joint {
+    /// Index in its kind of actuator.
+    pub index: usize,
+    /// Angle \[rad\]; `None`: it is not measured, as of wheels.
+    pub angle_rad: Option<f64>,
+    /// Speed [rad/s].
+    pub speed_rad_s: f64,
+    /// Torque that the motor makes \[N m\].
+    pub torque_n_m: f64,
+}
+
 /// A quantity of the platform, in SI units and body axes.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Measured {
@@ -27,8 +40,8 @@ pub enum Measured {
     Motors {
         /// Which kind.
         kind: Kind,
-        /// Index in the kind, speed [rad/s] and torque that the motor makes \[N m\].
-        motors: Vec<(usize, f64, f64)>,
+        /// What they move.
+        motors: Vec<Joint>,
     },
     /// Valves that were switched at this instant: jet, and whether it is open now.
     Valves(Vec<(usize, bool)>),

@@ -157,9 +157,20 @@ impl DriverCore {
     /// Why the platform must not move now.
     fn hindrance(&self) -> Option<String> {
         if !self.arming.is_armed() {
-            return Some(format!("it is not armed (whorl arm {})", self.parameters.name));
+            let name = &self.parameters.name;
+            let reasons = self.not_ready();
+            let armed = match self.arming {
+                Arming::Waiting => "it is not armed yet".to_owned(),
+                _ => format!("it is not armed (whorl arm {name})"),
+            };
+            return Some(if reasons.is_empty() { armed } else { format!("{armed}: {}", reasons.join("; ")) });
         }
         self.hardware.lost_needed().map(|device| format!("device {device} is lost"))
+    }
+
+    /// Why it is not armed, or would not be.
+    fn not_ready(&self) -> Vec<String> {
+        if self.arming.is_armed() { Vec::new() } else { self.hardware.not_ready() }
     }
 
     fn diagnostics(&self, now: Timestamp) -> DiagnosticArray {
@@ -178,6 +189,7 @@ impl DriverCore {
                     value("commands refused", counts.refused),
                     value("command timeouts", counts.timeouts),
                     KeyValue { key: "armed".to_owned(), value: self.arming.words().to_owned() },
+                    KeyValue { key: "not ready".to_owned(), value: self.not_ready().join("; ") },
                 ],
             }],
         }

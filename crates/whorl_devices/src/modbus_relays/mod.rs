@@ -6,7 +6,6 @@
 
 mod emulator;
 pub mod protocol;
-mod schedule;
 #[cfg(test)]
 mod tests;
 
@@ -24,7 +23,7 @@ use crate::list::Address;
 use crate::mailbox::{Command, Mailbox};
 use crate::reading::{Measured, Reporter, State};
 use crate::running::Place;
-use schedule::Schedule;
+use crate::schedule::Schedule;
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {
@@ -107,6 +106,10 @@ impl Device for Board {
         (0..self.jets.len())
             .map(|index| Address(format!("{} unit {} coil {}", self.host, self.unit, coil(index))))
             .collect()
+    }
+
+    fn host(&self) -> Option<&str> {
+        Some(&self.host)
     }
 
     fn roles(&self) -> Vec<Role> {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use proptest::prelude::*;
 
 use super::protocol::{Frame, carry_out, take_frame};
-use super::schedule::Schedule;
+use crate::schedule::Schedule;
 
 #[test]
 fn ten_coils_from_20_on_are_written_as_printed() {
