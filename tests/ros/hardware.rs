@@ -170,8 +170,7 @@ fn a_platform_points_over_topics_of_other_nodes_and_says_when_one_is_missing() {
     let converter = "sys/bus/iio/devices/iio:device0/in_voltage0_raw";
     let faults = ["kind:=unplugged", "device:=wheels", "start_s:=0.0", "length_s:=6.0"]
         .map(|f| format!("emulation.faults.a.{f}"));
-    let overrides =
-        emulate_and_see(&mut formation, &faults.each_ref().map(String::as_str), &[converter]);
+    let overrides = emulate_and_see(&mut formation, &faults.each_ref().map(String::as_str), &[converter]);
     let early = formation.watch();
     formation.start_with("/whorl_1/driver", &overrides);
     let missing = "device wheels is lost: no node publishes /emulated/whorl_1/joint_states in ROS domain";
@@ -237,7 +236,8 @@ fn unplugged(device: &str) -> (Formation, Watch, Sender) {
     let overrides = emulate(&mut formation, &faults.each_ref().map(String::as_str));
     formation.start_with("/whorl_1/driver", &overrides);
     let mut sender = Sender::new(&formation);
-    sender.until(&watch, [0.1, 0.0, 0.0], "the driver to obey", |log| speeds(log).is_some_and(|s| s[0] > 1.0));
+    sender
+        .until(&watch, [0.1, 0.0, 0.0], "the driver to obey", |log| speeds(log).is_some_and(|s| s[0] > 1.0));
     (formation, watch, sender)
 }
 
@@ -322,6 +322,37 @@ fn a_valve_board_that_is_lost_fails_its_jets_and_leaves_the_wheels_at_work() {
 }
 
 #[test]
+fn an_emergency_stop_disarms_until_a_person_arms_again() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let watch = formation.watch();
+    let wired = "devices.valves.emergency_stop_input:=3";
+    let faults =
+        ["kind:=pressed", "start_s:=12.0", "length_s:=3.0"].map(|f| format!("emulation.faults.a.{f}"));
+    let [kind, start, length] = faults.each_ref().map(String::as_str);
+    let mut overrides = emulate(&mut formation, &[wired, kind, start, length]);
+    overrides.push(wired.to_owned());
+    formation.start_with("/whorl_1/driver", &overrides);
+    let mut sender = Sender::new(&formation);
+    sender
+        .until(&watch, [0.1, 0.0, 0.0], "the driver to obey", |log| speeds(log).is_some_and(|s| s[0] > 1.0));
+    until_said(&mut formation, &watch, &mut sender, "disarmed by the emergency stop");
+    let refused = whorl(&formation).args(["arm", "whorl_1"]).output().unwrap();
+    let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && text.contains("the emergency stop is pressed"), "{text}");
+    until_said(&mut formation, &watch, &mut sender, "the emergency stop is released");
+    // Released is not armed.
+    let since = watch.log().latest::<GateState>(route(0, Topic::GateState)).unwrap().1.refused + 20;
+    sender.until(&watch, [0.1, 0.0, 0.0], "commands to be refused", |log| {
+        let state = log.latest::<GateState>(route(0, Topic::GateState));
+        state.is_some_and(|(_, s)| s.refused > since && s.state == GateState::STATE_OFF)
+    });
+    let answer = whorl(&formation).args(["arm", "whorl_1"]).output().unwrap();
+    assert!(answer.status.success(), "{answer:?}");
+    sender.until(&watch, [0.1, 0.0, 0.0], "the driver to obey again", obeys);
+    formation.stop();
+}
+
+#[test]
 fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged() {
     let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
     let faults = ["a.kind:=reversed", "a.wheel:=wheel_x", "b.kind:=swapped", "b.jet:=jet_3", "b.with:=jet_7"];
@@ -351,7 +382,9 @@ fn checkout_finds_a_gimbal_that_turns_the_other_way() {
     // What is wired is not what the driver's file says.
     let wired = ["devices.gimbals.motors.gyro_2.sign:=-1"];
     emulate_platform(&mut formation, "whorl_c", Path::new("cmg_slew"), &wired, &made);
-    let answer = whorl(&formation).args(["checkout", "whorl_c", "--root"]).arg(root()).output().unwrap();
+    let mut command = whorl(&formation);
+    command.args(["checkout", "whorl_c", "--experiment", "cmg_slew", "--root"]).arg(root());
+    let answer = command.output().unwrap();
     let text =
         [answer.stdout, answer.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
     assert_eq!(answer.status.code(), Some(1), "{text}");

@@ -58,6 +58,9 @@ pub struct Arguments {
     /// The platform floats and nobody is in its way: real devices are armed without asking.
     #[arg(long)]
     yes: bool,
+    /// Experiment whose platforms it is one of: a name in params/experiments/, or a file.
+    #[arg(long, value_name = "NAME|FILE", default_value = "hold")]
+    experiment: String,
     #[command(flatten)]
     json: JsonArgument,
     #[command(flatten)]
@@ -71,7 +74,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 
 fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let platform = &arguments.platform;
-    let mut options = arguments.folders.options("hold");
+    let mut options = arguments.folders.options(&arguments.experiment);
     options.platforms = Some(vec![platform.clone()]);
     let driver = DriverSource { backend: arguments.backend, ..DriverSource::default() };
     options.drivers.insert(platform.clone(), driver);

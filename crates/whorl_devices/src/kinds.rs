@@ -47,6 +47,8 @@ pub enum Role {
     Motor(Kind, usize),
     /// The valve of one jet.
     Jet(usize),
+    /// The contact of the emergency stop.
+    EmergencyStop,
     /// Voltage of the power bus.
     BusVoltage,
     /// Pressure in the tank of the jets.
@@ -71,6 +73,7 @@ impl Role {
             Self::Jet(jet) => {
                 format!("valve of {}", name(model.jets().iter().map(|j| j.name.as_str()).collect(), jet))
             }
+            Self::EmergencyStop => "emergency stop".to_owned(),
             Self::BusVoltage => "bus voltage".to_owned(),
             Self::TankPressure => "tank pressure".to_owned(),
             Self::Temperature => "temperature".to_owned(),

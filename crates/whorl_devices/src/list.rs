@@ -175,7 +175,10 @@ mod tests {
             ("a: {kind: ros_imu, topic: /imu, clock: mine}", "computer"),
             ("a: {kind: ros_pose, topic: /p, mean_of: 2}", "unknown"),
             ("a: {kind: ros_motors, command: /c, state: /s}", "wheel_x, wheel_y"),
-            ("a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_9: {sign: 1}}}", "wheel_x, wheel_y"),
+            (
+                "a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_9: {sign: 1}}}",
+                "wheel_x, wheel_y",
+            ),
             ("a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_y: {sign: 1}}}", "gaps"),
             (
                 "a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_x: {sign: 1}, wheel_y: {element: 0}}}",

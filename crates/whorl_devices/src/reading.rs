@@ -45,6 +45,8 @@ pub enum Measured {
     },
     /// Valves that were switched at this instant: jet, and whether it is open now.
     Valves(Vec<(usize, bool)>),
+    /// Whether the emergency stop is pressed.
+    EmergencyStop(bool),
     /// Voltage of the power bus \[V\].
     BusVoltage(f64),
     /// Pressure in the tank \[Pa\].
@@ -112,7 +114,7 @@ impl Reporter {
             self.bus_voltage_v.store(volt.to_bits(), Ordering::Relaxed);
         }
         // Only what the control loop waits for wakes the node at once; the rest is taken along at its next tick.
-        let urgent = matches!(measured, Measured::Imu { .. });
+        let urgent = matches!(measured, Measured::Imu { .. } | Measured::EmergencyStop(true));
         self.send(Reading::Measured { at, measured }, urgent);
     }
 

@@ -77,7 +77,9 @@ impl Listener {
     /// # Errors
     /// When DDS fails.
     pub fn take(&mut self, mut each: impl FnMut(usize, RawSample)) -> Result<(), RosError> {
-        self.poll.poll(&mut self.events, Some(Duration::ZERO)).map_err(RosError::io("waiting for a topic"))?;
+        self.poll
+            .poll(&mut self.events, Some(Duration::ZERO))
+            .map_err(RosError::io("waiting for a topic"))?;
         for (index, (_, reader)) in self.reads.iter().enumerate() {
             reader.drain_notifications();
             while let Some(sample) = reader.take()? {
@@ -128,7 +130,11 @@ impl Listener {
         let Some((topic, _)) = self.reads.get(index) else { return String::new() };
         let writers = self.participant.discovered_writers();
         let types = writers.iter().filter(|writer| writer.topic().as_deref() == Some(&topic.name));
-        self.why(topic, types.filter_map(|writer| writer.type_name()).collect(), ["publishes", "nothing comes"])
+        self.why(
+            topic,
+            types.filter_map(|writer| writer.type_name()).collect(),
+            ["publishes", "nothing comes"],
+        )
     }
 
     /// Why nobody hears the written topic of this number, for people.
@@ -197,7 +203,10 @@ mod tests {
         assert!(says.is_heard(0) && !says.is_heard(1));
         assert!(hears.why_silent(0).contains("but nothing comes"));
         let why = hears.why_silent(1);
-        assert!(why.contains("sensor_msgs/msg/MagneticField; needed: geometry_msgs/msg/PoseStamped"), "{why}");
+        assert!(
+            why.contains("sensor_msgs/msg/MagneticField; needed: geometry_msgs/msg/PoseStamped"),
+            "{why}"
+        );
         let _ = PoseStamped::default();
     }
 }

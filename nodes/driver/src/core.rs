@@ -139,6 +139,11 @@ impl DriverCore {
             let level = if warning { LogLevel::Warn } else { LogLevel::Info };
             outputs.log(level, format!("{}: {text}", self.parameters.name));
         }
+        if self.hardware.is_stopped() && self.arming.is_armed() {
+            // What a person has stopped, a person lets go again.
+            self.arming = Arming::Disarmed;
+            outputs.log(LogLevel::Warn, format!("{}: disarmed by the emergency stop", self.parameters.name));
+        }
         if let Some(text) = self.arming.look(|| self.hardware.not_ready()) {
             outputs.log(LogLevel::Info, format!("{}: {text}", self.parameters.name));
         }

@@ -39,6 +39,7 @@ pub struct DeviceHardware {
     place: String,
     prearm: PreArm,
     supplies: Supplies,
+    is_stopped: bool,
 }
 
 /// Moving parts of one kind of actuator.
@@ -106,11 +107,13 @@ impl DeviceHardware {
             place,
             prearm: PreArm::default(),
             supplies,
+            is_stopped: false,
         }
     }
 
     /// What is wrong with which device, a sentence each.
     fn troubles(&self) -> Vec<String> {
+        let stop = self.is_stopped.then(|| "the emergency stop is pressed: release it".to_owned());
         let devices = self.list.devices.iter().zip(&self.states);
         devices
             .filter_map(|(named, state)| match state {
@@ -119,6 +122,7 @@ impl DeviceHardware {
                 State::Lost(reason) => Some(format!("device {} is lost: {reason}", named.name)),
                 State::Connecting => Some(format!("device {} has not answered yet", named.name)),
             })
+            .chain(stop)
             .collect()
     }
 
@@ -255,6 +259,12 @@ impl Hardware for DeviceHardware {
                         self.valves.get_mut(jet).into_iter().for_each(|valve| valve.switched(at, open));
                     }
                 }
+                Measured::EmergencyStop(is_pressed) => {
+                    if std::mem::replace(&mut self.is_stopped, is_pressed) != is_pressed {
+                        let text = if is_pressed { "pressed" } else { "released" };
+                        self.news.push((is_pressed, format!("the emergency stop is {text}")));
+                    }
+                }
                 Measured::BusVoltage(volt) => {
                     self.prearm.bus_voltage(volt);
                     out.push((Topic::Battery, battery(&header, volt, self.model.bus.initial_v).into()));
@@ -284,10 +294,14 @@ impl Hardware for DeviceHardware {
         reasons
     }
 
+    fn is_stopped(&self) -> bool {
+        self.is_stopped
+    }
+
     fn lost_needed(&self) -> Option<String> {
         let devices = self.list.devices.iter().zip(&self.states);
         // Jets whose board is lost are marked as failed, and control does without them.
-        let needed = |role: &Role| matches!(role, Role::Imu | Role::Motor(..));
+        let needed = |role: &Role| matches!(role, Role::Imu | Role::Motor(..) | Role::EmergencyStop);
         devices
             .filter(|(named, state)| !is_usable(state) && named.device.roles().iter().any(needed))
             .map(|(named, _)| named.name.clone())

@@ -1,7 +1,7 @@
 //! Whether the computer's clock is that of the others: stamps of different computers are compared.
 
-use super::machine::Machine;
 use super::Check;
+use super::machine::Machine;
 
 const NAME: &str = "clock";
 /// Clocks that agree so well need no thought \[s\]: a tenth of a sample.
@@ -40,16 +40,19 @@ pub(super) fn of_chrony(text: &str) -> Option<Check> {
     let [_, source, stratum, _, off, .., leap] = fields.as_slice() else { return None };
     let off_s: f64 = off.parse().ok()?;
     if leap.trim() == "Not synchronised" || *stratum == "0" {
-        return Some(Check::wrong(NAME, "chronyd runs and has no source", format!("chronyc sources; {MEND}")));
+        return Some(Check::wrong(
+            NAME,
+            "chronyd runs and has no source",
+            format!("chronyc sources; {MEND}"),
+        ));
     }
     Some(judged(off_s, &format!("chrony, {source}")))
 }
 
 /// From `pmc 'GET TIME_STATUS_NP'` of linuxptp: `master_offset` is in nanoseconds.
 pub(super) fn of_ptp(text: &str) -> Option<Check> {
-    let value = |key: &str| {
-        text.lines().find_map(|line| Some(line.trim().strip_prefix(key)?.trim().to_owned()))
-    };
+    let value =
+        |key: &str| text.lines().find_map(|line| Some(line.trim().strip_prefix(key)?.trim().to_owned()));
     let off_ns: f64 = value("master_offset")?.parse().ok()?;
     if value("gmPresent")? != "true" {
         let mend = "start ptp4l on the grandmaster, on the same network";

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use whorl_node::Node;
 
-use super::machine::Machine;
 use super::Check;
+use super::machine::Machine;
 use crate::run::Folders;
 
 /// Free space: below the first nothing can be recorded for long, below the second not all day \[bytes\].
@@ -74,14 +74,19 @@ pub(super) fn disk(folder: &Path) -> Check {
     };
     if rustix::fs::access(there, rustix::fs::Access::WRITE_OK).is_err() {
         let found = format!("{} cannot be written", there.display());
-        return Check::wrong(NAME, found, format!("chown $USER {}, or --root a folder of your own", there.display()));
+        return Check::wrong(
+            NAME,
+            found,
+            format!("chown $USER {}, or --root a folder of your own", there.display()),
+        );
     }
     let Ok(data) = rustix::fs::statvfs(there) else {
         return Check::unknown(NAME, format!("{} cannot be asked", there.display()), "df -h");
     };
     let free = data.f_bavail.saturating_mul(data.f_frsize);
     // Two platforms' topics are about 60 MB an hour.
-    let found = format!("{:.1} GB free in {}", free as f64 / 1e9, there.display());
+    let place = there.canonicalize().unwrap_or_else(|_| there.to_owned());
+    let found = format!("{:.1} GB free in {}", free as f64 / 1e9, place.display());
     let mend = "whorl runs shows what there is; move recordings elsewhere";
     match free {
         free if free < DISK_WRONG => Check::wrong(NAME, found, mend),
@@ -108,14 +113,19 @@ pub(super) fn memory(text: &str) -> Check {
 /// The hottest zone.
 pub(super) fn temperature(machine: &Machine) -> Check {
     const NAME: &str = "temperature";
-    let zones = machine.names("/sys/class/thermal").into_iter().filter(|name| name.starts_with("thermal_zone"));
+    let zones =
+        machine.names("/sys/class/thermal").into_iter().filter(|name| name.starts_with("thermal_zone"));
     let read = zones.filter_map(|zone| {
         let milli = machine.number(&format!("/sys/class/thermal/{zone}/temp"))?;
         let kind = machine.text(&format!("/sys/class/thermal/{zone}/type")).unwrap_or(zone);
         Some((milli * 1e-3, kind))
     });
     match read.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        None => Check::unknown(NAME, "this computer has no sensor that the kernel knows", "feel it"),
+        None => Check::unknown(
+            NAME,
+            "this computer has no sensor that the kernel knows",
+            "a thermometer on its heat sink",
+        ),
         Some((celsius, kind)) if celsius >= HOT_C => {
             let found = format!("{celsius:.0} deg C ({kind}): the processor slows down");
             Check::warning(NAME, found, "a heat sink, a fan, or less load; a platform has no wind")
@@ -128,9 +138,8 @@ pub(super) fn temperature(machine: &Machine) -> Check {
 pub(super) fn governor(machine: &Machine) -> Check {
     const NAME: &str = "processor speed";
     let processors = machine.names("/sys/devices/system/cpu").into_iter();
-    let governors = processors.filter_map(|name| {
-        machine.text(&format!("/sys/devices/system/cpu/{name}/cpufreq/scaling_governor"))
-    });
+    let governors = processors
+        .filter_map(|name| machine.text(&format!("/sys/devices/system/cpu/{name}/cpufreq/scaling_governor")));
     let saving: Vec<String> = governors.filter(|governor| governor != "performance").collect();
     match saving.first() {
         None => Check::good(NAME, "not scaled down"),

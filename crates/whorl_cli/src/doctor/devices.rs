@@ -7,21 +7,20 @@ use std::time::{Duration, Instant};
 use rustix::fs::Access;
 use whorl_devices::{DeviceList, NamedDevice, Place};
 use whorl_driver::parameters;
-use whorl_launch::Setup;
+use whorl_launch::{Setup, SetupOptions};
 use whorl_params::ParameterTree;
 use whorl_ros::Participant;
 use whorl_ros::environment::Network;
 
 use super::Check;
-use crate::run::{Folders, this_domain};
+use crate::run::this_domain;
 
 const CONNECT: Duration = Duration::from_secs(1);
 /// In what time nodes of the network are found.
 const DISCOVERY: Duration = Duration::from_secs(4);
 
 /// Every device.
-pub(super) fn all(folders: &Folders, platform: &str) -> anyhow::Result<Vec<Check>> {
-    let mut options = folders.options("hold");
+pub(super) fn all(mut options: SetupOptions, platform: &str) -> anyhow::Result<Vec<Check>> {
     options.platforms = Some(vec![platform.to_owned()]);
     let setup = Setup::new(options)?;
     let tree = ParameterTree::load(&setup.driver_files(platform), &[])?;
@@ -38,7 +37,10 @@ pub(super) fn all(folders: &Folders, platform: &str) -> anyhow::Result<Vec<Check
     }
     let place = Place { root: this_domain()?.emulated(platform) };
     if let Some(root) = &place.root {
-        checks.push(Check::good("emulators", format!("run for {platform}: devices are looked for in {}", root.display())));
+        checks.push(Check::good(
+            "emulators",
+            format!("run for {platform}: devices are looked for in {}", root.display()),
+        ));
     }
     checks.extend(list.devices.iter().filter_map(|named| of_file(named, &place)));
     checks.extend(list.devices.iter().filter_map(|named| of_host(named, &place)));

@@ -24,6 +24,9 @@ use machine::Machine;
 pub struct Arguments {
     /// Platform whose devices are looked for as well [default: none].
     platform: Option<String>,
+    /// Experiment whose platforms it is one of: a name in params/experiments/, or a file.
+    #[arg(long, value_name = "NAME|FILE", default_value = "hold")]
+    experiment: String,
     #[command(flatten)]
     json: JsonArgument,
     #[command(flatten)]
@@ -89,7 +92,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     checks.extend(clock::all(&machine));
     checks.extend(network::all(&machine));
     if let Some(platform) = &arguments.platform {
-        checks.extend(devices::all(&arguments.folders, platform)?);
+        checks.extend(devices::all(arguments.folders.options(&arguments.experiment), platform)?);
     }
     for check in &checks {
         let mark = match check.verdict {

@@ -54,7 +54,8 @@ pub(super) fn all(machine: &Machine) -> Vec<Check> {
 /// The largest receive buffer that a program may have.
 pub(super) fn buffer(machine: &Machine) -> Check {
     let name = "receive buffers";
-    let mend = format!("sysctl -w net.core.rmem_max={BUFFER}, and the same line in /etc/sysctl.d/60-whorl.conf");
+    let mend =
+        format!("sysctl -w net.core.rmem_max={BUFFER}, and the same line in /etc/sysctl.d/60-whorl.conf");
     match machine.number("/proc/sys/net/core/rmem_max") {
         None => Check::unknown(name, "the kernel does not say", mend),
         Some(bytes) if bytes < BUFFER => {

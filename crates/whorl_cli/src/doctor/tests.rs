@@ -11,7 +11,9 @@ fn machine(folder: &std::path::Path) -> Machine {
 fn clocks_are_judged_by_what_chrony_and_ptp_say() {
     // chronyc -c tracking of chrony 4.5.
     let line = |off: &str, leap: &str| {
-        format!("C0A84D01,192.168.77.1,9,1732330000.123456789,{off},-0.000000412,0.000011254,12.114,-0.001,0.034,0.000212,0.000871,2.1,{leap}\n")
+        format!(
+            "C0A84D01,192.168.77.1,9,1732330000.123456789,{off},-0.000000412,0.000011254,12.114,-0.001,0.034,0.000212,0.000871,2.1,{leap}\n"
+        )
     };
     let good = clock::of_chrony(&line("-0.000023511", "Normal")).unwrap();
     assert_eq!(good.verdict, Verdict::Good);
@@ -23,7 +25,9 @@ fn clocks_are_judged_by_what_chrony_and_ptp_say() {
     assert_eq!(clock::of_chrony("506 Cannot talk to daemon"), None);
     // pmc of linuxptp 4.
     let ptp = |present: &str| {
-        format!("sending: GET TIME_STATUS_NP\n\tfeedab.fffe.cdef01-0 seq 0 RESPONSE MANAGEMENT TIME_STATUS_NP\n\t\tmaster_offset              -42\n\t\tingress_time               1732330000000000000\n\t\tgmPresent                  {present}\n")
+        format!(
+            "sending: GET TIME_STATUS_NP\n\tfeedab.fffe.cdef01-0 seq 0 RESPONSE MANAGEMENT TIME_STATUS_NP\n\t\tmaster_offset              -42\n\t\tingress_time               1732330000000000000\n\t\tgmPresent                  {present}\n"
+        )
     };
     assert!(clock::of_ptp(&ptp("true")).unwrap().found.starts_with("0.000 ms off"));
     assert_eq!(clock::of_ptp(&ptp("false")).unwrap().verdict, Verdict::Wrong);
@@ -62,7 +66,10 @@ fn the_computer_is_judged_by_its_files() {
     write("proc/loadavg", "999.00 1.0 1.0 1/100 1\n");
     assert_eq!(computer::load(&machine).unwrap().verdict, Verdict::Warning);
 
-    assert_eq!(computer::memory("MemTotal: 8000000 kB\nMemAvailable:  300000 kB\n").verdict, Verdict::Warning);
+    assert_eq!(
+        computer::memory("MemTotal: 8000000 kB\nMemAvailable:  300000 kB\n").verdict,
+        Verdict::Warning
+    );
     assert_eq!(computer::memory("MemAvailable:  3000000 kB\n").found, "3.0 GB available");
     assert_eq!(computer::memory("").verdict, Verdict::Unknown);
 

@@ -54,11 +54,7 @@ fn publisher(
     sample: impl FnMut(i64, &mut World) -> Option<Message> + Send + 'static,
 ) -> Emulator {
     let device = Publisher { period_ns: (1e9 / rate_hz) as i64, next_ns: None, sample };
-    Emulator::Topics {
-        read: None,
-        write: Some((topic.to_owned(), message_type)),
-        device: Box::new(device),
-    }
+    Emulator::Topics { read: None, write: Some((topic.to_owned(), message_type)), device: Box::new(device) }
 }
 
 pub(super) fn imu(imu: &RosImu) -> Emulator {

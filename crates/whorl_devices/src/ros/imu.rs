@@ -20,11 +20,8 @@ use crate::reading::{Measured, Reporter};
 use crate::running::Place;
 
 /// Its row in the table.
-pub const IMU: DeviceKind = DeviceKind {
-    name: "ros_imu",
-    what: "any inertial sensor with a ROS 2 driver: sensor_msgs/Imu",
-    read,
-};
+pub const IMU: DeviceKind =
+    DeviceKind { name: "ros_imu", what: "any inertial sensor with a ROS 2 driver: sensor_msgs/Imu", read };
 
 /// A sensor without a sample for so long is lost.
 const SILENT: Duration = Duration::from_millis(250);
@@ -44,7 +41,8 @@ pub(super) struct RosImu {
 
 fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
     let before = r.error_count();
-    let topic = read_topic(r, "topic", "topic of the sensor's driver, with sensor_msgs/Imu: such as /imu/data");
+    let topic =
+        read_topic(r, "topic", "topic of the sensor's driver, with sensor_msgs/Imu: such as /imu/data");
     let q_body_sensor = read_mounting(r, "the sensor's axes");
     let doc = "each sample is the mean of so many messages: those in a second over model.sensors.rate_hz";
     let mean_of = r.i64_or("mean_of", 1, range(1..=1000), doc);

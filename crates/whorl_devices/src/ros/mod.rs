@@ -71,7 +71,8 @@ fn join(reads: &[ForeignTopic], writes: &[ForeignTopic]) -> Result<Listener, Dev
     let secured = network.clone().secured("/").map_err(RosError::from);
     // An enclave of this name need not exist: that security is asked for is enough.
     if !matches!(&secured, Ok(network) if network.enclave.is_none()) {
-        let text = "traffic is secured (ROS_SECURITY_ENABLE), and topics of other nodes' drivers are in no keystore";
+        let text =
+            "traffic is secured (ROS_SECURITY_ENABLE), and topics of other nodes' drivers are in no keystore";
         return Err(DeviceError::Refused(text.to_owned()));
     }
     Ok(Listener::join(&network, reads, writes)?)

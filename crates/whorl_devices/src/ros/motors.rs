@@ -88,7 +88,8 @@ fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
         let (joint, sign, element) = r.group("motors", |r| {
             r.group(&name, |r| {
                 let joint = r.string_or("joint", &name, "name of the joint in the state message");
-                let doc = "-1: positive numbers turn it against its axis in the model; whorl checkout finds it";
+                let doc =
+                    "-1: positive numbers turn it against its axis in the model; whorl checkout finds it";
                 let sign = r.i64_or("sign", 1, range(-1..=1), doc);
                 if sign == 0 {
                     r.reject("sign", "allowed: 1 or -1");
@@ -100,7 +101,8 @@ fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
         });
         let element = element.unwrap_or(i64::try_from(*index).unwrap_or(0));
         if let Some((first, ..)) = motors.first().filter(|(first, ..)| first != kind) {
-            let problem = format!("{first:?} and {kind:?} have commands of different units; allowed: a device each");
+            let problem =
+                format!("{first:?} and {kind:?} have commands of different units; allowed: a device each");
             r.reject_group(&format!("motors.{name}"), problem);
         }
         if let Some((_, _, other, _)) = motors.iter().find(|(_, other, ..)| *other == element) {
