@@ -43,6 +43,11 @@ const COMMANDS: Duration = Duration::from_millis(10);
 /// What is listened to.
 const MEASURED: [Topic; 4] = [Topic::ImuRaw, Topic::WheelState, Topic::GimbalState, Topic::ThrusterState];
 const STARTUP: Duration = Duration::from_secs(20);
+/// A part that worked for less than this share of what it was told is tried again, so often in all; one that worked for more than the
+/// second share is not believed.
+const SHORTEST: f64 = 0.5;
+const LONGEST: f64 = 4.0;
+const ATTEMPTS: usize = 3;
 /// Samples may come so late.
 const LATE: Duration = Duration::from_secs(3);
 /// A platform that turns faster is left alone [rad/s].
@@ -272,9 +277,8 @@ impl<'a> Bench<'a> {
     }
 
     /// For how long a part really worked between two instants, by what its driver says \[s\]: a busy computer is late to end it.
-    /// `asked_s` where that is not known.
-    fn worked_s(&self, part: Part, command: f64, asked_s: f64, since: &Since, until: Timestamp) -> f64 {
-        let worked_s = match part {
+    fn worked_s(&self, part: Part, command: f64, since: &Since, until: Timestamp) -> f64 {
+        match part {
             Part::Wheel(index) => {
                 let during = self.efforts.iter().filter(|(at, _)| *at >= since.at && *at <= until);
                 let during: Vec<(Timestamp, f64)> =
@@ -291,9 +295,49 @@ impl<'a> Bench<'a> {
                 let angle = |all: &[f64]| all.get(index).copied().unwrap_or(0.0);
                 ((angle(&self.gimbal_angle_rad) - angle(&since.gimbal_angle_rad)) / command).abs()
             }
+        }
+    }
+
+    /// Works a part once.
+    fn try_once(
+        &mut self,
+        part: Part,
+        command: f64,
+        length_s: f64,
+        model: &PlatformModel,
+    ) -> anyhow::Result<Tried> {
+        let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
+        // A pendulum turns by itself: it goes on as it did in as long before.
+        let earlier = self.rate()?;
+        self.command(length_s + SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
+        let before = self.rate()?;
+        let (mut jets, mut wheels) = (no_jets.clone(), no_wheels.clone());
+        match part {
+            Part::Wheel(index) => wheels.iter_mut().skip(index).take(1).for_each(|u| *u = command),
+            Part::Gyro(index) => self.turn_gimbal(index, command),
+            Part::Jet(index) => jets.iter_mut().skip(index).take(1).for_each(|t| *t = JET_S),
+        }
+        let gimbal_angle_rad = self.gimbal_angle_rad.clone();
+        let since = Since {
+            at: whorl_ros::wall_clock(),
+            on_time_s: self.on_time_s.clone(),
+            gimbal_angle_rad: gimbal_angle_rad.clone(),
         };
-        // A motor that is stuck says so by the rate of the body, not by this.
-        if (0.5 * asked_s..=4.0 * asked_s).contains(&worked_s) { worked_s } else { asked_s }
+        self.command(length_s, &jets, |_| wheels.clone())?;
+        self.gimbal_rate_rad_s.fill(0.0);
+        self.command(SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
+        let after = self.rate()?;
+        let worked_s = self.worked_s(part, command, &since, after.end);
+        let share = after.since(&before) / before.since(&earlier);
+        let trial = Trial {
+            part,
+            command,
+            length_s: worked_s,
+            gimbal_angle_rad,
+            rate_change_b_rad_s: (after.rate - before.rate) - (before.rate - earlier.rate) * share,
+            noise_rad_s: (earlier.noise * share).hypot(after.noise).hypot((1.0 + share) * before.noise),
+        };
+        Ok(Tried { trial, worked_s })
     }
 
     /// Works every part; what each does.
@@ -313,36 +357,15 @@ impl<'a> Bench<'a> {
                     (model.gyros().get(index).map_or(0.0, |g| g.max_rate_rad_s * GIMBAL_SHARE), GIMBAL_S)
                 }
             };
-            // A pendulum turns by itself: it goes on as it did in as long before.
-            let earlier = self.rate()?;
-            self.command(length_s + SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
-            let before = self.rate()?;
-            let (mut jets, mut wheels) = (no_jets.clone(), no_wheels.clone());
-            match part {
-                Part::Wheel(index) => wheels.iter_mut().skip(index).take(1).for_each(|u| *u = command),
-                Part::Gyro(index) => self.turn_gimbal(index, command),
-                Part::Jet(index) => jets.iter_mut().skip(index).take(1).for_each(|t| *t = JET_S),
+            let mut trial = self.try_once(part, command, length_s, model)?;
+            // A busy computer may lose a command, or a device's answer, and then nothing was tried.
+            for _ in 1..ATTEMPTS {
+                if trial.worked_s >= SHORTEST * length_s {
+                    break;
+                }
+                trial = self.try_once(part, command, length_s, model)?;
             }
-            let gimbal_angle_rad = self.gimbal_angle_rad.clone();
-            let since = Since {
-                at: whorl_ros::wall_clock(),
-                on_time_s: self.on_time_s.clone(),
-                gimbal_angle_rad: gimbal_angle_rad.clone(),
-            };
-            self.command(length_s, &jets, |_| wheels.clone())?;
-            self.gimbal_rate_rad_s.fill(0.0);
-            self.command(SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
-            let after = self.rate()?;
-            let length_s = self.worked_s(part, command, length_s, &since, after.end);
-            let share = after.since(&before) / before.since(&earlier);
-            let trial = Trial {
-                part,
-                command,
-                length_s,
-                gimbal_angle_rad,
-                rate_change_b_rad_s: (after.rate - before.rate) - (before.rate - earlier.rate) * share,
-                noise_rad_s: (earlier.noise * share).hypot(after.noise).hypot((1.0 + share) * before.noise),
-            };
+            let trial = trial.judged(length_s);
             let finding = judge(model, &trial).context("the model has this part")?;
             let (name, is_right) = (part.name(model), finding.is_right());
             let said = finding.words(part, model);
@@ -392,6 +415,21 @@ impl Mean {
     /// Time from an earlier one \[s\].
     fn since(&self, earlier: &Self) -> f64 {
         self.end.seconds_since(earlier.end) + self.age_s - earlier.age_s
+    }
+}
+
+/// What came of one attempt.
+struct Tried {
+    trial: Trial,
+    worked_s: f64,
+}
+
+impl Tried {
+    /// What is judged. A part that did not work although it was told to, again and again, is judged by what it was told.
+    fn judged(self, asked_s: f64) -> Trial {
+        let usual = SHORTEST * asked_s..=LONGEST * asked_s;
+        let length_s = if usual.contains(&self.worked_s) { self.worked_s } else { asked_s };
+        Trial { length_s, ..self.trial }
     }
 }
 
