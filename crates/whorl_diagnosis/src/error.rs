@@ -52,11 +52,12 @@ pub enum DiagnosisError {
 }
 
 impl DiagnosisError {
-    /// What came of a trial; `None` where no platform can be as it was tried: that ends the trial, not the diagnosis.
+    /// What came of a trial; `None` where no platform can be as it was tried, or none that moves so: that ends the trial, not the
+    /// diagnosis.
     pub(crate) fn possible<T>(result: Result<T, Self>) -> Result<Option<T>, Self> {
         match result {
             Ok(found) => Ok(Some(found)),
-            Err(Self::Model(_) | Self::Effect(_)) => Ok(None),
+            Err(Self::Model(_) | Self::Effect(_) | Self::NoTrajectory { .. }) => Ok(None),
             Err(error) => Err(error),
         }
     }

@@ -35,6 +35,12 @@ const SHOWS_AFTER_S: f64 = 200.0;
 /// A bias that does not walk: it would show after so long \[s\].
 const STEADY_S: f64 = 1e4;
 
+/// Probability that something is missing that has no name, before any data: as likely as two effects of the catalogue.
+pub(crate) const NAMELESS: f64 = 0.01;
+
+/// A slow random torque beyond this share of what turns the platform is no background.
+pub(crate) const LARGE: f64 = 0.01;
+
 /// Sizes of the noise beside what the model states, as steps: 0 = there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub(crate) struct Nuisance {

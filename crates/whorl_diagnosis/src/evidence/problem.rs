@@ -7,7 +7,7 @@ use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
-use crate::evidence::nuisance::{Nuisance, PACES, STEP};
+use crate::evidence::nuisance::{LARGE, NAMELESS, Nuisance, PACES, STEP};
 use crate::evidence::palette::Colours;
 use crate::evidence::regression::{Colour, Normal, Whitened, colour_log_density};
 use crate::layout::motion::Motion;
@@ -296,6 +296,16 @@ impl Problem {
         let least = inertia * density / self.memory_s / (2.0 * correlation_s).sqrt();
         let stddev_n_m = least * STEP.powi(i32::from(nuisance.torque));
         Background { stddev_n_m, correlation_s, about: nuisance.about }
+    }
+
+    /// Whether the slow random torque of this noise is more than background: a good part of what turns the platform.
+    pub fn is_large(&self, nuisance: Nuisance) -> bool {
+        self.background(nuisance).stddev_n_m > LARGE * self.torques.body_n_m
+    }
+
+    /// Log prior of the noise beside what the model states. A torque that is no background is something without a name.
+    pub fn log_prior(&self, nuisance: Nuisance) -> f64 {
+        nuisance.log_prior() + if self.is_large(nuisance) { NAMELESS.ln() } else { 0.0 }
     }
 
     /// Settings of the whitening filter of a run.

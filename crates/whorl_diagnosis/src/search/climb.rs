@@ -12,6 +12,14 @@ use crate::whitening::filter::{Linear, System};
 use crate::whitening::mechanics::Mechanics;
 use crate::{DiagnosisError, threads};
 
+/// Sizes of the slow random torque among which a climb looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sizes {
+    /// Of what is background.
+    Background,
+    Any,
+}
+
 impl Problem {
     /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
     /// from the noise in use, step by step along each of its sizes.
@@ -19,11 +27,12 @@ impl Problem {
         &self,
         point: &Point,
         colours: Option<&Palette>,
+        sizes: Sizes,
     ) -> Result<Nuisance, DiagnosisError> {
         let mut starts = self.nuisance.starts();
         // What another set needed may be needed here.
         starts.extend(colours.into_iter().flat_map(Palette::noise));
-        Ok(self.climb(point, &starts, colours)?.0)
+        Ok(self.climb(point, &starts, colours, sizes)?.0)
     }
 
     /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
@@ -33,6 +42,7 @@ impl Problem {
         point: &Point,
         starts: &[Nuisance],
         colours: Option<&Palette>,
+        sizes: Sizes,
     ) -> Result<(Nuisance, f64, f64), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let predictions: Vec<_> = self
@@ -75,13 +85,14 @@ impl Problem {
             })
             .iter()
             .sum();
-            let found = sum + nuisance.log_prior();
+            let found = sum + self.log_prior(nuisance);
             known.insert(nuisance, found);
             found
         };
         let in_use = posterior(self.nuisance);
         let mut likeliest = (self.nuisance, f64::NEG_INFINITY);
-        for start in starts {
+        let is_allowed = |nuisance: &Nuisance| sizes == Sizes::Any || !self.is_large(*nuisance);
+        for start in starts.iter().filter(|start| is_allowed(start)) {
             let value = posterior(*start);
             if value > likeliest.1 {
                 likeliest = (*start, value);
@@ -91,7 +102,8 @@ impl Problem {
         for stride in STRIDES {
             loop {
                 let mut next = None;
-                for neighbour in likeliest.0.neighbours(stride, has_body, has_wheels) {
+                let neighbours = likeliest.0.neighbours(stride, has_body, has_wheels);
+                for neighbour in neighbours.into_iter().filter(is_allowed) {
                     let here = posterior(neighbour);
                     if here > next.map_or(likeliest.1, |n: (Nuisance, f64)| n.1) + 1e-9 {
                         next = Some((neighbour, here));

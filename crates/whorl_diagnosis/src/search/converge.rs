@@ -22,6 +22,8 @@ use crate::layout::motion::Motion;
 use crate::layout::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
+use crate::search::climb::Sizes;
+use crate::search::prior::OTHER_LAW;
 use crate::search::standing::{Converged, SURPRISE};
 use crate::search::step::{dataset, point_of};
 
@@ -140,13 +142,67 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.threads = threads;
         problem.nuisance = noise;
-        let mut from = self.begin(start, &ids);
+        let from = self.begin(start, &ids);
+        let sizes = if ids.is_empty() { Sizes::Any } else { Sizes::Background };
+        let Some(descended) = self.turns(&mut problem, from, &ids, least, sizes, true)? else {
+            return Ok(None);
+        };
+        let Some(alone) = DiagnosisError::possible(self.weighed(descended, &problem))?.flatten() else {
+            return Ok(None);
+        };
+        if ids.is_empty() {
+            return Ok(Some(alone));
+        }
+        Ok(Some(self.beside_a_torque(&alone, problem, &ids, least)?.unwrap_or(alone)))
+    }
+
+    /// A set that was fitted with no more than background, beside a random torque that is more: if that explains a good part of
+    /// what the set does, and not only what its formulas may leave.
+    fn beside_a_torque(
+        &self,
+        alone: &Converged,
+        mut problem: Problem,
+        ids: &[&'static str],
+        least: f64,
+    ) -> Result<Option<Converged>, DiagnosisError> {
+        problem.motions = Arc::clone(&alone.motions);
+        let (likeliest, density, in_use) =
+            problem.climb(&alone.point, &problem.nuisance.starts(), Some(&self.palette), Sizes::Any)?;
+        let base = self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
+        let echo = OTHER_LAW * f64::max(alone.standing.log_evidence - base, 0.0);
+        if !problem.is_large(likeliest) || density - in_use <= echo {
+            return Ok(None);
+        }
+        problem.nuisance = likeliest;
+        let from = Begin {
+            point: alone.point.clone(),
+            layout: alone.layout.clone(),
+            members: alone.members.clone(),
+        };
+        let Some(descended) = self.turns(&mut problem, from, ids, least, Sizes::Any, false)? else {
+            return Ok(None);
+        };
+        let beside = DiagnosisError::possible(self.weighed(descended, &problem))?.flatten();
+        Ok(beside.filter(|beside| beside.standing.log_evidence - alone.standing.log_evidence > echo))
+    }
+
+    /// Fits of a set by turns with the noise that is likeliest where the last one ended.
+    fn turns(
+        &self,
+        problem: &mut Problem,
+        mut from: Begin,
+        ids: &[&'static str],
+        least: f64,
+        sizes: Sizes,
+        is_first: bool,
+    ) -> Result<Option<Descended>, DiagnosisError> {
         let mut last: Option<Descended> = None;
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         for turn in 0..MOST_TURNS {
-            let Some(descended) = self.descend(&mut problem, from, &ids, least, turn == 0)? else { break };
+            let is_first = is_first && turn == 0;
+            let Some(descended) = self.descend(problem, from, ids, least, is_first)? else { break };
             problem.motions = Arc::clone(&descended.motions);
-            problem.nuisance = problem.likeliest_nuisance(&descended.point, Some(&self.palette))?;
+            problem.nuisance = problem.likeliest_nuisance(&descended.point, Some(&self.palette), sizes)?;
             from = Begin {
                 point: descended.point.clone(),
                 layout: descended.layout.clone(),
@@ -158,10 +214,7 @@ impl Search<'_> {
                 break;
             }
         }
-        match last {
-            Some(descended) => Ok(DiagnosisError::possible(self.weighed(descended, &problem))?.flatten()),
-            None => Ok(None),
-        }
+        Ok(last)
     }
 
     /// Fits several sets where each fits best, side by side; given up where they cannot come to a log evidence of

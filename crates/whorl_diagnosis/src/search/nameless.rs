@@ -12,11 +12,12 @@ use nalgebra::DVector;
 
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS};
-use crate::evidence::nuisance::Nuisance;
+use crate::evidence::nuisance::{NAMELESS, Nuisance};
 use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::shapes::{Column, Law, Shape, columns_of, laws, shapes, stray};
 use crate::search::Search;
+use crate::search::climb::Sizes;
 
 use crate::diagnosis::Unknown;
 use crate::evidence::problem::{Dataset, Problem, Trust};
@@ -25,12 +26,6 @@ use crate::search::step::dataset;
 use crate::threads;
 use crate::whitening::columns::{LANES, Stray, stray_response};
 use crate::whitening::filter::About;
-
-/// Probability that something is missing that has no name, before any data: as likely as two effects of the catalogue.
-pub(crate) const NAMELESS: f64 = 0.01;
-
-/// A slow random torque beyond this share of what turns the platform is no background.
-pub(crate) const LARGE: f64 = 0.01;
 
 /// Prior sizes that are tried, in units of a law's columns.
 const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
@@ -62,7 +57,7 @@ impl Search<'_> {
     /// Laws beside a set where it fits best, likeliest first.
     pub(crate) fn nameless_beside(&self, at: &Converged) -> Result<Vec<Nameless>, DiagnosisError> {
         // Beside a random torque that is no background, a law would be told by the little that it explains of it.
-        let is_large = |torque: u8| self.is_large(Nuisance { torque, ..at.standing.nuisance });
+        let is_large = |torque: u8| self.problem.is_large(Nuisance { torque, ..at.standing.nuisance });
         let torque = (0..=at.standing.nuisance.torque).rev().find(|torque| !is_large(*torque)).unwrap_or(0);
         let mut found = self.laws_beside(at, Nuisance { torque, ..at.standing.nuisance })?;
         if torque > 0 {
@@ -74,11 +69,6 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Whether the slow random torque of this noise is more than background: a good part of what turns the platform.
-    pub(crate) fn is_large(&self, nuisance: Nuisance) -> bool {
-        self.problem.background(nuisance).stddev_n_m > LARGE * self.problem.torques.body_n_m
-    }
-
     /// The likeliest torque about one axis that is free in time.
     fn free_torque_beside(&self, at: &Converged) -> Result<Option<Nameless>, DiagnosisError> {
         let mut problem = self.problem.clone();
@@ -88,9 +78,10 @@ impl Search<'_> {
             .flat_map(|axis| [About::Body(axis), About::World(axis)])
             .flat_map(|about| FIRST_STEPS.map(|torque| Nuisance { torque, about, ..at.standing.nuisance }))
             .collect();
-        let (likeliest, density, in_use) = problem.climb(&at.point, &starts, Some(&self.palette))?;
+        let (likeliest, density, in_use) =
+            problem.climb(&at.point, &starts, Some(&self.palette), Sizes::Any)?;
         let best =
-            (likeliest.torque > 0 && self.is_large(likeliest)).then_some((density - in_use, likeliest));
+            (likeliest.torque > 0 && problem.is_large(likeliest)).then_some((density - in_use, likeliest));
         Ok(best.map(|(gain, likeliest)| {
             let background = problem.background(likeliest);
             let (frame, axis) = match likeliest.about {
@@ -100,7 +91,7 @@ impl Search<'_> {
             };
             Nameless {
                 beside: at.names.clone(),
-                log_evidence: at.standing.log_evidence + gain + NAMELESS.ln() - 6f64.ln(),
+                log_evidence: at.standing.log_evidence + gain - 6f64.ln(),
                 unknown: Unknown {
                     frame: frame.to_owned(),
                     axis: axis_name(usize::from(axis)).to_owned(),
@@ -156,7 +147,7 @@ impl Search<'_> {
         let relinearised = without.log_evidence - 0.5 * without.drop - 0.5 * misfit
             + joint.log_density
             + choices
-            + nuisance.log_prior()
+            + problem.log_prior(nuisance)
             - (RELATIVE_ERRORS.len() as f64).ln();
         // The set itself was weighed with its own noise.
         let alone = if nuisance == at.standing.nuisance { at.standing.log_evidence } else { relinearised };

@@ -20,6 +20,10 @@ pub(crate) fn log_prior<S: AsRef<str>>(set: &[S]) -> f64 {
 /// integrated out; this is for shapes that are wrong.
 const ECHO: f64 = 0.01;
 
+/// What is left of an effect is another law's, or a random torque's, where it is a fifth of the effect's size, (20 %)^2 of its
+/// evidence: twice what its own formula may leave.
+pub(crate) const OTHER_LAW: f64 = 0.04;
+
 /// A set with one member left out, each in turn.
 pub(crate) fn smaller_sets(names: &[String]) -> impl Iterator<Item = Vec<String>> {
     let without = |left_out: &String| names.iter().filter(|id| *id != left_out).cloned().collect();

@@ -13,6 +13,7 @@ use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, TOGETHER};
 use crate::parameters::available::Available;
 use crate::parameters::{Point, Target};
+use crate::search::climb::Sizes;
 
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
@@ -95,7 +96,7 @@ pub(crate) fn base_point_with(
     smooth_all(problem, held_out, &point, Trust::Within(5e-3))?;
     for trust in [Trust::Within(2e-3), Trust::AsDataSay] {
         // What the model lacks must not bend its constants: it counts as noise until it is found.
-        problem.nuisance = problem.likeliest_nuisance(&point, None)?;
+        problem.nuisance = problem.likeliest_nuisance(&point, None, Sizes::Any)?;
         if let Some(held) = held_out {
             held.nuisance = problem.nuisance;
         }

@@ -154,7 +154,7 @@ impl Search<'_> {
         let sum: f64 = standings.iter().map(|s| (s.log_evidence - best.log_evidence).exp()).sum();
         let choices = (RELATIVE_ERRORS.len() as f64).ln();
         let standing = Standing {
-            log_evidence: best.log_evidence + sum.ln() - choices + set.nuisance.log_prior(),
+            log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..best
         };
         let Descended { names, point, motions, layout, members, .. } = set;

@@ -10,13 +10,15 @@ use crate::diagnosis::{
     BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
 };
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::nuisance::{LARGE, NAMELESS};
 use crate::evidence::problem::{Dataset, Problem};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
 use crate::explanations::candidates::SHOWS;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::explanations::vibration::fast_effects;
 use crate::search::Search;
-use crate::search::nameless::{LARGE, NAMELESS, Nameless};
+use crate::search::nameless::Nameless;
+use crate::search::prior::OTHER_LAW;
 use crate::search::prior::log_prior;
 use crate::search::rest::{momentum_rms, rest, worst};
 use crate::search::standing::Converged;
@@ -32,10 +34,6 @@ const SOMETHING_LEFT: f64 = 3.0;
 
 /// Formulas that must err by so much call for a comparison with laws that have no name.
 const ROUGH: f64 = 0.05;
-
-/// What is left of an effect is another law's where it is a fifth of the effect's size, (20 %)^2 of its evidence: twice what
-/// its own formula may leave.
-const OTHER_LAW: f64 = 0.04;
 
 /// Usual factor between stated and true noise.
 const NOISE_FACTOR: f64 = 1.3;
@@ -135,7 +133,7 @@ impl Search<'_> {
     /// A slow random torque that is more than background.
     fn large_background(&self, nuisance: Nuisance) -> Option<Unknown> {
         let stddev_n_m = self.problem.background(nuisance).stddev_n_m;
-        self.is_large(nuisance).then(|| Unknown::torque_in_time(stddev_n_m))
+        self.problem.is_large(nuisance).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
     /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name

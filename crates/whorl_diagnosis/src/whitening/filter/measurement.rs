@@ -82,6 +82,7 @@ impl System<'_> {
                 // What falls freely feels no weight.
                 let weight = if self.mechanics.model().freedom.has_weight() { GRAVITY_M_S2 } else { 0.0 };
                 let by_angle = skew(&up) * weight;
+                let unknown = self.unknown_acceleration(k) * r.norm_squared();
                 // d/dw of w x (w x r) = (w . r) I + w r^T - 2 r w^T.
                 let by_rate =
                     Matrix3::identity() * omega.dot(&r) + omega * r.transpose() - r * omega.transpose() * 2.0;
@@ -92,7 +93,7 @@ impl System<'_> {
                         parts[3 + j] = (RATE + j, by_rate[(i, j)]);
                     }
                     parts[6] = (ACCEL_BIAS + i, 1.0);
-                    let variance = noise.accel[i].powi(2) / mean.count;
+                    let variance = noise.accel[i].powi(2) / mean.count + unknown;
                     push((Channel::Accelerometer, 0, i), mean.value[i] - predicted[i], variance, &parts);
                 }
             }

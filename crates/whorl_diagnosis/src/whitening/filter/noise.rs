@@ -45,6 +45,9 @@ const GAP_S: f64 = 0.5;
 /// if it is also so many times longer than usual.
 const GAP: f64 = 5.0;
 
+/// Walk of the rates while the torques are not known [rad/s/sqrt(s)]: any motion that a platform makes.
+const BLIND_WALK: f64 = 1.0;
+
 /// Time over which dry friction at standstill changes its pull \[s\].
 const STICKS_S: f64 = 0.1;
 
@@ -109,6 +112,25 @@ impl System<'_> {
         share * torque_n_m * self.mechanics.inverse_inertia().trace() / 3.0 * (2.0 * STICKS_S).sqrt()
     }
 
+    /// Whether the torques of interval `k` are not known: after a gap any motion is possible, and so it is where the
+    /// platform may touch the bearing's stop.
+    fn blind(&self, k: usize) -> bool {
+        self.run.length(k) > f64::max(GAP_S, GAP * self.run.node_s())
+            || match self.run.near_stop.get(k) {
+                Some(known) => *known,
+                None => self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q)),
+            }
+    }
+
+    /// Variance of the angular acceleration at node `k` that intervals beside it leave unknown [rad^2/s^4].
+    pub(super) fn unknown_acceleration(&self, k: usize) -> f64 {
+        let beside = k.saturating_sub(1)..=k;
+        beside
+            .filter(|i| i + 1 < self.run.nodes() && self.blind(*i))
+            .map(|i| BLIND_WALK * BLIND_WALK / self.run.length(i))
+            .fold(0.0, f64::max)
+    }
+
     /// Adds the process noise of interval `k`.
     pub(super) fn add_noise<const S: usize>(&self, noise: &Noise, k: usize, p: &mut [[f64; S]; S]) {
         let h = self.run.length(k);
@@ -124,13 +146,7 @@ impl System<'_> {
             }
         };
         if !self.run.clamped {
-            // After a gap any motion is possible.
-            let blind = h > f64::max(GAP_S, GAP * self.run.node_s())
-                || match self.run.near_stop.get(k) {
-                    Some(known) => *known,
-                    None => self.motion.q_mid.get(k).is_some_and(|q| self.mechanics.near_stop(q)),
-                };
-            let rate = if blind { 1.0 } else { s.rate_walk.hypot(self.stiction_walk(k)) };
+            let rate = if self.blind(k) { BLIND_WALK } else { s.rate_walk.hypot(self.stiction_walk(k)) };
             let relative = |walk: f64, least: f64| walk.max(least).powi(2) * h;
             // A valve's edge is as uncertain as the stamp that tells of it.
             let edges: f64 =
