@@ -385,7 +385,8 @@ impl<'a> Bench<'a> {
                         _ => 0.0,
                     };
                     answers.iter_mut().skip(index).take(1).for_each(|slot| *slot = answer);
-                    let back: Vec<f64> = wheels.iter().map(|u| -u).collect();
+                    let mut back = no_wheels.clone();
+                    back.iter_mut().skip(index).take(1).for_each(|u| *u = -command);
                     self.command(WHEEL_S, &no_jets, |_| back.clone())?;
                 }
                 Part::Gyro(index) => {
