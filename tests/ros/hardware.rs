@@ -1,13 +1,13 @@
 //! Drivers with backend hardware, over the bytes of emulated devices: pointing, arming, and devices that are lost.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
 use whorl_msgs::sensor_msgs::{Imu, JointState};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::Topic;
-use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, GateState};
+use whorl_msgs::whorl::{ActuatorCommand, AttitudeEstimate, GateState, ThrusterState};
 use whorl_node::Timestamp;
 use whorl_ros::{EndpointQos, Participant, RawWriter};
 
@@ -24,19 +24,39 @@ fn whorl(formation: &Formation) -> Command {
     command
 }
 
+/// What emulators of Whorl-I's own list of devices make.
+const PORTS: [&str; 2] = ["dev/whorl/whorl_1_imu", "hosts"];
+
 /// Starts emulators of Whorl-I and waits until they are there. Returns the arguments of a driver for them.
 fn emulate(formation: &mut Formation, parameters: &[&str]) -> Vec<String> {
+    emulate_and_see(formation, parameters, &PORTS)
+}
+
+/// As above; `made` are files that they make last.
+fn emulate_and_see(formation: &mut Formation, parameters: &[&str], made: &[&str]) -> Vec<String> {
     let experiment = formation.folder().join("hold.yaml");
     std::fs::write(&experiment, LONG_HOLD_ALONE).unwrap();
+    emulate_platform(formation, "whorl_1", &experiment, parameters, made)
+}
+
+/// The same of any platform, at the start of an experiment.
+fn emulate_platform(
+    formation: &mut Formation,
+    platform: &str,
+    experiment: &Path,
+    parameters: &[&str],
+    made: &[&str],
+) -> Vec<String> {
     let mut command = whorl(formation);
-    command.args(["emulators", "whorl_1", "--root"]).arg(root()).arg("--experiment").arg(&experiment);
+    command.args(["emulators", platform, "--params"]).arg(&formation.params).arg("--root").arg(root());
+    command.arg("--experiment").arg(experiment);
     parameters.iter().for_each(|parameter| _ = command.args(["-p", parameter]));
     formation.adopt("emulators", command);
     let folder = formation.folder().to_owned();
     let found: PathBuf = wait_for("the emulators", STARTUP, || {
         let mut domains =
-            std::fs::read_dir(&folder).unwrap().flatten().map(|entry| entry.path().join("emulators/whorl_1"));
-        domains.find(|root| root.join("dev/whorl/whorl_1_imu").exists() && root.join("hosts").exists())
+            std::fs::read_dir(&folder).unwrap().flatten().map(|e| e.path().join("emulators").join(platform));
+        domains.find(|root| made.iter().all(|file| root.join(file).exists()))
     });
     vec!["backend:=hardware".to_owned(), format!("hardware.root:={}", found.display())]
 }
@@ -82,12 +102,10 @@ fn speeds(log: &Log) -> Option<Vec<f64>> {
     log.latest::<JointState>(route(0, Topic::WheelState)).map(|(_, state)| state.velocity.clone())
 }
 
-#[test]
-fn a_platform_points_over_the_bytes_of_its_devices() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+/// Lets Whorl-I point over its emulated devices, and says how well.
+fn points(formation: &mut Formation, overrides: &[String], what: &str) {
     let watch = formation.watch();
-    let overrides = emulate(&mut formation, &[]);
-    formation.start_with("/whorl_1/driver", &overrides);
+    formation.start_with("/whorl_1/driver", overrides);
     for node in ["/whorl_1/estimator", "/whorl_1/local_control", "/coordinator"] {
         formation.start(node);
     }
@@ -103,12 +121,66 @@ fn a_platform_points_over_the_bytes_of_its_devices() {
         .map(|(_, truth)| truth.q_world_body.to_unit().unwrap().angle_to(&target).to_degrees())
         .collect();
     let rms_deg = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
-    measured(&format!("pointing over emulated devices: {rms_deg:.4} deg RMS, {} samples", errors.len()));
+    measured(&format!("pointing over {what}: {rms_deg:.4} deg RMS, {} samples", errors.len()));
     assert!(errors.len() > 300, "{} samples of the truth", errors.len());
     // Twice what simulated hardware gives; the emulators' truth is that of simulated hardware.
     assert!(rms_deg < 0.2, "{rms_deg} deg\n{}", watch.summary());
     drop(log);
     formation.stop();
+}
+
+#[test]
+fn a_platform_points_over_the_bytes_of_its_devices() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let overrides = emulate(&mut formation, &[]);
+    points(&mut formation, &overrides, "emulated devices");
+}
+
+/// Parameter files in which Whorl-I has the list of devices that docs/hardware.md shows for ROS 2 drivers.
+fn with_ros_devices(formation: &mut Formation) {
+    let params = formation.folder().join("params");
+    copy(&root().join("params"), &params);
+    let page = std::fs::read_to_string(root().join("docs/hardware.md")).unwrap();
+    let mut blocks = page.split("```yaml\n").skip(1).map(|rest| rest.split("```").next().unwrap());
+    let list = blocks.find(|block| block.contains("kind: ros_imu")).unwrap();
+    let file = params.join("whorl_1.yaml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let (before, rest) = text.split_once("    devices:\n").unwrap();
+    let (_, after) = rest.split_once("\n# What references").unwrap();
+    std::fs::write(&file, format!("{before}{list}\n# What references{after}")).unwrap();
+    formation.params = params;
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let (path, new) = (entry.path(), to.join(entry.file_name()));
+        if path.is_dir() {
+            copy(&path, &new);
+        } else {
+            std::fs::copy(&path, &new).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_platform_points_over_topics_of_other_nodes_and_says_when_one_is_missing() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    with_ros_devices(&mut formation);
+    let converter = "sys/bus/iio/devices/iio:device0/in_voltage0_raw";
+    let faults = ["kind:=unplugged", "device:=wheels", "start_s:=0.0", "length_s:=6.0"]
+        .map(|f| format!("emulation.faults.a.{f}"));
+    let overrides = emulate_and_see(&mut formation, &faults.each_ref().map(String::as_str), &[converter]);
+    let early = formation.watch();
+    formation.start_with("/whorl_1/driver", &overrides);
+    let missing = "device wheels is lost: no node publishes /emulated/whorl_1/joint_states in ROS domain";
+    wait_for("what is missing", STARTUP, || said(&mut formation, missing).then_some(()));
+    early.during(Duration::from_millis(200));
+    let gate = early.log().latest::<GateState>(route(0, Topic::GateState)).unwrap().1.state;
+    assert_eq!(gate, GateState::STATE_OFF);
+    wait_for("the wheels", STARTUP, || said(&mut formation, "device wheels is back").then_some(()));
+    formation.node("/whorl_1/driver").kill();
+    points(&mut formation, &overrides, "topics of other nodes");
 }
 
 #[test]
@@ -154,34 +226,129 @@ fn nothing_moves_before_it_is_armed_nor_after_it_is_disarmed() {
     formation.stop();
 }
 
-#[test]
-fn a_sensor_that_is_unplugged_stops_the_wheels_and_comes_back_by_itself() {
+/// Whorl-I with a device that is unplugged after 12 s for 3 s, once its wheels obey.
+fn unplugged(device: &str) -> (Formation, Watch, Sender) {
     let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
     let watch = formation.watch();
-    let faults = ["kind:=unplugged", "device:=imu", "start_s:=12.0", "length_s:=3.0"]
+    let device = format!("device:={device}");
+    let faults = ["kind:=unplugged", &device, "start_s:=12.0", "length_s:=3.0"]
         .map(|f| format!("emulation.faults.a.{f}"));
     let overrides = emulate(&mut formation, &faults.each_ref().map(String::as_str));
     formation.start_with("/whorl_1/driver", &overrides);
     let mut sender = Sender::new(&formation);
-    let said = |formation: &mut Formation, text: &str| formation.node("/whorl_1/driver").log().contains(text);
-    let obeyed = |log: &Log| speeds(log).is_some_and(|s| s[0] > 1.0);
-    sender.until(&watch, [0.1, 0.0, 0.0], "the driver to obey", obeyed);
-    // Commands go on; the driver refuses them while the sensor is away.
-    while !said(&mut formation, "device imu is lost") {
-        sender.until(&watch, [0.01, 0.0, 0.0], "a command to be sent", |_| true);
+    sender
+        .until(&watch, [0.1, 0.0, 0.0], "the driver to obey", |log| speeds(log).is_some_and(|s| s[0] > 1.0));
+    (formation, watch, sender)
+}
+
+fn said(formation: &mut Formation, text: &str) -> bool {
+    formation.node("/whorl_1/driver").log().contains(text)
+}
+
+/// Commands go on until the driver has said something.
+fn until_said(formation: &mut Formation, watch: &Watch, sender: &mut Sender, text: &str) {
+    let begin = std::time::Instant::now();
+    while !said(formation, text) {
+        assert!(begin.elapsed() < STARTUP, "the driver never said: {text}");
+        sender.until(watch, [0.01, 0.0, 0.0], "a command to be sent", |_| true);
         std::thread::sleep(Duration::from_millis(20));
     }
+}
+
+fn gate(watch: &Watch) -> u8 {
+    watch.log().latest::<GateState>(route(0, Topic::GateState)).unwrap().1.state
+}
+
+fn obeys(log: &Log) -> bool {
+    let state = log.latest::<GateState>(route(0, Topic::GateState));
+    state.is_some_and(|(_, s)| s.state == GateState::STATE_OBEYING)
+}
+
+#[test]
+fn a_sensor_that_is_unplugged_stops_the_wheels_and_comes_back_by_itself() {
+    let (mut formation, watch, mut sender) = unplugged("imu");
+    until_said(&mut formation, &watch, &mut sender, "device imu is lost");
     watch.during(Duration::from_millis(300));
-    let gate = watch.log().latest::<GateState>(route(0, Topic::GateState)).unwrap().1.state;
-    assert_eq!(gate, GateState::STATE_OFF, "the gate is open without a sensor");
+    assert_eq!(gate(&watch), GateState::STATE_OFF, "the gate is open without a sensor");
     wait_for("the sensor", STARTUP, || said(&mut formation, "device imu is back").then_some(()));
     let back: Timestamp = whorl_ros::wall_clock();
     let measures = |log: &Log| (log.after::<Imu>(route(0, Topic::ImuRaw), back).count() > 20).then_some(());
     watch.wait("measurements", STARTUP, measures);
-    sender.until(&watch, [0.1, 0.0, 0.0], "the driver to obey again", |log| {
-        log.latest::<GateState>(route(0, Topic::GateState))
-            .is_some_and(|(_, s)| s.state == GateState::STATE_OBEYING)
+    sender.until(&watch, [0.1, 0.0, 0.0], "the driver to obey again", obeys);
+    formation.stop();
+}
+
+#[test]
+fn wheels_that_are_unplugged_close_the_gate_and_come_back_by_themselves() {
+    let (mut formation, watch, mut sender) = unplugged("wheels");
+    until_said(&mut formation, &watch, &mut sender, "device wheels is lost");
+    watch.during(Duration::from_millis(300));
+    assert_eq!(gate(&watch), GateState::STATE_OFF, "the gate is open without wheels");
+    // Speeds that nobody measures are not told.
+    let since = whorl_ros::wall_clock();
+    watch.during(Duration::from_millis(500));
+    assert_eq!(watch.log().after::<JointState>(route(0, Topic::WheelState), since).count(), 0);
+    wait_for("the wheels", STARTUP, || said(&mut formation, "device wheels is back").then_some(()));
+    let before = whorl_ros::wall_clock();
+    watch.wait("speeds", STARTUP, |log| {
+        log.after::<JointState>(route(0, Topic::WheelState), before).next().map(|_| ())
     });
+    let slow = speeds(&watch.log()).unwrap()[0];
+    sender.until(&watch, [0.2, 0.0, 0.0], "the wheel to obey again", |log| {
+        speeds(log).is_some_and(|s| s[0] > slow + 2.0)
+    });
+    formation.stop();
+}
+
+#[test]
+fn a_valve_board_that_is_lost_fails_its_jets_and_leaves_the_wheels_at_work() {
+    let (mut formation, watch, mut sender) = unplugged("valves");
+    let health = |log: &Log| {
+        let state = log.latest::<ThrusterState>(route(0, Topic::ThrusterState));
+        state.map(|(_, state)| state.health.clone())
+    };
+    assert_eq!(health(&watch.log()).unwrap(), [ThrusterState::HEALTH_OK; 12]);
+    until_said(&mut formation, &watch, &mut sender, "device valves is lost");
+    let failed = |log: &Log| health(log).is_some_and(|h| h == [ThrusterState::HEALTH_FAILED; 12]);
+    sender.until(&watch, [0.0, 0.0, 0.0], "jets to be marked as failed", failed);
+    let slow = speeds(&watch.log()).unwrap()[1];
+    sender.until(&watch, [0.0, 0.2, 0.0], "a wheel to obey without the board", |log| {
+        speeds(log).is_some_and(|s| s[1] > slow + 2.0) && obeys(log)
+    });
+    until_said(&mut formation, &watch, &mut sender, "device valves is back");
+    let well = |log: &Log| health(log).is_some_and(|h| h == [ThrusterState::HEALTH_OK; 12]);
+    sender.until(&watch, [0.0, 0.0, 0.0], "jets to be well again", well);
+    formation.stop();
+}
+
+#[test]
+fn an_emergency_stop_disarms_until_a_person_arms_again() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let watch = formation.watch();
+    let wired = "devices.valves.emergency_stop_input:=3";
+    let faults =
+        ["kind:=pressed", "start_s:=12.0", "length_s:=3.0"].map(|f| format!("emulation.faults.a.{f}"));
+    let [kind, start, length] = faults.each_ref().map(String::as_str);
+    let mut overrides = emulate(&mut formation, &[wired, kind, start, length]);
+    overrides.push(wired.to_owned());
+    formation.start_with("/whorl_1/driver", &overrides);
+    let mut sender = Sender::new(&formation);
+    sender
+        .until(&watch, [0.1, 0.0, 0.0], "the driver to obey", |log| speeds(log).is_some_and(|s| s[0] > 1.0));
+    until_said(&mut formation, &watch, &mut sender, "disarmed by the emergency stop");
+    let refused = whorl(&formation).args(["arm", "whorl_1"]).output().unwrap();
+    let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && text.contains("the emergency stop is pressed"), "{text}");
+    until_said(&mut formation, &watch, &mut sender, "the emergency stop is released");
+    // Released is not armed.
+    let since = watch.log().latest::<GateState>(route(0, Topic::GateState)).unwrap().1.refused + 20;
+    sender.until(&watch, [0.1, 0.0, 0.0], "commands to be refused", |log| {
+        let state = log.latest::<GateState>(route(0, Topic::GateState));
+        state.is_some_and(|(_, s)| s.refused > since && s.state == GateState::STATE_OFF)
+    });
+    let answer = whorl(&formation).args(["arm", "whorl_1"]).output().unwrap();
+    assert!(answer.status.success(), "{answer:?}");
+    sender.until(&watch, [0.1, 0.0, 0.0], "the driver to obey again", obeys);
     formation.stop();
 }
 
@@ -205,5 +372,61 @@ fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged
     }
     // jet_3 pushes about +z, as jet_9 does; jet_7 about +y, as jet_2.
     assert!(line("jet_3").contains("jet_7") && line("jet_7").contains("jet_3"), "{text}");
+    formation.stop();
+}
+
+#[test]
+fn checkout_finds_a_gimbal_that_turns_the_other_way() {
+    let mut formation = Formation::new(&["whorl_c"], &[]);
+    let made = ["dev/whorl/whorl_c_imu", "sys/bus/iio/devices/iio:device0/in_voltage1_raw"];
+    // What is wired is not what the driver's file says.
+    let wired = ["devices.gimbals.motors.gyro_2.sign:=-1"];
+    emulate_platform(&mut formation, "whorl_c", Path::new("cmg_slew"), &wired, &made);
+    let mut command = whorl(&formation);
+    command.args(["checkout", "whorl_c", "--experiment", "cmg_slew", "--root"]).arg(root());
+    let answer = command.output().unwrap();
+    let text =
+        [answer.stdout, answer.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    assert_eq!(answer.status.code(), Some(1), "{text}");
+    let line = |part: &str| {
+        let found = text.lines().find(|line| line.split_whitespace().next() == Some(part));
+        found.unwrap_or_else(|| panic!("nothing is said of {part}\n{text}"))
+    };
+    assert!(line("gyro_2").contains("change the sign of motors.gyro_2"), "{text}");
+    for part in ["gyro_1", "gyro_3", "gyro_4"] {
+        assert!(line(part).contains("right, "), "{text}");
+    }
+    formation.stop();
+}
+
+#[test]
+fn doctor_finds_the_emulated_devices_and_the_one_that_is_missing() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    with_ros_devices(&mut formation);
+    let faults = ["kind:=unplugged", "device:=tracker"].map(|f| format!("emulation.faults.a.{f}"));
+    let converter = "sys/bus/iio/devices/iio:device0/in_voltage0_raw";
+    emulate_and_see(&mut formation, &faults.each_ref().map(String::as_str), &[converter]);
+    let mut command = whorl(&formation);
+    command.args(["doctor", "whorl_1", "--json", "-", "--params"]).arg(&formation.params);
+    let answer = command.arg("--root").arg(root()).output().unwrap();
+    let text = String::from_utf8_lossy(&answer.stdout);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {answer:?}"));
+    assert_eq!(answer.status.code(), Some(1), "{text}");
+    let checks = value["checks"].as_array().unwrap();
+    let of = |name: &str| -> Vec<&serde_json::Value> {
+        checks.iter().filter(|check| check["name"] == name).collect()
+    };
+    for device in ["device imu", "device wheels", "device valves", "device converter"] {
+        assert!(!of(device).is_empty(), "{device}: {text}");
+        assert!(of(device).iter().all(|check| check["verdict"] == "good"), "{device}: {text}");
+    }
+    // Both topics of the wheels.
+    assert_eq!(of("device wheels").len(), 2);
+    let missing = of("device tracker");
+    assert_eq!(missing.len(), 1);
+    assert_eq!(missing[0]["verdict"], "wrong");
+    assert!(missing[0]["found"].as_str().unwrap().contains("/emulated/vrpn/whorl_1/pose"), "{text}");
+    // Nothing that is not good goes without a remedy.
+    assert!(checks.iter().all(|check| check["verdict"] == "good" || check["mend"].is_string()), "{text}");
     formation.stop();
 }

@@ -85,6 +85,8 @@ pub struct Formation {
     nodes: BTreeMap<String, Process>,
     /// Names of the platforms.
     pub platforms: Vec<&'static str>,
+    /// Folder of the parameter files.
+    pub params: PathBuf,
     files: Vec<PathBuf>,
     environment: Vec<(String, String)>,
     /// Network namespaces: of what belongs to no platform, then of each platform's nodes; or none.
@@ -113,6 +115,7 @@ impl Formation {
         Self {
             nodes: BTreeMap::new(),
             platforms: platforms.to_vec(),
+            params: root().join("params"),
             files: files.collect(),
             environment: Vec::new(),
             namespaces: Vec::new(),
@@ -219,7 +222,7 @@ impl Formation {
         let (platform, program) = name.split_once('/').map_or((None, name), |(p, n)| (Some(p), n));
         let mut arguments: Vec<OsString> = vec!["--ros-args".into()];
         let mut file = |path: PathBuf| arguments.extend(["--params-file".into(), path.into_os_string()]);
-        let parameters = root().join("params");
+        let parameters = self.params.clone();
         file(parameters.join("common.yaml"));
         for own in self.platforms.iter().filter(|p| platform.is_none_or(|wanted| wanted == **p)) {
             file(parameters.join(format!("{own}.yaml")));

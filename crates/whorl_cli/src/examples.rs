@@ -24,6 +24,11 @@ whorl run swing --platforms \"whorl_1\" --backend hardware",
 whorl checkout whorl_1 --backend sim --json checkout.json",
     ),
     (
+        "doctor",
+        "whorl doctor
+whorl doctor whorl_1 --json -",
+    ),
+    (
         "simulate",
         "whorl simulate --experiment leader_follower --out /tmp/run --seed 2
 whorl simulate --experiment params/experiments/swing.yaml -p /coordinator:law.kind:=decentralised

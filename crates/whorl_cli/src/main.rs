@@ -19,6 +19,7 @@ mod compare_runs;
 mod demo;
 mod diagnose;
 mod discover;
+mod doctor;
 mod effects;
 mod emulators;
 mod estimate;
@@ -79,6 +80,8 @@ enum Command {
     Arm(arm::Arguments),
     /// Closes all valves and switches the motors of platforms off, until they are armed again.
     Disarm(arm::Arguments),
+    /// Whether this computer is fit to carry a platform: clock, network, devices, disk, heat, load; what to do where it is not.
+    Doctor(doctor::Arguments),
     /// Works each wheel and jet of a platform for a moment and compares what it does with the model: wires and signs that are
     /// exchanged.
     Checkout(checkout::Arguments),
@@ -208,6 +211,7 @@ fn carried_out(command: Command) -> ExitCode {
         Command::Run(arguments) => return run::run(&arguments),
         Command::Emulators(arguments) => return emulators::run(&arguments),
         Command::Checkout(arguments) => return checkout::run(&arguments),
+        Command::Doctor(arguments) => return doctor::run(&arguments),
         Command::Nodes(command) => return nodes::run(&command),
         Command::Demo(command) => return demo::run(&command),
         Command::Arm(arguments) => arm::run(&arguments, true),

@@ -91,6 +91,11 @@ impl Folders {
         }
     }
 
+    /// Where runs are recorded.
+    pub fn recordings(&self) -> PathBuf {
+        self.root.join("runs")
+    }
+
     /// Creates the directory of a new run.
     pub fn new_run(&self, out: Option<&Path>, setup: &Setup) -> anyhow::Result<PathBuf> {
         let runs = out.map_or_else(|| self.root.join("runs"), Path::to_owned);

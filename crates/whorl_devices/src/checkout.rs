@@ -1,7 +1,8 @@
 //! Whether each actuator does what the model says, from what the platform did: wires and signs that are exchanged.
 //!
 //! A jet that was open for t seconds changes the body rate by `J^-1 tau t`, a wheel that was driven with torque u for as long by
-//! `-J^-1 a u t` (momentum of the whole is conserved). Direction tells signs and exchanged wires; size tells scales. Friction,
+//! `-J^-1 a u t`, a gimbal that was turned by an angle d by
+//! `-J^-1 h0 t d`, its rotor's momentum times the direction in which it moves (momentum of the whole is conserved). Direction tells signs and exchanged wires; size tells scales. Friction,
 //! gravity and the wheels' part of the inertia are left out: they are small against the tolerance.
 
 use nalgebra::Vector3;
@@ -21,14 +22,17 @@ pub enum Part {
     Wheel(usize),
     /// A jet, by its index.
     Jet(usize),
+    /// The gimbal of a control moment gyro, by its index.
+    Gyro(usize),
 }
 
 impl Part {
-    /// Every wheel, then every jet.
+    /// Every wheel, then every jet, then every gyro.
     #[must_use]
     pub fn all(model: &PlatformModel) -> Vec<Self> {
         let wheels = (0..model.wheels().len()).map(Self::Wheel);
-        wheels.chain((0..model.jets().len()).map(Self::Jet)).collect()
+        let jets = (0..model.jets().len()).map(Self::Jet);
+        wheels.chain(jets).chain((0..model.gyros().len()).map(Self::Gyro)).collect()
     }
 
     /// Its name in the model.
@@ -37,23 +41,32 @@ impl Part {
         let name = match self {
             Self::Wheel(index) => model.wheels().get(index).map(|wheel| wheel.name.as_str()),
             Self::Jet(index) => model.jets().get(index).map(|jet| jet.name.as_str()),
+            Self::Gyro(index) => model.gyros().get(index).map(|gyro| gyro.name.as_str()),
         };
         name.unwrap_or("?")
     }
 
-    /// Change of the body rate that the model expects, body axes [rad/s], of a wheel driven with `torque_n_m`, or a jet open,
-    /// for `length_s`. `None`: there is no such part, or the inertia has no inverse.
+    /// Change of the body rate that the model expects, body axes [rad/s], of a wheel driven with the torque `command` \[N m\], a
+    /// gimbal with the rate `command` [rad/s] from the angle `gimbal_angle_rad` of each, or a jet open, for `length_s`. `None`:
+    /// there is no such part, or the inertia has no inverse.
     #[must_use]
     pub fn expected_b_rad_s(
         self,
         model: &PlatformModel,
-        torque_n_m: f64,
+        command: f64,
         length_s: f64,
+        gimbal_angle_rad: &[f64],
     ) -> Option<Vector3<f64>> {
         let mobility = model.freedom.mobility(model.mass_properties.inertia_b_kg_m2())?;
         let torque_b_n_m = match self {
-            Self::Wheel(index) => -model.wheels().get(index)?.spin_axis_b.into_inner() * torque_n_m,
+            Self::Wheel(index) => -model.wheels().get(index)?.spin_axis_b.into_inner() * command,
             Self::Jet(index) => model.jets().get(index)?.torque_b_n_m(),
+            Self::Gyro(index) => {
+                let before = gimbal_angle_rad.get(index).copied().unwrap_or(0.0);
+                // In the middle of the way.
+                let angle_rad = before + 0.5 * command * length_s;
+                -model.gyros().get(index)?.torque_per_rate_b_n_m_s(angle_rad) * command
+            }
         };
         Some(mobility * torque_b_n_m * length_s)
     }
@@ -64,10 +77,12 @@ impl Part {
 pub struct Trial {
     /// Which part was told to work.
     pub part: Part,
-    /// Torque that a wheel was told to make \[N m\]; of no concern for a jet.
-    pub torque_n_m: f64,
+    /// Torque that a wheel was told to make \[N m\], or rate of a gimbal [rad/s]; of no concern for a jet.
+    pub command: f64,
     /// For how long \[s\].
     pub length_s: f64,
+    /// Where the gimbals were before \[rad\].
+    pub gimbal_angle_rad: Vec<f64>,
     /// Change of the body rate, body axes [rad/s].
     pub rate_change_b_rad_s: Vector3<f64>,
     /// Standard deviation of each axis of that [rad/s].
@@ -104,10 +119,16 @@ impl Finding {
         let name = part.name(model);
         match (self, part) {
             (Self::Right(size), _) => format!("right, {:.0} % of the model's size", size * 100.0),
+            (Self::Nothing, Part::Gyro(_)) => {
+                "the platform did not move: does its rotor run, and its gimbal turn?".into()
+            }
             (Self::Nothing, Part::Wheel(_)) => "the platform did not move: is the motor powered, and its address right?".into(),
             (Self::Nothing, Part::Jet(_)) => "the platform did not move: is the gas on, and the valve on its coil?".into(),
             (Self::Reversed, Part::Wheel(_)) => {
                 format!("turns the other way: change the sign of motors.{name} in the list of devices, or its spin_axis")
+            }
+            (Self::Reversed, Part::Gyro(_)) => {
+                format!("pushes the other way: change the sign of motors.{name} in the list of devices, or its rotor turns the other way")
             }
             (Self::Reversed, Part::Jet(_)) => "pushes the other way: its force_direction in the model is reversed".into(),
             (Self::Like(parts), _) => {
@@ -125,8 +146,8 @@ impl Finding {
 /// Compares a trial with the model. `None`: the model has no such part.
 #[must_use]
 pub fn judge(model: &PlatformModel, trial: &Trial) -> Option<Finding> {
-    let Trial { part, torque_n_m, length_s, rate_change_b_rad_s: moved, noise_rad_s } = trial;
-    let expected = part.expected_b_rad_s(model, *torque_n_m, *length_s)?;
+    let Trial { part, command, length_s, gimbal_angle_rad, rate_change_b_rad_s: moved, noise_rad_s } = trial;
+    let expected = part.expected_b_rad_s(model, *command, *length_s, gimbal_angle_rad)?;
     let size = moved.norm() / expected.norm();
     if !size.is_finite() || moved.norm() < 3.0 * noise_rad_s || size < NOTHING {
         return Some(Finding::Nothing);
@@ -138,15 +159,14 @@ pub fn judge(model: &PlatformModel, trial: &Trial) -> Option<Finding> {
         return Some(if usual { Finding::Right(size) } else { Finding::Size(size) });
     }
     let like = |other: &Part| {
-        let same_sort =
-            matches!((part, other), (Part::Wheel(_), Part::Wheel(_)) | (Part::Jet(_), Part::Jet(_)));
-        let theirs = other.expected_b_rad_s(model, *torque_n_m, *length_s);
+        let same_sort = std::mem::discriminant(part) == std::mem::discriminant(other);
+        let theirs = other.expected_b_rad_s(model, *command, *length_s, gimbal_angle_rad);
         other != part && same_sort && theirs.is_some_and(|theirs| cosine(&theirs) > ALIKE)
     };
     let others: Vec<Part> = Part::all(model).into_iter().filter(like).collect();
     Some(match part {
         // One motor of a chain that turns the wrong way is likelier than two that are exchanged.
-        Part::Wheel(_) if own < -ALIKE => Finding::Reversed,
+        Part::Wheel(_) | Part::Gyro(_) if own < -ALIKE => Finding::Reversed,
         _ if !others.is_empty() => Finding::Like(others),
         _ if own < -ALIKE => Finding::Reversed,
         _ => Finding::Elsewhere,
@@ -157,10 +177,18 @@ pub fn judge(model: &PlatformModel, trial: &Trial) -> Option<Finding> {
 mod tests {
     use super::*;
     use whorl_dynamics::MassProperties;
+    use whorl_dynamics::actuators::control_moment_gyros::Gyro;
 
     fn trial(part: Part, x: f64, y: f64, z: f64) -> Trial {
         let rate_change_b_rad_s = Vector3::new(x, y, z);
-        Trial { part, torque_n_m: 0.1, length_s: 0.5, rate_change_b_rad_s, noise_rad_s: 1e-4 }
+        Trial {
+            part,
+            command: 0.1,
+            length_s: 0.5,
+            gimbal_angle_rad: vec![0.0; 4],
+            rate_change_b_rad_s,
+            noise_rad_s: 1e-4,
+        }
     }
 
     /// Axes without products of inertia, so that numbers can be had by hand.
@@ -191,6 +219,33 @@ mod tests {
     }
 
     #[test]
+    fn a_gimbal_pushes_across_its_axis_and_its_rotors() {
+        // Gimbal about z, rotor along x with 2 N m s: turned by 0.05 rad, its momentum is 2 (cos 0.05, sin 0.05, 0).
+        let mut model = model();
+        let gyro = Gyro {
+            name: "gyro_a".to_owned(),
+            gimbal_axis_b: Vector3::z_axis(),
+            spin_axis_b: Vector3::x_axis(),
+            rotor_momentum_n_m_s: 2.0,
+            gimbal_inertia_kg_m2: 1e-3,
+            max_rate_rad_s: 1.0,
+            max_angle_rad: 3.0,
+            time_constant_s: 0.01,
+            viscous_friction_n_m_s: 0.0,
+            coulomb_friction_n_m: 0.0,
+        };
+        model.gyros_mut().push(gyro);
+        let moved = 2.0 * Vector3::new(0.05_f64.cos() - 1.0, 0.05_f64.sin(), 0.0) / -5.0;
+        let expected = Part::Gyro(0).expected_b_rad_s(&model, 0.1, 0.5, &[0.0]).unwrap();
+        assert!((expected - moved).norm() < 1e-5, "{expected} {moved}");
+        let found = judge(&model, &trial(Part::Gyro(0), moved.x, moved.y, 0.0)).unwrap();
+        assert!(found.is_right(), "{found:?}");
+        let found = judge(&model, &trial(Part::Gyro(0), -moved.x, -moved.y, 0.0)).unwrap();
+        assert_eq!(found, Finding::Reversed);
+        assert!(found.words(Part::Gyro(0), &model).contains("motors.gyro_a"));
+    }
+
+    #[test]
     fn exchanged_valves_are_named() {
         // 0.4 N up at x = 0.45 m is -0.18 N m about y, at y = 0.45 m +0.18 N m about x; the third is sideways.
         let mut model = model();
@@ -203,7 +258,7 @@ mod tests {
         for (jet, (place, force)) in model.jets_mut().iter_mut().zip(places) {
             (jet.position_b_m, jet.force_direction_b, jet.thrust_n) = (place * 0.45, force, 0.4);
         }
-        let right = Part::Jet(0).expected_b_rad_s(&model, 0.0, 0.5).unwrap();
+        let right = Part::Jet(0).expected_b_rad_s(&model, 0.0, 0.5, &[]).unwrap();
         assert!((right - Vector3::new(0.0, -0.018, 0.0)).norm() < 1e-12, "{right}");
         assert!(judge(&model, &trial(Part::Jet(0), 0.0, -0.018, 0.0)).unwrap().is_right());
         let finding = judge(&model, &trial(Part::Jet(0), 0.018, 0.0, 0.0)).unwrap();

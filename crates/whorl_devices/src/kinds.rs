@@ -11,7 +11,7 @@ use crate::list::Address;
 use crate::mailbox::Mailbox;
 use crate::reading::Reporter;
 use crate::running::Place;
-use crate::{DeviceError, iio, modbus_relays, smartmotor, vn100};
+use crate::{DeviceError, iio, modbus_relays, ros, smartmotor, vn100};
 
 /// A kind of device: one row of [`KINDS`].
 pub struct DeviceKind {
@@ -24,7 +24,17 @@ pub struct DeviceKind {
 }
 
 /// Every kind of device. A further kind is its folder and a row here.
-pub const KINDS: &[DeviceKind] = &[vn100::KIND, smartmotor::KIND, modbus_relays::KIND, iio::KIND];
+pub const KINDS: &[DeviceKind] = &[
+    vn100::KIND,
+    smartmotor::KIND,
+    modbus_relays::KIND,
+    iio::KIND,
+    ros::IMU,
+    ros::MAGNETOMETER,
+    ros::POSE,
+    ros::MOTORS,
+    ros::VALVES,
+];
 
 /// What a platform needs, or may have, and a device gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +47,8 @@ pub enum Role {
     Motor(Kind, usize),
     /// The valve of one jet.
     Jet(usize),
+    /// The contact of the emergency stop.
+    EmergencyStop,
     /// Voltage of the power bus.
     BusVoltage,
     /// Pressure in the tank of the jets.
@@ -61,11 +73,21 @@ impl Role {
             Self::Jet(jet) => {
                 format!("valve of {}", name(model.jets().iter().map(|j| j.name.as_str()).collect(), jet))
             }
+            Self::EmergencyStop => "emergency stop".to_owned(),
             Self::BusVoltage => "bus voltage".to_owned(),
             Self::TankPressure => "tank pressure".to_owned(),
             Self::Temperature => "temperature".to_owned(),
         }
     }
+}
+
+/// A topic of another node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UsedTopic {
+    /// Its full name, as in the list of devices.
+    pub name: String,
+    /// Whether the device reads it, and does not write it.
+    pub is_read: bool,
 }
 
 /// One device of a platform.
@@ -76,6 +98,16 @@ pub trait Device: fmt::Debug + Send + Sync {
     /// A port or folder of this computer without which there is no such device.
     fn path(&self) -> Option<&str> {
         None
+    }
+
+    /// Address and port of a host on the network, without which there is no such device.
+    fn host(&self) -> Option<&str> {
+        None
+    }
+
+    /// Topics of other nodes, without which there is no such device.
+    fn topics(&self) -> Vec<UsedTopic> {
+        Vec::new()
     }
 
     /// What it gives.

@@ -18,15 +18,17 @@ mod list;
 mod mailbox;
 pub mod modbus_relays;
 mod reading;
+pub mod ros;
 mod running;
+mod schedule;
 pub mod smartmotor;
 mod timing;
 pub mod vn100;
 
-pub use kinds::{Device, DeviceKind, KINDS, Role};
+pub use kinds::{Device, DeviceKind, KINDS, Role, UsedTopic};
 pub use list::{Address, DeviceList, NamedDevice, read};
 pub use mailbox::{Command, Mailbox};
-pub use reading::{Measured, Reading, Reporter, State};
+pub use reading::{Joint, Measured, Reading, Reporter, State};
 pub use running::{Devices, Place};
 
 use thiserror::Error;
@@ -47,6 +49,9 @@ pub enum DeviceError {
     /// It does not say anything, or nothing that can be understood.
     #[error("no valid answer for {0:.2} s")]
     Silent(f64),
+    /// DDS, or what ROS 2's environment variables say.
+    #[error("ROS 2: {0}")]
+    Ros(#[from] whorl_ros::RosError),
     /// It refuses.
     #[error("it refuses: {0}")]
     Refused(String),

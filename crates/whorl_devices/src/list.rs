@@ -171,6 +171,21 @@ mod tests {
                 "w: {kind: smartmotor_chain, port: /dev/b, drive: current, full_scale_torque_n_m: 1.0}",
                 "wheel_x, wheel_y",
             ),
+            ("a: {kind: ros_imu, topic: imu/data}", "such as /imu/data"),
+            ("a: {kind: ros_imu, topic: /imu, clock: mine}", "computer"),
+            ("a: {kind: ros_pose, topic: /p, mean_of: 2}", "unknown"),
+            ("a: {kind: ros_motors, command: /c, state: /s}", "wheel_x, wheel_y"),
+            (
+                "a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_9: {sign: 1}}}",
+                "wheel_x, wheel_y",
+            ),
+            ("a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_y: {sign: 1}}}", "gaps"),
+            (
+                "a: {kind: ros_motors, command: /c, state: /s, motors: {wheel_x: {sign: 1}, wheel_y: {element: 0}}}",
+                "wheel_x has element 0 already",
+            ),
+            ("a: {kind: ros_valves, command: /v, elements: {jet_1: 0, jet_2: 2}}", "without gaps"),
+            ("a: {kind: ros_valves, command: /v, elements: {jet_99: 0}}", "jet_12"),
         ] {
             let text = listed(&[entry]).unwrap_err();
             assert!(text.contains(said) && text.contains("a.yaml"), "{entry}\n{text}");

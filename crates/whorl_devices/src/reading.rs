@@ -11,6 +11,19 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use whorl_dynamics::actuators::Kind;
 
+/// What a motor moves, at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joint {
+    /// Index in its kind of actuator.
+    pub index: usize,
+    /// Angle \[rad\]; `None`: it is not measured, as of wheels.
+    pub angle_rad: Option<f64>,
+    /// Speed [rad/s].
+    pub speed_rad_s: f64,
+    /// Torque that the motor makes \[N m\].
+    pub torque_n_m: f64,
+}
+
 /// A quantity of the platform, in SI units and body axes.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Measured {
@@ -27,11 +40,13 @@ pub enum Measured {
     Motors {
         /// Which kind.
         kind: Kind,
-        /// Index in the kind, speed [rad/s] and torque that the motor makes \[N m\].
-        motors: Vec<(usize, f64, f64)>,
+        /// What they move.
+        motors: Vec<Joint>,
     },
     /// Valves that were switched at this instant: jet, and whether it is open now.
     Valves(Vec<(usize, bool)>),
+    /// Whether the emergency stop is pressed.
+    EmergencyStop(bool),
     /// Voltage of the power bus \[V\].
     BusVoltage(f64),
     /// Pressure in the tank \[Pa\].
@@ -99,7 +114,7 @@ impl Reporter {
             self.bus_voltage_v.store(volt.to_bits(), Ordering::Relaxed);
         }
         // Only what the control loop waits for wakes the node at once; the rest is taken along at its next tick.
-        let urgent = matches!(measured, Measured::Imu { .. });
+        let urgent = matches!(measured, Measured::Imu { .. } | Measured::EmergencyStop(true));
         self.send(Reading::Measured { at, measured }, urgent);
     }
 

@@ -35,6 +35,15 @@ impl Place {
         }
     }
 
+    /// The topic on which a node of the list really is: emulators keep away from those of real devices.
+    #[must_use]
+    pub fn topic(&self, topic: &str) -> String {
+        match &self.root {
+            Some(_) => format!("/emulated{topic}"),
+            None => topic.to_owned(),
+        }
+    }
+
     /// The file in which an emulator says on which address of this computer a host of the list is.
     #[must_use]
     pub fn host_file(root: &Path, host: &str) -> PathBuf {

@@ -158,6 +158,7 @@ impl ParameterSet {
     ) -> Result<Vec<raw::Parameter>, String> {
         let mut parameters = self.parameters.clone();
         let mut changed = Vec::new();
+        let mut is_asked_again = false;
         for change in changes {
             if self.find(&change.name).is_some_and(|d| d.value.is_none()) && says_unset(&change.value) {
                 continue;
@@ -171,6 +172,7 @@ impl ParameterSet {
                 let same = descriptor.value.is_some()
                     && value.converted(descriptor.kind).as_ref() == descriptor.value.as_ref();
                 if same {
+                    is_asked_again |= !descriptor.read_only;
                     continue;
                 }
                 if descriptor.read_only {
@@ -184,6 +186,10 @@ impl ParameterSet {
             changed.push(change.name.clone());
         }
         if changed.is_empty() {
+            // The core hears of it: what it was asked for before may have ended by itself, as arming does.
+            if is_asked_again {
+                apply(&parameters)?;
+            }
             return Ok(Vec::new());
         }
         let descriptors = apply(&parameters)?;

@@ -139,6 +139,11 @@ impl DriverCore {
             let level = if warning { LogLevel::Warn } else { LogLevel::Info };
             outputs.log(level, format!("{}: {text}", self.parameters.name));
         }
+        if self.hardware.is_stopped() && self.arming.is_armed() {
+            // What a person has stopped, a person lets go again.
+            self.arming = Arming::Disarmed;
+            outputs.log(LogLevel::Warn, format!("{}: disarmed by the emergency stop", self.parameters.name));
+        }
         if let Some(text) = self.arming.look(|| self.hardware.not_ready()) {
             outputs.log(LogLevel::Info, format!("{}: {text}", self.parameters.name));
         }
@@ -157,9 +162,20 @@ impl DriverCore {
     /// Why the platform must not move now.
     fn hindrance(&self) -> Option<String> {
         if !self.arming.is_armed() {
-            return Some(format!("it is not armed (whorl arm {})", self.parameters.name));
+            let name = &self.parameters.name;
+            let reasons = self.not_ready();
+            let armed = match self.arming {
+                Arming::Waiting => "it is not armed yet".to_owned(),
+                _ => format!("it is not armed (whorl arm {name})"),
+            };
+            return Some(if reasons.is_empty() { armed } else { format!("{armed}: {}", reasons.join("; ")) });
         }
         self.hardware.lost_needed().map(|device| format!("device {device} is lost"))
+    }
+
+    /// Why it is not armed, or would not be.
+    fn not_ready(&self) -> Vec<String> {
+        if self.arming.is_armed() { Vec::new() } else { self.hardware.not_ready() }
     }
 
     fn diagnostics(&self, now: Timestamp) -> DiagnosticArray {
@@ -178,6 +194,7 @@ impl DriverCore {
                     value("commands refused", counts.refused),
                     value("command timeouts", counts.timeouts),
                     KeyValue { key: "armed".to_owned(), value: self.arming.words().to_owned() },
+                    KeyValue { key: "not ready".to_owned(), value: self.not_ready().join("; ") },
                 ],
             }],
         }

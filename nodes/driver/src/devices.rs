@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use whorl_devices::{Command, DeviceList, Devices, Measured, Reading, Role, State};
+use whorl_devices::{Command, DeviceList, Devices, Joint, Measured, Reading, Role, State};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::Kind;
 use whorl_msgs::geometry_msgs::Vector3Stamped;
@@ -17,6 +17,7 @@ use whorl_node::Timestamp;
 use crate::gate::Action;
 use crate::hardware::{Hardware, Status};
 use crate::messages::{battery, imu_message, joint_names};
+use crate::prearm::{PreArm, Supplies};
 
 /// A speed older than this is none.
 const STALE: Duration = Duration::from_millis(100);
@@ -36,6 +37,9 @@ pub struct DeviceHardware {
     news: Vec<(bool, String)>,
     /// Where the devices are, for the status.
     place: String,
+    prearm: PreArm,
+    supplies: Supplies,
+    is_stopped: bool,
 }
 
 /// Moving parts of one kind of actuator.
@@ -43,8 +47,8 @@ struct Joints {
     kind: Kind,
     topic: Topic,
     names: Vec<String>,
-    /// Speed, torque, when.
-    latest: Vec<Option<(f64, f64, Instant)>>,
+    /// Of each, and when.
+    latest: Vec<Option<(Joint, Instant)>>,
 }
 
 /// What the valve's board has confirmed.
@@ -79,7 +83,13 @@ impl Valve {
 impl DeviceHardware {
     /// Drives these devices, which have been started.
     #[must_use]
-    pub fn new(model: &PlatformModel, list: DeviceList, devices: Devices, place: String) -> Self {
+    pub fn new(
+        model: &PlatformModel,
+        list: DeviceList,
+        devices: Devices,
+        place: String,
+        supplies: Supplies,
+    ) -> Self {
         let joints = joint_names(&model.actuators).into_iter().map(|(kind, topic, names)| {
             let latest = vec![None; names.len()];
             Joints { kind, topic, names, latest }
@@ -95,7 +105,25 @@ impl DeviceHardware {
             sequence: 0,
             news: Vec::new(),
             place,
+            prearm: PreArm::default(),
+            supplies,
+            is_stopped: false,
         }
+    }
+
+    /// What is wrong with which device, a sentence each.
+    fn troubles(&self) -> Vec<String> {
+        let stop = self.is_stopped.then(|| "the emergency stop is pressed: release it".to_owned());
+        let devices = self.list.devices.iter().zip(&self.states);
+        devices
+            .filter_map(|(named, state)| match state {
+                State::Ready => None,
+                State::Fault(reason) => Some(format!("device {} reports: {reason}", named.name)),
+                State::Lost(reason) => Some(format!("device {} is lost: {reason}", named.name)),
+                State::Connecting => Some(format!("device {} has not answered yet", named.name)),
+            })
+            .chain(stop)
+            .collect()
     }
 
     fn name(&self, device: usize) -> &str {
@@ -129,26 +157,25 @@ impl DeviceHardware {
         header: &Header,
         at: Instant,
         kind: Kind,
-        motors: &[(usize, f64, f64)],
+        motors: &[Joint],
     ) -> Option<(Topic, Message)> {
         let joints = self.joints.iter_mut().find(|joints| joints.kind == kind)?;
-        for (index, speed, effort) in motors {
-            if let Some(slot) = joints.latest.get_mut(*index) {
-                *slot = Some((*speed, *effort, at));
+        for joint in motors {
+            if let Some(slot) = joints.latest.get_mut(joint.index) {
+                *slot = Some((*joint, at));
             }
         }
-        let fresh = |slot: &Option<(f64, f64, Instant)>| {
-            slot.filter(|(.., when)| at.saturating_duration_since(*when) < STALE)
-                .map(|(speed, effort, _)| (speed, effort))
+        let fresh = |slot: &Option<(Joint, Instant)>| {
+            slot.filter(|(_, when)| at.saturating_duration_since(*when) < STALE).map(|(joint, _)| joint)
         };
-        let (velocity, effort): (Vec<f64>, Vec<f64>) =
-            joints.latest.iter().map(fresh).collect::<Option<Vec<_>>>()?.into_iter().unzip();
+        let all: Vec<Joint> = joints.latest.iter().map(fresh).collect::<Option<_>>()?;
+        let angles: Option<Vec<f64>> = all.iter().map(|joint| joint.angle_rad).collect();
         let state = JointState {
             header: header.clone(),
             name: joints.names.clone(),
-            velocity,
-            effort,
-            ..JointState::default()
+            position: angles.unwrap_or_default(),
+            velocity: all.iter().map(|joint| joint.speed_rad_s).collect(),
+            effort: all.iter().map(|joint| joint.torque_n_m).collect(),
         };
         Some((joints.topic, state.into()))
     }
@@ -214,6 +241,7 @@ impl Hardware for DeviceHardware {
             let header = header(at);
             match measured {
                 Measured::Imu { rate_b_rad_s, specific_force_b_m_s2 } => {
+                    self.prearm.sampled(at, rate_b_rad_s, specific_force_b_m_s2);
                     let state = self.thrusters(&Header { stamp: now.into(), ..header.clone() }, instant);
                     out.push((Topic::ThrusterState, state.into()));
                     let message: Imu = imu_message(&header, &sensors, rate_b_rad_s, specific_force_b_m_s2);
@@ -231,10 +259,18 @@ impl Hardware for DeviceHardware {
                         self.valves.get_mut(jet).into_iter().for_each(|valve| valve.switched(at, open));
                     }
                 }
+                Measured::EmergencyStop(is_pressed) => {
+                    if std::mem::replace(&mut self.is_stopped, is_pressed) != is_pressed {
+                        let text = if is_pressed { "pressed" } else { "released" };
+                        self.news.push((is_pressed, format!("the emergency stop is {text}")));
+                    }
+                }
                 Measured::BusVoltage(volt) => {
+                    self.prearm.bus_voltage(volt);
                     out.push((Topic::Battery, battery(&header, volt, self.model.bus.initial_v).into()));
                 }
                 Measured::TankPressure(fluid_pressure) => {
+                    self.prearm.tank_pressure(fluid_pressure);
                     let variance = sensors.tank_pressure.noise_stddev.powi(2);
                     out.push((
                         Topic::TankPressure,
@@ -253,21 +289,19 @@ impl Hardware for DeviceHardware {
     fn move_ballast(&mut self, _now: Timestamp, _moment_b_n_m: Vector3<f64>) {}
 
     fn not_ready(&self) -> Vec<String> {
-        let devices = self.list.devices.iter().zip(&self.states);
-        devices
-            .filter_map(|(named, state)| match state {
-                State::Ready => None,
-                State::Fault(reason) => Some(format!("device {} reports: {reason}", named.name)),
-                State::Lost(reason) => Some(format!("device {} is lost: {reason}", named.name)),
-                State::Connecting => Some(format!("device {} has not answered yet", named.name)),
-            })
-            .collect()
+        let mut reasons = self.troubles();
+        reasons.extend(self.prearm.hindrances(&self.model, &self.supplies));
+        reasons
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.is_stopped
     }
 
     fn lost_needed(&self) -> Option<String> {
         let devices = self.list.devices.iter().zip(&self.states);
         // Jets whose board is lost are marked as failed, and control does without them.
-        let needed = |role: &Role| matches!(role, Role::Imu | Role::Motor(..));
+        let needed = |role: &Role| matches!(role, Role::Imu | Role::Motor(..) | Role::EmergencyStop);
         devices
             .filter(|(named, state)| !is_usable(state) && named.device.roles().iter().any(needed))
             .map(|(named, _)| named.name.clone())
@@ -279,7 +313,7 @@ impl Hardware for DeviceHardware {
     }
 
     fn status(&self) -> Status {
-        let wrong = self.not_ready();
+        let wrong = self.troubles();
         let refused: Vec<String> = self
             .refused
             .iter()

@@ -34,6 +34,11 @@ pub trait Hardware: Send {
         Vec::new()
     }
 
+    /// Whether the emergency stop is pressed: the platform is disarmed.
+    fn is_stopped(&self) -> bool {
+        false
+    }
+
     /// Name of a device that is lost without which the platform must not move.
     fn lost_needed(&self) -> Option<String> {
         None

@@ -11,6 +11,7 @@ pub mod gate;
 pub mod hardware;
 pub mod messages;
 pub mod parameters;
+pub mod prearm;
 pub mod replay;
 pub mod simulated;
 
@@ -86,7 +87,8 @@ impl DriverCore {
             Backend::Hardware { root } => {
                 let place = root.as_ref().map_or_else(String::new, |root| format!(", EMULATED in {root}"));
                 let devices = devices.ok_or(DriverError::NoDevices)?;
-                Box::new(DeviceHardware::new(&parameters.model, parameters.devices.clone(), devices, place))
+                let (model, list) = (&parameters.model, parameters.devices.clone());
+                Box::new(DeviceHardware::new(model, list, devices, place, parameters.supplies))
             }
         };
         Ok(Self::new(parameters.clone(), hardware))

@@ -10,6 +10,7 @@ use whorl_msgs::topics::PlatformId;
 use whorl_params::{Reader, any, own_platform, platform_model, range, truth_model};
 
 use crate::faults::{self, Fault};
+use crate::prearm::Supplies;
 use crate::simulated::Start;
 
 /// What the driver drives.
@@ -55,6 +56,8 @@ pub struct Parameters {
     pub backend: Backend,
     /// The platform's devices, whatever is driven.
     pub devices: DeviceList,
+    /// What it needs before it may.
+    pub supplies: Supplies,
     /// Whether the platform may move.
     pub armed: bool,
     /// What goes wrong with emulated devices.
@@ -107,6 +110,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     );
     let (model, truth) = (model?, truth?);
     let devices = r.fixed(|r| whorl_devices::read(r, &model));
+    let supplies = r.fixed(|r| Supplies::read(r, &model));
     let emulated_faults = whorl_devices::emulation::read(r, &model, &devices);
     if kind == "hardware" && !devices.missing.is_empty() {
         let problem = format!(
@@ -149,6 +153,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             },
         },
         devices,
+        supplies,
         armed,
         emulated_faults,
     })

@@ -28,6 +28,8 @@ pub enum FaultKind {
         /// Index of the wheel.
         wheel: usize,
     },
+    /// The emergency stop is pressed.
+    Pressed,
     /// The wires of two valves are exchanged.
     Swapped {
         /// Index of one jet.
@@ -56,7 +58,8 @@ impl Fault {
     }
 }
 
-const KINDS: [&str; 8] = ["unplugged", "silent", "torn", "corrupt", "late", "reversed", "stuck", "swapped"];
+const KINDS: [&str; 9] =
+    ["unplugged", "silent", "torn", "corrupt", "late", "reversed", "stuck", "swapped", "pressed"];
 
 /// Reads the group `emulation.faults`: any number of faults under names of the user's choice.
 pub fn read(r: &mut Reader<'_>, model: &PlatformModel, list: &DeviceList) -> Vec<Fault> {
@@ -73,6 +76,7 @@ fn read_one(r: &mut Reader<'_>, model: &PlatformModel, list: &DeviceList) -> Fau
     let kind = match kind {
         "reversed" => FaultKind::Reversed { wheel: named(r, "wheel", &wheels) },
         "stuck" => FaultKind::Stuck { wheel: named(r, "wheel", &wheels) },
+        "pressed" => FaultKind::Pressed,
         "swapped" => FaultKind::Swapped { jet: named(r, "jet", &jets), with: named(r, "with", &jets) },
         of_the_wire => {
             let devices: Vec<&str> = list.devices.iter().map(|d| d.name.as_str()).collect();

@@ -5,9 +5,12 @@
 //! offers them below a folder ([`crate::Place`]). Bytes take the time that they take on a line of the same rate. Faults of the
 //! wire ([`Fault`]) and wrong wiring can be asked for.
 
+use whorl_msgs::topics::{Message, MessageType};
+
 mod faults;
 mod ports;
 mod server;
+mod topics;
 mod wire;
 mod world;
 
@@ -40,6 +43,15 @@ pub enum Emulator {
         folder: String,
         /// The device.
         device: Box<dyn FileEmulator>,
+    },
+    /// As a node of ROS 2.
+    Topics {
+        /// Topic that it reads, as in the list of devices.
+        read: Option<(String, MessageType)>,
+        /// Topic that it writes.
+        write: Option<(String, MessageType)>,
+        /// The device.
+        device: Box<dyn TopicEmulator>,
     },
 }
 
@@ -80,6 +92,18 @@ pub trait TcpEmulator: Send {
 
     /// It acts by itself.
     fn act(&mut self, now_ns: i64, world: &mut World);
+}
+
+/// A device as a node of ROS 2. Times are nanoseconds of the world's clock.
+pub trait TopicEmulator: Send {
+    /// A message has come.
+    fn message(&mut self, at_ns: i64, message: &Message, world: &mut World);
+
+    /// When it acts by itself.
+    fn due_ns(&self) -> Option<i64>;
+
+    /// It acts by itself: what it sends, and since when.
+    fn act(&mut self, now_ns: i64, world: &mut World) -> Option<(i64, Message)>;
 }
 
 /// A device as files.

@@ -12,6 +12,9 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 use crate::running::Place;
 
+/// Rate of wires that only spoil messages [bit/s].
+pub(super) const NO_WIRE: u32 = 100_000_000;
+
 /// A serial port: a pseudo-terminal with a link to it.
 pub(super) struct Terminal {
     master: File,

@@ -10,12 +10,14 @@ use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel, Truth};
 
 use super::faults::{Fault, FaultKind};
 use super::ports::{Socket, Terminal, remove, write_at_once};
+use super::topics::Topics;
 use super::wire::Wire;
 use super::world::World;
 use super::{Emulator, FileEmulator, SerialEmulator, TcpEmulator};
 use crate::bus::Line;
 use crate::list::DeviceList;
 use crate::running::Place;
+use whorl_ros::ForeignTopic;
 
 /// Rate of sockets, which are much quicker than serial ports [bit/s].
 const NETWORK_BAUD: u32 = 100_000_000;
@@ -80,6 +82,7 @@ enum Port {
         device: Box<dyn FileEmulator>,
         files: Vec<PathBuf>,
     },
+    Topics(Topics),
 }
 
 /// Emulated devices of one platform.
@@ -115,6 +118,14 @@ impl Emulation {
             Emulator::Files { folder, device } => {
                 let folder = Place { root: Some(setup.root.clone()) }.path(&folder);
                 Port::Files { folder, there: false, device, files: Vec::new() }
+            }
+            Emulator::Topics { read, write, device } => {
+                let place = Place { root: Some(setup.root.clone()) };
+                let topic = |(name, message_type): (String, _)| ForeignTopic {
+                    name: place.topic(&name),
+                    message_type,
+                };
+                Port::Topics(Topics::new(read.map(topic), write.map(topic), device))
             }
         };
         let ports =
@@ -227,6 +238,9 @@ impl Emulation {
                 Port::Tcp { socket: Some(socket), .. } => {
                     fds.extend(socket.fds().map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
                 }
+                Port::Topics(topics) => {
+                    fds.extend(topics.fd().map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
+                }
                 _ => {}
             }
         }
@@ -272,6 +286,10 @@ impl Port {
                 }
                 *there = in_place;
             }
+            Self::Topics(topics) => {
+                topics.wire.faults = faults;
+                topics.plug(in_place)?;
+            }
         }
         Ok(())
     }
@@ -289,6 +307,7 @@ impl Port {
                     socket.client = None;
                 }
             }
+            Self::Topics(topics) => topics.receive(now_ns, world),
             _ => {}
         }
     }
@@ -300,6 +319,7 @@ impl Port {
             }
             Self::Tcp { wire, device, .. } => [wire.due_ns(), device.due_ns()].into_iter().flatten().min(),
             Self::Files { there: true, device, .. } => Some(device.due_ns()),
+            Self::Topics(topics) => topics.due_ns(),
             _ => None,
         }
     }
@@ -337,6 +357,7 @@ impl Port {
                 }
             }
             Self::Files { .. } => {}
+            Self::Topics(topics) => topics.step(now_ns, world),
         }
     }
 }

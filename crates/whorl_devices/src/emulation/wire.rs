@@ -32,7 +32,14 @@ impl Wire {
     }
 
     /// Sends a message, which faults of the wire may spoil.
-    pub fn send_message(&mut self, from_ns: i64, mut message: Vec<u8>) {
+    pub fn send_message(&mut self, from_ns: i64, message: Vec<u8>) {
+        if let Some((from_ns, message)) = self.spoil(from_ns, message) {
+            self.send(from_ns, &message);
+        }
+    }
+
+    /// What faults of the wire make of a message, and when it is sent; `None`: it is not.
+    pub(super) fn spoil(&mut self, from_ns: i64, mut message: Vec<u8>) -> Option<(i64, Vec<u8>)> {
         self.messages += 1;
         let spoilt = self.messages.is_multiple_of(EVERY);
         let mut from_ns = from_ns;
@@ -48,10 +55,11 @@ impl Wire {
                     }
                 }
                 FaultKind::Late => from_ns += LATE_NS,
+                FaultKind::Silent => return None,
                 _ => {}
             }
         }
-        self.send(from_ns, &message);
+        Some((from_ns, message))
     }
 
     pub(super) fn due_ns(&self) -> Option<i64> {

@@ -90,6 +90,12 @@ impl World {
         if self.faults.contains(&FaultKind::Reversed { wheel }) { -1.0 } else { 1.0 }
     }
 
+    /// Whether somebody has pressed the emergency stop.
+    #[must_use]
+    pub fn emergency_stop_is_pressed(&self) -> bool {
+        self.faults.contains(&FaultKind::Pressed)
+    }
+
     /// The jet that is on the wires of this one.
     #[must_use]
     pub fn jet_on_wire(&self, jet: usize) -> usize {

@@ -33,6 +33,12 @@ pub(super) fn new(board: &Board, _: &PlatformModel) -> Emulator {
 }
 
 impl Emulated {
+    /// Its discrete inputs now.
+    fn inputs(&self, world: &World) -> Vec<bool> {
+        let count = self.board.stop_input.map_or(0, |input| usize::from(input) + 1);
+        vec![!world.emergency_stop_is_pressed(); count]
+    }
+
     fn switch(&self, at_ns: i64, world: &mut World) {
         world.advance_to(at_ns);
         let first = usize::from(self.board.first_coil);
@@ -57,7 +63,8 @@ impl TcpEmulator for Emulated {
         self.received.extend_from_slice(bytes);
         while let Some(frame) = take_frame(&mut self.received)? {
             let Frame { transaction, unit, pdu } = frame;
-            let answer = Frame { transaction, unit, pdu: carry_out(&pdu, &mut self.coils) };
+            let mut inputs = self.inputs(world);
+            let answer = Frame { transaction, unit, pdu: carry_out(&pdu, &mut self.coils, &mut inputs) };
             self.switch(at_ns, world);
             if self.board.watchdog_s > 0.0 {
                 self.closes_ns = Some(at_ns + (self.board.watchdog_s * 1e9) as i64);

@@ -6,13 +6,12 @@
 
 mod emulator;
 pub mod protocol;
-mod schedule;
 #[cfg(test)]
 mod tests;
 
 use std::time::{Duration, Instant};
 
-use tokio_modbus::client::sync::{Context, Writer, tcp};
+use tokio_modbus::client::sync::{Context, Reader as _, Writer, tcp};
 use tokio_modbus::slave::Slave;
 use whorl_dynamics::PlatformModel;
 use whorl_params::{Reader, range};
@@ -24,7 +23,7 @@ use crate::list::Address;
 use crate::mailbox::{Command, Mailbox};
 use crate::reading::{Measured, Reporter, State};
 use crate::running::Place;
-use schedule::Schedule;
+use crate::schedule::Schedule;
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {
@@ -47,6 +46,8 @@ struct Board {
     first_coil: u16,
     /// The board switches off so long after the last request \[s\]; 0: it does not.
     watchdog_s: f64,
+    /// Discrete input that is on while the emergency stop is released.
+    stop_input: Option<u16>,
     /// Of each coil from the first: the jet, and its shortest pulse \[s\].
     jets: Vec<(usize, f64)>,
 }
@@ -64,6 +65,11 @@ fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
         0.2,
         range(0.0..=60.0),
         "the board closes all valves so long after the last request [s], as set in the board; 0: it has no watchdog",
+    );
+    let stop_input = r.optional_i64(
+        "emergency_stop_input",
+        range(0..=65_535),
+        "discrete input with the contact of the emergency stop, on while it is released; left out: none",
     );
     let names: Vec<&str> = model.jets().iter().map(|jet| jet.name.as_str()).collect();
     let mut coils: Vec<(i64, String)> = Vec::new();
@@ -97,8 +103,9 @@ fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
     let jets: Vec<(usize, f64)> = coils.iter().filter_map(|(_, name)| jet(name)).collect();
     let first_coil = coils.first().and_then(|(coil, _)| u16::try_from(*coil).ok()).unwrap_or(0);
     let unit = u8::try_from(unit).unwrap_or(1);
+    let stop_input = stop_input.and_then(|input| u16::try_from(input).ok());
     (r.error_count() == before)
-        .then(|| Box::new(Board { host, unit, first_coil, watchdog_s, jets }) as Box<dyn Device>)
+        .then(|| Box::new(Board { host, unit, first_coil, watchdog_s, stop_input, jets }) as Box<dyn Device>)
 }
 
 impl Device for Board {
@@ -109,8 +116,13 @@ impl Device for Board {
             .collect()
     }
 
+    fn host(&self) -> Option<&str> {
+        Some(&self.host)
+    }
+
     fn roles(&self) -> Vec<Role> {
-        self.jets.iter().map(|(jet, _)| Role::Jet(*jet)).collect()
+        let stop = self.stop_input.map(|_| Role::EmergencyStop);
+        self.jets.iter().map(|(jet, _)| Role::Jet(*jet)).chain(stop).collect()
     }
 
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
@@ -121,10 +133,13 @@ impl Device for Board {
         let mut schedule = Schedule::new(self.jets.clone());
         // Closed before anything else: the board may have been left as it was.
         self.write(&mut board, &mut schedule, reporter)?;
+        self.look_at_stop(&mut board, reporter)?;
         reporter.state(State::Ready);
         let mut refresh = Instant::now() + REFRESH;
+        let mut look = refresh;
         loop {
-            mailbox.wait(None, schedule.next_edge().map_or(refresh, |edge| edge.min(refresh)));
+            let until = if self.stop_input.is_some() { refresh.min(look) } else { refresh };
+            mailbox.wait(None, schedule.next_edge().map_or(until, |edge| edge.min(until)));
             while let Some(command) = mailbox.take() {
                 match command {
                     Command::Pulses(from, on_time_s) => schedule.pulses(from, &on_time_s),
@@ -136,9 +151,14 @@ impl Device for Board {
                 schedule.close();
                 return self.write(&mut board, &mut schedule, reporter);
             }
-            if schedule.advance(Instant::now()) || Instant::now() >= refresh {
+            let is_due = Instant::now() >= refresh;
+            if schedule.advance(Instant::now()) || is_due {
                 refresh = Instant::now() + REFRESH;
                 self.write(&mut board, &mut schedule, reporter)?;
+            }
+            if is_due || Instant::now() >= look {
+                look = Instant::now() + REFRESH;
+                self.look_at_stop(&mut board, reporter)?;
             }
         }
     }
@@ -149,6 +169,23 @@ impl Device for Board {
 }
 
 impl Board {
+    /// Tells whether the emergency stop is pressed. A wire that is broken counts as that.
+    fn look_at_stop(&self, board: &mut Context, reporter: &Reporter) -> Result<(), DeviceError> {
+        let Some(input) = self.stop_input else { return Ok(()) };
+        let answer = board.read_discrete_inputs(input, 1).map_err(|error| self.lost(error))?;
+        let inputs = answer.map_err(|exception| DeviceError::Refused(exception.to_string()))?;
+        let is_released = inputs.first().copied().unwrap_or(false);
+        reporter.measured(Instant::now(), Measured::EmergencyStop(!is_released));
+        Ok(())
+    }
+
+    fn lost(&self, error: tokio_modbus::Error) -> DeviceError {
+        match error {
+            tokio_modbus::Error::Transport(error) => DeviceError::io("lost", &self.host)(error),
+            tokio_modbus::Error::Protocol(error) => DeviceError::Refused(error.to_string()),
+        }
+    }
+
     /// Makes the valves what they should be, and tells which of them were switched.
     fn write(
         &self,
@@ -157,10 +194,8 @@ impl Board {
         reporter: &Reporter,
     ) -> Result<(), DeviceError> {
         let wanted = schedule.wanted().to_vec();
-        let answer = board.write_multiple_coils(self.first_coil, &wanted).map_err(|error| match error {
-            tokio_modbus::Error::Transport(error) => DeviceError::io("lost", &self.host)(error),
-            tokio_modbus::Error::Protocol(error) => DeviceError::Refused(error.to_string()),
-        })?;
+        let answer =
+            board.write_multiple_coils(self.first_coil, &wanted).map_err(|error| self.lost(error))?;
         answer.map_err(|exception| DeviceError::Refused(exception.to_string()))?;
         let switched = schedule.written();
         if !switched.is_empty() {

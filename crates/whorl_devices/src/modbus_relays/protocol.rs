@@ -8,6 +8,7 @@ const HEADER: usize = 7;
 /// Longest frame behind the length field (unit and 253 bytes).
 const LONGEST: usize = 254;
 const READ_COILS: u8 = 1;
+const READ_INPUTS: u8 = 2;
 const WRITE_COIL: u8 = 5;
 const WRITE_COILS: u8 = 15;
 const ILLEGAL_FUNCTION: u8 = 1;
@@ -60,18 +61,21 @@ pub fn take_frame(bytes: &mut Vec<u8>) -> Result<Option<Frame>, &'static str> {
     Ok(Some(Frame { transaction: u16::from_be_bytes([t0, t1]), unit, pdu }))
 }
 
-/// Carries a request out on a board's coils and gives the answer's function code and data.
-pub fn carry_out(pdu: &[u8], coils: &mut [bool]) -> Vec<u8> {
+/// Carries a request out on a board's coils and discrete inputs, and gives the answer's function code and data.
+pub fn carry_out(pdu: &[u8], coils: &mut [bool], inputs: &mut [bool]) -> Vec<u8> {
     let function = pdu.first().copied().unwrap_or(0);
     let result = match (function, pdu.get(1..).unwrap_or_default()) {
         (READ_COILS, &[a0, a1, c0, c1]) => {
             read_coils(u16::from_be_bytes([a0, a1]), u16::from_be_bytes([c0, c1]), coils)
         }
+        (READ_INPUTS, &[a0, a1, c0, c1]) => {
+            read_coils(u16::from_be_bytes([a0, a1]), u16::from_be_bytes([c0, c1]), inputs)
+        }
         (WRITE_COIL, &[a0, a1, v0, v1]) => write_coil(u16::from_be_bytes([a0, a1]), [v0, v1], coils),
         (WRITE_COILS, &[a0, a1, c0, c1, bytes, ref values @ ..]) => {
             write_coils([a0, a1], [c0, c1], usize::from(bytes), values, coils)
         }
-        (READ_COILS | WRITE_COIL | WRITE_COILS, _) => Err(ILLEGAL_VALUE),
+        (READ_COILS | READ_INPUTS | WRITE_COIL | WRITE_COILS, _) => Err(ILLEGAL_VALUE),
         _ => Err(ILLEGAL_FUNCTION),
     };
     match result {

@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 use proptest::prelude::*;
 
 use super::protocol::{Frame, carry_out, take_frame};
-use super::schedule::Schedule;
+use crate::schedule::Schedule;
 
 #[test]
 fn ten_coils_from_20_on_are_written_as_printed() {
     // V1.1b3, 6.11: request 0F 00 13 00 0A 02 CD 01, answer 0F 00 13 00 0A; coils 27 to 20 are 1100 1101, 29 and 28 are 01.
     let mut coils = vec![false; 40];
     assert_eq!(
-        carry_out(&[0x0F, 0x00, 0x13, 0x00, 0x0A, 0x02, 0xCD, 0x01], &mut coils),
+        carry_out(&[0x0F, 0x00, 0x13, 0x00, 0x0A, 0x02, 0xCD, 0x01], &mut coils, &mut []),
         [0x0F, 0x00, 0x13, 0x00, 0x0A]
     );
     let written: Vec<u8> = coils[19..29].iter().map(|on| u8::from(*on)).collect();
@@ -20,21 +20,35 @@ fn ten_coils_from_20_on_are_written_as_printed() {
     assert!(coils[..19].iter().chain(&coils[29..]).all(|on| !on));
     // 6.5: output 173 on: 05 00 AC FF 00, answered as it was asked.
     let mut coils = vec![false; 200];
-    assert_eq!(carry_out(&[0x05, 0x00, 0xAC, 0xFF, 0x00], &mut coils), [0x05, 0x00, 0xAC, 0xFF, 0x00]);
+    assert_eq!(
+        carry_out(&[0x05, 0x00, 0xAC, 0xFF, 0x00], &mut coils, &mut []),
+        [0x05, 0x00, 0xAC, 0xFF, 0x00]
+    );
     assert!(coils[172]);
     // 6.1: coils 20 to 38 are CD 6B 05.
     let packed = [0xCD_u8, 0x6B, 0x05];
     (0..19).for_each(|k| coils[19 + k] = packed[k / 8] >> (k % 8) & 1 == 1);
-    assert_eq!(carry_out(&[0x01, 0x00, 0x13, 0x00, 0x13], &mut coils), [0x01, 0x03, 0xCD, 0x6B, 0x05]);
+    // 6.2: inputs 197 to 218 are AC DB 35.
+    let mut inputs = vec![false; 218];
+    let bits = [0xAC_u8, 0xDB, 0x35];
+    (0..22).for_each(|k| inputs[196 + k] = bits[k / 8] >> (k % 8) & 1 == 1);
+    assert_eq!(
+        carry_out(&[0x02, 0x00, 0xC4, 0x00, 0x16], &mut [], &mut inputs),
+        [0x02, 0x03, 0xAC, 0xDB, 0x35]
+    );
+    assert_eq!(
+        carry_out(&[0x01, 0x00, 0x13, 0x00, 0x13], &mut coils, &mut []),
+        [0x01, 0x03, 0xCD, 0x6B, 0x05]
+    );
 }
 
 #[test]
 fn what_a_board_does_not_have_is_an_exception() {
     let mut coils = vec![true; 8];
-    assert_eq!(carry_out(&[0x0F, 0, 4, 0, 8, 1, 0], &mut coils), [0x8F, 2]);
-    assert_eq!(carry_out(&[0x0F, 0, 0, 0, 8, 2, 0, 0], &mut coils), [0x8F, 3]);
-    assert_eq!(carry_out(&[0x05, 0, 0, 1, 0], &mut coils), [0x85, 3]);
-    assert_eq!(carry_out(&[0x2B, 0], &mut coils), [0xAB, 1]);
+    assert_eq!(carry_out(&[0x0F, 0, 4, 0, 8, 1, 0], &mut coils, &mut []), [0x8F, 2]);
+    assert_eq!(carry_out(&[0x0F, 0, 0, 0, 8, 2, 0, 0], &mut coils, &mut []), [0x8F, 3]);
+    assert_eq!(carry_out(&[0x05, 0, 0, 1, 0], &mut coils, &mut []), [0x85, 3]);
+    assert_eq!(carry_out(&[0x2B, 0], &mut coils, &mut []), [0xAB, 1]);
     assert!(coils.iter().all(|on| *on));
 }
 
@@ -70,7 +84,7 @@ proptest! {
     fn noise_does_no_harm(mut bytes in prop::collection::vec(any::<u8>(), 0..400), size in 0usize..40) {
         let mut coils = vec![false; size];
         while let Ok(Some(frame)) = take_frame(&mut bytes) {
-            let answer = carry_out(&frame.pdu, &mut coils);
+            let answer = carry_out(&frame.pdu, &mut coils, &mut []);
             prop_assert!(answer.len() <= 253);
         }
     }
@@ -91,7 +105,7 @@ proptest! {
         }
         prop_assert_eq!(&found, &frames);
         let mut coils = vec![false; values.len()];
-        carry_out(&found[0].pdu, &mut coils);
+        carry_out(&found[0].pdu, &mut coils, &mut []);
         prop_assert_eq!(coils, values);
     }
 }

@@ -9,7 +9,7 @@ use super::protocol::{ALL, Answer, FULL_SCALE, Replies, faults, line, speed_rad_
 use crate::DeviceError;
 use crate::bus::{Serial, transmission};
 use crate::mailbox::{Command, Mailbox};
-use crate::reading::{Measured, Reporter, State};
+use crate::reading::{Joint, Measured, Reporter, State};
 use crate::running::Place;
 
 /// A chain that has not answered for so long is lost.
@@ -211,9 +211,10 @@ impl<'a> Session<'a> {
         }
         let bus_v = self.bus_v();
         let motors = self.chain.motors.iter().zip(&self.motors).filter_map(|(motor, state)| {
-            let (speed, _) = state.speed?;
-            let torque = if self.off { 0.0 } else { self.chain.drive.torque_n_m(state.share, speed, bus_v) };
-            Some((motor.wheel, speed, torque))
+            let (speed_rad_s, _) = state.speed?;
+            let torque_n_m =
+                if self.off { 0.0 } else { self.chain.drive.torque_n_m(state.share, speed_rad_s, bus_v) };
+            Some(Joint { index: motor.wheel, angle_rad: None, speed_rad_s, torque_n_m })
         });
         // The last answer was on its way for so long; the others are older by a cycle's bytes.
         let on_its_way = transmission(8, self.chain.baud);

@@ -28,6 +28,7 @@ fn driver() -> (DriverCore, PlatformModel) {
         watchdog_s: 0.2,
         backend,
         devices: Default::default(),
+        supplies: crate::prearm::Supplies { bus_voltage_min_v: 0.0, tank_pressure_min_pa: 0.0 },
         armed: true,
         emulated_faults: Vec::new(),
     };

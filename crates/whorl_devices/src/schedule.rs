@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-/// The valves of one board.
+/// The valves of one device.
 #[derive(Debug, Clone)]
-pub(super) struct Schedule {
+pub(crate) struct Schedule {
     /// Jet, and its shortest pulse \[s\].
     jets: Vec<(usize, f64)>,
     closes: Vec<Option<Instant>>,
@@ -15,13 +15,13 @@ pub(super) struct Schedule {
 
 impl Schedule {
     /// All closed, and nothing known of the board.
-    pub(super) fn new(jets: Vec<(usize, f64)>) -> Self {
+    pub(crate) fn new(jets: Vec<(usize, f64)>) -> Self {
         let count = jets.len();
         Self { jets, closes: vec![None; count], wanted: vec![false; count], known: vec![None; count] }
     }
 
     /// A new slot, which replaces what is left of the one before. A pulse shorter than its valve can make is none.
-    pub(super) fn pulses(&mut self, from: Instant, on_time_s: &[f64]) {
+    pub(crate) fn pulses(&mut self, from: Instant, on_time_s: &[f64]) {
         for ((jet, shortest_s), closes) in self.jets.iter().zip(&mut self.closes) {
             let on_time_s = on_time_s.get(*jet).copied().unwrap_or(0.0);
             let length = Duration::try_from_secs_f64(on_time_s).ok();
@@ -31,17 +31,17 @@ impl Schedule {
     }
 
     /// Everything closed.
-    pub(super) fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         self.closes.fill(None);
     }
 
     /// When the next valve closes.
-    pub(super) fn next_edge(&self) -> Option<Instant> {
+    pub(crate) fn next_edge(&self) -> Option<Instant> {
         self.closes.iter().flatten().min().copied()
     }
 
     /// Whether the board must be written.
-    pub(super) fn advance(&mut self, now: Instant) -> bool {
+    pub(crate) fn advance(&mut self, now: Instant) -> bool {
         for (closes, wanted) in self.closes.iter_mut().zip(&mut self.wanted) {
             *closes = closes.filter(|at| *at > now);
             *wanted = closes.is_some();
@@ -50,12 +50,12 @@ impl Schedule {
     }
 
     /// What the board is to be written.
-    pub(super) fn wanted(&self) -> &[bool] {
+    pub(crate) fn wanted(&self) -> &[bool] {
         &self.wanted
     }
 
     /// The board has confirmed. Returns the jets whose valves have changed.
-    pub(super) fn written(&mut self) -> Vec<(usize, bool)> {
+    pub(crate) fn written(&mut self) -> Vec<(usize, bool)> {
         let mut switched = Vec::new();
         for (((jet, _), wanted), known) in self.jets.iter().zip(&self.wanted).zip(&mut self.known) {
             if *known != Some(*wanted) {

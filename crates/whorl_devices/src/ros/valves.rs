@@ -1,0 +1,145 @@
+//! Solenoid valves behind a node of the laboratory's own: `std_msgs/UInt8MultiArray`, an element for each valve, 1 is open.
+//!
+//! There is no message of ROS 2 that says that a valve was switched: what was sent counts as done, and the device answers as long as
+//! a node subscribes. All valves are sent at every edge of a pulse, and every 50 ms, so that the node can close them when it does
+//! not hear of us.
+
+use std::time::{Duration, Instant};
+
+use whorl_dynamics::PlatformModel;
+use whorl_msgs::std_msgs::UInt8MultiArray;
+use whorl_msgs::topics::MessageType;
+use whorl_params::{Reader, range};
+use whorl_ros::Listener;
+
+use super::{LOOK, Told, emulator, join, read_topic, topic};
+use crate::DeviceError;
+use crate::emulation::Emulator;
+use crate::kinds::{Device, DeviceKind, Role, UsedTopic};
+use crate::list::Address;
+use crate::mailbox::{Command, Mailbox};
+use crate::reading::{Measured, Reporter, State};
+use crate::running::Place;
+use crate::schedule::Schedule;
+
+/// Its row in the table.
+pub const VALVES: DeviceKind = DeviceKind {
+    name: "ros_valves",
+    what: "solenoid valves behind a ROS 2 node: std_msgs/UInt8MultiArray",
+    read,
+};
+
+/// Between messages without an edge.
+const REFRESH: Duration = Duration::from_millis(50);
+/// A network without subscribers for so long is joined anew.
+const ANEW: Duration = super::ANEW;
+
+/// The valves of one node.
+#[derive(Debug, Clone)]
+pub(super) struct RosValves {
+    pub(super) command: String,
+    /// Of each element of the message: the jet, and its shortest pulse \[s\].
+    pub(super) jets: Vec<(usize, f64)>,
+}
+
+fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
+    let before = r.error_count();
+    let command = read_topic(r, "command", "topic of the valves' node, std_msgs/UInt8MultiArray: 1 is open");
+    let names: Vec<&str> = model.jets().iter().map(|jet| jet.name.as_str()).collect();
+    let mut elements: Vec<(i64, String)> = Vec::new();
+    for name in r.children("elements") {
+        let doc = "place of the valve in the message, from 0";
+        let element = r.group("elements", |r| r.i64(&name, range(0..=255), doc));
+        let key = format!("elements.{name}");
+        if !names.contains(&name.as_str()) {
+            r.reject(&key, format!("{name} is no jet of this platform; allowed: {}", names.join(", ")));
+        } else if let Some((_, other)) = elements.iter().find(|(e, _)| *e == element) {
+            r.reject(&key, format!("{other} has element {element} already; allowed: an element of its own"));
+        } else {
+            elements.push((element, name));
+        }
+    }
+    elements.sort_unstable();
+    let in_order = (0i64..).zip(&elements).all(|(place, (element, _))| place == *element);
+    if (elements.is_empty() || !in_order) && r.error_count() == before {
+        r.reject("kind", "allowed: elements.<jet> from 0 without gaps, one for each valve of the message");
+    }
+    let jet = |name: &str| {
+        let index = names.iter().position(|known| *known == name)?;
+        Some((index, model.jets().get(index)?.min_on_time_s))
+    };
+    let jets: Vec<(usize, f64)> = elements.iter().filter_map(|(_, name)| jet(name)).collect();
+    (r.error_count() == before).then(|| Box::new(RosValves { command, jets }) as Box<dyn Device>)
+}
+
+impl Device for RosValves {
+    fn addresses(&self) -> Vec<Address> {
+        vec![Address(self.command.clone())]
+    }
+
+    fn topics(&self) -> Vec<UsedTopic> {
+        vec![UsedTopic { name: self.command.clone(), is_read: false }]
+    }
+
+    fn roles(&self) -> Vec<Role> {
+        self.jets.iter().map(|(jet, _)| Role::Jet(*jet)).collect()
+    }
+
+    fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
+        let topic = topic(place, &self.command, MessageType::UInt8MultiArray);
+        let mut listener = join(&[], &[topic])?;
+        let mut told = Told { reporter, state: None };
+        let mut schedule = Schedule::new(self.jets.clone());
+        let began = Instant::now();
+        let (mut heard, mut look, mut refresh) = (began, began, began);
+        loop {
+            let until = schedule.next_edge().map_or(refresh, |edge| edge.min(refresh)).min(look);
+            mailbox.wait(None, until);
+            while let Some(command) = mailbox.take() {
+                match command {
+                    Command::Pulses(from, on_time_s) => schedule.pulses(from, &on_time_s),
+                    Command::AllOff => schedule.close(),
+                    Command::Alive | Command::Motors(..) => {}
+                }
+            }
+            if mailbox.is_closed() {
+                schedule.close();
+                schedule.advance(Instant::now());
+                return send(&mut listener, &mut schedule, reporter);
+            }
+            let now = Instant::now();
+            if now >= look {
+                look = now + LOOK;
+                if listener.is_heard(0) {
+                    heard = now;
+                    told.tell(State::Ready);
+                } else {
+                    schedule.close();
+                    told.tell(State::Lost(listener.why_unheard(0)));
+                    if now > heard + ANEW || !listener.is_alive() {
+                        return Err(DeviceError::Silent(ANEW.as_secs_f64()));
+                    }
+                }
+            }
+            if schedule.advance(now) || now >= refresh {
+                refresh = now + REFRESH;
+                send(&mut listener, &mut schedule, reporter)?;
+            }
+        }
+    }
+
+    fn emulator(&self, _: &PlatformModel) -> Emulator {
+        emulator::valves(self)
+    }
+}
+
+/// Makes the valves what they should be, and tells which of them were switched.
+fn send(listener: &mut Listener, schedule: &mut Schedule, reporter: &Reporter) -> Result<(), DeviceError> {
+    let data = schedule.wanted().iter().map(|open| u8::from(*open)).collect();
+    listener.publish(0, &UInt8MultiArray { data, ..UInt8MultiArray::default() }.into())?;
+    let switched = schedule.written();
+    if !switched.is_empty() {
+        reporter.measured(Instant::now(), Measured::Valves(switched));
+    }
+    Ok(())
+}
