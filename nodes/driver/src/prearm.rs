@@ -93,10 +93,8 @@ impl PreArm {
         let mut found = Vec::new();
         if self.samples.len() >= FEWEST {
             let count = self.samples.len() as f64;
-            let sum = |of: fn(&(Instant, Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| {
-                self.samples.iter().map(of).sum::<Vector3<f64>>() / count
-            };
-            let (rate, force) = (sum(|sample| sample.1), sum(|sample| sample.2));
+            let rate = self.samples.iter().map(|sample| sample.1).sum::<Vector3<f64>>() / count;
+            let force = self.samples.iter().map(|sample| sample.2).sum::<Vector3<f64>>() / count;
             found.extend(self.rate_of_samples(model));
             found.extend(turning(rate));
             if model.sensors.accelerometer.fitted {
@@ -148,7 +146,8 @@ fn turning(rate_b_rad_s: Vector3<f64>) -> Option<String> {
 
 fn tilted(force_b_m_s2: Vector3<f64>, model: &PlatformModel) -> Option<String> {
     let size = force_b_m_s2.norm();
-    if !((size / GRAVITY_M_S2 - 1.0).abs() < FORCE_TOLERANCE) {
+    let off = (size / GRAVITY_M_S2 - 1.0).abs();
+    if off.is_nan() || off >= FORCE_TOLERANCE {
         return Some(format!(
             "the accelerometer says {size:.2} m/s^2 in all, at rest it must be {GRAVITY_M_S2} m/s^2: is it in m/s^2, with gravity?"
         ));

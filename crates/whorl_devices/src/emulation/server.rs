@@ -82,7 +82,7 @@ enum Port {
         device: Box<dyn FileEmulator>,
         files: Vec<PathBuf>,
     },
-    Topics(Topics),
+    Topics(Box<Topics>),
 }
 
 /// Emulated devices of one platform.
@@ -125,7 +125,7 @@ impl Emulation {
                     name: place.topic(&name),
                     message_type,
                 };
-                Port::Topics(Topics::new(read.map(topic), write.map(topic), device))
+                Port::Topics(Box::new(Topics::new(read.map(topic), write.map(topic), device)))
             }
         };
         let ports =

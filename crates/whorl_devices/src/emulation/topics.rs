@@ -76,8 +76,9 @@ impl Topics {
                 self.late.extend(self.wire.spoil(at_ns, bytes));
             }
         }
-        while let Some((_, bytes)) = self.late.pop_front_if(|(at_ns, _)| *at_ns <= now_ns) {
-            if let Some(listener) = &self.listener {
+        while self.late.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
+            let sent = self.late.pop_front();
+            if let (Some(listener), Some((_, bytes))) = (&self.listener, sent) {
                 // A message whose header is spoilt is none.
                 let _ = listener.publish_bytes(0, &bytes);
             }

@@ -125,7 +125,8 @@ impl Source {
             (Self::Pose { q_body_tracked, q_world_tracker, reference_w }, Message::PoseStamped(pose)) => {
                 let q = &pose.pose.orientation;
                 let q = Quaternion::new(q.w, q.x, q.y, q.z);
-                if !((q.norm() - 1.0).abs() < NORM_TOLERANCE) {
+                let off = (q.norm() - 1.0).abs();
+                if off.is_nan() || off >= NORM_TOLERANCE {
                     return Err("its quaternion has not the norm 1: does it see the platform?".to_owned());
                 }
                 let q_world_body =

@@ -99,10 +99,13 @@ pub(super) fn direction(direction: &RosDirection) -> Emulator {
     }
 }
 
+/// Reads the states of motors in a world.
+type ReadStates = Box<dyn FnMut(i64, &mut World) -> Option<Message> + Send>;
+
 /// A controller of motors.
 struct Controller {
     motors: RosMotors,
-    states: Publisher<Box<dyn FnMut(i64, &mut World) -> Option<Message> + Send>>,
+    states: Publisher<ReadStates>,
     off_ns: Option<i64>,
 }
 
