@@ -63,6 +63,7 @@ pub(crate) struct Descended {
 }
 
 /// Where a fit begins.
+#[derive(Clone)]
 struct Begin {
     point: Point,
     layout: Layout,
@@ -143,47 +144,33 @@ impl Search<'_> {
         problem.threads = threads;
         problem.nuisance = noise;
         let from = self.begin(start, &ids);
-        let sizes = if ids.is_empty() { Sizes::Any } else { Sizes::Background };
-        let Some(descended) = self.turns(&mut problem, from, &ids, least, sizes, true)? else {
-            return Ok(None);
+        let found = self.fitted_with(problem.clone(), from.clone(), &ids, least, Sizes::Any)?;
+        let is_beside_torque = |found: &Converged| problem.is_large(found.standing.nuisance);
+        let found = match found {
+            Some(found) if !ids.is_empty() && is_beside_torque(&found) => found,
+            other => return Ok(other),
         };
-        let Some(alone) = DiagnosisError::possible(self.weighed(descended, &problem))?.flatten() else {
-            return Ok(None);
+        // What a set's formulas leave looks like a random torque.
+        let alone = self.fitted_with(problem, from, &ids, f64::NEG_INFINITY, Sizes::Background)?;
+        let base = self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
+        let is_echo = |alone: &Converged| {
+            let explained = f64::max(alone.standing.log_evidence - base, 0.0);
+            found.standing.log_evidence - alone.standing.log_evidence <= OTHER_LAW * explained
         };
-        if ids.is_empty() {
-            return Ok(Some(alone));
-        }
-        Ok(Some(self.beside_a_torque(&alone, problem, &ids, least)?.unwrap_or(alone)))
+        Ok(Some(alone.filter(is_echo).unwrap_or(found)))
     }
 
-    /// A set that was fitted with no more than background, beside a random torque that is more: if that explains a good part of
-    /// what the set does, and not only what its formulas may leave.
-    fn beside_a_torque(
+    /// A set where it fits best with noise of these sizes, and what it is worth there.
+    fn fitted_with(
         &self,
-        alone: &Converged,
         mut problem: Problem,
+        from: Begin,
         ids: &[&'static str],
         least: f64,
+        sizes: Sizes,
     ) -> Result<Option<Converged>, DiagnosisError> {
-        problem.motions = Arc::clone(&alone.motions);
-        let (likeliest, density, in_use) =
-            problem.climb(&alone.point, &problem.nuisance.starts(), Some(&self.palette), Sizes::Any)?;
-        let base = self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
-        let echo = OTHER_LAW * f64::max(alone.standing.log_evidence - base, 0.0);
-        if !problem.is_large(likeliest) || density - in_use <= echo {
-            return Ok(None);
-        }
-        problem.nuisance = likeliest;
-        let from = Begin {
-            point: alone.point.clone(),
-            layout: alone.layout.clone(),
-            members: alone.members.clone(),
-        };
-        let Some(descended) = self.turns(&mut problem, from, ids, least, Sizes::Any, false)? else {
-            return Ok(None);
-        };
-        let beside = DiagnosisError::possible(self.weighed(descended, &problem))?.flatten();
-        Ok(beside.filter(|beside| beside.standing.log_evidence - alone.standing.log_evidence > echo))
+        let Some(descended) = self.turns(&mut problem, from, ids, least, sizes)? else { return Ok(None) };
+        Ok(DiagnosisError::possible(self.weighed(descended, &problem))?.flatten())
     }
 
     /// Fits of a set by turns with the noise that is likeliest where the last one ended.
@@ -194,13 +181,11 @@ impl Search<'_> {
         ids: &[&'static str],
         least: f64,
         sizes: Sizes,
-        is_first: bool,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let mut last: Option<Descended> = None;
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         for turn in 0..MOST_TURNS {
-            let is_first = is_first && turn == 0;
-            let Some(descended) = self.descend(problem, from, ids, least, is_first)? else { break };
+            let Some(descended) = self.descend(problem, from, ids, least, turn == 0)? else { break };
             problem.motions = Arc::clone(&descended.motions);
             problem.nuisance = problem.likeliest_nuisance(&descended.point, Some(&self.palette), sizes)?;
             from = Begin {
