@@ -3,25 +3,22 @@
 //!
 //! All are there in any laboratory, to a size that nobody knows. Each set of explanations is weighed with the sizes that
 //! are likeliest beside it, so that a missing effect must explain what no noise of this kind does. Sizes are steps of a
-//! factor of root three: over some hundred correlation times, half a step from the truth costs about as much as a parameter.
+//! factor of three: where a set explains what there is, noise that is finer graded takes up what its formulas leave.
 //! A correlation time that is wrong by a factor of three leaves to others what is slower, or faster, than it allows.
 
 use crate::whitening::filter::About;
 
 /// Factor from size to size.
-pub(crate) const STEP: f64 = 1.732_050_807_568_877_2;
+pub(crate) const STEP: f64 = 3.0;
 
 /// Sizes of each kind beside none.
-const SIZES: u8 = 24;
+const SIZES: u8 = 12;
 
 /// Size at which a kind of noise begins to show.
-const SHOWS: u8 = 6;
+const SHOWS: u8 = 3;
 
 /// Size of each kind from which a climb begins.
-const SOME: u8 = 12;
-
-/// Strides of a climb, in steps.
-pub(crate) const STRIDES: [u8; 2] = [2, 1];
+const SOME: u8 = 6;
 
 /// Correlation times of a slow random torque, as shares of the whitening filter's memory, slowest first.
 pub(crate) const PACES: [f64; 3] = [1.0, 0.316_227_766_016_837_94, 0.1];
@@ -77,7 +74,7 @@ impl Nuisance {
     pub fn gyro_bias_walk(self, density: f64) -> f64 {
         match self.bias {
             0 => density / STEADY_S,
-            step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 2),
+            step => density / SHOWS_AFTER_S * STEP.powi(i32::from(step) - 1),
         }
     }
 
@@ -95,11 +92,11 @@ impl Nuisance {
         all
     }
 
-    /// What is one stride away. Where a kind is absent the likelihood is flat, up to where it begins to show.
-    pub fn neighbours(self, stride: u8, has_body: bool, has_wheels: bool) -> Vec<Self> {
+    /// What is one step away. Where a kind is absent the likelihood is flat, up to where it begins to show.
+    pub fn neighbours(self, has_body: bool, has_wheels: bool) -> Vec<Self> {
         let steps = |at: u8| match at {
             0 => vec![SHOWS],
-            at => vec![at.saturating_sub(stride), (at + stride).min(SIZES)],
+            at => vec![at - 1, (at + 1).min(SIZES)],
         };
         let mut all: Vec<Self> = Vec::new();
         if has_wheels {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::evidence::nuisance::{Nuisance, STRIDES};
+use crate::evidence::nuisance::Nuisance;
 use crate::evidence::palette::Palette;
 use crate::evidence::problem::Problem;
 use crate::evidence::regression::{colour_log_density, coloured, rows_by_reading};
@@ -99,20 +99,18 @@ impl Problem {
             }
         }
         let (has_body, has_wheels) = (self.watches_body(), !self.reference.model.wheels().is_empty());
-        for stride in STRIDES {
-            loop {
-                let mut next = None;
-                let neighbours = likeliest.0.neighbours(stride, has_body, has_wheels);
-                for neighbour in neighbours.into_iter().filter(is_allowed) {
-                    let here = posterior(neighbour);
-                    if here > next.map_or(likeliest.1, |n: (Nuisance, f64)| n.1) + 1e-9 {
-                        next = Some((neighbour, here));
-                    }
+        loop {
+            let mut next = None;
+            let neighbours = likeliest.0.neighbours(has_body, has_wheels);
+            for neighbour in neighbours.into_iter().filter(is_allowed) {
+                let here = posterior(neighbour);
+                if here > next.map_or(likeliest.1, |n: (Nuisance, f64)| n.1) + 1e-9 {
+                    next = Some((neighbour, here));
                 }
-                match next {
-                    Some(better) => likeliest = better,
-                    None => break,
-                }
+            }
+            match next {
+                Some(better) => likeliest = better,
+                None => break,
             }
         }
         Ok((likeliest.0, likeliest.1, in_use))

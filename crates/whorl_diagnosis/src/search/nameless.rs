@@ -34,7 +34,7 @@ const SIZES: [f64; 4] = [0.3, 3.0, 30.0, 300.0];
 const NEAR: f64 = 20.0;
 
 /// Size of a free torque from which a climb to the likeliest begins, as steps: far below, its likelihood is flat.
-const FIRST_STEPS: [u8; 2] = [8, 16];
+const FIRST_STEPS: [u8; 2] = [4, 8];
 
 /// A law without a name beside a set of effects.
 #[derive(Debug, Clone)]
