@@ -352,6 +352,19 @@ fn an_emergency_stop_disarms_until_a_person_arms_again() {
     formation.stop();
 }
 
+/// What checkout says, which must have found something.
+fn what_is_wrong(answer: &std::process::Output) -> String {
+    let text = [&answer.stdout, &answer.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
+    assert_eq!(answer.status.code(), Some(1), "{text}");
+    text
+}
+
+/// The line of a text that begins with the name of a part.
+fn line_of<'a>(text: &'a str, part: &str) -> &'a str {
+    let found = text.lines().find(|line| line.split_whitespace().next() == Some(part));
+    found.unwrap_or_else(|| panic!("nothing is said of {part}\n{text}"))
+}
+
 #[test]
 fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged() {
     let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
@@ -359,13 +372,8 @@ fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged
     let faults = faults.map(|fault| format!("emulation.faults.{fault}"));
     emulate(&mut formation, &faults.each_ref().map(String::as_str));
     let answer = whorl(&formation).args(["checkout", "whorl_1", "--root"]).arg(root()).output().unwrap();
-    let text =
-        [answer.stdout, answer.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-    assert_eq!(answer.status.code(), Some(1), "{text}");
-    let line = |part: &str| {
-        let found = text.lines().find(|line| line.split_whitespace().next() == Some(part));
-        found.unwrap_or_else(|| panic!("nothing is said of {part}\n{text}"))
-    };
+    let text = what_is_wrong(&answer);
+    let line = |part: &str| line_of(&text, part);
     assert!(line("wheel_x").contains("turns the other way"), "{text}");
     for part in ["wheel_y", "wheel_z", "jet_1", "jet_2", "jet_4", "jet_9", "jet_12"] {
         assert!(line(part).contains("right, "), "{text}");
@@ -385,13 +393,8 @@ fn checkout_finds_a_gimbal_that_turns_the_other_way() {
     let mut command = whorl(&formation);
     command.args(["checkout", "whorl_c", "--experiment", "cmg_slew", "--root"]).arg(root());
     let answer = command.output().unwrap();
-    let text =
-        [answer.stdout, answer.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-    assert_eq!(answer.status.code(), Some(1), "{text}");
-    let line = |part: &str| {
-        let found = text.lines().find(|line| line.split_whitespace().next() == Some(part));
-        found.unwrap_or_else(|| panic!("nothing is said of {part}\n{text}"))
-    };
+    let text = what_is_wrong(&answer);
+    let line = |part: &str| line_of(&text, part);
     assert!(line("gyro_2").contains("change the sign of motors.gyro_2"), "{text}");
     for part in ["gyro_1", "gyro_3", "gyro_4"] {
         assert!(line(part).contains("right, "), "{text}");

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use crate::mailbox::{Command, Mailbox};
+
 /// The valves of one device.
 #[derive(Debug, Clone)]
 pub(crate) struct Schedule {
@@ -18,6 +20,17 @@ impl Schedule {
     pub(crate) fn new(jets: Vec<(usize, f64)>) -> Self {
         let count = jets.len();
         Self { jets, closes: vec![None; count], wanted: vec![false; count], known: vec![None; count] }
+    }
+
+    /// Takes what has been commanded of the valves since the last time.
+    pub(crate) fn obey(&mut self, mailbox: &Mailbox) {
+        while let Some(command) = mailbox.take() {
+            match command {
+                Command::Pulses(from, on_time_s) => self.pulses(from, &on_time_s),
+                Command::AllOff => self.close(),
+                Command::Alive | Command::Motors(..) => {}
+            }
+        }
     }
 
     /// A new slot, which replaces what is left of the one before. A pulse shorter than its valve can make is none.

@@ -108,7 +108,7 @@ pub fn keeping(
 pub fn print(burns: &[BurnRow], keeping: &[KeepingRow]) {
     for row in burns {
         say!(
-            "  {} thrusts from {:.1} s to {:.1} s of the pass: {:.4} m/s wanted, {:.4} m/s given along it and {:.4} m/s across; \
+            "  {} thrusts from {:.1} s to {:.1} s of orbit: {:.4} m/s wanted, {:.4} m/s given along it and {:.4} m/s across; \
              {:.1} g of gas. Drift along the track by the energies: {:+.0} m a revolution before, {:+.0} m after",
             row.platform,
             row.start_s,

@@ -20,7 +20,7 @@ use crate::DeviceError;
 use crate::emulation::Emulator;
 use crate::kinds::{Device, DeviceKind, Role};
 use crate::list::Address;
-use crate::mailbox::{Command, Mailbox};
+use crate::mailbox::Mailbox;
 use crate::reading::{Measured, Reporter, State};
 use crate::running::Place;
 use crate::schedule::Schedule;
@@ -140,13 +140,7 @@ impl Device for Board {
         loop {
             let until = if self.stop_input.is_some() { refresh.min(look) } else { refresh };
             mailbox.wait(None, schedule.next_edge().map_or(until, |edge| edge.min(until)));
-            while let Some(command) = mailbox.take() {
-                match command {
-                    Command::Pulses(from, on_time_s) => schedule.pulses(from, &on_time_s),
-                    Command::AllOff => schedule.close(),
-                    Command::Alive | Command::Motors(..) => {}
-                }
-            }
+            schedule.obey(mailbox);
             if mailbox.is_closed() {
                 schedule.close();
                 return self.write(&mut board, &mut schedule, reporter);

@@ -17,7 +17,7 @@ use crate::DeviceError;
 use crate::emulation::Emulator;
 use crate::kinds::{Device, DeviceKind, Role, UsedTopic};
 use crate::list::Address;
-use crate::mailbox::{Command, Mailbox};
+use crate::mailbox::Mailbox;
 use crate::reading::{Measured, Reporter, State};
 use crate::running::Place;
 use crate::schedule::Schedule;
@@ -95,13 +95,7 @@ impl Device for RosValves {
         loop {
             let until = schedule.next_edge().map_or(refresh, |edge| edge.min(refresh)).min(look);
             mailbox.wait(None, until);
-            while let Some(command) = mailbox.take() {
-                match command {
-                    Command::Pulses(from, on_time_s) => schedule.pulses(from, &on_time_s),
-                    Command::AllOff => schedule.close(),
-                    Command::Alive | Command::Motors(..) => {}
-                }
-            }
+            schedule.obey(mailbox);
             if mailbox.is_closed() {
                 schedule.close();
                 schedule.advance(Instant::now());
