@@ -15,7 +15,8 @@ use nalgebra::{DMatrix, DVector};
 use whorl_diagnosis::Directions;
 
 use crate::Settings;
-use crate::filter::{Changes, Places, Whitened, torque_rates};
+use crate::filter::{Places, Whitened, torque_rates};
+use crate::lanes::Changes;
 use crate::passing::{self, Carried, Columns};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.

@@ -18,6 +18,7 @@
 
 pub mod evidence;
 pub mod filter;
+pub mod lanes;
 mod monitor;
 mod passing;
 pub mod predictor;

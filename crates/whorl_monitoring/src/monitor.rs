@@ -12,7 +12,8 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use crate::Settings;
 use crate::evidence::{Evidence, UNKNOWN_TORQUE};
-use crate::filter::{Filter, Lanes, turned};
+use crate::filter::{Filter, turned};
+use crate::lanes::Lanes;
 use crate::predictor::{Input, Predictor, Supplies};
 
 /// A bin is predicted this long after its end, when all about it has arrived \[s\].
