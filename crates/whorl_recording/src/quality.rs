@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_bag::{Channel, Form};
+use whorl_dynamics::effects::{Aid, Need, hard_without, untold_without};
 use whorl_dynamics::{Freedom, PlatformModel};
 use whorl_math::statistics::median;
 
@@ -25,6 +26,25 @@ struct Cost {
     /// Whether such a platform has it at all.
     matters: fn(&PlatformModel) -> bool,
     sentence: &'static str,
+    /// The needs of effects that it meets, and how it helps to tell others.
+    need: Option<Need>,
+    aid: Option<Aid>,
+}
+
+impl Cost {
+    /// The sentence, and the effects of this platform that it is about.
+    fn in_words(&self, model: &PlatformModel) -> String {
+        let mut words = self.sentence.to_owned();
+        let untold = self.need.map(|need| untold_without(need, model)).unwrap_or_default();
+        let mut hard = self.aid.map(|aid| hard_without(aid, model)).unwrap_or_default();
+        hard.retain(|id| !untold.contains(id));
+        for (what, ids) in [("Cannot be told", untold), ("Hard to tell", hard)] {
+            if !ids.is_empty() {
+                words += &format!(" {what}: {}.", ids.join(", "));
+            }
+        }
+        words
+    }
 }
 
 const COSTS: [Cost; 10] = [
@@ -32,69 +52,83 @@ const COSTS: [Cost; 10] = [
         any_of: &[Channel::WheelSpeed],
         is_of_body: false,
         matters: |model| !model.wheels().is_empty(),
-        sentence: "No wheel speed: the wheels' momentum has to be taken from their commands, and wheel_friction, \
-             wheel_inertia, wheel_windage and wheel_imbalance cannot be told.",
+        sentence: "No wheel speed: the wheels' momentum has to be taken from their commands.",
+        need: None,
+        aid: Some(Aid::WheelSpeed),
     },
     Cost {
         any_of: &[Channel::WheelTorqueCommand],
         is_of_body: false,
         matters: |model| !model.wheels().is_empty(),
-        sentence: "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier, and \
-             wheel_friction cannot be told from what the motors were asked to do.",
+        sentence: "No wheel torque command: the wheels' reaction has to be taken from their speeds, which is noisier.",
+        need: Some(Need::WheelCommands),
+        aid: None,
     },
     Cost {
         any_of: &[Channel::GimbalAngle],
         is_of_body: true,
         matters: |model| !model.gyros().is_empty(),
         sentence: "No gimbal angle: the momentum of the control moment gyros is not known, so their torque looks like a \
-             disturbance, and gimbal_misalignment and rotor_momentum cannot be told.",
+             disturbance.",
+        need: Some(Need::Gimbals),
+        aid: None,
     },
     Cost {
         any_of: &[Channel::Gyro],
         is_of_body: true,
         matters: |_| true,
         sentence: "No gyro: the motion is not known, so no torque on the body can be told; only the wheels can be \
-                 judged.",
+             judged.",
+        need: None,
+        aid: None,
     },
     Cost {
         any_of: &[Channel::Accelerometer],
         is_of_body: true,
         matters: |model| model.freedom == Freedom::OnBearing,
-        sentence: "No accelerometer: the tilt is not known, so gravity_offset and everything that follows the \
-                 vertical is told by the gyro alone, and no accelerometer effect can be named.",
+        sentence: "No accelerometer: the tilt is not known, and everything that follows the vertical is told by the gyro alone.",
+        need: Some(Need::Accelerometer),
+        aid: Some(Aid::Tilt),
     },
     Cost {
         any_of: &[Channel::Vector],
         is_of_body: true,
         matters: |model| model.freedom.axes() == 3,
-        sentence: "No vector sensor: yaw drifts with the gyro, so effects that follow the heading (magnetic_torque, \
-                 air_current, harness_spring) are hard to tell apart, and vector_sensor_misalignment cannot be seen.",
+        sentence: "No vector sensor: yaw drifts with the gyro, and with it everything that follows the heading.",
+        need: Some(Need::VectorSensor),
+        aid: Some(Aid::Heading),
     },
     Cost {
         any_of: &[Channel::Jets, Channel::BodyTorque],
         is_of_body: true,
         matters: |model| !model.jets().is_empty(),
-        sentence: "No jet commands: if a jet fired, its torque looks like a disturbance, and no thruster effect can \
-                 be named.",
+        sentence: "No jet commands: if a jet fired, its torque looks like a disturbance.",
+        need: Some(Need::Jets),
+        aid: None,
     },
     Cost {
         any_of: &[Channel::TankPressure],
         is_of_body: true,
         matters: |model| !model.jets().is_empty(),
-        sentence: "No tank pressure: thruster_pressure, thruster_leak and mass_shift have to be told by the gas that \
-                 the commands used.",
+        sentence: "No tank pressure: it has to be told by the gas that the commands used.",
+        need: None,
+        aid: Some(Aid::TankPressure),
     },
     Cost {
         any_of: &[Channel::BusVoltage],
         is_of_body: false,
         matters: |model| !model.wheels().is_empty() || !model.jets().is_empty(),
-        sentence: "No bus voltage: supply_voltage cannot be told.",
+        sentence: "No bus voltage: it has to be taken from the model's discharge.",
+        need: Some(Need::BusVoltage),
+        aid: Some(Aid::BusVoltage),
     },
     Cost {
         any_of: &[Channel::Temperature],
         is_of_body: false,
         matters: |_| true,
-        sentence: "No temperature: gyro_temperature cannot be told.",
+        sentence: "No temperature: the sensors' drift with it is not known.",
+        need: Some(Need::Temperature),
+        aid: None,
     },
 ];
 
@@ -152,7 +186,7 @@ impl Recording {
         let missing = COSTS.iter().filter(|cost| {
             (cost.matters)(model) && !(cost.is_of_body && held) && !cost.any_of.iter().any(recorded)
         });
-        missing.map(|cost| cost.sentence.to_owned()).chain(partial).collect()
+        missing.map(|cost| cost.in_words(model)).chain(partial).collect()
     }
 
     /// One sentence for each suspicious finding: a channel that never changes, an implausible unit, a run

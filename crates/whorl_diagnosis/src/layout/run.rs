@@ -2,6 +2,7 @@
 
 use nalgebra::{SVector, Vector3};
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::{Aid, Need, hard_without, untold_without};
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_recording::{Mounting, OnInterval, Recording, Series};
 use whorl_trajectory::bins::{Bins, Mean3, SampleTimes};
@@ -331,11 +332,19 @@ impl Run {
         if recording.tank_pressure_pa.is_empty() && recording.jet_pulses.iter().any(|p| !p.is_empty()) {
             missing.push("no tank pressure: it is predicted from the gas used");
         }
+        let no_temperature = format!(
+            "no temperature: {} cannot be tested",
+            untold_without(Need::Temperature, model).join(", ")
+        );
         if recording.temperature_k.is_empty() {
-            missing.push("no temperature: gyro_temperature cannot be tested");
+            missing.push(&no_temperature);
         }
+        let no_voltage = format!(
+            "no bus voltage: it is predicted from the model's discharge, so {} is weakly observable",
+            hard_without(Aid::BusVoltage, model).join(", ")
+        );
         if has_actuators && recording.bus_voltage_v.is_empty() {
-            missing.push("no bus voltage: it is predicted from the model's discharge, so supply_voltage is weakly observable");
+            missing.push(&no_voltage);
         }
         self.remarks = missing.into_iter().map(|text| format!("{}: {text}", self.name)).collect();
         let noise = self.noise;

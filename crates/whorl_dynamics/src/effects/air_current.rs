@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
 use super::parameter::per_axis;
-use super::{Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
+use super::{Aid, Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -44,5 +44,9 @@ impl Effect for AirCurrent {
     fn grouping(&self) -> Grouping {
         // A draught along the floor.
         Grouping::AllPartsEach(&[&["t_x_n_m", "t_y_n_m"]])
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::Heading]
     }
 }

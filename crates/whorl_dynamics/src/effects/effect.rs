@@ -5,7 +5,7 @@ use std::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{
-    Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Rhythm, Sighting, Start,
+    Aid, Clues, Contribution, EffectError, Evidence, Grouping, Need, ParameterSpec, Rhythm, Sighting, Start,
     ThrustLag,
 };
 use crate::{Environment, PlatformModel};
@@ -192,6 +192,11 @@ pub trait Effect: Sync + fmt::Debug {
     /// What recordings must hold for a regression to test it.
     fn evidence(&self) -> Evidence {
         &[&[Need::FreeBody]]
+    }
+
+    /// Data that recordings should hold besides: without them it is hard to tell from others.
+    fn aids(&self) -> &'static [Aid] {
+        &[]
     }
 
     /// How its parameters may enter a fit together.

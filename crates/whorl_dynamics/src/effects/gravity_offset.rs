@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
 use super::parameter::per_axis;
-use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
+use super::{Aid, BasePrior, Effect, EffectError, EffectInfo, EffectKind, ParameterSpec};
 use crate::{MassProperties, PlatformModel};
 
 #[derive(Debug)]
@@ -51,5 +51,9 @@ impl Effect for GravityOffset {
 
     fn is_base(&self) -> bool {
         true
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::Tilt]
     }
 }

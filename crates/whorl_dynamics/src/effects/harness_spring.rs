@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use whorl_math::wrap_angle_rad;
 
 use super::named::{Named as _, parameters};
-use super::{Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Start, Starter};
+use super::{Aid, Clues, Effect, EffectInfo, EffectKind, ParameterSpec, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -81,6 +81,10 @@ impl Effect for HarnessSpring {
             [vec![stiffness.clone()], vec![stiffness, starter.along(&origin, C)]]
         });
         Some(starts.collect())
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::Heading]
     }
 }
 

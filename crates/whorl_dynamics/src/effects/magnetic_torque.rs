@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
 use super::parameter::per_axis;
-use super::{Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
+use super::{Aid, Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -52,5 +52,9 @@ impl Effect for MagneticTorque {
     fn grouping(&self) -> Grouping {
         // A dipole in the deck.
         Grouping::AllPartsEach(&[&["dipole_x_a_m2", "dipole_y_a_m2"]])
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::Heading]
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::named::{Named as _, parameters};
 use super::parameter::per_axis;
-use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -50,5 +50,9 @@ impl Effect for MassShift {
 
     fn evidence(&self) -> Evidence {
         &[&[Need::Jets]]
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::TankPressure]
     }
 }

@@ -27,7 +27,8 @@ pub use error::EffectError;
 pub use parameter::{ParameterSpec, Part, Regressed, Role};
 pub use registry::{RegisterError, catalogue, find, register, registered, withdraw};
 pub use search::{
-    Clues, Contribution, Direction, Evidence, Grouping, Need, Resonance, Rhythm, Sighting, Start, Starter,
+    Aid, Clues, Contribution, Direction, Evidence, Grouping, Need, Resonance, Rhythm, Sighting, Start,
+    Starter, hard_without, untold_without,
 };
 pub use set::{ActiveEffect, EffectSet, MAX_HIDDEN_STATES, describe, describe_catalogue};
 pub use thruster_rise::ThrustLag;

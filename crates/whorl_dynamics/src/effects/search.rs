@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Effect, ParameterSpec};
+use super::{Effect, ParameterSpec, catalogue};
 use crate::PlatformModel;
 
 /// Data that recordings must contain for an effect to show.
@@ -30,6 +30,61 @@ pub enum Need {
     Ballast,
     /// No readings of the gyro pile up at a limit: those that do show it by themselves and are left out.
     UnclippedGyro,
+}
+
+impl Need {
+    /// Whether recordings of this platform can hold it at all.
+    fn fits(self, model: &PlatformModel) -> bool {
+        match self {
+            Self::Jets => !model.jets().is_empty(),
+            Self::Wheels | Self::WheelCommands => !model.wheels().is_empty(),
+            Self::Gimbals => !model.gyros().is_empty(),
+            _ => true,
+        }
+    }
+}
+
+/// Data without which an effect is hard to tell from others, though a regression may look for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Aid {
+    /// Where down is, by the accelerometer.
+    Tilt,
+    /// Where the platform points in the room, by a vector sensor.
+    Heading,
+    /// How fast the wheels turn.
+    WheelSpeed,
+    /// The pressure of the tank.
+    TankPressure,
+    /// The bus voltage.
+    BusVoltage,
+}
+
+/// Ids of the effects of this platform that no recording without `need` can show.
+#[must_use]
+pub fn untold_without(need: Need, model: &PlatformModel) -> Vec<&'static str> {
+    ids_of(model, |effect| {
+        let mut sets = effect.evidence().iter().filter(|set| fit(set, model)).peekable();
+        sets.peek().is_some() && sets.all(|set| set.contains(&need))
+    })
+}
+
+/// Ids of the effects of this platform that are hard to tell without `aid`.
+#[must_use]
+pub fn hard_without(aid: Aid, model: &PlatformModel) -> Vec<&'static str> {
+    ids_of(model, |effect| {
+        let sets = effect.evidence();
+        effect.aids().contains(&aid) && (sets.is_empty() || sets.iter().any(|set| fit(set, model)))
+    })
+}
+
+fn fit(set: &[Need], model: &PlatformModel) -> bool {
+    set.iter().all(|need| need.fits(model))
+}
+
+fn ids_of(model: &PlatformModel, is_meant: impl Fn(&dyn Effect) -> bool) -> Vec<&'static str> {
+    let effects =
+        catalogue().iter().filter(|effect| !effect.parameters(model).is_empty() && is_meant(**effect));
+    effects.map(|effect| effect.info().id).collect()
 }
 
 /// Sets of needs; with all of any one set the effect can be tested. None: no regression looks for it.

@@ -1,7 +1,7 @@
 //! Actuators that follow the bus voltage.
 
 use super::named::{Named as _, parameters};
-use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -53,5 +53,9 @@ impl Effect for SupplyVoltage {
 
     fn evidence(&self) -> Evidence {
         &[&[Need::Wheels, Need::WheelCommands], &[Need::Jets]]
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::BusVoltage]
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_math::GRAVITY_M_S2;
 
 use super::named::{Named as _, parameters, per_jet};
-use super::{Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
+use super::{Aid, Effect, EffectInfo, EffectKind, Grouping, ParameterSpec};
 use crate::platform::Jet;
 use crate::{Environment, PlatformModel};
 
@@ -71,5 +71,9 @@ impl Effect for ThrusterLeak {
     fn grouping(&self) -> Grouping {
         // One jet or two, because all of them together could make any torque.
         Grouping::EachAndPairs
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::TankPressure]
     }
 }

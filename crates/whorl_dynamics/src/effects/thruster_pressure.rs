@@ -1,7 +1,7 @@
 //! Thrust that depends on the tank's pressure differently from the model.
 
 use super::named::{Named as _, parameters};
-use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 
 #[derive(Debug)]
@@ -41,5 +41,9 @@ impl Effect for ThrusterPressure {
 
     fn evidence(&self) -> Evidence {
         &[&[Need::Jets]]
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::TankPressure]
     }
 }

@@ -1,7 +1,7 @@
 //! Drag in a wheel's bearing and motor.
 
 use super::named::{Named as _, parameters, per_wheel};
-use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 use crate::platform::Wheel;
 
@@ -61,5 +61,9 @@ impl Effect for WheelFriction {
 
     fn evidence(&self) -> Evidence {
         &[&[Need::Wheels, Need::WheelCommands]]
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::WheelSpeed]
     }
 }

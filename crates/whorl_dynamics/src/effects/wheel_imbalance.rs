@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use whorl_math::unit_or;
 
 use super::named::{Named as _, parameters, per_wheel};
-use super::{Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, Sighting};
+use super::{Aid, Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, Sighting};
 use crate::platform::Wheel;
 use crate::{Environment, PlatformModel};
 
@@ -82,5 +82,9 @@ impl Effect for WheelImbalance {
 
     fn sighting(&self) -> Option<Sighting> {
         Some(Sighting::WheelTurn)
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::WheelSpeed]
     }
 }

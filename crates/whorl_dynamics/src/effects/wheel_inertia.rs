@@ -1,7 +1,7 @@
 //! Wheels heavier or lighter than on the drawing.
 
 use super::named::{Named as _, parameters, per_wheel};
-use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 use crate::platform::Wheel;
 
@@ -50,5 +50,9 @@ impl Effect for WheelInertia {
 
     fn evidence(&self) -> Evidence {
         &[&[Need::Wheels]]
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::WheelSpeed]
     }
 }

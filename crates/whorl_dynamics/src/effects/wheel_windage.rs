@@ -1,7 +1,7 @@
 //! Air drag on the wheels.
 
 use super::named::{Named as _, parameters, per_wheel};
-use super::{Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::platform::Wheel;
 use crate::{Environment, PlatformModel};
 
@@ -51,5 +51,9 @@ impl Effect for WheelWindage {
 
     fn evidence(&self) -> Evidence {
         &[&[Need::Wheels, Need::WheelCommands]]
+    }
+
+    fn aids(&self) -> &'static [Aid] {
+        &[Aid::WheelSpeed]
     }
 }
