@@ -21,8 +21,7 @@ use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawWriter};
 
 use crate::arm;
-use crate::output::JsonArgument;
-use crate::run::{Folders, Interrupted, exit_code, say, stop, tell, this_domain, use_emulators};
+use crate::run::{AboutPlatform, Interrupted, exit_code, say, stop, tell, this_domain, use_emulators};
 use crate::subscription::Subscription;
 
 /// Torque of a wheel, as a share of what it can do, and for how long.
@@ -63,13 +62,8 @@ pub struct Arguments {
     /// The platform floats and nobody is in its way: real devices are armed without asking.
     #[arg(long)]
     yes: bool,
-    /// Experiment whose platforms it is one of: a name in params/experiments/, or a file.
-    #[arg(long, value_name = "NAME|FILE", default_value = "hold")]
-    experiment: String,
     #[command(flatten)]
-    json: JsonArgument,
-    #[command(flatten)]
-    folders: Folders,
+    about: AboutPlatform,
 }
 
 /// Carries out `whorl checkout`. The exit status is 0 when everything is as the model says, 1 when something is not.
@@ -79,7 +73,7 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 
 fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let platform = &arguments.platform;
-    let mut options = arguments.folders.options(&arguments.experiment);
+    let mut options = arguments.about.options();
     options.platforms = Some(vec![platform.clone()]);
     let driver = DriverSource { backend: arguments.backend, ..DriverSource::default() };
     options.drivers.insert(platform.clone(), driver);
@@ -107,6 +101,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let parts = result?;
     let wrong = parts.iter().filter(|part| !part.is_right).count();
     arguments
+        .about
         .json
         .write(|| Ok(json!({"schema": 1, "platform": platform, "wrong": wrong, "parts": parts})))?;
     say(match wrong {

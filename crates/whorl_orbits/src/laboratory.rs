@@ -319,41 +319,16 @@ impl Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::EARTH_RADIUS_M;
-    use crate::co_observation::{Mounting, Target};
+    use crate::co_observation::Target;
     use crate::elements::Elements;
     use crate::formation::Formation;
-    use crate::pass::{RelativeModel, Spacecraft, WantedDeltaV};
+    use crate::pass::{RelativeModel, WantedDeltaV};
+    use crate::support;
 
     fn pass(thrust_weight: f64) -> Pass {
-        let mounting = Mounting { boresight_body: Vector3::x_axis(), thrust_body: Vector3::y_axis() };
-        let spacecraft = |formation, wanted| Spacecraft {
-            formation,
-            mounting,
-            wanted,
-            burn: None,
-            velocity_error_hill_m_s: Vector3::zeros(),
-        };
-        Pass {
-            chief: Elements {
-                semi_major_axis_m: EARTH_RADIUS_M + 500e3,
-                eccentricity: 0.0,
-                inclination_rad: 0.9,
-                node_rad: 0.0,
-                perigee_rad: 0.0,
-                mean_anomaly_rad: 0.5,
-            },
-            model: RelativeModel::TwoBody,
-            spacecraft: vec![
-                spacecraft(None, WantedDeltaV::None),
-                spacecraft(
-                    Some(Formation::ProjectedCircular { radius_m: 30e3, phase_rad: 1.0 }),
-                    WantedDeltaV::RemoveDrift,
-                ),
-            ],
-            target: Target::Centroid,
-            thrust_weight,
-        }
+        let formation = Formation::ProjectedCircular { radius_m: 30e3, phase_rad: 1.0 };
+        let pass = support::pass(RelativeModel::TwoBody, 0.0, formation, WantedDeltaV::RemoveDrift);
+        Pass { thrust_weight, ..pass }
     }
 
     const MAPPING: Mapping = Mapping { time_ratio: 4.0, geometry_scale: 1.0, ramp_s: 10.0, duration_s: 90.0 };

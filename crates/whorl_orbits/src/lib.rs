@@ -44,6 +44,8 @@ pub mod yamanaka_ankersen;
 
 mod orbit_state;
 mod runge_kutta;
+#[cfg(test)]
+mod support;
 
 pub use elements::{Elements, OrbitError};
 pub use hill::HillState;

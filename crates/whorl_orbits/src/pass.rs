@@ -243,7 +243,7 @@ impl Pass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::EARTH_RADIUS_M;
+    use crate::support::pass;
 
     const MODELS: [RelativeModel; 5] = [
         RelativeModel::TwoBody,
@@ -252,31 +252,6 @@ mod tests {
         RelativeModel::ClohessyWiltshire,
         RelativeModel::YamanakaAnkersen,
     ];
-
-    fn pass(model: RelativeModel, eccentricity: f64, formation: Formation, wanted: WantedDeltaV) -> Pass {
-        let mounting = Mounting { boresight_body: Vector3::x_axis(), thrust_body: Vector3::y_axis() };
-        let spacecraft = |formation, wanted| Spacecraft {
-            formation,
-            mounting,
-            wanted,
-            burn: None,
-            velocity_error_hill_m_s: Vector3::zeros(),
-        };
-        Pass {
-            chief: Elements {
-                semi_major_axis_m: (EARTH_RADIUS_M + 500e3) / (1.0 - eccentricity),
-                eccentricity,
-                inclination_rad: 0.9,
-                node_rad: 0.0,
-                perigee_rad: 0.0,
-                mean_anomaly_rad: 0.5,
-            },
-            model,
-            spacecraft: vec![spacecraft(None, WantedDeltaV::None), spacecraft(Some(formation), wanted)],
-            target: Target::Centroid,
-            thrust_weight: 0.0,
-        }
-    }
 
     /// A formation of the shipped experiment's size does not drift, so no model asks for a velocity change; (2.31) asked for
     /// up to 0.16 m/s of it.

@@ -206,7 +206,8 @@ pub(super) fn limits(text: &str) -> Check {
         Some("0") => Check::warning(
             NAME,
             "no real-time priority for this user: valves are switched as late as the wake-ups above",
-            "in /etc/security/limits.d/whorl.conf: `@dialout - rtprio 80`, and log in again",
+            "in /etc/security/limits.d/whorl.conf: `@dialout - rtprio 80` and `@dialout - memlock unlimited`; log in \
+             again, and start with --realtime",
         ),
         Some(priority) => Check::good(NAME, format!("priorities up to {priority}")),
     }

@@ -16,21 +16,16 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::output::{JsonArgument, say};
-use crate::run::{Folders, exit_code};
+use crate::output::say;
+use crate::run::{AboutPlatform, exit_code};
 use machine::Machine;
 
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Platform whose devices are looked for as well [default: none].
     platform: Option<String>,
-    /// Experiment whose platforms it is one of: a name in params/experiments/, or a file.
-    #[arg(long, value_name = "NAME|FILE", default_value = "hold")]
-    experiment: String,
     #[command(flatten)]
-    json: JsonArgument,
-    #[command(flatten)]
-    folders: Folders,
+    about: AboutPlatform,
 }
 
 /// How something is.
@@ -88,11 +83,11 @@ pub fn run(arguments: &Arguments) -> ExitCode {
 
 fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     let machine = Machine::this();
-    let mut checks = computer::all(&machine, &arguments.folders);
+    let mut checks = computer::all(&machine, &arguments.about.folders);
     checks.extend(clock::all(&machine));
     checks.extend(network::all(&machine));
     if let Some(platform) = &arguments.platform {
-        checks.extend(devices::all(arguments.folders.options(&arguments.experiment), platform)?);
+        checks.extend(devices::all(arguments.about.options(), platform)?);
     }
     for check in &checks {
         let mark = match check.verdict {
@@ -112,7 +107,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     say!();
     say!("{} checks: {wrong} wrong, {warnings} warnings, {unknown} unknown", checks.len());
     let platform = &arguments.platform;
-    arguments.json.write(|| {
+    arguments.about.json.write(|| {
         Ok(json!({"schema": 1, "platform": platform, "wrong": wrong, "warnings": warnings, "checks": checks}))
     })?;
     Ok(u8::from(wrong > 0))

@@ -31,6 +31,34 @@ pub(crate) struct OnBody {
     pub gravity_offset_b_n_m: Vector3<f64>,
 }
 
+/// A part that slides against Coulomb friction, on the way between two states.
+pub(crate) struct Sliding {
+    pub part: usize,
+    /// Sense in which it slides: -1 or 1; 0 where it does not.
+    pub sense: f64,
+    /// Its speeds in both states.
+    pub from: f64,
+    pub to: f64,
+}
+
+impl Sliding {
+    /// The part that stops first between the states, `h_s` apart, and roughly when \[s\].
+    #[inline]
+    pub fn first_to_stop(parts: impl Iterator<Item = Self>, h_s: f64) -> Option<(usize, f64)> {
+        let mut found: Option<(usize, f64)> = None;
+        for Self { part, sense, from, to } in parts {
+            if sense * to < 0.0 {
+                // What has just broken loose starts from zero and cannot stop at once.
+                let stop_s = if from == 0.0 { 0.0 } else { h_s * from / (from - to) };
+                if found.is_none_or(|(_, earliest_s)| stop_s < earliest_s) {
+                    found = Some((part, stop_s));
+                }
+            }
+        }
+        found
+    }
+}
+
 /// The plant's side of a kind. Angular momentum is conserved when, with the kind's momentum h and the torques u that
 /// it reports as reaction, dh/dt = u - (inertia taken out) dw/dt in body axes.
 ///

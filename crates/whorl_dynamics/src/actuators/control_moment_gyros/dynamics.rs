@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{ControlMomentGyros, MAX_GYROS};
 use crate::effects::{EffectSet, ThrustLag};
-use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
+use crate::actuators::dynamics::{Instant, KindDynamics, OnBody, Sliding};
 use crate::platform::sensors::SensorSuite;
 use crate::actuators::wheels::sign;
 use crate::sensing::JointSample;
@@ -185,18 +185,15 @@ impl KindDynamics for ControlMomentGyros {
 
     #[inline]
     fn first_stop(&self, from: &State, to: &State, drive: &Drive, h_s: f64) -> Option<(usize, f64)> {
-        let mut found: Option<(usize, f64)> = None;
-        for (j, gyro) in self.0.iter().enumerate().filter(|(j, _)| drive.is_free(*j)) {
-            let (from, to) = (from.rate_rad_s[j], to.rate_rad_s[j]);
-            if gyro.coulomb_friction_n_m > 0.0 && drive.sliding[j] * to < 0.0 {
-                // A gimbal that has just broken loose starts from zero and cannot stop at once.
-                let stop_s = if from == 0.0 { 0.0 } else { h_s * from / (from - to) };
-                if found.is_none_or(|(_, earliest_s)| stop_s < earliest_s) {
-                    found = Some((j, stop_s));
-                }
-            }
-        }
-        found
+        let parts = self.0.iter().enumerate().filter(|(j, _)| drive.is_free(*j));
+        let under_friction = parts.filter(|(_, gyro)| gyro.coulomb_friction_n_m > 0.0);
+        let sliding = under_friction.map(|(j, _)| Sliding {
+            part: j,
+            sense: drive.sliding[j],
+            from: from.rate_rad_s[j],
+            to: to.rate_rad_s[j],
+        });
+        Sliding::first_to_stop(sliding, h_s)
     }
 
     fn speed(&self, state: &State, gyro: usize) -> f64 {

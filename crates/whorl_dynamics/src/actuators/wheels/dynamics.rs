@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{MAX_WHEELS, Wheel, Wheels};
-use crate::actuators::dynamics::{Instant, KindDynamics, OnBody};
+use crate::actuators::dynamics::{Instant, KindDynamics, OnBody, Sliding};
 use crate::effects::{EffectSet, ThrustLag};
 use crate::platform::sensors::SensorSuite;
 use crate::sensing::JointSample;
@@ -181,18 +181,15 @@ impl KindDynamics for Wheels {
 
     #[inline]
     fn first_stop(&self, from: &State, to: &State, drive: &Drive, h_s: f64) -> Option<(usize, f64)> {
-        let mut found: Option<(usize, f64)> = None;
-        for (j, wheel) in self.0.iter().enumerate() {
-            let (sliding, from, to) = (drive.sliding[j], from.speed_rad_s[j], to.speed_rad_s[j]);
-            if wheel.coulomb_friction_n_m > 0.0 && sliding * to < 0.0 && !drive.stuck[j] {
-                // A wheel that has just broken loose starts from zero and cannot stop at once.
-                let stop_s = if from == 0.0 { 0.0 } else { h_s * from / (from - to) };
-                if found.is_none_or(|(_, earliest_s)| stop_s < earliest_s) {
-                    found = Some((j, stop_s));
-                }
-            }
-        }
-        found
+        let parts = self.0.iter().enumerate().filter(|(j, _)| !drive.stuck[*j]);
+        let under_friction = parts.filter(|(_, wheel)| wheel.coulomb_friction_n_m > 0.0);
+        let sliding = under_friction.map(|(j, _)| Sliding {
+            part: j,
+            sense: drive.sliding[j],
+            from: from.speed_rad_s[j],
+            to: to.speed_rad_s[j],
+        });
+        Sliding::first_to_stop(sliding, h_s)
     }
 
     fn speed(&self, state: &State, wheel: usize) -> f64 {
