@@ -5,6 +5,7 @@
 //! shell's door, which refuses most of them: the cores must not depend on it.
 
 mod generator;
+mod readers;
 
 use std::time::Duration;
 
