@@ -133,16 +133,21 @@ pub fn parameters(platforms: &[&str], experiment: &str, layers: &[&str]) -> Para
 
 /// Runs a simulation to its end, at most for `longest_s`.
 pub fn simulate(tree: &ParameterTree, seed: u64, longest_s: f64) -> Run {
-    record(tree, seed, longest_s, false)
+    record(tree, seed, longest_s, false, Timestamp(0))
+}
+
+/// The same, from another time on.
+pub fn simulate_from(start: Timestamp, tree: &ParameterTree, seed: u64, longest_s: f64) -> Run {
+    record(tree, seed, longest_s, false, start)
 }
 
 /// The same, with a journal of every step of every node.
 pub fn simulate_with_journal(tree: &ParameterTree, seed: u64, longest_s: f64) -> Run {
-    record(tree, seed, longest_s, true)
+    record(tree, seed, longest_s, true, Timestamp(0))
 }
 
-fn record(tree: &ParameterTree, seed: u64, longest_s: f64, with_journal: bool) -> Run {
-    let mut set = NodeSet::build(tree, seed, Timestamp(0)).unwrap_or_else(|error| panic!("{error}"));
+fn record(tree: &ParameterTree, seed: u64, longest_s: f64, with_journal: bool, start: Timestamp) -> Run {
+    let mut set = NodeSet::build(tree, seed, start).unwrap_or_else(|error| panic!("{error}"));
     let run_so_far = Run {
         effective_parameters: set.effective_parameters.clone(),
         platforms: set.platforms.clone(),

@@ -45,9 +45,16 @@ impl Sub<Duration> for Timestamp {
     }
 }
 
+/// `builtin_interfaces/Time` has 32 bits for the seconds, which end on 2038-01-19. They are taken to wrap around: what would be
+/// more than 2^30 s before 1970 (before 1935) is 2^32 s later, up to 2072.
+const FIRST_S: i64 = -(1 << 30);
+const WRAP_S: i64 = 1 << 32;
+
 impl From<Time> for Timestamp {
     fn from(time: Time) -> Self {
-        Self(i64::from(time.sec) * 1_000_000_000 + i64::from(time.nanosec))
+        let sec = i64::from(time.sec);
+        let sec = if sec < FIRST_S { sec + WRAP_S } else { sec };
+        Self(sec * 1_000_000_000 + i64::from(time.nanosec))
     }
 }
 
@@ -55,8 +62,9 @@ impl From<Timestamp> for Time {
     fn from(stamp: Timestamp) -> Self {
         // `builtin_interfaces/Time` counts whole seconds towards minus infinity, so that
         // `nanosec` is never negative; `sec` is 32 bits wide by definition of the message.
+        let sec = stamp.0.div_euclid(1_000_000_000).clamp(FIRST_S, FIRST_S + WRAP_S - 1);
         Self {
-            sec: i32::try_from(stamp.0.div_euclid(1_000_000_000)).unwrap_or(i32::MAX),
+            sec: i32::try_from(sec).or_else(|_| i32::try_from(sec - WRAP_S)).unwrap_or(i32::MAX),
             nanosec: stamp.0.rem_euclid(1_000_000_000) as u32,
         }
     }
@@ -78,5 +86,18 @@ mod tests {
             assert_eq!(Timestamp::from(Time::from(Timestamp(ns))), Timestamp(ns));
         }
         assert_eq!(Time::from(Timestamp(-1)), Time { sec: -1, nanosec: 999_999_999 });
+    }
+
+    #[test]
+    fn message_time_goes_on_after_2038() {
+        // 2038-01-19T03:14:07Z is the last second of 31 bits; 2072-01-01T00:00:00Z is 3_218_832_000 (date -u +%s).
+        for s in [i64::from(i32::MAX), 1 << 31, (1 << 31) + 1, 3_218_832_000] {
+            let stamp = Timestamp(s * 1_000_000_000 + 5);
+            assert_eq!(Timestamp::from(Time::from(stamp)), stamp, "{s}");
+        }
+        assert_eq!(Time::from(Timestamp((1 << 31) * 1_000_000_000)).sec, i32::MIN);
+        // Beyond, it stands still.
+        let end = Timestamp(FIRST_S * 1_000_000_000 + WRAP_S * 1_000_000_000 - 1);
+        assert_eq!(Timestamp::from(Time::from(Timestamp(i64::MAX))).0 / 1_000_000_000, end.0 / 1_000_000_000);
     }
 }

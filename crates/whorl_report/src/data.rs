@@ -294,6 +294,6 @@ fn seconds(ns: i64) -> f64 {
 
 /// `None` for the zero stamp of a message that derives from no measurement.
 fn stamp_s(stamp: whorl_msgs::builtin_interfaces::Time, first_ns: i64) -> Option<f64> {
-    let ns = i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec);
+    let ns = whorl_node::Timestamp::from(stamp).0;
     (ns != 0).then(|| seconds(ns - first_ns))
 }

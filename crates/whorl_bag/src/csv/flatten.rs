@@ -1,7 +1,9 @@
 //! A message as one row of numbers and texts, by its `.msg` definition.
 
+use whorl_msgs::builtin_interfaces::Time;
 use whorl_msgs::cdr::CdrError;
 use whorl_msgs::definitions::{self, Definition};
+use whorl_node::Timestamp;
 
 /// A value in a message that is no message itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -203,10 +205,10 @@ impl Element {
             Self::F64 => number!(f64, Double, f64),
             Self::Text => Leaf::Text(cursor.text()?),
             Self::Time => {
-                let seconds = cursor.number(i32::from_le_bytes, i32::from_be_bytes)?;
-                let nanoseconds = cursor.number(u32::from_le_bytes, u32::from_be_bytes)?;
+                let sec = cursor.number(i32::from_le_bytes, i32::from_be_bytes)?;
+                let nanosec = cursor.number(u32::from_le_bytes, u32::from_be_bytes)?;
                 // Whole nanoseconds: a double would round present-day times to a quarter of a microsecond.
-                Leaf::Signed(i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds))
+                Leaf::Signed(Timestamp::from(Time { sec, nanosec }).0)
             }
             Self::Message(layout) => return layout.walk(cursor, path, visitor),
         };
