@@ -22,7 +22,9 @@ mod tests;
 mod write;
 
 pub use component::Component;
-pub use csv::{ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv};
+pub use csv::{
+    ExportedCsv, ImportedCsv, column_names, export_csv, platform_parts, read_csv, read_csv_beginning,
+};
 pub use error::RecordingError;
 pub use memory::{Circumstances, JetPulses, Samples, recording_of};
 pub use model::{KnownPlatform, load_effects, read_model};
@@ -30,4 +32,4 @@ pub use read::{ReadOptions, read_run, read_run_with};
 pub use recording::{Mounting, OnInterval, Recording, TrueMotion, VectorChannel};
 pub use series::{ChannelSeries, Series};
 pub use whorl_bag::{Channel, ChannelInfo, Form};
-pub use write::{RunOrigin, write_run};
+pub use write::{RunOrigin, write_long_csv, write_run};

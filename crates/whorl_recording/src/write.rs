@@ -1,19 +1,22 @@
 //! A recording as a run directory.
 
+use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
-use whorl_bag::{BagOptions, Channel, Form, RawSample, RunDescription, RunWriter, blank, extra};
+use whorl_bag::{BagOptions, Channel, CsvMap, Form, RawSample, RunDescription, RunWriter, blank, extra};
 use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::ThrusterState;
 use whorl_msgs::{Message, PlatformId, Route, Topic};
 use whorl_node::Timestamp;
 
+use crate::csv::{ImportedCsv, lines_again};
 use crate::error::RecordingError;
 use crate::model::KnownPlatform;
 use crate::notes::{CLOSED_LOOP_NOTE, MOUNTING_NOTE, START_NOTE};
-use crate::recording::{Mounting, Recording};
+use crate::recording::{Mounting, Recording, VectorChannel};
 use crate::series::{ChannelSeries, nanoseconds as ns};
 
 /// How a recording came about, for the manifest.
@@ -40,6 +43,58 @@ pub fn write_run(
     origin: &RunOrigin,
     out: &Path,
 ) -> Result<PathBuf, RecordingError> {
+    let writer = started(recording, known, origin, out)?;
+    let wheels = names_of_wheels(known);
+    finish(write_streams(writer, recording, streams(recording, &wheels))?, origin)
+}
+
+/// Writes a CSV file as a run directory, whose beginning was read: line by line, however long it is.
+///
+/// # Errors
+/// As [`write_run`], and when the file cannot be read again.
+pub fn write_long_csv(
+    csv: &Path,
+    map: &CsvMap,
+    imported: &ImportedCsv,
+    known: &KnownPlatform,
+    origin: &RunOrigin,
+    out: &Path,
+) -> Result<PathBuf, RecordingError> {
+    let recording = &imported.recording;
+    let failed = Cell::new(None);
+    let lines = lines_again(csv, map, imported, &failed)?;
+    let writer = started(recording, known, origin, out)?;
+    let wheels = names_of_wheels(known);
+    let mut streams = references(recording);
+    let mut messages = Messages::new(recording, &wheels);
+    let of_lines = lines.flat_map(move |(at, samples)| {
+        // Of each topic the channels that it carries, in the order of the channels.
+        let mut topics: Vec<(String, Samples)> = Vec::new();
+        for (channel, sensor, numbers) in samples {
+            let name = channel.topic_name(sensor);
+            match topics.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, shared)) => shared.push((channel, numbers)),
+                None => topics.push((name, vec![(channel, numbers)])),
+            }
+        }
+        topics.into_iter().filter_map(|(name, samples)| messages.make(&name, at, samples)).collect::<Vec<_>>()
+    });
+    let of_lines: Box<dyn Iterator<Item = Timed> + '_> = Box::new(of_lines);
+    streams.push(of_lines.peekable());
+    streams.extend(valve_stream(recording));
+    let writer = write_streams(writer, recording, streams)?;
+    match failed.take() {
+        Some(error) => Err(error.into()),
+        None => finish(writer, origin),
+    }
+}
+
+fn started(
+    recording: &Recording,
+    known: &KnownPlatform,
+    origin: &RunOrigin,
+    out: &Path,
+) -> Result<RunWriter, RecordingError> {
     let mut notes = origin.notes.clone();
     let mounting = match recording.mounting {
         Mounting::OnBearing => "on_bearing",
@@ -60,8 +115,19 @@ pub fn write_run(
     for file in &known.files {
         writer.add_parameter_file(file)?;
     }
-    let wheels: Vec<String> = known.model.wheels().iter().map(|wheel| wheel.name.clone()).collect();
-    let mut streams = streams(recording, &wheels);
+    Ok(writer)
+}
+
+fn names_of_wheels(known: &KnownPlatform) -> Vec<String> {
+    known.model.wheels().iter().map(|wheel| wheel.name.clone()).collect()
+}
+
+/// Writes every message of the streams in order of time, and closes the run; its directory.
+fn write_streams(
+    mut writer: RunWriter,
+    recording: &Recording,
+    mut streams: Vec<Stream<'_>>,
+) -> Result<RunWriter, RecordingError> {
     let mut encoded = Vec::new();
     while let Some((at, name, message)) = next(&mut streams) {
         let log_time = Timestamp(at);
@@ -79,6 +145,10 @@ pub fn write_run(
             }
         }
     }
+    Ok(writer)
+}
+
+fn finish(writer: RunWriter, origin: &RunOrigin) -> Result<PathBuf, RecordingError> {
     let path = writer.path().to_owned();
     writer.finish(origin.start_utc)?;
     Ok(path)
@@ -101,18 +171,77 @@ fn next(streams: &mut [Stream<'_>]) -> Option<Timed> {
     streams.get_mut(earliest)?.next()
 }
 
-fn streams<'a>(recording: &'a Recording, wheels: &'a [String]) -> Vec<Stream<'a>> {
-    let frame = format!("{}/base_link", recording.platform);
-    let header = move |at: i64| Header { stamp: Timestamp(at).into(), frame_id: frame.clone() };
-    let in_world = |at: i64| Header { stamp: Timestamp(at).into(), frame_id: "world".to_owned() };
-    let mut out: Vec<Stream<'a>> = Vec::new();
-    let mut add = |stream: Box<dyn Iterator<Item = Timed> + 'a>| out.push(stream.peekable());
-    for (sensor, channel) in recording.vectors.iter().enumerate() {
+fn header(recording: &Recording, at: i64) -> Header {
+    Header { stamp: Timestamp(at).into(), frame_id: format!("{}/base_link", recording.platform) }
+}
+
+fn header_in_world(at: i64) -> Header {
+    Header { stamp: Timestamp(at).into(), frame_id: "world".to_owned() }
+}
+
+/// What each vector sensor sees in the world, once.
+fn references<'a>(recording: &Recording) -> Vec<Stream<'a>> {
+    let of = |(sensor, channel): (usize, &VectorChannel)| {
         let first = channel.direction_b.time_s.first().map_or(0, |t| ns(*t));
         let vector = channel.reference_world.into_inner().into();
-        let reference = Vector3Stamped { header: in_world(first), vector };
-        add(Box::new(std::iter::once((first, extra::vector_reference(sensor), reference.into()))));
+        let reference = Vector3Stamped { header: header_in_world(first), vector };
+        let message: Timed = (first, extra::vector_reference(sensor), reference.into());
+        let stream: Box<dyn Iterator<Item = Timed> + 'a> = Box::new(std::iter::once(message));
+        stream.peekable()
+    };
+    recording.vectors.iter().enumerate().map(of).collect()
+}
+
+/// Of jets, if there are any.
+fn valve_stream(recording: &Recording) -> Option<Stream<'_>> {
+    let stream: Box<dyn Iterator<Item = Timed> + '_> =
+        Box::new(valves(recording, |at| header(recording, at)));
+    (!recording.jet_pulses.is_empty()).then(|| stream.peekable())
+}
+
+/// Makes messages of samples, and counts those of each topic.
+struct Messages<'a> {
+    recording: &'a Recording,
+    wheels: &'a [String],
+    counts: BTreeMap<String, u64>,
+}
+
+impl<'a> Messages<'a> {
+    fn new(recording: &'a Recording, wheels: &'a [String]) -> Self {
+        Self { recording, wheels, counts: BTreeMap::new() }
     }
+
+    /// What a topic's channels have at one time.
+    fn make(&mut self, name: &str, at: i64, samples: Samples) -> Option<Timed> {
+        let is_truth = name == Topic::TruthState.info().name;
+        let header = if is_truth { header_in_world(at) } else { header(self.recording, at) };
+        let (first, _) = samples.first()?;
+        let count = match self.counts.get_mut(name) {
+            Some(count) => count,
+            None => self.counts.entry(name.to_owned()).or_default(),
+        };
+        let mut message = blank(first.message_type(), header, *count);
+        *count += 1;
+        if let (Message::JointState(state), Form::Wheels { .. }) = (&mut message, first.info().form) {
+            state.name = self.wheels.to_vec();
+        }
+        for (channel, mut numbers) in samples {
+            if channel == Channel::Gyro {
+                // Not measured is not zero.
+                for (x, missing) in numbers.iter_mut().zip(self.recording.no_gyro_axis) {
+                    if missing {
+                        *x = f64::NAN;
+                    }
+                }
+            }
+            channel.info().carrier.write(&numbers, &mut message);
+        }
+        Some((at, name.to_owned(), message))
+    }
+}
+
+fn streams<'a>(recording: &'a Recording, wheels: &'a [String]) -> Vec<Stream<'a>> {
+    let mut out = references(recording);
     let mut topics: Vec<(String, Shared<'a>)> = Vec::new();
     for (channel, sensor, series) in recording.sampled() {
         let name = channel.topic_name(sensor);
@@ -122,33 +251,12 @@ fn streams<'a>(recording: &'a Recording, wheels: &'a [String]) -> Vec<Stream<'a>
         }
     }
     for (name, shared) in topics {
-        let is_truth = name == Topic::TruthState.info().name;
-        let header = header.clone();
-        let messages = (0..).zip(merged(shared)).filter_map(move |(sequence, (at, samples))| {
-            let header = if is_truth { in_world(at) } else { header(at) };
-            let (first, _) = samples.first()?;
-            let mut message = blank(first.message_type(), header, sequence);
-            if let (Message::JointState(state), Form::Wheels { .. }) = (&mut message, first.info().form) {
-                state.name = wheels.to_vec();
-            }
-            for (channel, mut numbers) in samples {
-                if channel == Channel::Gyro {
-                    // Not measured is not zero.
-                    for (x, missing) in numbers.iter_mut().zip(recording.no_gyro_axis) {
-                        if missing {
-                            *x = f64::NAN;
-                        }
-                    }
-                }
-                channel.info().carrier.write(&numbers, &mut message);
-            }
-            Some((at, name.clone(), message))
-        });
-        add(Box::new(messages));
+        let mut messages = Messages::new(recording, wheels);
+        let made = merged(shared).filter_map(move |(at, samples)| messages.make(&name, at, samples));
+        let made: Box<dyn Iterator<Item = Timed> + 'a> = Box::new(made);
+        out.push(made.peekable());
     }
-    if !recording.jet_pulses.is_empty() {
-        add(Box::new(valves(recording, header)));
-    }
+    out.extend(valve_stream(recording));
     out
 }
 

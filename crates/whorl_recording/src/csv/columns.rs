@@ -1,6 +1,6 @@
 //! The numbers of one channel of a file, without an allocation for each line.
 
-use crate::recording::{is_whole, missing_axes};
+use crate::recording::is_whole;
 
 /// Times and numbers, of the same number of numbers in every line.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -27,10 +27,10 @@ impl Columns {
         self.time_ns.len()
     }
 
-    /// Which of the three axes no line has, and without the lines that lack any other.
-    pub fn take_out_missing_axes(&mut self) -> [bool; 3] {
+    /// Without the lines that lack an axis that is not `missing` everywhere. Returns the missing ones, of a sensor that
+    /// has any.
+    pub fn take_out_missing_axes(&mut self, missing: [bool; 3]) -> [bool; 3] {
         let width = self.width.max(1);
-        let missing = missing_axes(self.numbers.chunks(width));
         let mut kept = 0;
         for line in 0..self.time_ns.len() {
             let here = line * width..(line + 1) * width;
@@ -61,12 +61,12 @@ mod tests {
         columns.push(1, &[1.0, f64::NAN, 3.0]);
         columns.push(2, &[f64::NAN, f64::NAN, 4.0]);
         columns.push(3, &[5.0, f64::NAN, 6.0]);
-        assert_eq!(columns.take_out_missing_axes(), [false, true, false]);
+        assert_eq!(columns.take_out_missing_axes([false, true, false]), [false, true, false]);
         let lines: Vec<(i64, &[f64])> = columns.lines().collect();
         assert_eq!(lines, [(1, [1.0, 0.0, 3.0].as_slice()), (3, &[5.0, 0.0, 6.0])]);
 
         let mut none = Columns::default();
         none.push(1, &[f64::NAN; 3]);
-        assert_eq!((none.take_out_missing_axes(), none.len()), ([false; 3], 0));
+        assert_eq!((none.take_out_missing_axes([true; 3]), none.len()), ([false; 3], 0));
     }
 }

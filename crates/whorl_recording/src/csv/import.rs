@@ -1,5 +1,6 @@
 //! A CSV file as a recording.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -11,7 +12,7 @@ use whorl_bag::{
 use super::columns::Columns;
 use crate::RecordingError;
 use crate::model::KnownPlatform;
-use crate::recording::{Mounting, OnInterval, Recording, VectorChannel};
+use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, is_whole};
 use crate::series::{Series, seconds};
 
 /// More pulse slots than this indicate an error in the time column.
@@ -20,14 +21,20 @@ const MOST_SLOTS: i64 = 10_000_000;
 /// A CSV file, read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportedCsv {
-    /// What was measured.
+    /// What was measured; of a file that was read by [`read_csv_beginning`], in its first lines.
     pub recording: Recording,
     /// Lines with numbers.
     pub rows: u64,
+    /// From the first of them to the last \[s\].
+    pub duration_s: f64,
+    /// Whether the recording has what all of them say.
+    pub is_whole: bool,
     /// Channels of the map and how many samples each has.
     pub channels: Vec<(&'static str, usize)>,
     /// Columns of the file that the map does not name.
     pub ignored: Vec<String>,
+    /// Time of the file that is the recording's zero \[ns\].
+    pub(crate) start_ns: i64,
 }
 
 /// Names of the platform's wheels and jets, for [`CsvMap::load_for`].
@@ -45,7 +52,21 @@ pub fn platform_parts(known: &KnownPlatform) -> PlatformParts {
 /// # Errors
 /// What is wrong with it, with file, line and column.
 pub fn read_csv(csv: &Path, map: &CsvMap, known: &KnownPlatform) -> Result<ImportedCsv, RecordingError> {
-    let mut gathered = Gathered::new(map);
+    read_csv_beginning(csv, map, known, u64::MAX)
+}
+
+/// Reads and checks a CSV file of one platform, and keeps the samples of its first lines, for a file that is longer than the
+/// memory. Pulses of jets are kept, and everything is counted, to its end.
+///
+/// # Errors
+/// As [`read_csv`].
+pub fn read_csv_beginning(
+    csv: &Path,
+    map: &CsvMap,
+    known: &KnownPlatform,
+    kept_lines: u64,
+) -> Result<ImportedCsv, RecordingError> {
+    let mut gathered = Gathered { kept_lines, lines: Lines::new(map), ..Gathered::default() };
     let mut rows = CsvRows::open(csv, map)?;
     while let Some(row) = rows.next_row()? {
         gathered.add(row);
@@ -61,63 +82,92 @@ pub fn read_csv(csv: &Path, map: &CsvMap, known: &KnownPlatform) -> Result<Impor
             length_s: seconds(gathered.last_ns - gathered.start_ns()),
         });
     }
-    if !gathered.samples.keys().any(|channel| channel.info().is_motion) {
+    if !gathered.samples.keys().any(|(channel, _)| channel.info().is_motion) {
         return Err(RecordingError::NothingInCsv { path: csv.to_owned(), rows: gathered.rows });
     }
-    gathered.finish(csv, map, known, rows.unread_columns())
+    let imported = gathered.finish(csv, map, known, rows.unread_columns())?;
+    if !imported.is_whole && imported.recording.vectors.len() < map.vectors.len() {
+        // A vector sensor that begins late: which ones there are must be known before the first message is written.
+        return read_csv(csv, map, known);
+    }
+    Ok(imported)
 }
 
-/// Values with the time of their row \[ns\].
-type Samples<T> = Vec<(i64, T)>;
+/// Numbers of a channel and sensor.
+type Sample = (Channel, usize, Vec<f64>);
+
+/// What lines say, one after the other.
+#[derive(Debug, Default)]
+struct Lines {
+    given_start_ns: Option<i64>,
+    repeats: Vec<bool>,
+    last_vectors: Vec<Option<Unit<Vector3<f64>>>>,
+}
+
+impl Lines {
+    fn new(map: &CsvMap) -> Self {
+        Self {
+            given_start_ns: map.time.start_ns,
+            repeats: map.vectors.iter().map(|vector| vector.repeats).collect(),
+            last_vectors: vec![None; map.vectors.len()],
+        }
+    }
+
+    /// The samples of a line; `None` before the start that the map gives.
+    fn samples(&mut self, row: &mut CsvRow) -> Option<Vec<Sample>> {
+        if self.given_start_ns.is_some_and(|start| row.time_ns < start) {
+            return None;
+        }
+        let attitude = row.q_world_body.map(|q| (Channel::TrueAttitude, vec![q.w, q.i, q.j, q.k]));
+        let numbers = std::mem::take(&mut row.numbers).into_iter().chain(attitude);
+        let mut samples: Vec<Sample> = numbers.map(|(channel, numbers)| (channel, 0, numbers)).collect();
+        for (sensor, vector) in row.vectors_b.iter().enumerate() {
+            if let (Some(vector), Some(last)) = (*vector, self.last_vectors.get_mut(sensor))
+                && (last.replace(vector) != Some(vector) || self.repeats.get(sensor) == Some(&true))
+            {
+                samples.push((Channel::Vector, sensor, vector.as_slice().to_vec()));
+            }
+        }
+        Some(samples)
+    }
+}
 
 #[derive(Default)]
 struct Gathered {
-    given_start_ns: Option<i64>,
+    lines: Lines,
+    /// Lines whose samples are kept.
+    kept_lines: u64,
     first_ns: Option<i64>,
     last_ns: i64,
     rows: u64,
-    /// Of the channels that are samples of numbers; those without a sample are not in it.
-    samples: BTreeMap<Channel, Columns>,
-    vectors: Vec<Samples<Vector3<f64>>>,
-    last_vectors: Vec<Option<Unit<Vector3<f64>>>>,
-    repeats: Vec<bool>,
+    /// Of each channel and sensor; those without a sample are not in it.
+    samples: BTreeMap<(Channel, usize), Columns>,
+    counts: BTreeMap<Channel, usize>,
+    /// Axes of the gyro that have a number in some line.
+    gyro_axes: [bool; 3],
     jets: Vec<JetCommand>,
 }
 
 impl Gathered {
-    fn new(map: &CsvMap) -> Self {
-        let sensors = map.vectors.len();
-        Self {
-            given_start_ns: map.time.start_ns,
-            vectors: vec![Vec::new(); sensors],
-            last_vectors: vec![None; sensors],
-            repeats: map.vectors.iter().map(|vector| vector.repeats).collect(),
-            ..Self::default()
-        }
-    }
-
     fn start_ns(&self) -> i64 {
-        self.given_start_ns.or(self.first_ns).unwrap_or(0)
+        self.lines.given_start_ns.or(self.first_ns).unwrap_or(0)
     }
 
-    fn add(&mut self, row: CsvRow) {
+    fn add(&mut self, mut row: CsvRow) {
         let at = row.time_ns;
-        if self.given_start_ns.is_some_and(|start| at < start) {
-            return;
-        }
+        let Some(samples) = self.lines.samples(&mut row) else { return };
         self.first_ns.get_or_insert(at);
         self.last_ns = at;
         self.rows += 1;
-        let attitude = row.q_world_body.map(|q| (Channel::TrueAttitude, vec![q.w, q.i, q.j, q.k]));
-        for (channel, numbers) in row.numbers.into_iter().chain(attitude) {
-            self.samples.entry(channel).or_default().push(at, &numbers);
-        }
-        for (sensor, vector) in row.vectors_b.into_iter().enumerate() {
-            let slots = (self.vectors.get_mut(sensor), self.last_vectors.get_mut(sensor));
-            if let (Some(vector), (Some(samples), Some(last))) = (vector, slots)
-                && (last.replace(vector) != Some(vector) || self.repeats.get(sensor) == Some(&true))
-            {
-                samples.push((at, vector.into_inner()));
+        for (channel, sensor, numbers) in samples {
+            *self.counts.entry(channel).or_default() += 1;
+            if channel == Channel::Gyro {
+                for (seen, x) in self.gyro_axes.iter_mut().zip(&numbers) {
+                    *seen |= x.is_finite();
+                }
+            }
+            if self.rows <= self.kept_lines {
+                self.samples.entry((channel, sensor)).or_default().push(at, &numbers);
             }
         }
         self.jets.extend(row.jets);
@@ -144,7 +194,9 @@ impl Gathered {
         });
         let mut remarks = Vec::new();
         let mut vectors = Vec::new();
-        for (index, (samples, sensor)) in self.vectors.into_iter().zip(&map.vectors).enumerate() {
+        let mut all = self.samples;
+        for (index, sensor) in map.vectors.iter().enumerate() {
+            let samples = all.remove(&(Channel::Vector, index)).unwrap_or_default();
             let parameter = known.model.sensors.vector.filter(|_| index == 0);
             let reference_world = match (sensor.reference_world, parameter) {
                 (Some(given), _) => given,
@@ -164,20 +216,18 @@ impl Gathered {
                     return Err(RecordingError::NoReferenceWorld { path: csv.to_owned(), sensor: index + 1 });
                 }
             };
-            if !samples.is_empty() {
-                let direction_b: Series<Vector3<f64>> =
-                    samples.into_iter().map(|(at, direction)| (seconds_at(at), direction)).collect();
+            if samples.len() > 0 {
+                let direction = |(at, v): (i64, &[f64])| (seconds_at(at), Vector3::from_column_slice(v));
+                let direction_b: Series<Vector3<f64>> = samples.lines().map(direction).collect();
                 vectors.push(VectorChannel { reference_world, direction_b });
             }
         }
         let mut channels: Vec<(&'static str, usize)> = Vec::new();
         for channel in Channel::ALL.iter().filter(|channel| map.has(**channel)) {
             let (name, samples) = match channel.info().form {
-                Form::Directions => {
-                    ("vector sensors", vectors.iter().map(|vector| vector.direction_b.len()).sum())
-                }
+                Form::Directions => ("vector sensors", self.counts.get(channel).copied().unwrap_or(0)),
                 Form::Pulses => (channel.info().key, self.jets.len()),
-                _ => (channel.info().key, self.samples.get(channel).map_or(0, Columns::len)),
+                _ => (channel.info().key, self.counts.get(channel).copied().unwrap_or(0)),
             };
             channels.push((name, samples));
             if samples == 0 {
@@ -193,9 +243,11 @@ impl Gathered {
             (false, true) => Vec::new(),
             (false, false) => jet_pulses,
         };
-        let mut all = self.samples;
-        let no_gyro_axis =
-            all.get_mut(&Channel::Gyro).map(Columns::take_out_missing_axes).unwrap_or_default();
+        let missing = self.gyro_axes.map(|seen| !seen);
+        let no_gyro_axis = all
+            .get_mut(&(Channel::Gyro, 0))
+            .map(|gyro| gyro.take_out_missing_axes(missing))
+            .unwrap_or_default();
         let held = map.clamped || !known.model.freedom.turns();
         let mut recording = Recording {
             name: csv.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -208,13 +260,48 @@ impl Gathered {
             remarks,
             ..Recording::default()
         };
-        for (channel, samples) in all {
-            if let Some(series) = recording.series_mut(channel, 0) {
+        for ((channel, sensor), samples) in all {
+            if let Some(series) = recording.series_mut(channel, sensor) {
                 series.fill(&mut samples.lines().map(|(at, numbers)| (seconds_at(at), numbers.to_vec())));
             }
         }
         let suspicions = recording.suspicions(Some(&known.model));
         recording.remarks.extend(suspicions);
-        Ok(ImportedCsv { recording, rows: self.rows, channels, ignored })
+        Ok(ImportedCsv {
+            recording,
+            rows: self.rows,
+            duration_s: seconds(self.last_ns - self.first_ns.unwrap_or(0)),
+            is_whole: self.rows <= self.kept_lines,
+            channels,
+            ignored,
+            start_ns: start,
+        })
     }
+}
+
+/// The samples of all lines of a file that was read before, in order of time \[ns\] since the recording's zero. It ends at the
+/// first error, which the caller finds in `failed`.
+pub(crate) fn lines_again<'a>(
+    csv: &Path,
+    map: &CsvMap,
+    imported: &'a ImportedCsv,
+    failed: &'a Cell<Option<CsvError>>,
+) -> Result<impl Iterator<Item = (i64, Vec<Sample>)> + use<'a>, CsvError> {
+    let (mut rows, mut lines) = (CsvRows::open(csv, map)?, Lines::new(map));
+    let missing = imported.recording.no_gyro_axis;
+    Ok(std::iter::from_fn(move || {
+        loop {
+            let mut row = match rows.next_row() {
+                Ok(row) => row?,
+                Err(error) => {
+                    failed.set(Some(error));
+                    return None;
+                }
+            };
+            let Some(mut samples) = lines.samples(&mut row) else { continue };
+            samples
+                .retain_mut(|(channel, _, numbers)| *channel != Channel::Gyro || is_whole(numbers, missing));
+            return Some((row.time_ns - imported.start_ns, samples));
+        }
+    }))
 }

@@ -10,11 +10,36 @@ use whorl_node::Timestamp;
 /// As the driver's gate.
 const LONGEST_VALIDITY_NS: i64 = 100_000_000;
 
-/// A command and when it reached the driver.
+/// A command and when it reached the driver: what decides what wheels and jets do.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sent {
     pub at_ns: i64,
-    pub command: ActuatorCommand,
+    stamp: Timestamp,
+    valid_until: Timestamp,
+    sequence: u64,
+    wheel_torque_n_m: Vec<f64>,
+    jet_slot: u64,
+    jet_slot_length_s: f64,
+    jets: usize,
+    /// Empty where none fires, as in most commands.
+    jet_on_time_s: Vec<f64>,
+}
+
+impl Sent {
+    pub fn new(at_ns: i64, command: &ActuatorCommand) -> Self {
+        let fires = command.jet_on_time_s.iter().any(|t| *t != 0.0);
+        Self {
+            at_ns,
+            stamp: command.header.stamp.into(),
+            valid_until: command.valid_until.into(),
+            sequence: command.sequence,
+            wheel_torque_n_m: command.wheel_torque_n_m.clone(),
+            jet_slot: command.jet_slot,
+            jet_slot_length_s: command.jet_slot_length_s,
+            jets: command.jet_on_time_s.len(),
+            jet_on_time_s: if fires { command.jet_on_time_s.clone() } else { Vec::new() },
+        }
+    }
 }
 
 /// A pulse, switched on and off.
@@ -55,19 +80,19 @@ struct Latest {
 pub(super) fn apply(sent: &[Sent], limits: &Limits) -> Applied {
     let mut applied = Applied::default();
     let Some(first) = sent.first() else { return applied };
-    let (wheels, jets) = (first.command.wheel_torque_n_m.len(), first.command.jet_on_time_s.len());
+    let (wheels, jets) = (first.wheel_torque_n_m.len(), first.jets);
     applied.pulses = vec![Vec::new(); jets];
     let mut latest: Option<Latest> = None;
-    for Sent { at_ns, command } in sent {
-        let at_ns = *at_ns;
+    for command in sent {
+        let at_ns = command.at_ns;
         if let Some(before) = latest.as_ref().filter(|before| before.ends_ns <= at_ns) {
             applied.all_off(before.ends_ns, wheels);
         }
-        let stamp = Timestamp::from(command.header.stamp);
-        let ends_ns = Timestamp::from(command.valid_until).0.min(at_ns.saturating_add(LONGEST_VALIDITY_NS));
+        let stamp = command.stamp;
+        let ends_ns = command.valid_until.0.min(at_ns.saturating_add(LONGEST_VALIDITY_NS));
         let numbers = command.wheel_torque_n_m.iter().chain(&command.jet_on_time_s);
         let obeyed = command.wheel_torque_n_m.len() == wheels
-            && command.jet_on_time_s.len() == jets
+            && command.jets == jets
             && numbers.copied().all(f64::is_finite)
             && command.jet_on_time_s.iter().all(|t| *t >= 0.0)
             && command.jet_slot_length_s > 0.0
@@ -113,10 +138,11 @@ impl Applied {
     fn all_off(&mut self, at_ns: i64, wheels: usize) {
         self.wheel_torque_n_m.push((at_ns, vec![0.0; wheels]));
         for pulses in &mut self.pulses {
+            // The others ended before the last began.
             if let Some(last) = pulses.last_mut() {
                 last.off_ns = last.off_ns.min(at_ns);
             }
-            pulses.retain(|pulse| pulse.off_ns > pulse.on_ns);
+            pulses.pop_if(|pulse| pulse.off_ns <= pulse.on_ns);
         }
     }
 }

@@ -6,11 +6,12 @@ use nalgebra::Vector3;
 use whorl_bag::{Carrier, Channel, Form, RecordedMessage};
 use whorl_msgs::Message;
 use whorl_msgs::sensor_msgs::JointState;
-use whorl_msgs::whorl::{ControlStatus, ThrusterState};
+use whorl_msgs::whorl::ControlStatus;
 use whorl_node::Timestamp;
 
 use super::commands::Sent;
 use super::roles::Role;
+use super::valves::{self, Valves};
 
 /// Clocks that differ by more are two clocks, and not one and a delay \[ns\].
 const OTHER_CLOCK_NS: i64 = 10_000_000_000;
@@ -27,7 +28,7 @@ pub(super) struct Gathered {
     pub references: Vec<Option<Vector3<f64>>>,
     /// Torques that the wheels' drives say were in force.
     pub wheel_effort: Samples<Vec<f64>>,
-    pub thrusters: Samples<ThrusterState>,
+    pub thrusters: Samples<Valves>,
     pub commands: Vec<Sent>,
     /// Whether any controller said that it was controlling; `None`: none said anything.
     pub controlled: Option<bool>,
@@ -48,6 +49,8 @@ pub(super) struct Gathered {
     /// Whether efforts are measured and say nothing of commands.
     pub efforts_are_measured: bool,
     pub clocks: Option<Clocks>,
+    /// The earliest stamp of what was forgotten.
+    pub earliest_ns: Option<i64>,
 }
 
 /// How stamps and log times go together.
@@ -81,7 +84,9 @@ impl Gathered {
         self.motion_messages += usize::from(roles.iter().any(|role| role.is_measured_motion()));
         for role in roles {
             match (*role, message) {
-                (Role::Measured(_, _), Message::ThrusterState(m)) => self.thrusters.push((at, m.clone())),
+                (Role::Measured(_, _), Message::ThrusterState(m)) => {
+                    valves::push(&mut self.thrusters, at, Valves::of(m));
+                }
                 (Role::Measured(channel, _), Message::JointState(m)) if is_of_wheels(channel) => {
                     self.wheels(channel, at, m);
                 }
@@ -99,7 +104,7 @@ impl Gathered {
                 (Role::ActuatorCommand, Message::ActuatorCommand(command)) => {
                     // It takes effect when it arrives; its stamp is that of the estimate behind it.
                     let arrived_ns = if clocks == Clocks::Two { stamp_ns } else { log_ns };
-                    self.commands.push(Sent { at_ns: arrived_ns, command: command.clone() });
+                    self.commands.push(Sent::new(arrived_ns, command));
                 }
                 (Role::ControlStatus, Message::ControlStatus(m)) => {
                     let active = matches!(
@@ -156,12 +161,21 @@ impl Gathered {
         }
     }
 
+    /// Keeps of the samples so far only how early they were.
+    pub fn forget(&mut self) {
+        self.earliest_ns = self.first_stamp().map(|stamp| stamp.0);
+        self.samples.clear();
+        self.wheel_effort.clear();
+        self.thrusters.clear();
+        self.commands.clear();
+    }
+
     /// The earliest stamp of all.
     pub fn first_stamp(&self) -> Option<Timestamp> {
         let samples = self.samples.values().flatten().map(|sample| sample.0);
         let effort = self.wheel_effort.iter().map(|sample| sample.0);
         let valves = self.thrusters.iter().map(|sample| sample.0);
-        samples.chain(effort).chain(valves).min().map(Timestamp)
+        samples.chain(effort).chain(valves).chain(self.earliest_ns).min().map(Timestamp)
     }
 
     /// Whether log times are of the clock of the stamps.

@@ -24,6 +24,9 @@ use gather::Gathered;
 use roles::{Role, whorl_roles};
 use topic_map::TopicMap;
 
+/// Messages of motion after which those of platforms that are not asked for are forgotten, but for their first stamp.
+const FORGOTTEN_EVERY: usize = 1000;
+
 /// How a run is to be read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadOptions<'a> {
@@ -84,6 +87,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
                 if let Some((platform, roles)) = roles.get(&message.topic.name) {
                     let gathered = gathered.entry(platform).or_insert_with(|| started(map.as_ref()));
                     gathered.add(roles, &message);
+                    if !platforms.contains(platform) && gathered.motion_messages % FORGOTTEN_EVERY == 0 {
+                        gathered.forget();
+                    }
                 }
             }
             // The reader goes on behind a damaged part.

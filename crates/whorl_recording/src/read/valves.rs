@@ -12,11 +12,48 @@ use super::commands::{PulseNs, add};
 /// On-times below this are rounding \[ns\].
 const TOLERANCE_NS: i64 = 1_000;
 
+/// What a message says of all valves.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Valves {
+    open: Vec<bool>,
+    on_time_s: Vec<f64>,
+    total_on_time_s: Vec<f64>,
+}
+
+impl Valves {
+    pub fn of(state: &ThrusterState) -> Self {
+        Self {
+            open: state.valve_open.clone(),
+            on_time_s: state.on_time_s.clone(),
+            total_on_time_s: state.total_on_time_s.clone(),
+        }
+    }
+
+    fn is_quiet(&self) -> bool {
+        !self.open.contains(&true) && self.on_time_s.iter().all(|t| *t == 0.0)
+    }
+}
+
+/// Adds a message. Of a time in which nothing happens the first and the last are enough: a run is mostly such time.
+pub(super) fn push(states: &mut Vec<(i64, Valves)>, at_ns: i64, valves: Valves) {
+    if let [.., (first_ns, first), (last_ns, last)] = states.as_mut_slice()
+        && *first_ns < *last_ns
+        && *last_ns < at_ns
+        && valves.is_quiet()
+        && *first == valves
+        && *last == valves
+    {
+        *last_ns = at_ns;
+    } else {
+        states.push((at_ns, valves));
+    }
+}
+
 /// Pulses of each jet from the driver's messages in order of time; `commanded` places pulses that lie between
 /// two messages.
-pub(super) fn pulses(states: &[(i64, ThrusterState)], commanded: &[Vec<PulseNs>]) -> Vec<Vec<PulseNs>> {
+pub(super) fn pulses(states: &[(i64, Valves)], commanded: &[Vec<PulseNs>]) -> Vec<Vec<PulseNs>> {
     let Some((_, first)) = states.first() else { return Vec::new() };
-    (0..first.valve_open.len())
+    (0..first.open.len())
         .map(|jet| {
             let commanded = commanded.get(jet).map_or(&[][..], Vec::as_slice);
             jet_pulses(states, jet, commanded)
@@ -32,11 +69,11 @@ struct Valve {
     total_s: Option<f64>,
 }
 
-fn jet_pulses(states: &[(i64, ThrusterState)], jet: usize, commanded: &[PulseNs]) -> Vec<PulseNs> {
+fn jet_pulses(states: &[(i64, Valves)], jet: usize, commanded: &[PulseNs]) -> Vec<PulseNs> {
     let mut pulses = Vec::new();
     let mut before: Option<Valve> = None;
     for (at_ns, state) in states {
-        let Some(&open) = state.valve_open.get(jet) else { continue };
+        let Some(&open) = state.open.get(jet) else { continue };
         let total_s = state.total_on_time_s.get(jet).copied().filter(|t| t.is_finite());
         let since_s = state.on_time_s.get(jet).copied().filter(|t| t.is_finite());
         let now = Valve { at_ns: *at_ns, open, total_s };
@@ -63,7 +100,10 @@ fn between(pulses: &mut Vec<PulseNs>, before: Valve, now: Valve, on_ns: i64, com
     let (start, end) = (before.at_ns, now.at_ns);
     let on_ns = on_ns.min(end - start);
     // Where a command opened the valve in between.
-    let opened = || commanded.iter().map(|pulse| pulse.on_ns).find(|on| (start..end).contains(on));
+    let opened = || {
+        let next = commanded.partition_point(|pulse| pulse.on_ns < start);
+        commanded.get(next).map(|pulse| pulse.on_ns).filter(|on| *on < end)
+    };
     // Messages may be closer than rounding: what a valve was at both, or since or until one of them, it was.
     match (before.open, now.open) {
         (false, true) => add(pulses, PulseNs { on_ns: end - on_ns, off_ns: end }),
@@ -96,8 +136,32 @@ mod tests {
             let total_on_time_s = vec![total_ns as f64 * 1e-9];
             (at_ns, ThrusterState { valve_open: vec![open], total_on_time_s, ..ThrusterState::default() })
         };
-        let states: Vec<_> = messages.iter().map(state).collect();
+        let mut states = Vec::new();
+        for (at_ns, state) in messages.iter().map(state) {
+            push(&mut states, at_ns, Valves::of(&state));
+        }
         pulses(&states, &[]).remove(0).iter().map(|pulse| (pulse.on_ns, pulse.off_ns)).collect()
+    }
+
+    #[test]
+    fn of_quiet_time_the_ends_are_kept() {
+        let total_ns = |k: i64| if k < 100 { 0 } else { 3_000_000 };
+        // A pulse of 3 ms that ended 2 ms before message 100, and one that is open at message 200.
+        let mut messages: Vec<_> = (0..300).map(|k| (k * 10_000_000, false, total_ns(k))).collect();
+        messages[200] = (2_000_000_000, true, 4_000_000);
+        messages[201..].iter_mut().for_each(|message| message.2 = 5_000_000);
+        let mut states = Vec::new();
+        for &(at_ns, open, total) in &messages {
+            let total_on_time_s = vec![total as f64 * 1e-9];
+            let state = ThrusterState { valve_open: vec![open], total_on_time_s, ..ThrusterState::default() };
+            push(&mut states, at_ns, Valves::of(&state));
+        }
+        let kept: Vec<i64> = states.iter().map(|(at_ns, _)| at_ns / 10_000_000).collect();
+        assert_eq!(kept, [0, 99, 100, 199, 200, 201, 299]);
+        let commanded = vec![vec![PulseNs { on_ns: 995_000_000, off_ns: 998_000_000 }]];
+        let pulses = pulses(&states, &commanded).remove(0);
+        let pulses: Vec<(i64, i64)> = pulses.iter().map(|p| (p.on_ns, p.off_ns)).collect();
+        assert_eq!(pulses, [(995_000_000, 998_000_000), (1_999_000_000, 2_001_000_000)]);
     }
 
     #[test]

@@ -7,8 +7,8 @@ use whorl_bag::{Channel, CsvMap};
 
 use super::whorl_1;
 use crate::{
-    ImportedCsv, Mounting, RecordingError, RunOrigin, export_csv, platform_parts, read_csv, read_run,
-    write_run,
+    ImportedCsv, Mounting, RecordingError, RunOrigin, export_csv, platform_parts, read_csv,
+    read_csv_beginning, read_run, write_long_csv, write_run,
 };
 
 struct Files {
@@ -101,6 +101,36 @@ fn every_channel_arrives_in_si_units_and_body_axes() {
     assert!((r.tank_pressure_pa.value[2] - 2e7).abs() < 1e-6);
     assert!((r.temperature_k.value[0] - 293.15).abs() < 1e-12);
     assert_eq!(r.truth.as_ref().unwrap().q_world_body.len(), 30);
+}
+
+/// A file of which only the beginning fits into memory becomes the same run.
+#[test]
+fn a_long_file_is_written_line_by_line() {
+    let files = Files::new();
+    let gyro_without_x = MAP.replace("[gy, -gx, gz]", "[~, -gx, gz]");
+    for map in [MAP, &gyro_without_x] {
+        // A line without gyro and accelerometer among them, and one that lacks an axis.
+        let csv = lines().replace("5150,90,180,15,0,0,-1000", "5150,,,,,,").replace("5160,90,", "5160,,");
+        let whole = files.import(map, &csv).unwrap();
+        let path = files.directory.path().join("a.csv");
+        let known = whorl_1();
+        let map =
+            CsvMap::load_for(&files.directory.path().join("map.yaml"), &platform_parts(&known)).unwrap();
+        let beginning = read_csv_beginning(&path, &map, &known, 7).unwrap();
+        assert!(whole.is_whole && !beginning.is_whole);
+        assert_eq!((beginning.rows, beginning.recording.gyro_b_rad_s.len()), (30, 7));
+        assert_eq!((beginning.duration_s, &beginning.channels), (0.29, &whole.channels));
+        assert_eq!(beginning.recording.jet_pulses, whole.recording.jet_pulses);
+        let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let [one, other] = folders.each_ref().map(|folder| folder.path().join("run"));
+        let origin = RunOrigin::default();
+        write_run(&whole.recording, &known, &origin, &one).unwrap();
+        write_long_csv(&path, &map, &beginning, &known, &origin, &other).unwrap();
+        let read = |path| read_run(path, None).unwrap().remove(0);
+        assert_eq!(read(&one), read(&other));
+        let count = |path| whorl_bag::BagReader::open(path).unwrap().message_count();
+        assert_eq!(count(&one.join("bag")), count(&other.join("bag")));
+    }
 }
 
 #[test]

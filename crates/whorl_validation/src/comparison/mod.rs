@@ -82,6 +82,8 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
     let floors = NoiseFloors::of(recording, gyrostat.model(), &shortest);
     let channels = channels::channels(recording, gyrostat.model(), &horizons, &predictions, &floors);
     let overlays = channels::overlays(recording, gyrostat.model(), &horizons, &predictions);
+    // As large as the recording, each of them.
+    drop((predictions, shortest));
     let (absolute, residuals) =
         absolute::test(recording, gyrostat.model(), &simulator, &start, &floors, &commands).unzip();
     let residuals = residuals.unwrap_or_default();
