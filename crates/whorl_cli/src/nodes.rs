@@ -8,7 +8,7 @@ use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor, become_no
 use whorl_node::{Node, Place};
 
 use crate::run::{
-    Folders, Interrupted, Names, exit_code, names, say, stop, this_domain, use_emulators, watch,
+    Folders, Interrupted, Names, Scheduling, exit_code, names, say, stop, this_domain, use_emulators, watch,
 };
 
 #[derive(Debug, Subcommand)]
@@ -41,6 +41,8 @@ pub struct Platform {
     /// Seed of the simulated hardware.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    scheduling: Scheduling,
     #[command(flatten)]
     parameters: Parameters,
 }
@@ -99,7 +101,8 @@ pub fn run(command: &Command) -> ExitCode {
 }
 
 fn platform(arguments: &Platform) -> anyhow::Result<u8> {
-    let Platform { platform, backend, source, channels, seed, parameters } = arguments;
+    let Platform { platform, backend, source, channels, seed, scheduling, parameters } = arguments;
+    let real_time = scheduling.real_time()?;
     let mut options = parameters.folders.options(&parameters.experiment);
     options.platforms = Some(vec![platform.clone()]);
     options.seed = *seed;
@@ -119,7 +122,7 @@ fn platform(arguments: &Platform) -> anyhow::Result<u8> {
     let _lease = domain.share(platform)?;
     let interrupted = Interrupted::new()?;
     domain.remember_supervisor(platform);
-    let mut supervisor = Supervisor::new(domain.clone());
+    let mut supervisor = Supervisor::new(domain.clone()).with_real_time(real_time);
     for process in setup.platform(platform) {
         supervisor.start(&programs, process, &domain.logs())?;
     }

@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Args;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use whorl_launch::{Backend, Domain, DriverSource, Ended, Programs, Setup, SetupOptions, Supervisor};
+use whorl_launch::{
+    Backend, Domain, DriverSource, Ended, Programs, RealTime, Setup, SetupOptions, Supervisor,
+};
 use whorl_ros::environment::Network;
 
 use crate::output::JsonArgument;
@@ -63,9 +65,30 @@ pub struct Arguments {
     #[arg(long)]
     secure: bool,
     #[command(flatten)]
+    scheduling: Scheduling,
+    #[command(flatten)]
     json: JsonArgument,
     #[command(flatten)]
     folders: Folders,
+}
+
+/// How the operating system is to treat the nodes.
+#[derive(Debug, Args)]
+pub struct Scheduling {
+    /// Real-time priority (SCHED_FIFO) and memory kept in RAM for drivers, estimators, local controls and the coordinator:
+    /// for a computer that other programs load as well. `whorl doctor` says whether this user may.
+    #[arg(long)]
+    realtime: bool,
+    /// Processors for these nodes, e.g. 2,3 [default: all].
+    #[arg(long, value_name = "N,N", value_delimiter = ',', requires = "realtime")]
+    cpus: Vec<usize>,
+}
+
+impl Scheduling {
+    /// What was asked for, if the operating system allows it.
+    pub fn real_time(&self) -> anyhow::Result<Option<RealTime>> {
+        Ok(self.realtime.then(|| RealTime::on(self.cpus.clone())).transpose()?)
+    }
 }
 
 /// Where parameters are.
@@ -77,6 +100,25 @@ pub struct Folders {
     /// Folder of params/ and runs/; the run records its git commit.
     #[arg(long, value_name = "DIR", default_value = ".")]
     root: PathBuf,
+}
+
+/// What commands about one platform are told besides its name.
+#[derive(Debug, Args)]
+pub struct AboutPlatform {
+    /// Experiment whose platforms it is one of: a name in params/experiments/, or a file.
+    #[arg(long, value_name = "NAME|FILE", default_value = "hold")]
+    experiment: String,
+    #[command(flatten)]
+    pub json: JsonArgument,
+    #[command(flatten)]
+    pub folders: Folders,
+}
+
+impl AboutPlatform {
+    /// The experiment and its files.
+    pub fn options(&self) -> SetupOptions {
+        self.folders.options(&self.experiment)
+    }
 }
 
 impl Folders {
@@ -152,13 +194,15 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
     for process in setup.everything(Path::new(""), None) {
         programs.path(process.node)?;
     }
+    let real_time = arguments.scheduling.real_time()?;
     let _lease = domain.take()?;
     let environment = if arguments.secure { security::environment(&setup.platforms)? } else { Vec::new() };
     let interrupted = Interrupted::new()?;
     let run = folders.new_run(arguments.out.as_deref(), &setup)?;
     domain.remember_supervisor(EXPERIMENT);
 
-    let mut supervisor = Supervisor::new(domain.clone()).with_environment(environment.clone());
+    let mut supervisor =
+        Supervisor::new(domain.clone()).with_environment(environment.clone()).with_real_time(real_time);
     let mut started = Ok(());
     for process in setup.everything(&run, git_commit(&folders.root).as_deref()) {
         if started.is_ok() && !interrupted.yes() {

@@ -58,6 +58,26 @@ pub enum LaunchError {
         /// What uses it.
         by: String,
     },
+    /// This user may not have real-time priority.
+    #[error(
+        "real-time priority is refused ({0}): write `@dialout - rtprio 80` into /etc/security/limits.d/whorl.conf and log \
+         in again as a member of that group, or start without --realtime"
+    )]
+    RealTime(std::io::Error),
+    /// This user may not keep memory from being moved to disk.
+    #[error(
+        "memory may not be kept in RAM, which --realtime needs: write `@dialout - memlock unlimited` into \
+         /etc/security/limits.d/whorl.conf and log in again as a member of that group, or start without --realtime"
+    )]
+    MemoryLock,
+    /// Processors that are not there, or not for this user.
+    #[error("--cpus {}: {source}; /proc/cpuinfo lists the processors of this computer", listed(cpus))]
+    Processors {
+        /// Their numbers.
+        cpus: Vec<usize>,
+        /// Why not.
+        source: std::io::Error,
+    },
     /// The operating system refuses.
     #[error("{what} {}: {source}", path.display())]
     Io {
@@ -88,4 +108,8 @@ fn among(known: &[String]) -> String {
         [] => "there are no others: start it in the folder that holds params/experiments".to_owned(),
         known => format!("not one of {}", known.join(" ")),
     }
+}
+
+fn listed(cpus: &[usize]) -> String {
+    cpus.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
 }

@@ -10,6 +10,7 @@
 mod domain;
 mod error;
 mod process;
+mod realtime;
 mod setup;
 mod step;
 mod supervisor;
@@ -19,6 +20,7 @@ mod tests;
 pub use domain::{Domain, Lease};
 pub use error::LaunchError;
 pub use process::{Process, Programs};
+pub use realtime::RealTime;
 pub use setup::{Backend, DriverSource, Setup, SetupOptions, find_experiment};
 pub use step::run_to_end;
 pub use supervisor::{Ended, Stopped, Supervisor, become_node};

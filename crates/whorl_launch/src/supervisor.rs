@@ -13,6 +13,7 @@ use whorl_node::Node;
 use crate::domain::Domain;
 use crate::error::LaunchError;
 use crate::process::{Process, Programs};
+use crate::realtime::RealTime;
 
 /// Nodes get a higher priority than other programs if the machine allows it: as root, or with a limit on nice in
 /// /etc/security/limits.conf.
@@ -37,6 +38,7 @@ pub struct Supervisor {
     domain: Domain,
     restarts: Vec<(String, Instant)>,
     environment: Vec<(String, String)>,
+    real_time: Option<RealTime>,
 }
 
 #[derive(Debug)]
@@ -93,13 +95,20 @@ impl Supervisor {
     /// Nothing runs yet.
     #[must_use]
     pub fn new(domain: Domain) -> Self {
-        Self { children: Vec::new(), domain, restarts: Vec::new(), environment: Vec::new() }
+        Self { children: Vec::new(), domain, restarts: Vec::new(), environment: Vec::new(), real_time: None }
     }
 
     /// With these variables in the environment of every process that it starts.
     #[must_use]
     pub fn with_environment(mut self, environment: Vec<(String, String)>) -> Self {
         self.environment = environment;
+        self
+    }
+
+    /// With real-time priority for those of its processes that a control loop goes through.
+    #[must_use]
+    pub fn with_real_time(mut self, real_time: Option<RealTime>) -> Self {
+        self.real_time = real_time;
         self
     }
 
@@ -113,7 +122,8 @@ impl Supervisor {
         let log = logs.join(format!("{label}.log"));
         let file = File::create(&log).map_err(LaunchError::io("cannot create", &log))?;
         let program = programs.path(node)?;
-        let child = spawn(&program, &arguments, &self.environment, file, &log)?;
+        let command = command(&program, &arguments, &self.environment, file, &log)?;
+        let child = spawn(command, self.real_time.as_ref(), node, &program)?;
         self.domain.remember(&label, child.id());
         let running = Running { label, node, program, arguments, child, log, ended: false, asked: false };
         self.children.push(running);
@@ -145,7 +155,8 @@ impl Supervisor {
             .open(&running.log)
             .or_else(|_| File::options().write(true).open("/dev/null"))
             .map_err(LaunchError::io("cannot write to", &running.log))?;
-        running.child = spawn(&running.program, &running.arguments, &self.environment, file, &running.log)?;
+        let command = command(&running.program, &running.arguments, &self.environment, file, &running.log)?;
+        running.child = spawn(command, self.real_time.as_ref(), running.node, &running.program)?;
         running.ended = false;
         self.domain.remember(label, running.child.id());
         Ok(true)
@@ -193,19 +204,32 @@ impl Drop for Supervisor {
     }
 }
 
-fn spawn(
+fn command(
     program: &Path,
     arguments: &[OsString],
     environment: &[(String, String)],
     log: File,
     log_path: &Path,
-) -> Result<Child, LaunchError> {
+) -> Result<Command, LaunchError> {
     let errors = log.try_clone().map_err(LaunchError::io("cannot write to", log_path))?;
     let mut command = Command::new(program);
     command.args(arguments).envs(environment.iter().cloned()).stdin(Stdio::null()).stdout(log).stderr(errors);
     // Ctrl-C goes to the terminal's process group, which holds only the supervisor: it ends the nodes in order.
     command.process_group(0);
-    ahead(|| command.spawn()).map_err(LaunchError::io("cannot start", program))
+    Ok(command)
+}
+
+fn spawn(
+    mut command: Command,
+    real_time: Option<&RealTime>,
+    node: Node,
+    program: &Path,
+) -> Result<Child, LaunchError> {
+    let child = match (real_time, RealTime::priority(node)) {
+        (Some(real_time), Some(priority)) => real_time.spawn(priority, &mut command),
+        _ => ahead(|| command.spawn()),
+    };
+    child.map_err(LaunchError::io("cannot start", program))
 }
 
 /// `run_directory:=RUN` becomes `run_directory:=RUN_part2`, then `RUN_part3`.

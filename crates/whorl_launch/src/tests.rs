@@ -288,3 +288,52 @@ fn stopping_a_domain_ends_nodes_of_other_supervisors_and_no_other_program() {
     assert_eq!(domain.stop(), 0);
     assert!(!folder.path().join("state").exists());
 }
+
+#[test]
+fn real_time_is_for_the_control_loop_alone_and_from_its_first_instruction_on() {
+    let refused = RealTime::on(vec![100_000]).unwrap_err().to_string();
+    assert!(refused.contains("--cpus 100000") || refused.contains("limits.d"), "{refused}");
+    let real_time = match RealTime::on(vec![0]) {
+        Ok(real_time) => real_time,
+        Err(error) => {
+            eprintln!("SKIPPED real-time priority: {error}");
+            return;
+        }
+    };
+    let folder = tempfile::tempdir().unwrap();
+    // What the kernel says of the shell, and of a program that it starts.
+    let text = "sed -n 1p /proc/$$/stat; echo $WHORL_LOCK_MEMORY; grep Cpus_allowed_list /proc/self/status; exec sleep 60";
+    let programs = programs(folder.path(), text);
+    let mut supervisor = Supervisor::new(Domain::at(1, folder.path().join("state"), folder.path()))
+        .with_real_time(Some(real_time));
+    let logs = folder.path().join("logs");
+    for node in [Node::Recorder, Node::Driver] {
+        let process = Process { label: node.name().to_owned(), node, arguments: Vec::new() };
+        supervisor.start(&programs, process, &logs).unwrap();
+    }
+    let log = |name: &str| std::fs::read_to_string(logs.join(format!("{name}.log"))).unwrap_or_default();
+    wait_for("both", || log("driver").contains("Cpus") && log("recorder").contains("Cpus"));
+    // proc(5): fields 40 and 41 are the real-time priority and the policy, 1 SCHED_FIFO; the name may hold blanks.
+    let scheduling = |name: &str| {
+        let log = log(name);
+        let fields: Vec<u32> = log
+            .lines()
+            .next()
+            .unwrap()
+            .rsplit(") ")
+            .next()
+            .unwrap()
+            .split(' ')
+            .skip(37)
+            .take(2)
+            .map(|field| field.parse().unwrap())
+            .collect();
+        (fields[0], fields[1])
+    };
+    assert_eq!((scheduling("driver"), scheduling("recorder")), ((49, 1), (0, 0)));
+    assert_eq!(log("driver").lines().skip(1).collect::<Vec<_>>(), ["1", "Cpus_allowed_list:\t0"]);
+    assert_eq!(log("recorder").lines().nth(1), Some(""));
+    // This process is what it was.
+    let own = std::fs::read_to_string("/proc/self/stat").unwrap();
+    assert_eq!(own.rsplit(") ").next().unwrap().split(' ').nth(38), Some("0"));
+}

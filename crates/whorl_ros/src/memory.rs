@@ -4,12 +4,26 @@
 //! about a gigabyte a second, until the machine has none left and the kernel ends whatever it likes. With a limit, the
 //! process that was hit ends at once, and is started again by whoever supervises it.
 
+use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 /// What a node may allocate beyond what it holds when it begins to run [MiB]. Nodes grow by a few.
 const HEADROOM_MIB: u64 = 256;
 /// Sets another headroom [MiB]; 0: no limit.
 const VARIABLE: &str = "WHORL_MEMORY_HEADROOM_MIB";
+
+/// Set to 1 by `--realtime`: memory stays in RAM.
+const LOCK: &str = "WHORL_LOCK_MEMORY";
+
+/// Keeps the memory of this process in RAM, where that is asked for: a page that has to be read from disk is late by
+/// milliseconds. What is reserved and never used takes none.
+pub fn lock_memory() {
+    if std::env::var(LOCK).is_ok_and(|wanted| wanted == "1")
+        && let Err(error) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT)
+    {
+        tracing::warn!("memory is not kept in RAM: {error}");
+    }
+}
 
 /// Limits the memory of this process to what it holds now and some headroom. Without `/proc`, or when the operating system
 /// refuses, nothing is limited, and the log says so.

@@ -91,6 +91,7 @@ impl<C: Configurable> Runner<C> {
     /// Runs until the core has finished or a signal comes.
     pub(crate) fn run(mut self) -> Result<(), RosError> {
         // After everything that a node loads at the start, recordings among it.
+        memory::lock_memory();
         memory::limit_memory();
         let network = if self.connection.is_localhost() {
             "this machine only (ROS_AUTOMATIC_DISCOVERY_RANGE is not SUBNET)"
