@@ -63,8 +63,8 @@ pub fn yaml(data: &[u8]) {
     let _ = read_model(&file, None);
     if let Ok(effect) = read_effect(&file) {
         let text = effect_yaml(effect.definition(), "");
-        let again =
-            read_effect(&folder.file("again.yaml", text.as_bytes())).expect("what was written can be read");
+        let again = read_effect(&folder.file("again/file.yaml", text.as_bytes()))
+            .expect("what was written can be read");
         assert_eq!(again.definition(), effect.definition(), "an effect changes when it is written");
     }
     if let Ok(map) = CsvMap::load_for(&file, &whorl_recording::platform_parts(&platform())) {
