@@ -87,7 +87,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
                 if let Some((platform, roles)) = roles.get(&message.topic.name) {
                     let gathered = gathered.entry(platform).or_insert_with(|| started(map.as_ref()));
                     gathered.add(roles, &message);
-                    if !platforms.contains(platform) && gathered.motion_messages % FORGOTTEN_EVERY == 0 {
+                    if !platforms.contains(platform)
+                        && gathered.motion_messages.is_multiple_of(FORGOTTEN_EVERY)
+                    {
                         gathered.forget();
                     }
                 }
