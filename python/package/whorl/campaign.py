@@ -100,10 +100,10 @@ class Campaign:
                     if show is not None:
                         show(done / len(missing), f"{done} of {len(missing)} {self._native.noun()}")
             return self.write_tables()
-        except (CancelledError, distributed.CancelledError, distributed.comm.CommClosedError) as error:
+        except (CancelledError, distributed.CancelledError, distributed.comm.CommClosedError):
             left = len(self.missing)
             raise WhorlError(
-                f"the Dask scheduler was lost ({error}); {len(missing) - left} of {len(missing)} {self._native.noun()} are done and kept, "
+                f"the Dask scheduler was lost; {len(missing) - left} of {len(missing)} {self._native.noun()} are done and kept, "
                 "and the same call computes the others"
             ) from None
         finally:
@@ -129,7 +129,7 @@ def connected(scheduler: str, *, timeout_s: float = 10.0) -> Iterator[Any]:
     """A client of the Dask scheduler at an address, e.g. `tcp://scheduler:8786`; WhorlError where it does not answer."""
     distributed = _distributed()
     try:
-        client = distributed.Client(scheduler, timeout=timeout_s, set_as_default=False)
+        client = distributed.Client(scheduler, timeout=timeout_s)
     except (OSError, ValueError) as error:
         raise WhorlError(f"no Dask scheduler answers at {scheduler}: {error}") from None
     try:
