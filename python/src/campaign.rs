@@ -41,8 +41,10 @@ impl Campaign {
     }
 
     /// Runs that have no row yet.
-    fn missing(&self) -> Vec<u64> {
-        (0..self.plan.len()).filter(|index| !self.folder.has(*index)).collect()
+    fn missing(&self) -> PyResult<Vec<u64>> {
+        // What others have done since is not missing.
+        self.folder.done().map_err(error)?;
+        Ok((0..self.plan.len()).filter(|index| !self.folder.has(*index)).collect())
     }
 
     /// Takes charge of the folder, until the object is released or gone.
@@ -71,12 +73,15 @@ impl Campaign {
     /// and what came of them.
     fn write_tables(&self) -> PyResult<Written> {
         let t = self.plan.write_tables(&self.folder).map_err(error)?;
-        Ok((t.csv, t.parquet, t.further, t.page, t.rows, t.said))
+        // As texts: Python's paths do not keep the two slashes of an address.
+        let text = |path: &PathBuf| path.display().to_string();
+        let further = t.further.iter().map(text).collect();
+        Ok((text(&t.csv), text(&t.parquet), further, t.page.as_ref().map(text), t.rows, t.said))
     }
 }
 
 /// CSV, folder of Parquet files, further folders, page, number of rows, sentences.
-type Written = (PathBuf, PathBuf, Vec<PathBuf>, Option<PathBuf>, usize, Vec<String>);
+type Written = (String, String, Vec<String>, Option<String>, usize, Vec<String>);
 
 /// A folder in the charge of this process.
 #[pyclass(frozen, module = "whorl._native")]

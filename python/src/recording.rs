@@ -1,6 +1,6 @@
 //! Recordings as arrays.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use whorl_bag::Channel;
 use whorl_commands::runs::{RunSources, is_csv, refuse_contradictions};
 use whorl_commands::tables::write_recording;
+use whorl_objects::local;
 use whorl_recording::{
     Circumstances, Mounting, OnInterval, ReadOptions, RecordingError, Samples, Series, platform_parts,
     read_run_with, recording_of,
@@ -44,19 +45,19 @@ impl Recording {
     ) -> PyResult<Self> {
         let known = platform.map(|platform| Arc::clone(&platform.get().0));
         let source = path.clone();
-        let read = py.detach(move || match known {
+        let read_here = |path: &Path| match known {
             Some(known) => {
-                let sources = RunSources { runs: vec![path.clone()], channels, ..RunSources::default() };
-                sources.recording(&path, &known)
+                let sources = RunSources { runs: vec![path.to_owned()], channels, ..RunSources::default() };
+                sources.recording(path, &known)
             }
-            None if is_csv(&path) => anyhow::bail!(
+            None if is_csv(path) => anyhow::bail!(
                 "{}: a CSV file holds no parameters: name the platform's file, e.g. model=\"params/whorl_1.yaml\"",
                 path.display()
             ),
             None => {
                 let options =
                     ReadOptions { platform: name.as_deref(), channels: channels.as_deref(), model: None };
-                let mut all = read_run_with(&path, &options)?;
+                let mut all = read_run_with(path, &options)?;
                 match all.len() {
                     1 => Ok(all.remove(0)),
                     _ => {
@@ -70,6 +71,10 @@ impl Recording {
                     }
                 }
             }
+        };
+        let read = py.detach(move || {
+            let here = local(&path)?;
+            read_here(here.path()).map_err(|error| anyhow::Error::msg(here.told(&format!("{error:#}"))))
         });
         Ok(Self { inner: Arc::new(read.map_err(error)?), source: Some(source) })
     }

@@ -4,6 +4,9 @@ import csv
 import json
 import os
 import signal
+import socket
+import subprocess
+import sys
 
 import duckdb
 import numpy as np
@@ -12,6 +15,7 @@ import pyarrow.dataset
 import pyarrow.parquet
 import pytest
 import whorl
+from whorl.campaign import connected
 
 
 def test_channels_of_many_runs_are_one_table(program, run, params, tmp_path):
@@ -134,6 +138,47 @@ def test_dask_gives_the_table_of_the_program(program, params, tmp_path):
     assert tables.csv.read_bytes() == (tmp_path / "threads/summary.csv").read_bytes()
     assert tables.sql("SELECT count(*), min(delay_s) FROM runs").fetchall() == [(12, 0.001)]
     assert tables.to_polars()["seed"].to_list() == [1, 2, 3, 4] * 3
+
+
+def test_the_program_distributes_with_dask_and_says_when_the_scheduler_is_lost(program, params, tmp_path, monkeypatch):
+    """A scheduler and two workers as processes of their own, given by address."""
+    pytest.importorskip("dask.distributed")
+    monkeypatch.setenv("WHORL_PYTHON", sys.executable)
+    campaign = small(tmp_path)
+    given = ["campaign", campaign, "--params", params]
+    program(*given, "--out", tmp_path / "threads")
+    out = [*given, "--out", tmp_path / "dask", "--engine", "dask"]
+    assert "--scheduler" in program(*out, ok=False).stderr
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    said = program(*out, "--scheduler", address, ok=False).stderr
+    assert f"no Dask scheduler answers at {address}" in said, said
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", address.rsplit(":", 1)[1]]
+    started = [subprocess.Popen([*dask, "--dashboard-address", "127.0.0.1:0"], **quiet)]
+    try:
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+        started += [subprocess.Popen([*worker, "--local-directory", str(tmp_path)], **quiet) for _ in range(2)]
+        said = program(*out, "--scheduler", address).stdout
+        assert "12 runs on the cluster" in said and "12 of 12 runs are done" in said, said
+        assert (tmp_path / "dask/summary.csv").read_bytes() == (tmp_path / "threads/summary.csv").read_bytes()
+
+        # Killed while it works: what is done is kept, and the same call goes on.
+        other = whorl.Campaign(campaign, tmp_path / "lost", params=params)
+        with connected(address) as client:
+            with pytest.raises(whorl.WhorlError, match="the Dask scheduler was lost.* of 12 runs are done and kept"):
+                other.run_with(client, progress=lambda share, doing: started[0].kill())
+        assert len(other.missing) < 12
+        for index in other.missing:
+            other.run(index)
+        assert other.write_tables().csv.read_bytes() == (tmp_path / "threads/summary.csv").read_bytes()
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
+    monkeypatch.setenv("WHORL_PYTHON", "/no/such/python")
+    assert "cannot start `/no/such/python`" in program(*given, "--out", tmp_path / "x", "--engine", "dask", "--scheduler", address, ok=False).stderr
 
 
 def test_parts_give_the_table_of_the_program_and_wrong_ones_are_refused(program, params, tmp_path):

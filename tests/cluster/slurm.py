@@ -3,8 +3,8 @@
 
     slurm.py WHORL
 
-The submitter is killed, then the daemon of a node: nothing is lost, and the table is that of threads, to the byte. Needs
-slurmctld, slurmd, slurm-client and munge (Debian) and root; exit status 3 where they are missing or do not start.
+The submitter is killed, then the daemon of a node: nothing is lost, and the table is that of threads, to the byte. The same for
+questions to recordings, one of which cannot be read. Needs slurmctld, slurmd, slurm-client and munge (Debian) and root; exit status 3 where they are missing or do not start.
 """
 
 import os
@@ -28,6 +28,13 @@ CAMPAIGN = """
     sweep:
       delay_s: {key: "/simulation:link.delay_s", values: [0.001, 0.05, 0.1]}
 """
+
+
+# Each task and the tables that it has: files beneath the campaign's folder.
+RECORDINGS = {
+    "compare": ["summary.csv", "table/rows.parquet", "channels/rows.parquet"],
+    "diagnose": ["summary.csv", "table/rows.parquet", "candidates/rows.parquet"],
+}
 
 
 def free_ports(count):
@@ -127,6 +134,42 @@ def wait(condition, seconds, what):
         time.sleep(0.1)
 
 
+def record(whorl, folder):
+    """Recordings for campaigns over these: two short runs, one with a friction that the model lacks, and one that is torn."""
+    friction = "/whorl_1/driver:truth.effects.bearing_viscous_friction.c_n_m_s:="
+    for name, value in (("first", 0.3), ("second", 0.0)):
+        command = [whorl, "simulate", "--experiment", ROOT / "params/experiments/swing.yaml", "--out", folder / "runs" / name]
+        command += ["--no-report", "--longest", "12", "-p", f"{friction}{value}"]
+        subprocess.run(command, check=True, capture_output=True)
+    (folder / "runs/torn").mkdir()
+    (folder / "runs/torn/manifest.yaml").write_text("state: recording\n")
+
+
+def over_recordings(whorl, folder, cluster):
+    """Each question to all recordings by threads, then by Slurm, whose submitter is killed at once: the same tables, to the byte."""
+    for task, tables in RECORDINGS.items():
+        begun = time.monotonic()
+        campaign = folder / f"{task}.yaml"
+        campaign.write_text(f"/campaign:\n  ros__parameters:\n    recordings: ['runs/*']\n    task: {task}\n    platforms: [whorl_1]\n")
+        command = [whorl, "campaign", campaign, "--out"]
+        subprocess.run([*command, folder / f"{task} threads"], check=True, stdout=subprocess.DEVNULL)
+        slurm = [*command, folder / f"{task} cluster", "--engine", "slurm", "--tasks", "3"]
+        submitter = subprocess.Popen(slurm, env=cluster.environment, stdout=subprocess.PIPE, text=True)
+        said = submitter.stdout.readline()
+        assert "3 of 3 parts" in said, said
+        submitter.send_signal(signal.SIGKILL)
+        submitter.wait()
+        done = subprocess.run(slurm, env=cluster.environment, capture_output=True, text=True, timeout=240, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "3 of 3 recordings are done" in done.stdout and "runs/torn" in done.stdout, done.stdout
+        for table in tables:
+            here, there = (folder / f"{task} {engine}" / table for engine in ("threads", "cluster"))
+            assert here.read_bytes() == there.read_bytes(), f"{task}: {table} is not that of threads"
+        rows = (folder / f"{task} cluster/summary.csv").read_text().splitlines()
+        assert len(rows) == 4 and "failed" in rows[3] and "done" in rows[1], rows
+        print(f"{task} over recordings: {time.monotonic() - begun:.1f} s; the same tables")
+
+
 def main():
     whorl = pathlib.Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory(prefix="whorl-slurm-") as name:
@@ -195,6 +238,9 @@ def main():
             )
             assert refused.returncode == 1 and "sbatch: " in refused.stderr and "partition" in refused.stderr
             print("refused:", refused.stderr.strip().splitlines()[0])
+
+            record(whorl, folder)
+            over_recordings(whorl, folder, cluster)
         finally:
             cluster.end()
     return 0

@@ -105,7 +105,7 @@ impl Plan {
     /// # Errors
     /// The file system's, or a row that cannot be read.
     pub fn rows(&self, folder: &Folder) -> io::Result<Vec<Row>> {
-        folder.rows(self.runs, |text| parse_row(text, self.definition.axes.len()))
+        folder.rows(self.runs, |_, text| parse_row(text, self.definition.axes.len()))
     }
 
     /// Whether every combination can begin: the first run of each is checked, or of as many as can be checked in

@@ -3,16 +3,19 @@
 //! The list of recordings is kept in the campaign's folder, so that all who work on it mean the same by a number. Recordings
 //! that match later are appended; none is ever taken out.
 
-use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use tempfile::TempDir;
 use whorl_bag::RunDirectory;
+use whorl_objects::{Place, is_remote};
 use whorl_params::Reader;
 
-use crate::work::{Folder, store_whole, store_whole_once};
+use crate::work::Folder;
 
+/// Name of a run's manifest.
+const MANIFEST: &str = "manifest.yaml";
 /// Name of the list in the campaign's folder.
 const LIST: &str = "recordings.json";
 
@@ -80,7 +83,7 @@ pub fn read(r: &mut Reader<'_>) -> RecordingsDefinition {
     let recordings = r.string_array(
         "recordings",
         "in place of experiments: patterns of run directories, rosbag2 directories, .mcap and CSV files; * and ? within a name, ** for \
-         folders; relative to the campaign's file",
+         folders; relative to the campaign's file, or s3://BUCKET/PREFIX in object storage",
     );
     if recordings.is_empty() && r.has("recordings") {
         r.reject("recordings", "the list is empty; allowed: at least one pattern");
@@ -154,16 +157,23 @@ impl RecordingsDefinition {
         let mut items: Vec<Item> = Vec::new();
         let mut seen = std::collections::BTreeSet::new();
         for pattern in &self.recordings {
+            let none = |error| io::Error::other(format!("recordings: `{pattern}` is no pattern: {error}"));
+            if is_remote(Path::new(pattern)) {
+                for address in stored(pattern, none)? {
+                    if seen.insert(address.clone()) {
+                        let manifest = manifest_of(&address)?;
+                        items.extend(self.items_of(manifest.as_ref().map(TempDir::path), address));
+                    }
+                }
+                continue;
+            }
             let whole = base.join(pattern);
             let whole = whole.to_string_lossy();
-            let paths = glob::glob(&whole).map_err(|error| {
-                io::Error::other(format!("recordings: `{pattern}` is no pattern: {error}"))
-            })?;
-            for path in paths {
+            for path in glob::glob(&whole).map_err(none)? {
                 let path = path.map_err(io::Error::other)?;
                 let named = relative(&path, base);
                 if seen.insert(named.clone()) {
-                    items.extend(self.items_of(&path, named));
+                    items.extend(self.items_of(Some(&path), named));
                 }
             }
         }
@@ -182,8 +192,9 @@ impl RecordingsDefinition {
         Ok(items)
     }
 
-    fn items_of(&self, path: &Path, recording: String) -> Vec<Item> {
-        let run = RunDirectory::open(path).ok();
+    /// `path` is where its manifest is read.
+    fn items_of(&self, path: Option<&Path>, recording: String) -> Vec<Item> {
+        let run = path.and_then(|path| RunDirectory::open(path).ok());
         let manifest = run.as_ref().and_then(RunDirectory::manifest);
         let held = manifest.map(|manifest| manifest.description.platforms.clone()).unwrap_or_default();
         let has_effects = manifest.is_some_and(|manifest| {
@@ -210,11 +221,11 @@ impl RecordingsDefinition {
     /// # Errors
     /// As [`Self::found`]; a list that cannot be read or written.
     pub fn listed(&self, base: &Path, folder: &Folder) -> io::Result<Vec<Item>> {
-        let path = folder.path().join(LIST);
-        if !path.exists() {
-            store_whole_once(&path, &text(&self.found(base)?)?)?;
+        if folder.text(LIST)?.is_none() {
+            folder.store_text_once(LIST, &text(&self.found(base)?)?)?;
         }
-        let list = fs::read_to_string(&path)?;
+        let list = folder.text(LIST)?.unwrap_or_default();
+        let path = folder.told(&folder.path().join(LIST));
         serde_json::from_str(&list).map_err(|error| io::Error::other(format!("{}: {error}", path.display())))
     }
 
@@ -232,7 +243,7 @@ impl RecordingsDefinition {
             }
         }
         if items.len() > before {
-            store_whole(&folder.path().join(LIST), &text(&items)?)?;
+            folder.store_text(LIST, &text(&items)?)?;
         }
         Ok(items)
     }
@@ -244,6 +255,35 @@ fn text(items: &[Item]) -> io::Result<String> {
     Ok(format!("[\n{}\n]\n", lines.join(",\n")))
 }
 
+/// Addresses of what matches a pattern in object storage: objects, and what stands before a slash in their names.
+fn stored(pattern: &str, none: impl Fn(glob::PatternError) -> io::Error) -> io::Result<Vec<String>> {
+    let wanted = glob::Pattern::new(pattern).map_err(&none)?;
+    let options = glob::MatchOptions { require_literal_separator: true, ..glob::MatchOptions::default() };
+    // Only what is below the last folder that has no wildcard is listed.
+    let fixed = pattern.find(['*', '?', '[']).map_or(pattern, |first| &pattern[..first]);
+    let above = fixed.rfind('/').map_or("", |last| &fixed[..last]);
+    let place = Place::open(Path::new(above))?;
+    let mut found = std::collections::BTreeSet::new();
+    for name in place.names()? {
+        let address = format!("{}/{name}", place.address());
+        let ends = address.match_indices('/').map(|(at, _)| at).chain([address.len()]);
+        for end in ends.filter(|end| *end > above.len()) {
+            if wanted.matches_with(&address[..end], options) {
+                found.insert(address[..end].to_owned());
+            }
+        }
+    }
+    Ok(found.into_iter().collect())
+}
+
+/// A folder with the manifest of a run in object storage, and nothing else of it; `None` where it has none.
+fn manifest_of(address: &str) -> io::Result<Option<TempDir>> {
+    let Some(manifest) = Place::open(Path::new(address))?.get(MANIFEST)? else { return Ok(None) };
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join(MANIFEST), manifest)?;
+    Ok(Some(folder))
+}
+
 /// As a pattern that is relative to `base` says it.
 fn relative(path: &Path, base: &Path) -> String {
     let path = path.strip_prefix(base).unwrap_or(path);
@@ -253,6 +293,8 @@ fn relative(path: &Path, base: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use whorl_params::{ParameterTree, try_read};
 
     use super::*;

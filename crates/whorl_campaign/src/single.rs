@@ -50,10 +50,11 @@ impl Observer for Keeper {
                 array.status.iter().filter(|s| s.name == "coordinator: experiment").flat_map(|s| &s.values);
             let counted = values.filter(|v| v.key == "broadcasts").find_map(|v| v.value.parse().ok());
             self.broadcasts = counted.or(self.broadcasts);
-        } else if !unused(route.topic)
-            && let Some(name) = route.name(&self.names)
-        {
-            self.data.add(&name, now.0, Message::clone(message));
+        } else if !unused(route.topic) {
+            let platform = route.platform.and_then(|id| self.names.get(usize::from(id.0)));
+            if route.platform.is_none() || platform.is_some() {
+                self.data.add_on(route.topic, platform.map(String::as_str), now.0, Message::clone(message));
+            }
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! `whorl campaign`: many runs, or one question to many recordings; tables and a page.
 
+mod dask;
 mod slurm;
 
 use std::io::IsTerminal;
@@ -14,6 +15,7 @@ use whorl_campaign::Part;
 use whorl_campaign::slurm::Job;
 use whorl_campaign::work::{Folder, Tasks, work};
 use whorl_commands::campaign::{Campaign, planned};
+use whorl_objects::is_remote;
 
 use crate::output::{JsonArgument, is_closed, say};
 
@@ -23,7 +25,7 @@ pub struct Arguments {
     /// params/campaigns/rediagnose.yaml.
     #[arg(value_name = "FILE")]
     campaign: PathBuf,
-    /// Folder of the campaign; an interrupted campaign goes on where it was [default: campaigns/<name of the file>].
+    /// Folder of the campaign; an interrupted campaign goes on where it was; s3://BUCKET/PREFIX: in object storage [default: campaigns/<name of the file>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Parameter folder [default: the campaign file's ../, which is params/].
@@ -35,8 +37,8 @@ pub struct Arguments {
     /// Number of seeds, instead of the file's.
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
-    /// Who distributes the runs: threads of this machine, or a Slurm cluster (an array job; submitted, followed, and what is missing
-    /// submitted again). Dask is for Python: docs/campaigns.md.
+    /// Who distributes the runs: threads of this machine; a Slurm cluster (an array job; submitted, followed, and what is missing
+    /// submitted again); or the workers of a Dask scheduler, through the Python package.
     #[arg(long, value_enum, default_value_t = Engine::Local)]
     engine: Engine,
     /// Engine slurm: number of tasks of the array job.
@@ -45,6 +47,9 @@ pub struct Arguments {
     /// Engine slurm: an option for sbatch, e.g. --sbatch=--partition=long; may be given several times.
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
+    /// Engine dask: the scheduler, e.g. tcp://scheduler:8786.
+    #[arg(long, value_name = "ADDRESS", required_if_eq("engine", "dask"))]
+    scheduler: Option<String>,
     /// Computes one part of the campaign, without tables: what a task of an engine runs.
     #[arg(long, value_name = "NUMBER/OF", value_parser = Part::parse, conflicts_with = "engine")]
     part: Option<Part>,
@@ -67,6 +72,7 @@ const SHOW: Duration = Duration::from_millis(500);
 enum Engine {
     Local,
     Slurm,
+    Dask,
 }
 
 /// Carries out `whorl campaign`.
@@ -95,27 +101,36 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return Ok(());
     }
     // Until the end of this function.
-    let _held = folder.hold()?;
+    let mut held = Some(folder.hold()?);
     let before = folder.done()?;
     campaign.list(&folder, true)?;
     let total = campaign.len();
     let job = slurm_job(arguments, &folder)?;
     match (arguments.engine, job.submitted()) {
         (Engine::Slurm, _) => slurm::distribute(&job, &folder, total, campaign.noun())?,
-        (Engine::Local, Some(number)) => bail!(
+        (Engine::Local | Engine::Dask, Some(number)) => bail!(
             "job {number} on Slurm works on {}; --engine slurm follows it; to go on here: `scancel {number}`, and remove {}",
             folder.path().display(),
             folder.path().join("slurm/job").display()
         ),
         (Engine::Local, None) => on_threads(&folder, &campaign, threads, &here, began)?,
+        (Engine::Dask, None) => {
+            // The Python package directs the folder meanwhile.
+            drop(held.take());
+            let scheduler = arguments.scheduler.as_deref().unwrap_or_default();
+            dask::distribute(arguments, scheduler, &folder.told(folder.path()))?;
+            held = Some(folder.hold()?);
+        }
     }
     let done = match arguments.engine {
-        Engine::Slurm => {
+        Engine::Slurm | Engine::Dask => {
             format!("{} {} on the cluster", folder.done()?.saturating_sub(before), campaign.noun())
         }
         Engine::Local => format!("{} {} here", here.into_inner(), campaign.noun()),
     };
-    finish(&folder, &campaign, before, &done, began.elapsed(), &arguments.json)
+    finish(&folder, &campaign, before, &done, began.elapsed(), &arguments.json)?;
+    drop(held);
+    Ok(())
 }
 
 /// Computes what is missing, on so many threads, and shows how far it is.
@@ -150,7 +165,8 @@ fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
     let text = |path: &Path| path.display().to_string();
     let program = std::env::current_exe().context("cannot find the path of this program")?;
     let mut command = vec![text(&program), "campaign".to_owned(), text(&arguments.campaign)];
-    command.extend(["--out".to_owned(), text(folder.path())]);
+    let out = folder.told(folder.path());
+    command.extend(["--out".to_owned(), text(&out)]);
     if let Some(params) = &arguments.params {
         command.extend(["--params".to_owned(), text(params)]);
     }
@@ -159,8 +175,10 @@ fn slurm_job(arguments: &Arguments, folder: &Folder) -> anyhow::Result<Job> {
     }
     let name = arguments.campaign.file_stem().unwrap_or_default().to_string_lossy();
     let directory = std::env::current_dir().context("cannot find the working directory")?;
-    let beside = std::path::absolute(folder.path().join("slurm"))
-        .with_context(|| format!("cannot use {}", folder.path().display()))?;
+    // Slurm reads scripts and writes logs on a file system.
+    let own = if is_remote(&out) { Path::new("campaigns").join(&*name) } else { folder.path().to_owned() };
+    let beside =
+        std::path::absolute(own.join("slurm")).with_context(|| format!("cannot use {}", own.display()))?;
     Ok(Job {
         name: format!("whorl-{name}"),
         command,

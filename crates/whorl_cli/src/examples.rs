@@ -4,6 +4,7 @@ use clap::Command;
 
 /// The words after `whorl`, and examples: lines of commands, each perhaps with what it is for, after three spaces.
 const EXAMPLES: &[(&str, &str)] = &[
+    ("init", "whorl init laboratory   writes laboratory/params"),
     (
         "run",
         "whorl run leader_follower   two platforms, two minutes
@@ -38,7 +39,8 @@ whorl simulate --experiment swing --no-record --json -   the speed, for a script
         "campaign",
         "whorl campaign params/campaigns/link.yaml   on all cores; the same command resumes it
 whorl campaign params/campaigns/link.yaml --dry-run   lists the runs
-whorl parameters campaign   explains the keys of a campaign's file",
+whorl parameters campaign   explains the keys of a campaign's file
+whorl campaign params/campaigns/link.yaml --engine dask --scheduler tcp://scheduler:8786",
     ),
     (
         "orbit",

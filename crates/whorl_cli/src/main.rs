@@ -31,6 +31,7 @@ mod history;
 mod identify;
 mod import;
 mod index;
+mod init;
 mod live;
 mod model_file;
 mod monitor;
@@ -69,6 +70,8 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Writes the parameter files (platforms, experiments, campaigns) that the other commands start from; a checkout has them.
+    Init(init::Arguments),
     /// Runs an experiment over DDS on this machine, from start to report, with a process for every node.
     Run(run::Arguments),
     /// Starts and stops single parts on this machine: the nodes of a platform, the coordinator, the recorder.
@@ -214,6 +217,7 @@ fn carried_out(command: Command) -> ExitCode {
         Command::Doctor(arguments) => return doctor::run(&arguments),
         Command::Nodes(command) => return nodes::run(&command),
         Command::Demo(command) => return demo::run(&command),
+        Command::Init(arguments) => init::run(&arguments),
         Command::Arm(arguments) => arm::run(&arguments, true),
         Command::Disarm(arguments) => arm::run(&arguments, false),
         Command::Simulate(arguments) => simulate::run(&arguments),

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::output::JsonArgument;
 
+use whorl_objects::is_remote;
+
 pub use whorl_commands::runs::{RunSources, Runs, write};
 
 /// Runs, with the options for reading and testing them.
@@ -65,10 +67,15 @@ impl OutputArguments {
         self.json.write(value)
     }
 
-    /// Writes the page to `--html`, else into the first run's directory, else beside its file. Returns the path.
+    /// Writes the page to `--html`, else into the first run's directory, else beside its file; in the working directory for runs in
+    /// object storage. Returns the path.
     pub fn write_page(&self, runs: &RunArguments, name: &str, html: &str) -> anyhow::Result<PathBuf> {
         let first = runs.runs.first().map_or(Path::new(""), PathBuf::as_path);
-        let beside = || if first.is_dir() { first.join(name) } else { first.with_file_name(name) };
+        let beside = || match first {
+            stored if is_remote(stored) => PathBuf::from(name),
+            folder if folder.is_dir() => folder.join(name),
+            file => file.with_file_name(name),
+        };
         let path = self.html.clone().unwrap_or_else(beside);
         write(&path, html)?;
         Ok(path)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use whorl_bag::CsvMap;
 use whorl_explain::Case;
+use whorl_objects::{is_remote, local};
 use whorl_recording::{
     KnownPlatform, ReadOptions, Recording, platform_parts, read_csv, read_model, read_run_with,
 };
@@ -43,6 +44,15 @@ impl RunSources {
     /// # Errors
     /// What is wrong with it, and what would help.
     pub fn read_model(&self) -> anyhow::Result<KnownPlatform> {
+        match (&self.model, self.runs.first()) {
+            (None, Some(first)) if is_remote(first) => {
+                self.on_copies(std::slice::from_ref(first), |runs| Self { runs, ..self.clone() }.model_here())
+            }
+            _ => self.model_here(),
+        }
+    }
+
+    fn model_here(&self) -> anyhow::Result<KnownPlatform> {
         let first = self.runs.first().context("no run was given")?;
         let source = self.model.as_deref().unwrap_or(first);
         // Errors of the reader name the file.
@@ -62,6 +72,36 @@ impl RunSources {
     /// # Errors
     /// What is wrong with runs or model, and what would help.
     pub fn read(&self) -> anyhow::Result<Runs> {
+        let all: Vec<PathBuf> = self.runs.iter().chain(&self.held_out).cloned().collect();
+        if !all.iter().any(|path| is_remote(path)) {
+            return self.read_here();
+        }
+        let first = self.runs.first().map(|path| path.display().to_string());
+        self.on_copies(&all, |mut runs| {
+            let held_out = runs.split_off(self.runs.len().min(runs.len()));
+            let mut read = Self { runs, held_out, ..self.clone() }.read_here()?;
+            // Not the copy.
+            let source = read.facts.iter_mut().find(|(key, _)| key == "model" && self.model.is_none());
+            if let (Some((_, source)), Some(first)) = (source, first) {
+                *source = first;
+            }
+            Ok(read)
+        })
+    }
+
+    /// What is read of copies on this machine, whose names stand in no error.
+    fn on_copies<T>(
+        &self,
+        paths: &[PathBuf],
+        read: impl FnOnce(Vec<PathBuf>) -> anyhow::Result<T>,
+    ) -> anyhow::Result<T> {
+        let copies = paths.iter().map(|path| local(path)).collect::<Result<Vec<_>, _>>()?;
+        read(copies.iter().map(|copy| copy.path().to_owned()).collect()).map_err(|error| {
+            anyhow::Error::msg(copies.iter().fold(format!("{error:#}"), |text, copy| copy.told(&text)))
+        })
+    }
+
+    fn read_here(&self) -> anyhow::Result<Runs> {
         let known = self.read_model()?;
         let read = |paths: &[PathBuf]| -> anyhow::Result<Vec<Recording>> {
             paths.iter().map(|path| self.recording(path, &known)).collect()

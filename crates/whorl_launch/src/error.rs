@@ -105,7 +105,7 @@ fn likely(name: &str, known: &[String]) -> String {
 /// The experiments that there are, in words.
 fn among(known: &[String]) -> String {
     match known {
-        [] => "there are no others: start it in the folder that holds params/experiments".to_owned(),
+        [] => "there are no others: start it in the folder that holds params/experiments; `whorl init` makes one".to_owned(),
         known => format!("not one of {}", known.join(" ")),
     }
 }

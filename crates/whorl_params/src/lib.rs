@@ -25,7 +25,7 @@
 //!
 //! The format for those who write the files:
 //!
-#![doc = include_str!("../../../params/README.md")]
+#![doc = include_str!("../README.md")]
 
 mod catalogue;
 mod command_line;

@@ -19,6 +19,7 @@
     const reach = Math.max(...pass.spacecraft.flatMap((craft) => craft.position_km.map((p) => Math.hypot(...sub(p, middle)))), 1);
     // The local frame of the target: up, and east across it.
     const up = unit(middle), east = unit(Math.hypot(up[0], up[1]) > 1e-6 ? cross([0, 0, 1], up) : [0, 1, 0]), north = cross(up, east);
+    const thrusts = (burn, i) => burn.orbit_s[0] <= pass.time_s[i][1] && pass.time_s[i][1] <= burn.orbit_s[1];
     const view = { azimuth: 0.9, elevation: 0.35, zoom: 1 };
 
     const draw = () => {
@@ -87,12 +88,14 @@
         line(craft.position_km.map((p) => p.map((v) => (v * RADIUS_KM) / Math.hypot(...p))), colour, 1, [2, 3]);
         line(craft.position_km, colour, 1);
         line(craft.position_km.slice(0, now + 1), colour, 2.5);
+        for (const burn of craft.burns) line(craft.position_km.map((p, i) => (thrusts(burn, i) ? p : null)), colour, 7);
         const length = Math.hypot(...sub(pass.target_km[now], at));
         line([at, at.map((v, i) => v + length * craft.boresight[now][i])], colour, 1);
         dotAt(at, colour, 4.5);
       });
       const [laboratory, orbit] = pass.time_s[now];
-      clock.textContent = `${laboratory.toFixed(1)} s, orbit ${orbit.toFixed(0)} s`;
+      const firing = pass.spacecraft.filter((craft) => craft.burns.some((burn) => thrusts(burn, now))).map((craft) => `, ${craft.name} thrusts`);
+      clock.textContent = `${laboratory.toFixed(1)} s, orbit ${orbit.toFixed(0)} s${firing.join("")}`;
       canvas.dataset.drawn = Number(canvas.dataset.drawn || 0) + 1;
     };
 

@@ -58,6 +58,11 @@
         ctx.fillRect(from, bbox.top, Math.max(to - from, ratio), bbox.height);
       }
     }
+    for (const span of spec.spans || []) {
+      const [from, to] = span.x.map(x);
+      ctx.fillStyle = `${css(colour(span.c))}28`;
+      ctx.fillRect(from, bbox.top, Math.max(to - from, ratio), bbox.height);
+    }
     for (const band of spec.bands || []) {
       if (!band.x.length) continue;
       ctx.beginPath();
@@ -120,6 +125,11 @@
     ctx.textAlign = "left";
     ctx.textBaseline = "alphabetic";
     ctx.fillStyle = css("--soft");
+    (spec.spans || []).forEach((span, i) => {
+      const at = Math.max(u.valToPos(span.x[0], "x", true), bbox.left) + 3 * ratio;
+      const last = bbox.left + bbox.width - ctx.measureText(span.n).width - 3 * ratio;
+      ctx.fillText(span.n, Math.min(at, last), bbox.top + (10 + 12 * i) * ratio);
+    });
     const named = !spec.time ? [] : marks.events.filter((e) => e.label && concerns(e.who, spec));
     named.forEach((event, i) => {
       const at = Math.max(u.valToPos(event.t, "x", true), bbox.left);

@@ -130,21 +130,23 @@ impl Collector {
     /// Adds a message that was recorded on the full topic name at `log_time_ns`. Messages are
     /// expected in order of log time.
     pub fn add(&mut self, topic_name: &str, log_time_ns: i64, message: Message) {
-        let first = *self.first_log_time_ns.get_or_insert(log_time_ns);
-        let log_time_s = seconds(log_time_ns - first);
-        self.run.duration_s = self.run.duration_s.max(log_time_s);
-        if log_time_s - BEHIND_S > self.evaluated_s + EVERY_S {
-            self.evaluate(log_time_s - BEHIND_S);
-            self.evaluated_s = log_time_s - BEHIND_S;
-        }
         let name = topic_name.trim_start_matches('/');
         if let Some(topic) = Topic::find(name, false) {
-            return self.add_shared(topic, log_time_s, first, message);
+            return self.add_on(topic, None, log_time_ns, message);
         }
         let found = name.split_once('/').and_then(|(p, rest)| Topic::find(rest, true).map(|t| (p, t)));
-        let Some((platform, topic)) = found else {
-            self.run.other_messages += 1;
-            return;
+        if let Some((platform, topic)) = found {
+            return self.add_on(topic, Some(platform), log_time_ns, message);
+        }
+        self.arrived(log_time_ns);
+        self.run.other_messages += 1;
+    }
+
+    /// The same for a topic of this platform, or one that all share.
+    pub fn add_on(&mut self, topic: Topic, platform: Option<&str>, log_time_ns: i64, message: Message) {
+        let (first, log_time_s) = self.arrived(log_time_ns);
+        let Some(platform) = platform else {
+            return self.add_shared(topic, log_time_s, first, message);
         };
         if !self.run.platforms.contains_key(platform) {
             self.run.platforms.insert(platform.to_owned(), PlatformData::default());
@@ -194,6 +196,18 @@ impl Collector {
             ) => {}
             _ => self.run.other_messages += 1,
         }
+    }
+
+    /// Goes on to the time of a message: when the first one was recorded \[ns\], and how long before this one \[s\].
+    fn arrived(&mut self, log_time_ns: i64) -> (i64, f64) {
+        let first = *self.first_log_time_ns.get_or_insert(log_time_ns);
+        let log_time_s = seconds(log_time_ns - first);
+        self.run.duration_s = self.run.duration_s.max(log_time_s);
+        if log_time_s - BEHIND_S > self.evaluated_s + EVERY_S {
+            self.evaluate(log_time_s - BEHIND_S);
+            self.evaluated_s = log_time_s - BEHIND_S;
+        }
+        (first, log_time_s)
     }
 
     fn add_shared(&mut self, topic: Topic, log_time_s: f64, first: i64, message: Message) {

@@ -20,6 +20,17 @@ pub struct Limit {
     pub value: f64,
 }
 
+/// A stretch of the horizontal axis in which something happens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Span {
+    /// What happens, in a few words.
+    pub name: String,
+    /// Where it begins and ends, in the axis's unit.
+    pub from_to: [f64; 2],
+    /// Position of the solid curve whose colour it has.
+    pub curve: usize,
+}
+
 /// A figure to be drawn.
 #[derive(Debug, Clone, Default)]
 pub struct Figure {
@@ -37,6 +48,8 @@ pub struct Figure {
     pub bands: Vec<(Curve, Curve)>,
     /// Lines at fixed values; drawn where the curves come near them.
     pub limits: Vec<Limit>,
+    /// Stretches that are shaded and named, in figures that share no marks with others.
+    pub spans: Vec<Span>,
     /// The platform that it is about; empty: all. Faults of other platforms are not marked.
     pub platform: String,
     /// Quantity and unit on the horizontal axis; empty: time.
@@ -111,6 +124,7 @@ impl Figure {
             "curves": curves,
             "bands": bands.collect::<Vec<_>>(),
             "limits": self.limits.iter().map(|l| json!({"n": l.name, "v": l.value})).collect::<Vec<_>>(),
+            "spans": self.spans.iter().map(|s| json!({"n": s.name, "x": s.from_to, "c": colour(s.curve)})).collect::<Vec<_>>(),
             "who": self.platform,
             "log": self.log,
             "logx": self.log_x,
@@ -176,15 +190,38 @@ fn stored_band(lower: &Curve, upper: &Curve, colour: usize, over_time: bool) -> 
     Value::Object(entry)
 }
 
-/// Five significant digits: more than a plot shows, at a third of the size. What is not finite becomes `null`: a gap.
+/// Five significant digits of each value, and of what the values differ by: more than a plot shows, at a third of the size.
+/// What is not finite becomes `null`: a gap.
 fn rounded(values: &[f64]) -> Vec<Option<f64>> {
-    let five = |x: f64| if x == 0.0 { x } else { format!("{x:.4e}").parse().unwrap_or(x) };
+    let [low, high] = range(values.iter().copied()).unwrap_or_default();
+    let decimals =
+        if high > low { (4.0 - (high - low).log10().floor()).clamp(0.0, 12.0) as usize } else { 0 };
+    let five = |x: f64| {
+        let step = if x == 0.0 { 0.0 } else { x.abs().log10().floor() };
+        // A small difference of large values has more digits than the values need.
+        let text = if step + decimals as f64 > 4.0 { format!("{x:.decimals$}") } else { format!("{x:.4e}") };
+        text.parse().unwrap_or(x)
+    };
     values.iter().map(|x| x.is_finite().then(|| five(*x))).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_differences_of_large_values_are_kept() {
+        let values = [88.301_23, 88.305_67, f64::NAN, 88.345_89];
+        let kept = rounded(&values);
+        assert_eq!(kept[2], None);
+        for (kept, value) in kept.iter().zip(values).filter(|(_, value)| value.is_finite()) {
+            assert!((kept.unwrap() - value).abs() <= 0.5e-6, "{kept:?} {value}");
+        }
+        assert_eq!(
+            rounded(&[0.0, 123.456_789, -1.234_567_8e-3]),
+            [Some(0.0), Some(123.46), Some(-1.2346e-3)]
+        );
+    }
 
     #[test]
     fn times_are_stored_as_steps_and_peaks_survive() {

@@ -40,7 +40,7 @@ pub use explanation::{
 pub use index::{IndexRow, index_html};
 pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
-pub use orbit::{DrawnCraft, DrawnPass, orbit_html};
+pub use orbit::{DrawnBurn, DrawnCraft, DrawnPass, orbit_html};
 pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
 pub use page::{Description, TopicRow, html};
 pub use platform::PlatformData;

@@ -5,12 +5,27 @@ use maud::html;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::document::Document;
+use crate::document::{Document, number, text};
 use crate::explanation::Facts;
-use crate::figure::Figure;
+use crate::figure::{Figure, Span};
 use crate::series::Curve;
 
 const SCRIPT: &str = include_str!("../assets/orbit.js");
+
+/// A burn that was flown during the pass.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct DrawnBurn {
+    /// When it begins and ends in the laboratory \[s\].
+    pub laboratory_s: [f64; 2],
+    /// When it begins and ends on the orbit \[s\].
+    pub orbit_s: [f64; 2],
+    /// Velocity change that was wanted \[m/s\].
+    pub wanted_m_s: f64,
+    /// What was given along it and across it \[m/s\].
+    pub given_m_s: [f64; 2],
+    /// Gas used \[kg\].
+    pub gas_kg: f64,
+}
 
 /// One spacecraft over the pass; Earth-fixed axes (z: north pole, x: longitude 0 at the epoch).
 #[derive(Debug, Clone, Default, Serialize)]
@@ -35,6 +50,8 @@ pub struct DrawnCraft {
     pub to_chief_km: Vec<f64>,
     /// Yaw, pitch and roll that the platform is given \[deg\].
     pub yaw_pitch_roll_deg: Vec<[f64; 3]>,
+    /// Its burns.
+    pub burns: Vec<DrawnBurn>,
 }
 
 /// A pass, at the same instants for all spacecraft.
@@ -61,6 +78,7 @@ pub fn orbit_html(title: &str, passes: &[DrawnPass], facts: &Facts) -> String {
         page.heading(&format!("Step {}", pass.step));
         page.paragraph("rule", &format!("{orbit_s:.0} s of orbit in {laboratory_s:.0} s of the laboratory."));
         scene(&mut page, pass);
+        burns(&mut page, pass);
         page.figure(&ground_tracks(pass), None);
         for figure in over_time(pass) {
             page.figure(&figure, None);
@@ -69,6 +87,35 @@ pub fn orbit_html(title: &str, passes: &[DrawnPass], facts: &Facts) -> String {
     crate::explanation::facts(&mut page, facts);
     page.script(SCRIPT);
     page.finish()
+}
+
+fn burns(page: &mut Document, pass: &DrawnPass) {
+    let row = |(craft, burn): (&DrawnCraft, &DrawnBurn)| {
+        let [from, to] = burn.orbit_s;
+        let [along, across] = burn.given_m_s;
+        let mut row = vec![text(&craft.name), text(&format!("{from:.1} to {to:.1}"))];
+        row.extend([burn.wanted_m_s, along, across].map(|speed| number(speed, 4)));
+        row.push(number(burn.gas_kg * 1e3, 1));
+        row
+    };
+    let rows: Vec<_> = each_burn(pass).map(row).collect();
+    if !rows.is_empty() {
+        page.table(
+            &[
+                "thrusts",
+                "of orbit [s]",
+                "#wanted [m/s]",
+                "#given along it [m/s]",
+                "#across it [m/s]",
+                "#gas [g]",
+            ],
+            &rows,
+        );
+    }
+}
+
+fn each_burn(pass: &DrawnPass) -> impl Iterator<Item = (&DrawnCraft, &DrawnBurn)> {
+    pass.spacecraft.iter().flat_map(|craft| craft.burns.iter().map(move |burn| (craft, burn)))
 }
 
 fn scene(page: &mut Document, pass: &DrawnPass) {
@@ -90,7 +137,10 @@ fn scene(page: &mut Document, pass: &DrawnPass) {
                 }
                 span { i style=(format!("background: var(--c{})", pass.spacecraft.len() % 8)) {} "target" }
             }
-            p class="caption" { "Bold: from the start to now. Dotted: ground track. Thin line to the target: boresight." }
+            p class="caption" {
+                "Bold: from the start to now. Dotted: ground track. Thin line to the target: boresight."
+                @if each_burn(pass).next().is_some() { " Wide: while it thrusts." }
+            }
             script type="application/json" { (maud::PreEscaped(stored)) }
         }
     });
@@ -103,6 +153,12 @@ fn ground_tracks(pass: &DrawnPass) -> Figure {
     let mut curves: Vec<Curve> =
         pass.spacecraft.iter().map(|craft| curve(&craft.name, &craft.ground_deg)).collect();
     curves.push(curve("target", &pass.target_deg));
+    for (craft, burn) in each_burn(pass) {
+        let thrusts = |(_, at): &(_, &[f64; 2])| burn.orbit_s[0] <= at[1] && at[1] <= burn.orbit_s[1];
+        let points: Vec<[f64; 2]> =
+            craft.ground_deg.iter().copied().zip(&pass.time_s).filter(thrusts).map(|(at, _)| at).collect();
+        curves.push(curve(&format!("{} thrusts", craft.name), &points));
+    }
     // uPlot draws along increasing abscissas.
     for curve in &mut curves {
         if curve.time_s.first() > curve.time_s.last() {
@@ -130,6 +186,15 @@ fn over_time(pass: &DrawnPass) -> Vec<Figure> {
     let at = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(f64::NAN);
     let component =
         |values: &[[f64; 2]], k: usize, which: usize| values.get(k).map_or(f64::NAN, |v| v[which]);
+    let each_craft = pass.spacecraft.iter().enumerate();
+    let spans: Vec<Span> = each_craft
+        .flat_map(|(curve, craft)| craft.burns.iter().map(move |burn| (curve, craft, burn)))
+        .map(|(curve, craft, burn)| Span {
+            name: format!("{} thrusts", craft.name),
+            from_to: burn.laboratory_s,
+            curve,
+        })
+        .collect();
     let figure = |title: &str, caption: &str, y_label: &str, curves: Vec<Curve>, dashed: Vec<Curve>| Figure {
         title: title.to_owned(),
         caption: caption.to_owned(),
@@ -137,6 +202,7 @@ fn over_time(pass: &DrawnPass) -> Vec<Figure> {
         y_label: y_label.to_owned(),
         curves,
         dashed,
+        spans: spans.clone(),
         ..Figure::default()
     };
     let named = |curves: Vec<Curve>, suffix: &str| -> Vec<Curve> {

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple, Union
 
 from . import _native
 from ._native import WhorlError
@@ -12,15 +14,27 @@ from .progress import Progress, reporting
 from .recording import PathLike
 
 
+Place = Union[Path, str]
+"""A path, or the address of what is in object storage: `s3://BUCKET/PREFIX`."""
+
+_STORED = "s3://"
+
+
+def _place(path: Any) -> Place:
+    text = os.fspath(path)
+    return text if text.startswith(_STORED) else Path(text)
+
+
 class Campaign:
     """A campaign file with its folder, as `whorl campaign FILE --out FOLDER`.
 
     Each run, and each platform of a recording, is a task: independent, deterministic, and done when its row is in the folder;
     so a task may be interrupted and repeated, and the tables are the same whoever computes them. Every worker needs the files
-    and the folder at the same paths (a network file system).
+    and the folder at the same paths (a network file system, or a folder in object storage).
 
     file: the campaign file, e.g. `params/campaigns/link.yaml`, or over recordings, e.g. `params/campaigns/rediagnose.yaml`.
-    out: its folder; one that holds a part of the campaign is continued, and recordings that have been added are taken in.
+    out: its folder, or `s3://BUCKET/PREFIX`; one that holds a part of the campaign is continued, and recordings that have been
+        added are taken in.
     params: the parameter folder, of campaigns over experiments; default: the file's `../`.
     seeds: number of seeds, instead of the file's.
     """
@@ -37,7 +51,7 @@ class Campaign:
         # Absolute: workers have other working directories.
         self._given: Tuple[str, str, Optional[str], Optional[int]] = (
             os.path.abspath(file),
-            os.path.abspath(out),
+            out if (out := os.fspath(out)).startswith(_STORED) else os.path.abspath(out),
             None if params is None else os.path.abspath(params),
             seeds,
         )
@@ -48,9 +62,9 @@ class Campaign:
         return len(self._native)
 
     @property
-    def folder(self) -> Path:
-        """Where rows and tables are."""
-        return Path(self._given[1])
+    def folder(self) -> Place:
+        """Where rows and tables are; the address of a folder in object storage."""
+        return _place(self._given[1])
 
     @property
     def missing(self) -> List[int]:
@@ -72,13 +86,12 @@ class Campaign:
         client: a `dask.distributed.Client`, of a `LocalCluster`, an address, Slurm, Kubernetes. A worker that is lost loses
         nothing but the task that it was at, which Dask gives to another. A folder that another process works on is refused.
         """
-        from dask import distributed
-
+        distributed = _distributed()
         as_completed: Any = distributed.as_completed
 
         held = self._native.hold()
+        missing = self.missing
         try:
-            missing = self.missing
             # Run once, and never taken for the result of another folder.
             futures = client.map(_task, missing, given=self._given, pure=False, batch_size=1000)
             with reporting(progress, "campaign") as show:
@@ -87,21 +100,50 @@ class Campaign:
                     if show is not None:
                         show(done / len(missing), f"{done} of {len(missing)} {self._native.noun()}")
             return self.write_tables()
+        except (CancelledError, distributed.CancelledError, distributed.comm.CommClosedError):
+            left = len(self.missing)
+            raise WhorlError(
+                f"the Dask scheduler was lost; {len(missing) - left} of {len(missing)} {self._native.noun()} are done and kept, "
+                "and the same call computes the others"
+            ) from None
         finally:
             held.release()
 
     def write_tables(self) -> "Tables":
         """Writes the tables and the page of what is done."""
         csv, parquet, further, page, rows, said = self._native.write_tables()
-        others = {Path(folder).name: Path(folder) for folder in further}
-        return Tables(Path(csv), Path(parquet), others, None if page is None else Path(page), rows, said)
+        others = {os.path.basename(folder): _place(folder) for folder in further}
+        return Tables(_place(csv), _place(parquet), others, None if page is None else _place(page), rows, said)
+
+
+def _distributed() -> Any:
+    try:
+        from dask import distributed
+    except ImportError:
+        raise WhorlError("this needs Dask: pip install distributed") from None
+    return distributed
+
+
+@contextmanager
+def connected(scheduler: str, *, timeout_s: float = 10.0) -> Iterator[Any]:
+    """A client of the Dask scheduler at an address, e.g. `tcp://scheduler:8786`; WhorlError where it does not answer."""
+    distributed = _distributed()
+    try:
+        client = distributed.Client(scheduler, timeout=timeout_s)
+    except (OSError, ValueError) as error:
+        raise WhorlError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+    try:
+        yield client
+    finally:
+        # One that was lost does not answer.
+        client.close(timeout=2.0)
 
 
 class Tables:
     """Results of a campaign."""
 
     def __init__(
-        self, csv: Path, parquet: Path, further: Dict[str, Path], page: Optional[Path], rows: int, said: List[str]
+        self, csv: Place, parquet: Place, further: Dict[str, Place], page: Optional[Place], rows: int, said: List[str]
     ) -> None:
         self.csv = csv
         """All rows as CSV."""
@@ -128,12 +170,17 @@ class Tables:
         if table is not None and table not in self.further:
             raise WhorlError(f"there is no table {table}; allowed: {', '.join(self.further) or 'none'}")
         if table is not None:
-            return polars.read_parquet(self.further[table], hive_partitioning=True)
-        frame = polars.read_parquet(self.parquet, hive_partitioning=True)
+            return polars.read_parquet(_below(self.further[table]), hive_partitioning=True)
+        frame = polars.read_parquet(_below(self.parquet), hive_partitioning=True)
         return frame.sort("run" if self.page is not None else "number")
 
     def __repr__(self) -> str:
         return f"<whorl.campaign.Tables: {self.rows} rows, {self.parquet}>"
+
+
+def _below(place: Place) -> Place:
+    # Polars takes an address without a pattern for one file.
+    return f"{place}/**/*.parquet" if isinstance(place, str) else place
 
 
 def sql(query: str, **tables: PathLike) -> Any:
@@ -147,7 +194,7 @@ def sql(query: str, **tables: PathLike) -> Any:
     return ask(query, {name: Path(path) for name, path in tables.items()})
 
 
-def ask(query: str, tables: Dict[str, Path]) -> Any:
+def ask(query: str, tables: Mapping[str, Place]) -> Any:
     """Asks DuckDB over folders of Parquet files, or such files, by name."""
     try:
         import duckdb
@@ -155,6 +202,8 @@ def ask(query: str, tables: Dict[str, Path]) -> Any:
         raise WhorlError("SQL needs DuckDB: pip install duckdb") from None
     connection = duckdb.connect()
     for name, path in tables.items():
+        if isinstance(path, str):
+            raise WhorlError(f"{name}: {path} is in object storage: copy it, or ask DuckDB with its extension httpfs")
         if not path.exists():
             raise WhorlError(f"{name}: there is no table {path}")
         pattern = str(path if path.is_file() else path / "**" / "*.parquet").replace("'", "''")

@@ -27,6 +27,8 @@ pub fn distribute(job: &Job, folder: &Folder, total: u64, noun: &str) -> anyhow:
                 number
             }
             None => {
+                // Where rows are listed, to know of those that others have stored.
+                folder.done()?;
                 let is_missing = |part: &Part| part.runs(total).any(|index| !folder.has(index));
                 let parts: Vec<Part> = Part::all(job.parts).filter(is_missing).collect();
                 if parts.is_empty() {

@@ -1,5 +1,6 @@
 //! What burns of a pass give and cost, and what it costs to stay.
 
+use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_coordinator::parameters::CoObservation;
 use whorl_orbits::Elements;
@@ -37,23 +38,26 @@ pub struct KeepingRow {
     gas_kg_day: Option<f64>,
 }
 
+/// A velocity change that was wanted, and what was given along it and across it, in the units of both.
+pub fn speeds_m_s(wanted: &Vector3<f64>, given: &Vector3<f64>) -> [f64; 3] {
+    let wanted_m_s = wanted.norm();
+    let along = if wanted_m_s > 0.0 { given.dot(wanted) / wanted_m_s } else { 0.0 };
+    let across2 = given.norm_squared() - along * along;
+    [wanted_m_s, along, across2.max(0.0).sqrt()]
+}
+
 /// The burns of a pass.
 pub fn burns(flight: &Flight<'_>, platforms: &[String]) -> Vec<BurnRow> {
     let each = flight.flown().iter().filter_map(|flown| {
-        let wanted_m_s = flown.wanted_hill_m_s.norm();
-        let given_along_m_s = if wanted_m_s > 0.0 {
-            flown.given_hill_m_s.dot(&flown.wanted_hill_m_s) / wanted_m_s
-        } else {
-            0.0
-        };
-        let across2 = flown.given_hill_m_s.norm_squared() - given_along_m_s * given_along_m_s;
+        let [wanted_m_s, given_along_m_s, given_across_m_s] =
+            speeds_m_s(&flown.wanted_hill_m_s, &flown.given_hill_m_s);
         Some(BurnRow {
             platform: platforms.get(flown.spacecraft)?.clone(),
             start_s: flown.span_s.0,
             end_s: flown.span_s.1,
             wanted_m_s,
             given_along_m_s,
-            given_across_m_s: across2.max(0.0).sqrt(),
+            given_across_m_s,
             given_hill_m_s: flown.given_hill_m_s.into(),
             gas_kg: flown.gas_kg,
             drift_before_m_rev: flown.drift_m_rev.0,

@@ -1,12 +1,13 @@
 //! What the page of a pass draws.
 
+use super::burns::speeds_m_s;
 use nalgebra::{Rotation3, Vector3};
 use whorl_coordinator::parameters::CoObservation;
 use whorl_orbits::EARTH_RATE_RAD_S;
 use whorl_orbits::co_observation::ground_track_m;
 use whorl_orbits::earth::geodetic_from_geocentric_rad;
 use whorl_orbits::flight::Flight;
-use whorl_report::{DrawnCraft, DrawnPass};
+use whorl_report::{DrawnBurn, DrawnCraft, DrawnPass};
 
 /// Instants of the page.
 const INSTANTS: u32 = 240;
@@ -25,6 +26,20 @@ pub fn drawn(step: &str, pass: &CoObservation, platforms: &[String]) -> anyhow::
     };
     let Some(first) = pass.trajectories.first() else { return Ok(drawn) };
     let flight = Flight::new(&pass.pass)?;
+    for flown in flight.flown() {
+        let laboratory_s =
+            |orbit_s: f64| laboratory_s(|t| first.orbit_time_s(t), pass.mapping.duration_s, orbit_s);
+        let [wanted_m_s, along, across] = speeds_m_s(&flown.wanted_hill_m_s, &flown.given_hill_m_s);
+        if let Some(craft) = drawn.spacecraft.get_mut(flown.spacecraft) {
+            craft.burns.push(DrawnBurn {
+                laboratory_s: [laboratory_s(flown.span_s.0), laboratory_s(flown.span_s.1)],
+                orbit_s: [flown.span_s.0, flown.span_s.1],
+                wanted_m_s,
+                given_m_s: [along, across],
+                gas_kg: flown.gas_kg,
+            });
+        }
+    }
     for k in 0..=INSTANTS {
         let time_s = pass.mapping.duration_s * f64::from(k) / f64::from(INSTANTS);
         let orbit_s = first.orbit_time_s(time_s);
@@ -56,6 +71,17 @@ pub fn drawn(step: &str, pass: &CoObservation, platforms: &[String]) -> anyhow::
     Ok(drawn)
 }
 
+/// When the laboratory shows an instant of the orbit, whose times increase with its own; the pass's end for one after it.
+fn laboratory_s(orbit_time_s: impl Fn(f64) -> f64, duration_s: f64, orbit_s: f64) -> f64 {
+    let (mut low, mut high) = (0.0, duration_s);
+    // To a millionth of the pass.
+    for _ in 0..20 {
+        let middle = 0.5 * (low + high);
+        if orbit_time_s(middle) < orbit_s { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
 fn km(position_m: &Vector3<f64>) -> [f64; 3] {
     [position_m.x, position_m.y, position_m.z].map(|metres| metres * 1e-3)
 }
@@ -69,6 +95,19 @@ fn on_map_deg(surface_m: &Vector3<f64>) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A pace that rises and falls smoothly: 100 s of orbit in 20 s; at 5 s, 100 (0.25 - sin(pi / 2) / (2 pi)).
+    #[test]
+    fn an_instant_of_the_orbit_is_found_in_the_laboratory() {
+        let pace =
+            |t: f64| 100.0 * (t / 20.0 - (t / 20.0 * std::f64::consts::TAU).sin() / std::f64::consts::TAU);
+        for (orbit_s, expected_s) in
+            [(9.084_505_69, 5.0), (50.0, 10.0), (0.0, 0.0), (100.0, 20.0), (130.0, 20.0)]
+        {
+            let found_s = laboratory_s(pace, 20.0, orbit_s);
+            assert!((found_s - expected_s).abs() < 1e-4, "{orbit_s}: {found_s}");
+        }
+    }
 
     /// WGS 84: at 45 deg geodetic, the geocentric latitude is 44.8076 deg.
     #[test]

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -38,13 +38,13 @@ impl fmt::Display for Unwritten {
 
 impl std::error::Error for Unwritten {}
 
-/// The answer to the question as JSON.
+/// The answer to the question as JSON; the recording is read from `path`.
 ///
 /// # Errors
 /// Why there is none; [`Unwritten`] where the campaign's folder cannot be written.
-pub fn answer(plan: &RecordingPlan, folder: &Folder, item: &Item) -> anyhow::Result<Value> {
+pub fn answer(plan: &RecordingPlan, folder: &Folder, item: &Item, path: &Path) -> anyhow::Result<Value> {
     let source = RunSources {
-        runs: vec![plan.path(item)],
+        runs: vec![path.to_owned()],
         held_out: Vec::new(),
         model: plan.model(),
         platform: item.platform.clone(),
@@ -53,7 +53,7 @@ pub fn answer(plan: &RecordingPlan, folder: &Folder, item: &Item) -> anyhow::Res
     match plan.definition().question {
         Question::Compare => compared(&source.read()?, plan.definition().refit),
         Question::Diagnose => diagnosed(&source.read()?, plan.excluded()),
-        Question::Estimate => estimated(plan, folder, item, &source),
+        Question::Estimate => estimated(plan, folder, item, &source, path),
     }
 }
 
@@ -86,12 +86,12 @@ fn estimated(
     folder: &Folder,
     item: &Item,
     source: &RunSources,
+    path: &Path,
 ) -> anyhow::Result<Value> {
     let of = plan.definition();
     let options =
         EstimateOptions { filter: of.filter.clone(), smooth: of.smooth, ..EstimateOptions::default() };
-    let path = plan.path(item);
-    let (recorded, lines, late_s, north, platform) = if is_csv(&path) {
+    let (recorded, lines, late_s, north, platform) = if is_csv(path) {
         let map = source.channels.as_deref().with_context(|| {
             format!(
                 "{}: a CSV file needs a map of its columns: `channels` in the campaign's file",
@@ -104,7 +104,7 @@ fn estimated(
         let platform = item.platform.clone().unwrap_or_default();
         (
             recorded,
-            lines_of_csv(&path, &columns, needs_force)?,
+            lines_of_csv(path, &columns, needs_force)?,
             columns.imu_latency_s,
             UnitQuaternion::identity(),
             platform,
@@ -274,7 +274,12 @@ pub fn further(
         Question::Diagnose => ("candidates", candidates(rows)),
         Question::Estimate => {
             let attitudes = folder.path().join("attitudes");
-            return Ok(attitudes.is_dir().then_some(attitudes).into_iter().collect());
+            let there = folder.has_files_in("attitudes").map_err(|source| TableError::Io {
+                action: "list",
+                path: attitudes.clone(),
+                source,
+            })?;
+            return Ok(there.then_some(attitudes).into_iter().collect());
         }
     };
     let path = folder.path().join(name);

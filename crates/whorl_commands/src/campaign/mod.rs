@@ -147,10 +147,16 @@ impl Campaign {
     /// # Errors
     /// A row that cannot be read, a file that cannot be written.
     pub fn write_tables(&self, folder: &Folder) -> anyhow::Result<Tables> {
-        match self {
-            Self::Experiments(plan) => experiments::write_tables(folder, plan),
-            Self::Recordings(plan) => plan.write_tables(folder),
+        let mut tables = match self {
+            Self::Experiments(plan) => experiments::write_tables(folder, plan)?,
+            Self::Recordings(plan) => plan.write_tables(folder)?,
+        };
+        folder.publish().context("cannot write the tables")?;
+        let files = [&mut tables.csv, &mut tables.parquet].into_iter();
+        for file in files.chain(&mut tables.further).chain(&mut tables.page) {
+            *file = folder.told(file);
         }
+        Ok(tables)
     }
 }
 

@@ -10,6 +10,7 @@ use whorl_bag::RunDirectory;
 use whorl_campaign::recordings::{Item, Question, RecordingsDefinition};
 use whorl_campaign::work::{Folder, Tasks};
 use whorl_dynamics::effects::{Effect as _, catalogue, registered};
+use whorl_objects::{Local, ObjectError};
 use whorl_params::effect_files_beside;
 use whorl_recording::load_effects;
 
@@ -94,7 +95,7 @@ impl RecordingPlan {
 
     /// Path of a recording.
     pub(super) fn path(&self, item: &Item) -> PathBuf {
-        self.base.join(&item.recording)
+        whorl_objects::join(&self.base, &item.recording)
     }
 
     /// What decides the answers beside the recordings: version, catalogue, question, files.
@@ -122,8 +123,9 @@ impl RecordingPlan {
         let with_effects = self.items.iter().filter(|item| item.has_effects);
         for path in with_effects.map(|item| self.path(item)).collect::<BTreeSet<_>>() {
             // Its own task says what is wrong with them.
-            let _ = load_effects(&path);
-            if let Ok(run) = RunDirectory::open(&path) {
+            let Ok(here) = whorl_objects::local(&path) else { continue };
+            let _ = load_effects(here.path());
+            if let Ok(run) = RunDirectory::open(here.path()) {
                 self.own(&run.parameter_files());
             }
         }
@@ -158,14 +160,22 @@ impl RecordingPlan {
     /// The row of a recording.
     fn row(&self, folder: &Folder, item: &Item) -> io::Result<Value> {
         let path = self.path(item);
-        let run = RunDirectory::open(&path).ok();
+        // A server that does not answer is no fault of the recording: the task has no row then.
+        let here = match whorl_objects::local(&path) {
+            // What has gone since is as a file that has gone.
+            Err(ObjectError::Nothing(_)) => Local::as_given(&path),
+            found => found?,
+        };
+        let run = RunDirectory::open(here.path()).ok();
         let manifest = run.as_ref().and_then(RunDirectory::manifest);
         let began = manifest.map(|manifest| manifest.start_utc.0 as f64 * 1e-9);
-        let (outcome, reason, answer) = match answers::answer(self, folder, item) {
+        let (outcome, reason, answer) = match answers::answer(self, folder, item, here.path()) {
             Ok(answer) => ("done", String::new(), answer),
             Err(error) => match error.downcast::<answers::Unwritten>() {
                 Ok(error) => return Err(io::Error::other(error)),
-                Err(error) => ("failed", format!("{error:#}").replace(['\n', '\r'], " "), Value::Null),
+                Err(error) => {
+                    ("failed", here.told(&format!("{error:#}")).replace(['\n', '\r'], " "), Value::Null)
+                }
             },
         };
         Ok(json!({
@@ -184,14 +194,8 @@ impl RecordingPlan {
 
     /// Writes the tables of what is done.
     pub(super) fn write_tables(&self, folder: &Folder) -> anyhow::Result<Tables> {
-        let mut rows: Vec<(u64, Value)> = Vec::new();
-        for index in 0..self.len() {
-            let Some(text) = folder.row(index)? else { continue };
-            let row = serde_json::from_str(&text).with_context(|| {
-                format!("row {index} cannot be read; without its file in rows/, it is computed again")
-            })?;
-            rows.push((index, row));
-        }
+        let rows: Vec<(u64, Value)> =
+            folder.rows(self.len(), |index, text| serde_json::from_str(text).map(|row| (index, row)))?;
         let table = answers::table(self.definition.question, &rows);
         let csv = folder.path().join("summary.csv");
         std::fs::write(&csv, table.csv_text()?).with_context(|| format!("cannot write {}", csv.display()))?;

@@ -1,0 +1,88 @@
+//! A campaign's folder in object storage: rows and tables are objects, which all workers see, wherever they are.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use tempfile::TempDir;
+use whorl_objects::Place;
+
+/// The campaign in object storage, and this process's folder for what is on its way there.
+#[derive(Debug)]
+pub(crate) struct Remote {
+    place: Place,
+    ending: &'static str,
+    own: TempDir,
+    /// Tasks that were done when their rows were last listed, and those that this process has done since.
+    done: Mutex<BTreeSet<u64>>,
+}
+
+impl Remote {
+    /// The place of a path, with its rows.
+    pub fn open(path: &Path, ending: &'static str) -> io::Result<Self> {
+        let own = tempfile::Builder::new().prefix("whorl-campaign-").tempdir()?;
+        let remote = Self { place: Place::open(path)?, ending, own, done: Mutex::default() };
+        remote.done()?;
+        Ok(remote)
+    }
+
+    /// Folder of this process; it goes with it.
+    pub fn own(&self) -> &Path {
+        self.own.path()
+    }
+
+    pub fn address(&self) -> &str {
+        self.place.address()
+    }
+
+    pub fn text(&self, name: &str) -> io::Result<Option<String>> {
+        self.place.get(name)?.map(|bytes| self.decoded(name, bytes)).transpose()
+    }
+
+    pub fn texts(&self, names: &[String]) -> io::Result<Vec<Option<String>>> {
+        let found = self.place.get_all(names)?.into_iter().zip(names);
+        found.map(|(bytes, name)| bytes.map(|bytes| self.decoded(name, bytes)).transpose()).collect()
+    }
+
+    fn decoded(&self, name: &str, bytes: Vec<u8>) -> io::Result<String> {
+        String::from_utf8(bytes)
+            .map_err(|error| io::Error::other(format!("{}/{name}: {error}", self.address())))
+    }
+
+    pub fn store(&self, name: &str, text: &str) -> io::Result<()> {
+        Ok(self.place.put(name, text.as_bytes().to_vec())?)
+    }
+
+    pub fn store_once(&self, name: &str, text: &str) -> io::Result<()> {
+        self.place.put_new(name, text.as_bytes().to_vec())?;
+        Ok(())
+    }
+
+    pub fn publish(&self, folder: &Path) -> io::Result<()> {
+        self.place.publish(folder)?;
+        Ok(())
+    }
+
+    pub fn has_files_in(&self, name: &str) -> io::Result<bool> {
+        Ok(!self.place.below(name).names()?.is_empty())
+    }
+
+    pub fn has(&self, index: u64) -> bool {
+        self.done.lock().unwrap_or_else(PoisonError::into_inner).contains(&index)
+    }
+
+    pub fn add(&self, index: u64) {
+        self.done.lock().unwrap_or_else(PoisonError::into_inner).insert(index);
+    }
+
+    /// Number of rows that there are now.
+    pub fn done(&self) -> io::Result<u64> {
+        let rows = self.place.below("rows").names()?;
+        let number = |name: &String| name.strip_suffix(self.ending)?.strip_suffix('.')?.parse().ok();
+        let there: BTreeSet<u64> = rows.iter().filter_map(number).collect();
+        let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
+        *done = there;
+        Ok(done.len() as u64)
+    }
+}
