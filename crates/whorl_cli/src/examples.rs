@@ -252,6 +252,7 @@ mod tests {
         "emulators",
         "arm",
         "disarm",
+        "init",
         "platforms",
         "start",
         "hold",
