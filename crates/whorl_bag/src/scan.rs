@@ -71,7 +71,10 @@ impl Contents {
 
 fn read_summary(file: &mut File, length: u64) -> McapResult<Option<Summary>> {
     let mut reader = SummaryReader::new_with_options(
-        SummaryReaderOptions::default().with_file_size(length).with_record_length_limit(RECORD_LIMIT),
+        // No record is longer than the file that holds it.
+        SummaryReaderOptions::default()
+            .with_file_size(length)
+            .with_record_length_limit(usize::try_from(length).map_or(RECORD_LIMIT, |l| l.min(RECORD_LIMIT))),
     );
     while let Some(event) = reader.next_event() {
         match event? {
