@@ -4,7 +4,7 @@
 //! interrupted and repeated at any point, and whoever computes it writes the same row. Who computes what is the engine's
 //! matter: threads here, tasks of a cluster elsewhere. One process directs a folder at a time ([`Folder::hold`]).
 //!
-//! A folder may be in object storage (`s3://bucket/prefix`, `remote`): then workers share nothing else.
+//! A folder may be in object storage (`s3://bucket/prefix`): then workers share nothing else.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
