@@ -91,9 +91,16 @@ impl YamlWriter {
     }
 }
 
-/// A double-quoted YAML scalar; JSON's escapes are a subset of YAML's.
+/// A double-quoted YAML scalar; JSON's escapes are a subset of YAML's. What JSON leaves as it is and YAML does not print, or takes for
+/// the end of a line, is escaped as well (YAML 1.2.2, sections 5.1, 5.2 and 5.4).
 pub(crate) fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
+    let escaped = |c: char| match c {
+        '\u{7f}'..='\u{9f}' | '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}' => {
+            format!("\\u{:04x}", u32::from(c))
+        }
+        c => c.to_string(),
+    };
+    serde_json::Value::from(text).to_string().chars().map(escaped).collect()
 }
 
 /// A YAML number.
@@ -131,6 +138,8 @@ mod tests {
     fn what_is_written_reads_back() {
         let mut yaml = YamlWriter::default();
         yaml.text("name", "a \"quoted\": #text\n\u{e9}");
+        let unprinted = "\u{feff}a\u{7f}b\u{85}c\u{9f}d\u{2028}e\u{2029}f\u{fffe}g\u{ffff}";
+        yaml.text("unprinted", unprinted);
         yaml.number("nan", f64::NAN);
         yaml.number("small", 1e-300);
         yaml.group("group", |y| {
@@ -143,6 +152,7 @@ mod tests {
         let text = yaml.finish();
         let root = load(Path::new("x"), &text).unwrap();
         assert_eq!(find(&root, &["name"]).unwrap().as_str(), Some("a \"quoted\": #text\n\u{e9}"));
+        assert_eq!(find(&root, &["unprinted"]).unwrap().as_str(), Some(unprinted));
         assert!(find(&root, &["nan"]).unwrap().as_floating_point().unwrap().is_nan());
         assert_eq!(find(&root, &["small"]).unwrap().as_floating_point(), Some(1e-300));
         let items = find(&root, &["group", "items"]).unwrap().as_sequence().unwrap();
