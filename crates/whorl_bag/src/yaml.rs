@@ -77,8 +77,11 @@ impl YamlWriter {
         }
     }
 
-    /// Lines that are YAML already, indented.
+    /// Lines that should be YAML already, indented; as a text where they are not.
     pub fn block(&mut self, key: &str, yaml: &str) {
+        if Yaml::load_from_str(yaml).is_err() {
+            return self.text(key, yaml);
+        }
         let _ = writeln!(self.text, "{:1$}{key}:", "", self.indent);
         for line in yaml.lines() {
             let _ = writeln!(self.text, "{:1$}  {line}", "", self.indent);
@@ -91,15 +94,15 @@ impl YamlWriter {
     }
 }
 
+/// Whether YAML allows a character as it is within a line.
+fn is_printed(c: char) -> bool {
+    !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}')
+}
+
 /// A double-quoted YAML scalar; JSON's escapes are a subset of YAML's. What JSON leaves as it is and YAML does not print, or takes for
 /// the end of a line, is escaped as well (YAML 1.2.2, sections 5.1, 5.2 and 5.4).
 pub(crate) fn quoted(text: &str) -> String {
-    let escaped = |c: char| match c {
-        '\u{7f}'..='\u{9f}' | '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}' => {
-            format!("\\u{:04x}", u32::from(c))
-        }
-        c => c.to_string(),
-    };
+    let escaped = |c: char| if is_printed(c) { c.to_string() } else { format!("\\u{:04x}", u32::from(c)) };
     serde_json::Value::from(text).to_string().chars().map(escaped).collect()
 }
 
