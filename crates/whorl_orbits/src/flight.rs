@@ -90,7 +90,7 @@ pub struct Flown {
     pub given_hill_m_s: Vector3<f64>,
     /// Gas used \[kg\].
     pub gas_kg: f64,
-    /// Drift behind the chief (ahead when positive) that the energies mean, before and after [m/revolution].
+    /// Drift along the chief's track, ahead when positive, before and after [m/revolution] ([`crate::drift::drift_m_rev`]).
     pub drift_m_rev: (f64, f64),
 }
 

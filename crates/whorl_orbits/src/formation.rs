@@ -161,10 +161,10 @@ fn ellipse(radius_m: f64, cross_track_share: f64, phase_rad: f64, n: f64) -> Hil
     }
 }
 
-/// The deputy's inertial state with its speed changed so that its energy equals the chief's exactly: (2.31) without its
-/// linearisation, on any orbit. What remains of a drift comes from perturbations.
+/// The deputy's inertial state with its speed changed so that it does not drift along the chief's track: (2.31) without its
+/// linearisation, on any orbit, the oblateness included where the propagator has it ([`crate::drift`]).
 #[must_use]
-pub fn with_equal_energy(propagator: Propagator, chief: &OrbitState, deputy: &HillState) -> OrbitState {
+pub fn without_drift(propagator: Propagator, chief: &OrbitState, deputy: &HillState) -> OrbitState {
     let state = deputy.deputy(chief);
     let wanted_m_s = delta_v_eci_m_s(propagator, chief, &state);
     OrbitState { velocity_m_s: state.velocity_m_s + wanted_m_s, ..state }
@@ -213,7 +213,7 @@ mod tests {
         let ahead_s = ahead_m / (chief.mean_motion_rad_s() * chief.semi_major_axis_m);
         let start = chief.state();
         let track = |formation: Formation| {
-            let deputy = with_equal_energy(Propagator::TwoBody, &start, &formation.deputy(&chief).unwrap());
+            let deputy = without_drift(Propagator::TwoBody, &start, &formation.deputy(&chief).unwrap());
             let mut worst = 0.0_f64;
             for k in 0..50 {
                 let t = f64::from(k) * 100.0;
@@ -244,7 +244,7 @@ mod tests {
                 .norm()
         };
         let (linear, exact) =
-            (drift(deputy.deputy(&start)), drift(with_equal_energy(Propagator::TwoBody, &start, &deputy)));
+            (drift(deputy.deputy(&start)), drift(without_drift(Propagator::TwoBody, &start, &deputy)));
         assert!(exact < 1.0 && linear > 100.0, "{linear} {exact}");
     }
 
@@ -264,7 +264,7 @@ mod tests {
                 };
                 let start = ellipse.state();
                 let relative = formation(phase).deputy(&ellipse).unwrap();
-                let deputy = with_equal_energy(Propagator::TwoBody, &start, &relative);
+                let deputy = without_drift(Propagator::TwoBody, &start, &relative);
                 for step in 0..40 {
                     let t = f64::from(step) / 40.0 * ellipse.period_s();
                     let [c, d] = [&start, &deputy].map(|s| Propagator::TwoBody.after(s, t).unwrap());

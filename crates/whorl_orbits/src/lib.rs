@@ -15,11 +15,13 @@
 //! | [`clohessy_wiltshire`] | its linearisation about a circle, closed form and numerical | 2.25-2.34 |
 //! | [`yamanaka_ankersen`] | the same about an ellipse: state-transition matrix | |
 //! | [`formation`] | in-plane, in-track, circular, projected circular | |
-//! | [`drift`] | equal energies: what stops two orbits drifting apart | 2.31 |
+//! | [`drift`] | equal energies or secular rates: what stops two orbits drifting apart | 2.31 |
 //! | [`earth`] | the ellipsoid of WGS 84, geodetic and geocentric latitude | |
 //! | [`co_observation`] | targets, desired attitudes | 2.38, Figure 2.1 |
 //! | [`pass`] | every spacecraft over a pass: orbit, relative state, attitude | |
 //! | [`flight`] | the pass with its wanted velocity changes carried out: thrust where the attitude points it, gas | 2.38 |
+//! | [`mean_elements`] | orbits without what the oblateness adds within a revolution, and how they turn | |
+//! | [`formation_keeping`] | a law that holds a deputy in a box for days, thrust and gas | |
 //! | [`laboratory`] | the pass scaled to the laboratory, and whether platforms can follow it | |
 //!
 //! Misprints in the dissertation: the right side of (2.5) holds for neither
@@ -34,6 +36,7 @@ pub mod earth;
 pub mod elements;
 pub mod flight;
 pub mod formation;
+pub mod formation_keeping;
 pub mod hill;
 pub mod laboratory;
 pub mod mean_elements;

@@ -8,6 +8,7 @@ use serde_json::json;
 use crate::document::{Document, number, text};
 use crate::explanation::Facts;
 use crate::figure::{Figure, Span};
+use crate::orbit_keeping::DrawnKeeping;
 use crate::series::Curve;
 
 const SCRIPT: &str = include_str!("../assets/orbit.js");
@@ -67,6 +68,8 @@ pub struct DrawnPass {
     pub target_deg: Vec<[f64; 2]>,
     /// The spacecraft.
     pub spacecraft: Vec<DrawnCraft>,
+    /// Days of formation keeping after it.
+    pub keeping: Vec<DrawnKeeping>,
 }
 
 /// The page.
@@ -83,6 +86,7 @@ pub fn orbit_html(title: &str, passes: &[DrawnPass], facts: &Facts) -> String {
         for figure in over_time(pass) {
             page.figure(&figure, None);
         }
+        pass.keeping.iter().for_each(|keeping| keeping.add_to(&mut page));
     }
     crate::explanation::facts(&mut page, facts);
     page.script(SCRIPT);

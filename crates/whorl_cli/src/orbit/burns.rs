@@ -113,7 +113,7 @@ pub fn print(burns: &[BurnRow], keeping: &[KeepingRow]) {
     for row in burns {
         say!(
             "  {} thrusts from {:.1} s to {:.1} s of orbit: {:.4} m/s wanted, {:.4} m/s given along it and {:.4} m/s across; \
-             {:.1} g of gas. Drift along the track by the energies: {:+.0} m a revolution before, {:+.0} m after",
+             {:.1} g of gas. Drift along the track: {:+.0} m a revolution before, {:+.0} m after",
             row.platform,
             row.start_s,
             row.end_s,

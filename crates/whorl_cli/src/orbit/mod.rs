@@ -1,6 +1,7 @@
 //! `whorl orbit`: the passes of an experiment as the laboratory would reproduce them.
 
 mod burns;
+mod keep;
 mod page;
 
 use std::path::{Path, PathBuf};
@@ -12,7 +13,7 @@ use serde_json::json;
 use whorl_coordinator::parameters::{self, CoObservation, StepKind};
 use whorl_orbits::flight::Flight;
 use whorl_params::{Override, ParameterTree, layers_of_experiment, try_read};
-use whorl_report::orbit_html;
+use whorl_report::{DrawnPass, orbit_html};
 
 use crate::output::{JsonArgument, say};
 use crate::runs::write;
@@ -56,18 +57,22 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         if let StepKind::CoObserve(pass) = &step.kind {
             let orbit_s = pass.mapping.orbit_span_s();
             say!("step {}: {:.0} s, {orbit_s:.0} s of orbit", step.name, step.duration_s);
-            if arguments.html.is_some() {
-                drawn.push(page::drawn(&step.name, pass, &parameters.platforms)?);
-            }
             let flight = Flight::new(&pass.pass)?;
             let rows = rows(pass, &flight, &parameters.platforms, arguments.every)?;
             table(&rows);
             let flown = burns::burns(&flight, &parameters.platforms);
             let keeping = burns::keeping(pass, &flight, &parameters.platforms)?;
             burns::print(&flown, &keeping);
+            let (kept, of_days): (Vec<_>, Vec<_>) =
+                keep::kept(pass, &flight, &parameters.platforms)?.into_iter().unzip();
+            keep::print(&kept);
+            if arguments.html.is_some() {
+                let page = page::drawn(&step.name, pass, &flight, &parameters.platforms)?;
+                drawn.push(DrawnPass { keeping: of_days, ..page });
+            }
             passes.push(json!({
                 "step": step.name, "duration_s": step.duration_s, "orbit_s": orbit_s, "rows": rows,
-                "burns": flown, "keeping": keeping,
+                "burns": flown, "keeping": keeping, "kept": kept,
             }));
         }
     }

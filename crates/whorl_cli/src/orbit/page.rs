@@ -13,7 +13,12 @@ use whorl_report::{DrawnBurn, DrawnCraft, DrawnPass};
 const INSTANTS: u32 = 240;
 
 /// The pass at so many instants, in Earth-fixed axes.
-pub fn drawn(step: &str, pass: &CoObservation, platforms: &[String]) -> anyhow::Result<DrawnPass> {
+pub fn drawn(
+    step: &str,
+    pass: &CoObservation,
+    flight: &Flight<'_>,
+    platforms: &[String],
+) -> anyhow::Result<DrawnPass> {
     let craft = |(name, craft): (&String, &whorl_orbits::pass::Spacecraft)| DrawnCraft {
         name: name.clone(),
         config_deg: craft.mounting.angle_rad().to_degrees(),
@@ -25,7 +30,6 @@ pub fn drawn(step: &str, pass: &CoObservation, platforms: &[String]) -> anyhow::
         ..DrawnPass::default()
     };
     let Some(first) = pass.trajectories.first() else { return Ok(drawn) };
-    let flight = Flight::new(&pass.pass)?;
     for flown in flight.flown() {
         let laboratory_s =
             |orbit_s: f64| laboratory_s(|t| first.orbit_time_s(t), pass.mapping.duration_s, orbit_s);

@@ -7,6 +7,7 @@ use whorl_dynamics::platform::TiltLimit;
 use whorl_orbits::co_observation::{Mounting, Target};
 use whorl_orbits::flight::{Burn, Flight};
 use whorl_orbits::formation::Formation;
+use whorl_orbits::formation_keeping::Keeper;
 use whorl_orbits::laboratory::{LaboratoryError, Mapping, Reach, Trajectory, trajectories};
 use whorl_orbits::pass::{Pass, PassError, RelativeModel, Spacecraft, WantedDeltaV};
 use whorl_orbits::{EARTH_RADIUS_M, Elements};
@@ -25,6 +26,8 @@ pub struct CoObservation {
     pub settle_s: f64,
     /// The motion of each platform.
     pub trajectories: Vec<Trajectory>,
+    /// How each spacecraft is kept in its formation after the pass; `None`: not at all.
+    pub keepers: Vec<Option<Keeper>>,
 }
 
 impl CoObservation {
@@ -96,11 +99,17 @@ pub(super) fn read(
         ramp_s: r.f64_or("ramp_s", 10.0, positive(), "time of the smooth beginning, and of the end [s]"),
         duration_s: duration_s - settle_s,
     };
-    let spacecraft = platforms
+    let (spacecraft, keepers) = platforms
         .iter()
         .enumerate()
-        .map(|(index, name)| r.group(&format!("spacecraft.{name}"), |r| read_spacecraft(r, index)))
-        .collect();
+        .map(|(index, name)| {
+            r.group(&format!("spacecraft.{name}"), |r| {
+                let spacecraft = read_spacecraft(r, index);
+                let keeper = r.has("keep").then(|| read_keeper(r, &spacecraft, model)).flatten();
+                (spacecraft, keeper)
+            })
+        })
+        .unzip();
     let pass = Pass { chief, model, spacecraft, target, thrust_weight };
     let reach = |l: &ReferenceLimits| Reach {
         pitch_only: matches!(l.envelope.limit(), TiltLimit::Pitch { .. }),
@@ -113,7 +122,7 @@ pub(super) fn read(
         return None;
     }
     match trajectories(&pass, &mapping, &reaches) {
-        Ok(trajectories) => Some(CoObservation { pass, mapping, settle_s, trajectories }),
+        Ok(trajectories) => Some(CoObservation { pass, mapping, settle_s, trajectories, keepers }),
         Err(error) => {
             let key = match &error {
                 LaboratoryError::Pass(PassError::Orbit(_)) => "orbit.perigee_altitude_km",
@@ -250,4 +259,44 @@ fn read_spacecraft(r: &mut Reader<'_>, index: usize) -> Spacecraft {
         "by how much its velocity is off when the pass begins: radial, in-track, cross-track [m/s]",
     );
     Spacecraft { formation, mounting, wanted, burn, velocity_error_hill_m_s }
+}
+
+/// How a spacecraft is kept after the pass, by the thruster of its burn.
+fn read_keeper(r: &mut Reader<'_>, spacecraft: &Spacecraft, model: RelativeModel) -> Option<Keeper> {
+    let keeper = r.group("keep", |r| Keeper {
+        half_width_m: r.vector3(
+            "half_width_m",
+            positive(),
+            "half the width of the box in which it is held: radial, in-track, cross-track [m]",
+        ),
+        duration_s: 86_400.0
+            * r.f64_or("days", 5.0, range(0.0..=100.0), "how long it is kept after the pass [days]"),
+        thrust_error: r.f64_or(
+            "thrust_error",
+            0.0,
+            range(-0.9..=9.0),
+            "by which share its thruster gives more than thrust_n, which the law does not know",
+        ),
+        gas_kg: r.f64_or("gas_kg", 5.0, range(0.0..), "gas that it has before the pass [kg]"),
+        thrust_n: spacecraft.burn.map_or(f64::NAN, |b| b.thrust_n),
+        mass_kg: spacecraft.burn.map_or(f64::NAN, |b| b.mass_kg),
+        specific_impulse_s: spacecraft.burn.map_or(f64::NAN, |b| b.specific_impulse_s),
+    });
+    let Some(burn) = spacecraft.burn else {
+        r.reject_group("keep", "needs a burn beside it, for thrust_n, mass_kg and specific_impulse_s");
+        return None;
+    };
+    if spacecraft.formation.is_none() {
+        r.reject_group("keep", "is for a spacecraft with a formation: the chief moves freely");
+        return None;
+    }
+    if !matches!(model, RelativeModel::TwoBody | RelativeModel::J2) {
+        r.reject_group("keep", "moves single spacecraft: the model must be two_body or j2");
+        return None;
+    }
+    if keeper.gas_kg >= burn.mass_kg {
+        r.reject("keep.gas_kg", "allowed: less than mass_kg of the burn");
+        return None;
+    }
+    Some(keeper)
 }
