@@ -7,7 +7,7 @@ use whorl_estimation::kernels::Kernel;
 use whorl_estimation::{
     BodyModel, Estimator, FilterKind, GyroSampling, ImuSample, Parameters, VectorParameters, VectorUse,
 };
-use whorl_math::attitude_error;
+use whorl_math::{GRAVITY_M_S2, attitude_error};
 use whorl_recording::Recording;
 use whorl_report::{ReproducedPlot, Reproduction};
 
@@ -79,7 +79,7 @@ pub fn comparison() -> Reproduction {
     let rows_found: Vec<Found> = rows.iter().filter_map(|row| Found::of(row)).collect();
     let slowest = rows.iter().filter_map(|row| row.last()?.parse::<f64>().ok()).fold(0.0, f64::max);
     let restart_sentence = format!(
-        "From half a turn off all are back within {slowest:.1} s. That is the figure of the supervising filter, not theirs: samples that contradict the attitude for a second make it start anew from the two vectors and hand that on. By themselves they take from a tenth of a second to a minute, or never come back (docs/estimation.md)."
+        "From half a turn off all are back within {slowest:.1} s. That is the figure of the supervising filter, not theirs: samples that contradict the attitude for a second make it start anew from the two vectors and hand that on. docs/estimation.md has what they take by themselves."
     );
     Reproduction {
         table: Some((headings, rows)),
@@ -93,7 +93,7 @@ pub fn comparison() -> Reproduction {
             "Same simulated Whorl-I (Table 4.1), MotionPak-class sensors at 100 Hz, vector sensor at 10 Hz; root mean square from 10 s to 60 s.".to_owned(),
             agreement_sentence(&rows_found),
             dynamics_sentence(&rows_found),
-            consistency_sentence(&rows_found),
+            consistency_sentence(&rows_found, &model),
             restart_sentence,
         ],
         ..Reproduction::default()
@@ -179,14 +179,17 @@ fn dynamics_sentence(found: &[Found]) -> String {
 }
 
 /// Why NEES is above 3.
-fn consistency_sentence(found: &[Found]) -> String {
+fn consistency_sentence(found: &[Found], model: &PlatformModel) -> String {
     let worst = largest(found.iter().filter(|f| f.has_bias()).flat_map(|f| f.nees));
     let gyrostat = largest(found.iter().filter(|f| f.name == "gyrostat").flat_map(|f| f.nees));
+    let bias_m_s2 = model.sensors.accelerometer.errors.bias_turn_on_stddev.amax();
+    let tilt_deg = (bias_m_s2 / GRAVITY_M_S2).to_degrees();
     let cause = if worst > CONSISTENT && gyrostat < worst {
-        "The accelerometer's own bias (1.5e-3 m/s^2, 0.009 deg) is constant and the former take it for noise; gyrostat has a state for it."
+        "is constant and the former take it for noise; gyrostat has a state for it"
     } else {
-        "The accelerometer's own bias (1.5e-3 m/s^2, 0.009 deg), which the former take for noise, does not show here."
+        "does not show here, though the former take it for noise"
     };
+    let cause = format!("The accelerometer's own bias ({bias_m_s2:.1e} m/s^2, {tilt_deg:.3} deg) {cause}.");
     format!(
         "NEES of the bias filters is up to {worst:.1}, that of gyrostat {gyrostat:.1}. {cause} With sensors that are as the filters assume, NEES and NIS of every filter lie in their bands (tests of whorl_estimation)."
     )

@@ -12,6 +12,7 @@ mod data;
 pub mod dual;
 mod filters;
 mod identification;
+mod identification_sentences;
 mod noise_map;
 mod perturbations;
 mod printed_tables;

@@ -5,7 +5,6 @@ use whorl_dynamics::PlatformModel;
 use whorl_math::GRAVITY_M_S2;
 use whorl_report::{ReproducedPlot, Reproduction};
 
-use crate::identification::strings;
 use crate::rotating_earth::{BLACKSBURG_RAD, Body, Laboratory, perturbation_b_n_m};
 
 /// Density of air [kg/m^3].
@@ -46,6 +45,12 @@ pub fn magnitudes() -> Reproduction {
     };
     let crossing = rates.iter().find(|r| drag(**r) > largest(**r, true)).copied().unwrap_or(f64::NAN);
     let centrifugal = laboratory.rate_l_rad_s.cross(&laboratory.velocity_l_m_s).norm() / GRAVITY_M_S2;
+    // What a gyro tells from its noise within a second: two means of half a second, a rate apart.
+    let sensors = &model.sensors;
+    let told_n_m = model.mass_properties.inertia_b_kg_m2()[(2, 2)]
+        * sensors.gyro.errors.noise_stddev.amax()
+        * (4.0 / sensors.rate_hz).sqrt()
+        / 0.5;
     let plot = ReproducedPlot {
         title: "torques on Whorl-I in a flat spin".to_owned(),
         caption: "Drag in still air, constant bearing friction, and what eq. 4.25 adds for the rotation of the Earth (largest over tilts of up to 60 deg).".to_owned(),
@@ -62,11 +67,27 @@ pub fn magnitudes() -> Reproduction {
     Reproduction {
         plots: vec![plot],
         sentences: vec![
-            format!("As printed, drag dominates in fast spins: at 5 rad/s it is {:.3} N m against {:.1e} N m of the Earth. Areas and bearing friction are not printed and assumed here, so only orders of magnitude compare.", drag(5.0), largest(5.0, true)),
-            format!("The printed conclusion (never model the Earth) does not hold for slow motion: below {crossing:.2} rad/s, where the platforms work, drag in still air is smaller than the Earth's torque. Both are then about {:.0e} N m, below the noise of these sensors, so the decision stands for another reason.", largest(crossing, true)),
+            format!("{}: at 5 rad/s it is {:.3} N m against {:.1e} N m of the Earth. Areas and bearing friction are not printed and assumed here, so only orders of magnitude compare.", if drag(5.0) > largest(5.0, true) { "As printed, drag dominates in fast spins" } else { "Printed: drag dominates in fast spins. Here it does not" }, drag(5.0), largest(5.0, true)),
+            slow_sentence(crossing, largest(crossing, true), told_n_m),
             format!("Eq. 4.25 as printed contains the centrifugal acceleration of the laboratory, a constant torque of {:.1} % of the gravity offset; a vertical taken from a plumb line or an accelerometer has it already.", 100.0 * centrifugal),
-            strings(&["Eq. 4.25 was checked against Lagrange's equations (4.26-4.38): whorl_reproduce::rotating_earth."]).concat(),
+            "Tests of whorl_reproduce::rotating_earth compare eq. 4.25 with Lagrange's equations (4.26-4.38).".to_owned(),
         ],
         ..Reproduction::default()
     }
+}
+
+/// Whether the Earth may be left out where the platforms are slow: where drag becomes smaller than its torque, and against what
+/// the gyro can tell.
+pub fn slow_sentence(crossing_rad_s: f64, there_n_m: f64, told_n_m: f64) -> String {
+    if !crossing_rad_s.is_finite() {
+        return "The printed conclusion (never model the Earth) is not reached here: at no rate that is drawn is drag larger than the Earth's torque.".to_owned();
+    }
+    let verdict = if there_n_m < told_n_m {
+        "so the decision stands for another reason: these sensors do not see it"
+    } else {
+        "which these sensors would see, so it belongs in the model"
+    };
+    format!(
+        "The printed conclusion (never model the Earth) does not follow from drag in slow motion: below {crossing_rad_s:.2} rad/s drag in still air is smaller than the Earth's torque. Both are then about {there_n_m:.0e} N m; a second of the gyro tells {told_n_m:.0e} N m from its noise, {verdict}."
+    )
 }

@@ -283,3 +283,68 @@ fn joint_filters_wait_for_the_excitation() {
     let at = |t: f64| sigma.iter().find(|(x, _)| *x >= t).unwrap().1;
     assert!(at(29.5) > 0.8 * at(0.0) && at(40.0) < 0.2 * at(0.0), "{} {} {}", at(0.0), at(29.5), at(40.0));
 }
+
+/// Numbers of a sentence, in order; units and brackets aside.
+fn numbers(sentence: &str) -> Vec<f64> {
+    let words = sentence.split([' ', '(', ')', ',', ':', ';']);
+    words.filter_map(|word| word.trim_end_matches('.').parse().ok()).collect()
+}
+
+/// What sentences say is what tables and curves hold.
+#[test]
+fn sentences_are_computed() {
+    // Principal moments: their sum is the trace of Table 4.1, 6.2 + 7.5 + 12.1 kg m^2.
+    let found = numbers(&item("table_4_1").sentences[0]);
+    assert_eq!(found[..2], [9.0, 9.0], "{found:?}");
+    assert!((found[2..5].iter().sum::<f64>() - 25.8).abs() < 0.02, "{found:?}");
+
+    let table = rows("table_4_2");
+    let median = |column: usize| {
+        let mut all: Vec<f64> = table.values().map(|row| row[column].abs()).collect();
+        all.sort_by(f64::total_cmp);
+        all[4]
+    };
+    let energy = &item("table_4_2").sentences[3];
+    // 4.6.3 is the first number.
+    let found = numbers(energy.split(": ").nth(1).unwrap());
+    assert!((found[0] - median(12)).abs() < 0.01 && (found[1] - median(10)).abs() < 0.01, "{energy}");
+    // Printed medians of the columns of errors, counted by hand: 0.80 and 0.97 %.
+    let sentences = &item("table_4_2").sentences;
+    assert!(
+        sentences[1].contains("printed: 0.8 %") && sentences[2].contains("the printed 1.0 %"),
+        "{sentences:?}"
+    );
+
+    let table = rows("table_4_4");
+    let loss = &item("table_4_4").sentences[0];
+    let (sensors, errors) = loss.split_once("begun level").unwrap();
+    // A tenth of the MotionPak's 0.1 deg/s and 0.02 m/s^2.
+    assert_eq!(numbers(sensors)[..3], [0.01, 0.002, 10.0], "{loss}");
+    assert!((numbers(errors)[1] - table["I_zz"][6].abs()).abs() < 1.0, "{loss}");
+
+    let asked = item("manoeuvre").sentences.last().unwrap();
+    assert!(asked.ends_with(": found."), "{asked}");
+
+    let turned = |name: &str| (curve("fig_4_8", 1, name).last().unwrap().1 / 90.0 - 1.0).abs() * 100.0;
+    let found = numbers(&item("fig_4_8").sentences[1]);
+    assert!((found[0] - turned("bias taken off")).abs() < 0.06, "{found:?}");
+    assert!((found.last().unwrap() - turned("calibrated")).abs() < 0.006, "{found:?}");
+
+    for (k, name) in ["extended", "iterated", "unscented"].into_iter().enumerate() {
+        let sentence = &item("sequential").sentences[k + 1];
+        let izz = curve("sequential", 1, name);
+        let before = izz.iter().rfind(|(t, _)| *t < 30.0).unwrap().1;
+        assert!(
+            sentence.starts_with(name) && sentence.contains(&format!("{before:+.1} % off")),
+            "{sentence}"
+        );
+    }
+}
+
+/// Both verdicts on the Earth's torque, by numbers on either side.
+#[test]
+fn a_torque_that_sensors_see_is_said_to_be_seen() {
+    let said = |there, told| perturbations::slow_sentence(0.2, there, told);
+    assert!(said(1e-5, 1e-2).contains("do not see it") && said(1e-2, 1e-5).contains("would see"));
+    assert!(perturbations::slow_sentence(f64::NAN, 0.0, 1.0).contains("is not reached"));
+}

@@ -65,15 +65,10 @@ fn bias_filters_are_consistent_at_each_instant() {
     super::optimum::BIAS_FILTERS.into_iter().for_each(conformance::is_consistent_with_a_bias);
 }
 
-/// Their errors may be less than stated, not more: one number of noise for both axes of the vertical is that of the worse.
+/// Kernels that are told one number of noise for both axes of the vertical are told that of the worse.
 #[test]
-fn bias_filters_are_not_overconfident_with_a_lever_arm() {
-    for kind in super::optimum::BIAS_FILTERS {
-        let mean = conformance::nees_with_a_lever_arm(kind);
-        println!("{}: NEES {mean:.2} of 3 with a lever arm", kind.name);
-        // 1800 samples of three numbers, of which some hundred are independent: 3 +- 0.25.
-        assert!((1.5..3.2).contains(&mean), "{}: {mean}", kind.name);
-    }
+fn bias_filters_are_consistent_with_a_lever_arm() {
+    super::optimum::BIAS_FILTERS.into_iter().for_each(conformance::is_consistent_with_a_lever_arm);
 }
 
 #[test]
