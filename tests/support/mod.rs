@@ -3,6 +3,7 @@
 pub mod binaries;
 pub mod browser;
 pub mod clock;
+pub mod cores;
 pub mod domain;
 pub mod formation;
 pub mod machine;

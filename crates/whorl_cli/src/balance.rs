@@ -4,9 +4,12 @@ use anyhow::{Context, bail};
 use nalgebra::{Unit, Vector3};
 use serde_json::{Value, json};
 use whorl_commands::identify::findings_as_json;
+use whorl_dynamics::PlatformModel;
+use whorl_dynamics::actuators::moving_masses::MovingMass;
 use whorl_identification::balance::{Ballast, plan_balance};
 use whorl_identification::mass_parameters::gravity_offset_b_n_m;
 use whorl_identification::{Settings, identify};
+use whorl_math::GRAVITY_M_S2;
 use whorl_recording::Recording;
 
 use crate::identify::print_findings;
@@ -18,7 +21,7 @@ pub struct Arguments {
     #[command(flatten)]
     runs: RunArguments,
     /// Movable mass, as NAME:AXIS:WEIGHT_N:TRAVEL_MM with AXIS x, y, z or three numbers, e.g.
-    /// battery:1,1,0:30:50; may be given several times [default: x, y and z with 20 N and +-100 mm each].
+    /// battery:1,1,0:30:50; may be given several times [default: the model's moving_masses; without any x, y and z with 20 N and +-100 mm each].
     #[arg(long, value_name = "BALLAST")]
     ballast: Vec<String>,
     /// Desired gravity offset about z [N m]; negative is stable.
@@ -30,18 +33,12 @@ pub struct Arguments {
 
 /// Carries out `whorl balance`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let ballasts: Vec<Ballast> = if arguments.ballast.is_empty() {
-        ["actuator_x:x:20:100", "actuator_y:y:20:100", "actuator_z:z:20:100"]
-            .iter()
-            .map(|s| parse(s))
-            .collect::<Result<_, _>>()?
-    } else {
-        arguments.ballast.iter().map(|s| parse(s)).collect::<Result<_, _>>()?
-    };
+    let given: Vec<Ballast> = arguments.ballast.iter().map(|s| parse(s)).collect::<Result<_, _>>()?;
     if arguments.target_z.is_some_and(|z| !z.is_finite()) {
         bail!("--target-z is not a number");
     }
     let runs = arguments.runs.read()?;
+    let ballasts = if given.is_empty() { of_model(&runs.known.model)? } else { given };
     let recordings: Vec<&Recording> = runs.training.iter().collect();
     let found = identify(&recordings, &runs.known.model, &runs.known.prior, &Settings::default())?;
     print_findings(&found.findings);
@@ -92,6 +89,24 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             "findings": findings_as_json(&plan.findings),
         }))
     })
+}
+
+/// The platform's own masses; ideal ones where its file lists none.
+fn of_model(model: &PlatformModel) -> anyhow::Result<Vec<Ballast>> {
+    let masses = &model.moving_masses().0;
+    if masses.is_empty() {
+        let usual = ["actuator_x:x:20:100", "actuator_y:y:20:100", "actuator_z:z:20:100"];
+        return usual.iter().map(|s| parse(s)).collect();
+    }
+    let ballast = |mass: &MovingMass| Ballast {
+        name: mass.name.clone(),
+        axis_b: mass.axis_b,
+        weight_n: mass.mass_kg * GRAVITY_M_S2,
+        position_m: 0.0,
+        travel_m: (-mass.travel_m, mass.travel_m),
+        step_m: 0.0,
+    };
+    Ok(masses.iter().map(ballast).collect())
 }
 
 fn parse(text: &str) -> anyhow::Result<Ballast> {

@@ -13,9 +13,14 @@
 //! parts show; z shows in proportion to the tilt, so sweep a few degrees to find it, slowly: an error of the
 //! inertia looks like a z offset of that error times the square of the sweep's angular frequency (3 % of
 //! 6.2 kg m^2 at 0.06 rad/s: 0.7 N mm).
+//!
+//! [`Balancer::with_masses`] says what the actuators are made of. Moves then end at their end stops, and what the play
+//! of a spindle may have kept of a move is added to the covariance, evenly spread over the play, (W gap)^2 / 12, so that
+//! the next window measures it.
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use thiserror::Error;
+use whorl_dynamics::actuators::moving_masses::MovingMasses;
 use whorl_dynamics::gyrostat::equation::momentum_rate_b_n_m;
 use whorl_math::{skew, vertical_b};
 
@@ -90,7 +95,7 @@ pub struct BalancingState {
     pub residual_stddev_n_m: Vector3<f64>,
     /// Whether every axis is within the tolerance, at two standard deviations.
     pub balanced: bool,
-    /// Axes whose actuator is at the end of its travel.
+    /// Axes along which the actuators cannot give what is needed: at the end of their travel, or none there.
     pub at_limit: [bool; 3],
 }
 
@@ -98,6 +103,10 @@ pub struct BalancingState {
 #[derive(Debug, Clone)]
 pub struct Balancer {
     settings: BalancingSettings,
+    /// What the actuators are; none: ideal ones.
+    masses: MovingMasses,
+    /// Axes along which the end stops kept the last move short.
+    stopped: [bool; 3],
     inertia_b_kg_m2: Matrix3<f64>,
     moment: Vector3<f64>,
     /// Offset with the current moment, and its covariance.
@@ -141,12 +150,20 @@ impl Balancer {
         }
         Ok(Self {
             settings,
+            masses: MovingMasses::default(),
+            stopped: [false; 3],
             inertia_b_kg_m2,
             moment: moment_b_n_m,
             offset: offset_b_n_m,
             covariance: Matrix3::identity() * settings.initial_stddev_n_m.powi(2),
             window: None,
         })
+    }
+
+    /// The same with actuators that have travel and play.
+    #[must_use]
+    pub fn with_masses(self, masses: MovingMasses) -> Self {
+        Self { masses, ..self }
     }
 
     /// Where it stands.
@@ -160,7 +177,9 @@ impl Balancer {
             residual_b_n_m: residual,
             residual_stddev_n_m: stddev,
             balanced: (0..3).all(|n| residual[n].abs() + 2.0 * stddev[n] < 2.0 * tolerance),
-            at_limit: std::array::from_fn(|n| self.moment[n].abs() >= self.settings.limit_b_n_m[n]),
+            at_limit: std::array::from_fn(|n| {
+                self.stopped[n] || self.moment[n].abs() >= self.settings.limit_b_n_m[n]
+            }),
         }
     }
 
@@ -238,16 +257,32 @@ impl Balancer {
 
     /// Moves every axis that is known well enough.
     fn command(&mut self) {
+        let mut wanted = self.moment;
         for axis in 0..3 {
             if self.covariance[(axis, axis)].sqrt() > self.settings.move_stddev_n_m {
                 continue;
             }
             let limit = self.settings.limit_b_n_m[axis];
-            let wanted = self.moment[axis] - (self.offset[axis] - self.settings.target_b_n_m[axis]);
-            let moved = wanted.max(-limit).min(limit) - self.moment[axis];
+            let needed = self.moment[axis] - (self.offset[axis] - self.settings.target_b_n_m[axis]);
+            wanted[axis] = needed.max(-limit).min(limit);
+        }
+        let reached = self.masses.within_travel(&wanted);
+        for axis in 0..3 {
+            self.stopped[axis] = (wanted[axis] - reached[axis]).abs() > 0.5 * self.settings.tolerance_n_m;
+            let moved = reached[axis] - self.moment[axis];
             self.moment[axis] += moved;
             self.offset[axis] += moved;
+            self.doubt_play(axis, moved);
         }
+    }
+
+    /// A move of more than the tolerance may have been lost in the play.
+    fn doubt_play(&mut self, axis: usize, moved_n_m: f64) {
+        if moved_n_m.abs() < 0.5 * self.settings.tolerance_n_m {
+            return;
+        }
+        let play = self.masses.play_b_n_m()[axis];
+        self.covariance[(axis, axis)] += play * play / 12.0;
     }
 }
 

@@ -8,6 +8,7 @@ use whorl_params::Reader;
 
 use crate::emulation::Emulator;
 use crate::list::Address;
+use crate::logical::InertialAxes;
 use crate::mailbox::Mailbox;
 use crate::reading::Reporter;
 use crate::running::Place;
@@ -29,6 +30,7 @@ pub const KINDS: &[DeviceKind] = &[
     smartmotor::KIND,
     modbus_relays::KIND,
     iio::KIND,
+    iio::inertial::KIND,
     ros::IMU,
     ros::MAGNETOMETER,
     ros::POSE,
@@ -41,6 +43,8 @@ pub const KINDS: &[DeviceKind] = &[
 pub enum Role {
     /// Angular rate and specific force.
     Imu,
+    /// Angular rate or specific force along some axes: part of a logical sensor.
+    InertialAxes,
     /// Direction to the vector sensor's target.
     Direction,
     /// One motor of a kind of actuator.
@@ -64,6 +68,7 @@ impl Role {
         let name = |names: Vec<&str>, index: usize| names.get(index).copied().unwrap_or("?").to_owned();
         match self {
             Self::Imu => "rate gyro and accelerometer".to_owned(),
+            Self::InertialAxes => "single inertial axes".to_owned(),
             Self::Direction => "vector sensor".to_owned(),
             Self::Motor(kind, index) => {
                 let kinds = Kind::ALL.into_iter().zip(model.actuators.kinds());
@@ -112,6 +117,11 @@ pub trait Device: fmt::Debug + Send + Sync {
 
     /// What it gives.
     fn roles(&self) -> Vec<Role>;
+
+    /// Along what it measures angular rate and specific force.
+    fn inertial_axes(&self) -> InertialAxes {
+        if self.roles().contains(&Role::Imu) { InertialAxes::triads() } else { InertialAxes::default() }
+    }
 
     /// Connects and serves until the mailbox is closed. Begins and ends with everything that it moves switched off.
     ///

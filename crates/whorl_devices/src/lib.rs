@@ -15,6 +15,7 @@ pub mod emulation;
 pub mod iio;
 mod kinds;
 mod list;
+pub mod logical;
 mod mailbox;
 pub mod modbus_relays;
 mod reading;

@@ -8,6 +8,7 @@ use whorl_dynamics::actuators::Kind;
 use whorl_params::Reader;
 
 use crate::kinds::{Device, KINDS, Role};
+use crate::logical::{self, ImuSetup};
 
 /// What only one device may use: a serial port, a coil of a relay board, a channel of a converter.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -35,6 +36,8 @@ pub struct NamedDevice {
 pub struct DeviceList {
     /// All of them.
     pub devices: Vec<NamedDevice>,
+    /// The inertial sensor, where several devices make it together.
+    pub imu: Option<ImuSetup>,
     /// What a complete platform would need besides, in words.
     pub missing: Vec<String>,
 }
@@ -46,7 +49,7 @@ impl PartialEq for DeviceList {
     }
 }
 
-/// Reads the group `devices`. Every kind, address and name is checked, whichever backend the driver has.
+/// Reads the groups `devices` and `logical`. Every kind, address and name is checked, whichever backend the driver has.
 pub fn read(r: &mut Reader<'_>, model: &PlatformModel) -> DeviceList {
     let mut list = DeviceList::default();
     for name in r.children("devices") {
@@ -55,8 +58,13 @@ pub fn read(r: &mut Reader<'_>, model: &PlatformModel) -> DeviceList {
             list.devices.push(NamedDevice { name, kind, device: Arc::from(device) });
         }
     }
+    list.imu = logical::read(r, &list.devices, model);
     refuse_clashes(r, &list, model);
-    let given: Vec<Role> = list.devices.iter().flat_map(|d| d.device.roles()).collect();
+    refuse_lone_axes(r, &list);
+    let mut given: Vec<Role> = list.devices.iter().flat_map(|d| d.device.roles()).collect();
+    if list.imu.is_some() {
+        given.push(Role::Imu);
+    }
     let missing = needed(model).into_iter().filter(|role| !given.contains(role));
     list.missing = missing.map(|role| role.words(model)).collect();
     list
@@ -97,15 +105,53 @@ fn refuse_clashes(r: &mut Reader<'_>, list: &DeviceList, model: &PlatformModel) 
                 r.reject(&format!("devices.{}.kind", later.name), problem);
             }
             let given = earlier.device.roles();
-            if let Some(role) = later.device.roles().into_iter().find(|role| given.contains(role)) {
+            // Members of one sensor give the same quantities, and their temperature: the first one's counts.
+            let together = list.has_members(&[&earlier.name, &later.name]);
+            let is_shared = |role: &Role| {
+                *role == Role::InertialAxes || together && matches!(role, Role::Imu | Role::Temperature)
+            };
+            let mut roles = later.device.roles().into_iter();
+            if let Some(role) = roles.find(|role| given.contains(role) && !is_shared(role)) {
                 let words = role.words(model);
+                let also = match role {
+                    Role::Imu => ", or both in logical.imu.of",
+                    Role::Direction => "; of sensors that vote only one may be the vector sensor",
+                    _ => "",
+                };
                 let problem = format!(
-                    "device {} gives the {words} already; allowed: one device for each",
+                    "device {} gives the {words} already; allowed: one device for each{also}",
                     earlier.name
                 );
                 r.reject(&format!("devices.{}.kind", later.name), problem);
             }
         }
+    }
+}
+
+/// What measures single axes is of no use by itself; and beside a logical sensor there is no other.
+fn refuse_lone_axes(r: &mut Reader<'_>, list: &DeviceList) {
+    for named in &list.devices {
+        let roles = named.device.roles();
+        let is_lone = roles.contains(&Role::InertialAxes) && !list.has_members(&[&named.name]);
+        let is_beside = list.imu.is_some() && roles.contains(&Role::Imu) && !list.has_members(&[&named.name]);
+        if is_lone && list.imu.is_none() && r.has("logical") {
+            // What is wrong with the logical sensor has been said.
+            continue;
+        }
+        if is_lone || is_beside {
+            let problem = "it is no part of the inertial sensor; allowed: its name in logical.imu.of";
+            r.reject(&format!("devices.{}.kind", named.name), problem);
+        }
+    }
+}
+
+impl DeviceList {
+    /// Whether all of these are members of the logical inertial sensor.
+    fn has_members(&self, names: &[&str]) -> bool {
+        let is_member = |name: &&str| {
+            self.imu.as_ref().is_some_and(|imu| imu.members.iter().any(|member| member.name == **name))
+        };
+        names.iter().all(is_member)
     }
 }
 
@@ -120,8 +166,15 @@ mod tests {
 
     /// The list of these entries, or what is said of them.
     fn listed(entries: &[&str]) -> Result<DeviceList, String> {
+        listed_with(entries, "")
+    }
+
+    /// The same with a line of the group `logical`.
+    fn listed_with(entries: &[&str], logical: &str) -> Result<DeviceList, String> {
         let lines: String = entries.iter().map(|entry| format!("      {entry}\n")).collect();
-        let text = format!("/whorl_1/driver:\n  ros__parameters:\n    devices:\n{lines}");
+        let logical =
+            if logical.is_empty() { String::new() } else { format!("    logical:\n      {logical}\n") };
+        let text = format!("/whorl_1/driver:\n  ros__parameters:\n    devices:\n{lines}{logical}");
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.yaml");
         std::fs::write(&file, text).unwrap();
@@ -151,6 +204,37 @@ mod tests {
         assert!(address.contains("wheel_y has this address already"), "{address}");
     }
 
+    const AXES: &str = "gyros: {kind: iio_inertial, folder: /sys/a, inputs: \
+         {x: {channel: in_anglvel_x, axis: [1.0, 0.0, 0.0]}, y: {channel: in_anglvel_y, axis: [0.0, 1.0, 0.0]}}}";
+
+    #[test]
+    fn several_devices_make_one_sensor() {
+        let second = "imu_2: {kind: vn100, port: /dev/c, magnetometer_is_vector_sensor: false}";
+        let list = listed_with(&[IMU, second, AXES, WHEELS], "imu: {of: [imu, imu_2, gyros]}").unwrap();
+        assert_eq!(list.missing.len(), 12, "{:?}", list.missing);
+        assert_eq!(list.imu.unwrap().members.len(), 3);
+    }
+
+    #[test]
+    fn wrong_logical_sensors_are_refused_with_line_and_reason() {
+        let second = "imu_2: {kind: vn100, port: /dev/c, magnetometer_is_vector_sensor: false}";
+        let third = "imu_3: {kind: vn100, port: /dev/d}";
+        for (entries, logical, said) in [
+            (vec![IMU, second], "", "or both in logical.imu.of"),
+            (vec![IMU, second], "imu: {of: [imu, imu_9]}", "there is no device imu_9; allowed: imu, imu_2"),
+            (vec![IMU, second], "imu: {of: [imu, imu, imu_2]}", "imu is named twice"),
+            (vec![IMU, WHEELS], "imu: {of: [imu, wheels]}", "wheels measures neither"),
+            (vec![IMU, second], "imu: {of: [imu]}", "no part of the inertial sensor"),
+            (vec![IMU, third], "imu: {of: [imu, imu_3]}", "only one may be the vector sensor"),
+            (vec![AXES], "", "no part of the inertial sensor"),
+            (vec![AXES], "imu: {of: [gyros]}", "do not measure angular rate along every direction"),
+            (vec![IMU, second], "imu: {of: [imu, imu_2], disagreement_rad_s: 0.0}", "disagreement_rad_s"),
+        ] {
+            let text = listed_with(&entries, logical).unwrap_err();
+            assert!(text.contains(said) && text.contains("a.yaml"), "{logical}\n{text}");
+        }
+    }
+
     #[test]
     fn wrong_entries_say_what_is_allowed() {
         for (entry, said) in [
@@ -170,6 +254,15 @@ mod tests {
             (
                 "w: {kind: smartmotor_chain, port: /dev/b, drive: current, full_scale_torque_n_m: 1.0}",
                 "wheel_x, wheel_y",
+            ),
+            ("a: {kind: iio_inertial, folder: /sys}", "measures nothing"),
+            (
+                "a: {kind: iio_inertial, folder: /sys, inputs: {x: {channel: in_voltage0, axis: [1.0, 0.0, 0.0]}}}",
+                "gain",
+            ),
+            (
+                "a: {kind: iio_inertial, folder: /sys, inputs: {x: {channel: in_temp0, axis: [1.0, 0.0, 0.0]}}}",
+                "in_anglvel",
             ),
             ("a: {kind: ros_imu, topic: imu/data}", "such as /imu/data"),
             ("a: {kind: ros_imu, topic: /imu, clock: mine}", "computer"),

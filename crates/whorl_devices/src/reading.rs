@@ -34,6 +34,14 @@ pub enum Measured {
         /// Specific force, body axes [m/s^2].
         specific_force_b_m_s2: Vector3<f64>,
     },
+    /// Angular rate [rad/s] and specific force [m/s^2] along single axes, in the order of
+    /// [`crate::Device::inertial_axes`].
+    Axes {
+        /// Angular rates.
+        rate_rad_s: Vec<f64>,
+        /// Specific forces.
+        specific_force_m_s2: Vec<f64>,
+    },
     /// Direction to the vector sensor's target, body axes; a unit vector.
     Direction(Vector3<f64>),
     /// The motors of one kind of actuator that one device drives, all of the same instant.
@@ -73,6 +81,8 @@ pub enum State {
 pub enum Reading {
     /// A measurement.
     Measured {
+        /// Index in the list of devices.
+        device: usize,
         /// When that was so.
         at: Instant,
         /// What.
@@ -114,8 +124,9 @@ impl Reporter {
             self.bus_voltage_v.store(volt.to_bits(), Ordering::Relaxed);
         }
         // Only what the control loop waits for wakes the node at once; the rest is taken along at its next tick.
-        let urgent = matches!(measured, Measured::Imu { .. } | Measured::EmergencyStop(true));
-        self.send(Reading::Measured { at, measured }, urgent);
+        let urgent =
+            matches!(measured, Measured::Imu { .. } | Measured::Axes { .. } | Measured::EmergencyStop(true));
+        self.send(Reading::Measured { device: self.device, at, measured }, urgent);
     }
 
     /// Tells a new state.

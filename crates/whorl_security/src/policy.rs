@@ -45,7 +45,8 @@ fn access(topic: Topic) -> (&'static [Node], &'static [Node]) {
             (&[Driver], &[Estimator, LocalControl, ModelMonitor])
         }
         Topic::VectorDirection => (&[Driver], &[Estimator]),
-        Topic::Battery | Topic::TankPressure | Topic::Temperature => (&[Driver], &[ModelMonitor]),
+        Topic::Battery => (&[Driver], &[LocalControl, ModelMonitor]),
+        Topic::TankPressure | Topic::Temperature => (&[Driver], &[ModelMonitor]),
         Topic::TruthState => (&[Driver], &[]),
         Topic::GateState => (&[Driver], &[LocalControl]),
         Topic::ActuatorCommand => (&[LocalControl], &[Driver]),

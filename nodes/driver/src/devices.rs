@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
+use whorl_devices::logical::LogicalImu;
 use whorl_devices::{Command, DeviceList, Devices, Joint, Measured, Reading, Role, State};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::Kind;
@@ -27,6 +28,8 @@ const CELSIUS_ZERO_K: f64 = 273.15;
 pub struct DeviceHardware {
     model: PlatformModel,
     list: DeviceList,
+    /// Where several devices make it together.
+    imu: Option<LogicalImu>,
     devices: Devices,
     states: Vec<State>,
     refused: Vec<u64>,
@@ -40,6 +43,7 @@ pub struct DeviceHardware {
     prearm: PreArm,
     supplies: Supplies,
     is_stopped: bool,
+    told_of_masses: bool,
 }
 
 /// Moving parts of one kind of actuator.
@@ -100,6 +104,7 @@ impl DeviceHardware {
             joints: joints.collect(),
             valves: vec![Valve::default(); model.jets().len()],
             model: model.clone(),
+            imu: list.imu.clone().map(LogicalImu::new),
             list,
             devices,
             sequence: 0,
@@ -108,6 +113,7 @@ impl DeviceHardware {
             prearm: PreArm::default(),
             supplies,
             is_stopped: false,
+            told_of_masses: false,
         }
     }
 
@@ -150,6 +156,31 @@ impl DeviceHardware {
     fn is_lost(&self, role: Role) -> bool {
         let mut devices = self.list.devices.iter().zip(&self.states);
         devices.any(|(named, state)| !is_usable(state) && named.device.roles().contains(&role))
+    }
+
+    /// What a device measured, or what the logical sensor makes of it.
+    fn of_logical(&mut self, device: usize, at: Instant, measured: Measured) -> Option<(Instant, Measured)> {
+        let Some(imu) = self.imu.as_mut().filter(|imu| imu.has(device)) else { return Some((at, measured)) };
+        let sample = match &measured {
+            Measured::Imu { rate_b_rad_s, specific_force_b_m_s2 } => {
+                imu.sampled(device, at, rate_b_rad_s.as_slice(), specific_force_b_m_s2.as_slice())
+            }
+            Measured::Axes { rate_rad_s, specific_force_m_s2 } => {
+                imu.sampled(device, at, rate_rad_s, specific_force_m_s2)
+            }
+            // All of them are at the same place: the temperature of one.
+            Measured::Temperature(_) => {
+                let usable = |device: usize| self.states.get(device).is_some_and(is_usable);
+                let first = imu.setup().members.iter().map(|member| member.device).find(|d| usable(*d));
+                return (first == Some(device)).then_some((at, measured));
+            }
+            _ => return Some((at, measured)),
+        };
+        self.news.extend(imu.take_news());
+        sample.map(|sample| {
+            let (rate_b_rad_s, specific_force_b_m_s2) = (sample.rate_b_rad_s, sample.specific_force_b_m_s2);
+            (sample.at, Measured::Imu { rate_b_rad_s, specific_force_b_m_s2 })
+        })
     }
 
     fn joints_measured(
@@ -227,8 +258,8 @@ impl Hardware for DeviceHardware {
         };
         let sensors = self.model.sensors;
         while let Some(reading) = self.devices.next_reading() {
-            let (at, measured) = match reading {
-                Reading::Measured { at, measured } => (at, measured),
+            let (device, at, measured) = match reading {
+                Reading::Measured { device, at, measured } => (device, at, measured),
                 Reading::State { device, state } => {
                     self.state_changed(device, state);
                     continue;
@@ -238,8 +269,11 @@ impl Hardware for DeviceHardware {
                     continue;
                 }
             };
+            let Some((at, measured)) = self.of_logical(device, at, measured) else { continue };
             let header = header(at);
             match measured {
+                // Parts of a logical sensor, which has taken them.
+                Measured::Axes { .. } => {}
                 Measured::Imu { rate_b_rad_s, specific_force_b_m_s2 } => {
                     self.prearm.sampled(at, rate_b_rad_s, specific_force_b_m_s2);
                     let state = self.thrusters(&Header { stamp: now.into(), ..header.clone() }, instant);
@@ -286,7 +320,13 @@ impl Hardware for DeviceHardware {
         }
     }
 
-    fn move_ballast(&mut self, _now: Timestamp, _moment_b_n_m: Vector3<f64>) {}
+    /// No kind of device moves masses yet: said once, so that nobody waits for balance.
+    fn move_ballast(&mut self, _now: Timestamp, moment_b_n_m: Vector3<f64>) {
+        if moment_b_n_m != Vector3::zeros() && !std::mem::replace(&mut self.told_of_masses, true) {
+            let text = "linear mass actuators are to move, but no device of this platform moves them: balance by hand";
+            self.news.push((true, text.to_owned()));
+        }
+    }
 
     fn not_ready(&self) -> Vec<String> {
         let mut reasons = self.troubles();
@@ -299,9 +339,20 @@ impl Hardware for DeviceHardware {
     }
 
     fn lost_needed(&self) -> Option<String> {
+        if let Some(imu) = &self.imu
+            && (imu.is_undecided()
+                || !imu.setup().is_complete(|device| self.states.get(device).is_some_and(is_usable)))
+        {
+            return Some("logical.imu".to_owned());
+        }
         let devices = self.list.devices.iter().zip(&self.states);
-        // Jets whose board is lost are marked as failed, and control does without them.
-        let needed = |role: &Role| matches!(role, Role::Imu | Role::Motor(..) | Role::EmergencyStop);
+        // Jets whose board is lost are marked as failed, and control does without them; without a member, the logical sensor
+        // goes on.
+        let needed = |role: &Role| match role {
+            Role::Imu => self.imu.is_none(),
+            Role::Motor(..) | Role::EmergencyStop => true,
+            _ => false,
+        };
         devices
             .filter(|(named, state)| !is_usable(state) && named.device.roles().iter().any(needed))
             .map(|(named, _)| named.name.clone())

@@ -184,7 +184,7 @@ impl Hardware for SimulatedHardware {
 
     fn move_ballast(&mut self, now: Timestamp, moment_b_n_m: Vector3<f64>) {
         if let Some(running) = self.running(now) {
-            running.plant.set_ballast_moment(moment_b_n_m);
+            running.plant.move_ballast(moment_b_n_m);
         }
     }
 

@@ -4,7 +4,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_control::Reference;
 use whorl_dynamics::actuators::{ActuatorKind, Actuators, Joints, KINDS, Kind, MotorChannel};
-use whorl_msgs::sensor_msgs::{Imu, JointState};
+use whorl_msgs::sensor_msgs::{BatteryState, Imu, JointState};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, Excitation, GateState, ThrusterState};
 use whorl_node::Timestamp;
@@ -97,6 +97,9 @@ pub struct Inputs {
     joints: [Joints; KINDS],
     thruster_order: Order,
     jet_failed: Vec<bool>,
+    battery_order: Order,
+    /// Latest bus voltage \[V\].
+    bus_voltage_v: Option<f64>,
     gate_order: Order,
     /// Since when the driver's gate has been closed, and when it was said last.
     gate_closed: Option<(Timestamp, Timestamp)>,
@@ -127,6 +130,8 @@ impl Inputs {
             joints: actuators.kinds().map(at_rest),
             thruster_order: Order::default(),
             jet_failed: vec![false; actuators.jets.list.len()],
+            battery_order: Order::default(),
+            bus_voltage_v: None,
             gate_order: Order::default(),
             gate_closed: None,
             refused: Refused::default(),
@@ -284,6 +289,23 @@ impl Inputs {
                 *failed = *health == ThrusterState::HEALTH_FAILED;
             }
         }
+    }
+
+    /// Takes the voltage of the power bus.
+    pub fn battery_arrived(&mut self, now: Timestamp, message: &BatteryState) {
+        let volt = f64::from(message.voltage);
+        // Drivers of batteries say NaN for what they do not measure; a bus without voltage runs no computer.
+        if !(volt.is_finite() && volt > 0.0) {
+            self.refused.not_finite += 1;
+        } else if self.battery_order.admit(&message.header, now, self.max_age_s, &mut self.refused).is_some()
+        {
+            self.bus_voltage_v = Some(volt);
+        }
+    }
+
+    /// Latest measured bus voltage \[V\], whatever its age: a battery does not recover when its sensor falls silent.
+    pub fn bus_voltage_v(&self) -> Option<f64> {
+        self.bus_voltage_v
     }
 
     /// Takes the state of the driver's gate.

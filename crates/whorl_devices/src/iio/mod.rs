@@ -3,7 +3,9 @@
 //! A channel is `(raw + offset) * scale` millivolt (Linux, Documentation/ABI/testing/sysfs-bus-iio, in_voltageY_raw). What that
 //! is of the sensor behind it, `gain` and `zero` say: quantity = zero + gain * volt.
 
+mod channel;
 mod emulator;
+pub mod inertial;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -49,7 +51,7 @@ struct Input {
 
 fn read(r: &mut Reader<'_>, _: &PlatformModel) -> Option<Box<dyn Device>> {
     let before = r.error_count();
-    let folder = r.string("folder", "folder of the converter, such as /sys/bus/iio/devices/iio:device0");
+    let folder = channel::folder(r);
     let quantities = [("tank_pressure", Role::TankPressure, "Pa"), ("bus_voltage", Role::BusVoltage, "V")];
     let inputs = r.children("inputs").into_iter().filter_map(|name| {
         let Some((_, role, unit)) = quantities.iter().find(|(known, ..)| *known == name) else {
@@ -93,28 +95,14 @@ impl Input {
     }
 
     fn measure(&self, folder: &Path) -> Result<f64, DeviceError> {
-        let number = |file: &str| {
-            let path = folder.join(file);
-            let text = std::fs::read_to_string(&path)
-                .map_err(DeviceError::io("cannot read", &path.display().to_string()))?;
-            let number = text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-            number.ok_or_else(|| {
-                DeviceError::Refused(format!("{} holds no number: {:?}", path.display(), text.trim()))
-            })
-        };
-        let raw = number(&format!("{}_raw", self.channel))?;
-        // One scale for all channels is as good as one for each; most converters have no offset.
-        let shared = self.channel.trim_end_matches(|c: char| c.is_ascii_digit());
-        let scale =
-            number(&format!("{}_scale", self.channel)).or_else(|_| number(&format!("{shared}_scale")))?;
-        let offset = number(&format!("{}_offset", self.channel)).unwrap_or(0.0);
+        let [raw, offset, scale] = channel::read(folder, &self.channel)?;
         Ok(self.quantity(raw, offset, scale))
     }
 }
 
 impl Device for Converter {
     fn addresses(&self) -> Vec<Address> {
-        self.inputs.iter().map(|input| Address(format!("{}/{}", self.folder, input.channel))).collect()
+        self.inputs.iter().map(|input| channel::address(&self.folder, &input.channel)).collect()
     }
 
     fn path(&self) -> Option<&str> {

@@ -7,7 +7,7 @@
 //! questions. There is no checksum: a speed that no torque explains is refused.
 //!
 //! D-style motors take a share of the bus voltage, not a torque. Back EMF and the measured bus voltage are then allowed for
-//! (the dissertation's section 4.1.2). Off is `OFF`, not `T=0`, which would brake.
+//! (the dissertation's section 4.1.1). Off is `OFF`, not `T=0`, which would brake.
 
 mod drive;
 mod emulator;

@@ -129,6 +129,14 @@ pub enum ActuatorError {
         /// Most that can be simulated.
         largest: usize,
     },
+    /// Directions that must not depend on each other do.
+    #[error(
+        "the axes of {kind} lie along one line or in one plane; allowed: each an axis of its own, at most three"
+    )]
+    Dependent {
+        /// Group of the kind.
+        kind: &'static str,
+    },
     /// A number that the dynamics divide by is not positive and finite.
     #[error("{what} must be positive and finite")]
     NotPositive {

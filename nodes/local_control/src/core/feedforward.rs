@@ -26,11 +26,14 @@ impl LocalControlCore {
         self.gyrostat.modelled_torque_b_n_m(&environment, &[])
     }
 
-    /// Gas and its pressure, by the model.
+    /// Gas and its pressure, by the model; bus voltage, where it is measured.
     fn set_supplies(&self, environment: &mut Environment<'_>) {
         let used_kg = self.actuation.gas_used_kg();
         environment.gas_used_kg = used_kg;
         environment.tank_pressure_pa = self.gyrostat.pressure_pa(self.gyrostat.initial_gas_kg() - used_kg);
+        if let Some(volt) = self.inputs.bus_voltage_v() {
+            environment.bus_voltage_v = volt;
+        }
     }
 
     /// Torque of the model's effects on each wheel besides bearing friction, for the motors to counter \[N m\].

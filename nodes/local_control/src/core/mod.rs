@@ -217,6 +217,7 @@ impl NodeCore for LocalControlCore {
             Topic::AttitudeEstimate,
             Topic::ImuRaw,
             Topic::ThrusterState,
+            Topic::Battery,
             Topic::GateState,
             Topic::AttitudeReference,
             Topic::Excitation,
@@ -252,6 +253,7 @@ impl NodeCore for LocalControlCore {
                     self.inputs.joints_arrived(now, route.topic.info().name, joints);
                 }
                 Message::ThrusterState(thrusters) => self.inputs.thrusters_arrived(now, thrusters),
+                Message::BatteryState(battery) => self.inputs.battery_arrived(now, battery),
                 Message::GateState(state) => self.inputs.gate_arrived(now, state),
                 Message::AttitudeReference(reference) => self.inputs.reference_arrived(now, reference),
                 Message::Excitation(excitation) => self.inputs.excitation_arrived(now, excitation),

@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use whorl_control::Reference;
 use whorl_dynamics::{InitialState, Plant, PlatformModel};
 use whorl_math::quaternion_exp;
-use whorl_msgs::sensor_msgs::{Imu, JointState};
+use whorl_msgs::sensor_msgs::{BatteryState, Imu, JointState};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_msgs::whorl::{
@@ -60,6 +60,8 @@ pub struct Rig {
     pub estimator_on: bool,
     pub estimate_health: u8,
     pub imu_on: bool,
+    /// The bus voltage is measured.
+    pub battery_on: bool,
     /// The gyro repeats its last sample.
     pub imu_frozen: bool,
     /// `None`: no heartbeat.
@@ -91,6 +93,7 @@ impl Rig {
             estimator_on: true,
             estimate_health: AttitudeEstimate::HEALTH_OK,
             imu_on: true,
+            battery_on: true,
             imu_frozen: false,
             heartbeat: Some(FormationCommand::COMMAND_TRACK),
             reference: None,
@@ -143,7 +146,7 @@ impl Rig {
                     self.commands.push(command);
                 }
                 Message::ControlStatus(status) => self.statuses.push(status),
-                Message::Vector3Stamped(moment) => self.plant.set_ballast_moment(moment.vector.into()),
+                Message::Vector3Stamped(moment) => self.plant.move_ballast(moment.vector.into()),
                 _ => {}
             }
         }
@@ -237,6 +240,11 @@ impl Rig {
         let thrusters = ThrusterState { header: self.header(), health, ..ThrusterState::default() };
         self.send(self.own(Topic::ThrusterState), thrusters);
 
+        if self.battery_on && self.sequence.is_multiple_of(10) {
+            let voltage = self.plant.sample_bus_voltage_v() as f32;
+            let battery = BatteryState { header: self.header(), voltage, ..BatteryState::default() };
+            self.send(self.own(Topic::Battery), battery);
+        }
         if self.sequence.is_multiple_of(2)
             && let Some(reference) = &self.reference
         {
