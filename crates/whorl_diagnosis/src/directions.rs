@@ -104,6 +104,8 @@ pub fn directions(
         bin_s: measured.bin_s,
         largest_rate_rad_s: measured.largest_rate_rad_s,
         largest_tilt_rad: measured.largest_tilt_rad,
+        // Turns are not counted while it runs.
+        largest_turn_rad: 0.0,
         clips: false,
     };
     let layout = Layout::new(&reference, &point, &available, &[], &Lines::default(), false);

@@ -37,8 +37,11 @@ pub struct FittedParameter {
     pub before: f64,
     /// Estimate.
     pub estimate: f64,
-    /// Standard deviation of the estimate.
+    /// Standard deviation of the estimate: no more than was known before, more than the posterior's where the fit leaves
+    /// something unexplained.
     pub stddev: f64,
+    /// Standard deviation of the posterior itself, of the prior that the fit used and data without anything unexplained.
+    pub posterior_stddev: f64,
     /// Whether the estimate lies at a bound of its plausible range.
     pub at_bound: bool,
 }

@@ -1,7 +1,7 @@
 //! Inputs of a physical effect at one instant.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_math::{azimuth_rad, vertical_b};
+use whorl_math::{GRAVITY_M_S2, azimuth_rad, vertical_b};
 
 use crate::PlatformModel;
 use crate::actuators::wheels::available_motor_torque_n_m;
@@ -89,6 +89,18 @@ impl<'a> Environment<'a> {
     #[must_use]
     pub fn to_body(&self, v_world: &Vector3<f64>) -> Vector3<f64> {
         self.q_world_body.inverse_transform_vector(v_world)
+    }
+
+    /// Specific force at the centre of rotation, body axes [m/s^2], with which a loose mass must be held to stay in its place:
+    /// g k_b where the rig is held up, in free fall the acceleration that the jets give.
+    #[must_use]
+    #[inline]
+    pub fn specific_force_b_m_s2(&self) -> Vector3<f64> {
+        if self.model.freedom.has_weight() {
+            GRAVITY_M_S2 * self.vertical_b
+        } else {
+            self.jet_force_b_n() / self.model.mass_properties.mass_kg()
+        }
     }
 
     /// Tank pressure over the pressure at which jets give their nominal thrust.

@@ -72,6 +72,8 @@ class Laboratory:
         self.background = 0.0  # slow random torque, standard deviation as a share of inertia times acceleration
         self.extra_inertia, self.extra_moment, self.extra_mass = np.zeros((3, 3)), np.zeros(3), 0.0
         self.errors = SensorErrors()
+        # Angle of a hinge from where its spring is relaxed, the largest of all runs.
+        self.farthest_rad = 0.0
 
     def torque(self, share=1.0):
         """A torque [N m] that this rig notices: `share` of what its wheels usually make."""
@@ -165,6 +167,8 @@ class Laboratory:
                 data.qfrc_applied[:first] = torque if three else torque[2:]
             self.disturb(t, data)
             mujoco.mj_step(model, data)
+            if not three:
+                self.farthest_rad = max(self.farthest_rad, abs(data.qpos[0]))
             if not np.abs(data.qvel).max() < 1e4:
                 raise RuntimeError(f"the simulation diverged at {data.time:.3f} s")
         sensed, command = np.array(sensed), np.array(command).reshape(len(time), wheels)
@@ -261,7 +265,7 @@ def friction_loss(lab):
 def cable(lab):
     """A hinge's own spring; on a ball two cords from the rim to the base, which twist and stretch."""
     if lab.kind == "hinge":
-        # So stiff that no run turns by half a turn: beyond, a cable winds up, which is another effect.
+        # So stiff that few runs turn by half a turn: beyond, a cable winds up, which is another effect (`make`).
         lab.joint["stiffness"] = lab.scale * 0.5
         return "harness_spring"
     r = lab.radius
@@ -415,4 +419,6 @@ def make(name, seed, seconds):
     if isinstance(answer, tuple):
         answer, variable = answer
     runs = [lab.run(1000 * seed + 10 * k + 1, seconds, h) for k, h in enumerate(how)]
+    if answer == "harness_spring" and lab.farthest_rad > np.pi:
+        answer = "winding_cable"
     return lab.rig(), runs, {"answer": [answer] if answer else [], "variable": variable}, lab.errors

@@ -1,5 +1,8 @@
 //! What recordings hold.
 
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
 use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Need;
 
@@ -23,6 +26,8 @@ pub(crate) struct Available {
     pub largest_rate_rad_s: f64,
     /// Largest tilt that lasted a few bins \[rad\].
     pub largest_tilt_rad: f64,
+    /// Largest angle between two instants of a run, turned about an axis of the body \[rad\].
+    pub largest_turn_rad: f64,
     /// The gyro's readings pile up at a limit.
     pub clips: bool,
 }
@@ -46,6 +51,7 @@ impl Available {
             bin_s: runs.iter().map(|r| r.length(0)).fold(0.0, f64::max),
             largest_rate_rad_s: largest(runs, |r| &r.gyro, |w| w.amax()),
             largest_tilt_rad: largest(runs, |r| &r.accel, |f| f.x.hypot(f.y).atan2(f.z)),
+            largest_turn_rad: runs.iter().filter(|r| !r.clamped).map(turned_rad).fold(0.0, f64::max),
             clips: any(&|r| r.gyro_clips_at_rad_s.is_some()),
         }
     }
@@ -55,7 +61,8 @@ impl Available {
         effect.evidence().iter().any(|needs| needs.iter().all(|need| self.has(*need)))
     }
 
-    fn has(&self, need: Need) -> bool {
+    /// Whether they hold what an effect needs.
+    pub fn has(&self, need: Need) -> bool {
         match need {
             Need::FreeBody => self.body,
             Need::Jets => self.jets,
@@ -67,24 +74,33 @@ impl Available {
             Need::Temperature => self.temperature,
             Need::BusVoltage => self.voltage,
             Need::Ballast => self.ballast,
+            Need::HalfATurn => self.largest_turn_rad > PI,
             Need::UnclippedGyro => !self.clips,
         }
     }
+}
+
+/// Angle between the two instants of a run that are furthest apart, by the gyro about one axis of the body \[rad\].
+fn turned_rad(run: &Run) -> f64 {
+    let (mut turned, mut least, mut most) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+    for (k, rate) in run.gyro.iter().enumerate() {
+        turned += rate.value * run.length_or_zero(k);
+        least = least.inf(&turned);
+        most = most.sup(&turned);
+    }
+    (most - least).amax()
 }
 
 /// Largest size of the mean of five bins in a row.
 fn largest(
     runs: &[Run],
     means: impl Fn(&Run) -> &Vec<whorl_trajectory::bins::Mean3>,
-    size: impl Fn(&nalgebra::Vector3<f64>) -> f64,
+    size: impl Fn(&Vector3<f64>) -> f64,
 ) -> f64 {
     runs.iter()
         .flat_map(|run| {
             let whole: Vec<_> = means(run).iter().filter(|m| m.count > 0.0).map(|m| m.value).collect();
-            whole
-                .windows(5)
-                .map(|w| size(&(w.iter().sum::<nalgebra::Vector3<f64>>() / 5.0)))
-                .collect::<Vec<_>>()
+            whole.windows(5).map(|w| size(&(w.iter().sum::<Vector3<f64>>() / 5.0))).collect::<Vec<_>>()
         })
         .fold(0.0, f64::max)
 }

@@ -5,7 +5,7 @@
 //! expectation needs no noise drawn: if explanation A is true, further data with the normal matrix N have the
 //! expected right-hand side N theta_A, and every explanation is refitted to it together with the data at hand.
 
-use whorl_dynamics::effects::find;
+use whorl_dynamics::effects::{Need, find};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_math::statistics::normal_probability;
 use whorl_recording::Recording;
@@ -81,6 +81,7 @@ pub fn prospects(
         bin_s: own.bin_s.max(added.bin_s),
         largest_rate_rad_s: own.largest_rate_rad_s.max(added.largest_rate_rad_s),
         largest_tilt_rad: own.largest_tilt_rad.max(added.largest_tilt_rad),
+        largest_turn_rad: own.largest_turn_rad.max(added.largest_turn_rad),
         clips: own.clips || added.clips,
     };
     let testable = |a: &Available| {
@@ -95,6 +96,7 @@ pub fn prospects(
             a.temperature,
             a.voltage,
             a.ballast,
+            a.has(Need::HalfATurn),
         ]
     };
     if testable(&joint) != testable(&own) {

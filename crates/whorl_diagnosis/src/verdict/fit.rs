@@ -71,7 +71,8 @@ impl Search<'_> {
             let Some(column) = self.layout.columns.get(i) else { continue };
             let given = reference.given_stddev(column);
             let keeps = !is_explained && is_of_platform(column);
-            let found = covariance[(at, at)].max(0.0).sqrt() * left * column.scale;
+            let posterior_stddev = covariance[(at, at)].max(0.0).sqrt() * column.scale;
+            let found = posterior_stddev * left;
             // Data do not take away what was known before them.
             let stddev = match (given > 0.0, keeps) {
                 (true, true) => given,
@@ -104,6 +105,7 @@ impl Search<'_> {
                 before,
                 estimate: after,
                 stddev,
+                posterior_stddev,
                 at_bound: column.is_at_bound(value),
             });
         }

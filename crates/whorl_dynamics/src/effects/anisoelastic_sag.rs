@@ -1,7 +1,6 @@
 //! A deck that bends under its own weight.
 
 use nalgebra::{Matrix3, Vector3};
-use whorl_math::GRAVITY_M_S2;
 
 use super::named::{Named as _, parameters};
 use super::{Effect, EffectInfo, EffectKind, ParameterSpec};
@@ -48,8 +47,7 @@ impl Effect for AnisoelasticSag {
     fn torque_b_n_m(&self, values: &[f64], environment: &Environment<'_>, _hidden: &[f64]) -> Vector3<f64> {
         let [xx, yy, zz, xy, xz, yz] = Compliance::of(values).elements_m_n;
         let compliance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-        let weight_n = environment.model.mass_properties.mass_kg() * GRAVITY_M_S2;
-        let k_b = environment.vertical_b;
-        weight_n * weight_n * (compliance * k_b).cross(&k_b)
+        let weight_b_n = environment.model.mass_properties.mass_kg() * environment.specific_force_b_m_s2();
+        (compliance * weight_b_n).cross(&weight_b_n)
     }
 }

@@ -28,6 +28,8 @@ pub enum Need {
     BusVoltage,
     /// The linear mass actuators move.
     Ballast,
+    /// Some run turns by more than half a turn about an axis of the body.
+    HalfATurn,
     /// No readings of the gyro pile up at a limit: those that do show it by themselves and are left out.
     UnclippedGyro,
 }

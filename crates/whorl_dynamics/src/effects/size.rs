@@ -1,8 +1,8 @@
 //! Sizes of effects relative to the rig.
 //!
 //! Effects state their usual sizes for the dissertation's platform. On another rig a usual friction, draught or imbalance is
-//! in proportion to what it acts on: torques on the body to its inertia (the same accelerations). So one catalogue serves
-//! from grams on a string to a satellite. Effects on wheels and jets state their sizes relative to these.
+//! in proportion to what it acts on: torques on the body to its inertia (the same accelerations), places in it to its
+//! radius of gyration. So one catalogue serves from grams on a string to a satellite. Effects on wheels and jets state their sizes relative to these.
 
 use super::ParameterSpec;
 use crate::PlatformModel;
@@ -11,6 +11,9 @@ use crate::platform::{Jet, Wheel};
 
 /// Mean moment of inertia of the platform for which sizes are stated [kg m^2].
 const INERTIA_KG_M2: f64 = 8.6;
+
+/// Its mass \[kg\].
+const MASS_KG: f64 = 110.0;
 
 /// What parameters belong to, and how large it is.
 pub(super) trait RigSize {
@@ -24,7 +27,9 @@ pub(super) trait RigSize {
 impl RigSize for PlatformModel {
     fn factor(&self, unit: &str) -> f64 {
         let ratio = self.mass_properties.inertia_b_kg_m2().trace() / 3.0 / INERTIA_KG_M2;
+        let mass_ratio = self.mass_properties.mass_kg() / MASS_KG;
         match unit {
+            "m" => (ratio / mass_ratio).sqrt(),
             "sqrt(kg) m" => ratio.sqrt(),
             "A m^2" | "kg m^2" => ratio,
             _ if unit.starts_with("N m") => ratio,
@@ -49,6 +54,7 @@ pub(super) fn for_size_of(part: &impl RigSize, spec: ParameterSpec) -> Parameter
     // How well the platform's own parameters are known says its file.
     let prior_factor = if spec.base.is_some() { 1.0 } else { factor };
     ParameterSpec {
+        neutral: spec.neutral * prior_factor,
         prior_stddev: spec.prior_stddev * prior_factor,
         min: spec.min * wider,
         max: spec.max * wider,
@@ -83,6 +89,11 @@ mod tests {
         assert!((large.0 / stddev - 100.0).abs() < 1e-9 && large.1 > 90.0 * max);
         // Nor may a correction of the platform's own parameters end where that of a small platform would.
         assert!(size(&model, "inertia_products").1 > 90.0 * 20.0);
+        // Places in it follow its radius of gyration: a hundredth of the inertia at the same mass is a tenth of the size.
+        model.mass_properties = scaled(0.01);
+        let heights = find("slosh").unwrap().parameters(&model);
+        let height = heights.iter().find(|spec| spec.name == "height_m").unwrap();
+        assert!((height.neutral - 0.02).abs() < 1e-4 && (height.prior_stddev - 0.01).abs() < 1e-4);
         // A sensor does not care.
         assert_eq!(size(&model, "gyro_scale"), size(&PlatformModel::whorl_1_reference(), "gyro_scale"));
     }

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
-use whorl_math::{GRAVITY_M_S2, skew};
+use whorl_math::skew;
 
 use super::named::{Named as _, Value as _, parameters};
 use super::search::geometric;
@@ -17,8 +17,8 @@ static INFO: EffectInfo = EffectInfo {
     id: "slosh",
     title: "sloshing mass",
     explanation: "A mass that swings across body z inside the platform: a resonance that motion excites and that goes on after it.",
-    equation: "s'' + 2 zeta W s' + W^2 s = -[dw/dt x r + w x (w x r) + g k_b]_xy, g = -m (r x s'' + g s x k_b), s = deflection, r = (0, 0, h), W = 2 pi f",
-    source: "equivalent pendulum of NASA SP-106 (Abramson 1966), small deflections, written about the centre of rotation; the mass at rest is part of the platform's inertia and gravity offset",
+    equation: "s'' + 2 zeta W s' + W^2 s = -[dw/dt x r + w x (w x r) + a]_xy, g = -m (r x s'' + s x a), s = deflection, r = (0, 0, h), W = 2 pi f, a = g k_b, in free fall the thrust over the mass",
+    source: "equivalent pendulum of NASA SP-106 (Abramson 1966), small deflections, written about the centre of rotation; the mass at rest is part of the platform's inertia and gravity offset. In free fall (Lagrange's equations about the centre of mass) the mass ratio is that to the rest of the platform, and f the frequency of a body that does not turn but gives way",
     kind: EffectKind::HiddenState,
     confusable_with: &["flexible_mode", "air_current_periodic"],
     separated_by: "a sharp start and stop, then rest",
@@ -74,7 +74,7 @@ impl Pendulum {
     /// Acceleration of the deflection without the share of dw/dt [m/s^2].
     fn acceleration_m_s2(&self, environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         let omega = environment.omega_wb_b_rad_s;
-        let drive = omega.cross(&omega.cross(&self.r_b_m)) + GRAVITY_M_S2 * environment.vertical_b;
+        let drive = omega.cross(&omega.cross(&self.r_b_m)) + environment.specific_force_b_m_s2();
         let [x, y, x_rate, y_rate] = <[f64; 4]>::read(hidden);
         let (s, s_rate) = (Vector3::new(x, y, 0.0), Vector3::new(x_rate, y_rate, 0.0));
         -2.0 * self.damping_ratio * self.omega_rad_s * s_rate
@@ -126,7 +126,7 @@ impl Effect for Slosh {
         let [x, y, ..] = <[f64; 4]>::read(hidden);
         let deflection = Vector3::new(x, y, 0.0);
         -pendulum.mass_kg
-            * (pendulum.r_b_m.cross(&acceleration) + GRAVITY_M_S2 * deflection.cross(&environment.vertical_b))
+            * (pendulum.r_b_m.cross(&acceleration) + deflection.cross(&environment.specific_force_b_m_s2()))
     }
 
     fn reaction_inertia_b_kg_m2(&self, values: &[f64], model: &PlatformModel) -> Matrix3<f64> {
@@ -140,9 +140,12 @@ impl Effect for Slosh {
         let starter = Starter::new(self, model);
         let fastest_hz = (0.3 / clues.bin_s).min(5.0);
         let coarse = geometric(0.1, fastest_hz, 7).into_iter().flat_map(|hz| [(hz, 0.02), (hz, 0.15)]);
+        let usual_m = Liquid::specs(model).iter().find(|s| s.name == HEIGHT).map_or(0.0, |s| s.neutral);
         let seen = clues.resonances.iter().map(|r| (r.hz, r.damping_ratio));
         let starts = coarse.chain(seen).flat_map(|(hz, damping)| {
-            [-0.3, 0.3].map(|height_m| {
+            // Above the centre and below it.
+            [-1.5, 1.5].map(|share| {
+                let height_m = share * usual_m;
                 let origin = starter.at(&[(FREQUENCY, hz), (DAMPING, damping), (HEIGHT, height_m)]);
                 vec![starter.along(&origin, MASS_RATIO)]
             })

@@ -7,7 +7,7 @@ use whorl_math::wrap_angle_rad;
 
 use super::named::{Named as _, Value as _, parameters};
 use super::parameter::USUAL_TORQUE_N_M;
-use super::{Clues, Effect, EffectInfo, EffectKind, Evidence, ParameterSpec, Start, Starter};
+use super::{Clues, Effect, EffectInfo, EffectKind, Evidence, Need, ParameterSpec, Start, Starter};
 use crate::{Environment, PlatformModel};
 
 #[derive(Debug)]
@@ -72,10 +72,9 @@ impl Effect for WindingCable {
         &INFO
     }
 
-    /// It is simulated and predicted, and not looked for: within half a turn it is the plain cable, and how far the cable
-    /// was wound when a run began no recording says.
+    /// Within half a turn it is the plain cable.
     fn evidence(&self) -> Evidence {
-        &[]
+        &[&[Need::FreeBody, Need::HalfATurn]]
     }
 
     fn parameters(&self, model: &PlatformModel) -> Vec<ParameterSpec> {

@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Matrix2, Matrix3, SymmetricEigen, UnitQuaternion, Vector2, Vector3};
 
 use super::{free_platform, ns, plant, set_mass, start};
-use crate::{InitialState, Plant, PlatformModel};
+use crate::{Freedom, InitialState, Plant, PlatformModel};
 
 pub(super) fn add(model: &mut PlatformModel, id: &str, values: &[(&str, f64)]) {
     let values: BTreeMap<String, f64> = values.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
@@ -403,6 +403,50 @@ fn slosh_swings_as_lagrange_says() {
         let angle = 2.0 * p.state().q_world_body.j;
         assert!((angle - expected.x).abs() < 1e-7 * angle_0, "{t}: {angle} {expected}");
         assert!((root_mass * p.state().hidden[0] - expected.y).abs() < 1e-6 * angle_0);
+    }
+}
+
+/// A spacecraft pushed along x by a jet above its centre of mass. Lagrange's equations for the centre of mass at rest x, the
+/// angle th about y and a particle's deflection s on a spring of frequency W0: M x'' + m s'' = F, I th'' + m h s'' = F z,
+/// m x'' + m h th'' + m s'' + m W0^2 s = 0. Without x and th: a s'' + W0^2 s = -b, a = 1 - m/M - m h^2/I, b = F/M + h F z/I.
+#[test]
+fn slosh_in_free_fall_feels_the_thrust() {
+    let (mass, loose, w0, h): (f64, f64, f64, f64) = (110.0, 4.0, 3.0, 0.4);
+    let (force, arm, inertia) = (0.3, 0.5, 7.0);
+    let left = 1.0 - loose / mass;
+    let values = [
+        ("mass_ratio", loose / mass / left),
+        ("frequency_hz", w0 / left.sqrt() / TAU),
+        ("height_m", h),
+        ("damping_ratio", 0.0),
+    ];
+    let mut model = simple("slosh", &values);
+    model.freedom = Freedom::Free;
+    let mut jet = model.jets()[0].clone();
+    jet.position_b_m = Vector3::z() * arm;
+    jet.force_direction_b = Vector3::x_axis();
+    jet.thrust_n = force;
+    (jet.opening_delay_s, jet.closing_delay_s) = (0.0, 0.0);
+    *model.jets_mut() = vec![jet];
+    model.tank_mut().thrust_pressure_exponent = 0.0;
+    let mut p = plant(&model, &InitialState::default());
+    p.command_jet_pulse(0, 0, 3.0).unwrap();
+    let a = left - loose * h * h / inertia;
+    let b = force / mass + h * force * arm / inertia;
+    let w = (w0 * w0 / a).sqrt();
+    for k in 1..=20 {
+        let t = 0.1 * f64::from(k);
+        p.advance_to(ns(t)).unwrap();
+        let s = -b / (w0 * w0) * (1.0 - (w * t).cos());
+        let s_rate = -b / (w0 * w0) * w * (w * t).sin();
+        let rate = (force * arm * t - loose * h * s_rate) / inertia;
+        // Small angles, small deflections: what is left is of second order.
+        assert!(
+            (p.state().omega_wb_b_rad_s.y - rate).abs() < 2e-5 * rate.abs(),
+            "{t}: {:?} {rate}",
+            p.state()
+        );
+        assert!((p.state().hidden[0] - left * s).abs() < 2e-4 * b / (w0 * w0), "{t}");
     }
 }
 

@@ -4,6 +4,20 @@ use nalgebra::Vector3;
 
 use crate::{Environment, Gyrostat};
 
+impl Environment<'_> {
+    /// Force of the jets that are open now, at the current tank pressure, body axes \[N\].
+    #[must_use]
+    pub fn jet_force_b_n(&self) -> Vector3<f64> {
+        let mut force = Vector3::zeros();
+        for (jet, fraction) in self.model.jets().iter().zip(self.valve_fraction) {
+            if *fraction != 0.0 {
+                force += jet.force_direction_b.into_inner() * (jet.thrust_n * *fraction);
+            }
+        }
+        force * self.model.tank().thrust_factor(self.pressure_ratio())
+    }
+}
+
 impl Gyrostat {
     /// Torque of the jets that are open now, at the current tank pressure and as effects scale it, body axes [N m].
     #[must_use]
