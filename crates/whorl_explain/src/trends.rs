@@ -161,13 +161,14 @@ pub fn trends(
                 trends.len() - 1
             });
             let width = prior_stddev(&parameter.group, &parameter.name, model, prior);
-            let own = width.map_or(1.0, |width| 1.0 - (parameter.stddev / (PRIOR_MARGIN * width)).powi(2));
+            let own = width
+                .map_or(1.0, |width| 1.0 - (parameter.posterior_stddev / (PRIOR_MARGIN * width)).powi(2));
             if !parameter.at_bound && own > INFORMED {
                 let value = parameter.before + (parameter.estimate - parameter.before) / own;
                 trends[place].estimates.push(Estimate {
                     run: index,
                     value,
-                    stddev: parameter.stddev / own.sqrt(),
+                    stddev: parameter.posterior_stddev / own.sqrt() * found.slow_residual.after.max(1.0),
                 });
             }
         }

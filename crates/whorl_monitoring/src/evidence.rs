@@ -10,6 +10,10 @@
 //!
 //! exact for the linear filter, and with mean one while the model is right. So is any average of such ratios: over the
 //! sizes V, over the ways in which an effect enters, over effects. Their sum over starts is what is compared with the limit.
+//!
+//! What is wrong from the first bin on is learned by the filter as far as the priors of the platform's constants allow, and
+//! what they do not allow is evidence: against a constant that is several times further off than its prior says. It is
+//! weighed from the first start on, which is never left out, and with a head start ([`Settings::head_start`]).
 
 use nalgebra::{DMatrix, DVector};
 use whorl_diagnosis::Directions;
@@ -21,9 +25,11 @@ use crate::passing::{self, Carried, Columns};
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
+/// The same of a constant that was wrong from the start on, over what the model's prior says of it: less is no error.
+const SIZES_FROM_START: [f64; 2] = [4.0, 8.0];
 /// Ways of entering with more directions would fit anything.
 const MOST_DIRECTIONS: usize = 4;
-/// Starts that are followed at once.
+/// Starts that are followed at once, beside the first of all.
 const STARTS: usize = 5;
 /// Usual size of a torque that has no name, over the background.
 const NAMELESS: f64 = 10.0;
@@ -40,6 +46,9 @@ struct Suspect {
     products: Vec<usize>,
     /// Prior standard deviation of each column.
     stddev: Vec<f64>,
+    sizes: &'static [f64],
+    /// A constant of the platform that is further from the model than its prior says, and has been from the start on.
+    from_start: bool,
     ln_prior: f64,
 }
 
@@ -47,6 +56,8 @@ struct Suspect {
 #[derive(Debug, Clone)]
 struct Start {
     at_ns: i64,
+    /// The first of all, which is never left out while constants that are wrong from the start are looked for.
+    keeps: bool,
     carried: Carried,
 }
 
@@ -109,7 +120,15 @@ impl Evidence {
                 })
                 .collect();
             let stddev = suspect.directions.iter().map(|d| all.directions[*d].catalogue_stddev).collect();
-            suspects.push(Suspect { effect, columns, products: Vec::new(), stddev, ln_prior: 0.0 });
+            suspects.push(Suspect {
+                effect,
+                columns,
+                products: Vec::new(),
+                stddev,
+                sizes: &SIZES,
+                from_start: false,
+                ln_prior: 0.0,
+            });
         }
         // A torque without a name is as likely as any effect.
         let first = followed.len();
@@ -119,6 +138,8 @@ impl Evidence {
             columns,
             products: Vec::new(),
             stddev: vec![1.0; 3],
+            sizes: &SIZES,
+            from_start: false,
             ln_prior: 0.0,
         });
         effects.push(UNKNOWN_TORQUE);
@@ -128,6 +149,7 @@ impl Evidence {
         for (suspect, ln_prior) in suspects.iter_mut().zip(priors) {
             suspect.ln_prior = ln_prior;
         }
+        suspects.extend(wrong_from_start(all, &suspects, &followed, settings.head_start()));
         // Suspects share columns, so they share products of them.
         let mut products: Vec<(usize, usize)> = Vec::new();
         for suspect in &mut suspects {
@@ -163,19 +185,22 @@ impl Evidence {
 
     /// Follows a new start where one is due at the beginning of a bin.
     pub fn begin(&mut self, at_ns: i64) {
+        let first = self.next_start_ns.is_none();
         let due = *self.next_start_ns.get_or_insert(at_ns);
         if at_ns < due {
             return;
         }
         self.next_start_ns = Some(due + self.every_ns * ((at_ns - due) / self.every_ns.max(1) + 1));
-        self.starts.retain(|start| at_ns - start.at_ns < self.memory_ns);
-        self.starts
-            .push(Start { at_ns, carried: Carried::new(self.length, self.columns(), self.products.len()) });
+        self.starts.retain(|start| start.keeps || at_ns - start.at_ns < self.memory_ns);
+        let keeps = first && self.suspects.iter().any(|suspect| suspect.from_start);
+        let carried = Carried::new(self.length, self.columns(), self.products.len());
+        self.starts.push(Start { at_ns, keeps, carried });
         // Old starts grow sparse: what began long ago is not dated to the second. Leaving starts out only lowers the sum.
-        while self.starts.len() > STARTS {
+        let from = usize::from(self.starts.first().is_some_and(|start| start.keeps));
+        while self.starts.len() > STARTS + from {
             let age = |k: usize| (at_ns - self.starts[k].at_ns) as f64 + self.every_ns as f64;
             let gap = |k: usize| age(k - 1) / age(k + 1);
-            let inner = 1..self.starts.len() - 1;
+            let inner = from + 1..self.starts.len() - 1;
             let Some(k) = inner.min_by(|a, b| gap(*a).total_cmp(&gap(*b))) else { break };
             self.starts.remove(k);
         }
@@ -216,20 +241,20 @@ impl Evidence {
         passing::pass(carried, &self.columns, &left, &self.products);
     }
 
-    /// ln of the likelihood ratio for a suspect since a start, over all sizes.
-    fn ln_ratio(suspect: &Suspect, sums: &Carried) -> f64 {
-        let ratios = SIZES.map(|size| ln_ratio(suspect, sums, size));
-        ln_sum(ratios.into_iter()) - (SIZES.len() as f64).ln()
+    /// ln of the prior times the likelihood ratio of each suspect since each start, over all sizes.
+    fn terms(&self) -> impl Iterator<Item = (f64, &Suspect, &Start)> + Clone {
+        let of = |start| self.suspects.iter().map(move |suspect: &Suspect| (suspect, start));
+        let told = |(suspect, start): (&'_ Suspect, &'_ Start)| !suspect.from_start || start.keeps;
+        self.starts.iter().flat_map(of).filter(move |both| told(*both)).map(|(suspect, start)| {
+            let ratios = suspect.sizes.iter().map(|size| ln_ratio(suspect, &start.carried, *size));
+            (suspect.ln_prior + ln_sum(ratios) - (suspect.sizes.len() as f64).ln(), suspect, start)
+        })
     }
 
     /// ln of the sum over starts of the mean likelihood ratios over suspects \[nats\]; minus infinity without any.
     #[must_use]
     pub fn ln_evidence(&self) -> f64 {
-        ln_sum(
-            self.starts.iter().flat_map(|start| {
-                self.suspects.iter().map(|s| s.ln_prior + Self::ln_ratio(s, &start.carried))
-            }),
-        )
+        ln_sum(self.terms().map(|(ln, ..)| ln).collect::<Vec<_>>().into_iter())
     }
 
     /// The effects by how much speaks for them, the likeliest first.
@@ -238,14 +263,11 @@ impl Evidence {
         let total = self.ln_evidence();
         let mut best: Vec<Option<(f64, &Suspect, &Start)>> = vec![None; self.effects.len()];
         let mut share = vec![0.0; self.effects.len()];
-        for start in &self.starts {
-            for suspect in &self.suspects {
-                let ln = suspect.ln_prior + Self::ln_ratio(suspect, &start.carried);
-                share[suspect.effect] += (ln - total).exp();
-                let slot = &mut best[suspect.effect];
-                if slot.as_ref().is_none_or(|(so_far, ..)| ln > *so_far) {
-                    *slot = Some((ln, suspect, start));
-                }
+        for (ln, suspect, start) in self.terms() {
+            share[suspect.effect] += (ln - total).exp();
+            let slot = &mut best[suspect.effect];
+            if slot.as_ref().is_none_or(|(so_far, ..)| ln > *so_far) {
+                *slot = Some((ln, suspect, start));
             }
         }
         let mut weighed: Vec<Weighed> = best
@@ -271,6 +293,35 @@ impl Evidence {
         weighed.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         weighed
     }
+}
+
+/// The platform's own constants, each alone, further off than their priors say: together as likely as breaks from so many
+/// starts on.
+fn wrong_from_start(all: &Directions, ways: &[Suspect], followed: &[usize], head_start: f64) -> Vec<Suspect> {
+    let single = |way: &&Suspect| {
+        let [column] = way.columns.as_slice() else { return None };
+        let stddev = all.directions.get(*followed.get(*column)?)?.base_stddev;
+        (stddev > 0.0).then_some((way.effect, *column, stddev))
+    };
+    let mut found: Vec<_> = ways.iter().filter_map(|way| single(&way)).collect();
+    found.sort_by_key(|(_, column, _)| *column);
+    found.dedup_by_key(|(_, column, _)| *column);
+    if head_start <= 0.0 {
+        found.clear();
+    }
+    let ln_prior = (head_start / found.len() as f64).ln();
+    found
+        .into_iter()
+        .map(|(effect, column, stddev)| Suspect {
+            effect,
+            columns: vec![column],
+            products: Vec::new(),
+            stddev: vec![stddev],
+            sizes: &SIZES_FROM_START,
+            from_start: true,
+            ln_prior,
+        })
+        .collect()
 }
 
 fn ns(seconds: f64) -> i64 {
@@ -328,7 +379,8 @@ fn ln_ratio(suspect: &Suspect, sums: &Carried, size: f64) -> f64 {
 
 /// Estimates and standard deviations of a suspect's columns, times a factor.
 fn estimate(suspect: &Suspect, sums: &Carried, factor: f64) -> Option<(Vec<f64>, Vec<f64>)> {
-    let best = SIZES
+    let best = suspect
+        .sizes
         .iter()
         .copied()
         .max_by(|a, b| ln_ratio(suspect, sums, *a).total_cmp(&ln_ratio(suspect, sums, *b)))?;
@@ -352,7 +404,15 @@ mod tests {
     fn suspect(count: usize, stddev: f64) -> Suspect {
         let columns: Vec<usize> = (0..count).collect();
         let products = (0..count * (count + 1) / 2).collect();
-        Suspect { effect: 0, columns, products, stddev: vec![stddev; count], ln_prior: 0.0 }
+        Suspect {
+            effect: 0,
+            columns,
+            products,
+            stddev: vec![stddev; count],
+            sizes: &SIZES,
+            from_start: false,
+            ln_prior: 0.0,
+        }
     }
 
     /// One column: the integral of the likelihood over the prior, by the trapezoidal rule.

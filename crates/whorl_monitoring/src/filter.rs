@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 use whorl_diagnosis::Directions;
 use whorl_dynamics::Gyrostat;
 use whorl_dynamics::gyrostat::MAX_WHEELS;
+use whorl_dynamics::platform::Wheel;
 
 use crate::Settings;
 use crate::lanes::{Changes, Lanes};
@@ -19,15 +20,41 @@ use crate::predictor::Bin;
 /// Uncertainty of a motion of which nothing is known: rate [rad/s], wheel speed [rad/s].
 const ANY_RATE_RAD_S: f64 = 0.2;
 const ANY_SPEED_RAD_S: f64 = 20.0;
-/// White noise of a wheel's torque that no data sheet states, over the largest torque times the square root of a second:
-/// a per mille.
-const MOTOR_NOISE: f64 = 1e-3;
 /// Slow torque on a wheel that the model need not know (friction that warms up, a bias of its drive), over its largest
 /// torque: a per mille, half of the bearing friction of a small wheel.
 const WHEEL_TORQUE: f64 = 1e-3;
 /// A wheel slower than this may stick or turn back [rad/s], and for so long at a time \[s\].
 const SLOW_RAD_S: f64 = 1.0;
 const STICKING_S: f64 = 5.0;
+/// A wheel slower than this rests [rad/s] while its motor asks for less than this share of its bearing's friction: that holds
+/// it even where it is half of what the model says.
+const RESTING_RAD_S: f64 = 0.1;
+const HELD_SHARE: f64 = 0.5;
+/// What a wheel that rests may yet move by in a bin [rad/s].
+const HELD_RAD_S: f64 = 1e-3;
+
+/// How a wheel turns, as far as its friction is concerned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Turning {
+    /// Its bearing holds it.
+    Held,
+    /// It may stick or turn back: nobody knows which way its friction points.
+    Slowly,
+    /// As its model says.
+    Freely,
+}
+
+impl Turning {
+    /// Of a wheel in a bin.
+    pub(crate) fn of(wheel: &Wheel, speed_rad_s: f64, torque_n_m: f64) -> Self {
+        let held = torque_n_m.abs() < HELD_SHARE * wheel.coulomb_friction_n_m;
+        match speed_rad_s.abs() {
+            speed if speed < RESTING_RAD_S && held => Self::Held,
+            speed if speed < SLOW_RAD_S && wheel.coulomb_friction_n_m > 0.0 => Self::Slowly,
+            _ => Self::Freely,
+        }
+    }
+}
 
 /// Places of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,6 +165,8 @@ pub struct Filter {
     gyro_walk: Vector3<f64>,
     speed_variance: f64,
     torque_walk_n_m_sqrt_s: Vector3<f64>,
+    /// Variance of the motors' white torque noise over that of the settings.
+    motor_noise_share: f64,
     settings: Settings,
 }
 
@@ -171,6 +200,7 @@ impl Filter {
             gyro_walk: gyro.bias_walk,
             speed_variance: speed.one_sample_stddev_rad_s().powi(2),
             torque_walk_n_m_sqrt_s: all.base.effects().torque_walk_b_n_m_sqrt_s(),
+            motor_noise_share: 1.0,
             settings: settings.clone(),
             places,
             constants,
@@ -191,6 +221,19 @@ impl Filter {
             let any = if k < 3 { ANY_RATE_RAD_S } else { ANY_SPEED_RAD_S };
             self.covariance[(k, k)] = any * any;
         }
+    }
+
+    /// Allows the motors from now on this much of the variance that the settings give their torque noise.
+    pub fn set_motor_noise_share(&mut self, share: f64) {
+        self.motor_noise_share = share.max(0.0);
+    }
+
+    /// Makes the motion another that is so far from the one that all was counted from.
+    ///
+    /// `change` is of rate [rad/s] and wheel speeds [rad/s].
+    pub fn set_motion_error(&mut self, change: &DVector<f64>) {
+        let motion = self.places.motion();
+        self.state.rows_mut(0, motion).copy_from(change);
     }
 
     /// Estimated gyro bias, beside the model's [rad/s].
@@ -226,10 +269,18 @@ impl Filter {
         (by_motion, by_torque)
     }
 
-    /// Motion by a torque on each wheel, which the body takes.
-    fn by_wheel_torque(base: &Gyrostat, by_torque: &DMatrix<f64>, places: &Places) -> DMatrix<f64> {
+    /// Motion by a torque on each wheel that is not held, which the body takes.
+    fn by_wheel_torque(
+        base: &Gyrostat,
+        bin: &Bin,
+        by_torque: &DMatrix<f64>,
+        places: &Places,
+    ) -> DMatrix<f64> {
         let mut by = DMatrix::zeros(places.motion(), places.wheels);
         for (j, wheel) in base.model().wheels().iter().enumerate().take(places.wheels) {
+            if Turning::of(wheel, bin.wheel_speed_rad_s[j], bin.wheel_torque_n_m[j]) == Turning::Held {
+                continue;
+            }
             let mut change = by_torque * -wheel.spin_axis_b.into_inner();
             change[3 + j] += 1.0 / wheel.spin_inertia_kg_m2;
             by.column_mut(j).copy_from(&change);
@@ -244,7 +295,7 @@ impl Filter {
         let places = self.places;
         let (motion, length, time_s) = (places.motion(), places.len(), bin.length_s);
         let (by_motion, by_torque) = Self::jacobian(lanes.base(), bin, &places);
-        let by_wheel_torque = Self::by_wheel_torque(lanes.base(), &by_torque, &places);
+        let by_wheel_torque = Self::by_wheel_torque(lanes.base(), bin, &by_torque, &places);
         let identity = DMatrix::<f64>::identity(motion, motion);
         let square = &by_motion * &by_motion;
         let transition = |t: f64| &identity + &by_motion * t + &square * (0.5 * t * t);
@@ -383,14 +434,18 @@ impl Filter {
             covariance += &change * change.transpose();
         }
         for (j, wheel) in model.wheels().iter().enumerate().take(self.places.wheels) {
+            let turning = Turning::of(wheel, bin.wheel_speed_rad_s[j], bin.wheel_torque_n_m[j]);
+            if turning == Turning::Held {
+                covariance[(3 + j, 3 + j)] += HELD_RAD_S * HELD_RAD_S;
+                continue;
+            }
             let asked = bin.wheel_torque_n_m[j] * bin.length_s * self.settings.motor_relative_sigma;
-            let noise = MOTOR_NOISE * wheel.max_torque_n_m * bin.length_s.sqrt();
-            // Near rest nobody knows which way the friction points, or whether the wheel sticks.
-            let slow = bin.wheel_speed_rad_s[j].abs() < SLOW_RAD_S;
-            let friction = if slow { wheel.coulomb_friction_n_m } else { 0.0 };
+            let noise = self.settings.motor_noise_sqrt_s * wheel.max_torque_n_m;
+            let noise = noise * noise * self.motor_noise_share * bin.length_s;
+            let friction = if turning == Turning::Slowly { wheel.coulomb_friction_n_m } else { 0.0 };
             let sticking = friction * friction * STICKING_S * bin.length_s;
             let change = by_wheel_torque.column(j);
-            covariance += change * change.transpose() * (asked * asked + noise * noise + sticking);
+            covariance += change * change.transpose() * (asked * asked + noise + sticking);
         }
         covariance
     }

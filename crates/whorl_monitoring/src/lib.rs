@@ -6,7 +6,7 @@
 //!    from the best estimate at its start; the attitude is the estimator's ([`predictor`]).
 //! 2. A Kalman filter over rate, wheel speeds, gyro bias, a slow background torque and the platform's own constants
 //!    (the base columns of the diagnosis, with their priors) turns prediction errors into innovations of unit variance,
-//!    y ([`filter`]).
+//!    y ([`filter`]). How noisy the motors are is learned in the first minute ([`motors`]).
 //! 3. The change of y per unit of every effect of the catalogue passes through the same gains, from each of several
 //!    starts on: x. Sums of x x^T and x y give the likelihood ratio of "this effect has begun there" against "the model
 //!    is right", with the effect's size integrated out over its prior ([`evidence`]).
@@ -20,6 +20,7 @@ pub mod evidence;
 pub mod filter;
 pub mod lanes;
 mod monitor;
+pub mod motors;
 mod passing;
 pub mod predictor;
 mod settings;

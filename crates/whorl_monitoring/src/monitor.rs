@@ -14,6 +14,7 @@ use crate::Settings;
 use crate::evidence::{Evidence, UNKNOWN_TORQUE};
 use crate::filter::{Filter, turned};
 use crate::lanes::Lanes;
+use crate::motors::MotorNoise;
 use crate::predictor::{Input, Predictor, Supplies};
 
 /// A bin is predicted this long after its end, when all about it has arrived \[s\].
@@ -109,6 +110,7 @@ pub struct Monitor {
     all: Directions,
     lanes: Lanes,
     filter: Filter,
+    motors: MotorNoise,
     evidence: Evidence,
     predictor: Option<Predictor>,
     inputs: VecDeque<(i64, Input)>,
@@ -148,6 +150,7 @@ impl Monitor {
         Ok(Self {
             lanes: Lanes::new(&all),
             evidence: Evidence::new(&all, &filter.places, settings),
+            motors: MotorNoise::new(&filter, settings.motor_noise_learned_s),
             filter,
             all,
             model: model.clone(),
@@ -302,6 +305,7 @@ impl Monitor {
         self.inputs.retain(|(at, _)| *at > stamp_ns);
         self.predictor = Some(predictor);
         self.filter.forget_motion();
+        self.motors.forget_motion();
         self.evidence.forget_motion(self.filter.places.motion());
         self.broken = false;
         self.settling = SETTLING_BINS;
@@ -332,9 +336,11 @@ impl Monitor {
         if self.settling == 0 {
             self.evidence.begin(start_ns);
         }
+        self.filter.set_motor_noise_share(self.motors.share());
         let Some((whitened, correction)) = self.filter.step(&self.lanes, &bin, &changes) else {
             return false;
         };
+        self.motors.step(&self.lanes, &bin, &changes, &correction, self.settling == 0);
         if self.settling == 0 {
             self.evidence.add(&whitened, &changes, &places);
             self.squares.0 += whitened.innovation.norm_squared();
@@ -374,6 +380,12 @@ impl Monitor {
         };
         let likeliest = if self.alarmed { self.likeliest() } else { None };
         Fit { stamp_ns, state, gyro, wheel_speed, squares, ln_evidence, likeliest }
+    }
+
+    /// Standard deviation of the motors' torque noise over that of the settings, as far as it is learned.
+    #[must_use]
+    pub fn motor_noise_over_assumed(&self) -> f64 {
+        self.motors.share().sqrt()
     }
 
     /// The evidence that is an alarm \[nats\].

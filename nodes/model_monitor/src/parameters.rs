@@ -56,7 +56,13 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             "memory_s",
             d.memory_s,
             range(10.0..=3600.0),
-            "what began longer ago is no break but an error of the model, for the diagnosis to find [s]",
+            "what broke longer ago than this is for the diagnosis to find [s]",
+        ),
+        from_start_s: r.f64_or(
+            "from_start_s",
+            d.from_start_s,
+            range(0.0..=3600.0),
+            "an error of the model from the start on is as likely as a break in so long a time; 0: breaks only [s]",
         ),
         false_alarms_per_h: r.f64_or(
             "false_alarms_per_h",
@@ -87,6 +93,18 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             d.motor_relative_sigma,
             range(0.0..=1.0),
             "relative error of a motor's torque from one moment to the next, standard deviation",
+        ),
+        motor_noise_sqrt_s: r.f64_or(
+            "motor_noise_sqrt_s",
+            d.motor_noise_sqrt_s,
+            range(0.0..=1.0),
+            "white noise of a motor's torque, over its largest torque [sqrt(s)]",
+        ),
+        motor_noise_learned_s: r.f64_or(
+            "motor_noise_learned_s",
+            d.motor_noise_learned_s,
+            range(0.0..=3600.0),
+            "that noise is learned in the first so many seconds that are watched; 0: it is as said [s]",
         ),
         constants_time_s: r.f64_or(
             "constants_time_s",

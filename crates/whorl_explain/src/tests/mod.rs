@@ -5,3 +5,4 @@ mod agreement;
 mod generator;
 mod history;
 mod located;
+mod trends;
