@@ -12,41 +12,14 @@ use std::time::Duration;
 use generator::Generator;
 use proptest::prelude::*;
 use whorl_bag::{BagOptions, RawSample, RunDescription, RunWriter};
-use whorl_coordinator::CoordinatorCore;
-use whorl_driver::DriverCore;
-use whorl_estimator::EstimatorCore;
-use whorl_local_control::LocalControlCore;
-use whorl_model_monitor::ModelMonitorCore;
 use whorl_msgs::topics::{Message, MessageType, Route};
 use whorl_node::{Event, NodeCore, Outputs, Timestamp};
 use whorl_recorder::{RecordedTopic, RecorderCore};
 
-use crate::support::simulation::parameters;
+use crate::support::cores::cores;
 use whorl_tests::repetitions;
 
 const START: Timestamp = Timestamp(1_700_000_000_000_000_000);
-
-/// Every kind of core, of the same formation.
-fn cores() -> Vec<(&'static str, Box<dyn NodeCore>)> {
-    // The estimator identifies and the platform is balanced, so that those parts are reached too.
-    let layer = "/**/estimator:\n  ros__parameters:\n    identification: {enabled: true}\n";
-    let tree = parameters(&["whorl_1", "whorl_2"], "leader_follower_short", &[layer]);
-    let driver = whorl_params::read(&tree.for_node("/whorl_1/driver"), whorl_driver::parameters::read);
-    let estimator =
-        whorl_params::read(&tree.for_node("/whorl_1/estimator"), whorl_estimator::parameters::read);
-    let control =
-        whorl_params::read(&tree.for_node("/whorl_1/local_control"), whorl_local_control::parameters::read);
-    let monitor =
-        whorl_params::read(&tree.for_node("/whorl_1/model_monitor"), whorl_model_monitor::parameters::read);
-    let coordinator = whorl_params::read(&tree.for_node("/coordinator"), whorl_coordinator::parameters::read);
-    vec![
-        ("driver", Box::new(DriverCore::from_parameters(&driver.unwrap().0.unwrap(), vec![], None).unwrap())),
-        ("estimator", Box::new(EstimatorCore::new(estimator.unwrap().0.unwrap()).unwrap())),
-        ("local_control", Box::new(LocalControlCore::new(control.unwrap().0.unwrap()).unwrap())),
-        ("model_monitor", Box::new(ModelMonitorCore::new(monitor.unwrap().0.unwrap()).unwrap())),
-        ("coordinator", Box::new(CoordinatorCore::new(coordinator.unwrap().0.unwrap()).unwrap())),
-    ]
-}
 
 /// A core that is given generated messages.
 struct Victim {

@@ -12,7 +12,7 @@
 //! | [`recordings`] | the campaign file over recordings, and the list of these |
 //! | [`run_spec`] | specification of one run |
 //! | [`work`] | tasks, their rows in the folder, and computing them on threads |
-//! | `remote` | the folder in object storage |
+//! | `store` | where the folder is: a directory, or object storage |
 //! | [`part`] | tasks: parts of a campaign that an engine distributes |
 //! | [`slurm`] | the engine for clusters: an array job |
 //! | [`single`] | one run, in memory |
@@ -25,11 +25,11 @@ pub mod page;
 pub mod part;
 pub mod plan;
 pub mod recordings;
-mod remote;
 pub mod row;
 pub mod run_spec;
 pub mod single;
 pub mod slurm;
+mod store;
 pub mod table;
 #[cfg(test)]
 mod tests;

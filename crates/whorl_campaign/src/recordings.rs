@@ -8,14 +8,12 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
-use whorl_bag::RunDirectory;
+use whorl_bag::{MANIFEST_FILE, RunDirectory};
 use whorl_objects::{Place, is_remote};
 use whorl_params::Reader;
 
 use crate::work::Folder;
 
-/// Name of a run's manifest.
-const MANIFEST: &str = "manifest.yaml";
 /// Name of the list in the campaign's folder.
 const LIST: &str = "recordings.json";
 
@@ -278,9 +276,9 @@ fn stored(pattern: &str, none: impl Fn(glob::PatternError) -> io::Error) -> io::
 
 /// A folder with the manifest of a run in object storage, and nothing else of it; `None` where it has none.
 fn manifest_of(address: &str) -> io::Result<Option<TempDir>> {
-    let Some(manifest) = Place::open(Path::new(address))?.get(MANIFEST)? else { return Ok(None) };
+    let Some(manifest) = Place::open(Path::new(address))?.get(MANIFEST_FILE)? else { return Ok(None) };
     let folder = tempfile::tempdir()?;
-    std::fs::write(folder.path().join(MANIFEST), manifest)?;
+    std::fs::write(folder.path().join(MANIFEST_FILE), manifest)?;
     Ok(Some(folder))
 }
 

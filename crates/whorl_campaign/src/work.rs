@@ -6,8 +6,7 @@
 //!
 //! A folder may be in object storage (`s3://bucket/prefix`): then workers share nothing else.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,7 +14,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::iter::{ParallelBridge, ParallelIterator};
 
 use crate::part::Part;
-use crate::remote::Remote;
+pub use crate::store::Hold;
+use crate::store::{self, Store};
 
 /// File that describes the campaign of a folder.
 const DESCRIPTION: &str = "campaign.txt";
@@ -45,17 +45,7 @@ pub trait Tasks: Sync {
 #[derive(Debug, Clone)]
 pub struct Folder {
     path: PathBuf,
-    ending: &'static str,
-    /// Where the campaign is, where that is in object storage; `path` is this process's own then.
-    remote: Option<Arc<Remote>>,
-}
-
-/// Held by the one process that directs the work on a folder; the system lets go of it when that process ends, however it
-/// ends.
-#[derive(Debug)]
-pub struct Hold {
-    /// Locked while it is open; `None` where the file system has no locks.
-    _file: Option<File>,
+    store: Arc<dyn Store>,
 }
 
 impl Folder {
@@ -64,24 +54,18 @@ impl Folder {
     /// # Errors
     /// The file system's, or a folder that holds another campaign.
     pub fn open(path: &Path, text: &str, ending: &'static str) -> io::Result<Self> {
-        let folder = if whorl_objects::is_remote(path) {
-            let remote = Remote::open(path, ending)?;
-            Self { path: remote.own().to_owned(), ending, remote: Some(Arc::new(remote)) }
-        } else {
-            fs::create_dir_all(path.join("rows"))?;
-            Self { path: path.to_owned(), ending, remote: None }
-        };
-        if folder.text(DESCRIPTION)?.is_none() {
+        let (store, own) = store::open(path, ending)?;
+        if store.text(DESCRIPTION)?.is_none() {
             // Tasks of one campaign begin at the same time.
-            folder.store_text_once(DESCRIPTION, text)?;
+            store.store_once(DESCRIPTION, text)?;
         }
-        if folder.text(DESCRIPTION)?.as_deref() != Some(text) {
+        if store.text(DESCRIPTION)?.as_deref() != Some(text) {
             return Err(io::Error::other(format!(
                 "{} holds another campaign, or its parameters or the version of Whorl have changed since it began; use another folder",
                 path.display()
             )));
         }
-        Ok(folder)
+        Ok(Self { path: own, store })
     }
 
     /// Where files of the campaign are written. Of a folder in object storage, a folder of this process, whose files
@@ -94,10 +78,7 @@ impl Folder {
     /// What a file below [`Self::path`] is called outside of this process.
     #[must_use]
     pub fn told(&self, path: &Path) -> PathBuf {
-        match (&self.remote, path.strip_prefix(&self.path)) {
-            (Some(remote), Ok(below)) => Path::new(remote.address()).join(below),
-            _ => path.to_owned(),
-        }
+        path.strip_prefix(&self.path).map_or_else(|_| path.to_owned(), |name| self.store.address(name))
     }
 
     /// Sends what was written below [`Self::path`] to where the campaign is.
@@ -105,7 +86,7 @@ impl Folder {
     /// # Errors
     /// The server's.
     pub fn publish(&self) -> io::Result<()> {
-        self.remote.as_ref().map_or(Ok(()), |remote| remote.publish(&self.path))
+        self.store.publish(&self.path)
     }
 
     /// Whether there are files in a folder of the campaign, whoever wrote them.
@@ -113,10 +94,7 @@ impl Folder {
     /// # Errors
     /// The server's.
     pub fn has_files_in(&self, name: &str) -> io::Result<bool> {
-        match &self.remote {
-            Some(remote) => remote.has_files_in(name),
-            None => Ok(self.path.join(name).is_dir()),
-        }
+        self.store.has_files_in(name)
     }
 
     /// The text of a file of the campaign; `None` where there is none.
@@ -124,10 +102,7 @@ impl Folder {
     /// # Errors
     /// The file system's, or the server's.
     pub fn text(&self, name: &str) -> io::Result<Option<String>> {
-        match &self.remote {
-            Some(remote) => remote.text(name),
-            None => found(fs::read_to_string(self.path.join(name))),
-        }
+        self.store.text(name)
     }
 
     /// Writes a file of the campaign, whole or not at all, in place of what was there.
@@ -135,10 +110,7 @@ impl Folder {
     /// # Errors
     /// The file system's, or the server's.
     pub(crate) fn store_text(&self, name: &str, text: &str) -> io::Result<()> {
-        match &self.remote {
-            Some(remote) => remote.store(name, text),
-            None => store_whole(&self.path.join(name), text),
-        }
+        self.store.store(name, text)
     }
 
     /// The same, unless there is one.
@@ -146,10 +118,7 @@ impl Folder {
     /// # Errors
     /// The file system's, or the server's.
     pub(crate) fn store_text_once(&self, name: &str, text: &str) -> io::Result<()> {
-        match &self.remote {
-            Some(remote) => remote.store_once(name, text),
-            None => store_whole_once(&self.path.join(name), text),
-        }
+        self.store.store_once(name, text)
     }
 
     /// Takes charge of the folder: two commands on one folder would compute everything twice. Tasks that an engine
@@ -158,36 +127,7 @@ impl Folder {
     /// # Errors
     /// When another process has it; the file system's.
     pub fn hold(&self) -> io::Result<Hold> {
-        if self.remote.is_some() {
-            return Ok(Hold { _file: None });
-        }
-        let path = self.path.join("lock");
-        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
-        match file.try_lock() {
-            Ok(()) => {
-                file.set_len(0)?;
-                writeln!(file, "process {} on {}", std::process::id(), host())?;
-                Ok(Hold { _file: Some(file) })
-            }
-            Err(TryLockError::WouldBlock) => {
-                let holder = fs::read_to_string(&path).unwrap_or_default();
-                let holder = match holder.trim() {
-                    "" => "another process",
-                    known => known,
-                };
-                Err(io::Error::other(format!(
-                    "{holder} works on this campaign already; wait for it, end it, or use another folder"
-                )))
-            }
-            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {
-                Ok(Hold { _file: None })
-            }
-            Err(TryLockError::Error(error)) => Err(error),
-        }
-    }
-
-    fn row_name(&self, index: u64) -> String {
-        format!("rows/{index:08}.{}", self.ending)
+        self.store.hold()
     }
 
     /// Directory of a run that is kept.
@@ -199,10 +139,7 @@ impl Folder {
     /// Whether a task has its row.
     #[must_use]
     pub fn has(&self, index: u64) -> bool {
-        match &self.remote {
-            Some(remote) => remote.has(index),
-            None => self.path.join(self.row_name(index)).exists(),
-        }
+        self.store.has(index)
     }
 
     /// Stores a row, whole or not at all.
@@ -210,11 +147,7 @@ impl Folder {
     /// # Errors
     /// The file system's.
     pub fn store(&self, index: u64, row: &str) -> io::Result<()> {
-        self.store_text(&self.row_name(index), row)?;
-        if let Some(remote) = &self.remote {
-            remote.add(index);
-        }
-        Ok(())
+        self.store.store_row(index, row)
     }
 
     /// The row of a task, if it is done.
@@ -222,15 +155,12 @@ impl Folder {
     /// # Errors
     /// The file system's.
     pub fn row(&self, index: u64) -> io::Result<Option<String>> {
-        self.text(&self.row_name(index))
+        self.text(&self.store.row_name(index))
     }
 
     /// Rows of so many tasks, in their order.
     fn texts(&self, len: u64) -> io::Result<Vec<Option<String>>> {
-        match &self.remote {
-            Some(remote) => remote.texts(&(0..len).map(|index| self.row_name(index)).collect::<Vec<_>>()),
-            None => (0..len).map(|index| self.row(index)).collect(),
-        }
+        self.store.texts(&(0..len).map(|index| self.store.row_name(index)).collect::<Vec<_>>())
     }
 
     /// Rows of so many tasks, in their order, each read by `parse`; of tasks that are not done there are none.
@@ -246,7 +176,7 @@ impl Folder {
         for (index, text) in (0..).zip(self.texts(len)?) {
             let Some(text) = text else { continue };
             let row = parse(index, &text).map_err(|why| {
-                let path = self.told(&self.path.join(self.row_name(index)));
+                let path = self.store.address(Path::new(&self.store.row_name(index)));
                 io::Error::other(format!("{}: {why}; without the file, it is computed again", path.display()))
             })?;
             rows.push(row);
@@ -259,56 +189,8 @@ impl Folder {
     /// # Errors
     /// The file system's.
     pub fn done(&self) -> io::Result<u64> {
-        if let Some(remote) = &self.remote {
-            return remote.done();
-        }
-        let rows = fs::read_dir(self.path.join("rows"))?;
-        Ok(rows.flatten().filter(|e| e.path().extension().is_some_and(|x| x == self.ending)).count() as u64)
+        self.store.done()
     }
-}
-
-/// Writes a file whole or not at all, in place of what was there.
-///
-/// # Errors
-/// The file system's.
-pub(crate) fn store_whole(path: &Path, text: &str) -> io::Result<()> {
-    let unfinished = path.with_extension(unique());
-    fs::write(&unfinished, text)?;
-    fs::rename(&unfinished, path)
-}
-
-/// Writes a file whole or not at all, unless there is one.
-///
-/// # Errors
-/// The file system's.
-pub(crate) fn store_whole_once(path: &Path, text: &str) -> io::Result<()> {
-    let unfinished = path.with_extension(unique());
-    fs::write(&unfinished, text)?;
-    let linked = fs::hard_link(&unfinished, path);
-    fs::remove_file(&unfinished)?;
-    linked.or_else(|error| match error.kind() {
-        io::ErrorKind::AlreadyExists => Ok(()),
-        // A file system without links.
-        _ => OpenOptions::new().write(true).create_new(true).open(path)?.write_all(text.as_bytes()),
-    })
-}
-
-/// The content of a file that may not be there.
-fn found(read: io::Result<String>) -> io::Result<Option<String>> {
-    match read {
-        Ok(text) => Ok(Some(text)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
-    }
-}
-
-fn host() -> String {
-    fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default().trim().to_owned()
-}
-
-/// Ending of a file that no other process writes; nor another thread, as no two write the same file.
-fn unique() -> String {
-    format!("{}_{}", host(), std::process::id())
 }
 
 /// Computes the tasks of a part that have no row yet, on so many threads; `progress` counts them. Nobody else may work on
@@ -339,12 +221,12 @@ pub fn work<T: Tasks + ?Sized>(
 /// # Errors
 /// As [`Tasks::compute`].
 pub fn run<T: Tasks + ?Sized>(folder: &Folder, tasks: &T, index: u64) -> io::Result<()> {
-    let Some(remote) = &folder.remote else { return folder.store(index, &tasks.compute(folder, index)?) };
-    // Its files in a folder of its own, which are there before its row says so.
-    let own = tempfile::tempdir_in(&folder.path)?;
-    let folder_of_task =
-        Folder { path: own.path().to_owned(), ending: folder.ending, remote: Some(Arc::clone(remote)) };
-    let row = tasks.compute(&folder_of_task, index)?;
-    remote.publish(own.path())?;
+    let Some(own) = folder.store.room_for_a_task()? else {
+        return folder.store(index, &tasks.compute(folder, index)?);
+    };
+    // Its files are there before its row says so.
+    let of_task = Folder { path: own.path().to_owned(), store: Arc::clone(&folder.store) };
+    let row = tasks.compute(&of_task, index)?;
+    of_task.publish()?;
     folder.store(index, &row)
 }

@@ -45,6 +45,7 @@ whorl campaign params/campaigns/link.yaml --engine dask --scheduler tcp://schedu
     (
         "orbit",
         "whorl orbit co_observation --every 30 --html pass.html
+whorl orbit formation_keeping --html keeping.html   flies five days of corrections, too
 whorl orbit params/experiments/co_observation.yaml -p /coordinator:steps.observe.time_ratio:=2.0",
     ),
     ("platforms", "whorl platforms 4 --out my_platforms"),

@@ -118,6 +118,23 @@ fn json_has_the_standard_output_for_itself() {
     assert_eq!(planned["runs"][2]["swept"], serde_json::json!({"delay_s": "0.001", "loss": "0.05"}));
     let pass = only_json(&["orbit", &params("experiments/co_observation.yaml"), "--json", "-"]);
     assert_eq!(pass["passes"][0]["rows"][0]["platform"], "whorl_1");
+    // Every correction that was flown is listed, and its gas is what was counted.
+    let days = only_json(&["orbit", &params("experiments/formation_keeping.yaml"), "--json", "-"]);
+    let kept = &days["passes"][0]["kept"][0];
+    assert_eq!((&kept["platform"], &kept["inside_since_day"]), (&"whorl_2".into(), &0.0.into()));
+    let gas_kg = kept["corrections"].as_array().unwrap().iter().map(|c| c["gas_kg"].as_f64().unwrap());
+    assert!((gas_kg.sum::<f64>() - kept["gas_kg"].as_f64().unwrap()).abs() < 1e-9);
+    assert!(days["passes"][0]["keeping"][0]["along_m_rev"].as_f64().unwrap().abs() < 5.0);
+    for (key, value, said) in [
+        ("spacecraft.whorl_2.keep.gas_kg", "70.0", "less than mass_kg of the burn"),
+        ("model", "nonlinear", "the model must be two_body or j2"),
+        ("spacecraft.whorl_2.formation", "chief", "is for a spacecraft with a formation"),
+    ] {
+        let changed = format!("/coordinator:steps.observe.{key}:={value}");
+        let refused = whorl(&["orbit", &params("experiments/formation_keeping.yaml"), "-p", &changed]);
+        let error = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(!refused.status.success() && error.contains(said), "{error}");
+    }
     let listed = only_json(&["parameters", "campaign", "--params", &params(""), "--json", "-"]);
     assert!(listed["campaign"].as_array().unwrap().iter().any(|p| p["key"] == "keep_every"));
 

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::io;
-use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::TempDir;
 use whorl_objects::Place;
+
+use super::{Hold, Store, row_name};
 
 /// The campaign in object storage, and this process's folder for what is on its way there.
 #[derive(Debug)]
@@ -32,57 +34,76 @@ impl Remote {
         self.own.path()
     }
 
-    pub fn address(&self) -> &str {
-        self.place.address()
+    fn decoded(&self, name: &str, bytes: Vec<u8>) -> io::Result<String> {
+        let address = self.place.address();
+        String::from_utf8(bytes).map_err(|error| io::Error::other(format!("{address}/{name}: {error}")))
     }
 
-    pub fn text(&self, name: &str) -> io::Result<Option<String>> {
+    fn known(&self) -> MutexGuard<'_, BTreeSet<u64>> {
+        self.done.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Store for Remote {
+    fn text(&self, name: &str) -> io::Result<Option<String>> {
         self.place.get(name)?.map(|bytes| self.decoded(name, bytes)).transpose()
     }
 
-    pub fn texts(&self, names: &[String]) -> io::Result<Vec<Option<String>>> {
+    fn texts(&self, names: &[String]) -> io::Result<Vec<Option<String>>> {
         let found = self.place.get_all(names)?.into_iter().zip(names);
         found.map(|(bytes, name)| bytes.map(|bytes| self.decoded(name, bytes)).transpose()).collect()
     }
 
-    fn decoded(&self, name: &str, bytes: Vec<u8>) -> io::Result<String> {
-        String::from_utf8(bytes)
-            .map_err(|error| io::Error::other(format!("{}/{name}: {error}", self.address())))
-    }
-
-    pub fn store(&self, name: &str, text: &str) -> io::Result<()> {
+    fn store(&self, name: &str, text: &str) -> io::Result<()> {
         Ok(self.place.put(name, text.as_bytes().to_vec())?)
     }
 
-    pub fn store_once(&self, name: &str, text: &str) -> io::Result<()> {
+    fn store_once(&self, name: &str, text: &str) -> io::Result<()> {
         self.place.put_new(name, text.as_bytes().to_vec())?;
         Ok(())
     }
 
-    pub fn publish(&self, folder: &Path) -> io::Result<()> {
+    fn has_files_in(&self, name: &str) -> io::Result<bool> {
+        Ok(!self.place.below(name).names()?.is_empty())
+    }
+
+    fn has(&self, index: u64) -> bool {
+        self.known().contains(&index)
+    }
+
+    fn store_row(&self, index: u64, row: &str) -> io::Result<()> {
+        self.store(&self.row_name(index), row)?;
+        self.known().insert(index);
+        Ok(())
+    }
+
+    fn done(&self) -> io::Result<u64> {
+        let rows = self.place.below("rows").names()?;
+        let number = |name: &String| name.strip_suffix(self.ending)?.strip_suffix('.')?.parse().ok();
+        let there: BTreeSet<u64> = rows.iter().filter_map(number).collect();
+        let mut done = self.known();
+        *done = there;
+        Ok(done.len() as u64)
+    }
+
+    fn hold(&self) -> io::Result<Hold> {
+        Ok(Hold { _file: None })
+    }
+
+    fn row_name(&self, index: u64) -> String {
+        row_name(index, self.ending)
+    }
+
+    fn address(&self, name: &Path) -> PathBuf {
+        Path::new(self.place.address()).join(name)
+    }
+
+    fn publish(&self, folder: &Path) -> io::Result<()> {
         self.place.publish(folder)?;
         Ok(())
     }
 
-    pub fn has_files_in(&self, name: &str) -> io::Result<bool> {
-        Ok(!self.place.below(name).names()?.is_empty())
-    }
-
-    pub fn has(&self, index: u64) -> bool {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner).contains(&index)
-    }
-
-    pub fn add(&self, index: u64) {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner).insert(index);
-    }
-
-    /// Number of rows that there are now.
-    pub fn done(&self) -> io::Result<u64> {
-        let rows = self.place.below("rows").names()?;
-        let number = |name: &String| name.strip_suffix(self.ending)?.strip_suffix('.')?.parse().ok();
-        let there: BTreeSet<u64> = rows.iter().filter_map(number).collect();
-        let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
-        *done = there;
-        Ok(done.len() as u64)
+    fn room_for_a_task(&self) -> io::Result<Option<TempDir>> {
+        tempfile::tempdir_in(self.own()).map(Some)
     }
 }
