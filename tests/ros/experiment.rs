@@ -127,19 +127,35 @@ fn readable(run: &Path) -> usize {
     bag.messages().inspect(|message| _ = message.as_ref().unwrap().decode().unwrap()).count()
 }
 
+/// A whole short experiment over DDS, how its script ended, and its summary. On a computer that stood still in its
+/// midst it is run again: the numbers of such a run tell of the computer.
+fn short_experiment() -> (Laboratory, Option<i32>, serde_json::Value) {
+    const RUNS: usize = 3;
+    for attempt in 1.. {
+        let mut script = Laboratory::experiment(&["leader_follower_short"]);
+        wait_for("all processes", Duration::from_secs(30), || {
+            let nodes = script.processes().iter().filter(|p| p.contains("--ros-args")).count();
+            (nodes >= NODES).then_some(())
+        });
+        let code = script.finish(Duration::from_secs(120));
+        let run = script.run().unwrap();
+        assert_report(&run, &script.log());
+        let summary = std::fs::read_to_string(run.join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let verdict = &summary["verdict"];
+        let stood_still = verdict["safe_s"].as_f64() > Some(0.0) && verdict["late_timers"].as_u64() > Some(0);
+        if !stood_still || attempt == RUNS {
+            return (script, code, summary);
+        }
+        measured(&format!("run again, as the computer stood still: {}", verdict["line"]));
+    }
+    unreachable!("the last attempt returns")
+}
+
 #[test]
 fn a_short_experiment_ends_well_and_leaves_a_run_with_its_report() {
-    let mut script = Laboratory::experiment(&["leader_follower_short"]);
-    wait_for("all processes", Duration::from_secs(30), || {
-        let nodes = script.processes().iter().filter(|p| p.contains("--ros-args")).count();
-        (nodes >= NODES).then_some(())
-    });
-    let code = script.finish(Duration::from_secs(120));
+    let (script, code, summary) = short_experiment();
     let run = script.run().unwrap();
-    assert_report(&run, &script.log());
-
-    let summary: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(run.join("summary.json")).unwrap()).unwrap();
     assert_eq!(summary["outcome"], "finished", "{}", script.log());
     let pair = &summary["pairs"][0];
     let error_deg = pair["relative_error_rms_rad"].as_f64().unwrap_or(f64::NAN).to_degrees();
