@@ -23,6 +23,8 @@ STEP_S = 2e-3
 # The last stage of a Runge-Kutta step, a sixth of it, finds a jet still open at the very time at which it closes: a pulse of
 # N steps has the impulse of N + 1/6 (measured with a jet alone).
 LAST_STAGE_S = STEP_S / 6
+# Static [kg m] and dynamic [kg m^2] imbalance of a wheel.
+IMBALANCES = ("U_s", "U_d")
 
 
 class Craft:
@@ -85,7 +87,7 @@ class Craft:
         factory = simIncludeRW.rwFactory()
         bias = rng.normal(0.0, 60.0, 3)
         for k, wheel in enumerate(self.wheels):
-            factory.create(
+            made = factory.create(
                 "custom",
                 list(self.wheel_axis[k]),
                 Omega=bias[k] * 60 / (2 * np.pi),
@@ -93,8 +95,11 @@ class Craft:
                 Js=self.wheel_inertia[k],
                 u_max=wheel.max_torque,
                 RWModel=self.wheel_model,
-                **self.wheel_extra[k],
+                **{name: value for name, value in self.wheel_extra[k].items() if name not in IMBALANCES},
             )
+            # `create` does not know these, and passes over what it does not know.
+            for name in IMBALANCES:
+                setattr(made, name, self.wheel_extra[k].get(name, 0.0))
         factory.addToSpacecraft("wheels", wheels, body)
         command_msg = messaging.ArrayMotorTorqueMsg()
         wheels.rwMotorCmdInMsg.subscribeTo(command_msg)
@@ -208,9 +213,7 @@ def stribeck(craft):
 
 def imbalance(craft):
     craft.wheel_model = messaging.JitterSimple
-    for extra in craft.wheel_extra:
-        extra |= dict(useRWfriction=False, U_s=0.0, U_d=0.0)
-    craft.wheel_extra[1] |= dict(U_d=craft.torque(0.3) / 60.0**2)
+    craft.wheel_extra[1] = dict(U_d=craft.torque(0.3) / 60.0**2)
     return "wheel_imbalance"
 
 

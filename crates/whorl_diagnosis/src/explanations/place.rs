@@ -12,6 +12,8 @@ pub(crate) struct Place<'a> {
     pub available: &'a Available,
     /// Rhythms that were found so far.
     pub lines: &'a Lines,
+    /// Wheels whose turning shows in the samples themselves: their rhythm has a name.
+    pub turning: &'a [usize],
     pub layout: &'a Layout,
     pub data: &'a Dataset,
 }

@@ -21,6 +21,9 @@ const NOTICED: f64 = 3.5;
 /// Lines are looked for up to this many per turn of a wheel.
 const HIGHEST_ORDER: f64 = 1.6;
 
+/// What is within this of once a turn is a wheel's imbalance.
+const ONCE: f64 = 0.02;
+
 /// Whitened residual of a run at every node.
 struct Residual {
     run: usize,
@@ -86,6 +89,7 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
     }
     let mut peaks: Vec<Peak> =
         in_body.peaks(first_step_s, 0.0).into_iter().chain(in_room.peaks(first_step_s, 0.0)).collect();
+    peaks.retain(|peak| !is_of_turning(place, peak.frequency, first_step_s));
     peaks.sort_by(|a, b| b.significance.total_cmp(&a.significance));
     let mut chosen: Vec<Peak> = Vec::new();
     for peak in peaks {
@@ -95,7 +99,8 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
             chosen.push(peak);
         }
     }
-    let orders = wheel_orders(place, &residuals);
+    let mut orders = wheel_orders(place, &residuals);
+    orders.retain(|(wheel, order, _)| !place.turning.contains(wheel) || (order - 1.0).abs() > ONCE);
     let hz: Vec<f64> = chosen.iter().map(|p| p.frequency).take(MOST_LINES).collect();
     let strongest = chosen.first().map_or(0.0, |p| p.significance);
     let strongest_order = orders.first().map_or(0.0, |o| o.2);
@@ -112,6 +117,18 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
             Vec::new()
         },
     }
+}
+
+/// Whether a wheel whose imbalance the samples show turns at this frequency at some time, or at one of which the nodes
+/// make this one.
+fn is_of_turning(place: Place<'_>, hz: f64, step_s: f64) -> bool {
+    let sampled = |turning_hz: f64| (turning_hz - (turning_hz * step_s).round() / step_s).abs();
+    place.problem.motions.iter().flat_map(|motion| &motion.wheel).any(|speeds| {
+        place.turning.iter().any(|wheel| {
+            let turning_hz = speeds[*wheel].abs() / std::f64::consts::TAU;
+            (sampled(turning_hz) - hz).abs() < ONCE * turning_hz
+        })
+    })
 }
 
 /// Lines over the angle of each wheel: wheel, cycles per turn, significance; strongest first.

@@ -64,10 +64,10 @@ pub(crate) struct Descended {
 
 /// Where a fit begins.
 #[derive(Clone)]
-struct Begin {
-    point: Point,
-    layout: Layout,
-    members: Vec<Member>,
+pub(super) struct Begin {
+    pub point: Point,
+    pub layout: Layout,
+    pub members: Vec<Member>,
 }
 
 /// Misfit at a point itself, not where the regression's minimum is, and that point. Where an effect's shape is
@@ -161,7 +161,7 @@ impl Search<'_> {
     }
 
     /// A set where it fits best with noise of these sizes, and what it is worth there.
-    fn fitted_with(
+    pub(super) fn fitted_with(
         &self,
         mut problem: Problem,
         from: Begin,
@@ -220,14 +220,18 @@ impl Search<'_> {
     /// Where a set that holds in the present regression begins its fit.
     fn begin(&self, start: &Hypothesis, ids: &[&'static str]) -> Begin {
         let mut point = point_of(self.problem, &self.layout, &self.point, start);
-        // Effects that have left the set leave the point.
+        self.keep_only(&mut point, ids);
+        Begin { point, layout: self.layout.clone(), members: start.members.clone() }
+    }
+
+    /// Effects that have left a set leave its point.
+    pub(super) fn keep_only(&self, point: &mut Point, ids: &[&'static str]) {
         point.effects.retain(|id, _| {
             ids.contains(id)
                 || crate::parameters::is_base(id)
                 || self.problem.reference.model.effects.contains_key(*id)
         });
-        self.problem.reference.withdraw(&mut point, ids);
-        Begin { point, layout: self.layout.clone(), members: start.members.clone() }
+        self.problem.reference.withdraw(point, ids);
     }
 
     fn descend(

@@ -48,6 +48,8 @@ pub(crate) struct Search<'a> {
     pub available: Available,
     pub options: &'a Options,
     pub lines: Lines,
+    /// Wheels whose turning shows in the samples themselves.
+    pub turning: Vec<usize>,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
     /// Colours of the noise, from the first full regressions.
@@ -99,6 +101,7 @@ impl<'a> Search<'a> {
             available,
             options,
             lines,
+            turning: Vec::new(),
             with_hidden: false,
             palette,
             point,
@@ -119,6 +122,7 @@ impl<'a> Search<'a> {
             problem: self.problem,
             available: &self.available,
             lines: &self.lines,
+            turning: &self.turning,
             layout: &self.layout,
             data: &self.data,
         }
@@ -197,12 +201,12 @@ impl<'a> Search<'a> {
             }
             let least =
                 self.standing(&self.best).map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * WINDOW);
-            for converged in self.converge_all(&proposals, least)?.into_iter().flatten() {
-                self.remember(converged);
+            let fitted: Vec<Converged> = self.converge_all(&proposals, least)?.into_iter().flatten().collect();
+            for converged in &fitted {
+                self.remember(converged.clone());
             }
-            let leading = self.fitted(&self.best).map_or(f64::NEG_INFINITY, Converged::log_posterior);
-            let better = self.most_probable().filter(|c| c.log_posterior() > leading + 1e-6).cloned();
-            match better {
+            self.fit_beside_noise(&fitted)?;
+            match self.better()? {
                 Some(converged) => {
                     self.settle(converged)?;
                     self.sharpen()?;
@@ -217,6 +221,23 @@ impl<'a> Search<'a> {
             }
         }
         self.settle_most_probable()
+    }
+
+    /// The most probable set, if it is more probable than the present best one and than each smaller one that it holds, fitted
+    /// from where it ended.
+    fn better(&mut self) -> Result<Option<Converged>, DiagnosisError> {
+        for _ in 0..MOST_ROUNDS {
+            let leading = self.fitted(&self.best).map_or(f64::NEG_INFINITY, Converged::log_posterior);
+            let Some(better) = self.most_probable().filter(|c| c.log_posterior() > leading + 1e-6).cloned()
+            else {
+                return Ok(None);
+            };
+            self.fit_smaller_sets(&better)?;
+            if self.most_probable().is_some_and(|most| most.names == better.names) {
+                return Ok(Some(better));
+            }
+        }
+        Ok(None)
     }
 
     /// Fits the base model from the noise in use, and as sharply as any other set: constants of the platform that are far
@@ -270,8 +291,9 @@ impl<'a> Search<'a> {
     /// Ends where the most probable set fits best.
     fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
         let best = self.best.names(&self.layout);
-        let nuisance = self.problem.nuisance;
-        let is_there = |c: &&Converged| c.names == best && c.standing.nuisance == nuisance;
+        let (nuisance, point) = (self.problem.nuisance, &self.point);
+        let is_there =
+            |c: &&Converged| c.names == best && c.standing.nuisance == nuisance && c.point == *point;
         if let Some(most) = self.most_probable().filter(|c| !is_there(c)).cloned() {
             self.settle(most)?;
         }

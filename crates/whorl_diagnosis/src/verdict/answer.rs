@@ -305,7 +305,9 @@ impl Search<'_> {
             self.problem.runs.iter().flat_map(|r| r.remarks.iter().cloned()).collect();
         let mut direct: Vec<Candidate> = self.digital().into_iter().chain(self.gimbal_drag()).collect();
         let at = point_of(self.problem, &self.layout, &self.point, &self.best);
-        direct.extend(fast_effects(self.place(), &at, &self.options.exclude));
+        let seen = fast_effects(self.place(), &at, &self.options.exclude);
+        self.turning = seen.turning;
+        direct.extend(seen.rows);
         let contradiction = self.contradiction();
         let belief = self.belief(left)?;
         let mut verdict = belief.verdict(self.could_have_seen());

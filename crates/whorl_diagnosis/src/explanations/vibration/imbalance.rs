@@ -19,12 +19,12 @@ const SIZES_OF_IMBALANCE: f64 = 1e4;
 /// Wheel angles integrated from their speeds stay good for this long \[s\].
 const COHERENT_S: f64 = 30.0;
 
-/// The wheel whose turning shows in the gyro; what it explains is taken off the samples.
+/// The wheel whose turning shows in the gyro, and the row that says so; what it explains is taken off the samples.
 pub(super) fn imbalance(
     runs: &mut [Fast<'_>],
     mechanics: &Mechanics,
     effect: &dyn Effect,
-) -> Option<Candidate> {
+) -> Option<(usize, Candidate)> {
     let wheels = mechanics.model().wheels().len();
     let all_fits = |wheel: usize, order: f64| -> Vec<Fit> {
         runs.iter().flat_map(|fast| wheel_fits(fast, mechanics, wheel, order)).collect()
@@ -68,7 +68,7 @@ pub(super) fn imbalance(
     let information: f64 = fits.iter().map(|f| f.information).sum();
     let spec = effect.parameters(mechanics.model()).into_iter().find(|s| s.part == Part::Wheel(wheel))?;
     let estimate = parameter(spec.name, spec.unit, size, (1.0 / information).sqrt());
-    Some(row(effect, drop, evidence, vec![estimate]))
+    Some((wheel, row(effect, drop, evidence, vec![estimate])))
 }
 
 /// Log evidence and likeliest size of an imbalance that is the same in all stretches, its phase in each unknown: the

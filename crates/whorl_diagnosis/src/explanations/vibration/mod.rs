@@ -185,15 +185,23 @@ fn row(effect: &dyn Effect, drop: f64, evidence: f64, parameters: Vec<ParameterE
     }
 }
 
+/// What the samples show.
+#[derive(Debug, Default)]
+pub(crate) struct Seen {
+    pub rows: Vec<Candidate>,
+    /// Wheels whose turning shows.
+    pub turning: Vec<usize>,
+}
+
 /// Fast effects that the samples show about a model at a point: an unbalanced wheel, a vibration.
-pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) -> Vec<Candidate> {
+pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) -> Seen {
     let tested = |id: &str| {
         place.layout.candidates.iter().any(|c| c.id == id)
             || (!exclude.iter().any(|e| e == id) && !place.problem.reference.model.effects.contains_key(id))
     };
     let Some(mechanics) = place.problem.reference.model_at(point).ok().and_then(|m| Mechanics::new(&m).ok())
     else {
-        return Vec::new();
+        return Seen::default();
     };
     let mut runs: Vec<Fast<'_>> = place
         .problem
@@ -202,21 +210,24 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
         .zip(place.problem.motions.iter())
         .filter_map(|(run, motion)| Fast::new(run, motion, &mechanics))
         .collect();
-    let mut found = Vec::new();
+    let mut seen = Seen::default();
     // What turns with a wheel is taken off the samples before a line of its own is looked for.
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
         if effect.sighting() == Some(Sighting::WheelTurn) {
-            found.extend(imbalance::imbalance(&mut runs, &mechanics, effect));
+            if let Some((wheel, row)) = imbalance::imbalance(&mut runs, &mechanics, effect) {
+                seen.turning.push(wheel);
+                seen.rows.push(row);
+            }
         }
     }
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
         if let Some(Sighting::SensorLine { gyro, accelerometer, frequency, background }) = effect.sighting() {
             let ([a, b, c], [d, e, f]) = (gyro, accelerometer);
             let names = line::Names { amplitude: [a, b, c, d, e, f], frequency, background };
-            found.extend(line::vibration(&runs, effect, &names));
+            seen.rows.extend(line::vibration(&runs, effect, &names));
         }
     }
-    found
+    seen
 }
 
 #[cfg(test)]
