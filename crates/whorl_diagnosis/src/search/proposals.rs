@@ -201,7 +201,8 @@ impl<'a> Search<'a> {
             }
             let least =
                 self.standing(&self.best).map_or(f64::NEG_INFINITY, |s| s.training_evidence - 2.0 * WINDOW);
-            let fitted: Vec<Converged> = self.converge_all(&proposals, least)?.into_iter().flatten().collect();
+            let fitted: Vec<Converged> =
+                self.converge_all(&proposals, least)?.into_iter().flatten().collect();
             for converged in &fitted {
                 self.remember(converged.clone());
             }

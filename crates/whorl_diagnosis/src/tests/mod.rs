@@ -1,6 +1,7 @@
 //! Whole diagnoses of simulated runs.
 
 mod bad_input;
+mod beginnings;
 pub(crate) mod generator;
 mod gyros;
 mod naming;

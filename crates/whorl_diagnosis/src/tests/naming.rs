@@ -61,6 +61,14 @@ fn nothing_is_stated_of_torques_that_unrecorded_jets_may_have_made() {
     assert!(diagnosis.remarks[0].contains("record the valves' pulses"), "{:?}", diagnosis.remarks);
 }
 
+/// So plainly that what the regression leaves has the wheel's rhythm, too.
+#[test]
+fn an_unbalanced_wheel_is_named_however_plainly_it_shows() {
+    let diagnosis = diagnosis_of(&[("wheel_imbalance", &[("wheel_z_kg_m2", 1e-4)])], 23, 50.0);
+    assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.unknown);
+    assert_eq!(diagnosis.effects, ["wheel_imbalance"]);
+}
+
 #[test]
 fn a_sensor_is_told_from_a_torque() {
     let diagnosis = diagnosis_of(&[("gyro_misalignment", &[("xz_rad", 0.03)])], 21, 50.0);
