@@ -13,6 +13,8 @@ pub struct Commands {
     wheel_torque_n_m: Series<Vec<f64>>,
     ballast_moment_b_n_m: Series<Vector3<f64>>,
     body_torque_b_n_m: Series<Vector3<f64>>,
+    /// Angles and rates of the gimbals, from each sample to the next.
+    gimbals: Vec<(Vec<f64>, Vec<f64>)>,
     /// Per jet: opening and closing of the flow, delays included \[s\].
     flow: Vec<Vec<(f64, f64)>>,
     /// All commands to the plant in order: time and command.
@@ -22,13 +24,14 @@ pub struct Commands {
     wheels: usize,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+/// A command, most of them by their position in their series.
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Event {
-    Wheels(Vec<f64>),
+    Wheels(usize),
     Jet { jet: usize, on_time_s: f64 },
-    Ballast(Vector3<f64>),
-    Torque(Vector3<f64>),
-    Gimbals { angle_rad: Vec<f64>, rate_rad_s: Vec<f64> },
+    Ballast(usize),
+    Torque(usize),
+    Gimbals(usize),
 }
 
 /// Mean inputs over a short stretch of time.
@@ -58,24 +61,24 @@ impl Commands {
             recording.wheel_torque_command_n_m.clone()
         };
         let mut events = Vec::new();
-        for (t, torque) in wheel_torque_n_m.time_s.iter().zip(&wheel_torque_n_m.value) {
-            events.push((ns(*t), Event::Wheels(torque.clone())));
-        }
         let ballast = &recording.ballast_moment_b_n_m;
-        for (t, moment) in ballast.time_s.iter().zip(&ballast.value) {
-            events.push((ns(*t), Event::Ballast(*moment)));
-        }
         let body = &recording.body_torque_b_n_m;
-        for (t, torque) in body.time_s.iter().zip(&body.value) {
-            events.push((ns(*t), Event::Torque(*torque)));
+        let angles = &recording.gimbal_angle_rad;
+        let held: [(&[f64], fn(usize) -> Event); 4] = [
+            (&wheel_torque_n_m.time_s, Event::Wheels),
+            (&ballast.time_s, Event::Ballast),
+            (&body.time_s, Event::Torque),
+            (&angles.time_s, Event::Gimbals),
+        ];
+        for (times, event) in held {
+            events.extend(times.iter().enumerate().map(|(k, t)| (ns(*t), event(k))));
         }
         // The gimbals of the model follow those that were measured: from each sample to the next.
-        let gimbals = &recording.gimbal_angle_rad;
-        for (k, (t, angle_rad)) in gimbals.time_s.iter().zip(&gimbals.value).enumerate() {
-            let next = gimbals.time_s.get(k + 1).copied().unwrap_or(*t);
-            let rate_rad_s = GimbalMotion::between(recording, *t, next).rate_rad_s;
-            events.push((ns(*t), Event::Gimbals { angle_rad: angle_rad.clone(), rate_rad_s }));
-        }
+        let gimbals = angles.time_s.iter().zip(&angles.value).enumerate().map(|(k, (t, angle_rad))| {
+            let next = angles.time_s.get(k + 1).copied().unwrap_or(*t);
+            (angle_rad.clone(), GimbalMotion::between(recording, *t, next).rate_rad_s)
+        });
+        let gimbals = gimbals.collect();
         let mut flow = Vec::new();
         for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
             let data = model.jets().get(jet);
@@ -90,6 +93,7 @@ impl Commands {
             wheel_torque_n_m,
             ballast_moment_b_n_m: ballast.clone(),
             body_torque_b_n_m: body.clone(),
+            gimbals,
             flow,
             events,
             wheel_torque_from_speed: from_speed,
@@ -113,19 +117,31 @@ impl Commands {
     /// refuse it too.
     pub fn tell(&self, event: usize, plant: &mut Plant) {
         let now_ns = plant.now_ns();
-        match self.events.get(event) {
-            Some((_, Event::Wheels(torque))) => {
-                let _ = plant.command_wheels(torque);
+        let Some((start_ns, event)) = self.events.get(event) else { return };
+        match *event {
+            Event::Wheels(k) => {
+                if let Some(torque) = self.wheel_torque_n_m.value.get(k) {
+                    let _ = plant.command_wheels(torque);
+                }
             }
-            Some((start_ns, Event::Jet { jet, on_time_s })) => {
-                let _ = plant.command_jet_pulse(*jet, (*start_ns).max(now_ns), *on_time_s);
+            Event::Jet { jet, on_time_s } => {
+                let _ = plant.command_jet_pulse(jet, (*start_ns).max(now_ns), on_time_s);
             }
-            Some((_, Event::Ballast(moment))) => plant.set_ballast_moment(*moment),
-            Some((_, Event::Torque(torque))) => plant.set_body_torque(*torque),
-            Some((_, Event::Gimbals { angle_rad, rate_rad_s })) => {
-                let _ = plant.move_gimbals_along(angle_rad, rate_rad_s);
+            Event::Ballast(k) => {
+                if let Some(moment) = self.ballast_moment_b_n_m.value.get(k) {
+                    plant.set_ballast_moment(*moment);
+                }
             }
-            None => {}
+            Event::Torque(k) => {
+                if let Some(torque) = self.body_torque_b_n_m.value.get(k) {
+                    plant.set_body_torque(*torque);
+                }
+            }
+            Event::Gimbals(k) => {
+                if let Some((angle_rad, rate_rad_s)) = self.gimbals.get(k) {
+                    let _ = plant.move_gimbals_along(angle_rad, rate_rad_s);
+                }
+            }
         }
     }
 
