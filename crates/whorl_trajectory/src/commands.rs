@@ -1,5 +1,7 @@
 //! Commands of a run, as the model's actuators receive them.
 
+use std::borrow::Cow;
+
 use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
@@ -9,10 +11,10 @@ use crate::wheel_torque;
 
 /// Commands of a run in order of time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Commands {
-    wheel_torque_n_m: Series<Vec<f64>>,
-    ballast_moment_b_n_m: Series<Vector3<f64>>,
-    body_torque_b_n_m: Series<Vector3<f64>>,
+pub struct Commands<'a> {
+    wheel_torque_n_m: Cow<'a, Series<Vec<f64>>>,
+    ballast_moment_b_n_m: &'a Series<Vector3<f64>>,
+    body_torque_b_n_m: &'a Series<Vector3<f64>>,
     /// Angles and rates of the gimbals, from each sample to the next.
     gimbals: Vec<(Vec<f64>, Vec<f64>)>,
     /// Per jet: opening and closing of the flow, delays included \[s\].
@@ -47,18 +49,18 @@ pub struct MeanDrive {
     pub body_torque_b_n_m: Vector3<f64>,
 }
 
-impl Commands {
+impl<'a> Commands<'a> {
     /// Commands of a recording. Wheels without recorded torques are driven along their measured speeds.
     #[must_use]
-    pub fn of(recording: &Recording, gyrostat: &Gyrostat) -> Self {
+    pub fn of(recording: &'a Recording, gyrostat: &Gyrostat) -> Self {
         let model = gyrostat.model();
         let wheels = model.wheels().len();
         let from_speed =
             recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty();
         let wheel_torque_n_m = if from_speed {
-            wheel_torque::from_speeds(recording, model)
+            Cow::Owned(wheel_torque::from_speeds(recording, model))
         } else {
-            recording.wheel_torque_command_n_m.clone()
+            Cow::Borrowed(&recording.wheel_torque_command_n_m)
         };
         let mut events = Vec::new();
         let ballast = &recording.ballast_moment_b_n_m;
@@ -91,8 +93,8 @@ impl Commands {
         events.sort_by_key(|(time_ns, _)| *time_ns);
         Self {
             wheel_torque_n_m,
-            ballast_moment_b_n_m: ballast.clone(),
-            body_torque_b_n_m: body.clone(),
+            ballast_moment_b_n_m: ballast,
+            body_torque_b_n_m: body,
             gimbals,
             flow,
             events,
@@ -172,11 +174,11 @@ impl Commands {
     /// torque about each body axis. Constant series are left out.
     #[must_use]
     pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
-        let mut columns: Vec<(String, Vec<f64>)> =
-            model.wheels().iter().map(|w| (format!("{} torque", w.name), Vec::new())).collect();
+        let mut columns: Vec<Input> =
+            model.wheels().iter().map(|w| Input::new(format!("{} torque", w.name))).collect();
         let axes = ["x", "y", "z"];
-        columns.extend(axes.iter().map(|axis| (format!("jet torque {axis}"), Vec::new())));
-        columns.extend(axes.iter().map(|axis| (format!("outside torque {axis}"), Vec::new())));
+        columns.extend(axes.iter().map(|axis| Input::new(format!("jet torque {axis}"))));
+        columns.extend(axes.iter().map(|axis| Input::new(format!("outside torque {axis}"))));
         let mut before = time_s.first().copied().unwrap_or(0.0) - 0.01;
         for t in time_s {
             let drive = self.mean_between(before, *t);
@@ -187,15 +189,46 @@ impl Commands {
                 .map(|j| drive.wheel_torque_n_m.get(j).copied().unwrap_or(0.0))
                 .chain(jets.iter().copied())
                 .chain(drive.body_torque_b_n_m.iter().copied());
-            for ((_, column), value) in columns.iter_mut().zip(values) {
+            for (column, value) in columns.iter_mut().zip(values) {
                 column.push(value);
             }
         }
-        columns.retain(|(_, column)| {
-            let first = column.first().copied().unwrap_or(0.0);
-            column.iter().any(|x| (x - first).abs() > 1e-9)
-        });
-        columns
+        columns.into_iter().filter_map(Input::varying).collect()
+    }
+}
+
+/// An input while it is read: most are constant throughout, and of those nothing is stored.
+struct Input {
+    name: String,
+    first: f64,
+    /// Values that equal the first, before any other.
+    alike: usize,
+    values: Vec<f64>,
+}
+
+impl Input {
+    fn new(name: String) -> Self {
+        Self { name, first: 0.0, alike: 0, values: Vec::new() }
+    }
+
+    fn push(&mut self, value: f64) {
+        if self.alike == 0 {
+            self.first = value;
+        }
+        if self.values.is_empty() && (self.alike == 0 || value == self.first) {
+            self.alike += 1;
+            return;
+        }
+        if self.values.is_empty() {
+            self.values = vec![self.first; self.alike];
+        }
+        self.values.push(value);
+    }
+
+    /// Name and values, if it is not constant.
+    fn varying(self) -> Option<(String, Vec<f64>)> {
+        let varies = self.values.iter().any(|x| (x - self.first).abs() > 1e-9);
+        varies.then_some((self.name, self.values))
     }
 }
 

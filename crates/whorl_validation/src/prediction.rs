@@ -84,7 +84,7 @@ impl Chunk {
 #[derive(Debug, Clone)]
 pub(crate) struct Simulator<'a> {
     recording: &'a Recording,
-    commands: &'a Commands,
+    commands: &'a Commands<'a>,
     plant: Plant,
     tracks: Vec<Track<'a>>,
     gyro_bias_rad_s: Vector3<f64>,
@@ -161,7 +161,7 @@ impl<'a> Simulator<'a> {
     pub fn new(
         model: &PlatformModel,
         recording: &'a Recording,
-        commands: &'a Commands,
+        commands: &'a Commands<'a>,
         gyro_bias_rad_s: Vector3<f64>,
         force_bias_m_s2: Vector3<f64>,
     ) -> Result<Self, PlantError> {

@@ -41,7 +41,7 @@ pub struct SmoothedMotion {
 
 /// Smooths the motion of a recording; `gyrostat` is the model.
 #[must_use]
-pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -> SmoothedMotion {
+pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands<'_>) -> SmoothedMotion {
     let model = gyrostat.model();
     let attitude = smooth_attitude(recording, model);
     let wheels = model.wheels().len();

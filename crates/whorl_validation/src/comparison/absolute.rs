@@ -166,7 +166,7 @@ pub(super) fn test(
     simulator: &Simulator<'_>,
     start: &dyn Fn(f64) -> Motion,
     floors: &NoiseFloors,
-    commands: &Commands,
+    commands: &Commands<'_>,
 ) -> Option<(Absolute, Residuals)> {
     let slowest = |times: &[f64]| if times.is_empty() { 0.0 } else { typical_step_s(times) };
     let step_s = slowest(&recording.gyro_b_rad_s.time_s).max(slowest(&recording.wheel_speed_rad_s.time_s));

@@ -122,7 +122,7 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
 fn remarks(
     recording: &Recording,
     model: &PlatformModel,
-    commands: &Commands,
+    commands: &Commands<'_>,
     motion: &SmoothedMotion,
     floors: &NoiseFloors,
 ) -> Vec<String> {
