@@ -39,6 +39,7 @@ mod constants;
 mod conventions;
 pub mod covariance;
 mod euler;
+mod growing_curve;
 mod mrp;
 mod number;
 mod rotation_vector;
@@ -56,6 +57,7 @@ pub use constants::{
     GRAVITY_M_S2, deg_from_rad, rad_from_deg, rad_s_from_rpm, rpm_from_rad_s, wrap_angle_rad,
 };
 pub use euler::{EulerAngles, EulerSequence, GimbalLock};
+pub use growing_curve::GrowingCurve;
 pub use mrp::ModifiedRodrigues;
 pub use number::three_digits;
 pub use rotation_vector::{quaternion_exp, right_jacobian, rotation_vector};

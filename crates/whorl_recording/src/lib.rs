@@ -6,6 +6,7 @@
 //! knows where a recording came from. [`write_run`] and [`export_csv`] are the ways back. What can be measured is the
 //! table of [`Channel`]: all of these walk over it.
 
+mod columns;
 mod component;
 mod consistency;
 mod csv;

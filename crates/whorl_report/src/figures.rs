@@ -27,9 +27,9 @@ pub fn pair_figures(follower: &str, leader: &str, errors: &PairData, target_rad:
                     .to_owned(),
             y_label: "angle [deg]".to_owned(),
             curves: vec![
-                errors.total.curve("total"),
-                errors.estimator.curve("estimator"),
-                errors.control.curve("control"),
+                Curve::of("total", &errors.total),
+                Curve::of("estimator", &errors.estimator),
+                Curve::of("control", &errors.control),
             ],
             limits: target_rad
                 .map(|t| Limit { name: "target (RMS in hold)".to_owned(), value: deg_from_rad(t) })
@@ -105,7 +105,7 @@ pub fn platform_figures(data: &PlatformData, shape: Option<&PlatformShape>) -> V
         title: "Wheel speeds".to_owned(),
         caption: "Relative to the body.".to_owned(),
         y_label: "speed [rpm]".to_owned(),
-        curves: data.wheels.iter().map(|(name, speed)| speed.curve(name.as_str())).collect(),
+        curves: data.wheels.iter().map(|(name, speed)| Curve::of(name.as_str(), speed)).collect(),
         limits: wheel_limits(shape),
         ..Figure::default()
     });
@@ -113,14 +113,14 @@ pub fn platform_figures(data: &PlatformData, shape: Option<&PlatformShape>) -> V
         title: "Gimbal angles".to_owned(),
         caption: "Of the control moment gyros.".to_owned(),
         y_label: "angle [deg]".to_owned(),
-        curves: data.gimbals.iter().map(|(name, [angle, _])| angle.curve(name.as_str())).collect(),
+        curves: data.gimbals.iter().map(|(name, [angle, _])| Curve::of(name.as_str(), angle)).collect(),
         ..Figure::default()
     });
     figures.push(Figure {
         title: "Gimbal rates".to_owned(),
         caption: "Of the control moment gyros.".to_owned(),
         y_label: "rate [deg/s]".to_owned(),
-        curves: data.gimbals.iter().map(|(name, [_, rate])| rate.curve(name.as_str())).collect(),
+        curves: data.gimbals.iter().map(|(name, [_, rate])| Curve::of(name.as_str(), rate)).collect(),
         ..Figure::default()
     });
     figures.push(Figure {
@@ -152,7 +152,7 @@ fn tilt_figure(data: &PlatformData, shape: Option<&PlatformShape>) -> Figure {
         title: "Tilt".to_owned(),
         caption: "Angle that the bearing limits, as estimated.".to_owned(),
         y_label: "tilt [deg]".to_owned(),
-        curves: vec![data.tilt.curve("tilt")],
+        curves: vec![Curve::of("tilt", &data.tilt)],
         limits: limit.map(stop).into_iter().collect(),
         ..Figure::default()
     }
@@ -247,7 +247,7 @@ fn settled_s(data: &PlatformData) -> Option<f64> {
 }
 
 fn three_sigma(data: &PlatformData) -> Vec<Curve> {
-    let upper = data.three_sigma.curve("+3 sigma");
+    let upper = Curve::of("+3 sigma", &data.three_sigma);
     let lower = Curve {
         name: "-3 sigma".to_owned(),
         time_s: upper.time_s.clone(),
@@ -260,7 +260,7 @@ fn jet_figures(data: &PlatformData) -> Vec<Figure> {
     // A run without pulses needs no figure of pulses.
     let fired = data.numbers.jet_on_time_s > 0.0;
     let jets = if fired { data.jets.as_slice() } else { &[] };
-    let on_time = (1..).zip(jets).map(|(number, jet)| jet.curve(format!("jet {number}")));
+    let on_time = (1..).zip(jets).map(|(number, jet)| Curve::of(format!("jet {number}"), jet));
     vec![
         Figure {
             title: "Jets".to_owned(),
@@ -273,14 +273,14 @@ fn jet_figures(data: &PlatformData) -> Vec<Figure> {
             title: "Gas".to_owned(),
             caption: "Gas used so far, by the controller's model.".to_owned(),
             y_label: "gas [g]".to_owned(),
-            curves: if fired { vec![data.gas.curve("gas used")] } else { Vec::new() },
+            curves: if fired { vec![Curve::of("gas used", &data.gas)] } else { Vec::new() },
             ..Figure::default()
         },
         Figure {
             title: "Tank pressure".to_owned(),
             caption: "As measured.".to_owned(),
             y_label: "pressure [MPa]".to_owned(),
-            curves: vec![data.tank_pressure.curve("tank")],
+            curves: vec![Curve::of("tank", &data.tank_pressure)],
             ..Figure::default()
         },
     ]
@@ -290,7 +290,7 @@ fn attitude_figures(data: &PlatformData) -> Vec<Figure> {
     let series = [("estimate", &data.estimate), ("truth", &data.truth)];
     let figure = |title: &str, angles: &[(usize, &str)]| {
         let curves = |(name, series): &(&str, &AngleCurves)| -> Vec<Curve> {
-            angles.iter().map(|(i, angle)| series.curves[*i].curve(format!("{angle} {name}"))).collect()
+            angles.iter().map(|(i, angle)| Curve::of(format!("{angle} {name}"), &series.curves[*i])).collect()
         };
         Figure {
             title: title.to_owned(),

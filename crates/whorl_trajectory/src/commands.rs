@@ -1,5 +1,7 @@
 //! Commands of a run, as the model's actuators receive them.
 
+use std::borrow::Cow;
+
 use nalgebra::Vector3;
 use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::{Recording, Series};
@@ -9,10 +11,12 @@ use crate::wheel_torque;
 
 /// Commands of a run in order of time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Commands {
-    wheel_torque_n_m: Series<Vec<f64>>,
-    ballast_moment_b_n_m: Series<Vector3<f64>>,
-    body_torque_b_n_m: Series<Vector3<f64>>,
+pub struct Commands<'a> {
+    wheel_torque_n_m: Cow<'a, Series<Vec<f64>>>,
+    ballast_moment_b_n_m: &'a Series<Vector3<f64>>,
+    body_torque_b_n_m: &'a Series<Vector3<f64>>,
+    /// Angles and rates of the gimbals, from each sample to the next.
+    gimbals: Vec<(Vec<f64>, Vec<f64>)>,
     /// Per jet: opening and closing of the flow, delays included \[s\].
     flow: Vec<Vec<(f64, f64)>>,
     /// All commands to the plant in order: time and command.
@@ -22,13 +26,14 @@ pub struct Commands {
     wheels: usize,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+/// A command, most of them by their position in their series.
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Event {
-    Wheels(Vec<f64>),
+    Wheels(usize),
     Jet { jet: usize, on_time_s: f64 },
-    Ballast(Vector3<f64>),
-    Torque(Vector3<f64>),
-    Gimbals { angle_rad: Vec<f64>, rate_rad_s: Vec<f64> },
+    Ballast(usize),
+    Torque(usize),
+    Gimbals(usize),
 }
 
 /// Mean inputs over a short stretch of time.
@@ -44,38 +49,38 @@ pub struct MeanDrive {
     pub body_torque_b_n_m: Vector3<f64>,
 }
 
-impl Commands {
+impl<'a> Commands<'a> {
     /// Commands of a recording. Wheels without recorded torques are driven along their measured speeds.
     #[must_use]
-    pub fn of(recording: &Recording, gyrostat: &Gyrostat) -> Self {
+    pub fn of(recording: &'a Recording, gyrostat: &Gyrostat) -> Self {
         let model = gyrostat.model();
         let wheels = model.wheels().len();
         let from_speed =
             recording.wheel_torque_command_n_m.is_empty() && !recording.wheel_speed_rad_s.is_empty();
         let wheel_torque_n_m = if from_speed {
-            wheel_torque::from_speeds(recording, model)
+            Cow::Owned(wheel_torque::from_speeds(recording, model))
         } else {
-            recording.wheel_torque_command_n_m.clone()
+            Cow::Borrowed(&recording.wheel_torque_command_n_m)
         };
         let mut events = Vec::new();
-        for (t, torque) in wheel_torque_n_m.time_s.iter().zip(&wheel_torque_n_m.value) {
-            events.push((ns(*t), Event::Wheels(torque.clone())));
-        }
         let ballast = &recording.ballast_moment_b_n_m;
-        for (t, moment) in ballast.time_s.iter().zip(&ballast.value) {
-            events.push((ns(*t), Event::Ballast(*moment)));
-        }
         let body = &recording.body_torque_b_n_m;
-        for (t, torque) in body.time_s.iter().zip(&body.value) {
-            events.push((ns(*t), Event::Torque(*torque)));
+        let angles = &recording.gimbal_angle_rad;
+        let held: [(&[f64], fn(usize) -> Event); 4] = [
+            (&wheel_torque_n_m.time_s, Event::Wheels),
+            (&ballast.time_s, Event::Ballast),
+            (&body.time_s, Event::Torque),
+            (&angles.time_s, Event::Gimbals),
+        ];
+        for (times, event) in held {
+            events.extend(times.iter().enumerate().map(|(k, t)| (ns(*t), event(k))));
         }
         // The gimbals of the model follow those that were measured: from each sample to the next.
-        let gimbals = &recording.gimbal_angle_rad;
-        for (k, (t, angle_rad)) in gimbals.time_s.iter().zip(&gimbals.value).enumerate() {
-            let next = gimbals.time_s.get(k + 1).copied().unwrap_or(*t);
-            let rate_rad_s = GimbalMotion::between(recording, *t, next).rate_rad_s;
-            events.push((ns(*t), Event::Gimbals { angle_rad: angle_rad.clone(), rate_rad_s }));
-        }
+        let gimbals = angles.time_s.iter().zip(&angles.value).enumerate().map(|(k, (t, angle_rad))| {
+            let next = angles.time_s.get(k + 1).copied().unwrap_or(*t);
+            (angle_rad.clone(), GimbalMotion::between(recording, *t, next).rate_rad_s)
+        });
+        let gimbals = gimbals.collect();
         let mut flow = Vec::new();
         for (jet, pulses) in recording.jet_pulses.iter().enumerate() {
             let data = model.jets().get(jet);
@@ -88,8 +93,9 @@ impl Commands {
         events.sort_by_key(|(time_ns, _)| *time_ns);
         Self {
             wheel_torque_n_m,
-            ballast_moment_b_n_m: ballast.clone(),
-            body_torque_b_n_m: body.clone(),
+            ballast_moment_b_n_m: ballast,
+            body_torque_b_n_m: body,
+            gimbals,
             flow,
             events,
             wheel_torque_from_speed: from_speed,
@@ -113,19 +119,31 @@ impl Commands {
     /// refuse it too.
     pub fn tell(&self, event: usize, plant: &mut Plant) {
         let now_ns = plant.now_ns();
-        match self.events.get(event) {
-            Some((_, Event::Wheels(torque))) => {
-                let _ = plant.command_wheels(torque);
+        let Some((start_ns, event)) = self.events.get(event) else { return };
+        match *event {
+            Event::Wheels(k) => {
+                if let Some(torque) = self.wheel_torque_n_m.value.get(k) {
+                    let _ = plant.command_wheels(torque);
+                }
             }
-            Some((start_ns, Event::Jet { jet, on_time_s })) => {
-                let _ = plant.command_jet_pulse(*jet, (*start_ns).max(now_ns), *on_time_s);
+            Event::Jet { jet, on_time_s } => {
+                let _ = plant.command_jet_pulse(jet, (*start_ns).max(now_ns), on_time_s);
             }
-            Some((_, Event::Ballast(moment))) => plant.set_ballast_moment(*moment),
-            Some((_, Event::Torque(torque))) => plant.set_body_torque(*torque),
-            Some((_, Event::Gimbals { angle_rad, rate_rad_s })) => {
-                let _ = plant.move_gimbals_along(angle_rad, rate_rad_s);
+            Event::Ballast(k) => {
+                if let Some(moment) = self.ballast_moment_b_n_m.value.get(k) {
+                    plant.set_ballast_moment(*moment);
+                }
             }
-            None => {}
+            Event::Torque(k) => {
+                if let Some(torque) = self.body_torque_b_n_m.value.get(k) {
+                    plant.set_body_torque(*torque);
+                }
+            }
+            Event::Gimbals(k) => {
+                if let Some((angle_rad, rate_rad_s)) = self.gimbals.get(k) {
+                    let _ = plant.move_gimbals_along(angle_rad, rate_rad_s);
+                }
+            }
         }
     }
 
@@ -156,11 +174,11 @@ impl Commands {
     /// torque about each body axis. Constant series are left out.
     #[must_use]
     pub fn inputs(&self, model: &PlatformModel, time_s: &[f64]) -> Vec<(String, Vec<f64>)> {
-        let mut columns: Vec<(String, Vec<f64>)> =
-            model.wheels().iter().map(|w| (format!("{} torque", w.name), Vec::new())).collect();
+        let mut columns: Vec<Input> =
+            model.wheels().iter().map(|w| Input::new(format!("{} torque", w.name))).collect();
         let axes = ["x", "y", "z"];
-        columns.extend(axes.iter().map(|axis| (format!("jet torque {axis}"), Vec::new())));
-        columns.extend(axes.iter().map(|axis| (format!("outside torque {axis}"), Vec::new())));
+        columns.extend(axes.iter().map(|axis| Input::new(format!("jet torque {axis}"))));
+        columns.extend(axes.iter().map(|axis| Input::new(format!("outside torque {axis}"))));
         let mut before = time_s.first().copied().unwrap_or(0.0) - 0.01;
         for t in time_s {
             let drive = self.mean_between(before, *t);
@@ -171,15 +189,46 @@ impl Commands {
                 .map(|j| drive.wheel_torque_n_m.get(j).copied().unwrap_or(0.0))
                 .chain(jets.iter().copied())
                 .chain(drive.body_torque_b_n_m.iter().copied());
-            for ((_, column), value) in columns.iter_mut().zip(values) {
+            for (column, value) in columns.iter_mut().zip(values) {
                 column.push(value);
             }
         }
-        columns.retain(|(_, column)| {
-            let first = column.first().copied().unwrap_or(0.0);
-            column.iter().any(|x| (x - first).abs() > 1e-9)
-        });
-        columns
+        columns.into_iter().filter_map(Input::varying).collect()
+    }
+}
+
+/// An input while it is read: most are constant throughout, and of those nothing is stored.
+struct Input {
+    name: String,
+    first: f64,
+    /// Values that equal the first, before any other.
+    alike: usize,
+    values: Vec<f64>,
+}
+
+impl Input {
+    fn new(name: String) -> Self {
+        Self { name, first: 0.0, alike: 0, values: Vec::new() }
+    }
+
+    fn push(&mut self, value: f64) {
+        if self.alike == 0 {
+            self.first = value;
+        }
+        if self.values.is_empty() && (self.alike == 0 || value == self.first) {
+            self.alike += 1;
+            return;
+        }
+        if self.values.is_empty() {
+            self.values = vec![self.first; self.alike];
+        }
+        self.values.push(value);
+    }
+
+    /// Name and values, if it is not constant.
+    fn varying(self) -> Option<(String, Vec<f64>)> {
+        let varies = self.values.iter().any(|x| (x - self.first).abs() > 1e-9);
+        varies.then_some((self.name, self.values))
     }
 }
 

@@ -17,5 +17,4 @@ mod whereabouts;
 pub use comparison::{Comparison, compare};
 pub use error::ValidationError;
 pub use noise_floor::{FloorSource, NoiseFloor, NoiseFloors};
-pub use prediction::{Prediction, Simulator};
 pub use whereabouts::{Whereabouts, explain_where};

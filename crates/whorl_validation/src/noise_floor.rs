@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
 use whorl_math::allan_deviation;
-use whorl_recording::{Channel, Component, Recording, Series};
+use whorl_recording::{Channel, Component};
 use whorl_trajectory::line::Line;
 
-use crate::prediction::Prediction;
+use crate::prediction::{Chunk, Simulator};
 
 /// Length of the tested stretches \[s\].
 const STRETCH_S: f64 = 2.0;
@@ -65,32 +65,56 @@ fn by_parameters(sigma: f64) -> NoiseFloor {
     }
 }
 
-impl NoiseFloors {
-    /// From the still segments of a recording; `predicted` is the model's prediction, from which motion
-    /// is detected.
-    #[must_use]
-    pub fn of(recording: &Recording, model: &PlatformModel, predicted: &Prediction) -> Self {
+/// Looks for the still segments of a recording, chunk by chunk.
+pub(crate) struct StillSearch<'a> {
+    model: &'a PlatformModel,
+    axes: Vec<(Channel, [StillNoise; 3])>,
+}
+
+impl<'a> StillSearch<'a> {
+    /// In a recording of this model.
+    pub fn new(model: &'a PlatformModel) -> Self {
         let sensors = &model.sensors;
-        let gyro = sensors.gyro.errors.one_sample_stddev();
-        let force = sensors.accelerometer.errors.one_sample_stddev();
-        let speed = sensors.wheel_speed.one_sample_stddev_rad_s();
-        let triaxial = |series: &Series<Vector3<f64>>, expected: &[Vector3<f64>], sigma: Vector3<f64>| {
+        let triaxial = |sigma: Vector3<f64>| {
+            [0, 1, 2].map(|i| StillNoise { by_parameters: sigma[i], ..StillNoise::default() })
+        };
+        let axes = vec![
+            (Channel::Gyro, triaxial(sensors.gyro.errors.one_sample_stddev())),
+            (Channel::Accelerometer, triaxial(sensors.accelerometer.errors.one_sample_stddev())),
+        ];
+        Self { model, axes }
+    }
+
+    /// Adds what was measured, and the model's prediction, from which motion is detected.
+    pub fn add(&mut self, simulator: &Simulator<'_>, measured: &Chunk, predicted: &Chunk) {
+        for (channel, axes) in &mut self.axes {
+            let Some(track) = simulator.track(*channel, 0) else { continue };
+            let times = simulator.tracks().get(track).map_or(&[][..], |track| track.time_s);
+            for k in predicted.samples(track) {
+                let Some(&time_s) = times.get(k) else { continue };
+                for (i, axis) in axes.iter_mut().enumerate() {
+                    axis.add(time_s, measured.number(track, k, i), predicted.number(track, k, i));
+                }
+            }
+        }
+    }
+
+    /// The noise floors of all channels.
+    pub fn floors(self) -> NoiseFloors {
+        let sensors = &self.model.sensors;
+        let of = |wanted: Channel| {
+            let found = self.axes.iter().find(|(channel, _)| *channel == wanted);
             [0, 1, 2].map(|i| {
-                let measured: Vec<f64> = series.value.iter().map(|v| v[i]).collect();
-                let expected: Vec<f64> = expected.iter().map(|v| v[i]).collect();
-                still_noise(&series.time_s, &measured, &expected, sigma[i])
-                    .unwrap_or_else(|| by_parameters(sigma[i]))
+                let axis = found.and_then(|(_, axes)| axes.get(i)).cloned().unwrap_or_default();
+                let sigma = axis.by_parameters;
+                axis.floor().unwrap_or_else(|| by_parameters(sigma))
             })
         };
-        Self {
-            gyro: triaxial(&recording.gyro_b_rad_s, &predicted.gyro_b_rad_s, gyro),
-            accelerometer: triaxial(
-                &recording.specific_force_b_m_s2,
-                &predicted.specific_force_b_m_s2,
-                force,
-            ),
+        NoiseFloors {
+            gyro: of(Channel::Gyro),
+            accelerometer: of(Channel::Accelerometer),
             vector: by_parameters(sensors.vector.map_or(f64::NAN, |v| v.noise_stddev_rad)),
-            wheel_speed: by_parameters(speed),
+            wheel_speed: by_parameters(sensors.wheel_speed.one_sample_stddev_rad_s()),
         }
     }
 }
@@ -114,49 +138,78 @@ impl NoiseFloors {
 }
 
 /// Noise about straight lines over stretches in which the platform moves along straight lines.
-fn still_noise(
-    time_s: &[f64],
-    measured: &[f64],
-    predicted: &[f64],
+#[derive(Debug, Clone, Default)]
+struct StillNoise {
     by_parameters: f64,
-) -> Option<NoiseFloor> {
-    let first = *time_s.first()?;
-    let (mut squares, mut degrees, mut still_s) = (0.0, 0.0, 0.0);
-    let (mut allan_squares, mut allan_count) = (0.0, 0.0);
-    let mut start = 0;
-    while start < time_s.len() {
-        let stretch = ((time_s.get(start)? - first) / STRETCH_S).floor();
-        let end = time_s.partition_point(|t| ((t - first) / STRETCH_S).floor() <= stretch).max(start + 1);
-        let (times, y, p) = (time_s.get(start..end)?, measured.get(start..end)?, predicted.get(start..end)?);
-        start = end;
-        let count = times.len();
+    first_s: Option<f64>,
+    /// The present stretch: its number, and times, measurements and predictions in it.
+    stretch: f64,
+    time_s: Vec<f64>,
+    measured: Vec<f64>,
+    predicted: Vec<f64>,
+    squares: f64,
+    degrees: f64,
+    still_s: f64,
+    allan_squares: f64,
+    allan_count: f64,
+}
+
+impl StillNoise {
+    fn add(&mut self, time_s: f64, measured: f64, predicted: f64) {
+        let first_s = *self.first_s.get_or_insert(time_s);
+        let stretch = ((time_s - first_s) / STRETCH_S).floor();
+        if stretch > self.stretch {
+            self.end_stretch();
+            self.stretch = stretch;
+        }
+        self.time_s.push(time_s);
+        self.measured.push(measured);
+        self.predicted.push(predicted);
+    }
+
+    fn end_stretch(&mut self) {
+        self.judge_stretch();
+        self.time_s.clear();
+        self.measured.clear();
+        self.predicted.clear();
+    }
+
+    fn judge_stretch(&mut self) {
+        let count = self.time_s.len();
+        let (Some(first), Some(last)) = (self.time_s.first(), self.time_s.last()) else { return };
         if count < 20 {
-            continue;
+            return;
         }
-        let motion = about_line(times, p);
+        let motion = about_line(&self.time_s, &self.predicted);
         let moved = (motion.iter().map(|x| x * x).sum::<f64>() / count as f64).sqrt();
-        if moved.is_nan() || moved > STILL * by_parameters {
-            continue;
+        if moved.is_nan() || moved > STILL * self.by_parameters {
+            return;
         }
-        let noise = about_line(times, y);
-        squares += noise.iter().map(|x| x * x).sum::<f64>();
-        degrees += (count - 2) as f64;
-        let length_s = times.last()? - times.first()?;
-        still_s += length_s;
+        let noise = about_line(&self.time_s, &self.measured);
+        self.squares += noise.iter().map(|x| x * x).sum::<f64>();
+        self.degrees += (count - 2) as f64;
+        let length_s = last - first;
+        self.still_s += length_s;
         let shortest = allan_deviation(&noise, length_s / (count - 1) as f64, 1);
         if let Some(point) = shortest.first() {
-            allan_squares += point.deviation.powi(2);
-            allan_count += 1.0;
+            self.allan_squares += point.deviation.powi(2);
+            self.allan_count += 1.0;
         }
     }
-    let sigma = (squares / degrees).sqrt();
-    (still_s >= STILL_NEEDED_S && sigma > 0.0 && sigma.is_finite()).then(|| NoiseFloor {
-        sigma,
-        source: FloorSource::StillSegments,
-        by_parameters,
-        whiteness: (allan_count > 0.0).then(|| (allan_squares / allan_count).sqrt() / sigma),
-        still_s,
-    })
+
+    fn floor(mut self) -> Option<NoiseFloor> {
+        self.end_stretch();
+        let sigma = (self.squares / self.degrees).sqrt();
+        let found = self.still_s >= STILL_NEEDED_S && sigma > 0.0 && sigma.is_finite();
+        found.then(|| NoiseFloor {
+            sigma,
+            source: FloorSource::StillSegments,
+            by_parameters: self.by_parameters,
+            whiteness: (self.allan_count > 0.0)
+                .then(|| (self.allan_squares / self.allan_count).sqrt() / sigma),
+            still_s: self.still_s,
+        })
+    }
 }
 
 /// Residuals of the values about their straight line.

@@ -1,5 +1,7 @@
 //! Simulates a recording.
 
+use std::ops::Range;
+
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::platform::Wheel;
 use whorl_dynamics::{Freedom, InitialState, Plant, PlantError, PlatformModel};
@@ -18,19 +20,6 @@ const STEP_NS: i64 = 2_500_000;
 const SHARE_OF_SAMPLE: f64 = 0.25;
 const SHARE_OF_MOTION: f64 = 0.05;
 
-/// Predicted measurements, one for each recorded one; NaN where no prediction was possible.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Prediction {
-    /// Gyro [rad/s].
-    pub gyro_b_rad_s: Vec<Vector3<f64>>,
-    /// Accelerometer [m/s^2].
-    pub specific_force_b_m_s2: Vec<Vector3<f64>>,
-    /// Directions of each vector sensor.
-    pub vectors: Vec<Vec<Vector3<f64>>>,
-    /// Wheel speeds [rad/s].
-    pub wheel_speed_rad_s: Vec<Vec<f64>>,
-}
-
 /// The channels and sensors for which a prediction can be compared with the recording. Speeds of wheels without recorded
 /// torques are excluded, since the model's wheels are driven along the recorded speeds.
 pub(crate) fn predicted_channels(recording: &Recording) -> impl Iterator<Item = (Channel, usize)> {
@@ -45,36 +34,59 @@ pub(crate) fn predicted_channels(recording: &Recording) -> impl Iterator<Item = 
     all.into_iter().flat_map(|(channel, sensors)| (0..sensors).map(move |sensor| (channel, sensor)))
 }
 
-impl Prediction {
-    /// A number of a channel's sample `k`: of an axis or a wheel.
-    #[must_use]
-    pub fn number(&self, channel: Channel, sensor: usize, k: usize, index: usize) -> Option<f64> {
-        match channel {
-            Channel::Gyro => self.gyro_b_rad_s.get(k)?.get(index).copied(),
-            Channel::Accelerometer => self.specific_force_b_m_s2.get(k)?.get(index).copied(),
-            Channel::Vector => self.vectors.get(sensor)?.get(k)?.get(index).copied(),
-            Channel::WheelSpeed => self.wheel_speed_rad_s.get(k)?.get(index).copied(),
-            _ => None,
-        }
+/// Samples of one sensor that the model predicts. Speeds of wheels are predicted in any case: the recording's times are
+/// those at which the model is stepped.
+#[derive(Debug, Clone)]
+pub(crate) struct Track<'a> {
+    pub channel: Channel,
+    pub sensor: usize,
+    pub time_s: &'a [f64],
+    /// Numbers of a sample.
+    width: usize,
+}
+
+/// Consecutive samples of each track, as the model reads them or as they were measured; NaN where no prediction was
+/// possible.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Chunk {
+    parts: Vec<Part>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Part {
+    first: usize,
+    width: usize,
+    numbers: Vec<f64>,
+}
+
+impl Chunk {
+    /// Which samples of a track it holds.
+    pub fn samples(&self, track: usize) -> Range<usize> {
+        let Some(part) = self.parts.get(track) else { return 0..0 };
+        part.first..part.first + part.numbers.len() / part.width.max(1)
+    }
+
+    /// A number of sample `k` of a track: of an axis or a wheel; NaN where there is none.
+    pub fn number(&self, track: usize, k: usize, index: usize) -> f64 {
+        self.sample(track, k).get(index).copied().unwrap_or(f64::NAN)
+    }
+
+    /// All numbers of sample `k`.
+    pub fn sample(&self, track: usize, k: usize) -> &[f64] {
+        let Some(part) = self.parts.get(track) else { return &[] };
+        let from = k.saturating_sub(part.first) * part.width;
+        part.numbers.get(from..from + part.width).unwrap_or_default()
     }
 }
 
-/// The next sample.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Sample {
-    Gyro(usize),
-    Force(usize),
-    Vector(usize, usize),
-    Wheels(usize),
-}
-
-/// Simulates a recording repeatedly from different initial states.
+/// Simulates a recording repeatedly from different initial states. What is predicted is handed out as it comes: that of
+/// a whole run would be as large as its recording.
 #[derive(Debug, Clone)]
-pub struct Simulator<'a> {
+pub(crate) struct Simulator<'a> {
     recording: &'a Recording,
-    commands: &'a Commands,
+    commands: &'a Commands<'a>,
     plant: Plant,
-    samples: Vec<(i64, Sample)>,
+    tracks: Vec<Track<'a>>,
     gyro_bias_rad_s: Vector3<f64>,
     force_bias_m_s2: Vector3<f64>,
     first_ns: i64,
@@ -149,22 +161,26 @@ impl<'a> Simulator<'a> {
     pub fn new(
         model: &PlatformModel,
         recording: &'a Recording,
-        commands: &'a Commands,
+        commands: &'a Commands<'a>,
         gyro_bias_rad_s: Vector3<f64>,
         force_bias_m_s2: Vector3<f64>,
     ) -> Result<Self, PlantError> {
-        let mut samples = Vec::new();
-        let at = |times: &[f64], f: &dyn Fn(usize) -> Sample, samples: &mut Vec<(i64, Sample)>| {
-            samples.extend(times.iter().enumerate().map(|(k, t)| (ns(*t), f(k))));
-        };
-        at(&recording.gyro_b_rad_s.time_s, &Sample::Gyro, &mut samples);
-        at(&recording.specific_force_b_m_s2.time_s, &Sample::Force, &mut samples);
-        for (j, vector) in recording.vectors.iter().enumerate() {
-            at(&vector.direction_b.time_s, &|k| Sample::Vector(j, k), &mut samples);
-        }
-        at(&recording.wheel_speed_rad_s.time_s, &Sample::Wheels, &mut samples);
-        samples.sort_by_key(|(time_ns, _)| *time_ns);
-        let first_ns = samples.first().map_or(0, |(t, _)| *t);
+        let wheels = recording.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
+        let vectors = recording.vectors.iter().enumerate();
+        let vectors = vectors.map(|(j, vector)| (Channel::Vector, j, &vector.direction_b.time_s, 3));
+        let tracks = [
+            (Channel::Gyro, 0, &recording.gyro_b_rad_s.time_s, 3),
+            (Channel::Accelerometer, 0, &recording.specific_force_b_m_s2.time_s, 3),
+        ];
+        let wheels = [(Channel::WheelSpeed, 0, &recording.wheel_speed_rad_s.time_s, wheels)];
+        let tracks: Vec<Track<'_>> = tracks
+            .into_iter()
+            .chain(vectors)
+            .chain(wheels)
+            .map(|(channel, sensor, time_s, width)| Track { channel, sensor, time_s, width })
+            .collect();
+        let first_ns =
+            tracks.iter().filter_map(|track| track.time_s.first()).map(|t| ns(*t)).min().unwrap_or(0);
         let start = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
         let mut plant = Plant::new(&quiet(model, recording), &start, 0)?
             .with_step_ns(step_ns(model, recording))
@@ -172,57 +188,51 @@ impl<'a> Simulator<'a> {
         if recording.mounting == Mounting::Clamped {
             plant.set_clamped(true);
         }
-        Ok(Self { recording, commands, plant, samples, gyro_bias_rad_s, force_bias_m_s2, first_ns })
+        Ok(Self { recording, commands, plant, tracks, gyro_bias_rad_s, force_bias_m_s2, first_ns })
     }
 
     /// First sample \[s\].
-    #[must_use]
     pub fn first_s(&self) -> f64 {
         self.first_ns as f64 * 1e-9
     }
 
-    /// Last sample \[s\].
-    #[must_use]
-    pub fn last_s(&self) -> f64 {
-        self.samples.last().map_or(0.0, |(t, _)| *t as f64 * 1e-9)
+    /// What is predicted.
+    pub fn tracks(&self) -> &[Track<'a>] {
+        &self.tracks
     }
 
-    /// Predicts every sample, restarting from `start(time)` every `horizon_s` (`None`: once). If the simulation
+    /// The track of a sensor, by its position.
+    pub fn track(&self, channel: Channel, sensor: usize) -> Option<usize> {
+        self.tracks.iter().position(|track| (track.channel, track.sensor) == (channel, sensor))
+    }
+
+    /// Predicts every sample, in order of time, restarting every `horizon_s` (`None`: once). If the simulation
     /// diverges, the rest of the stretch is NaN.
-    #[must_use]
-    pub fn predict(&self, horizon_s: Option<f64>, start: &dyn Fn(f64) -> Motion) -> Prediction {
-        let nan = Vector3::repeat(f64::NAN);
-        let r = self.recording;
-        let wheels = r.wheel_speed_rad_s.value.first().map_or(0, Vec::len);
-        let mut prediction = Prediction {
-            gyro_b_rad_s: vec![nan; r.gyro_b_rad_s.len()],
-            specific_force_b_m_s2: vec![nan; r.specific_force_b_m_s2.len()],
-            vectors: r.vectors.iter().map(|v| vec![nan; v.direction_b.len()]).collect(),
-            wheel_speed_rad_s: vec![vec![f64::NAN; wheels]; r.wheel_speed_rad_s.len()],
-        };
-        let mut plant = self.plant.clone();
-        let length_ns = horizon_s.map_or(i64::MAX, ns).max(1);
-        let mut next_start_ns = self.first_ns;
-        let mut event = self.commands.first_event(plant.now_ns());
-        let mut lost = true;
-        for (time_ns, sample) in &self.samples {
-            if *time_ns >= next_start_ns {
-                // On the grid of horizons, at or before this sample.
-                let elapsed = (*time_ns - self.first_ns) / length_ns;
-                let start_ns = self.first_ns.saturating_add(elapsed.saturating_mul(length_ns));
-                next_start_ns = start_ns.saturating_add(length_ns);
-                self.run_to(&mut plant, &mut event, start_ns, &mut lost);
-                let motion = start(start_ns as f64 * 1e-9);
-                lost = plant
-                    .set_motion(&motion.q_world_body, &motion.omega_wb_b_rad_s, &motion.wheel_speed_rad_s)
-                    .is_err();
-            }
-            self.run_to(&mut plant, &mut event, *time_ns, &mut lost);
-            if !lost {
-                self.read(&mut plant, *sample, &mut prediction);
-            }
+    pub fn walk(&self, horizon_s: Option<f64>) -> Walk<'_> {
+        Walk {
+            simulator: self,
+            plant: self.plant.clone(),
+            next: vec![0; self.tracks.len()],
+            length_ns: horizon_s.map_or(i64::MAX, ns).max(1),
+            next_start_ns: self.first_ns,
+            event: self.commands.first_event(self.plant.now_ns()),
+            lost: true,
         }
-        prediction
+    }
+
+    /// The measurements of the same samples as a prediction's.
+    pub fn measured(&self, predicted: &Chunk) -> Chunk {
+        let of_track = |(position, track): (usize, &Track<'_>)| {
+            let samples = predicted.samples(position);
+            let mut part = Part { first: samples.start, width: track.width, numbers: Vec::new() };
+            if let Some(series) = self.recording.series(track.channel, track.sensor) {
+                let number = |k, index| series.number(k, index).unwrap_or(f64::NAN);
+                let numbers = samples.flat_map(|k| (0..track.width).map(move |index| (k, index)));
+                part.numbers = numbers.map(|(k, index)| number(k, index)).collect();
+            }
+            part
+        };
+        Chunk { parts: self.tracks.iter().enumerate().map(of_track).collect() }
     }
 
     /// Advances the plant with the recorded commands.
@@ -235,33 +245,97 @@ impl<'a> Simulator<'a> {
         advance(plant, time_ns.max(plant.now_ns()), lost);
     }
 
-    fn read(&self, plant: &mut Plant, sample: Sample, prediction: &mut Prediction) {
-        match sample {
-            Sample::Gyro(k) => {
-                if let Some(slot) = prediction.gyro_b_rad_s.get_mut(k) {
-                    *slot = plant.sample_imu().angular_velocity_rad_s + self.gyro_bias_rad_s;
+    /// Adds what a sensor reads now.
+    fn read(&self, plant: &mut Plant, track: &Track<'_>, numbers: &mut Vec<f64>) {
+        match track.channel {
+            Channel::Gyro => {
+                let rate = plant.sample_imu().angular_velocity_rad_s + self.gyro_bias_rad_s;
+                numbers.extend_from_slice(rate.as_slice());
+            }
+            Channel::Accelerometer => {
+                let force = plant.sample_imu().specific_force_m_s2 + self.force_bias_m_s2;
+                numbers.extend_from_slice(force.as_slice());
+            }
+            Channel::Vector => {
+                if let Some(vector) = self.recording.vectors.get(track.sensor) {
+                    numbers.extend_from_slice(direction(plant, &vector.reference_world).as_slice());
                 }
             }
-            Sample::Force(k) => {
-                if let Some(slot) = prediction.specific_force_b_m_s2.get_mut(k) {
-                    *slot = plant.sample_imu().specific_force_m_s2 + self.force_bias_m_s2;
-                }
-            }
-            Sample::Vector(j, k) => {
-                let reference = self.recording.vectors.get(j).map(|v| v.reference_world);
-                let slot = prediction.vectors.get_mut(j).and_then(|v| v.get_mut(k));
-                if let (Some(slot), Some(reference)) = (slot, reference) {
-                    *slot = direction(plant, &reference);
-                }
-            }
-            Sample::Wheels(k) => {
-                if let Some(slot) = prediction.wheel_speed_rad_s.get_mut(k) {
-                    for (y, wheel) in slot.iter_mut().zip(plant.sample_wheels()) {
-                        *y = wheel.speed_rad_s;
-                    }
-                }
+            _ => {
+                numbers.extend(plant.sample_wheels().iter().map(|wheel| wheel.speed_rad_s).take(track.width))
             }
         }
+    }
+}
+
+/// A simulation on its way through the recording.
+#[derive(Debug, Clone)]
+pub(crate) struct Walk<'a> {
+    simulator: &'a Simulator<'a>,
+    plant: Plant,
+    /// The next sample of each track.
+    next: Vec<usize>,
+    length_ns: i64,
+    next_start_ns: i64,
+    event: usize,
+    lost: bool,
+}
+
+impl Walk<'_> {
+    /// Time of the next sample \[s\]; `None` behind the last.
+    pub fn time_s(&self) -> Option<f64> {
+        self.earliest().map(|(_, time_s)| time_s)
+    }
+
+    /// The next samples, as long as their times are some that are `wanted`. Each stretch begins with `start(time)`.
+    pub fn next(&mut self, wanted: impl Fn(f64) -> bool, start: &dyn Fn(f64) -> Motion) -> Chunk {
+        let simulator = self.simulator;
+        let parts = simulator.tracks.iter().zip(&self.next);
+        let parts =
+            parts.map(|(track, first)| Part { first: *first, width: track.width, numbers: Vec::new() });
+        let mut chunk = Chunk { parts: parts.collect() };
+        while let Some((position, time_s)) = self.earliest().filter(|(_, time_s)| wanted(*time_s)) {
+            let (Some(track), Some(part), Some(next)) =
+                (simulator.tracks.get(position), chunk.parts.get_mut(position), self.next.get_mut(position))
+            else {
+                break;
+            };
+            *next += 1;
+            let filled = part.numbers.len() + part.width;
+            self.go_to(ns(time_s), start);
+            if !self.lost {
+                simulator.read(&mut self.plant, track, &mut part.numbers);
+            }
+            part.numbers.resize(filled, f64::NAN);
+        }
+        chunk
+    }
+
+    /// Track and time of the next sample; of several at one instant that of the first track.
+    fn earliest(&self) -> Option<(usize, f64)> {
+        let due = self.simulator.tracks.iter().zip(&self.next).enumerate();
+        let due = due.filter_map(|(position, (track, next))| Some((position, *track.time_s.get(*next)?)));
+        due.min_by_key(|(_, time_s)| ns(*time_s))
+    }
+
+    /// Advances to a sample, by way of the beginning of its stretch.
+    fn go_to(&mut self, time_ns: i64, start: &dyn Fn(f64) -> Motion) {
+        let simulator = self.simulator;
+        if time_ns >= self.next_start_ns {
+            // On the grid of horizons, at or before this sample.
+            let elapsed = (time_ns - simulator.first_ns) / self.length_ns;
+            let start_ns = simulator.first_ns.saturating_add(elapsed.saturating_mul(self.length_ns));
+            self.next_start_ns = start_ns.saturating_add(self.length_ns);
+            simulator.run_to(&mut self.plant, &mut self.event, start_ns, &mut self.lost);
+            let motion = start(start_ns as f64 * 1e-9);
+            let begun = self.plant.set_motion(
+                &motion.q_world_body,
+                &motion.omega_wb_b_rad_s,
+                &motion.wheel_speed_rad_s,
+            );
+            self.lost = begun.is_err();
+        }
+        simulator.run_to(&mut self.plant, &mut self.event, time_ns, &mut self.lost);
     }
 }
 

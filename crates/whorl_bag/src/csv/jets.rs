@@ -82,6 +82,16 @@ impl JetMap {
         }
     }
 
+    /// Whether a command tells nothing that the one before it did not tell: [`Self::pulses`] are the same without it. Of a
+    /// file of millions of lines few are left.
+    #[must_use]
+    pub fn repeats(&self, before: &JetCommand, command: &JetCommand) -> bool {
+        // Where every row is a slot of its own, the same on-time is another pulse.
+        let fires_again = self.slot == Slot::Row && self.quantity != JetQuantity::Open;
+        let off = |value: &Option<f64>| value.is_none_or(|x| x == 0.0);
+        before.value == command.value && (!fires_again || command.value.iter().all(off))
+    }
+
     /// The pulses of each jet, in order of time, of commands in order of time. `row_ns` is the usual time between
     /// rows, `end_ns` the time of the file's last row.
     #[must_use]
@@ -287,6 +297,39 @@ mod tests {
             pulses(&open, &[(0, 0.0), (10, 1.0), (20, 1.0), (30, 0.0), (90, 1.0)], 10, 100),
             [(10, 30), (90, 100)]
         );
+    }
+
+    #[test]
+    fn commands_that_repeat_the_one_before_change_no_pulse() {
+        // At 100 Hz: nothing, an on-time, another, a blank cell, nothing again; then a single row.
+        let value = |i: i64| match i {
+            33..52 => 0.03,
+            52..71 => 0.05,
+            71..80 => f64::NAN,
+            90 => 0.02,
+            _ => 0.0,
+        };
+        let rows: Vec<(i64, f64)> = (0..200).map(|i| (i * 10, value(i))).collect();
+        let states: Vec<(i64, f64)> =
+            rows.iter().map(|(ms, x)| (*ms, if x.is_nan() { *x } else { f64::from(*x > 0.0) })).collect();
+        for (quantity, slot, rows, count) in [
+            (JetQuantity::OnTime, SLOT, &rows, 7),
+            (JetQuantity::OnTime, Slot::Row, &rows, 43),
+            (JetQuantity::Open, Slot::Row, &states, 6),
+        ] {
+            let map = map(quantity, slot);
+            let all = commands(rows);
+            let mut told: Vec<JetCommand> = Vec::new();
+            for command in &all {
+                if told.last().is_none_or(|before| !map.repeats(before, command)) {
+                    told.push(command.clone());
+                }
+            }
+            let pulses = |commands: &[JetCommand]| map.pulses(commands, 10 * MS, 1990 * MS);
+            assert_eq!(told.len(), count, "{quantity:?} {slot:?}");
+            assert!(!pulses(&all)[0].is_empty());
+            assert_eq!(pulses(&told), pulses(&all), "{quantity:?} {slot:?}");
+        }
     }
 
     #[test]

@@ -261,7 +261,7 @@ impl Problem {
                 let attitude: Vec<f64> = gains
                     .whitened
                     .iter()
-                    .zip(&gains.linear.rows)
+                    .zip(gains.linear.rows())
                     .filter(|(_, row)| {
                         matches!(row.reading.channel, Channel::Accelerometer | Channel::Vector)
                     })

@@ -20,6 +20,37 @@ pub(crate) enum Sizes {
     Any,
 }
 
+/// What linearised runs may hold together, their measurements apart \[bytes\]. Those of a quarter of an hour fit for every kind of
+/// noise; of longer runs the kinds that are looked at alternately.
+const MOST_BYTES: usize = 64 << 20;
+
+/// Runs linearised for kinds of noise, the one that was used last behind the others.
+#[derive(Default)]
+struct Linears(Vec<(Nuisance, Vec<Linear>)>);
+
+impl Linears {
+    /// Those of a kind: made at need, and then others may have to go.
+    fn of(&mut self, kind: Nuisance, systems: &[System<'_>], threads: usize) -> &[Linear] {
+        let known = self.0.iter().position(|(of, _)| *of == kind).map(|at| self.0.remove(at));
+        let wanted = known.unwrap_or_else(|| {
+            let alike = self.0.first().map(|(_, linears)| linears.as_slice()).unwrap_or_default();
+            let all: Vec<_> = systems.iter().enumerate().collect();
+            let made = threads::map(threads, &all, |(r, system)| match alike.get(*r) {
+                Some(alike) => system.linear_as(alike),
+                None => system.linear(),
+            });
+            (kind, made)
+        });
+        let bytes = |linears: &[Linear]| linears.iter().map(Linear::own_bytes).sum::<usize>();
+        let room = MOST_BYTES.saturating_sub(bytes(&wanted.1));
+        while self.0.iter().map(|(_, linears)| bytes(linears)).sum::<usize>() > room {
+            self.0.remove(0);
+        }
+        self.0.push(wanted);
+        self.0.last().map(|(_, linears)| linears.as_slice()).unwrap_or_default()
+    }
+}
+
 impl Problem {
     /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
     /// from the noise in use, step by step along each of its sizes.
@@ -62,7 +93,7 @@ impl Problem {
             })
             .collect()
         };
-        let mut linears: BTreeMap<Nuisance, Vec<Linear>> = BTreeMap::new();
+        let mut linears = Linears::default();
         let mut known: BTreeMap<Nuisance, f64> = BTreeMap::new();
         let mut posterior = |nuisance: Nuisance| -> f64 {
             if let Some(found) = known.get(&nuisance) {
@@ -70,14 +101,13 @@ impl Problem {
             }
             let kind = Nuisance { bias: 0, wheel: 0, torque: nuisance.torque.min(1), ..nuisance };
             let systems = systems(nuisance);
-            let linear =
-                linears.entry(kind).or_insert_with(|| threads::map(self.threads, &systems, System::linear));
+            let linear = linears.of(kind, &systems, self.threads);
             let all: Vec<_> = systems.into_iter().zip(linear.iter()).enumerate().collect();
             let sum: f64 = threads::map(self.threads, &all, |(r, (system, linear))| {
                 let (mut innovations, log_density) = system.innovations(linear);
                 let mut of_colours = 0.0;
                 if let Some(colours) = colours.and_then(|c| c.training(nuisance)).and_then(|c| c.get(*r)) {
-                    let rows = rows_by_reading(linear.rows.iter().map(|row| row.reading));
+                    let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
                     coloured(&mut innovations, &rows, colours);
                     of_colours = colour_log_density(&rows, colours);
                 }

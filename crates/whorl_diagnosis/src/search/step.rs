@@ -28,6 +28,8 @@ pub(crate) fn dataset(
     let linearised = problem.linearise(point)?;
     let log_density: f64 = linearised.iter().flat_map(|l| &l.gains.inverse_stddev).map(|s| s.ln()).sum();
     let whitened = problem.respond(&linearised, point, &layout.columns)?;
+    // As large as some dozen columns.
+    drop(linearised);
     let wide: Vec<f64> = layout
         .columns
         .iter()

@@ -6,11 +6,11 @@ use std::path::Path;
 
 use nalgebra::{Unit, Vector3};
 use whorl_bag::{
-    Channel, CsvError, CsvMap, CsvRecording, CsvRow, CsvRows, Form, JetCommand, PlatformParts, Slot,
+    Channel, CsvError, CsvMap, CsvRecording, CsvRow, CsvRows, Form, JetCommand, JetMap, PlatformParts, Slot,
 };
 
-use super::columns::Columns;
 use crate::RecordingError;
+use crate::columns::Columns;
 use crate::model::KnownPlatform;
 use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, is_whole};
 use crate::series::{Series, seconds};
@@ -66,7 +66,8 @@ pub fn read_csv_beginning(
     known: &KnownPlatform,
     kept_lines: u64,
 ) -> Result<ImportedCsv, RecordingError> {
-    let mut gathered = Gathered { kept_lines, lines: Lines::new(map), ..Gathered::default() };
+    let (lines, jet_map) = (Lines::new(map), map.jets.clone());
+    let mut gathered = Gathered { kept_lines, lines, jet_map, ..Gathered::default() };
     let mut rows = CsvRows::open(csv, map)?;
     while let Some(row) = rows.next_row()? {
         gathered.add(row);
@@ -145,7 +146,10 @@ struct Gathered {
     counts: BTreeMap<Channel, usize>,
     /// Axes of the gyro that have a number in some line.
     gyro_axes: [bool; 3],
+    /// How the file tells of jets, what it tells but repetitions, and how many lines tell it.
+    jet_map: Option<JetMap>,
     jets: Vec<JetCommand>,
+    jet_lines: usize,
 }
 
 impl Gathered {
@@ -170,7 +174,12 @@ impl Gathered {
                 self.samples.entry((channel, sensor)).or_default().push(at, &numbers);
             }
         }
-        self.jets.extend(row.jets);
+        if let Some((command, map)) = row.jets.zip(self.jet_map.as_ref()) {
+            self.jet_lines += 1;
+            if self.jets.last().is_none_or(|before| !map.repeats(before, &command)) {
+                self.jets.push(command);
+            }
+        }
     }
 
     fn finish(
@@ -226,7 +235,7 @@ impl Gathered {
         for channel in Channel::ALL.iter().filter(|channel| map.has(**channel)) {
             let (name, samples) = match channel.info().form {
                 Form::Directions => ("vector sensors", self.counts.get(channel).copied().unwrap_or(0)),
-                Form::Pulses => (channel.info().key, self.jets.len()),
+                Form::Pulses => (channel.info().key, self.jet_lines),
                 _ => (channel.info().key, self.counts.get(channel).copied().unwrap_or(0)),
             };
             channels.push((name, samples));

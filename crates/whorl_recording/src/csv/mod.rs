@@ -1,6 +1,5 @@
 //! Recordings from and to CSV.
 
-mod columns;
 mod export;
 mod import;
 

@@ -7,11 +7,12 @@ use whorl_bag::{Channel, RunDirectory};
 use whorl_dynamics::PlatformModel;
 use whorl_node::Timestamp;
 
-use super::commands::{self, Limits, PulseNs};
-use super::gather::{Gathered, Samples, in_order};
+use super::commands::{self, Commands, Limits, PulseNs};
+use super::gather::{Gathered, in_order};
 use super::{valves, wheel_torque};
+use crate::columns::Columns;
 use crate::notes::{CLOSED_LOOP_NOTE, MOUNTING_NOTE, noted_in};
-use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, take_out_missing_axes};
+use crate::recording::{Mounting, OnInterval, Recording, VectorChannel, missing_axes};
 use crate::series::seconds;
 
 pub(super) fn recording(
@@ -27,7 +28,8 @@ pub(super) fn recording(
         None => [false; 3],
         Some(samples) => {
             let before = samples.len();
-            let missing = take_out_missing_axes(samples);
+            let missing = missing_axes(samples.lines().map(|(_, v)| v));
+            let missing = samples.take_out_missing_axes(missing);
             let taken_out = before - samples.len();
             if taken_out > 0 {
                 *gathered.not_finite.entry(Channel::Gyro).or_default() += taken_out;
@@ -44,15 +46,15 @@ pub(super) fn recording(
         remarks.push(format!("{} messages could not be decoded and were left out.", gathered.undecodable));
     }
     for ((channel, _), samples) in &mut gathered.samples {
-        let doubles = in_order(samples);
+        let doubles = samples.in_order();
         if doubles > 0 && *channel == Channel::Gyro {
             remarks
                 .push(format!("{doubles} messages of the gyro have the stamp of another and were left out."));
         }
     }
-    in_order(&mut gathered.wheel_effort);
+    gathered.wheel_effort.in_order();
     in_order(&mut gathered.thrusters);
-    gathered.commands.sort_by_key(|sent| sent.at_ns);
+    gathered.commands.sort();
 
     sort_wheels(&mut gathered, model, &mut remarks);
     let limits = model.map_or_else(Limits::default, |model| Limits {
@@ -74,10 +76,17 @@ pub(super) fn recording(
     };
     let commanded = gathered.samples.entry((Channel::WheelTorqueCommand, 0)).or_default();
     if commanded.is_empty() {
-        *commanded = wheel_torque::in_force(&applied.wheel_torque_n_m, &gathered.wheel_effort);
+        *commanded = wheel_torque::in_force(applied.wheel_torque_n_m, &gathered.wheel_effort);
         // Commands of a platform without wheels.
-        commanded.retain(|(_, torques)| !torques.is_empty());
+        if commanded.line(0).is_some_and(|(_, torques)| torques.is_empty()) {
+            *commanded = Columns::default();
+        }
     }
+    // What is not needed any more makes room for the series.
+    let was_commanded = !gathered.commands.is_empty();
+    gathered.commands = Commands::default();
+    gathered.thrusters = Vec::new();
+    gathered.wheel_effort = Columns::default();
     let vectors = vectors(&mut gathered, start, model, &mut remarks);
     let mut recording = Recording {
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
@@ -92,7 +101,7 @@ pub(super) fn recording(
         jet_pulses: pulses.iter().map(|pulses| intervals(pulses, start)).collect(),
         closed_loop: match noted_in(run, CLOSED_LOOP_NOTE) {
             Some(text) => text == "true",
-            None => gathered.controlled.unwrap_or(!gathered.commands.is_empty()),
+            None => gathered.controlled.unwrap_or(was_commanded),
         },
         remarks,
         ..Recording::default()
@@ -101,7 +110,7 @@ pub(super) fn recording(
     for ((channel, sensor), samples) in samples {
         if let Some(series) = recording.series_mut(channel, sensor) {
             let at_s = |at: i64| seconds(at - start.0);
-            series.fill(&mut samples.into_iter().map(|(at, numbers)| (at_s(at), numbers)));
+            series.fill(&mut samples.lines().map(|(at, numbers)| (at_s(at), numbers.to_vec())));
         }
     }
     let suspicions = recording.suspicions(model);
@@ -121,17 +130,11 @@ fn sort_wheels(gathered: &mut Gathered, model: Option<&PlatformModel>, remarks: 
     for (channel, names) in &gathered.wheel_names {
         let Some(order) = order_of(names, model) else { continue };
         moved = true;
-        let pick = |samples: &mut Samples<Vec<f64>>| {
-            for (_, values) in samples.iter_mut() {
-                *values = order.iter().filter_map(|j| values.get(*j).copied()).collect();
-            }
-            samples.retain(|(_, values)| values.len() == order.len());
-        };
         if let Some(samples) = gathered.samples.get_mut(&(*channel, 0)) {
-            pick(samples);
+            samples.pick(&order);
         }
         if *channel == Channel::WheelSpeed {
-            pick(&mut gathered.wheel_effort);
+            gathered.wheel_effort.pick(&order);
         }
     }
     if moved {
@@ -177,7 +180,7 @@ fn vectors(
         let direction = |v: Vector3<f64>| {
             if (v.norm() - 1.0).abs() < 1e-12 { Some(v) } else { v.try_normalize(1e-9) }
         };
-        let samples = samples.into_iter().filter_map(|(at, numbers)| {
+        let samples = samples.lines().filter_map(|(at, numbers)| {
             let direction_b = direction(<[f64; 3]>::try_from(numbers).ok()?.into())?;
             Some((seconds(at - start.0), direction_b))
         });

@@ -7,38 +7,78 @@
 use whorl_msgs::whorl::ActuatorCommand;
 use whorl_node::Timestamp;
 
+use crate::columns::Columns;
+
 /// As the driver's gate.
 const LONGEST_VALIDITY_NS: i64 = 100_000_000;
 
-/// A command and when it reached the driver: what decides what wheels and jets do.
+/// Commands and when they reached the driver: what decides what wheels and jets do. An hour has hundreds of thousands,
+/// whose numbers stand in one list.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Commands {
+    list: Vec<Sent>,
+    numbers: Vec<f64>,
+}
+
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Sent {
-    pub at_ns: i64,
+struct Sent {
+    at_ns: i64,
     stamp: Timestamp,
     valid_until: Timestamp,
     sequence: u64,
-    wheel_torque_n_m: Vec<f64>,
     jet_slot: u64,
     jet_slot_length_s: f64,
-    jets: usize,
-    /// Empty where none fires, as in most commands.
-    jet_on_time_s: Vec<f64>,
+    /// Where its numbers begin: torques of the wheels, then on-times of the jets, which are left out where none fires,
+    /// as in most commands.
+    first: usize,
+    wheels: u32,
+    jets: u32,
+    fires: bool,
 }
 
-impl Sent {
-    pub fn new(at_ns: i64, command: &ActuatorCommand) -> Self {
+impl Commands {
+    /// Adds a command that reached the driver then.
+    pub fn push(&mut self, at_ns: i64, command: &ActuatorCommand) {
         let fires = command.jet_on_time_s.iter().any(|t| *t != 0.0);
-        Self {
+        // Messages of more numbers than this are none.
+        let count = |list: &[f64]| u32::try_from(list.len()).unwrap_or(u32::MAX);
+        self.list.push(Sent {
             at_ns,
             stamp: command.header.stamp.into(),
             valid_until: command.valid_until.into(),
             sequence: command.sequence,
-            wheel_torque_n_m: command.wheel_torque_n_m.clone(),
             jet_slot: command.jet_slot,
             jet_slot_length_s: command.jet_slot_length_s,
-            jets: command.jet_on_time_s.len(),
-            jet_on_time_s: if fires { command.jet_on_time_s.clone() } else { Vec::new() },
+            first: self.numbers.len(),
+            wheels: count(&command.wheel_torque_n_m),
+            jets: count(&command.jet_on_time_s),
+            fires,
+        });
+        self.numbers.extend_from_slice(&command.wheel_torque_n_m);
+        if fires {
+            self.numbers.extend_from_slice(&command.jet_on_time_s);
         }
+    }
+
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Brings them into the order of their arrival.
+    pub fn sort(&mut self) {
+        self.list.sort_by_key(|sent| sent.at_ns);
+    }
+
+    /// Torques of the wheels, and on-times of the jets: empty where none fires.
+    fn numbers(&self, sent: &Sent) -> (&[f64], &[f64]) {
+        let from = self.numbers.get(sent.first..).unwrap_or_default();
+        let (torques, rest) = from.split_at_checked(sent.wheels as usize).unwrap_or_default();
+        let jets = if sent.fires { sent.jets as usize } else { 0 };
+        (torques, rest.get(..jets).unwrap_or_default())
     }
 }
 
@@ -53,7 +93,7 @@ pub(super) struct PulseNs {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Applied {
     /// Motor torques [N m] and since when.
-    pub wheel_torque_n_m: Vec<(i64, Vec<f64>)>,
+    pub wheel_torque_n_m: Columns,
     /// Pulses of each jet, in order of time, apart from each other.
     pub pulses: Vec<Vec<PulseNs>>,
     /// Commands that the driver would have refused.
@@ -77,24 +117,26 @@ struct Latest {
 }
 
 /// Follows the commands, which are in order of arrival.
-pub(super) fn apply(sent: &[Sent], limits: &Limits) -> Applied {
+pub(super) fn apply(sent: &Commands, limits: &Limits) -> Applied {
     let mut applied = Applied::default();
-    let Some(first) = sent.first() else { return applied };
-    let (wheels, jets) = (first.wheel_torque_n_m.len(), first.jets);
-    applied.pulses = vec![Vec::new(); jets];
+    let Some(first) = sent.list.first() else { return applied };
+    let (wheels, jets) = (first.wheels as usize, first.jets);
+    applied.pulses = vec![Vec::new(); jets as usize];
     let mut latest: Option<Latest> = None;
-    for command in sent {
+    let mut torques: Vec<f64> = Vec::with_capacity(wheels);
+    for command in &sent.list {
         let at_ns = command.at_ns;
+        let (wheel_torque_n_m, jet_on_time_s) = sent.numbers(command);
         if let Some(before) = latest.as_ref().filter(|before| before.ends_ns <= at_ns) {
             applied.all_off(before.ends_ns, wheels);
         }
         let stamp = command.stamp;
         let ends_ns = command.valid_until.0.min(at_ns.saturating_add(LONGEST_VALIDITY_NS));
-        let numbers = command.wheel_torque_n_m.iter().chain(&command.jet_on_time_s);
-        let obeyed = command.wheel_torque_n_m.len() == wheels
+        let numbers = wheel_torque_n_m.iter().chain(jet_on_time_s);
+        let obeyed = wheel_torque_n_m.len() == wheels
             && command.jets == jets
             && numbers.copied().all(f64::is_finite)
-            && command.jet_on_time_s.iter().all(|t| *t >= 0.0)
+            && jet_on_time_s.iter().all(|t| *t >= 0.0)
             && command.jet_slot_length_s > 0.0
             && ends_ns > at_ns
             && latest
@@ -109,15 +151,13 @@ pub(super) fn apply(sent: &[Sent], limits: &Limits) -> Applied {
             continue;
         }
         let limit = |j: usize| limits.wheel_torque_n_m.get(j).copied().unwrap_or(f64::INFINITY);
-        let torques = command.wheel_torque_n_m.iter().enumerate();
-        let torques = torques.map(|(j, u)| u.max(-limit(j)).min(limit(j))).collect();
-        applied.wheel_torque_n_m.push((at_ns, torques));
+        torques.clear();
+        torques.extend(wheel_torque_n_m.iter().enumerate().map(|(j, u)| u.max(-limit(j)).min(limit(j))));
+        applied.wheel_torque_n_m.push(at_ns, &torques);
         let restarted = latest.as_ref().is_some_and(|l| command.sequence <= l.sequence);
         let seen = latest.as_ref().filter(|_| !restarted).map(|l| l.slot);
         if seen.is_none_or(|seen| command.jet_slot > seen) {
-            for (jet, (pulses, on_time_s)) in
-                applied.pulses.iter_mut().zip(&command.jet_on_time_s).enumerate()
-            {
+            for (jet, (pulses, on_time_s)) in applied.pulses.iter_mut().zip(jet_on_time_s).enumerate() {
                 let on_time_s = on_time_s.min(command.jet_slot_length_s);
                 if on_time_s > 0.0 && on_time_s >= limits.min_on_time_s.get(jet).copied().unwrap_or(0.0) {
                     let off_ns = at_ns.saturating_add((on_time_s * 1e9).round() as i64);
@@ -136,7 +176,7 @@ pub(super) fn apply(sent: &[Sent], limits: &Limits) -> Applied {
 
 impl Applied {
     fn all_off(&mut self, at_ns: i64, wheels: usize) {
-        self.wheel_torque_n_m.push((at_ns, vec![0.0; wheels]));
+        self.wheel_torque_n_m.push(at_ns, &vec![0.0; wheels]);
         for pulses in &mut self.pulses {
             // The others ended before the last began.
             if let Some(last) = pulses.last_mut() {

@@ -9,9 +9,10 @@ use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::whorl::ControlStatus;
 use whorl_node::Timestamp;
 
-use super::commands::Sent;
+use super::commands::Commands;
 use super::roles::Role;
 use super::valves::{self, Valves};
+use crate::columns::Columns;
 
 /// Clocks that differ by more are two clocks, and not one and a delay \[ns\].
 const OTHER_CLOCK_NS: i64 = 10_000_000_000;
@@ -23,13 +24,13 @@ pub(super) type Samples<T> = Vec<(i64, T)>;
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
     /// Finite numbers of every channel and sensor; of one that may lack axes at least one that is finite.
-    pub samples: BTreeMap<(Channel, usize), Samples<Vec<f64>>>,
+    pub samples: BTreeMap<(Channel, usize), Columns>,
     /// Directions in the world that vector sensors see, by sensor.
     pub references: Vec<Option<Vector3<f64>>>,
     /// Torques that the wheels' drives say were in force.
-    pub wheel_effort: Samples<Vec<f64>>,
+    pub wheel_effort: Columns,
     pub thrusters: Samples<Valves>,
-    pub commands: Vec<Sent>,
+    pub commands: Commands,
     /// Whether any controller said that it was controlling; `None`: none said anything.
     pub controlled: Option<bool>,
     /// Messages of gyro, accelerometer and wheels.
@@ -104,7 +105,7 @@ impl Gathered {
                 (Role::ActuatorCommand, Message::ActuatorCommand(command)) => {
                     // It takes effect when it arrives; its stamp is that of the estimate behind it.
                     let arrived_ns = if clocks == Clocks::Two { stamp_ns } else { log_ns };
-                    self.commands.push(Sent::new(arrived_ns, command));
+                    self.commands.push(arrived_ns, command);
                 }
                 (Role::ControlStatus, Message::ControlStatus(m)) => {
                     let active = matches!(
@@ -126,10 +127,10 @@ impl Gathered {
         let Some(numbers) = numbers else { return };
         // A gyro may lack axes: which ones is known when all samples are.
         if channel.info().may_lack_axes && numbers.len() == 3 && numbers.iter().any(|x| x.is_finite()) {
-            self.samples.entry((channel, sensor)).or_default().push((at, numbers));
+            self.samples.entry((channel, sensor)).or_default().push(at, &numbers);
             return;
         }
-        if !push(self.samples.entry((channel, sensor)).or_default(), at, numbers) {
+        if !self.samples.entry((channel, sensor)).or_default().push_finite(at, &numbers) {
             *self.not_finite.entry(channel).or_default() += 1;
         }
     }
@@ -138,7 +139,7 @@ impl Gathered {
     fn wheels(&mut self, channel: Channel, at: i64, m: &JointState) {
         let joints = self.joints.get(&channel).or_else(|| self.joints.get(&Channel::WheelSpeed));
         let joints = joints.cloned().unwrap_or_default();
-        if self.samples.get(&(channel, 0)).is_none_or(Vec::is_empty) {
+        if self.samples.get(&(channel, 0)).is_none_or(Columns::is_empty) {
             match missing(&joints, &m.name) {
                 Some(found) => drop(self.missing_joints.insert(channel, found)),
                 None => drop(self.missing_joints.remove(&channel)),
@@ -157,7 +158,7 @@ impl Gathered {
             .filter(|_| channel == Channel::WheelSpeed && !self.efforts_are_measured);
         self.keep(channel, 0, at, numbers);
         if let Some(effort) = effort {
-            push(&mut self.wheel_effort, at, effort);
+            self.wheel_effort.push_finite(at, &effort);
         }
     }
 
@@ -165,17 +166,17 @@ impl Gathered {
     pub fn forget(&mut self) {
         self.earliest_ns = self.first_stamp().map(|stamp| stamp.0);
         self.samples.clear();
-        self.wheel_effort.clear();
+        self.wheel_effort = Columns::default();
         self.thrusters.clear();
-        self.commands.clear();
+        self.commands = Commands::default();
     }
 
     /// The earliest stamp of all.
     pub fn first_stamp(&self) -> Option<Timestamp> {
-        let samples = self.samples.values().flatten().map(|sample| sample.0);
-        let effort = self.wheel_effort.iter().map(|sample| sample.0);
+        let samples = self.samples.values().chain([&self.wheel_effort]);
+        let samples = samples.flat_map(|columns| columns.times_ns().iter().copied());
         let valves = self.thrusters.iter().map(|sample| sample.0);
-        samples.chain(effort).chain(valves).chain(self.earliest_ns).min().map(Timestamp)
+        samples.chain(valves).chain(self.earliest_ns).min().map(Timestamp)
     }
 
     /// Whether log times are of the clock of the stamps.
@@ -195,16 +196,6 @@ pub(super) fn in_order<T>(samples: &mut Samples<T>) -> usize {
     samples.sort_by_key(|(at, _)| *at);
     samples.dedup_by_key(|(at, _)| *at);
     before - samples.len()
-}
-
-/// Keeps finite numbers, as many as the first sample has.
-fn push(samples: &mut Samples<Vec<f64>>, at: i64, numbers: Vec<f64>) -> bool {
-    let fits = samples.first().is_none_or(|(_, first)| first.len() == numbers.len());
-    let finite = fits && numbers.iter().copied().all(f64::is_finite);
-    if finite {
-        samples.push((at, numbers));
-    }
-    finite
 }
 
 /// The first of these joints that a message does not have, with those that it has.

@@ -5,6 +5,7 @@ mod bad_runs;
 mod contradictions;
 mod csv;
 mod foreign_bags;
+mod memory;
 mod round_trip;
 mod simulated_run;
 

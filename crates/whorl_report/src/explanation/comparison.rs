@@ -8,7 +8,7 @@ use whorl_validation::comparison::{Channel, ChannelErrors, INITIAL_STATE_RULE, O
 use super::{Facts, facts};
 use crate::document::{Document, judged, number, significant, text};
 use crate::figure::Figure;
-use crate::series::Curve;
+use crate::series::{Curve, GrowingCurve};
 use crate::timeline::Timeline;
 
 /// Largest ratio to the noise floor that is shown as good.
@@ -140,44 +140,24 @@ fn staircase(comparison: &Comparison) -> Figure {
 fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure> {
     let (unit, factor) = overlay.quantity.shown_unit();
     let floor = channels.iter().find(|c| c.name == overlay.name).map_or(f64::NAN, |c| c.noise_floor) * factor;
-    // The longest finite horizon shows the model's error; the whole run is the fallback.
-    let Some((horizon_s, predicted)) =
-        overlay.predicted.iter().rev().find(|(h, _)| h.is_some()).or(overlay.predicted.last())
-    else {
-        return Vec::new();
-    };
-    let scaled = |values: &[f64]| -> Vec<(f64, f64)> {
-        overlay
-            .time_s
-            .iter()
-            .copied()
-            .zip(values.iter().map(|v| v * factor))
-            .filter(|(_, v)| v.is_finite())
-            .collect()
-    };
-    let error: Vec<(f64, f64)> = overlay
-        .time_s
-        .iter()
-        .zip(overlay.measured.iter().zip(predicted))
-        .map(|(t, (y, p))| (*t, (y - p) * factor))
-        .filter(|(_, e)| e.is_finite())
-        .collect();
+    let scaled =
+        |curve: &GrowingCurve| -> Vec<(f64, f64)> { curve.points().map(|(t, v)| (t, v * factor)).collect() };
+    let error = scaled(&overlay.error);
+    let (measured, predicted) = (scaled(&overlay.measured), scaled(&overlay.predicted));
     let edge = |sign: f64| {
-        let ends = [overlay.time_s.first(), overlay.time_s.last()];
-        Curve::new("noise", ends.into_iter().flatten().map(|t| (*t, sign * 3.0 * floor)))
+        let ends = [measured.first(), measured.last()];
+        Curve::new("noise", ends.into_iter().flatten().map(|(t, _)| (*t, sign * 3.0 * floor)))
     };
+    let band = (edge(-1.0), edge(1.0));
     let name = overlay.name.replace('_', " ");
-    let horizon = horizon_name(*horizon_s);
+    let horizon = horizon_name(overlay.horizon_s);
     let mut figures = Vec::new();
     if overlay.quantity != Channel::Accelerometer {
         figures.push(Figure {
             title: format!("{name}: measured and predicted"),
             caption: format!("Predictions of {horizon}, one after the other."),
             y_label: format!("{name} [{unit}]"),
-            curves: vec![
-                Curve::new("measured", scaled(&overlay.measured)),
-                Curve::new("predicted", scaled(predicted)),
-            ],
+            curves: vec![Curve::new("measured", measured), Curve::new("predicted", predicted)],
             ..Figure::default()
         });
     }
@@ -186,7 +166,7 @@ fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure>
         caption: "Measured less predicted. Band: three standard deviations of the noise.".to_owned(),
         y_label: format!("error [{unit}]"),
         curves: vec![Curve::new("error", error)],
-        bands: vec![(edge(-1.0), edge(1.0))],
+        bands: vec![band],
         ..Figure::default()
     });
     figures

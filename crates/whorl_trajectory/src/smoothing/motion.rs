@@ -34,13 +34,14 @@ pub struct SmoothedMotion {
     rate_left: Series<Vector3<f64>>,
     rate_explained: Vec<Vector3<f64>>,
     wheel_time_s: Vec<f64>,
-    wheel_left: Vec<Vec<f64>>,
-    wheel_explained: Vec<Vec<f64>>,
+    /// The same of the wheels' speeds, those of a sample side by side.
+    wheel_left: Vec<f64>,
+    wheel_explained: Vec<f64>,
 }
 
 /// Smooths the motion of a recording; `gyrostat` is the model.
 #[must_use]
-pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -> SmoothedMotion {
+pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands<'_>) -> SmoothedMotion {
     let model = gyrostat.model();
     let attitude = smooth_attitude(recording, model);
     let wheels = model.wheels().len();
@@ -60,21 +61,20 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
         held.cloned().unwrap_or_else(|| vec![0.0; wheels])
     };
 
-    let rates: Vec<(f64, Vector3<f64>)> = motion.attitude.rates().collect();
     let mut explained = Vector3::zeros();
     let mut before: Option<f64> = None;
-    for (t, rate) in &rates {
+    for (t, rate) in motion.attitude.rates() {
         if let Some(from) = before.filter(|_| !clamped) {
             let middle = 0.5 * (from + t);
             let wheel_speed = speeds(middle);
-            let drive = commands.mean_between(from, *t);
+            let drive = commands.mean_between(from, t);
             let q = motion.attitude.at(middle);
-            let mut environment = Environment::new(model, q, *rate);
+            let mut environment = Environment::new(model, q, rate);
             environment.time_s = middle;
             environment.wheel_speed_rad_s = &wheel_speed;
             environment.wheel_motor_torque_n_m = &drive.wheel_torque_n_m;
             environment.valve_fraction = &drive.valve_fraction;
-            let gimbals = GimbalMotion::between(recording, from, *t);
+            let gimbals = GimbalMotion::between(recording, from, t);
             gimbals.show(&mut environment);
             let equation = gyrostat.rate_equation();
             let ballast = equation.gravity_torque_n_m(&drive.ballast_moment_b_n_m, &environment.vertical_b);
@@ -82,8 +82,8 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             let accelerations = gyrostat.accelerations(&environment, &[], &outside);
             explained += accelerations.omega_dot_wb_b_rad_s2 * (t - from);
         }
-        before = Some(*t);
-        motion.rate_left.time_s.push(*t);
+        before = Some(t);
+        motion.rate_left.time_s.push(t);
         motion.rate_left.value.push(rate - explained);
         motion.rate_explained.push(explained);
     }
@@ -103,8 +103,9 @@ pub fn smooth(recording: &Recording, gyrostat: &Gyrostat, commands: &Commands) -
             }
         }
         before = Some(*t);
-        motion.wheel_left.push(speed.iter().zip(&explained).map(|(y, e)| y - e).collect());
-        motion.wheel_explained.push(explained.clone());
+        let speed = |wheel: usize| speed.get(wheel).copied().unwrap_or(0.0);
+        motion.wheel_left.extend(explained.iter().enumerate().map(|(j, e)| speed(j) - e));
+        motion.wheel_explained.extend_from_slice(&explained);
     }
     motion
 }
@@ -137,8 +138,7 @@ impl SmoothedMotion {
     }
 
     fn wheel_speed_at(&self, wheel: usize, time_s: f64) -> f64 {
-        let of =
-            |values: &[Vec<f64>], k: usize| values.get(k).and_then(|v| v.get(wheel)).copied().unwrap_or(0.0);
+        let of = |values: &[f64], k: usize| values.get(k * self.wheels + wheel).copied().unwrap_or(0.0);
         line_or_nearest(&self.wheel_time_s, |k| of(&self.wheel_left, k), time_s)
             + interpolated(&self.wheel_time_s, |k| of(&self.wheel_explained, k), time_s)
     }

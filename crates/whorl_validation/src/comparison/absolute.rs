@@ -12,8 +12,9 @@ use whorl_math::quaternion_exp;
 use whorl_math::statistics::chi_squared_quantile;
 use whorl_recording::{Channel, Component, Mounting, Recording};
 
+use super::gaps::Gaps;
 use crate::noise_floor::NoiseFloors;
-use crate::prediction::{Prediction, Simulator, predicted_channels};
+use crate::prediction::{Chunk, Simulator, Walk, predicted_channels};
 use crate::statistics::{
     CrossCorrelation, CumulativePeriodogram, LjungBox, cross_correlation, cumulative_periodogram, ljung_box,
 };
@@ -90,23 +91,27 @@ pub struct InputCorrelation {
 }
 
 /// Whitened residuals after fitting the initial states.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Residuals {
-    /// Channel, times \[s\], values.
-    pub channels: Vec<(String, Vec<f64>, Vec<f64>)>,
+pub(super) struct Residuals {
+    channels: Vec<Residual>,
     /// Inputs at the times of the first channel.
-    pub inputs: Vec<(String, Vec<f64>)>,
+    inputs: Vec<(String, Vec<f64>)>,
+}
+
+/// Residual of one component.
+struct Residual {
+    channel: String,
+    /// From the first sample to the last \[s\].
+    span_s: f64,
+    value: Vec<f64>,
 }
 
 impl Residuals {
     /// Tests every channel.
-    #[must_use]
     pub fn tests(&self, closed_loop: bool) -> Vec<Whiteness> {
         let lags = u32::try_from(LAGS).unwrap_or(u32::MAX);
         self.channels
             .iter()
-            .map(|(channel, time_s, value)| {
-                let span_s = time_s.last().zip(time_s.first()).map_or(0.0, |(b, a)| b - a);
+            .map(|Residual { channel, span_s, value }| {
                 let rate_hz = value.len().saturating_sub(1) as f64 / span_s.max(1e-9);
                 let mut inputs: Vec<InputCorrelation> = self
                     .inputs
@@ -138,11 +143,21 @@ impl Residuals {
     }
 }
 
-/// One row of the residual: stretch, channel, time, whitened value.
+/// A component that is tested, and its residual as far as it is known.
+struct Tested {
+    component: Component,
+    name: String,
+    track: usize,
+    sigma: f64,
+    residual: Vec<f64>,
+    /// Samples without a residual.
+    left_out: Gaps,
+}
+
+/// A row of a stretch's regression: which component, and which of its samples.
 struct Row {
-    stretch: usize,
-    channel: usize,
-    time_s: f64,
+    tested: usize,
+    sample: usize,
 }
 
 pub(super) fn test(
@@ -151,75 +166,66 @@ pub(super) fn test(
     simulator: &Simulator<'_>,
     start: &dyn Fn(f64) -> Motion,
     floors: &NoiseFloors,
-    commands: &Commands,
+    commands: &Commands<'_>,
 ) -> Option<(Absolute, Residuals)> {
     let slowest = |times: &[f64]| if times.is_empty() { 0.0 } else { typical_step_s(times) };
     let step_s = slowest(&recording.gyro_b_rad_s.time_s).max(slowest(&recording.wheel_speed_rad_s.time_s));
     let stretch_s = STRETCH_S.max(STRETCH_READINGS * step_s).min(0.5 * recording.duration_s());
-    let wheels = model.wheels().len();
-    let (rows, names) = rows(recording, model, simulator.first_s(), stretch_s);
-    let measured = whitened(recording, &measurements(recording), floors, wheels);
-    let nominal = whitened(recording, &simulator.predict(Some(stretch_s), start), floors, wheels);
-    let changes = changes(recording.mounting == Mounting::Clamped || !model.freedom.turns(), wheels);
-    let columns: Vec<Vec<f64>> = changes
-        .iter()
-        .map(|change| {
-            let varied = simulator.predict(Some(stretch_s), &|t| change.applied(start(t)));
-            let varied = whitened(recording, &varied, floors, wheels);
-            varied.iter().zip(&nominal).map(|(a, b)| (a - b) / change.step).collect()
-        })
-        .collect();
-    let mut residual: Vec<f64> = measured.iter().zip(&nominal).map(|(y, p)| y - p).collect();
-    let stretches = rows.iter().map(|r| r.stretch).max()? + 1;
-    let mut members = vec![Vec::new(); stretches];
-    for (k, row) in rows.iter().enumerate() {
-        let finite = residual.get(k).is_some_and(|r| r.is_finite())
-            && columns.iter().all(|c| c.get(k).is_some_and(|x| x.is_finite()));
-        if finite && let Some(list) = members.get_mut(row.stretch) {
-            list.push(k);
-        }
-    }
+    let first_s = simulator.first_s();
+    let stretch = |t: f64| ((t - first_s) / stretch_s + 1e-9).floor().max(0.0) as usize;
+    let mut tested = tested(recording, model, simulator, floors);
+    let changes =
+        changes(recording.mounting == Mounting::Clamped || !model.freedom.turns(), model.wheels().len());
+    // Stretch by stretch, all of them side by side: only one stretch's sensitivities are ever there.
+    let mut nominal = simulator.walk(Some(stretch_s));
+    let mut varied: Vec<Walk<'_>> = changes.iter().map(|_| nominal.clone()).collect();
     let (mut squares, mut degrees) = (0.0, 0usize);
-    for list in members.iter().filter(|list| list.len() > 2 * changes.len()) {
-        let jacobian = DMatrix::from_fn(list.len(), changes.len(), |i, j| columns[j][list[i]]);
-        let left = DVector::from_fn(list.len(), |i, _| residual[list[i]]);
-        let mut normal = jacobian.transpose() * &jacobian;
-        for (i, change) in changes.iter().enumerate() {
-            normal[(i, i)] += change.spread.powi(-2);
+    while let Some(from_s) = nominal.time_s() {
+        let present = stretch(from_s);
+        let wanted = |t: f64| stretch(t) == present;
+        let predicted = nominal.next(wanted, start);
+        let measured = simulator.measured(&predicted);
+        let nominal = whitened(&tested, &measured, &predicted);
+        let columns: Vec<Vec<f64>> = changes
+            .iter()
+            .zip(&mut varied)
+            .map(|(change, walk)| {
+                let varied = walk.next(wanted, &|t| change.applied(start(t)));
+                let varied = whitened(&tested, &measured, &varied);
+                varied.iter().zip(&nominal).map(|(a, b)| (a - b) / change.step).collect()
+            })
+            .collect();
+        let residual = whitened(&tested, &measured, &measured);
+        let residual: Vec<f64> = residual.iter().zip(&nominal).map(|(y, p)| y - p).collect();
+        let fitted = Stretch::fit(residual, &columns, &changes);
+        if let Some((of_stretch, freedom)) = fitted.misfit {
+            squares += of_stretch;
+            degrees += freedom;
         }
-        let Some(factor) = normal.clone().cholesky() else { continue };
-        let best = factor.solve(&(jacobian.transpose() * &left));
-        let left = left - jacobian * &best;
-        // Effective number of fitted values: those determined by the data, not by the prior.
-        let prior: f64 =
-            changes.iter().enumerate().map(|(i, c)| factor.inverse()[(i, i)] * c.spread.powi(-2)).sum();
-        let fitted = (changes.len() as f64 - prior).round().max(0.0) as usize;
-        squares += left.norm_squared();
-        degrees += list.len() - fitted;
-        for (i, k) in list.iter().enumerate() {
-            residual[*k] = left[i];
+        for (row, value) in rows(&tested, &predicted).zip(fitted.residual) {
+            let Some(tested) = tested.get_mut(row.tested) else { continue };
+            match value {
+                Some(value) => tested.residual.push(value),
+                None => tested.left_out.add(row.sample),
+            }
         }
     }
-    let kept: Vec<bool> = {
-        let mut kept = vec![false; rows.len()];
-        for k in members.iter().filter(|list| list.len() > 2 * changes.len()).flatten() {
-            kept[*k] = true;
-        }
-        kept
-    };
     if degrees == 0 {
         return None;
     }
-    let mut channels: Vec<(String, Vec<f64>, Vec<f64>)> =
-        names.into_iter().map(|name| (name, Vec::new(), Vec::new())).collect();
-    for ((row, value), _) in rows.iter().zip(&residual).zip(&kept).filter(|(_, kept)| **kept) {
-        if let Some((_, times, values)) = channels.get_mut(row.channel) {
-            times.push(row.time_s);
-            values.push(*value);
-        }
-    }
-    channels.retain(|(_, times, _)| times.len() > 4 * LAGS);
-    let inputs = channels.first().map_or_else(Vec::new, |(_, times, _)| commands.inputs(model, times));
+    tested.retain(|tested| tested.residual.len() > 4 * LAGS);
+    let times = |tested: &Tested| -> Vec<f64> {
+        let all = simulator.tracks().get(tested.track).map_or(&[][..], |track| track.time_s);
+        tested.left_out.others(all.len()).filter_map(|k| all.get(k)).copied().collect()
+    };
+    let inputs = tested.first().map_or_else(Vec::new, |first| commands.inputs(model, &times(first)));
+    let span_s = |times: Vec<f64>| times.last().zip(times.first()).map_or(0.0, |(b, a)| b - a);
+    let channels = tested.into_iter().map(|tested| Residual {
+        span_s: span_s(times(&tested)),
+        channel: tested.name,
+        value: tested.residual,
+    });
+    let channels = channels.collect();
     let n = u32::try_from(degrees).unwrap_or(u32::MAX);
     let band = |p: f64| chi_squared_quantile(p, n) / degrees as f64;
     let absolute = Absolute {
@@ -229,6 +235,47 @@ pub(super) fn test(
         stretch_s,
     };
     Some((absolute, Residuals { channels, inputs }))
+}
+
+/// A stretch with its initial state fitted.
+struct Stretch {
+    /// Of each row; `None` where something cannot be predicted, or the stretch is too short to be fitted.
+    residual: Vec<Option<f64>>,
+    /// Sum of squares and degrees of freedom, if it was fitted.
+    misfit: Option<(f64, usize)>,
+}
+
+impl Stretch {
+    fn fit(residual: Vec<f64>, columns: &[Vec<f64>], changes: &[Change]) -> Self {
+        let finite = |k: &usize| {
+            residual.get(*k).is_some_and(|r| r.is_finite())
+                && columns.iter().all(|c| c.get(*k).is_some_and(|x| x.is_finite()))
+        };
+        let list: Vec<usize> = (0..residual.len()).filter(finite).collect();
+        let mut fitted = Self { residual: vec![None; residual.len()], misfit: None };
+        if list.len() <= 2 * changes.len() {
+            return fitted;
+        }
+        let jacobian = DMatrix::from_fn(list.len(), changes.len(), |i, j| columns[j][list[i]]);
+        let mut left = DVector::from_fn(list.len(), |i, _| residual[list[i]]);
+        let mut normal = jacobian.transpose() * &jacobian;
+        for (i, change) in changes.iter().enumerate() {
+            normal[(i, i)] += change.spread.powi(-2);
+        }
+        if let Some(factor) = normal.cholesky() {
+            let best = factor.solve(&(jacobian.transpose() * &left));
+            left -= jacobian * &best;
+            // Effective number of fitted values: those determined by the data, not by the prior.
+            let prior: f64 =
+                changes.iter().enumerate().map(|(i, c)| factor.inverse()[(i, i)] * c.spread.powi(-2)).sum();
+            let values = (changes.len() as f64 - prior).round().max(0.0) as usize;
+            fitted.misfit = Some((left.norm_squared(), list.len() - values));
+        }
+        for (i, k) in list.iter().enumerate() {
+            fitted.residual[*k] = Some(left[i]);
+        }
+        fitted
+    }
 }
 
 /// One component of the error of an initial state.
@@ -270,65 +317,58 @@ fn changes(clamped: bool, wheels: usize) -> Vec<Change> {
     changes
 }
 
-/// The measurements in the form of a prediction.
-fn measurements(recording: &Recording) -> Prediction {
-    Prediction {
-        gyro_b_rad_s: recording.gyro_b_rad_s.value.clone(),
-        specific_force_b_m_s2: recording.specific_force_b_m_s2.value.clone(),
-        vectors: recording.vectors.iter().map(|v| v.direction_b.value.clone()).collect(),
-        wheel_speed_rad_s: recording.wheel_speed_rad_s.value.clone(),
-    }
+/// The tested values: the free components of every predicted channel.
+fn tested(
+    recording: &Recording,
+    model: &PlatformModel,
+    simulator: &Simulator<'_>,
+    floors: &NoiseFloors,
+) -> Vec<Tested> {
+    let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+    predicted_channels(recording)
+        .flat_map(|(channel, sensor)| Component::of(channel, sensor, wheels.len()))
+        .filter(|component| recording.measures(*component))
+        .filter_map(|component| {
+            Some(Tested {
+                component,
+                name: component.name(&wheels),
+                track: simulator.track(component.channel, component.sensor())?,
+                sigma: floors.of_component(component).sigma,
+                residual: Vec::new(),
+                left_out: Gaps::default(),
+            })
+        })
+        .collect()
 }
 
-/// The tested values: the free components of every predicted channel.
-fn components(recording: &Recording, wheels: usize) -> impl Iterator<Item = Component> {
-    predicted_channels(recording)
-        .flat_map(move |(channel, sensor)| Component::of(channel, sensor, wheels))
-        .filter(|component| recording.measures(*component))
+/// The rows of a chunk: component by component, each in order of time.
+fn rows(tested: &[Tested], chunk: &Chunk) -> impl Iterator<Item = Row> + use<> {
+    let ranges: Vec<_> = tested.iter().map(|tested| chunk.samples(tested.track)).collect();
+    let of_range = |(tested, samples): (usize, std::ops::Range<usize>)| {
+        samples.map(move |sample| Row { tested, sample })
+    };
+    ranges.into_iter().enumerate().flat_map(of_range)
 }
 
 /// Every value divided by its noise, in the order of [`rows`]. A direction has only two free components; they
 /// are taken along two axes perpendicular to the measured direction.
-fn whitened(recording: &Recording, p: &Prediction, floors: &NoiseFloors, wheels: usize) -> Vec<f64> {
+fn whitened(tested: &[Tested], measured: &Chunk, values: &Chunk) -> Vec<f64> {
+    let vector =
+        |chunk: &Chunk, track: usize, k: usize| Vector3::from_fn(|index, _| chunk.number(track, k, index));
     let mut all = Vec::new();
-    for component in components(recording, wheels) {
-        let (channel, sensor) = (component.channel, component.sensor());
-        let sigma = floors.of_component(component).sigma;
-        if channel == Channel::Vector {
-            let (Some(measured), Some(found)) = (recording.vectors.get(sensor), p.vectors.get(sensor)) else {
-                continue;
-            };
-            all.extend(measured.direction_b.value.iter().zip(found).map(|(measured, v)| {
+    for Tested { component, track, sigma, .. } in tested {
+        let samples = values.samples(*track);
+        if component.channel == Channel::Vector {
+            all.extend(samples.map(|k| {
+                let (measured, v) = (vector(measured, *track, k), vector(values, *track, k));
                 let helper = if measured.z.abs() > 0.7 { Vector3::x() } else { Vector3::z() };
                 let first = whorl_math::unit_or(measured.cross(&helper), Vector3::x_axis()).into_inner();
                 let axis = if component.index() == 0 { first } else { measured.cross(&first) };
                 v.dot(&axis) / sigma
             }));
         } else {
-            let samples = recording.series(channel, sensor).map_or(0, |series| series.time_s().len());
-            let number = |k| p.number(channel, sensor, k, component.index()).unwrap_or(f64::NAN);
-            all.extend((0..samples).map(|k| number(k) / sigma));
+            all.extend(samples.map(|k| values.number(*track, k, component.index()) / sigma));
         }
     }
     all
-}
-
-/// Channel and component of each value of [`whitened`], with names.
-fn rows(
-    recording: &Recording,
-    model: &PlatformModel,
-    first_s: f64,
-    stretch_s: f64,
-) -> (Vec<Row>, Vec<String>) {
-    let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
-    let (mut rows, mut names) = (Vec::new(), Vec::new());
-    let stretch = |t: f64| ((t - first_s) / stretch_s + 1e-9).floor().max(0.0) as usize;
-    for component in components(recording, wheels.len()) {
-        let series = recording.series(component.channel, component.sensor());
-        let times = series.map_or(&[][..], |series| series.time_s());
-        let channel = names.len();
-        names.push(component.name(&wheels));
-        rows.extend(times.iter().map(|t| Row { stretch: stretch(*t), channel, time_s: *t }));
-    }
-    (rows, names)
 }

@@ -2,10 +2,12 @@
 
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
-use whorl_recording::{Channel, Component, Form, Recording};
+use whorl_math::GrowingCurve;
+use whorl_recording::{Channel, ChannelSeries, Component, Form, Recording};
 
-use crate::noise_floor::{FloorSource, NoiseFloor, NoiseFloors};
-use crate::prediction::{Prediction, predicted_channels};
+use super::gaps::Gaps;
+use crate::noise_floor::{FloorSource, NoiseFloors};
+use crate::prediction::{Chunk, Simulator, predicted_channels};
 
 /// Error of one channel at one horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -41,98 +43,171 @@ pub struct ChannelErrors {
     pub horizons: Vec<HorizonError>,
 }
 
-/// A channel's measured and predicted values, for a plot.
+/// A channel's measured and predicted values, for a plot: curves that stay short however long the run is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Overlay {
     /// Channel.
     pub name: String,
     /// What it measures.
     pub quantity: Channel,
-    /// Time \[s\].
-    pub time_s: Vec<f64>,
+    /// Length of each prediction \[s\]: the longest that is shorter than the run; `None`: the whole run.
+    pub horizon_s: Option<f64>,
     /// Measured.
-    pub measured: Vec<f64>,
-    /// Predicted, one curve for each horizon.
-    pub predicted: Vec<(Option<f64>, Vec<f64>)>,
+    pub measured: GrowingCurve,
+    /// Predicted, one prediction after the other.
+    pub predicted: GrowingCurve,
+    /// Measured less predicted.
+    pub error: GrowingCurve,
 }
 
-/// A channel as plain numbers: the components to sum over, one per axis except for directions.
+/// Compares a channel with its predictions, chunk by chunk: the components to sum over, one per axis except for
+/// directions.
 struct Column {
     name: String,
     quantity: Channel,
-    time_s: Vec<f64>,
-    measured: Vec<Vec<f64>>,
-    predicted: Vec<Vec<Vec<f64>>>,
-    floor: NoiseFloor,
+    sensor: usize,
+    track: usize,
+    indices: std::ops::Range<usize>,
+    /// Whose noise floor is the channel's.
+    component: Component,
     /// Number of independent noise components in the error.
     noise_components: f64,
+    /// By horizon, and each of the indices.
+    sums: Vec<Vec<Sums>>,
+    overlay: Option<Overlay>,
 }
 
-fn columns(
-    recording: &Recording,
-    model: &PlatformModel,
-    predictions: &[Prediction],
-    floors: &NoiseFloors,
-) -> Vec<Column> {
-    let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
-    let mut columns = Vec::new();
-    for (channel, sensor) in predicted_channels(recording) {
-        let Some(series) = recording.series(channel, sensor) else { continue };
-        let samples = series.time_s().len();
-        if samples == 0 {
-            continue;
+/// Sums over the samples of one component that were predicted.
+#[derive(Debug, Clone, Default)]
+struct Sums {
+    /// Errors squared.
+    left: f64,
+    measured: f64,
+    count: usize,
+    not_predicted: Gaps,
+}
+
+impl Sums {
+    fn add(&mut self, k: usize, measured: f64, predicted: f64) {
+        if predicted.is_finite() {
+            self.left += (measured - predicted).powi(2);
+            self.measured += measured;
+            self.count += 1;
+        } else {
+            self.not_predicted.add(k);
         }
-        let numbers = |number: &dyn Fn(usize) -> Option<f64>| -> Vec<f64> {
-            (0..samples).map(|k| number(k).unwrap_or(f64::NAN)).collect()
-        };
-        let mut add =
-            |name: String, indices: std::ops::Range<usize>, floor: NoiseFloor, noise_components: f64| {
-                let measured = indices.clone().map(|i| numbers(&|k| series.number(k, i))).collect();
-                let of = |p: &Prediction| {
-                    indices.clone().map(|i| numbers(&|k| p.number(channel, sensor, k, i))).collect()
-                };
+    }
+
+    /// Squares of the measured values about the mean of those that were predicted.
+    fn about_mean(&self, series: &dyn ChannelSeries, index: usize) -> f64 {
+        let mean = self.measured / self.count.max(1) as f64;
+        let used = self.not_predicted.others(series.time_s().len());
+        used.map(|k| (series.number(k, index).unwrap_or(f64::NAN) - mean).powi(2)).sum()
+    }
+}
+
+/// Errors of all channels at all horizons, while predictions come in.
+pub(super) struct Errors<'a> {
+    recording: &'a Recording,
+    horizons: &'a [Option<f64>],
+    columns: Vec<Column>,
+    /// The horizon that is plotted: the longest that is shorter than the run.
+    shown: usize,
+}
+
+impl<'a> Errors<'a> {
+    pub fn new(
+        recording: &'a Recording,
+        model: &PlatformModel,
+        simulator: &Simulator<'_>,
+        horizons: &'a [Option<f64>],
+    ) -> Self {
+        let shown = horizons.iter().rposition(Option::is_some).unwrap_or(horizons.len().saturating_sub(1));
+        let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+        let mut columns = Vec::new();
+        for (channel, sensor) in predicted_channels(recording) {
+            let Some(track) = simulator.track(channel, sensor) else { continue };
+            if simulator.tracks().get(track).is_none_or(|track| track.time_s.is_empty()) {
+                continue;
+            }
+            let mut add = |name: String,
+                           indices: std::ops::Range<usize>,
+                           component: Component,
+                           noise_components: f64| {
+                let overlay = (channel != Channel::Vector).then(|| Overlay {
+                    name: name.clone(),
+                    quantity: channel,
+                    horizon_s: horizons.get(shown).copied().flatten(),
+                    measured: GrowingCurve::default(),
+                    predicted: GrowingCurve::default(),
+                    error: GrowingCurve::default(),
+                });
                 columns.push(Column {
                     name,
                     quantity: channel,
-                    time_s: series.time_s().to_vec(),
-                    measured,
-                    predicted: predictions.iter().map(of).collect(),
-                    floor,
+                    sensor,
+                    track,
+                    sums: vec![vec![Sums::default(); indices.len()]; horizons.len()],
+                    indices,
+                    component,
                     noise_components,
+                    overlay,
                 });
             };
-        let components: Vec<Component> = Component::of(channel, sensor, wheels.len()).collect();
-        if channel.info().form == Form::Directions {
-            let key = channel.info().key;
-            let several = recording.vectors.len() > 1;
-            let name = if several { format!("{key}_{}", sensor + 1) } else { key.to_owned() };
-            // The error is an angle about two axes.
-            let floor = floors.of_component(Component::new(channel, sensor, 0));
-            add(name, 0..3, floor, components.len() as f64);
-        } else {
-            for component in components.into_iter().filter(|component| recording.measures(*component)) {
-                let index = component.index();
-                add(component.name(&wheels), index..index + 1, floors.of_component(component), 1.0);
+            let components: Vec<Component> = Component::of(channel, sensor, wheels.len()).collect();
+            if channel.info().form == Form::Directions {
+                let key = channel.info().key;
+                let several = recording.vectors.len() > 1;
+                let name = if several { format!("{key}_{}", sensor + 1) } else { key.to_owned() };
+                // The error is an angle about two axes.
+                add(name, 0..3, Component::new(channel, sensor, 0), components.len() as f64);
+            } else {
+                for component in components.into_iter().filter(|component| recording.measures(*component)) {
+                    let index = component.index();
+                    add(component.name(&wheels), index..index + 1, component, 1.0);
+                }
+            }
+        }
+        Self { recording, horizons, columns, shown }
+    }
+
+    /// Adds samples and their predictions over a horizon, by its position.
+    pub fn add(&mut self, horizon: usize, measured: &Chunk, predicted: &Chunk) {
+        for column in &mut self.columns {
+            let Some(sums) = column.sums.get_mut(horizon) else { continue };
+            let series = self.recording.series(column.quantity, column.sensor);
+            let times = series.map_or(&[][..], |series| series.time_s());
+            for k in predicted.samples(column.track) {
+                for (sums, index) in sums.iter_mut().zip(column.indices.clone()) {
+                    let (y, p) =
+                        (measured.number(column.track, k, index), predicted.number(column.track, k, index));
+                    sums.add(k, y, p);
+                    if let (Some(overlay), Some(&t)) = (&mut column.overlay, times.get(k))
+                        && horizon == self.shown
+                    {
+                        let curves = [
+                            (&mut overlay.measured, y),
+                            (&mut overlay.predicted, p),
+                            (&mut overlay.error, y - p),
+                        ];
+                        for (curve, value) in curves.into_iter().filter(|(_, value)| value.is_finite()) {
+                            curve.push(t, value);
+                        }
+                    }
+                }
             }
         }
     }
-    columns
-}
 
-pub(super) fn channels(
-    recording: &Recording,
-    model: &PlatformModel,
-    horizons: &[Option<f64>],
-    predictions: &[Prediction],
-    floors: &NoiseFloors,
-) -> Vec<ChannelErrors> {
-    let columns = columns(recording, model, predictions, floors);
-    columns
-        .into_iter()
-        .map(|column| {
-            let noise_floor = column.floor.sigma * column.noise_components.sqrt();
-            let errors = horizons.iter().zip(&column.predicted).map(|(horizon_s, predicted)| {
-                let (rms, fit, samples) = error(&column.measured, predicted, noise_floor);
+    /// The errors with these noise floors, and the curves.
+    pub fn finish(self, floors: &NoiseFloors) -> (Vec<ChannelErrors>, Vec<Overlay>) {
+        let (mut channels, mut overlays) = (Vec::new(), Vec::new());
+        for column in self.columns {
+            let floor = floors.of_component(column.component);
+            let noise_floor = floor.sigma * column.noise_components.sqrt();
+            let series = self.recording.series(column.quantity, column.sensor);
+            let errors = self.horizons.iter().zip(&column.sums).map(|(horizon_s, sums)| {
+                let (rms, fit, samples) = error(series, sums, column.indices.clone(), noise_floor);
                 HorizonError {
                     horizon_s: *horizon_s,
                     rms,
@@ -141,56 +216,36 @@ pub(super) fn channels(
                     samples,
                 }
             });
-            ChannelErrors {
+            channels.push(ChannelErrors {
                 horizons: errors.collect(),
                 unit: column.quantity.unit(),
                 name: column.name,
                 quantity: column.quantity,
                 noise_floor,
-                floor_source: column.floor.source,
-                still_s: column.floor.still_s,
-            }
-        })
-        .collect()
+                floor_source: floor.source,
+                still_s: floor.still_s,
+            });
+            overlays.extend(column.overlay);
+        }
+        (channels, overlays)
+    }
 }
 
 /// RMS error, fit and number of samples.
-fn error(measured: &[Vec<f64>], predicted: &[Vec<f64>], floor: f64) -> (f64, Option<f64>, usize) {
+fn error(
+    series: Option<&dyn ChannelSeries>,
+    sums: &[Sums],
+    indices: std::ops::Range<usize>,
+    floor: f64,
+) -> (f64, Option<f64>, usize) {
     let (mut left, mut about_mean, mut samples) = (0.0, 0.0, 0);
-    for (y, p) in measured.iter().zip(predicted) {
-        let used: Vec<(f64, f64)> =
-            y.iter().copied().zip(p.iter().copied()).filter(|(_, p)| p.is_finite()).collect();
-        let mean = used.iter().map(|(y, _)| y).sum::<f64>() / used.len().max(1) as f64;
-        left += used.iter().map(|(y, p)| (y - p).powi(2)).sum::<f64>();
-        about_mean += used.iter().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
-        samples = used.len();
+    for (sums, index) in sums.iter().zip(indices) {
+        left += sums.left;
+        about_mean += series.map_or(0.0, |series| sums.about_mean(series, index));
+        samples = sums.count;
     }
     let count = samples as f64;
     let moves = about_mean > 1.2 * floor * floor * count;
     let fit = moves.then(|| 100.0 * (1.0 - (left / about_mean).sqrt()));
     ((left / count).sqrt(), fit, samples)
-}
-
-pub(super) fn overlays(
-    recording: &Recording,
-    model: &PlatformModel,
-    horizons: &[Option<f64>],
-    predictions: &[Prediction],
-) -> Vec<Overlay> {
-    let floors = NoiseFloors::of(recording, model, &Prediction::default());
-    columns(recording, model, predictions, &floors)
-        .into_iter()
-        .filter(|c| c.quantity != Channel::Vector)
-        .map(|column| Overlay {
-            name: column.name,
-            quantity: column.quantity,
-            time_s: column.time_s,
-            measured: column.measured.into_iter().next().unwrap_or_default(),
-            predicted: horizons
-                .iter()
-                .copied()
-                .zip(column.predicted.into_iter().map(|p| p.into_iter().next().unwrap_or_default()))
-                .collect(),
-        })
-        .collect()
 }

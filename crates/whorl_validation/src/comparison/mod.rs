@@ -2,9 +2,10 @@
 
 mod absolute;
 mod channels;
+mod gaps;
 mod words;
 
-pub use absolute::{Absolute, InputCorrelation, Residuals, Whiteness};
+pub use absolute::{Absolute, InputCorrelation, Whiteness};
 pub use channels::{ChannelErrors, HorizonError, Overlay};
 pub use whorl_recording::Channel;
 
@@ -12,8 +13,10 @@ use serde::Serialize;
 use whorl_dynamics::{Freedom, Gyrostat, PlatformModel};
 use whorl_recording::{Mounting, Recording};
 
+use channels::Errors;
+
 use crate::error::ValidationError;
-use crate::noise_floor::NoiseFloors;
+use crate::noise_floor::{NoiseFloors, StillSearch};
 use crate::prediction::Simulator;
 use whorl_trajectory::commands::Commands;
 use whorl_trajectory::smoothing::{Motion, SmoothedMotion, smooth};
@@ -21,6 +24,10 @@ use whorl_trajectory::{Needs, check};
 
 /// Prediction horizons \[s\], in addition to the whole run.
 pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
+
+/// Predictions are compared this much at a time \[s\]: all of them at once would need many times the memory of the
+/// recording.
+const CHUNK_S: f64 = 10.0;
 
 /// How the initial state of every prediction is determined, to be printed with the numbers.
 pub const INITIAL_STATE_RULE: &str = "each prediction starts from the smoothed state at its first instant: attitude by \
@@ -52,9 +59,6 @@ pub struct Comparison {
     /// Curves for plots; not part of the JSON.
     #[serde(skip)]
     pub overlays: Vec<Overlay>,
-    /// Whitened residuals for plots.
-    #[serde(skip)]
-    pub residuals: Residuals,
 }
 
 /// Compares a recording with a model.
@@ -77,17 +81,25 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
     let duration_s = recording.duration_s();
     let horizons: Vec<Option<f64>> =
         HORIZONS_S.iter().copied().filter(|h| *h < duration_s).map(Some).chain([None]).collect();
-    let predictions: Vec<_> = horizons.iter().map(|h| simulator.predict(*h, &start)).collect();
-    let shortest = predictions.first().cloned().unwrap_or_default();
-    let floors = NoiseFloors::of(recording, gyrostat.model(), &shortest);
-    let channels = channels::channels(recording, gyrostat.model(), &horizons, &predictions, &floors);
-    let overlays = channels::overlays(recording, gyrostat.model(), &horizons, &predictions);
-    // As large as the recording, each of them.
-    drop((predictions, shortest));
-    let (absolute, residuals) =
-        absolute::test(recording, gyrostat.model(), &simulator, &start, &floors, &commands).unzip();
-    let residuals = residuals.unwrap_or_default();
-    let whiteness = residuals.tests(recording.closed_loop);
+    let mut errors = Errors::new(recording, gyrostat.model(), &simulator, &horizons);
+    let mut still = StillSearch::new(gyrostat.model());
+    for (h, horizon_s) in horizons.iter().enumerate() {
+        let mut walk = simulator.walk(*horizon_s);
+        while let Some(from_s) = walk.time_s() {
+            let predicted = walk.next(|t| t < from_s + CHUNK_S, &start);
+            let measured = simulator.measured(&predicted);
+            errors.add(h, &measured, &predicted);
+            // The shortest shows best where the platform is still.
+            if h == 0 {
+                still.add(&simulator, &measured, &predicted);
+            }
+        }
+    }
+    let floors = still.floors();
+    let (channels, overlays) = errors.finish(&floors);
+    let tested = absolute::test(recording, gyrostat.model(), &simulator, &start, &floors, &commands);
+    let (absolute, residuals) = tested.unzip();
+    let whiteness = residuals.map_or_else(Vec::new, |residuals| residuals.tests(recording.closed_loop));
     let times = if recording.gyro_b_rad_s.is_empty() {
         &recording.wheel_speed_rad_s.time_s
     } else {
@@ -104,14 +116,13 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         closed_loop: recording.closed_loop,
         gyro_bias_rad_s: motion.attitude.gyro_bias_rad_s.into(),
         overlays,
-        residuals,
     })
 }
 
 fn remarks(
     recording: &Recording,
     model: &PlatformModel,
-    commands: &Commands,
+    commands: &Commands<'_>,
     motion: &SmoothedMotion,
     floors: &NoiseFloors,
 ) -> Vec<String> {

@@ -156,7 +156,7 @@ fn wide_pass<const L: usize>(run: &Run, linearised: &Linearised, changes: &[Chan
         }
         let now = tile.node(k);
         for row in gains.linear.rows_of(k) {
-            let measurement = &gains.linear.rows[row];
+            let measurement = &gains.linear.rows()[row];
             let reading = measurement.reading;
             let of_tile = |part: usize| now.get(part + reading.index()).copied().unwrap_or([0.0; L]);
             let mut v = match reading.channel {

@@ -6,6 +6,7 @@
 //! gains (Ljung 1999, section 10.3; Klein and Morelli 2006, filter error method).
 
 mod dynamics;
+mod linear;
 mod measurement;
 mod noise;
 mod smoother;
@@ -18,6 +19,7 @@ use crate::layout::motion::Motion;
 use crate::layout::run::Run;
 use crate::whitening::mechanics::{Mechanics, Prediction};
 
+pub(crate) use linear::Linear;
 pub(crate) use measurement::Row;
 
 use square::{Square, congruence, symmetrise};
@@ -98,54 +100,6 @@ impl Settings {
     }
 }
 
-/// A run linearised along its motion: what does not depend on the noise.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Linear {
-    /// Number of states.
-    pub n: usize,
-    /// Rows of node k: `first_row[k]..first_row[k + 1]`.
-    pub first_row: Vec<usize>,
-    pub rows: Vec<Row>,
-    /// Of each interval's transition what is in the pattern, row by row.
-    transition: Vec<f64>,
-    /// Of each row of the transitions, the columns that are not zero all along.
-    pattern: Vec<Vec<usize>>,
-    /// intervals x n
-    defect: Vec<f64>,
-}
-
-impl Linear {
-    /// Rows of node `k`, by index.
-    pub fn rows_of(&self, k: usize) -> std::ops::Range<usize> {
-        match (self.first_row.get(k), self.first_row.get(k + 1)) {
-            (Some(first), Some(end)) => *first..*end,
-            _ => 0..0,
-        }
-    }
-
-    /// Rows of the transition over interval `k`: columns that are not zero, and what stands there.
-    #[inline]
-    pub fn transition_over(&self, k: usize) -> impl Iterator<Item = (&[usize], &[f64])> {
-        let size: usize = self.pattern.iter().map(Vec::len).sum();
-        let mut rest = self.transition.get(k * size..(k + 1) * size).unwrap_or(&[]);
-        self.pattern.iter().map(move |columns| {
-            let (row, after) = rest.split_at_checked(columns.len()).unwrap_or_default();
-            rest = after;
-            (columns.as_slice(), row)
-        })
-    }
-
-    /// The transition over interval `k` in full, n x n.
-    fn dense_transition(&self, k: usize, f: &mut [f64]) {
-        f.fill(0.0);
-        for (slots, (columns, row)) in f.chunks_exact_mut(self.n.max(1)).zip(self.transition_over(k)) {
-            for (column, x) in columns.iter().zip(row) {
-                slots[*column] = *x;
-            }
-        }
-    }
-}
-
 /// The filter's gains along a run: all that columns need to pass through it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Gains {
@@ -161,12 +115,12 @@ pub(crate) struct Gains {
 impl Gains {
     /// What each row reads.
     pub fn readings(&self) -> Vec<Component> {
-        self.linear.rows.iter().map(|row| row.reading).collect()
+        self.linear.rows().iter().map(|row| row.reading).collect()
     }
 
     /// Node of each row.
     pub fn nodes(&self) -> Vec<u32> {
-        self.linear.rows.iter().map(|row| row.node).collect()
+        self.linear.rows().iter().map(|row| row.node).collect()
     }
 }
 
@@ -235,35 +189,6 @@ impl System<'_> {
         WHEEL + self.wheels() + if self.settings.has_torque() { 3 } else { 0 }
     }
 
-    /// Linearises the run; systems that differ by the intensity of their noise share the result.
-    pub fn linear(&self) -> Linear {
-        let (n, nodes) = (self.states(), self.run.nodes());
-        let intervals = nodes.saturating_sub(1);
-        let mut linear = Linear { n, defect: vec![0.0; intervals * n], ..Linear::default() };
-        for k in 0..nodes {
-            linear.first_row.push(linear.rows.len());
-            self.rows(k, &mut linear.rows);
-        }
-        linear.first_row.push(linear.rows.len());
-        let mut a = vec![0.0; n * n];
-        let mut dense = vec![0.0; intervals * n * n];
-        let mut is_used = vec![false; n * n];
-        let steps = dense.chunks_exact_mut(n * n).zip(linear.defect.chunks_exact_mut(n));
-        for (k, (f, d)) in steps.enumerate() {
-            self.transition(k, &mut a, f);
-            self.defect(k, d);
-            is_used.iter_mut().zip(f).for_each(|(used, x)| *used |= *x != 0.0);
-        }
-        linear.pattern =
-            (0..n).map(|row| (0..n).filter(|column| is_used[row * n + column]).collect()).collect();
-        let used: Vec<usize> = (0..n * n).filter(|i| is_used[*i]).collect();
-        linear.transition.reserve_exact(intervals * used.len());
-        for f in dense.chunks_exact(n * n) {
-            linear.transition.extend(used.iter().map(|i| f[*i]));
-        }
-        linear
-    }
-
     /// Whitened innovations, and the log density of the measurements where all of them are zero.
     pub fn innovations(&self, linear: &Linear) -> (Vec<f64>, f64) {
         let forward = self.forward(linear, Keep::Innovations);
@@ -302,7 +227,7 @@ impl System<'_> {
         let n = linear.n.min(S);
         let nodes = self.run.nodes();
         let noise = self.noise();
-        let rows = linear.rows.len();
+        let rows = linear.rows().len();
         let room = |size: usize, kept: bool| Vec::with_capacity(if kept { size } else { 0 });
         let mut forward = Forward {
             whitened: room(rows, true),
@@ -319,7 +244,7 @@ impl System<'_> {
                 forward.state.extend_from_slice(&x[..n]);
                 p.iter().take(n).for_each(|row| forward.covariance.extend_from_slice(&row[..n]));
             }
-            for row in &linear.rows[linear.rows_of(k)] {
+            for row in &linear.rows()[linear.rows_of(k)] {
                 // P h^T is a sum of few rows of P.
                 let mut ph = [0.0; S];
                 let mut innovation = row.residual;

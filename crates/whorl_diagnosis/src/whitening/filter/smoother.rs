@@ -57,7 +57,7 @@ impl System<'_> {
                 }
             }
             for r in linear.rows_of(k).rev() {
-                let row = &linear.rows[r];
+                let row = &linear.rows()[r];
                 let gain = &forward.gain[r * n..(r + 1) * n];
                 let inverse = forward.inverse_stddev[r];
                 let along: f64 = gain.iter().zip(&lambda).map(|(g, l)| g * l).sum();

@@ -1,0 +1,23 @@
+//! What the comparison of a run of some length costs in memory.
+
+use super::generator::{Manoeuvre, platform, record};
+use crate::compare;
+
+/// Bytes for each further sample at 100 Hz, beside the recording itself. Predictions at four horizons and the sensitivities
+/// of twelve components to nine initial values are some 3000; those of one stretch at a time do not grow.
+const MOST_PER_SAMPLE: f64 = 600.0;
+
+#[test]
+fn predictions_and_sensitivities_of_a_long_run_are_never_there_at_once() {
+    let model = platform();
+    let peak = |duration_s: f64| {
+        let recording = record(&model, &Manoeuvre { duration_s, jet_period_s: 0.0, ..Manoeuvre::default() });
+        let counted = allocation_counter::measure(|| {
+            compare(&recording, &model).unwrap();
+        });
+        counted.bytes_max as f64
+    };
+    let (short_s, long_s) = (30.0, 90.0);
+    let per_sample = (peak(long_s) - peak(short_s)) / ((long_s - short_s) * 100.0);
+    assert!(per_sample < MOST_PER_SAMPLE, "{per_sample:.0} bytes for each sample");
+}
