@@ -170,6 +170,47 @@ fn with_redundant_sensors(formation: &mut Formation) {
     });
 }
 
+/// Valves on lines of a GPIO chip in place of the relay board, and a monitoring chip that measures the battery, as docs/hardware.md shows.
+fn with_gpio_valves(formation: &mut Formation) {
+    with_block_of_the_page(formation, "kind: valves_gpio", |own, block| {
+        let (before, rest) = own.split_once("      valves:\n").unwrap();
+        let (_, after) = rest.split_once("      converter:\n").unwrap();
+        let (converter, after) = after.split_once("\n# What references").unwrap();
+        let voltage = converter.lines().find(|line| line.contains("bus_voltage")).unwrap();
+        let converter = converter.replace(voltage, "");
+        let page = std::fs::read_to_string(root().join("docs/hardware.md")).unwrap();
+        let battery = page.split("```yaml\n").find(|block| block.contains("kind: hwmon")).unwrap();
+        let battery = battery.split("```").next().unwrap();
+        let devices = format!("    devices:\n{before}{block}      converter:\n{converter}\n{battery}");
+        format!("{devices}\n# What references{after}")
+    });
+}
+
+/// What arms and checks a platform does not know which kind of board has its valves.
+#[test]
+fn checkout_works_valves_on_gpio_lines_and_doctor_sees_the_chips() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    with_gpio_valves(&mut formation);
+    let faults = ["kind:=swapped", "jet:=jet_3", "with:=jet_7"].map(|f| format!("emulation.faults.a.{f}"));
+    let made = ["dev/whorl/whorl_1_imu", "hosts", "sys/bus/i2c/devices/1-0040/hwmon/name"];
+    emulate_and_see(&mut formation, &faults.each_ref().map(String::as_str), &made);
+    let ask = |formation: &Formation, command: &str| {
+        let mut asked = whorl(formation);
+        asked.args([command, "whorl_1", "--params"]).arg(&formation.params).arg("--root").arg(root());
+        asked.output().unwrap()
+    };
+    let doctor = String::from_utf8_lossy(&ask(&formation, "doctor").stdout).into_owned();
+    let seen = |words: [&str; 3]| doctor.lines().any(|line| words.iter().all(|word| line.contains(word)));
+    assert!(seen(["good", "device valves", "/dev/gpiochip0"]), "{doctor}");
+    assert!(seen(["good", "bus_voltage", "bus_current"]), "{doctor}");
+    let text = what_is_wrong(&ask(&formation, "checkout"));
+    assert!(line_of(&text, "jet_3").contains("jet_7") && line_of(&text, "jet_7").contains("jet_3"), "{text}");
+    for part in ["wheel_x", "jet_1", "jet_2", "jet_9", "jet_12"] {
+        assert!(line_of(&text, part).contains("right, "), "{text}");
+    }
+    formation.stop();
+}
+
 /// Three sensors and single-axis gyros are one sensor: the platform points, goes on pointing when the one that sets the pace is
 /// unplugged, and says so.
 #[test]

@@ -12,7 +12,7 @@ use crate::logical::InertialAxes;
 use crate::mailbox::Mailbox;
 use crate::reading::Reporter;
 use crate::running::Place;
-use crate::{DeviceError, iio, modbus_relays, ros, smartmotor, vn100};
+use crate::{DeviceError, gpio, hwmon, iio, modbus_relays, ros, smartmotor, vn100};
 
 /// A kind of device: one row of [`KINDS`].
 pub struct DeviceKind {
@@ -29,7 +29,9 @@ pub const KINDS: &[DeviceKind] = &[
     vn100::KIND,
     smartmotor::KIND,
     modbus_relays::KIND,
+    gpio::KIND,
     iio::KIND,
+    hwmon::KIND,
     iio::inertial::KIND,
     ros::IMU,
     ros::MAGNETOMETER,
@@ -55,6 +57,8 @@ pub enum Role {
     EmergencyStop,
     /// Voltage of the power bus.
     BusVoltage,
+    /// Current that the platform draws from its power bus.
+    BusCurrent,
     /// Pressure in the tank of the jets.
     TankPressure,
     /// Temperature of the platform.
@@ -80,6 +84,7 @@ impl Role {
             }
             Self::EmergencyStop => "emergency stop".to_owned(),
             Self::BusVoltage => "bus voltage".to_owned(),
+            Self::BusCurrent => "bus current".to_owned(),
             Self::TankPressure => "tank pressure".to_owned(),
             Self::Temperature => "temperature".to_owned(),
         }
@@ -93,6 +98,15 @@ pub struct UsedTopic {
     pub name: String,
     /// Whether the device reads it, and does not write it.
     pub is_read: bool,
+}
+
+/// Why a device cannot be used on this computer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Wrong {
+    /// What was found.
+    pub found: String,
+    /// What mends it.
+    pub mend: String,
 }
 
 /// One device of a platform.
@@ -113,6 +127,12 @@ pub trait Device: fmt::Debug + Send + Sync {
     /// Topics of other nodes, without which there is no such device.
     fn topics(&self) -> Vec<UsedTopic> {
         Vec::new()
+    }
+
+    /// What a look at it shows that moves nothing and takes nothing from others, where that is more than whether path, host and
+    /// topics are there.
+    fn inspect(&self, _: &Place) -> Option<Result<String, Wrong>> {
+        None
     }
 
     /// What it gives.

@@ -12,6 +12,8 @@
 pub mod bus;
 pub mod checkout;
 pub mod emulation;
+pub mod gpio;
+pub mod hwmon;
 pub mod iio;
 mod kinds;
 mod list;
@@ -24,9 +26,12 @@ mod running;
 mod schedule;
 pub mod smartmotor;
 mod timing;
+mod valves;
+#[cfg(test)]
+mod valves_bench;
 pub mod vn100;
 
-pub use kinds::{Device, DeviceKind, KINDS, Role, UsedTopic};
+pub use kinds::{Device, DeviceKind, KINDS, Role, UsedTopic, Wrong};
 pub use list::{Address, DeviceList, NamedDevice, read};
 pub use mailbox::{Command, Mailbox};
 pub use reading::{Joint, Measured, Reading, Reporter, State};

@@ -255,6 +255,32 @@ mod tests {
                 "w: {kind: smartmotor_chain, port: /dev/b, drive: current, full_scale_torque_n_m: 1.0}",
                 "wheel_x, wheel_y",
             ),
+            ("v: {kind: valves_gpio, lines: {jet_1: 17}}", "chip"),
+            ("v: {kind: valves_gpio, chip: /dev/gpiochip0}", "lines.<jet>"),
+            ("v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_99: 17}}", "jet_12"),
+            (
+                "v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_1: 17, jet_2: 17}}",
+                "jet_1 has number 17",
+            ),
+            ("v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_1: -1}}", "65535"),
+            (
+                "v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_1: 17}, heartbeat_line: 17}",
+                "works a valve",
+            ),
+            (
+                "v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_1: 1}, emergency_stop_line: 1}",
+                "an output",
+            ),
+            ("v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_1: 1}, watchdog_s: 0.05}", "0.15"),
+            ("a: {kind: hwmon, folder: /sys}", "bus_voltage, bus_current, temperature"),
+            (
+                "a: {kind: hwmon, folder: /sys, inputs: {oxygen: {channel: in1}}}",
+                "bus_voltage, bus_current, temperature",
+            ),
+            ("a: {kind: hwmon, folder: /sys, inputs: {bus_voltage: {channel: curr1}}}", "such as in1"),
+            ("a: {kind: hwmon, folder: /sys, inputs: {bus_voltage: {channel: in1_input}}}", "such as in1"),
+            ("a: {kind: hwmon, folder: /sys, inputs: {bus_voltage: {channel: in1, gain: 0.0}}}", "but 0"),
+            ("a: {kind: hwmon, folder: /sys, inputs: {bus_current: {channel: curr1}}}", "inputs.bus_voltage"),
             ("a: {kind: iio_inertial, folder: /sys}", "measures nothing"),
             (
                 "a: {kind: iio_inertial, folder: /sys, inputs: {x: {channel: in_voltage0, axis: [1.0, 0.0, 0.0]}}}",

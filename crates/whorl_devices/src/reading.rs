@@ -57,6 +57,8 @@ pub enum Measured {
     EmergencyStop(bool),
     /// Voltage of the power bus \[V\].
     BusVoltage(f64),
+    /// Current that the platform draws from the power bus \[A\].
+    BusCurrent(f64),
     /// Pressure in the tank \[Pa\].
     TankPressure(f64),
     /// Temperature \[K\].

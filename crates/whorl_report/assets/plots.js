@@ -119,7 +119,17 @@
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      ctx.fillText(limit.n, bbox.left + bbox.width - ctx.measureText(limit.n).width - 4 * ratio, y - 3 * ratio);
+      // Below the line where names of steps are above it, and with a rim that keeps curves off.
+      const at = bbox.left + bbox.width - ctx.measureText(limit.n).width - 4 * ratio;
+      const base = y < bbox.top + 24 * ratio ? y + 11 * ratio : y - 4 * ratio;
+      ctx.save();
+      ctx.setLineDash([]);
+      ctx.lineJoin = "round";
+      ctx.lineWidth = 4 * ratio;
+      ctx.strokeStyle = css("--page");
+      ctx.strokeText(limit.n, at, base);
+      ctx.restore();
+      ctx.fillText(limit.n, at, base);
     }
     ctx.font = `${10 * ratio}px system-ui, sans-serif`;
     ctx.textAlign = "left";

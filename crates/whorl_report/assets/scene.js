@@ -262,10 +262,11 @@
     }
 
     show(frame) {
-      const number = (v, digits) => (v == null || !Number.isFinite(v) ? "–" : v.toFixed(digits));
+      // Adding 0 makes 0 of -0, which would be printed with its sign.
+      const number = (v, digits) => (v == null || !Number.isFinite(v) ? "–" : (Number(v.toFixed(digits)) + 0).toFixed(digits));
       this.rows.forEach((row, i) => {
         const p = frame.platforms[i] || {};
-        const words = [p.mode || "–", p.q ? whorl.angles(p.q).map((a) => a.toFixed(2)).join(", ") : "–", number(p.error_deg, 3), number(p.gas_g, 2), number(p.link_ms, 0)];
+        const words = [p.mode || "–", p.q ? whorl.angles(p.q).map((a) => number(a, 2)).join(", ") : "–", number(p.error_deg, 3), number(p.gas_g, 2), number(p.link_ms, 0)];
         words.forEach((text, k) => { if (row.cells[k + 1].textContent !== text) row.cells[k + 1].textContent = text; });
         row.className = p.alarm ? "fault" : "";
       });

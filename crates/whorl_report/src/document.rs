@@ -151,13 +151,13 @@ impl Document {
 
     /// A paragraph of a class (`answer`, `rule`, `warning`; empty for none).
     pub fn paragraph(&mut self, class: &str, text: &str) {
-        self.add(html! { p class=[(!class.is_empty()).then_some(class)] { (text) } });
+        self.add(html! { p class=[(!class.is_empty()).then_some(class)] { (signs(text)) } });
     }
 
     /// A list of sentences.
     pub fn list(&mut self, items: &[String]) {
         if !items.is_empty() {
-            self.add(html! { ul { @for item in items { li { (item) } } } });
+            self.add(html! { ul { @for item in items { li { (signs(item)) } } } });
         }
     }
 
@@ -213,9 +213,9 @@ pub(crate) fn heading_row(headings: &[&str]) -> Markup {
         tr {
             @for heading in headings {
                 @if let Some(number) = heading.strip_prefix('#') {
-                    th class="n" { (number) }
+                    th class="n" { (signs(number)) }
                 } @else {
-                    th { (heading) }
+                    th { (signs(heading)) }
                 }
             }
         }
@@ -224,7 +224,12 @@ pub(crate) fn heading_row(headings: &[&str]) -> Markup {
 
 /// A table cell of plain text.
 pub(crate) fn text(value: &str) -> Markup {
-    html! { td { (value) } }
+    html! { td { (signs(value)) } }
+}
+
+/// Signs as pages have them, where words are also for terminals and files that may not.
+fn signs(text: &str) -> String {
+    text.replace("+-", "\u{b1}")
 }
 
 /// A table cell of text below a heading: to the right where the heading begins with `#`.
@@ -278,6 +283,17 @@ mod tests {
         assert!(html.contains("a &lt; b &amp; &quot;c&quot;") && html.contains("<h1>&lt;b&gt;</h1>"));
         assert!(html.ends_with("</body></html>"));
         assert!(!html.contains("<script"), "no figures, no scripts");
+    }
+
+    #[test]
+    fn pages_have_signs_that_terminals_may_not_have() {
+        let mut page = Document::new("t");
+        page.paragraph("", "1 +- 2");
+        page.list(&["3 +- 4".to_owned()]);
+        page.table(&["#+-"], &[vec![text("5 +- 6")]]);
+        let html = page.finish();
+        let found = ["1 \u{b1} 2", "3 \u{b1} 4", "<th class=\"n\">\u{b1}</th>", "5 \u{b1} 6"];
+        assert!(found.iter().all(|words| html.contains(words)) && !html.contains("+-"), "{html}");
     }
 
     #[test]

@@ -220,6 +220,12 @@ fn topics_table(page: &mut Document, topics: &[TopicRow]) {
     };
     let rows: Vec<Vec<Markup>> = topics.iter().map(row).collect();
     page.table(&headings, &rows);
+    if topics.iter().any(|t| t.lost.is_none()) {
+        page.paragraph(
+            "rule",
+            "?: these messages are not numbered, so that nobody can say how many were lost.",
+        );
+    }
 }
 
 fn angle(rad: f64) -> Markup {

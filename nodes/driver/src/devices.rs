@@ -22,6 +22,8 @@ use crate::prearm::{PreArm, Supplies};
 
 /// A speed older than this is none.
 const STALE: Duration = Duration::from_millis(100);
+/// The same of a current from the power bus.
+const STALE_SUPPLY: Duration = Duration::from_secs(1);
 const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// A platform of devices.
@@ -42,6 +44,8 @@ pub struct DeviceHardware {
     place: String,
     prearm: PreArm,
     supplies: Supplies,
+    /// Drawn from the power bus \[A\], and when that was.
+    bus_current: Option<(f64, Instant)>,
     is_stopped: bool,
     told_of_masses: bool,
 }
@@ -112,6 +116,7 @@ impl DeviceHardware {
             place,
             prearm: PreArm::default(),
             supplies,
+            bus_current: None,
             is_stopped: false,
             told_of_masses: false,
         }
@@ -301,8 +306,16 @@ impl Hardware for DeviceHardware {
                 }
                 Measured::BusVoltage(volt) => {
                     self.prearm.bus_voltage(volt);
-                    out.push((Topic::Battery, battery(&header, volt, self.model.bus.initial_v).into()));
+                    let mut message = battery(&header, volt, self.model.bus.initial_v);
+                    let fresh =
+                        |(_, when): &(f64, Instant)| at.saturating_duration_since(*when) < STALE_SUPPLY;
+                    if let Some((amp, _)) = self.bus_current.filter(fresh) {
+                        // The message's sign: negative when discharging.
+                        message.current = -amp as f32;
+                    }
+                    out.push((Topic::Battery, message.into()));
                 }
+                Measured::BusCurrent(amp) => self.bus_current = Some((amp, at)),
                 Measured::TankPressure(fluid_pressure) => {
                     self.prearm.tank_pressure(fluid_pressure);
                     let variance = sensors.tank_pressure.noise_stddev.powi(2);

@@ -43,6 +43,7 @@ pub(super) fn all(mut options: SetupOptions, platform: &str) -> anyhow::Result<V
         ));
     }
     checks.extend(list.devices.iter().filter_map(|named| of_file(named, &place)));
+    checks.extend(list.devices.iter().filter_map(|named| seen(named, &place)));
     checks.extend(list.devices.iter().filter_map(|named| of_host(named, &place)));
     checks.extend(of_topics(&list, &place)?);
     Ok(checks)
@@ -50,6 +51,15 @@ pub(super) fn all(mut options: SetupOptions, platform: &str) -> anyhow::Result<V
 
 fn title(named: &NamedDevice) -> String {
     format!("device {}", named.name)
+}
+
+/// What the device itself can say about this computer.
+fn seen(named: &NamedDevice, place: &Place) -> Option<Check> {
+    let name = title(named);
+    Some(match named.device.inspect(place)? {
+        Ok(found) => Check::good(&name, found),
+        Err(wrong) => Check::wrong(&name, wrong.found, wrong.mend),
+    })
 }
 
 /// A port or folder.

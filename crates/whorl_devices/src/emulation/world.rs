@@ -8,6 +8,9 @@ use super::faults::FaultKind;
 /// A valve that is told to open stays open for so long, unless it is told to close \[s\].
 const OPEN_S: f64 = 3600.0;
 
+/// What computer, sensors and valves draw, all the time \[W\]; assumed.
+const STANDING_W: f64 = 20.0;
+
 /// The simulated platform, and what its devices make it do.
 pub struct World {
     /// The platform.
@@ -82,6 +85,17 @@ impl World {
     #[must_use]
     pub fn bus_voltage_v(&self) -> f64 {
         self.plant.environment().bus_voltage_v
+    }
+
+    /// Current from the power bus \[A\]: what is always drawn, and what the wheels' motors put into motion. Of losses, and of what
+    /// motors that brake give back, the emulation knows nothing.
+    #[must_use]
+    pub fn bus_current_a(&self) -> f64 {
+        let speeds = self.plant.state().wheel_speed_rad_s();
+        let wheels = self.motors.iter().filter(|(kind, _)| *kind == Kind::Wheels);
+        let torques = wheels.flat_map(|(_, torques)| torques);
+        let moving_w: f64 = torques.zip(speeds).map(|(torque, speed)| (torque * speed).max(0.0)).sum();
+        (STANDING_W + moving_w) / self.bus_voltage_v().max(1.0)
     }
 
     /// -1 for a wheel that is wired the wrong way round.

@@ -2,7 +2,7 @@
 
 use whorl_dynamics::PlatformModel;
 
-use super::Board;
+use super::Relays;
 use super::protocol::{Frame, carry_out, take_frame};
 use crate::emulation::{Emulator, TcpEmulator, Wire, World};
 
@@ -12,15 +12,15 @@ const WORKS_NS: i64 = 300_000;
 const SPARE: usize = 4;
 
 struct Emulated {
-    board: Board,
+    board: Relays,
     received: Vec<u8>,
     coils: Vec<bool>,
     /// Of its watchdog.
     closes_ns: Option<i64>,
 }
 
-pub(super) fn new(board: &Board, _: &PlatformModel) -> Emulator {
-    let count = usize::from(board.first_coil) + board.jets.len() + SPARE;
+pub(super) fn new(board: &Relays, _: &PlatformModel) -> Emulator {
+    let count = usize::from(board.first_coil) + board.coils.len() + SPARE;
     Emulator::Tcp {
         host: board.host.clone(),
         device: Box::new(Emulated {
@@ -42,8 +42,8 @@ impl Emulated {
     fn switch(&self, at_ns: i64, world: &mut World) {
         world.advance_to(at_ns);
         let first = usize::from(self.board.first_coil);
-        for (coil, (jet, _)) in self.coils.iter().skip(first).zip(&self.board.jets) {
-            world.set_valve(world.jet_on_wire(*jet), *coil, at_ns);
+        for (coil, outlet) in self.coils.iter().skip(first).zip(&self.board.coils) {
+            world.set_valve(world.jet_on_wire(outlet.jet), *coil, at_ns);
         }
     }
 }

@@ -4,8 +4,12 @@ use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
 
+use super::Relays;
 use super::protocol::{Frame, carry_out, take_frame};
+use crate::Place;
 use crate::schedule::Schedule;
+use crate::valves::Outlet;
+use crate::valves_bench::valves_are_shut;
 
 #[test]
 fn ten_coils_from_20_on_are_written_as_printed() {
@@ -108,4 +112,42 @@ proptest! {
         carry_out(&found[0].pdu, &mut coils, &mut []);
         prop_assert_eq!(coils, values);
     }
+}
+
+/// A board with this many coils, and where it is.
+fn board(coils: usize) -> (std::sync::Arc<std::sync::Mutex<Vec<bool>>>, String) {
+    use std::io::{Read, Write};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let host = listener.local_addr().unwrap().to_string();
+    let state = std::sync::Arc::new(std::sync::Mutex::new(vec![false; coils]));
+    let coils = std::sync::Arc::clone(&state);
+    std::thread::spawn(move || {
+        for mut socket in listener.incoming().flatten() {
+            let (mut received, mut buffer) = (Vec::new(), [0; 512]);
+            while let Ok(count @ 1..) = socket.read(&mut buffer) {
+                received.extend_from_slice(&buffer[..count]);
+                while let Some(mut frame) = take_frame(&mut received).unwrap() {
+                    frame.pdu = carry_out(&frame.pdu, &mut coils.lock().unwrap(), &mut []);
+                    socket.write_all(&frame.bytes()).unwrap();
+                }
+            }
+        }
+    });
+    (state, host)
+}
+
+#[test]
+fn valves_are_shut_whatever_ends_the_session() {
+    let (coils, host) = board(6);
+    let outlet = |jet, output| Outlet { output, jet, shortest_s: 0.01 };
+    let relays = Relays {
+        host,
+        unit: 1,
+        first_coil: 3,
+        watchdog_s: 0.0,
+        stop_input: None,
+        coils: vec![outlet(0, 3), outlet(1, 4)],
+    };
+    let is_open = |jet: usize| coils.lock().unwrap()[3 + jet];
+    valves_are_shut(relays, &Place::default(), &is_open);
 }

@@ -178,9 +178,9 @@ struct Node {
 impl Node {
     fn switch(&self, at_ns: i64, data: &[u8], world: &mut World) {
         world.advance_to(at_ns);
-        for (place, (jet, _)) in self.valves.jets.iter().enumerate() {
+        for (place, element) in self.valves.elements.iter().enumerate() {
             let open = data.get(place).is_some_and(|value| *value != 0);
-            world.set_valve(world.jet_on_wire(*jet), open, at_ns);
+            world.set_valve(world.jet_on_wire(element.jet), open, at_ns);
         }
     }
 }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use whorl_dynamics::PlatformModel;
 use whorl_msgs::std_msgs::UInt8MultiArray;
 use whorl_msgs::topics::MessageType;
-use whorl_params::{Reader, range};
+use whorl_params::Reader;
 use whorl_ros::Listener;
 
 use super::{LOOK, Told, emulator, join, read_topic, topic};
@@ -21,6 +21,7 @@ use crate::mailbox::Mailbox;
 use crate::reading::{Measured, Reporter, State};
 use crate::running::Place;
 use crate::schedule::Schedule;
+use crate::valves::{self, Outlet, REFRESH};
 
 /// Its row in the table.
 pub const VALVES: DeviceKind = DeviceKind {
@@ -29,8 +30,6 @@ pub const VALVES: DeviceKind = DeviceKind {
     read,
 };
 
-/// Between messages without an edge.
-const REFRESH: Duration = Duration::from_millis(50);
 /// A network without subscribers for so long is joined anew.
 const ANEW: Duration = super::ANEW;
 
@@ -38,38 +37,19 @@ const ANEW: Duration = super::ANEW;
 #[derive(Debug, Clone)]
 pub(super) struct RosValves {
     pub(super) command: String,
-    /// Of each element of the message: the jet, and its shortest pulse \[s\].
-    pub(super) jets: Vec<(usize, f64)>,
+    /// Of the message, from 0 on.
+    pub(super) elements: Vec<Outlet>,
 }
 
 fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
     let before = r.error_count();
     let command = read_topic(r, "command", "topic of the valves' node, std_msgs/UInt8MultiArray: 1 is open");
-    let names: Vec<&str> = model.jets().iter().map(|jet| jet.name.as_str()).collect();
-    let mut elements: Vec<(i64, String)> = Vec::new();
-    for name in r.children("elements") {
-        let doc = "place of the valve in the message, from 0";
-        let element = r.group("elements", |r| r.i64(&name, range(0..=255), doc));
-        let key = format!("elements.{name}");
-        if !names.contains(&name.as_str()) {
-            r.reject(&key, format!("{name} is no jet of this platform; allowed: {}", names.join(", ")));
-        } else if let Some((_, other)) = elements.iter().find(|(e, _)| *e == element) {
-            r.reject(&key, format!("{other} has element {element} already; allowed: an element of its own"));
-        } else {
-            elements.push((element, name));
-        }
-    }
-    elements.sort_unstable();
-    let in_order = (0i64..).zip(&elements).all(|(place, (element, _))| place == *element);
+    let elements = valves::read(r, model, "elements", 255, "place of the valve in the message, from 0");
+    let in_order = (0..).zip(&elements).all(|(place, element)| place == element.output);
     if (elements.is_empty() || !in_order) && r.error_count() == before {
         r.reject("kind", "allowed: elements.<jet> from 0 without gaps, one for each valve of the message");
     }
-    let jet = |name: &str| {
-        let index = names.iter().position(|known| *known == name)?;
-        Some((index, model.jets().get(index)?.min_on_time_s))
-    };
-    let jets: Vec<(usize, f64)> = elements.iter().filter_map(|(_, name)| jet(name)).collect();
-    (r.error_count() == before).then(|| Box::new(RosValves { command, jets }) as Box<dyn Device>)
+    (r.error_count() == before).then(|| Box::new(RosValves { command, elements }) as Box<dyn Device>)
 }
 
 impl Device for RosValves {
@@ -82,14 +62,14 @@ impl Device for RosValves {
     }
 
     fn roles(&self) -> Vec<Role> {
-        self.jets.iter().map(|(jet, _)| Role::Jet(*jet)).collect()
+        self.elements.iter().map(|element| Role::Jet(element.jet)).collect()
     }
 
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
         let topic = topic(place, &self.command, MessageType::UInt8MultiArray);
         let mut listener = join(&[], &[topic])?;
         let mut told = Told { reporter, state: None };
-        let mut schedule = Schedule::new(self.jets.clone());
+        let mut schedule = valves::schedule(&self.elements);
         let began = Instant::now();
         let (mut heard, mut look, mut refresh) = (began, began, began);
         loop {

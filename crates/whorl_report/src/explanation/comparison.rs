@@ -27,9 +27,8 @@ pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Fac
         page.paragraph("answer", of_model);
     }
     for run in runs {
+        // Together: findings do not say of which run they are.
         page.paragraph("answer", &run.comparison.answer());
-    }
-    for run in runs {
         page.list(&run.comparison.findings());
     }
     page.heading("Prediction errors");

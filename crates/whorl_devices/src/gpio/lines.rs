@@ -1,0 +1,193 @@
+//! Lines behind one small interface: of a chip, or of an emulated one.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::time::Duration;
+
+use gpiocdev::line::{Bias, Value, Values};
+use gpiocdev::{Chip, Request};
+use rustix::fs::Access;
+
+use super::Valves;
+use super::protocol::{Answer, Call, LineRequest, LineValues};
+use crate::DeviceError;
+use crate::kinds::Wrong;
+use crate::running::Place;
+
+/// Who uses the lines, as `gpioinfo` shows it.
+const CONSUMER: &str = "whorl";
+/// An emulated chip has so long to answer.
+const ANSWER: Duration = Duration::from_millis(50);
+
+/// Lines that were requested.
+pub(super) trait Lines {
+    /// Drives all outputs in one call. Bit k is the k-th of them.
+    fn set(&mut self, active: u64) -> Result<(), DeviceError>;
+
+    /// Whether the contact of the emergency stop is active.
+    fn input(&mut self) -> Result<bool, DeviceError>;
+}
+
+/// Requests the lines; outputs are inactive from the beginning.
+pub(super) fn request(setup: &Valves, place: &Place) -> Result<Box<dyn Lines>, DeviceError> {
+    if place.root.is_some() {
+        return Ok(Box::new(Emulated::request(setup, place)?));
+    }
+    let chip = open(setup, Path::new(&setup.chip))?;
+    free(setup, &chip)?;
+    let mut builder = Request::builder();
+    builder.on_chip(chip.path()).with_consumer(CONSUMER);
+    let outputs = setup.outputs();
+    builder.with_lines(&outputs).as_output(Value::Inactive);
+    if setup.active_low {
+        builder.as_active_low();
+    }
+    // Settings are those of the lines that were named last.
+    if let Some(stop) = setup.stop {
+        builder.with_line(stop.line).as_input();
+        if stop.active_low {
+            builder.as_active_low().with_bias(Bias::PullUp);
+        } else {
+            builder.as_active_high().with_bias(Bias::PullDown);
+        }
+    }
+    let request = builder.request().map_err(refused("lines of", setup))?;
+    Ok(Box::new(Kernels { request, outputs, setup: setup.clone() }))
+}
+
+/// What `whorl doctor` sees without requesting anything.
+pub(super) fn inspect(setup: &Valves, place: &Place) -> Result<String, Wrong> {
+    let wrong = |found: String, mend: &str| Wrong { found, mend: mend.to_owned() };
+    let chip = &setup.chip;
+    if place.root.is_some() {
+        // Nothing more: a connection would send the driver's away.
+        let found = place.host(chip).map(|_| format!("{chip}: emulated, its lines are there"));
+        return found.map_err(|error| wrong(format!("{chip}: {error}"), "start the emulators again"));
+    }
+    let path = Path::new(chip);
+    if !path.exists() {
+        let mend =
+            "gpiodetect lists chips; without any, the kernel lacks the chip's driver or CONFIG_GPIO_CDEV";
+        return Err(wrong(format!("{chip} is not there"), mend));
+    }
+    if rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_err() {
+        let mend =
+            "sudo usermod -aG dialout $USER, and log in again (packaging/udev gives that group the chip)";
+        return Err(wrong(format!("{chip}: no permission"), mend));
+    }
+    let opened = open(setup, path).map_err(|error| {
+        wrong(error.to_string(), "gpiodetect lists chips with their labels: correct chip, label or lines")
+    })?;
+    free(setup, &opened).map_err(|error| {
+        wrong(error.to_string(), "gpioinfo shows who uses which line; is the driver running already?")
+    })?;
+    let label = opened.info().map(|info| info.label).unwrap_or_default();
+    Ok(format!("{chip} [{label}]: its {} lines are free", setup.all().count()))
+}
+
+fn refused(what: &str, setup: &Valves) -> impl Fn(gpiocdev::Error) -> DeviceError {
+    let what = format!("{what} {}", setup.chip);
+    move |error| DeviceError::Refused(format!("{what}: {error}"))
+}
+
+/// The chip, if it is the right one and has these lines.
+fn open(setup: &Valves, path: &Path) -> Result<Chip, DeviceError> {
+    std::fs::metadata(path).map_err(DeviceError::io("cannot open", &setup.chip))?;
+    let chip = Chip::from_path(path).map_err(refused("cannot open", setup))?;
+    let info = chip.info().map_err(refused("cannot ask", setup))?;
+    if let Some(label) = setup.label.as_ref().filter(|label| **label != info.label) {
+        let text = format!("{} is the chip {}, and not {label}", setup.chip, info.label);
+        return Err(DeviceError::Refused(text));
+    }
+    if let Some(line) = setup.all().find(|line| *line >= info.num_lines) {
+        let last = info.num_lines.saturating_sub(1);
+        let text = format!("{} [{}] has lines 0 to {last}, not {line}", setup.chip, info.label);
+        return Err(DeviceError::Refused(text));
+    }
+    Ok(chip)
+}
+
+/// Whether nobody else uses the lines.
+fn free(setup: &Valves, chip: &Chip) -> Result<(), DeviceError> {
+    for line in setup.all() {
+        let info = chip.line_info(line).map_err(refused("cannot ask", setup))?;
+        if info.used {
+            let text = format!("line {line} of {} is used by {:?}", setup.chip, info.consumer);
+            return Err(DeviceError::Refused(text));
+        }
+    }
+    Ok(())
+}
+
+/// The kernel's.
+struct Kernels {
+    request: Request,
+    outputs: Vec<u32>,
+    setup: Valves,
+}
+
+impl Lines for Kernels {
+    fn set(&mut self, active: u64) -> Result<(), DeviceError> {
+        let value = |place: usize| Value::from(active >> place & 1 == 1);
+        let values: Values =
+            self.outputs.iter().enumerate().map(|(place, line)| (*line, value(place))).collect();
+        self.request.set_values(&values).map_err(refused("cannot write", &self.setup))
+    }
+
+    fn input(&mut self) -> Result<bool, DeviceError> {
+        let Some(stop) = self.setup.stop else { return Ok(false) };
+        let value = self.request.value(stop.line).map_err(refused("cannot read", &self.setup))?;
+        Ok(value == Value::Active)
+    }
+}
+
+/// An emulated chip: the arguments of the kernel's calls over a socket.
+struct Emulated {
+    socket: TcpStream,
+    chip: String,
+    /// Bits of the outputs and of the contact.
+    outputs: u64,
+    input: u64,
+}
+
+impl Emulated {
+    fn request(setup: &Valves, place: &Place) -> Result<Self, DeviceError> {
+        let failed = |what: &'static str| DeviceError::io(what, &setup.chip);
+        let address = place.host(&setup.chip).map_err(failed("cannot find"))?;
+        let socket = TcpStream::connect_timeout(&address, ANSWER * 20).map_err(failed("cannot open"))?;
+        socket.set_nodelay(true).map_err(failed("cannot open"))?;
+        socket.set_read_timeout(Some(ANSWER)).map_err(failed("cannot open"))?;
+        let count = setup.outputs().len();
+        let outputs = (1_u64 << count) - 1;
+        let input = u64::from(setup.stop.is_some()) << count;
+        let mut lines = Self { socket, chip: setup.chip.clone(), outputs, input };
+        lines.call(&Call::GetLine(LineRequest::of(setup)))?;
+        Ok(lines)
+    }
+
+    /// What the kernel would have written into the argument.
+    fn call(&mut self, call: &Call) -> Result<LineValues, DeviceError> {
+        let lost = DeviceError::io("lost", &self.chip);
+        self.socket.write_all(&call.bytes()).map_err(&lost)?;
+        let mut bytes = [0; Answer::SIZE];
+        self.socket.read_exact(&mut bytes).map_err(&lost)?;
+        let answer = Answer::from_bytes(&bytes);
+        if answer.error != 0 {
+            return Err(lost(std::io::Error::from_raw_os_error(answer.error)));
+        }
+        Ok(answer.values)
+    }
+}
+
+impl Lines for Emulated {
+    fn set(&mut self, active: u64) -> Result<(), DeviceError> {
+        let values = LineValues { bits: active, mask: self.outputs };
+        self.call(&Call::SetValues(values)).map(|_| ())
+    }
+
+    fn input(&mut self) -> Result<bool, DeviceError> {
+        let values = self.call(&Call::GetValues(LineValues { bits: 0, mask: self.input }))?;
+        Ok(values.bits & self.input != 0)
+    }
+}
