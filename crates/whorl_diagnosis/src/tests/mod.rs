@@ -3,6 +3,7 @@
 mod bad_input;
 pub(crate) mod generator;
 mod gyros;
+mod memory;
 mod naming;
 mod noise_walks;
 mod prospects;
