@@ -25,15 +25,21 @@ pub(crate) enum Sizes {
 const MOST_BYTES: usize = 64 << 20;
 
 /// Runs linearised for kinds of noise, the one that was used last behind the others.
-#[derive(Default)]
-struct Linears(Vec<(Nuisance, Vec<Linear>)>);
+pub(crate) struct Linears {
+    list: Vec<(Nuisance, Vec<Linear>)>,
+    most_bytes: usize,
+}
 
 impl Linears {
+    pub fn within(most_bytes: usize) -> Self {
+        Self { list: Vec::new(), most_bytes }
+    }
+
     /// Those of a kind: made at need, and then others may have to go.
-    fn of(&mut self, kind: Nuisance, systems: &[System<'_>], threads: usize) -> &[Linear] {
-        let known = self.0.iter().position(|(of, _)| *of == kind).map(|at| self.0.remove(at));
+    pub fn of(&mut self, kind: Nuisance, systems: &[System<'_>], threads: usize) -> &[Linear] {
+        let known = self.list.iter().position(|(of, _)| *of == kind).map(|at| self.list.remove(at));
         let wanted = known.unwrap_or_else(|| {
-            let alike = self.0.first().map(|(_, linears)| linears.as_slice()).unwrap_or_default();
+            let alike = self.list.first().map(|(_, linears)| linears.as_slice()).unwrap_or_default();
             let all: Vec<_> = systems.iter().enumerate().collect();
             let made = threads::map(threads, &all, |(r, system)| match alike.get(*r) {
                 Some(alike) => system.linear_as(alike),
@@ -41,13 +47,16 @@ impl Linears {
             });
             (kind, made)
         });
-        let bytes = |linears: &[Linear]| linears.iter().map(Linear::own_bytes).sum::<usize>();
-        let room = MOST_BYTES.saturating_sub(bytes(&wanted.1));
-        while self.0.iter().map(|(_, linears)| bytes(linears)).sum::<usize>() > room {
-            self.0.remove(0);
+        self.list.push(wanted);
+        while self.list.len() > 1 && self.bytes() > self.most_bytes {
+            self.list.remove(0);
         }
-        self.0.push(wanted);
-        self.0.last().map(|(_, linears)| linears.as_slice()).unwrap_or_default()
+        self.list.last().map(|(_, linears)| linears.as_slice()).unwrap_or_default()
+    }
+
+    /// Bytes that they hold, their measurements apart.
+    pub fn bytes(&self) -> usize {
+        self.list.iter().flat_map(|(_, linears)| linears).map(Linear::own_bytes).sum()
     }
 }
 
@@ -93,7 +102,7 @@ impl Problem {
             })
             .collect()
         };
-        let mut linears = Linears::default();
+        let mut linears = Linears::within(MOST_BYTES);
         let mut known: BTreeMap<Nuisance, f64> = BTreeMap::new();
         let mut posterior = |nuisance: Nuisance| -> f64 {
             if let Some(found) = known.get(&nuisance) {
