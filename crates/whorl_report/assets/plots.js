@@ -196,6 +196,11 @@
 
   const shown = (v) => (v == null ? "–" : Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(2) : String(+v.toPrecision(4)));
 
+  // At the marks of an axis, in as few digits as say it; null: a mark of a logarithmic axis without a number.
+  const marked = (u, values) => values.map((v) => (v == null ? null : shown(v).replace(/\.?0+e/, "e")));
+  // Of a vertical axis: its title, and its longest number [px].
+  const room = (u, values) => Math.max(58, 26 + 5.3 * Math.max(0, ...(values || []).map((v) => (v || "").length)));
+
   // Draws a figure into a place and returns it; `set(curves)` gives it new curves.
   whorl.figure = (place, spec) => {
     const chart = { spec, place, visible: true };
@@ -213,7 +218,10 @@
           points: { show: c.x.length < 30, size: 4 }, value: (u, v) => shown(v),
         })),
       ],
-      axes: [axis(spec.xlabel || "time [s]", { size: 34 }), axis(spec.ylabel, { size: 58, values: spec.log ? undefined : (u, vs) => vs.map(shown) })],
+      axes: [
+        axis(spec.xlabel || "time [s]", { size: 34, values: spec.logx ? marked : undefined }),
+        axis(spec.ylabel, { size: room, values: marked }),
+      ],
       // Full: a solid curve; hollow: a dashed one.
       legend: { markers: { width: 2, stroke: (u, i) => (i ? `var(${colour(spec.curves[i - 1].c)})` : "transparent"),
         fill: (u, i) => (i && !spec.curves[i - 1].d ? `var(${colour(spec.curves[i - 1].c)})` : "transparent") } },
