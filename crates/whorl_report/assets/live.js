@@ -33,7 +33,8 @@
   const curve = (name, c, of, dashed) => ({ n: name, c, d: dashed, x: [], y: [], of });
   const each = (value) => shapes.map((shape, i) => curve(shape.name, i, (f) => value(f.platforms[i])));
   const plots = [
-    ["plot_error", { ylabel: "error [deg]", log: true }, each((p) => p.error_deg)],
+    // A platform that holds where it is has no error at all: less than a thousandth of a degree says no more.
+    ["plot_error", { ylabel: "error [deg]", log: true, floor: 1e-3 }, each((p) => p.error_deg)],
     ["plot_innovation", { ylabel: "mean square", limits: [{ n: "expected", v: 1 }] }, each((p) => p.innovation)],
     ["plot_evidence", { ylabel: "of the limit", limits: [{ n: "mismatch", v: 1 }] }, each((p) => p.evidence)],
     ["plot_latency", { ylabel: "delay [ms]" }, shapes.flatMap((shape, i) => [

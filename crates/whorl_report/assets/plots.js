@@ -88,6 +88,18 @@
     ctx.restore();
   }
 
+  // Text with a rim that keeps curves and marks off.
+  function rimmed(ctx, text, x, y) {
+    ctx.save();
+    ctx.setLineDash([]);
+    ctx.lineJoin = "round";
+    ctx.lineWidth = 4 * devicePixelRatio;
+    ctx.strokeStyle = css("--page");
+    ctx.strokeText(text, x, y);
+    ctx.restore();
+    ctx.fillText(text, x, y);
+  }
+
   // Limits, and the names of the steps, above the curves; one that would cover the one before is left out.
   function drawLabels(u, spec) {
     const { ctx, bbox } = u;
@@ -119,17 +131,10 @@
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      // Below the line where names of steps are above it, and with a rim that keeps curves off.
+      // Below the line where names of steps are above it.
       const at = bbox.left + bbox.width - ctx.measureText(limit.n).width - 4 * ratio;
       const base = y < bbox.top + 24 * ratio ? y + 11 * ratio : y - 4 * ratio;
-      ctx.save();
-      ctx.setLineDash([]);
-      ctx.lineJoin = "round";
-      ctx.lineWidth = 4 * ratio;
-      ctx.strokeStyle = css("--page");
-      ctx.strokeText(limit.n, at, base);
-      ctx.restore();
-      ctx.fillText(limit.n, at, base);
+      rimmed(ctx, limit.n, at, base);
     }
     ctx.font = `${10 * ratio}px system-ui, sans-serif`;
     ctx.textAlign = "left";
@@ -138,14 +143,14 @@
     (spec.spans || []).forEach((span, i) => {
       const at = Math.max(u.valToPos(span.x[0], "x", true), bbox.left) + 3 * ratio;
       const last = bbox.left + bbox.width - ctx.measureText(span.n).width - 3 * ratio;
-      ctx.fillText(span.n, Math.min(at, last), bbox.top + (10 + 12 * i) * ratio);
+      rimmed(ctx, span.n, Math.min(at, last), bbox.top + (10 + 12 * i) * ratio);
     });
     const named = !spec.time ? [] : marks.events.filter((e) => e.label && concerns(e.who, spec));
     named.forEach((event, i) => {
       const at = Math.max(u.valToPos(event.t, "x", true), bbox.left);
       const next = i + 1 < named.length ? u.valToPos(named[i + 1].t, "x", true) : bbox.left + bbox.width;
       if (at + ctx.measureText(event.label).width + 5 * ratio <= Math.min(next, bbox.left + bbox.width)) {
-        ctx.fillText(event.label, at + 3 * ratio, bbox.top + 10 * ratio);
+        rimmed(ctx, event.label, at + 3 * ratio, bbox.top + 10 * ratio);
       }
     });
     ctx.restore();
@@ -156,6 +161,9 @@
     return (u, low, high) => {
       if (spec.log) {
         if (low === null) return [0.1, 1];
+        // Curves end at the floor, if there is one.
+        low = Math.max(low, spec.floor || 0);
+        high = Math.max(high, low);
         const near = (spec.limits || []).map((l) => l.v).filter((v) => v > low / 30 && v < high * 30);
         return uPlot.rangeLog(Math.min(low, ...near), Math.max(high, ...near), 10, false);
       }
@@ -196,6 +204,11 @@
 
   const shown = (v) => (v == null ? "–" : Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(2) : String(+v.toPrecision(4)));
 
+  // At the marks of an axis, in as few digits as say it; null: a mark of a logarithmic axis without a number.
+  const marked = (u, values) => values.map((v) => (v == null ? null : shown(v).replace(/\.?0+e/, "e")));
+  // Of a vertical axis: its title, and its longest number [px].
+  const room = (u, values) => Math.max(58, 26 + 5.3 * Math.max(0, ...(values || []).map((v) => (v || "").length)));
+
   // Draws a figure into a place and returns it; `set(curves)` gives it new curves.
   whorl.figure = (place, spec) => {
     const chart = { spec, place, visible: true };
@@ -213,7 +226,10 @@
           points: { show: c.x.length < 30, size: 4 }, value: (u, v) => shown(v),
         })),
       ],
-      axes: [axis(spec.xlabel || "time [s]", { size: 34 }), axis(spec.ylabel, { size: 58, values: spec.log ? undefined : (u, vs) => vs.map(shown) })],
+      axes: [
+        axis(spec.xlabel || "time [s]", { size: 34, values: spec.logx ? marked : undefined }),
+        axis(spec.ylabel, { size: room, values: marked }),
+      ],
       // Full: a solid curve; hollow: a dashed one.
       legend: { markers: { width: 2, stroke: (u, i) => (i ? `var(${colour(spec.curves[i - 1].c)})` : "transparent"),
         fill: (u, i) => (i && !spec.curves[i - 1].d ? `var(${colour(spec.curves[i - 1].c)})` : "transparent") } },

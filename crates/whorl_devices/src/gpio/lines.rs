@@ -17,8 +17,8 @@ use crate::running::Place;
 
 /// Who uses the lines, as `gpioinfo` shows it.
 const CONSUMER: &str = "whorl";
-/// An emulated chip has so long to answer.
-const ANSWER: Duration = Duration::from_millis(50);
+/// An emulated chip has so long to answer; calls of the kernel take microseconds, but a computer with emulators may be busy.
+const ANSWER: Duration = Duration::from_millis(250);
 
 /// Lines that were requested.
 pub(super) trait Lines {
@@ -155,7 +155,7 @@ impl Emulated {
     fn request(setup: &Valves, place: &Place) -> Result<Self, DeviceError> {
         let failed = |what: &'static str| DeviceError::io(what, &setup.chip);
         let address = place.host(&setup.chip).map_err(failed("cannot find"))?;
-        let socket = TcpStream::connect_timeout(&address, ANSWER * 20).map_err(failed("cannot open"))?;
+        let socket = TcpStream::connect_timeout(&address, ANSWER * 4).map_err(failed("cannot open"))?;
         socket.set_nodelay(true).map_err(failed("cannot open"))?;
         socket.set_read_timeout(Some(ANSWER)).map_err(failed("cannot open"))?;
         let count = setup.outputs().len();
