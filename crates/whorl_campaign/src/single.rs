@@ -53,7 +53,7 @@ impl Observer for Keeper {
         } else if !unused(route.topic) {
             let platform = route.platform.and_then(|id| self.names.get(usize::from(id.0)));
             if route.platform.is_none() || platform.is_some() {
-                self.data.add_on(route.topic, platform.map(String::as_str), now.0, Message::clone(message));
+                self.data.add_on(route.topic, platform.map(String::as_str), now.0, message);
             }
         }
         Ok(())
@@ -102,7 +102,7 @@ pub fn simulate(spec: &RunSpec, longest_s: f64, keep: Option<&Path>) -> Row {
     };
     let mut keeper = Keeper {
         names: set.platforms.clone(),
-        data: Collector::default(),
+        data: Collector::for_numbers(),
         broadcasts: None,
         errors: vec![],
         writer,

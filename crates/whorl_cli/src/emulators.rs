@@ -124,7 +124,7 @@ fn start(
     let run = move || {
         let (mut sequence, mut bytes) = (0, Vec::new());
         let result = emulation.run(&stop, |now_ns, truth| {
-            let message = Message::from(truth_message(truth, Timestamp(now_ns), sequence));
+            let message = Message::from(truth_message(&truth.motion(), Timestamp(now_ns), sequence));
             sequence += 1;
             // A sample that is lost is one of a hundred a second.
             if message.encode_into(&mut bytes).is_ok() {

@@ -51,7 +51,7 @@ pub fn read(path: &Path) -> anyhow::Result<ReadRun> {
             continue;
         }
         match message.decode() {
-            Ok(decoded) => data.add(&message.topic.name, message.log_time.0, decoded),
+            Ok(decoded) => data.add(&message.topic.name, message.log_time.0, &decoded),
             Err(_) => undecodable += 1,
         }
     }

@@ -23,5 +23,5 @@ pub use effects::{Effect, EffectError, EffectInfo, EffectKind, EffectSet, Parame
 pub use environment::Environment;
 pub use gyrostat::{Gyrostat, GyrostatError, State};
 pub use mass_properties::{INERTIA_TOLERANCE, MassProperties};
-pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, Truth};
+pub use plant::{CommandError, InitialState, JetFailure, Plant, PlantError, Pulse, TrueMotion, Truth};
 pub use platform::{Freedom, ModelPrior, PlatformModel};

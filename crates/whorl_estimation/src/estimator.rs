@@ -41,6 +41,8 @@ pub struct Estimator<K = AnyKernel> {
     supervisor: AttitudeBiasEstimator,
     body: Option<BodyModel>,
     kernel: Option<K>,
+    /// What the kernel says, where it has been asked since it last changed.
+    solution: Option<Solution>,
     update: Update,
     wheels: Option<Wheels>,
     jet_impulse_b_n_m_s: Vector3<f64>,
@@ -108,6 +110,7 @@ impl<K: Kernel> Estimator<K> {
             supervisor,
             body,
             kernel: None,
+            solution: None,
             update: Update::default(),
             wheels: None,
             jet_impulse_b_n_m_s: Vector3::zeros(),
@@ -150,7 +153,7 @@ impl<K: Kernel> Estimator<K> {
 
     /// Takes in one IMU sample; see [`AttitudeBiasEstimator::on_imu`].
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
-        self.update = Update::default();
+        (self.update, self.solution) = (Update::default(), None);
         let (outcome, used) = self.supervisor.supervise_imu(sample);
         let spike = self.kind.own_gates && outcome.gyro.rejection() == Some(Rejection::Spike);
         if self.kind.start.is_none() || (outcome.gyro.rejection().is_some() && !spike) {
@@ -201,7 +204,7 @@ impl<K: Kernel> Estimator<K> {
         stamp_ns: i64,
         direction_b: &Vector3<f64>,
     ) -> (SampleOutcome, Option<FilterEvent>) {
-        self.update = Update::default();
+        (self.update, self.solution) = (Update::default(), None);
         let (outcome, used, event) = self.supervisor.supervise_vector(stamp_ns, direction_b);
         if let Some(kernel) = self.kernel.as_mut().filter(|_| self.kind.own_gates) {
             if matches!(outcome.rejection(), None | Some(Rejection::Outlier { .. })) {
@@ -221,7 +224,7 @@ impl<K: Kernel> Estimator<K> {
     pub fn estimate(&self, now_ns: i64) -> Estimate {
         let mut estimate = self.supervisor.estimate(now_ns);
         let Some(kernel) = &self.kernel else { return estimate };
-        let solution = kernel.solution();
+        let solution = self.solution.unwrap_or_else(|| kernel.solution());
         estimate.q_world_body = solution.q_world_body;
         estimate.omega_wb_b_rad_s = solution.omega_rad_s;
         estimate.gyro_bias_b_rad_s = solution.gyro_bias_rad_s;
@@ -313,6 +316,7 @@ impl<K: Kernel> Estimator<K> {
     fn supervise(&mut self) {
         let Some(kernel) = &self.kernel else { return };
         let solution = kernel.solution();
+        self.solution = Some(solution);
         let supervisor = self.supervisor.estimate(i64::MIN);
         let apart = rotation_vector(&(supervisor.q_world_body.inverse() * solution.q_world_body)).norm();
         let variance = supervisor.covariance.fixed_view::<3, 3>(0, 0).trace()

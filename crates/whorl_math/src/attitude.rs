@@ -7,6 +7,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 ///
 /// Exact for a constant rate; the norm is held at one by a Newton step.
 #[must_use]
+#[inline]
 pub fn integrate_rate(
     q_world_body: &UnitQuaternion<f64>,
     omega_wb_b_rad_s: &Vector3<f64>,
@@ -19,6 +20,7 @@ pub fn integrate_rate(
 
 /// `q_dot = 1/2 q (x) [0, omega]` \[1/s\]: eq. (4.6) with the factor that it omits.
 #[must_use]
+#[inline]
 pub fn quaternion_rate(
     q_world_body: &UnitQuaternion<f64>,
     omega_wb_b_rad_s: &Vector3<f64>,
@@ -30,6 +32,7 @@ pub fn quaternion_rate(
 
 /// The upward vertical in body axes, `R^T k`: a unit vector.
 #[must_use]
+#[inline]
 pub fn vertical_b(q_world_body: &UnitQuaternion<f64>) -> Vector3<f64> {
     let (w, x, y, z) = (q_world_body.w, q_world_body.i, q_world_body.j, q_world_body.k);
     Vector3::new(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
@@ -70,6 +73,7 @@ pub fn roll_rad(q_world_body: &UnitQuaternion<f64>) -> f64 {
 /// Error of the actual attitude against a reference, as a rotation vector in body axes \[rad\]:
 /// `q_actual = q_reference * exp(error)`, the shortest way.
 #[must_use]
+#[inline]
 pub fn attitude_error(q_reference: &UnitQuaternion<f64>, q_actual: &UnitQuaternion<f64>) -> Vector3<f64> {
     rotation_vector(&(q_reference.inverse() * q_actual))
 }

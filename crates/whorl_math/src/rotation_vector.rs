@@ -8,6 +8,7 @@ const SMALL_ANGLE_SQUARED: f64 = 1e-4;
 
 /// The rotation by `rotation_rad` (axis times angle), for any angle.
 #[must_use]
+#[inline]
 pub fn quaternion_exp(rotation_rad: &Vector3<f64>) -> UnitQuaternion<f64> {
     let squared = rotation_rad.norm_squared();
     let (scalar, scale) = if squared < SMALL_ANGLE_SQUARED {
@@ -25,6 +26,7 @@ pub fn quaternion_exp(rotation_rad: &Vector3<f64>) -> UnitQuaternion<f64> {
 /// At exactly 180 degrees the axis is that of the stored quaternion: both signs are the
 /// same rotation.
 #[must_use]
+#[inline]
 pub fn rotation_vector(q: &UnitQuaternion<f64>) -> Vector3<f64> {
     let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
     let (scalar, vector) = (sign * q.w, sign * q.imag());

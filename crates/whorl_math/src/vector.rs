@@ -8,6 +8,7 @@ const MIN_NORM: f64 = 1e-12;
 
 /// The cross-product matrix: `skew(a) * b = a x b` (the dissertation's superscript `x`).
 #[must_use]
+#[inline]
 pub fn skew(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }

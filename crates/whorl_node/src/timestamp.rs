@@ -13,6 +13,7 @@ pub struct Timestamp(pub i64);
 impl Timestamp {
     /// The instant `seconds` after the epoch, rounded to a nanosecond.
     #[must_use]
+    #[inline]
     pub fn from_seconds(seconds: f64) -> Self {
         Self((seconds * 1e9).round() as i64)
     }
@@ -20,12 +21,14 @@ impl Timestamp {
     /// Seconds since the epoch. Loses nanoseconds for present-day wall times: use
     /// [`Self::seconds_since`] for intervals.
     #[must_use]
+    #[inline]
     pub fn seconds(self) -> f64 {
         self.0 as f64 * 1e-9
     }
 
     /// Seconds from `earlier` to `self`; negative when `self` is earlier.
     #[must_use]
+    #[inline]
     pub fn seconds_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }
@@ -33,6 +36,7 @@ impl Timestamp {
 
 impl Add<Duration> for Timestamp {
     type Output = Self;
+    #[inline]
     fn add(self, rhs: Duration) -> Self {
         Self(self.0.saturating_add(i64::try_from(rhs.as_nanos()).unwrap_or(i64::MAX)))
     }
@@ -40,6 +44,7 @@ impl Add<Duration> for Timestamp {
 
 impl Sub<Duration> for Timestamp {
     type Output = Self;
+    #[inline]
     fn sub(self, rhs: Duration) -> Self {
         Self(self.0.saturating_sub(i64::try_from(rhs.as_nanos()).unwrap_or(i64::MAX)))
     }
@@ -51,6 +56,7 @@ const FIRST_S: i64 = -(1 << 30);
 const WRAP_S: i64 = 1 << 32;
 
 impl From<Time> for Timestamp {
+    #[inline]
     fn from(time: Time) -> Self {
         let sec = i64::from(time.sec);
         let sec = if sec < FIRST_S { sec + WRAP_S } else { sec };
@@ -59,6 +65,7 @@ impl From<Time> for Timestamp {
 }
 
 impl From<Timestamp> for Time {
+    #[inline]
     fn from(stamp: Timestamp) -> Self {
         // `builtin_interfaces/Time` counts whole seconds towards minus infinity, so that
         // `nanosec` is never negative; `sec` is 32 bits wide by definition of the message.

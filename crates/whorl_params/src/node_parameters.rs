@@ -87,6 +87,12 @@ impl NodeParameters {
         shared
     }
 
+    /// Whether there are names below a prefix.
+    pub(crate) fn has_children(&self, prefix: &str) -> bool {
+        let is_below = |key: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.starts_with('.'));
+        self.entries.iter().any(|entry| is_below(&entry.key))
+    }
+
     /// Names below a prefix, in file order: `children("jets")` of `jets.a.thrust_n`,
     /// `jets.b.thrust_n` is `a`, `b`.
     #[must_use]

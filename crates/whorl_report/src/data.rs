@@ -124,12 +124,20 @@ pub struct Collector {
     evaluated_s: f64,
     /// Level and counts of each node's diagnostics, as last kept.
     diagnosed: BTreeMap<String, (u8, Vec<String>)>,
+    /// Without what only pages draw: curves and frames.
+    numbers_only: bool,
 }
 
 impl Collector {
+    /// For [`crate::summarise`] alone: curves and frames of a page are left out.
+    #[must_use]
+    pub fn for_numbers() -> Self {
+        Self { numbers_only: true, ..Self::default() }
+    }
+
     /// Adds a message that was recorded on the full topic name at `log_time_ns`. Messages are
     /// expected in order of log time.
-    pub fn add(&mut self, topic_name: &str, log_time_ns: i64, message: Message) {
+    pub fn add(&mut self, topic_name: &str, log_time_ns: i64, message: &Message) {
         let name = topic_name.trim_start_matches('/');
         if let Some(topic) = Topic::find(name, false) {
             return self.add_on(topic, None, log_time_ns, message);
@@ -143,13 +151,14 @@ impl Collector {
     }
 
     /// The same for a topic of this platform, or one that all share.
-    pub fn add_on(&mut self, topic: Topic, platform: Option<&str>, log_time_ns: i64, message: Message) {
+    pub fn add_on(&mut self, topic: Topic, platform: Option<&str>, log_time_ns: i64, message: &Message) {
         let (first, log_time_s) = self.arrived(log_time_ns);
         let Some(platform) = platform else {
             return self.add_shared(topic, log_time_s, first, message);
         };
         if !self.run.platforms.contains_key(platform) {
-            self.run.platforms.insert(platform.to_owned(), PlatformData::default());
+            let data = PlatformData { numbers_only: self.numbers_only, ..PlatformData::default() };
+            self.run.platforms.insert(platform.to_owned(), data);
             self.windows.insert(platform.to_owned(), Window::default());
         }
         let ahead_s = self.clock_ahead_s.get(platform).copied().unwrap_or(0.0);
@@ -158,19 +167,19 @@ impl Collector {
         let of = |stamp| stamp_s(stamp, first).map_or(log_time_s, |s| s - ahead_s);
         match (topic, message) {
             (Topic::AttitudeEstimate, Message::AttitudeEstimate(m)) => {
-                data.add_estimate(window, of(m.header.stamp), &m);
+                data.add_estimate(window, of(m.header.stamp), m);
             }
             (Topic::TruthState, Message::AttitudeEstimate(m)) => {
-                data.add_truth(window, of(m.header.stamp), &m);
+                data.add_truth(window, of(m.header.stamp), m);
             }
             (Topic::AttitudeReference, Message::AttitudeReference(m)) => {
                 data.add_reference(window, of(m.header.stamp), m.q_world_reference);
             }
             (Topic::ControlStatus, Message::ControlStatus(m)) => {
-                data.add_control(window, of(m.header.stamp), &m);
+                data.add_control(window, of(m.header.stamp), m);
             }
-            (Topic::WheelState, Message::JointState(m)) => data.add_wheels(of(m.header.stamp), &m),
-            (Topic::GimbalState, Message::JointState(m)) => data.add_gimbals(of(m.header.stamp), &m),
+            (Topic::WheelState, Message::JointState(m)) => data.add_wheels(of(m.header.stamp), m),
+            (Topic::GimbalState, Message::JointState(m)) => data.add_gimbals(of(m.header.stamp), m),
             (Topic::ThrusterState, Message::ThrusterState(m)) => {
                 data.add_thrusters(window, of(m.header.stamp), m);
             }
@@ -178,11 +187,11 @@ impl Collector {
                 data.add_tank_pressure(of(m.header.stamp), m.fluid_pressure);
             }
             (Topic::ParameterEstimate, Message::ParameterEstimate(message)) => {
-                let stamp_s = of(message.header.stamp);
+                let (stamp_s, message) = (of(message.header.stamp), message.clone());
                 data.parameters.push(Recorded::<ParameterEstimate> { log_time_s, stamp_s, message });
             }
             (Topic::ModelFit, Message::ModelFit(message)) => {
-                let stamp_s = of(message.header.stamp);
+                let (stamp_s, message) = (of(message.header.stamp), message.clone());
                 data.fit.push(Recorded::<ModelFit> { log_time_s, stamp_s, message });
             }
             // Nothing on the page is drawn from these.
@@ -210,7 +219,7 @@ impl Collector {
         (first, log_time_s)
     }
 
-    fn add_shared(&mut self, topic: Topic, log_time_s: f64, first: i64, message: Message) {
+    fn add_shared(&mut self, topic: Topic, log_time_s: f64, first: i64, message: &Message) {
         let of = |stamp| stamp_s(stamp, first).unwrap_or(log_time_s);
         match (topic, message) {
             (Topic::FormationState, Message::FormationState(message)) => {
@@ -223,7 +232,7 @@ impl Collector {
                     running.to_s = stamp_s;
                 }
                 self.run.holds.add(stamp_s, message.phase == FormationState::PHASE_HOLD);
-                self.run.formation.push(Recorded { log_time_s, stamp_s, message });
+                self.run.formation.push(Recorded { log_time_s, stamp_s, message: message.clone() });
             }
             (Topic::FormationCommand, Message::FormationCommand(_)) => {}
             // The platforms' own coordinators publish offsets too, relative to their own clocks.
@@ -234,11 +243,11 @@ impl Collector {
                 for (platform, ahead_s) in message.platforms.iter().zip(&message.applied_s) {
                     self.clock_ahead_s.insert(platform.clone(), *ahead_s);
                 }
-                self.run.clocks.push(Recorded { log_time_s, stamp_s, message });
+                self.run.clocks.push(Recorded { log_time_s, stamp_s, message: message.clone() });
             }
             (Topic::Diagnostics, Message::DiagnosticArray(message)) => {
                 let stamp_s = of(message.header.stamp);
-                self.add_diagnostics(log_time_s, stamp_s, message);
+                self.add_diagnostics(log_time_s, stamp_s, message.clone());
             }
             _ => self.run.other_messages += 1,
         }
@@ -279,7 +288,8 @@ impl Collector {
                 continue;
             };
             let errors = crate::metrics::relative_errors(current, [&follower, &leader], [f, l], until_s);
-            let pair = run.pairs.entry((follower, leader)).or_default();
+            let new = || PairData { numbers_only: self.numbers_only, ..PairData::default() };
+            let pair = run.pairs.entry((follower, leader)).or_insert_with(new);
             errors.for_each(|error| pair.add(&error, run.holds.contain(error.time_s)));
         }
         while self.formation_from < run.formation.len()
@@ -288,7 +298,7 @@ impl Collector {
             self.formation_from += 1;
         }
         let last = until_s.min(run.duration_s + 1e-9);
-        let times: Vec<f64> = run.grid.until(last).collect();
+        let times: Vec<f64> = if self.numbers_only { vec![] } else { run.grid.until(last).collect() };
         for (name, data) in &mut run.platforms {
             let Some(window) = self.windows.get_mut(name) else { continue };
             data.frames.resize_with(run.grid.frames() - times.len(), Frame::default);

@@ -9,14 +9,13 @@ use whorl_node::Timestamp;
 use crate::{Collector, RunData};
 
 /// Two platforms at the rates of a real run, turning; whorl_2 lags by 0.01 rad and estimates 0.002 rad less.
-fn run_of(seconds: u32) -> RunData {
-    let mut collector = Collector::default();
+fn run_of(seconds: u32, mut collector: Collector) -> RunData {
     let turn = |angle: f64| Quaternion { x: 0.0, y: 0.0, z: (angle / 2.0).sin(), w: (angle / 2.0).cos() };
     for tick in 0..seconds * 100 {
         let time_s = f64::from(tick) * 0.01;
         let now = Timestamp::from_seconds(100.0 + time_s);
         let header = Header { stamp: now.into(), frame_id: String::new() };
-        let mut add = |topic: &str, message: Message| collector.add(topic, now.0, message);
+        let mut add = |topic: &str, message: Message| collector.add(topic, now.0, &message);
         let angle = (0.1 * time_s).sin();
         for (name, lag, error) in [("whorl_1", 0.0, 0.0), ("whorl_2", 0.01, 0.002)] {
             let at = |angle| AttitudeEstimate {
@@ -68,7 +67,7 @@ fn the_memory_of_a_long_run_is_bounded_and_its_numbers_are_exact() {
     let mut runs = Vec::new();
     let mut peak_of = |seconds: u32| {
         let mut run = RunData::default();
-        let counted = allocation_counter::measure(|| run = run_of(seconds));
+        let counted = allocation_counter::measure(|| run = run_of(seconds, Collector::default()));
         runs.push(run);
         counted.bytes_max as f64 / 1e6
     };
@@ -94,4 +93,20 @@ fn the_memory_of_a_long_run_is_bounded_and_its_numbers_are_exact() {
         near(second.sensor_to_command_p99_s, 0.004);
         assert_eq!(second.not_tracking_s, 0.0);
     }
+}
+
+#[test]
+fn numbers_are_the_same_without_curves_and_frames() {
+    let [whole, bare] =
+        [Collector::default(), Collector::for_numbers()].map(|collector| run_of(60, collector));
+    // As text: what cannot be computed is not a number, which equals nothing.
+    let numbers = |run: &RunData| format!("{:?}", crate::summarise(run));
+    assert!(numbers(&whole).contains("hold_s: 59"));
+    assert_eq!(numbers(&bare), numbers(&whole));
+    let drawn = |run: &RunData| {
+        let of =
+            |p: &crate::platform::PlatformData| !p.frames.is_empty() || !p.tilt.curve("").time_s.is_empty();
+        run.platforms.values().filter(|p| of(p)).count()
+    };
+    assert_eq!([drawn(&whole), drawn(&bare)], [2, 0]);
 }

@@ -23,6 +23,8 @@ pub(crate) struct PairData {
     pub held_control: Rms,
     /// Whether the error became small, and since when \[s\].
     pub acquired: Acquired,
+    /// Without curves.
+    pub numbers_only: bool,
 }
 
 impl PairData {
@@ -30,13 +32,15 @@ impl PairData {
         let (t, total_rad) = (error.time_s, error.total_rad.norm());
         let estimator_rad = error.estimator_rad.map(|e| e.norm());
         let control_rad = error.control_rad.norm();
-        self.total.push(t, deg_from_rad(total_rad));
-        if let Some(rad) = estimator_rad {
-            self.estimator.push(t, deg_from_rad(rad));
-        }
-        self.control.push(t, deg_from_rad(control_rad));
-        for (axis, curve) in self.axes.iter_mut().enumerate() {
-            curve.push(t, deg_from_rad(error.total_rad[axis]));
+        if !self.numbers_only {
+            self.total.push(t, deg_from_rad(total_rad));
+            if let Some(rad) = estimator_rad {
+                self.estimator.push(t, deg_from_rad(rad));
+            }
+            self.control.push(t, deg_from_rad(control_rad));
+            for (axis, curve) in self.axes.iter_mut().enumerate() {
+                curve.push(t, deg_from_rad(error.total_rad[axis]));
+            }
         }
         self.acquired.add(t, total_rad);
         if held {

@@ -68,6 +68,8 @@ pub struct PlatformData {
     pub(crate) tank: Tank,
     /// On the replay's grid.
     pub(crate) frames: Vec<Frame>,
+    /// Without curves and frames.
+    pub(crate) numbers_only: bool,
 }
 
 /// Sums over a run.
@@ -262,7 +264,11 @@ impl PlatformData {
         if !m.usable() {
             return;
         }
-        if let Some(q) = window.estimate.push(time_s, m.q_world_body) {
+        let q = window.estimate.push(time_s, m.q_world_body);
+        if self.numbers_only {
+            return;
+        }
+        if let Some(q) = q {
             self.estimate.push(time_s, &q);
         }
         push3(&mut self.bias, time_s, deg_from_rad(1.0), m.gyro_bias_b_rad_s);
@@ -272,7 +278,11 @@ impl PlatformData {
     }
 
     pub(crate) fn add_truth(&mut self, window: &mut Window, time_s: f64, m: &AttitudeEstimate) {
-        if let Some(q) = window.truth.push(time_s, m.q_world_body) {
+        let q = window.truth.push(time_s, m.q_world_body);
+        if self.numbers_only {
+            return;
+        }
+        if let Some(q) = q {
             self.truth.push(time_s, &q);
         }
         if m.usable() {
@@ -281,7 +291,7 @@ impl PlatformData {
     }
 
     pub(crate) fn add_reference(&mut self, window: &mut Window, time_s: f64, q: Quaternion) {
-        if let Some(q) = window.reference.push(time_s, q) {
+        if let Some(q) = window.reference.push(time_s, q).filter(|_| !self.numbers_only) {
             self.reference.push(time_s, &q);
         }
     }
@@ -294,11 +304,13 @@ impl PlatformData {
         self.last_status_s = time_s;
         self.numbers.gas_used_kg = m.gas_used_kg;
         self.numbers.allocation_fallbacks = m.allocation_fallbacks;
-        self.tilt.push(time_s, deg_from_rad(m.tilt_rad));
-        push3(&mut self.control_error, time_s, deg_from_rad(1.0), m.attitude_error_b_rad);
-        push3(&mut self.torque, time_s, 1e3, m.torque_achieved_b_n_m);
-        push3(&mut self.torque_asked, time_s, 1e3, m.torque_commanded_b_n_m);
-        self.gas.push(time_s, m.gas_used_kg * 1e3);
+        if !self.numbers_only {
+            self.tilt.push(time_s, deg_from_rad(m.tilt_rad));
+            push3(&mut self.control_error, time_s, deg_from_rad(1.0), m.attitude_error_b_rad);
+            push3(&mut self.torque, time_s, 1e3, m.torque_achieved_b_n_m);
+            push3(&mut self.torque_asked, time_s, 1e3, m.torque_commanded_b_n_m);
+            self.gas.push(time_s, m.gas_used_kg * 1e3);
+        }
         window.control.push_back(Status {
             time_s,
             mode: m.mode,
@@ -311,6 +323,11 @@ impl PlatformData {
     }
 
     pub(crate) fn add_wheels(&mut self, time_s: f64, m: &JointState) {
+        let largest = &mut self.numbers.wheel_speed_max_rad_s;
+        *largest = m.velocity.iter().fold(*largest, |max, speed| max.max(speed.abs()));
+        if self.numbers_only {
+            return;
+        }
         // The wheels are those of the first message.
         if self.wheels.is_empty() {
             self.wheels.extend(m.name.iter().map(|name| (name.clone(), GrowingCurve::default())));
@@ -318,11 +335,12 @@ impl PlatformData {
         for ((_, curve), speed) in self.wheels.iter_mut().zip(&m.velocity) {
             curve.push(time_s, rpm_from_rad_s(*speed));
         }
-        let largest = &mut self.numbers.wheel_speed_max_rad_s;
-        *largest = m.velocity.iter().fold(*largest, |max, speed| max.max(speed.abs()));
     }
 
     pub(crate) fn add_gimbals(&mut self, time_s: f64, m: &JointState) {
+        if self.numbers_only {
+            return;
+        }
         if self.gimbals.is_empty() {
             self.gimbals.extend(m.name.iter().map(|name| (name.clone(), Default::default())));
         }
@@ -332,19 +350,24 @@ impl PlatformData {
         }
     }
 
-    pub(crate) fn add_thrusters(&mut self, window: &mut Window, time_s: f64, m: ThrusterState) {
+    pub(crate) fn add_thrusters(&mut self, window: &mut Window, time_s: f64, m: &ThrusterState) {
+        self.numbers.jet_on_time_s = m.total_on_time_s.iter().sum();
+        if self.numbers_only {
+            return;
+        }
         let jets = m.total_on_time_s.len().max(self.jets.len());
         self.jets.resize_with(jets, GrowingCurve::default);
         for (curve, total) in self.jets.iter_mut().zip(&m.total_on_time_s) {
             curve.push(time_s, *total);
         }
-        self.numbers.jet_on_time_s = m.total_on_time_s.iter().sum();
-        window.thrusters.push_back((time_s, m.total_on_time_s));
+        window.thrusters.push_back((time_s, m.total_on_time_s.clone()));
     }
 
     pub(crate) fn add_tank_pressure(&mut self, time_s: f64, pressure_pa: f64) {
         self.tank.add(time_s, pressure_pa);
-        self.tank_pressure.push(time_s, pressure_pa * 1e-6);
+        if !self.numbers_only {
+            self.tank_pressure.push(time_s, pressure_pa * 1e-6);
+        }
     }
 
     /// Evaluates the window up to a time.
@@ -354,7 +377,9 @@ impl PlatformData {
             let Some(truth) = window.truth.at(t, GAP_S) else { continue };
             // Rotation from the estimated to the true attitude, in world axes.
             let error = whorl_math::rotation_vector(&(truth * q.inverse()));
-            push3(&mut self.estimator_error, t, deg_from_rad(1.0), error);
+            if !self.numbers_only {
+                push3(&mut self.estimator_error, t, deg_from_rad(1.0), error);
+            }
             let parts = [error.norm(), error.z, error.x.hypot(error.y)];
             self.numbers.estimator.iter_mut().zip(parts).for_each(|(rms, part)| rms.add(part));
         }

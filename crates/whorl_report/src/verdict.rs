@@ -236,7 +236,8 @@ mod tests {
     }
 
     fn add(run: &mut Collector, topic: &str, time_s: f64, message: impl Into<Message>) {
-        run.add(topic, Timestamp::from_seconds(1000.0 + time_s).0, message.into());
+        let message: Message = message.into();
+        run.add(topic, Timestamp::from_seconds(1000.0 + time_s).0, &message);
     }
 
     /// Ten seconds of an experiment; modes and clipping by time.

@@ -1,13 +1,12 @@
 //! The in-process stand-in for DDS: an event queue ordered by time, then by order of sending.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use whorl_msgs::topics::{Message, PlatformId, Route, Topic};
 use whorl_node::{Event, LogLine, NodeCore, Outputs, Timestamp};
 
+use crate::agenda::Agenda;
 use crate::apart::{Apart, OwnEvent};
 use crate::link::{Host, Link, LinkParameters};
 
@@ -55,39 +54,13 @@ enum Delivery {
     Message { route: Route, message: Arc<Message> },
 }
 
-struct Entry {
-    at: Timestamp,
-    order: u64,
-    node: usize,
-    delivery: Delivery,
-}
-
-// Ordered by time, then by order of sending: deterministic, and never by content.
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        (self.at, self.order) == (other.at, other.order)
-    }
-}
-impl Eq for Entry {}
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.at, self.order).cmp(&(other.at, other.order))
-    }
-}
-
 /// A set of node cores and the queue of their events.
 pub struct Bus {
     nodes: Vec<Node>,
     /// Subscribers of each route, by [`Bus::route_index`].
     subscribers: Vec<Vec<usize>>,
     platforms: usize,
-    queue: BinaryHeap<Reverse<Entry>>,
-    order: u64,
+    agenda: Agenda<(usize, Delivery)>,
     now: Timestamp,
     local_delay: Duration,
     link: Link,
@@ -111,8 +84,7 @@ impl Bus {
             nodes: Vec::new(),
             subscribers: vec![Vec::new(); Topic::ALL.len() * (platforms + 1)],
             platforms,
-            queue: BinaryHeap::new(),
-            order: 0,
+            agenda: Agenda::default(),
             now: start,
             local_delay,
             link: Link::new(link, start, seed),
@@ -141,7 +113,7 @@ impl Bus {
         }
         let timer_period = core.timer_period();
         if timer_period.is_some() {
-            self.push(self.now + phase, index, Delivery::Timer);
+            self.agenda.enter(self.now + phase, (index, Delivery::Timer));
         }
         let apart = self.threads && core.speaks_at_timer_only();
         let runs = if apart { Runs::Apart(Apart::new(core)) } else { Runs::Here(core) };
@@ -182,28 +154,24 @@ impl Bus {
     /// # Errors
     /// The observer's.
     pub fn run_until<O: Observer>(&mut self, until: Timestamp, observer: &mut O) -> Result<(), O::Error> {
-        while let Some(Reverse(next)) = self.queue.peek() {
-            if next.at > until {
-                break;
-            }
-            let Some(Reverse(entry)) = self.queue.pop() else { break };
-            self.now = entry.at;
-            match entry.delivery {
+        while let Some((at, (index, delivery))) = self.agenda.next_until(until) {
+            self.now = at;
+            match delivery {
                 Delivery::Timer => {
-                    if let Some(period) = self.nodes[entry.node].timer_period {
-                        self.push(entry.at + period, entry.node, Delivery::Timer);
+                    if let Some(period) = self.nodes[index].timer_period {
+                        self.agenda.enter(at + period, (index, Delivery::Timer));
                     }
-                    self.step(entry.node, Event::Timer, observer)?;
+                    self.step(index, Event::Timer, observer)?;
                 }
                 Delivery::Message { route, message } => {
-                    let node = &mut self.nodes[entry.node];
+                    let node = &mut self.nodes[index];
                     let shown = node.shown(self.now);
                     if let Runs::Apart(apart) = &mut node.runs {
                         observer.stepping(shown, &node.name, &Event::Message { route, message: &message });
                         apart.message(shown, route, message);
                         continue;
                     }
-                    self.step(entry.node, Event::Message { route, message: &message }, observer)?;
+                    self.step(index, Event::Message { route, message: &message }, observer)?;
                 }
             }
         }
@@ -247,37 +215,34 @@ impl Bus {
         }
         for publication in outputs.messages.drain(..) {
             observer.published(self.now, publication.route, &publication.message)?;
-            self.send(host, publication.route, &publication.message);
+            self.send(host, publication.route, publication.message);
         }
         self.outputs = outputs;
         Ok(())
     }
 
-    fn send(&mut self, from: Host, route: Route, message: &Arc<Message>) {
+    fn send(&mut self, from: Host, route: Route, message: Arc<Message>) {
         let Some(slot) = self.route_index(route) else { return };
         if self.subscribers[slot].is_empty() {
             return;
         }
         let mut stepped = std::mem::take(&mut self.stepped);
         stepped.clone_from(&self.subscribers[slot]);
-        for &node in &stepped {
+        let (last, mut message) = (stepped.len() - 1, Some(message));
+        for (k, &node) in stepped.iter().enumerate() {
             let delay = if self.nodes[node].host == from {
                 Some(self.local_delay)
             } else {
                 self.link_messages += 1;
                 self.link.delay(self.now, [from, self.nodes[node].host])
             };
-            if let Some(delay) = delay {
-                let message = Arc::clone(message);
-                self.push(self.now + delay, node, Delivery::Message { route, message });
+            // Counting holders across threads is expensive: the last receiver gets this one.
+            let own = if k == last { message.take() } else { message.clone() };
+            if let Some((delay, message)) = delay.zip(own) {
+                self.agenda.enter(self.now + delay, (node, Delivery::Message { route, message }));
             }
         }
         self.stepped = stepped;
-    }
-
-    fn push(&mut self, at: Timestamp, node: usize, delivery: Delivery) {
-        self.queue.push(Reverse(Entry { at, order: self.order, node, delivery }));
-        self.order += 1;
     }
 
     /// `None` for a platform that does not exist.

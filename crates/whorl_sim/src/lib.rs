@@ -3,6 +3,7 @@
 //! The same node cores as over DDS, joined by an event queue instead: same seed, same parameters,
 //! same outputs to the bit, whatever the machine's load.
 
+mod agenda;
 mod apart;
 mod bus;
 mod link;

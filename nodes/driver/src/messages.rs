@@ -1,7 +1,7 @@
 //! Messages of what was measured, the same for every backend.
 
 use nalgebra::Vector3;
-use whorl_dynamics::Truth;
+use whorl_dynamics::TrueMotion;
 use whorl_dynamics::actuators::{Actuators, Kind};
 use whorl_dynamics::platform::SensorSuite;
 use whorl_msgs::sensor_msgs::{BatteryState, Imu};
@@ -82,7 +82,7 @@ pub(crate) fn battery(header: &Header, voltage: f64, initial_v: f64) -> BatteryS
 
 /// The true state of a simulated platform.
 #[must_use]
-pub fn truth_message(truth: &Truth, now: Timestamp, sequence: u64) -> AttitudeEstimate {
+pub fn truth_message(truth: &TrueMotion, now: Timestamp, sequence: u64) -> AttitudeEstimate {
     AttitudeEstimate {
         header: Header { stamp: now.into(), frame_id: "world".to_owned() },
         sequence,

@@ -155,9 +155,11 @@ impl Hardware for SimulatedHardware {
     }
 
     fn apply(&mut self, now: Timestamp, action: &Action) {
-        let min_on_time_s: Vec<f64> = self.model.jets().iter().map(|j| j.min_on_time_s).collect();
         // A simulation that has stopped carries nothing out; its valves would only collect pulses.
-        let Some(running) = self.running(now).filter(|r| r.diverged.is_none()) else { return };
+        if self.running(now).is_none_or(|running| running.diverged.is_some()) {
+            return;
+        }
+        let Self { model, running: Some(running), .. } = self else { return };
         // The gate has checked sizes and numbers; pulses too short for a valve are skipped.
         match action {
             Action::Motors(kind, command) => {
@@ -169,9 +171,9 @@ impl Hardware for SimulatedHardware {
                     running.plant.close_all_valves(now.0);
                     running.valve_closes.fill(now);
                 }
-                for (jet, (on_time_s, min)) in on_time_s.iter().zip(&min_on_time_s).enumerate() {
+                for (jet, (on_time_s, valve)) in on_time_s.iter().zip(model.jets()).enumerate() {
                     let made = *on_time_s > 0.0
-                        && *on_time_s >= *min
+                        && *on_time_s >= valve.min_on_time_s
                         && running.plant.command_jet_pulse(jet, now.0, *on_time_s).is_ok();
                     if let Some(closes) = running.valve_closes.get_mut(jet).filter(|_| made) {
                         *closes = now + Duration::from_secs_f64(*on_time_s);
@@ -351,6 +353,6 @@ impl Running {
     fn truth(&mut self, now: Timestamp) -> AttitudeEstimate {
         let sequence = self.truth_sequence;
         self.truth_sequence += 1;
-        truth_message(&self.plant.truth(), now, sequence)
+        truth_message(&self.plant.true_motion(), now, sequence)
     }
 }

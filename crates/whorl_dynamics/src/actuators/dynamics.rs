@@ -71,7 +71,7 @@ pub(crate) trait KindDynamics {
     /// Constant between two events: commands, and which parts stick or are open.
     type Drive: Clone + fmt::Debug;
     /// Torques and flows within the kind at one instant.
-    type Forces: Default;
+    type Forces: Clone + Default + fmt::Debug;
 
     /// States of a platform at rest.
     fn at_rest(&self) -> Self::State {

@@ -28,7 +28,7 @@ macro_rules! motion {
         }
 
         /// Torques and flows within each kind at one instant.
-        #[derive(Default)]
+        #[derive(Debug, Clone, Default)]
         pub(crate) struct Forces {
             $($(#[$row])* $module: super::$module::Forces,)*
         }

@@ -33,7 +33,7 @@ pub use search::{
 pub use set::{ActiveEffect, EffectSet, MAX_HIDDEN_STATES, describe, describe_catalogue};
 pub use thruster_rise::ThrustLag;
 pub use tilt_stop_contact::Touching;
-pub(crate) use tilt_stop_contact::contact_torque_b_n_m;
+pub(crate) use tilt_stop_contact::{contact_torque_b_n_m, is_clear};
 
 macro_rules! register {
     ($($module:ident::$effect:ident),* $(,)?) => {

@@ -129,6 +129,25 @@ impl Touching {
     }
 }
 
+/// Whether there is no torque for certain: a cheap test to come first, as a stop is rarely touched.
+#[inline]
+pub(crate) fn is_clear(stop: &TiltLimit, vertical_b: &Vector3<f64>, touching: Touching) -> bool {
+    let far = || match stop {
+        // cos(x) <= 1 - x^2/2 + x^4/24.
+        TiltLimit::Cone { max_rad } => {
+            let square = max_rad * max_rad;
+            vertical_b.z > 1.0 - square * (0.5 - square / 24.0)
+        }
+        // sin(x) >= x - x^3/6.
+        TiltLimit::Pitch { max_rad } => vertical_b.x.abs() < max_rad * (1.0 - max_rad * max_rad / 6.0),
+    };
+    match touching {
+        Touching::No => true,
+        Touching::Yes => false,
+        Touching::AsItIs => far(),
+    }
+}
+
 /// Torque of a one-sided spring and damper at `stop`, body axes [N m].
 ///
 /// Cone: the angle is the tilt, cos(tilt) = z_b . k_b; a rotation of the body about
@@ -143,18 +162,13 @@ pub(crate) fn contact_torque_b_n_m(
     omega_wb_b_rad_s: &Vector3<f64>,
     touching: Touching,
 ) -> Vector3<f64> {
-    if touching == Touching::No {
+    if is_clear(stop, vertical_b, touching) {
         return Vector3::zeros();
     }
     let branch = touching == Touching::Yes;
     // `axis_b`: rotation of the body about it increases the angle at unit rate.
     let (depth_rad, axis_b) = match stop {
         TiltLimit::Cone { max_rad } => {
-            // Cheap test first, as the stop is rarely touched: cos(x) <= 1 - x^2/2 + x^4/24.
-            let square = max_rad * max_rad;
-            if !branch && vertical_b.z > 1.0 - square * (0.5 - square / 24.0) {
-                return Vector3::zeros();
-            }
             let sine = vertical_b.x.hypot(vertical_b.y);
             // k x z; upside down it has no direction and no torque is defined.
             let Some(axis_b) = Vector3::new(vertical_b.y, -vertical_b.x, 0.0).try_normalize(1e-12) else {
@@ -163,10 +177,6 @@ pub(crate) fn contact_torque_b_n_m(
             (sine.atan2(vertical_b.z) - max_rad, axis_b)
         }
         TiltLimit::Pitch { max_rad } => {
-            // sin(x) >= x - x^3/6.
-            if !branch && vertical_b.x.abs() < max_rad * (1.0 - max_rad * max_rad / 6.0) {
-                return Vector3::zeros();
-            }
             // x . dk/dt = -x . (w x k) = w . (x x k).
             let Some(axis_b) = Vector3::new(0.0, -vertical_b.z, vertical_b.y).try_normalize(1e-12) else {
                 return Vector3::zeros();

@@ -6,7 +6,7 @@ use whorl_math::{quaternion_rate, vertical_b};
 use super::{Gyrostat, RateEquation, State};
 use crate::Environment;
 use crate::actuators::{Actuators, Drives, Forces, Instant, OnBody, States};
-use crate::effects::{MAX_HIDDEN_STATES, Touching, contact_torque_b_n_m};
+use crate::effects::{MAX_HIDDEN_STATES, Touching, contact_torque_b_n_m, is_clear};
 
 /// Stiffness of the bearing's own stop over the mean moment of inertia [1/s^2]: a platform rebounds within 0.25 s and
 /// sinks in by less than half a degree at 0.1 rad/s.
@@ -137,22 +137,26 @@ impl Gyrostat {
         environment
     }
 
-    /// Torque of the bearing's own stop, body axes [N m].
+    /// Torque of the bearing's own stop, body axes [N m]; `None`: none for certain.
+    #[inline]
     fn stop_torque_b_n_m(
         &self,
         vertical_b: &Vector3<f64>,
         omega_wb_b_rad_s: &Vector3<f64>,
         touching: Touching,
-    ) -> Vector3<f64> {
+    ) -> Option<Vector3<f64>> {
+        if is_clear(&self.model.tilt_limit, vertical_b, touching) {
+            return None;
+        }
         let mean_inertia_kg_m2 = self.model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
-        contact_torque_b_n_m(
+        Some(contact_torque_b_n_m(
             &self.model.tilt_limit,
             STOP_STIFFNESS_S2 * mean_inertia_kg_m2,
             STOP_DAMPING_S * mean_inertia_kg_m2,
             vertical_b,
             omega_wb_b_rad_s,
             touching,
-        )
+        ))
     }
 
     /// Whether the bearing's stop touches, and whether a contact among the effects does.
@@ -162,7 +166,7 @@ impl Gyrostat {
         let stop = self.stop_torque_b_n_m(&vertical_b, &state.omega_wb_b_rad_s, Touching::AsItIs);
         let contact =
             self.effects.has_contact() && self.effects.touches(&self.environment(time_s, state, drive));
-        [stop != Vector3::zeros(), contact]
+        [stop.is_some_and(|torque| torque != Vector3::zeros()), contact]
     }
 
     /// Time derivative of `state`, into `to`, which with `forces` was made for this platform or holds zeros.
@@ -179,6 +183,8 @@ impl Gyrostat {
         let actuators = &self.model.actuators;
         let momentum = self.total_momentum_b_n_m_s(state);
         let environment = (!self.effects.is_empty()).then(|| self.environment(at.time_s, state, drive));
+        // Asked for long before it is used: what comes back through memory is late otherwise.
+        let of_effects = environment.as_ref().map(|seen| self.effects.torque_b_n_m(seen, &state.hidden));
         let mut body = OnBody {
             torque_b_n_m: Vector3::zeros(),
             thrust_factor: environment.as_ref().map_or(1.0, |seen| self.effects.thrust_factor(seen)),
@@ -187,10 +193,12 @@ impl Gyrostat {
         actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body, forces);
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
-            + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b)
-            + self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop);
-        if let Some(environment) = &environment {
-            torque += self.effects.torque_b_n_m(environment, &state.hidden);
+            + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b);
+        if let Some(of_stop) = self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop) {
+            torque += of_stop;
+        }
+        if let Some((environment, of_effects)) = environment.as_ref().zip(of_effects) {
+            torque += of_effects;
             actuators.add_effects(&self.effects, environment, &state.actuators, forces);
         }
 

@@ -13,8 +13,10 @@ const MAX_STOPS_PER_SEGMENT: usize = 16;
 /// How well the beginning and the end of a contact are located \[s\]: at 1 rad/s the torque's jump is then a nanoradian late.
 const CONTACT_TIME_S: f64 = 1e-9;
 
-/// What a step works with: only the parts that a platform has are written in every step, the rest stays zero.
-struct Work {
+/// What a step works with: only the parts that a platform has are written in every step, the rest stays zero. A plant keeps
+/// it, as making it anew costs as much as a step.
+#[derive(Debug, Clone)]
+pub(super) struct Work {
     /// Derivative at the start of a step.
     first: Derivative,
     later: [Derivative; 3],
@@ -49,7 +51,7 @@ impl Plant {
         if time_ns < self.now_ns {
             return Err(PlantError::BackInTime { now_ns: self.now_ns, asked_ns: time_ns });
         }
-        let mut work = Work::new(&self.state);
+        let mut work = self.work.take().unwrap_or_else(|| Box::new(Work::new(&self.state)));
         while self.now_ns < time_ns {
             let actuators = &self.gyrostat.model().actuators;
             let mut event_ns = actuators.next_event_ns(&self.drive.actuators);
@@ -65,6 +67,7 @@ impl Plant {
             self.integrate_segment((end_ns - self.now_ns) as f64 * 1e-9, &mut work);
             self.now_ns = end_ns;
         }
+        self.work = Some(work);
         let motion = self.state.q_world_body.coords.iter().chain(&self.state.omega_wb_b_rad_s);
         let actuators = &self.gyrostat.model().actuators;
         if motion.copied().all(f64::is_finite) && actuators.is_finite(&self.state.actuators) {

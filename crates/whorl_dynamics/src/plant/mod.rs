@@ -18,6 +18,7 @@ use crate::actuators::{Forces, Instant};
 use crate::gyrostat::{Derivative, Drive};
 use crate::sensing::History;
 use crate::{Environment, Gyrostat, GyrostatError, PlatformModel, State, TrueImu};
+use integrator::Work;
 use noise::{Normal, Stream, TriaxialSensor};
 
 /// Largest integration step \[ns\]: 1 kHz.
@@ -114,6 +115,29 @@ pub struct Truth {
     pub hidden: Vec<f64>,
 }
 
+/// What an estimator estimates, as it really is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrueMotion {
+    /// Attitude, v_world = q v_body.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Body rate seen from the world, body axes [rad/s].
+    pub omega_wb_b_rad_s: Vector3<f64>,
+    /// Whole bias of the gyro [rad/s].
+    pub gyro_bias_rad_s: Vector3<f64>,
+}
+
+impl Truth {
+    /// The part of it that an estimator estimates.
+    #[must_use]
+    pub fn motion(&self) -> TrueMotion {
+        TrueMotion {
+            q_world_body: self.q_world_body,
+            omega_wb_b_rad_s: self.omega_wb_b_rad_s,
+            gyro_bias_rad_s: self.gyro_bias_rad_s,
+        }
+    }
+}
+
 /// A simulated platform. The same model, initial state, seed and calls give the same numbers.
 #[derive(Debug, Clone)]
 pub struct Plant {
@@ -136,6 +160,8 @@ pub struct Plant {
     temperature_noise: Normal,
     effect_noise: Normal,
     hidden_noise_intensity: Vec<f64>,
+    /// `None` before the first step.
+    work: Option<Box<Work>>,
 }
 
 impl Plant {
@@ -196,6 +222,7 @@ impl Plant {
             temperature_noise: Normal::new(seed, Stream::Temperature),
             effect_noise: Normal::new(seed, Stream::Effects),
             hidden_noise_intensity,
+            work: None,
             state,
             gyrostat,
         };
@@ -263,6 +290,16 @@ impl Plant {
             temperature_k: environment.temperature_k,
             valve_open_s: self.valve_open_s(),
             hidden: self.state.hidden.iter().copied().take(self.gyrostat.effects().hidden_states()).collect(),
+        }
+    }
+
+    /// The true motion now: the part of [`Self::truth`] that costs nothing.
+    #[must_use]
+    pub fn true_motion(&self) -> TrueMotion {
+        TrueMotion {
+            q_world_body: self.state.q_world_body,
+            omega_wb_b_rad_s: self.state.omega_wb_b_rad_s,
+            gyro_bias_rad_s: *self.gyro.bias(),
         }
     }
 

@@ -118,8 +118,7 @@ impl<'a> Reader<'a> {
     #[must_use]
     pub fn has(&self, key: &str) -> bool {
         let full = self.full(key);
-        let set =
-            |full: &str| self.parameters.get(full).is_some() || !self.parameters.children(full).is_empty();
+        let set = |full: &str| self.parameters.get(full).is_some() || self.parameters.has_children(full);
         set(&full) || self.overlaid(&full).is_some_and(|key| set(&key))
     }
 
