@@ -20,7 +20,6 @@ use crate::layout::run::Run;
 use crate::whitening::mechanics::{Mechanics, Prediction};
 
 pub(crate) use linear::Linear;
-pub(crate) use measurement::Row;
 
 use square::{Square, congruence, symmetrise};
 
