@@ -2,6 +2,9 @@
 
 use crate::recording::is_whole;
 
+/// A time and its numbers.
+type Line<'a> = (i64, &'a [f64]);
+
 /// Times and numbers, of the same number of numbers in every line.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Columns {
@@ -31,7 +34,7 @@ impl Columns {
     }
 
     /// Adds lines.
-    pub fn extend<'a>(&mut self, lines: impl Iterator<Item = (i64, &'a [f64])>) {
+    pub fn extend<'a>(&mut self, lines: impl Iterator<Item = Line<'a>>) {
         for (at, numbers) in lines {
             self.push(at, numbers);
         }
@@ -52,19 +55,19 @@ impl Columns {
     }
 
     /// A line.
-    pub fn line(&self, line: usize) -> Option<(i64, &[f64])> {
+    pub fn line(&self, line: usize) -> Option<Line<'_>> {
         let numbers = self.numbers.get(line * self.width..(line + 1) * self.width)?;
         Some((*self.time_ns.get(line)?, numbers))
     }
 
     /// The lines.
-    pub fn lines(&self) -> impl ExactSizeIterator<Item = (i64, &[f64])> + Clone {
+    pub fn lines(&self) -> impl ExactSizeIterator<Item = Line<'_>> + Clone {
         let numbers = |line: usize| self.numbers.get(line * self.width..(line + 1) * self.width);
         self.time_ns.iter().enumerate().map(move |(line, at)| (*at, numbers(line).unwrap_or_default()))
     }
 
     /// Each line with the one before it.
-    pub fn pairs(&self) -> impl Iterator<Item = ((i64, &[f64]), (i64, &[f64]))> {
+    pub fn pairs(&self) -> impl Iterator<Item = (Line<'_>, Line<'_>)> {
         self.lines().zip(self.lines().skip(1))
     }
 

@@ -225,7 +225,7 @@ impl Gathered {
                     return Err(RecordingError::NoReferenceWorld { path: csv.to_owned(), sensor: index + 1 });
                 }
             };
-            if samples.len() > 0 {
+            if !samples.is_empty() {
                 let direction = |(at, v): (i64, &[f64])| (seconds_at(at), Vector3::from_column_slice(v));
                 let direction_b: Series<Vector3<f64>> = samples.lines().map(direction).collect();
                 vectors.push(VectorChannel { reference_world, direction_b });
