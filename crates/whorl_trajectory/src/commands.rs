@@ -66,15 +66,13 @@ impl<'a> Commands<'a> {
         let ballast = &recording.ballast_moment_b_n_m;
         let body = &recording.body_torque_b_n_m;
         let angles = &recording.gimbal_angle_rad;
-        let held: [(&[f64], fn(usize) -> Event); 4] = [
-            (&wheel_torque_n_m.time_s, Event::Wheels),
-            (&ballast.time_s, Event::Ballast),
-            (&body.time_s, Event::Torque),
-            (&angles.time_s, Event::Gimbals),
-        ];
-        for (times, event) in held {
+        let mut hold = |times: &[f64], event: fn(usize) -> Event| {
             events.extend(times.iter().enumerate().map(|(k, t)| (ns(*t), event(k))));
-        }
+        };
+        hold(&wheel_torque_n_m.time_s, Event::Wheels);
+        hold(&ballast.time_s, Event::Ballast);
+        hold(&body.time_s, Event::Torque);
+        hold(&angles.time_s, Event::Gimbals);
         // The gimbals of the model follow those that were measured: from each sample to the next.
         let gimbals = angles.time_s.iter().zip(&angles.value).enumerate().map(|(k, (t, angle_rad))| {
             let next = angles.time_s.get(k + 1).copied().unwrap_or(*t);

@@ -213,11 +213,11 @@ pub(crate) fn fast_effects(place: Place<'_>, point: &Point, exclude: &[String]) 
     let mut seen = Seen::default();
     // What turns with a wheel is taken off the samples before a line of its own is looked for.
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
-        if effect.sighting() == Some(Sighting::WheelTurn) {
-            if let Some((wheel, row)) = imbalance::imbalance(&mut runs, &mechanics, effect) {
-                seen.turning.push(wheel);
-                seen.rows.push(row);
-            }
+        if effect.sighting() == Some(Sighting::WheelTurn)
+            && let Some((wheel, row)) = imbalance::imbalance(&mut runs, &mechanics, effect)
+        {
+            seen.turning.push(wheel);
+            seen.rows.push(row);
         }
     }
     for effect in catalogue().iter().copied().filter(|effect| tested(effect.info().id)) {
