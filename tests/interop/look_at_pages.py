@@ -87,7 +87,8 @@ LOOK = r"""
 class Browser:
     """Chromium at the other end of a pair of pipes (--remote-debugging-pipe)."""
 
-    def __init__(self, profile: str) -> None:
+    def __init__(self, profile: str, reached: tuple[str, ...] = ()) -> None:
+        """Of all hosts only those in `reached` are found."""
         program = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
         if program is None:
             sys.exit("chromium is not installed")
@@ -98,7 +99,7 @@ class Browser:
         self.process = subprocess.Popen(
             ["sh", "-c", wanted, "sh", program, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
              "--hide-scrollbars", "--no-first-run", f"--user-data-dir={profile}", "--remote-debugging-pipe",
-             "--host-resolver-rules=MAP * ~NOTFOUND"],
+             "--host-resolver-rules=" + ", ".join(["MAP * ~NOTFOUND", *(f"EXCLUDE {host}" for host in reached)])],
             close_fds=False, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
         )
         os.close(commands[0])

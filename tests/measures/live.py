@@ -51,18 +51,16 @@ def address_of(log: Path, run: subprocess.Popen, patience_s: float = 60.0) -> st
 
 def measure(address: str, domain: str, seconds: float) -> None:
     with tempfile.TemporaryDirectory() as profile:
-        browser = Browser(profile)
+        browser = Browser(profile, reached=("127.0.0.1", "localhost"))
         try:
             target = browser.call("Target.createTarget", url=address)["targetId"]
             session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-            seen = lambda name, of: int(browser.value(session, f"Number(document.{name}.dataset.{of} || 0)") or 0)
-            until = time.monotonic() + 30
-            while seen("getElementById('scene')", "drawn") < 30:
-                if time.monotonic() > until:
-                    sys.exit("the page draws nothing")
-                time.sleep(0.2)
+            seen = lambda of, name: int(browser.value(session, f"Number(document.{of}?.dataset.{name} || 0)") or 0)
+            # The page loads, and connects.
+            time.sleep(8)
+            if seen("getElementById('scene')", "drawn") < 30:
+                sys.exit("the page draws nothing")
             pid = live_pid(domain)
-            time.sleep(5)
             begin, used, frames = time.monotonic(), processor_s(pid), seen("body", "frames")
             time.sleep(seconds)
             length = time.monotonic() - begin
