@@ -123,8 +123,8 @@ pub(crate) fn lines(place: Place<'_>, of: &Hypothesis) -> Lines {
 /// make this one.
 fn is_of_turning(place: Place<'_>, hz: f64, step_s: f64) -> bool {
     let sampled = |turning_hz: f64| (turning_hz - (turning_hz * step_s).round() / step_s).abs();
-    place.problem.motions.iter().flat_map(|motion| &motion.wheel).any(|speeds| {
-        place.turning.iter().any(|wheel| {
+    place.turning.iter().any(|wheel| {
+        place.problem.motions.iter().flat_map(|motion| &motion.wheel).any(|speeds| {
             let turning_hz = speeds[*wheel].abs() / std::f64::consts::TAU;
             (sampled(turning_hz) - hz).abs() < ONCE * turning_hz
         })
