@@ -57,7 +57,7 @@ pub(crate) const PRESSURE: &[Unit] = &[
 /// \[K\]
 pub(crate) const TEMPERATURE: &[Unit] = &[
     unit("K", 1.0),
-    Unit { name: "degC", factor: 1.0, offset: 273.15 },
+    Unit { name: "degC", factor: 1.0, offset: whorl_math::CELSIUS_ZERO_K },
     Unit { name: "degF", factor: 5.0 / 9.0, offset: 273.15 - 32.0 * 5.0 / 9.0 },
 ];
 

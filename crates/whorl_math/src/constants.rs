@@ -5,6 +5,9 @@ use std::f64::consts::{PI, TAU};
 /// Gravity in the laboratory \[m/s^2\], the value of the dissertation (after eq. 4.40).
 pub const GRAVITY_M_S2: f64 = 9.81;
 
+/// 0 degrees Celsius \[K\].
+pub const CELSIUS_ZERO_K: f64 = 273.15;
+
 /// Degrees to radians.
 #[must_use]
 pub fn rad_from_deg(angle_deg: f64) -> f64 {

@@ -54,7 +54,7 @@ pub use attitude::{
     roll_rad, tilt_rad, vertical_b,
 };
 pub use constants::{
-    GRAVITY_M_S2, deg_from_rad, rad_from_deg, rad_s_from_rpm, rpm_from_rad_s, wrap_angle_rad,
+    CELSIUS_ZERO_K, GRAVITY_M_S2, deg_from_rad, rad_from_deg, rad_s_from_rpm, rpm_from_rad_s, wrap_angle_rad,
 };
 pub use euler::{EulerAngles, EulerSequence, GimbalLock};
 pub use growing_curve::GrowingCurve;

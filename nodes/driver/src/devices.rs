@@ -8,6 +8,7 @@ use whorl_devices::logical::LogicalImu;
 use whorl_devices::{Command, DeviceList, Devices, Joint, Measured, Reading, Role, State};
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::Kind;
+use whorl_math::CELSIUS_ZERO_K;
 use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::sensor_msgs::{FluidPressure, Imu, JointState, Temperature};
 use whorl_msgs::std_msgs::Header;
@@ -24,7 +25,6 @@ use crate::prearm::{PreArm, Supplies};
 const STALE: Duration = Duration::from_millis(100);
 /// The same of a current from the power bus.
 const STALE_SUPPLY: Duration = Duration::from_secs(1);
-const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// A platform of devices.
 pub struct DeviceHardware {

@@ -5,6 +5,7 @@ use std::time::Duration;
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::actuators::Kind;
 use whorl_dynamics::{InitialState, JetFailure, Plant, PlantError, PlatformModel};
+use whorl_math::CELSIUS_ZERO_K;
 use whorl_msgs::geometry_msgs::Vector3Stamped;
 use whorl_msgs::sensor_msgs::{BatteryState, FluidPressure, Imu, JointState, Temperature};
 use whorl_msgs::std_msgs::Header;
@@ -20,8 +21,6 @@ use crate::messages::{battery, imu_message, joint_names, truth_message};
 /// Rates of the slow channels \[Hz\].
 const BUS_RATE_HZ: f64 = 10.0;
 const TEMPERATURE_RATE_HZ: f64 = 1.0;
-/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
-const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// Where a simulated platform starts.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -227,6 +226,7 @@ impl Hardware for SimulatedHardware {
             ));
         }
         if due(&mut running.due.temperature, now, Some(Duration::from_secs_f64(1.0 / TEMPERATURE_RATE_HZ))) {
+            // `sensor_msgs/Temperature` is in Celsius.
             let temperature = running.plant.sample_temperature_k() - CELSIUS_ZERO_K;
             let variance = sensors.temperature.noise_stddev.powi(2);
             out.push((Topic::Temperature, Temperature { header, temperature, variance }.into()));

@@ -1,13 +1,11 @@
 //! How messages carry channels.
 
+use whorl_math::CELSIUS_ZERO_K;
 use whorl_msgs::geometry_msgs::{Quaternion, Vector3};
 use whorl_msgs::sensor_msgs::{BatteryState, Imu};
 use whorl_msgs::std_msgs::Header;
 use whorl_msgs::whorl::AttitudeEstimate;
 use whorl_msgs::{Message, MessageType};
-
-/// 0 degrees Celsius [K]: `sensor_msgs/Temperature` is in Celsius.
-const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// First element of a covariance that marks a missing measurement (`sensor_msgs/Imu`).
 const NOT_MEASURED: f64 = -1.0;

@@ -1,7 +1,8 @@
 //! A monitoring chip as its files look.
 
-use super::{CELSIUS_ZERO_K, Chip, Role};
+use super::{Chip, Role};
 use crate::emulation::{Emulator, FileEmulator, World};
+use whorl_math::CELSIUS_ZERO_K;
 
 const PERIOD_NS: i64 = 20_000_000;
 

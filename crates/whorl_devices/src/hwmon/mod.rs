@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use whorl_dynamics::PlatformModel;
+use whorl_math::CELSIUS_ZERO_K;
 use whorl_params::{Limits, Reader, any};
 
 use crate::DeviceError;
@@ -32,7 +33,6 @@ pub const KIND: DeviceKind = DeviceKind {
 
 /// Between readings; the rate of the topics.
 const PERIOD: Duration = Duration::from_millis(100);
-const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// What a chip may measure.
 struct Quantity {

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_math::CELSIUS_ZERO_K;
 
 use super::protocol::{FIELDS, Parser, Said, Sample, line};
-use super::{CELSIUS_ZERO_K, INTERNAL_HZ, Vn100};
+use super::{INTERNAL_HZ, Vn100};
 use crate::emulation::{Emulator, SerialEmulator, Wire, World};
 
 /// From a sample to the first bit of its packet \[ns\]; assumed.

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_math::rad_from_deg;
+use whorl_math::{CELSIUS_ZERO_K, rad_from_deg};
 use whorl_params::{Reader, range};
 
 use crate::DeviceError;
@@ -47,7 +47,6 @@ const SILENT: Duration = Duration::from_millis(250);
 const TEMPERATURE_PERIOD_S: f64 = 1.0;
 /// A magnetic field below this is no direction \[gauss\]; the Earth's is 0.25 to 0.65.
 const WEAKEST_FIELD_GAUSS: f64 = 0.05;
-const CELSIUS_ZERO_K: f64 = 273.15;
 
 /// One sensor.
 #[derive(Debug, Clone)]
