@@ -3,6 +3,5 @@
 pub(crate) mod discrepancy;
 pub(crate) mod excess;
 pub(crate) mod nuisance;
-pub(crate) mod palette;
 pub(crate) mod problem;
 pub(crate) mod regression;

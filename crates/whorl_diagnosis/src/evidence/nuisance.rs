@@ -54,14 +54,6 @@ pub(crate) struct Nuisance {
 }
 
 impl Nuisance {
-    /// Steps from these sizes to others.
-    pub fn steps_to(self, other: Self) -> u32 {
-        [(self.bias, other.bias), (self.torque, other.torque), (self.wheel, other.wheel)]
-            .map(|(a, b)| u32::from(a.abs_diff(b)))
-            .iter()
-            .sum()
-    }
-
     /// Log prior: each kind is absent in half of all cases, and else of any size.
     pub fn log_prior(self) -> f64 {
         let of_kind = |step: u8, choices: f64| if step == 0 { 0.5f64.ln() } else { (0.5 / choices).ln() };

@@ -8,8 +8,7 @@ use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
 use crate::evidence::nuisance::{LARGE, NAMELESS, Nuisance, PACES, STEP};
-use crate::evidence::palette::Colours;
-use crate::evidence::regression::{Colour, Normal, Whitened, colour_log_density};
+use crate::evidence::regression::{Colour, Colours, Normal, Whitened, colour_log_density, colours_of};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
 use crate::layout::torques::Torques;
@@ -432,22 +431,7 @@ impl Problem {
                 wide.get(i).copied().unwrap_or(1.0)
             });
             let value = fit.map_or_else(|| nalgebra::DVector::zeros(columns), |f| f.value);
-            whitened
-                .iter_mut()
-                .map(|slot| {
-                    let residual = slot.residual(&value);
-                    let colours: Vec<Colour> = slot
-                        .rows_by_reading()
-                        .iter()
-                        .map(|rows| {
-                            let series: Vec<f64> =
-                                rows.iter().filter_map(|r| residual.get(*r).copied()).collect();
-                            Colour::of(&series)
-                        })
-                        .collect();
-                    colours
-                })
-                .collect()
+            whitened.iter().map(|slot| colours_of(&slot.residual(&value), &slot.rows_by_reading())).collect()
         });
         for (slot, colours) in whitened.iter_mut().zip(&colours) {
             slot.colour(colours, self.threads);

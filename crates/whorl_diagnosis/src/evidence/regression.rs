@@ -363,6 +363,27 @@ impl Colour {
     }
 }
 
+/// Colours of each channel of each run.
+pub(crate) type Colours = Vec<Vec<Colour>>;
+
+/// Relative difference of two sizes of innovations that changes no answer: that of a standard deviation from 1,000 samples.
+const ALIKE: f64 = 0.02;
+
+/// Whether two estimates of the same colours give innovations of the same size.
+pub(crate) fn alike(one: &Colours, other: &Colours) -> bool {
+    let mut all = one.iter().flatten().zip(other.iter().flatten());
+    all.all(|(a, b)| (a.stddev / b.stddev - 1.0).abs() < ALIKE)
+}
+
+/// Colours of a run's series of readings, whose rows are given by component.
+pub(crate) fn colours_of(series: &[f64], rows: &[Vec<usize>]) -> Vec<Colour> {
+    let of_component = |rows: &Vec<usize>| {
+        let own: Vec<f64> = rows.iter().filter_map(|row| series.get(*row).copied()).collect();
+        Colour::of(&own)
+    };
+    rows.iter().map(of_component).collect()
+}
+
 /// Half of the samples over which a running mean is taken off before a colour is estimated.
 const HALF_WINDOW: usize = 30;
 

@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::palette::Palette;
 use crate::evidence::problem::Problem;
-use crate::evidence::regression::{colour_log_density, coloured, rows_by_reading};
+use crate::evidence::regression::{Colours, colour_log_density, coloured, colours_of, rows_by_reading};
 use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Linear, System};
@@ -18,6 +17,17 @@ pub(crate) enum Sizes {
     /// Of what is background.
     Background,
     Any,
+}
+
+/// The noise that is likeliest at a point.
+#[derive(Debug, Clone)]
+pub(crate) struct Noise {
+    /// Beside what the model states.
+    pub sizes: Nuisance,
+    /// What the innovations have of colour beside it.
+    pub colours: Colours,
+    /// Logarithm of the density of the data, up to a constant, prior of the sizes included.
+    pub log_density: f64,
 }
 
 /// What linearised runs may hold together, their measurements apart \[bytes\]. Those of a quarter of an hour fit for every kind of
@@ -62,28 +72,29 @@ impl Linears {
 
 impl Problem {
     /// The noise beside what the model states that is likeliest with the model at a point, its prior included: a climb
-    /// from the noise in use, step by step along each of its sizes.
-    pub fn likeliest_nuisance(
+    /// from the noise in use and from some other kinds, step by step along each of its sizes.
+    pub fn likeliest_noise(
         &self,
         point: &Point,
-        colours: Option<&Palette>,
+        others: &[Nuisance],
         sizes: Sizes,
-    ) -> Result<Nuisance, DiagnosisError> {
+    ) -> Result<Noise, DiagnosisError> {
         let mut starts = self.nuisance.starts();
-        // What another set needed may be needed here.
-        starts.extend(colours.into_iter().flat_map(Palette::noise));
-        Ok(self.climb(point, &starts, colours, sizes)?.0)
+        starts.extend(others);
+        Ok(self.climb(point, &starts, sizes)?.0)
     }
 
-    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithms of the density there and
-    /// with the noise in use.
+    /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithm of the density with the
+    /// noise in use.
+    ///
+    /// What is coloured in the innovations depends on how much torque the filter expects, and on what the model lacks: each kind
+    /// of noise is judged with the colours that the innovations have beside it, at this point.
     pub fn climb(
         &self,
         point: &Point,
         starts: &[Nuisance],
-        colours: Option<&Palette>,
         sizes: Sizes,
-    ) -> Result<(Nuisance, f64, f64), DiagnosisError> {
+    ) -> Result<(Noise, f64), DiagnosisError> {
         let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
         let predictions: Vec<_> = self
             .runs
@@ -103,29 +114,27 @@ impl Problem {
             .collect()
         };
         let mut linears = Linears::within(MOST_BYTES);
-        let mut known: BTreeMap<Nuisance, f64> = BTreeMap::new();
+        let mut known: BTreeMap<Nuisance, (f64, Colours)> = BTreeMap::new();
         let mut posterior = |nuisance: Nuisance| -> f64 {
-            if let Some(found) = known.get(&nuisance) {
+            if let Some((found, _)) = known.get(&nuisance) {
                 return *found;
             }
             let kind = Nuisance { bias: 0, wheel: 0, torque: nuisance.torque.min(1), ..nuisance };
             let systems = systems(nuisance);
             let linear = linears.of(kind, &systems, self.threads);
-            let all: Vec<_> = systems.into_iter().zip(linear.iter()).enumerate().collect();
-            let sum: f64 = threads::map(self.threads, &all, |(r, (system, linear))| {
+            let all: Vec<_> = systems.into_iter().zip(linear.iter()).collect();
+            let (densities, colours): (Vec<f64>, Colours) = threads::map(self.threads, &all, |(system, linear)| {
                 let (mut innovations, log_density) = system.innovations(linear);
-                let mut of_colours = 0.0;
-                if let Some(colours) = colours.and_then(|c| c.training(nuisance)).and_then(|c| c.get(*r)) {
-                    let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
-                    coloured(&mut innovations, &rows, colours);
-                    of_colours = colour_log_density(&rows, colours);
-                }
-                log_density + of_colours - 0.5 * innovations.iter().map(|e| e * e).sum::<f64>()
+                let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
+                let colours = colours_of(&innovations, &rows);
+                coloured(&mut innovations, &rows, &colours);
+                let misfit: f64 = innovations.iter().map(|e| e * e).sum();
+                (log_density + colour_log_density(&rows, &colours) - 0.5 * misfit, colours)
             })
-            .iter()
-            .sum();
-            let found = sum + self.log_prior(nuisance);
-            known.insert(nuisance, found);
+            .into_iter()
+            .unzip();
+            let found = densities.iter().sum::<f64>() + self.log_prior(nuisance);
+            known.insert(nuisance, (found, colours));
             found
         };
         let in_use = posterior(self.nuisance);
@@ -152,6 +161,8 @@ impl Problem {
                 None => break,
             }
         }
-        Ok((likeliest.0, likeliest.1, in_use))
+        let (sizes, log_density) = likeliest;
+        let colours = known.remove(&sizes).map(|(_, colours)| colours).unwrap_or_default();
+        Ok((Noise { sizes, colours, log_density }, in_use))
     }
 }

@@ -13,7 +13,7 @@ use whorl_dynamics::effects::find;
 use crate::DiagnosisError;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::evidence::regression::{Estimate, Normal};
+use crate::evidence::regression::{Colours, Estimate, Normal, alike};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::Lines;
@@ -22,7 +22,7 @@ use crate::layout::motion::Motion;
 use crate::layout::run::Run;
 use crate::parameters::Point;
 use crate::search::Search;
-use crate::search::climb::Sizes;
+use crate::search::climb::{Noise, Sizes};
 use crate::search::prior::OTHER_LAW;
 use crate::search::standing::{Converged, SURPRISE};
 use crate::search::step::{dataset, point_of};
@@ -169,11 +169,13 @@ impl Search<'_> {
         least: f64,
         sizes: Sizes,
     ) -> Result<Option<Converged>, DiagnosisError> {
-        let Some(descended) = self.turns(&mut problem, from, ids, least, sizes)? else { return Ok(None) };
-        Ok(DiagnosisError::possible(self.weighed(descended, &problem))?.flatten())
+        let Some((descended, noise)) = self.turns(&mut problem, from, ids, least, sizes)? else {
+            return Ok(None);
+        };
+        Ok(DiagnosisError::possible(self.weighed(descended, noise, &problem))?.flatten())
     }
 
-    /// Fits of a set by turns with the noise that is likeliest where the last one ended.
+    /// Fits of a set by turns with the noise that is likeliest where the last one ended, and the noise where the last ended.
     fn turns(
         &self,
         problem: &mut Problem,
@@ -181,20 +183,25 @@ impl Search<'_> {
         ids: &[&'static str],
         least: f64,
         sizes: Sizes,
-    ) -> Result<Option<Descended>, DiagnosisError> {
-        let mut last: Option<Descended> = None;
+    ) -> Result<Option<(Descended, Noise)>, DiagnosisError> {
+        let mut last: Option<(Descended, Noise)> = None;
+        // What another set needed may be needed here.
+        let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.standing.nuisance).collect();
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
         for turn in 0..MOST_TURNS {
-            let Some(descended) = self.descend(problem, from, ids, least, turn == 0)? else { break };
+            let colours = last.take().map(|(_, noise)| noise.colours);
+            let Some(descended) = self.descend(problem, from, ids, least, turn == 0, colours)? else { break };
             problem.motions = Arc::clone(&descended.motions);
-            problem.nuisance = problem.likeliest_nuisance(&descended.point, Some(&self.palette), sizes)?;
+            let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
             from = Begin {
                 point: descended.point.clone(),
                 layout: descended.layout.clone(),
                 members: descended.members.clone(),
             };
-            let is_settled = descended.nuisance == problem.nuisance;
-            last = Some(descended);
+            let is_settled =
+                problem.nuisance == noise.sizes && alike(&descended.data.colours, &noise.colours);
+            problem.nuisance = noise.sizes;
+            last = Some((descended, noise));
             if is_settled {
                 break;
             }
@@ -241,6 +248,7 @@ impl Search<'_> {
         ids: &[&'static str],
         least: f64,
         is_first: bool,
+        mut colours: Option<Colours>,
     ) -> Result<Option<Descended>, DiagnosisError> {
         let Begin { mut point, mut layout, mut members } = from;
         let entered_as_place = members.last().is_some_and(|m| {
@@ -259,7 +267,6 @@ impl Search<'_> {
             .map_or(f64::INFINITY, |s| s.misfit + LEAST_DROP);
         // What the last good step promised.
         let mut promise = 0.0;
-        let colours = self.palette.training(problem.nuisance).cloned();
         for step in 0..MOST_STEPS {
             let trust = if is_first && step == 0 { Trust::AsDataSay } else { Trust::AsBefore };
             let here =
@@ -267,6 +274,8 @@ impl Search<'_> {
             let smoothed = problem.smooth(&point, trust);
             let made = smoothed.and_then(|()| dataset(problem, &point, &here, colours.clone()));
             let Some(data) = DiagnosisError::possible(made)? else { break };
+            // Misfits compare beside the same colours.
+            colours = Some(data.colours.clone());
             members = members.iter().filter_map(|m| m.carried(&layout, &here)).collect();
             layout = here;
             let (total, gained) = problem.integrated(&data, &point, &layout, self.relative_error);

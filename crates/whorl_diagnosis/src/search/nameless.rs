@@ -78,10 +78,9 @@ impl Search<'_> {
             .flat_map(|axis| [About::Body(axis), About::World(axis)])
             .flat_map(|about| FIRST_STEPS.map(|torque| Nuisance { torque, about, ..at.standing.nuisance }))
             .collect();
-        let (likeliest, density, in_use) =
-            problem.climb(&at.point, &starts, Some(&self.palette), Sizes::Any)?;
-        let best =
-            (likeliest.torque > 0 && problem.is_large(likeliest)).then_some((density - in_use, likeliest));
+        let (found, in_use) = problem.climb(&at.point, &starts, Sizes::Any)?;
+        let is_one = found.sizes.torque > 0 && problem.is_large(found.sizes);
+        let best = is_one.then_some((found.log_density - in_use, found.sizes));
         Ok(best.map(|(gain, likeliest)| {
             let background = problem.background(likeliest);
             let (frame, axis) = match likeliest.about {
@@ -111,7 +110,7 @@ impl Search<'_> {
         let mut problem = self.problem.clone();
         problem.motions = Arc::clone(&at.motions);
         problem.nuisance = nuisance;
-        let training = dataset(&problem, &at.point, &at.layout, self.palette.training(nuisance).cloned())?;
+        let training = dataset(&problem, &at.point, &at.layout, None)?;
         let Some(fit) = Hypothesis::free(&at.layout, &training.total, at.members.clone()) else {
             return Ok(Vec::new());
         };
@@ -122,8 +121,7 @@ impl Search<'_> {
             let mut held = held.clone();
             held.nuisance = nuisance;
             held.smooth(&at.point, Trust::AsDataSay)?;
-            let colours = self.palette.held_out(nuisance).cloned();
-            let data = dataset(&held, &at.point, &at.layout, colours)?;
+            let data = dataset(&held, &at.point, &at.layout, None)?;
             let more = joined(&held, at, &data, &groups, &columns, &active, error)?;
             joint.normal.add(&more.normal, 1.0);
             joint.log_density += more.log_density;

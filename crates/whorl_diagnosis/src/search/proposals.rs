@@ -4,7 +4,6 @@
 use whorl_dynamics::effects::Rhythm;
 
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::palette::{Palette, alike};
 use crate::evidence::problem::{Dataset, Problem, Trust};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
@@ -52,8 +51,6 @@ pub(crate) struct Search<'a> {
     pub turning: Vec<usize>,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
-    /// Colours of the noise, from the first full regressions.
-    pub palette: Palette,
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
     pub relative_error: f64,
@@ -93,7 +90,6 @@ impl<'a> Search<'a> {
         let lines = Lines::default();
         let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
         let data = dataset(problem, &point, &layout, None)?;
-        let palette = palette(problem, held_out.as_deref(), &point, &layout, &data)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         Ok(Self {
             problem,
@@ -103,7 +99,6 @@ impl<'a> Search<'a> {
             lines,
             turning: Vec::new(),
             with_hidden: false,
-            palette,
             point,
             relative_error: 0.0,
             layout,
@@ -141,9 +136,7 @@ impl<'a> Search<'a> {
         // The old columns make room for the new ones.
         self.data.whitened = Vec::new();
         self.held_data = None;
-        let colours = self.palette.training(self.problem.nuisance).cloned();
-        let error = self.relative_error;
-        self.data = regression_at(self.problem, &self.point, &self.layout, colours, error)?;
+        self.data = regression_at(self.problem, &self.point, &self.layout, self.relative_error)?;
         self.base = Hypothesis::base(&self.layout, &self.data.total).ok_or(NO_FIT)?;
         Ok(())
     }
@@ -152,9 +145,7 @@ impl<'a> Search<'a> {
     pub(crate) fn regress_held(&mut self) -> Result<(), DiagnosisError> {
         if let Some(held) = &mut self.held_out {
             held.smooth(&self.point, Trust::AsDataSay)?;
-            let colours = self.palette.held_out(held.nuisance).cloned();
-            let error = self.relative_error;
-            self.held_data = Some(regression_at(held, &self.point, &self.layout, colours, error)?);
+            self.held_data = Some(regression_at(held, &self.point, &self.layout, self.relative_error)?);
         }
         Ok(())
     }
@@ -210,7 +201,6 @@ impl<'a> Search<'a> {
             match self.better()? {
                 Some(converged) => {
                     self.settle(converged)?;
-                    self.sharpen()?;
                 }
                 // With no such noise as is likeliest beside the base model, other effects may come near.
                 None if round == 0 && self.problem.nuisance != Nuisance::default() => {
@@ -256,36 +246,6 @@ impl<'a> Search<'a> {
         match self.fitted(base).cloned() {
             Some(best) if Some(best.standing.nuisance) != beside => self.settle(best),
             _ => Ok(()),
-        }
-    }
-
-    /// Estimates the colour of the innovations again where the present best set stands, without the noise that the base model
-    /// needed: the first was estimated beside a model that lacked this set, and some of what that one lacked was taken for
-    /// colour. Where it differs, base model and best set are weighed again.
-    fn sharpen(&mut self) -> Result<(), DiagnosisError> {
-        let quiet = Nuisance::default();
-        let colours = |problem: &Problem| {
-            let mut problem = problem.clone();
-            problem.nuisance = quiet;
-            Ok::<_, DiagnosisError>(dataset(&problem, &self.point, &self.layout, None)?.colours)
-        };
-        let training = colours(self.problem)?;
-        if self.palette.training(quiet).is_some_and(|c| alike(c, &training)) {
-            return Ok(());
-        }
-        let held_out = self.held_out.as_deref().map(colours).transpose()?;
-        self.palette.replace(quiet, training, held_out);
-        // Evidence with other colours does not compare.
-        let palette = &self.palette;
-        self.fitted.retain(|_, c| !palette.is_beside(quiet, c.standing.nuisance));
-        for set in [self.base.clone(), self.best.clone()] {
-            if let Some(sharp) = self.converge_sharply(&set)? {
-                self.remember(sharp);
-            }
-        }
-        match self.most_probable().cloned() {
-            Some(most) => self.settle(most),
-            None => Ok(()),
         }
     }
 
@@ -406,12 +366,7 @@ impl<'a> Search<'a> {
         let lines = Lines { torque_hz: hz.clone(), ..Lines::default() };
         let layout =
             Layout::of_effects(&self.problem.reference, &self.point, &self.available, &[periodic], &lines);
-        let data = dataset(
-            self.problem,
-            &self.point,
-            &layout,
-            self.palette.training(self.problem.nuisance).cloned(),
-        )?;
+        let data = dataset(self.problem, &self.point, &layout, None)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
         let mut worth: Vec<(f64, f64)> = Vec::new();
         for (columns, hz) in layout.candidates.iter().flat_map(|c| &c.options).zip(hz) {
@@ -437,28 +392,4 @@ impl<'a> Search<'a> {
         let candidate = self.layout.candidates.get(member.candidate)?;
         Some(candidate.effect.info().kind.to_string())
     }
-}
-
-/// Colours of the noise beside what the base model needs, and beside none where it needs some: a set that explains what looked
-/// like noise is whitened without.
-fn palette(
-    problem: &Problem,
-    held_out: Option<&Problem>,
-    point: &Point,
-    layout: &Layout,
-    data: &Dataset,
-) -> Result<Palette, DiagnosisError> {
-    let colours = |problem: &Problem| Ok::<_, DiagnosisError>(dataset(problem, point, layout, None)?.colours);
-    let mut palette = Palette::default();
-    palette.add(problem.nuisance, data.colours.clone(), held_out.map(colours).transpose()?);
-    if problem.nuisance != Nuisance::default() {
-        let quiet = |problem: &Problem| {
-            let mut quiet = problem.clone();
-            quiet.nuisance = Nuisance::default();
-            quiet
-        };
-        let of_held_out = held_out.map(|held| colours(&quiet(held))).transpose()?;
-        palette.add(Nuisance::default(), colours(&quiet(problem))?, of_held_out);
-    }
-    Ok(palette)
 }

@@ -162,8 +162,7 @@ fn go_to_leading(search: &mut Search<'_>, explanations: &[Vec<String>]) -> Resul
     }
     search.held_out = further;
     if let Some(held) = &search.held_out {
-        let (colours, error) = (search.palette.held_out(held.nuisance).cloned(), search.relative_error);
-        let data = regression_at(held, &search.point, &search.layout, colours, error)?;
+        let data = regression_at(held, &search.point, &search.layout, search.relative_error)?;
         search.held_data = Some(data);
     }
     Ok(())

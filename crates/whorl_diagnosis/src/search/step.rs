@@ -7,8 +7,8 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Contribution;
 
 use crate::DiagnosisError;
-use crate::evidence::palette::Colours;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
+use crate::evidence::regression::Colours;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, TOGETHER};
 use crate::parameters::available::Available;
@@ -18,7 +18,8 @@ use crate::search::climb::Sizes;
 pub(crate) const NO_FIT: DiagnosisError =
     DiagnosisError::NoTrajectory { run: String::new(), what: "the regression has no solution" };
 
-/// Regression of a problem at a point with the columns of a layout.
+/// Regression of a problem at a point with the columns of a layout. Colours that are not given are those of what all the columns
+/// leave together.
 pub(crate) fn dataset(
     problem: &Problem,
     point: &Point,
@@ -45,10 +46,9 @@ pub(crate) fn regression_at(
     problem: &Problem,
     point: &Point,
     layout: &Layout,
-    colours: Option<Colours>,
     relative_error: f64,
 ) -> Result<Dataset, DiagnosisError> {
-    let mut data = dataset(problem, point, layout, colours)?;
+    let mut data = dataset(problem, point, layout, None)?;
     let (total, log_density) = problem.integrated(&data, point, layout, relative_error);
     data.total = total;
     data.log_density += log_density;
@@ -98,7 +98,7 @@ pub(crate) fn base_point_with(
     smooth_all(problem, held_out, &point, Trust::Within(5e-3))?;
     for trust in [Trust::Within(2e-3), Trust::AsDataSay] {
         // What the model lacks must not bend its constants: it counts as noise until it is found.
-        problem.nuisance = problem.likeliest_nuisance(&point, None, Sizes::Any)?;
+        problem.nuisance = problem.likeliest_noise(&point, &[], Sizes::Any)?.sizes;
         if let Some(held) = held_out {
             held.nuisance = problem.nuisance;
         }

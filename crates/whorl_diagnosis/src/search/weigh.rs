@@ -13,11 +13,12 @@ use whorl_dynamics::effects::{BasePrior, Role};
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS, Signal};
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::evidence::regression::Normal;
+use crate::evidence::regression::{Normal, alike};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::{Column, Point, Target, is_base};
 use crate::search::Search;
+use crate::search::climb::Noise;
 use crate::search::converge::{Descended, at_itself};
 use crate::search::standing::{Converged, Standing};
 use crate::search::step::dataset;
@@ -117,18 +118,19 @@ impl Both<'_> {
 }
 
 impl Search<'_> {
-    /// Weighs a set where it fits best, with the noise that a problem expects.
+    /// Weighs a set where it fits best, with the noise that is likeliest there.
     pub(crate) fn weighed(
         &self,
         mut set: Descended,
+        noise: Noise,
         problem: &Problem,
     ) -> Result<Option<Converged>, DiagnosisError> {
         let mut problem = problem.clone();
         problem.motions = Arc::clone(&set.motions);
-        if set.nuisance != problem.nuisance {
-            let colours = self.palette.training(problem.nuisance).cloned();
-            set.data = dataset(&problem, &set.point, &set.layout, colours)?;
-            set.nuisance = problem.nuisance;
+        problem.nuisance = noise.sizes;
+        if set.nuisance != noise.sizes || !alike(&set.data.colours, &noise.colours) {
+            set.data = dataset(&problem, &set.point, &set.layout, Some(noise.colours))?;
+            set.nuisance = noise.sizes;
         }
         let of_data = problem.discrepancy(&set.data, &set.point, &set.layout);
         let held = match self.held_out.as_deref() {
@@ -136,8 +138,7 @@ impl Search<'_> {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
                 held.smooth(&set.point, Trust::AsDataSay)?;
-                let colours = self.palette.held_out(problem.nuisance).cloned();
-                let data = dataset(&held, &set.point, &set.layout, colours)?;
+                let data = dataset(&held, &set.point, &set.layout, None)?;
                 let of_data = held.discrepancy(&data, &set.point, &set.layout);
                 Some((data, of_data))
             }

@@ -42,7 +42,7 @@ fn a_walk_of_the_gyros_bias_is_found_at_its_size() {
         let point = problem.reference.point();
         problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
         problem.nuisance =
-            problem.likeliest_nuisance(&point, None, crate::search::climb::Sizes::Any).unwrap();
+            problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap().sizes;
         (problem.nuisance, problem.settings(0).gyro_bias_walk)
     };
     assert_eq!(found(quiet.clone()).0, Nuisance::default());
@@ -73,7 +73,7 @@ fn a_slow_random_torque_is_found_at_its_size() {
     let point = problem.reference.point();
     problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
     let found = problem
-        .background(problem.likeliest_nuisance(&point, None, crate::search::climb::Sizes::Any).unwrap());
+        .background(problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap().sizes);
     assert!((found.stddev_n_m / stddev_n_m).ln().abs() < 3f64.ln(), "{found:?}");
 }
 
