@@ -1,7 +1,10 @@
 //! The trajectory about which everything is linearised.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
+use whorl_dynamics::effects::{EffectSet, MAX_HIDDEN_STATES};
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_math::{quaternion_exp, rotation_vector, unit};
 use whorl_trajectory::smoothing::{pull, start_attitude};
@@ -20,7 +23,12 @@ pub(crate) struct Motion {
     pub wheel_mid: Vec<Wheels>,
     /// Angle that each wheel has turned since the first node \[rad\].
     pub wheel_angle: Vec<Wheels>,
+    /// How far from rest each effect's hidden states are at the start, by the effect's id.
+    hidden_start: BTreeMap<&'static str, Vec<f64>>,
 }
+
+/// Room for the hidden states of all effects.
+pub(crate) type Hidden = [f64; MAX_HIDDEN_STATES];
 
 impl Motion {
     /// From the gyro, pulled towards the vertical and the vector sensors' directions (Mahony et al. 2008,
@@ -98,6 +106,36 @@ impl Motion {
                 }
                 self.wheel_mid.push(middle);
             }
+        }
+    }
+
+    /// How far from rest the hidden states of effects are at the start: those of a set in its order.
+    pub fn hidden_start(&self, effects: &EffectSet) -> Hidden {
+        let mut all = [0.0; MAX_HIDDEN_STATES];
+        for effect in effects.iter() {
+            let own = self.hidden_start_of(effect.effect().info().id);
+            let slots = all.get_mut(effect.hidden_range()).unwrap_or_default();
+            slots.iter_mut().zip(own).for_each(|(slot, x)| *slot = x);
+        }
+        all
+    }
+
+    /// The same of one effect.
+    pub fn hidden_start_of(&self, id: &str) -> Hidden {
+        let mut all = [0.0; MAX_HIDDEN_STATES];
+        let own = self.hidden_start.get(id).map_or(&[][..], Vec::as_slice);
+        all.iter_mut().zip(own).for_each(|(slot, x)| *slot = *x);
+        all
+    }
+
+    /// Moves the hidden states of a set at the start by small errors.
+    pub fn correct_hidden_start(&mut self, effects: &EffectSet, errors: &[f64]) {
+        for effect in effects.iter() {
+            let range = effect.hidden_range();
+            let Some(errors) = errors.get(range.clone()).filter(|errors| !errors.is_empty()) else { continue };
+            let own = self.hidden_start.entry(effect.effect().info().id).or_default();
+            own.resize(range.len(), 0.0);
+            own.iter_mut().zip(errors).for_each(|(x, error)| *x += error);
         }
     }
 

@@ -140,7 +140,7 @@ pub trait Effect: Sync + fmt::Debug {
         ThrustLag::default()
     }
 
-    /// Number of hidden states; they start at zero.
+    /// Number of hidden states. A simulation starts with all of them at zero.
     fn hidden_states(&self, _model: &PlatformModel) -> usize {
         0
     }
@@ -152,6 +152,17 @@ pub trait Effect: Sync + fmt::Debug {
         _environment: &Environment<'_>,
         _hidden: &[f64],
         _derivative: &mut [f64],
+    ) {
+    }
+
+    /// How far each hidden state may be from rest when a recording begins, standard deviations, where what is left of an
+    /// earlier motion pushes with this torque [N m]. It must be 0 for a state whose equation is not linear.
+    fn hidden_start_stddev(
+        &self,
+        _values: &[f64],
+        _model: &PlatformModel,
+        _torque_n_m: f64,
+        _stddev: &mut [f64],
     ) {
     }
 

@@ -83,6 +83,21 @@ impl Effect for FlexibleMode {
         }
     }
 
+    fn hidden_start_stddev(
+        &self,
+        values: &[f64],
+        _model: &PlatformModel,
+        torque_n_m: f64,
+        stddev: &mut [f64],
+    ) {
+        let mode = Mode::of(values);
+        let omega_rad_s = TAU * mode.frequency_hz;
+        let bent = torque_n_m / (omega_rad_s.powi(2) * mode.participation_b_sqrt_kg_m.norm());
+        if let ([eta, eta_rate], true) = (stddev, bent.is_finite()) {
+            (*eta, *eta_rate) = (bent, bent * omega_rad_s);
+        }
+    }
+
     fn torque_b_n_m(&self, values: &[f64], _environment: &Environment<'_>, hidden: &[f64]) -> Vector3<f64> {
         // eta'' without its share of dw/dt, which `reaction_inertia_b_kg_m2` carries.
         let mode = Mode::of(values);

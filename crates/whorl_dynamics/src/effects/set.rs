@@ -34,6 +34,12 @@ impl ActiveEffect {
         &self.values
     }
 
+    /// Where its hidden states are among those of the set.
+    #[must_use]
+    pub fn hidden_range(&self) -> Range<usize> {
+        self.hidden.clone()
+    }
+
     fn hidden<'h>(&self, hidden: &'h [f64]) -> &'h [f64] {
         hidden.get(self.hidden.clone()).unwrap_or(&[])
     }
@@ -221,6 +227,18 @@ impl EffectSet {
                 a.effect.hidden_derivative(&a.values, environment, a.hidden(hidden), slots);
             }
         }
+    }
+
+    /// [`Effect::hidden_start_stddev`] of every effect.
+    #[must_use]
+    pub fn hidden_start_stddev(&self, model: &PlatformModel, torque_n_m: f64) -> Vec<f64> {
+        let mut stddev = vec![0.0; self.hidden_states];
+        for a in self.active.iter().filter(|a| !a.hidden.is_empty()) {
+            if let Some(slots) = stddev.get_mut(a.hidden.clone()) {
+                a.effect.hidden_start_stddev(&a.values, model, torque_n_m, slots);
+            }
+        }
+        stddev
     }
 
     /// [`Effect::hidden_noise`] of every effect.

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
-use whorl_math::skew;
+use whorl_math::{GRAVITY_M_S2, skew};
 
 use super::named::{Named as _, Value as _, parameters};
 use super::search::geometric;
@@ -116,6 +116,24 @@ impl Effect for Slosh {
         if let [x, y, x_rate_dot, y_rate_dot] = derivative {
             (*x, *y) = (x_rate, y_rate);
             (*x_rate_dot, *y_rate_dot) = (acceleration.x, acceleration.y);
+        }
+    }
+
+    fn hidden_start_stddev(
+        &self,
+        values: &[f64],
+        model: &PlatformModel,
+        torque_n_m: f64,
+        stddev: &mut [f64],
+    ) {
+        let pendulum = Pendulum::new(values, model);
+        // A deflection pushes by its spring at the height, and by its weight.
+        let weight_m_s2 = if model.freedom.has_weight() { GRAVITY_M_S2 } else { 0.0 };
+        let lever = pendulum.omega_rad_s.powi(2) * pendulum.r_b_m.z.abs() + weight_m_s2;
+        let deflected = torque_n_m / (pendulum.mass_kg * lever);
+        if let ([x, y, x_rate, y_rate], true) = (stddev, deflected.is_finite()) {
+            (*x, *y) = (deflected, deflected);
+            (*x_rate, *y_rate) = (deflected * pendulum.omega_rad_s, deflected * pendulum.omega_rad_s);
         }
     }
 

@@ -12,7 +12,7 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 use super::Linearised;
 use super::moved::{Moved, OneEffect, Way};
 use crate::layout::inputs::Inputs;
-use crate::layout::motion::Motion;
+use crate::layout::motion::{Hidden, Motion};
 use crate::layout::run::{Run, Wheels};
 use crate::whitening::mechanics::{HeldBack, Mechanics, StepEnvironments, Steps};
 
@@ -42,14 +42,14 @@ struct Walker<'a> {
     way: &'a Way,
     /// Its own inputs, if they are not the base's.
     inputs: Option<Inputs>,
-    hidden: [f64; MAX_HIDDEN_STATES],
-    hidden_before: [f64; MAX_HIDDEN_STATES],
+    hidden: Hidden,
+    hidden_before: Hidden,
     /// Acceleration per base acceleration because other inertia resists; `None` where it does not.
     resistance: Option<Matrix3<f64>>,
 }
 
 impl<'a> Walker<'a> {
-    fn new(run: &Run, base: &Linearised, lane: usize, moved: &'a Moved) -> Option<Self> {
+    fn new(run: &Run, motion: &Motion, base: &Linearised, lane: usize, moved: &'a Moved) -> Option<Self> {
         let way = moved.motion.as_ref()?;
         let inputs = moved.valves.then(|| {
             let mut inputs = moved.mechanics.inputs(run);
@@ -62,14 +62,18 @@ impl<'a> Walker<'a> {
         let (own, before) = (mechanics.gyrostat.rate_equation(), base.mechanics.gyrostat.rate_equation());
         let resistance = (own.inverse_resisting() != before.inverse_resisting())
             .then(|| own.inverse_resisting() * before.resisting_b_kg_m2() - Matrix3::identity());
+        let hidden = match way {
+            Way::Torque(one) => motion.hidden_start_of(one.effect.info().id),
+            _ => motion.hidden_start(mechanics.gyrostat.effects()),
+        };
         Some(Self {
             lane,
             mechanics,
             per_unit: 1.0 / moved.units,
             way,
             inputs,
-            hidden: [0.0; MAX_HIDDEN_STATES],
-            hidden_before: [0.0; MAX_HIDDEN_STATES],
+            hidden,
+            hidden_before: hidden,
             resistance,
         })
     }
@@ -155,8 +159,8 @@ impl OneEffect {
         &self,
         interval: &Environment<'_>,
         steps: &StepEnvironments<'_>,
-        hidden: &mut [f64; MAX_HIDDEN_STATES],
-        hidden_before: &mut [f64; MAX_HIDDEN_STATES],
+        hidden: &mut Hidden,
+        hidden_before: &mut Hidden,
     ) -> (Vector3<f64>, Wheels) {
         let mut torque = self.torque(&self.after, 1.0, interval, steps, hidden);
         if let Some(values) = &self.before {
@@ -174,7 +178,7 @@ impl OneEffect {
         factor: f64,
         interval: &Environment<'_>,
         steps: &StepEnvironments<'_>,
-        hidden: &mut [f64; MAX_HIDDEN_STATES],
+        hidden: &mut Hidden,
     ) -> (Vector3<f64>, Wheels) {
         let wheels = interval.model.wheels().len();
         let at = |environment: &Environment<'_>, hidden: &[f64]| {
@@ -204,7 +208,7 @@ impl OneEffect {
 fn dynamics(run: &Run, motion: &Motion, base: &Linearised, moved: &[Moved], changes: &mut [Change]) {
     let nodes = run.nodes();
     let mut walkers: Vec<Walker<'_>> =
-        moved.iter().enumerate().filter_map(|(lane, m)| Walker::new(run, base, lane, m)).collect();
+        moved.iter().enumerate().filter_map(|(lane, m)| Walker::new(run, motion, base, lane, m)).collect();
     for walker in &walkers {
         let change = &mut changes[walker.lane];
         change.omega_dot = vec![Vector3::zeros(); nodes];

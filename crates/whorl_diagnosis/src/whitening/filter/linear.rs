@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::System;
+use super::hidden::HiddenStates;
 use super::measurement::Row;
 
 /// Measurements of a run, in order of time.
@@ -139,8 +140,10 @@ impl System<'_> {
         let mut linear = Linear { n, measured, defect: vec![0.0; intervals * n], ..Linear::default() };
         let mut transitions = Transitions::new(n, intervals);
         let (mut a, mut f) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let mut hidden = HiddenStates::default();
         for (k, d) in linear.defect.chunks_exact_mut(n).enumerate() {
             self.transition(k, &mut a, &mut f);
+            self.hidden_transition(k, &mut hidden, &mut f);
             self.defect(k, d);
             transitions.push(&f);
         }

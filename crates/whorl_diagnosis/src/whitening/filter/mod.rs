@@ -1,11 +1,13 @@
 //! The Kalman filter that whitens a run, and the smoother that improves its trajectory.
 //!
 //! State: small errors of the trajectory, in this order: attitude (3, body axes), rate (3), gyro bias (3),
-//! accelerometer bias (3), wheel speeds, and if asked for an unmodelled torque (3). The filter is linear,
+//! accelerometer bias (3), wheel speeds, if asked for an unmodelled torque (3), and hidden states of effects that may be
+//! anywhere at the start. The filter is linear,
 //! so the innovation depends linearly on every parameter, and its sensitivities pass through the same
 //! gains (Ljung 1999, section 10.3; Klein and Morelli 2006, filter error method).
 
 mod dynamics;
+mod hidden;
 mod linear;
 mod measurement;
 mod noise;
@@ -29,6 +31,9 @@ pub(crate) const RATE: usize = 3;
 pub(crate) const GYRO_BIAS: usize = 6;
 pub(crate) const ACCEL_BIAS: usize = 9;
 pub(crate) const WHEEL: usize = 12;
+
+/// Room for all states: of eight wheels, a torque and hidden states of two effects.
+pub(crate) const MOST_STATES: usize = 32;
 
 /// A slow random torque that nobody has a name for: a first-order Markov process (an Ornstein-Uhlenbeck process; Gelb 1974,
 /// section 3.8).
@@ -185,6 +190,11 @@ impl System<'_> {
     }
 
     pub fn states(&self) -> usize {
+        self.first_hidden() + self.hidden_states()
+    }
+
+    /// First index of the hidden states.
+    fn first_hidden(&self) -> usize {
         WHEEL + self.wheels() + if self.settings.has_torque() { 3 } else { 0 }
     }
 
@@ -217,7 +227,8 @@ impl System<'_> {
         match linear.n {
             0..=16 => processor.dispatch(WithRoom::<16> { system: self, linear, keep }),
             17..=20 => processor.dispatch(WithRoom::<20> { system: self, linear, keep }),
-            _ => processor.dispatch(WithRoom::<24> { system: self, linear, keep }),
+            21..=24 => processor.dispatch(WithRoom::<24> { system: self, linear, keep }),
+            _ => processor.dispatch(WithRoom::<MOST_STATES> { system: self, linear, keep }),
         }
     }
 

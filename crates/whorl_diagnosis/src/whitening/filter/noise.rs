@@ -201,6 +201,10 @@ impl System<'_> {
             let back = vertical_b(q) * -azimuth_rad(q);
             x[ANGLE..ANGLE + 3].copy_from_slice(back.as_slice());
         }
+        // Rest is where hidden states are expected.
+        let start = self.motion.hidden_start(self.mechanics.gyrostat.effects());
+        let slots = x.iter_mut().skip(self.first_hidden()).take(self.hidden_states());
+        slots.zip(start).for_each(|(slot, from_rest)| *slot = -from_rest);
         x
     }
 
@@ -233,6 +237,8 @@ impl System<'_> {
                     walked * walked + background.about.share(i) * background.stddev_n_m.powi(2);
             }
         }
+        let slots = variance.iter_mut().skip(self.first_hidden()).take(self.hidden_states());
+        slots.zip(self.hidden_start_stddev()).for_each(|(slot, stddev)| *slot = stddev * stddev);
         let mut p = [[0.0; S]; S];
         for (i, (row, x)) in p.iter_mut().zip(variance).enumerate() {
             row[i] = x;

@@ -24,6 +24,8 @@ impl System<'_> {
             let part = |first: usize| Vector3::new(state[first], state[first + 1], state[first + 2]);
             better.correct(k, &part(ANGLE), &part(RATE), &state[WHEEL..WHEEL + self.wheels()]);
         }
+        let hidden = smoothed.state.get(self.first_hidden()..linear.n).unwrap_or_default();
+        better.correct_hidden_start(self.mechanics.gyrostat.effects(), hidden);
         better.fill_middle(self.run);
         (better, forward.log_likelihood)
     }

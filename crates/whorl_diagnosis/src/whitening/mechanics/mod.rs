@@ -218,7 +218,7 @@ impl Mechanics {
             ..Prediction::default()
         };
         let hidden_states = self.gyrostat.effects().hidden_states().min(MAX_HIDDEN_STATES);
-        let mut hidden = [0.0; MAX_HIDDEN_STATES];
+        let mut hidden = motion.hidden_start(self.gyrostat.effects());
         let mut steps = Steps::default();
         for k in 0..nodes {
             let edge = if run.clamped { Vector3::zeros() } else { self.edge_rate(run, inputs, k) };

@@ -114,8 +114,8 @@ impl StepEnvironments<'_> {
         self.middle.len()
     }
 
-    /// Carries hidden states over every step by Runge-Kutta steps; `visit` sees them in the middle of each. A
-    /// run begins with them at rest in its first attitude, as a liquid is that has had time to settle.
+    /// Carries hidden states over every step by Runge-Kutta steps; `visit` sees them in the middle of each. Before a
+    /// run's first step they say how far they are from rest in its first attitude.
     pub fn carry(
         &self,
         hidden: &mut [f64],
@@ -143,7 +143,9 @@ impl StepEnvironments<'_> {
                 omega_dot_wb_b_rad_s2: Vector3::zeros(),
                 ..*start
             };
-            come_to_rest(&mut hidden[..n], |x, rate| derivative(&still, x, rate));
+            let mut rest = [0.0; S];
+            come_to_rest(&mut rest[..n], |x, rate| derivative(&still, x, rate));
+            hidden.iter_mut().zip(rest).take(n).for_each(|(x, rest)| *x += rest);
         }
         for (step, middle) in self.middle.iter().enumerate() {
             if let Some([start, half, end]) = self.moving.get(2 * step..2 * step + 3) {
