@@ -132,3 +132,25 @@ fn dry_friction_at_rest_moves_the_rate_as_a_torque_that_changes_its_mind() {
     assert!((system.stiction_walk(1) / at_rest - 0.5).abs() < 1e-9);
     assert_eq!(system.stiction_walk(2), 0.0);
 }
+
+#[test]
+fn a_gyro_whose_noise_is_coloured_is_no_torque() {
+    let model = steady();
+    let mut run = record(&model, 14, 60.0, None);
+    // A first-order autoregressive process about each axis, three times as large as the white noise.
+    let (kept, mut rng, mut noise) = (0.7_f64, random(9), Vector3::zeros());
+    let size = 3.0 * model.sensors.gyro.errors.noise_stddev.mean() * (1.0 - kept * kept).sqrt();
+    for value in &mut run.gyro_b_rad_s.value {
+        noise = noise * kept + Vector3::from_fn(|_, _| normal(&mut rng)) * size;
+        *value += noise;
+    }
+    let mut problem = problem_of(&model, &[run]);
+    let point = problem.reference.point();
+    problem.smooth(&point, Trust::Within(FREE_RATE_WALK)).unwrap();
+    let found = problem.likeliest_noise(&point, &[], crate::search::climb::Sizes::Any).unwrap();
+    assert_eq!(found.sizes, Nuisance::default());
+    // Of the sum with white noise: ten times the power at lag zero, 9 x 0.7 of it at lag one.
+    let gyro = &found.colours[0][0];
+    let correlation = gyro.coefficients.first().copied().unwrap_or(0.0);
+    assert!(correlation > 0.3 && gyro.stddev > 1.05, "{gyro:?}");
+}
