@@ -132,7 +132,9 @@ impl Motion {
     pub fn correct_hidden_start(&mut self, effects: &EffectSet, errors: &[f64]) {
         for effect in effects.iter() {
             let range = effect.hidden_range();
-            let Some(errors) = errors.get(range.clone()).filter(|errors| !errors.is_empty()) else { continue };
+            let Some(errors) = errors.get(range.clone()).filter(|errors| !errors.is_empty()) else {
+                continue;
+            };
             let own = self.hidden_start.entry(effect.effect().info().id).or_default();
             own.resize(range.len(), 0.0);
             own.iter_mut().zip(errors).for_each(|(x, error)| *x += error);

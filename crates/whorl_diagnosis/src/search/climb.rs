@@ -123,16 +123,17 @@ impl Problem {
             let systems = systems(nuisance);
             let linear = linears.of(kind, &systems, self.threads);
             let all: Vec<_> = systems.into_iter().zip(linear.iter()).collect();
-            let (densities, colours): (Vec<f64>, Colours) = threads::map(self.threads, &all, |(system, linear)| {
-                let (mut innovations, log_density) = system.innovations(linear);
-                let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
-                let colours = colours_of(&innovations, &rows);
-                coloured(&mut innovations, &rows, &colours);
-                let misfit: f64 = innovations.iter().map(|e| e * e).sum();
-                (log_density + colour_log_density(&rows, &colours) - 0.5 * misfit, colours)
-            })
-            .into_iter()
-            .unzip();
+            let (densities, colours): (Vec<f64>, Colours) =
+                threads::map(self.threads, &all, |(system, linear)| {
+                    let (mut innovations, log_density) = system.innovations(linear);
+                    let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
+                    let colours = colours_of(&innovations, &rows);
+                    coloured(&mut innovations, &rows, &colours);
+                    let misfit: f64 = innovations.iter().map(|e| e * e).sum();
+                    (log_density + colour_log_density(&rows, &colours) - 0.5 * misfit, colours)
+                })
+                .into_iter()
+                .unzip();
             let found = densities.iter().sum::<f64>() + self.log_prior(nuisance);
             known.insert(nuisance, (found, colours));
             found

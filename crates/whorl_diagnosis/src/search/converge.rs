@@ -188,8 +188,8 @@ impl Search<'_> {
         // What another set needed may be needed here.
         let of_others: Vec<Nuisance> = self.fitted.values().map(|set| set.standing.nuisance).collect();
         // Less noise makes a fit sharper, and a sharper fit leaves less noise.
+        let mut colours = (problem.nuisance == Nuisance::default()).then(|| self.sharp.clone());
         for turn in 0..MOST_TURNS {
-            let colours = last.take().map(|(_, noise)| noise.colours);
             let Some(descended) = self.descend(problem, from, ids, least, turn == 0, colours)? else { break };
             problem.motions = Arc::clone(&descended.motions);
             let noise = problem.likeliest_noise(&descended.point, &of_others, sizes)?;
@@ -201,6 +201,7 @@ impl Search<'_> {
             let is_settled =
                 problem.nuisance == noise.sizes && alike(&descended.data.colours, &noise.colours);
             problem.nuisance = noise.sizes;
+            colours = Some(noise.colours.clone());
             last = Some((descended, noise));
             if is_settled {
                 break;

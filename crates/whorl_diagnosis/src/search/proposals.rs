@@ -5,6 +5,7 @@ use whorl_dynamics::effects::Rhythm;
 
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
+use crate::evidence::regression::Colours;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::{CERTAIN, Lines};
@@ -51,6 +52,9 @@ pub(crate) struct Search<'a> {
     pub turning: Vec<usize>,
     /// Hidden states compete as well: their many columns are made only when something is missing.
     pub with_hidden: bool,
+    /// Colours of what all effects leave together, beside no noise that the model does not state: with these a fit of any set
+    /// begins. Its own are those of what it does not explain yet.
+    pub sharp: Colours,
     pub point: Point,
     /// Relative error of formulas that is integrated out of the present regression.
     pub relative_error: f64,
@@ -91,6 +95,13 @@ impl<'a> Search<'a> {
         let layout = Layout::new(&problem.reference, &point, &available, &options.exclude, &lines, false);
         let data = dataset(problem, &point, &layout, None)?;
         let base = Hypothesis::base(&layout, &data.total).ok_or(NO_FIT)?;
+        let sharp = if problem.nuisance == Nuisance::default() {
+            data.colours.clone()
+        } else {
+            let mut quiet = problem.clone();
+            quiet.nuisance = Nuisance::default();
+            dataset(&quiet, &point, &layout, None)?.colours
+        };
         Ok(Self {
             problem,
             held_out,
@@ -99,6 +110,7 @@ impl<'a> Search<'a> {
             lines,
             turning: Vec::new(),
             with_hidden: false,
+            sharp,
             point,
             relative_error: 0.0,
             layout,

@@ -10,6 +10,7 @@ mod noise_walks;
 mod prospects;
 mod residual;
 mod slopes;
+mod starts;
 mod ties;
 mod uncertainty;
 mod whitening;

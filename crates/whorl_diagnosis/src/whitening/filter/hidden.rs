@@ -114,7 +114,8 @@ impl System<'_> {
         let h = self.run.length(k);
         hidden.set(slope, h);
         for i in 0..count {
-            let torque: Vector3<f64> = torque.iter().zip(hidden.mean.column(i).iter()).map(|(t, x)| t * *x).sum();
+            let torque: Vector3<f64> =
+                torque.iter().zip(hidden.mean.column(i).iter()).map(|(t, x)| t * *x).sum();
             let omega_dot = self.mechanics.inverse_inertia() * torque;
             let wheels =
                 gyrostat.wheel_accelerations_rad_s2(&[0.0; MAX_WHEELS], &[false; MAX_WHEELS], &omega_dot);
