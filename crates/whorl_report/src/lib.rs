@@ -38,12 +38,14 @@ pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
     next_html, trends_html, whereabouts_html,
 };
-pub use index::{IndexRow, index_html};
+pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use orbit::{DrawnBurn, DrawnCraft, DrawnPass, orbit_html};
 pub use orbit_keeping::{DrawnCorrection, DrawnKeeping};
-pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
+pub use overlay::{
+    PairDifference, ParameterDifference, overlay_html, pair_differences,
+};
 pub use page::{Description, TopicRow, html};
 pub use platform::PlatformData;
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
