@@ -3,7 +3,6 @@
 mod dask;
 mod slurm;
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -18,12 +17,13 @@ use whorl_commands::campaign::{Campaign, planned};
 use whorl_objects::is_remote;
 
 use crate::output::{JsonArgument, is_closed, say};
+use crate::progress;
 
 #[derive(Debug, Args)]
 pub struct Arguments {
     /// Campaign file, over experiments, e.g. params/campaigns/compare_laws.yaml, or over recordings, e.g.
-    /// params/campaigns/rediagnose.yaml.
-    #[arg(value_name = "FILE")]
+    /// params/campaigns/rediagnose.yaml; a name alone is one in params/campaigns/.
+    #[arg(value_name = "NAME|FILE")]
     campaign: PathBuf,
     /// Folder of the campaign; an interrupted campaign goes on where it was; s3://BUCKET/PREFIX: in object storage [default: campaigns/<name of the file>].
     #[arg(long, value_name = "DIR")]
@@ -77,7 +77,7 @@ enum Engine {
 
 /// Carries out `whorl campaign`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let file = &arguments.campaign;
+    let file = &file_of(&arguments.campaign, arguments.params.as_deref());
     let mut campaign = planned(file, arguments.params.as_deref(), arguments.seeds)?;
     if arguments.dry_run {
         return dry_run(&campaign, &arguments.json);
@@ -113,7 +113,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             folder.path().display(),
             folder.path().join("slurm/job").display()
         ),
-        (Engine::Local, None) => on_threads(&folder, &campaign, threads, &here, began)?,
+        (Engine::Local, None) => on_threads(&folder, &campaign, threads, &here)?,
         (Engine::Dask, None) => {
             // The Python package directs the folder meanwhile.
             drop(held.take());
@@ -133,31 +133,31 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The file of a campaign that is named or is a file; names are looked up in this folder's campaigns/, or in params/.
+fn file_of(campaign: &Path, params: Option<&Path>) -> PathBuf {
+    let named = params.unwrap_or(Path::new("params")).join("campaigns").join(campaign).with_extension("yaml");
+    if !campaign.exists() && named.is_file() { named } else { campaign.to_owned() }
+}
+
 /// Computes what is missing, on so many threads, and shows how far it is.
-fn on_threads(
-    folder: &Folder,
-    campaign: &Campaign,
-    threads: usize,
-    here: &AtomicU64,
-    began: Instant,
-) -> anyhow::Result<()> {
-    std::thread::scope(|scope| -> anyhow::Result<()> {
-        let worker = scope.spawn(|| work(folder, campaign, Part::WHOLE, threads, here));
-        let mut told = Instant::now();
-        while !worker.is_finished() {
-            std::thread::sleep(LOOK);
-            if told.elapsed() >= SHOW {
-                told = Instant::now();
-                progress(folder, campaign, began, here.load(Ordering::Relaxed));
+fn on_threads(folder: &Folder, campaign: &Campaign, threads: usize, here: &AtomicU64) -> anyhow::Result<()> {
+    progress::watched("computing", |say| {
+        std::thread::scope(|scope| -> anyhow::Result<()> {
+            let worker = scope.spawn(|| work(folder, campaign, Part::WHOLE, threads, here));
+            let mut told = Instant::now();
+            while !worker.is_finished() {
+                std::thread::sleep(LOOK);
+                if told.elapsed() >= SHOW {
+                    told = Instant::now();
+                    let done = folder.done().unwrap_or_else(|_| here.load(Ordering::Relaxed));
+                    let share = done as f64 / campaign.len().max(1) as f64;
+                    say(share, &format!("{done} of {} {}", campaign.len(), campaign.noun()));
+                }
             }
-        }
-        worker.join().unwrap_or_else(|_| Err(std::io::Error::other("a worker ended abnormally")))?;
-        Ok(())
-    })?;
-    if std::io::stderr().is_terminal() {
-        eprintln!();
-    }
-    Ok(())
+            worker.join().unwrap_or_else(|_| Err(std::io::Error::other("a worker ended abnormally")))?;
+            Ok(())
+        })
+    })
 }
 
 /// The array job: this program with these arguments, in this folder, for each part.
@@ -199,23 +199,6 @@ fn dry_run(campaign: &Campaign, json: &JsonArgument) -> anyhow::Result<()> {
     }
     say!("{} {}", lines.len(), campaign.noun());
     json.write(|| Ok(json!({"schema": SCHEMA, (campaign.noun()): campaign.as_json()?})))
-}
-
-fn progress(folder: &Folder, campaign: &Campaign, began: Instant, here: u64) {
-    if !std::io::stderr().is_terminal() {
-        return;
-    }
-    let done = folder.done().unwrap_or(here);
-    let share = done as f64 / campaign.len().max(1) as f64;
-    let bars = (share * 30.0) as usize;
-    let left = if here > 0 {
-        let left_s = began.elapsed().as_secs_f64() / here as f64 * campaign.len().saturating_sub(done) as f64;
-        format!("{:.0} min {:02.0} s left", (left_s / 60.0).floor(), left_s % 60.0)
-    } else {
-        String::new()
-    };
-    let (total, noun) = (campaign.len(), campaign.noun());
-    eprint!("\r[{:<30}] {done}/{total} {noun}, {left}      ", "#".repeat(bars.min(30)));
 }
 
 fn finish(

@@ -1,27 +1,28 @@
-//! `whorl compare-runs`: what differs between two runs, in parameters and in results.
+//! `whorl compare-runs`: what differs between runs, in parameters and in results.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use clap::Args;
 use serde_json::json;
 use whorl_math::deg_from_rad;
 use whorl_params::ParameterTree;
-use whorl_report::{PairDifference, ParameterDifference, overlay_html, pair_differences};
+use whorl_report::{MOST_OVERLAID, PairDifference, ParameterDifference, overlay_html, pair_differences};
 
 use crate::output::{JsonArgument, say};
-use crate::report;
 use crate::runs::write;
+use crate::{progress, report};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The first run; solid lines.
+    /// The run that the others are compared with; solid lines.
     #[arg(value_name = "A")]
     first: PathBuf,
-    /// The second run; dashed lines.
-    #[arg(value_name = "B")]
-    second: PathBuf,
-    /// Path of the page with both runs in every plot [default: A/compared.html].
+    /// The second run, dashed lines; a third and a fourth, dotted lines, and dashes and dots.
+    #[arg(value_name = "B", required = true)]
+    others: Vec<PathBuf>,
+    /// Path of the page with all runs in every plot [default: A/compared.html].
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     #[command(flatten)]
@@ -30,28 +31,36 @@ pub struct Arguments {
 
 /// Carries out `whorl compare-runs`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let paths = [arguments.first.as_path(), arguments.second.as_path()];
-    let [first, second] = [report::read(paths[0])?, report::read(paths[1])?];
-    let runs = [&first.data, &second.data];
-    let parameters = match paths.map(effective) {
-        [Some(a), Some(b)] => parameter_differences(&a, &b),
-        _ => {
+    let paths: Vec<&Path> =
+        std::iter::once(&arguments.first).chain(&arguments.others).map(PathBuf::as_path).collect();
+    if paths.len() > MOST_OVERLAID {
+        bail!("{} runs; allowed: 2 to {MOST_OVERLAID}, as many as lines can be told apart", paths.len());
+    }
+    let read = || paths.iter().map(|path| report::read(path)).collect::<Result<Vec<_>, _>>();
+    let read = progress::during("reading the runs", read)?;
+    let runs: Vec<_> = read.iter().map(|run| &run.data).collect();
+    let effective: Option<Vec<Parameters>> = paths.iter().map(|path| effective(path)).collect();
+    let parameters = effective.as_deref().map_or_else(
+        || {
             eprintln!("warning: one of the runs has no params/effective.yaml: parameters are not compared");
             Vec::new()
-        }
-    };
-    let names = names(paths);
-    let names = [names[0].as_str(), names[1].as_str()];
+        },
+        parameter_differences,
+    );
+    let names = names(&paths);
     say!("parameters that differ: {}", parameters.len());
-    let headings = ["parameter", "nodes", names[0], names[1]].map(str::to_owned);
-    let cells = |p: &ParameterDifference| {
-        vec![p.key.clone(), p.nodes.clone(), p.values[0].clone(), p.values[1].clone()]
+    let headings: Vec<String> =
+        ["parameter", "nodes"].map(str::to_owned).into_iter().chain(names.iter().cloned()).collect();
+    let cells = |p: &ParameterDifference| -> Vec<String> {
+        [&p.key, &p.nodes].into_iter().chain(&p.values).cloned().collect()
     };
     if !parameters.is_empty() {
         crate::table::print(&headings, &parameters.iter().map(cells).collect::<Vec<_>>());
     }
-    let differences = pair_differences(runs);
-    let answers: Vec<String> = differences.iter().map(sentence).collect();
+    let differences = pair_differences(&runs);
+    let several = paths.len() > 2;
+    let answers: Vec<String> =
+        differences.iter().map(|d| sentence(d, several.then(|| names[d.other].as_str()))).collect();
     for answer in &answers {
         say!("{answer}");
     }
@@ -59,13 +68,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let beside = paths[0].parent().unwrap_or(Path::new(""));
         if paths[0].is_dir() { paths[0].join("compared.html") } else { beside.join("compared.html") }
     });
-    write(&page, &overlay_html(names, &answers, &parameters, runs))?;
+    write(&page, &overlay_html(&names, &answers, &parameters, &runs))?;
     say!("page: {}", page.display());
     let pair = |d: &PairDifference| {
         let [a, b] = d
             .rms_rad
             .map(|(rms, error)| json!({"rms_deg": deg_from_rad(rms), "stddev_deg": deg_from_rad(error)}));
-        json!({"pair": d.pair, "relative_error": [a, b], "significant": d.significant})
+        json!({"pair": d.pair, "run": paths[d.other], "relative_error": [a, b], "significant": d.significant})
     };
     let parameter = |p: &ParameterDifference| json!({"key": p.key, "nodes": p.nodes, "values": p.values});
     arguments.json.write(|| {
@@ -77,7 +86,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     })
 }
 
-fn sentence(d: &PairDifference) -> String {
+/// What was found of a pair; `other` names the run that the first was compared with, where there are several.
+fn sentence(d: &PairDifference, other: Option<&str>) -> String {
     let [a, b] =
         d.rms_rad.map(|(rms, error)| format!("{:.4} +- {:.4}", deg_from_rad(rms), deg_from_rad(error)));
     let found = if d.significant {
@@ -85,16 +95,19 @@ fn sentence(d: &PairDifference) -> String {
     } else {
         "no difference beyond the noise of the runs"
     };
-    format!("{}: relative pointing error in hold {a} deg and {b} deg RMS: {found}", d.pair)
+    let of = other.map_or_else(String::new, |name| format!(" ({name})"));
+    format!("{}: relative pointing error in hold {a} deg and {b} deg{of} RMS: {found}", d.pair)
 }
 
-/// Names that tell the runs apart: the last parts of their paths, or A and B.
-fn names(paths: [&Path; 2]) -> [String; 2] {
-    let last = paths.map(|p| p.file_name().map_or_else(String::new, |n| n.display().to_string()));
-    if last[0] != last[1] && last.iter().all(|n| !n.is_empty()) {
-        last
+/// Names that tell the runs apart: the last parts of their paths, or A, B and so on.
+fn names(paths: &[&Path]) -> Vec<String> {
+    let last = |p: &&Path| p.file_name().map_or_else(String::new, |n| n.display().to_string());
+    let last: Vec<String> = paths.iter().map(last).collect();
+    let alike = (1..last.len()).any(|k| last[..k].contains(&last[k]));
+    if alike || last.iter().any(String::is_empty) {
+        ('A'..).take(paths.len()).map(String::from).collect()
     } else {
-        ["A", "B"].map(str::to_owned)
+        last
     }
 }
 
@@ -118,16 +131,17 @@ fn parameters<'a>(tree: &ParameterTree, nodes: impl Iterator<Item = &'a str>) ->
 }
 
 /// Those that differ, with the nodes among which the values are the same in one row.
-fn parameter_differences(a: &Parameters, b: &Parameters) -> Vec<ParameterDifference> {
-    let mut rows: BTreeMap<(String, [String; 2]), Vec<String>> = BTreeMap::new();
-    for entry in a.keys().chain(b.keys().filter(|entry| !a.contains_key(*entry))) {
+fn parameter_differences(runs: &[Parameters]) -> Vec<ParameterDifference> {
+    let mut rows: BTreeMap<(String, Vec<String>), Vec<String>> = BTreeMap::new();
+    let entries: BTreeSet<&(String, String)> = runs.iter().flat_map(BTreeMap::keys).collect();
+    for entry in entries {
         let value = |of: &Parameters| of.get(entry).cloned().unwrap_or_else(|| "–".to_owned());
-        let values = [value(a), value(b)];
-        if values[0] != values[1] {
+        let values: Vec<String> = runs.iter().map(value).collect();
+        if values.iter().any(|value| *value != values[0]) {
             rows.entry((entry.0.clone(), values)).or_default().push(entry.1.clone());
         }
     }
-    let row = |((key, values), nodes): ((String, [String; 2]), Vec<String>)| ParameterDifference {
+    let row = |((key, values), nodes): ((String, Vec<String>), Vec<String>)| ParameterDifference {
         key,
         nodes: nodes.join(" "),
         values,
@@ -146,14 +160,13 @@ mod tests {
         };
         let a = of(&[("gain", "/a", "1.0"), ("gain", "/b", "1.0"), ("same", "/a", "x"), ("gone", "/a", "7")]);
         let b = of(&[("gain", "/a", "2.0"), ("gain", "/b", "2.0"), ("same", "/a", "x"), ("new", "/b", "8")]);
-        let found = parameter_differences(&a, &b);
-        let shown: Vec<_> = found
-            .iter()
-            .map(|d| (d.key.as_str(), d.nodes.as_str(), d.values[0].as_str(), d.values[1].as_str()))
-            .collect();
+        let found = parameter_differences(&[a.clone(), b, a]);
+        let shown: Vec<_> =
+            found.iter().map(|d| (d.key.as_str(), d.nodes.as_str(), d.values.join(" "))).collect();
         assert_eq!(
             shown,
-            [("gain", "/a /b", "1.0", "2.0"), ("gone", "/a", "7", "–"), ("new", "/b", "–", "8")]
+            [("gain", "/a /b", "1.0 2.0 1.0"), ("gone", "/a", "7 – 7"), ("new", "/b", "– 8 –")]
+                .map(|(key, nodes, values)| (key, nodes, values.to_owned()))
         );
     }
 }

@@ -84,7 +84,8 @@ whorl runs --html runs/index.html   a page that sorts, filters and links to ever
     ),
     (
         "compare-runs",
-        "whorl compare-runs runs/2026-11-21T06-32-49Z_leader_follower runs/2026-11-21T07-10-02Z_leader_follower",
+        "whorl compare-runs runs/2026-11-21T06-32-49Z_leader_follower runs/2026-11-21T07-10-02Z_leader_follower
+whorl compare-runs BEST SECOND THIRD --html three.html   three or four in one page",
     ),
     (
         "import csv",

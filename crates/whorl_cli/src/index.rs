@@ -9,7 +9,7 @@ use serde_json::Value;
 use whorl_bag::RunDirectory;
 use whorl_math::deg_from_rad;
 use whorl_math::words::or_did_you_mean;
-use whorl_report::{IndexRow, index_html};
+use whorl_report::{IndexRow, IndexedCampaign, index_html};
 use whorl_tables::{Table, Values};
 
 use crate::output::{JsonArgument, say};
@@ -20,7 +20,7 @@ const DEPTH: usize = 3;
 
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Run directories, or folders that hold some.
+    /// Run directories, or folders that hold some, or campaigns.
     #[arg(default_value = "runs", value_name = "FOLDER")]
     folders: Vec<PathBuf>,
     /// Column to sort by.
@@ -100,16 +100,17 @@ struct Row {
 
 /// Carries out `whorl runs`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let (mut rows, mut unreadable) = (Vec::new(), Vec::new());
+    let (mut rows, mut campaigns, mut unreadable) = (Vec::new(), Vec::new(), Vec::new());
     for folder in &arguments.folders {
         if !folder.is_dir() {
             let why = if folder.exists() { "is no folder".to_owned() } else { whorl_params::missing(folder) };
             anyhow::bail!("{} {why}", folder.display());
         }
-        find(folder, DEPTH, &mut |run| match row(run) {
+        let mut found = |run: &Path| match row(run) {
             Ok(row) => rows.push(row),
             Err(error) => unreadable.push(format!("{}: {error:#}", run.display())),
-        });
+        };
+        find(folder, DEPTH, &mut found, &mut |campaign| campaigns.push(campaign.to_owned()));
     }
     rows.retain(|row| {
         arguments.filters.iter().all(|Filter(c, text)| row.text(*c).to_lowercase().contains(text))
@@ -120,6 +121,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     arguments.json.write(|| Ok(&rows))?;
     print(&rows);
+    for campaign in &campaigns {
+        let page =
+            campaign_page(campaign).map_or_else(String::new, |page| format!("; page: {}", page.display()));
+        say!("campaign {}: {} runs done{page}", campaign.display(), runs_done(campaign));
+    }
     if let Some(path) = &arguments.parquet {
         table(&rows).write(path)?;
         say!("table: {}", path.display());
@@ -130,7 +136,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(path) = &arguments.html {
         let base = path.parent().unwrap_or(Path::new(""));
         let rows: Vec<IndexRow> = rows.iter().map(|row| row.on_page(base)).collect();
-        write(path, &index_html("Runs", &rows))?;
+        let on_page = |campaign: &PathBuf| IndexedCampaign {
+            name: name_of(campaign),
+            runs_done: runs_done(campaign),
+            link: campaign_page(campaign).map(|page| relative(&page, base)),
+        };
+        let campaigns: Vec<IndexedCampaign> = campaigns.iter().map(on_page).collect();
+        write(path, &index_html("Runs", &rows, &campaigns))?;
         say!("page: {}", path.display());
     }
     Ok(())
@@ -157,10 +169,13 @@ fn table(rows: &[Row]) -> Table {
         .with("effects", texts(&|row| row.effects.join(", ")))
 }
 
-/// Every run directory in a folder, the folder itself included.
-fn find(folder: &Path, depth: usize, found: &mut impl FnMut(&Path)) {
+/// Every run directory and every campaign in a folder, the folder itself included; runs that a campaign kept are runs, too.
+fn find(folder: &Path, depth: usize, run: &mut impl FnMut(&Path), campaign: &mut impl FnMut(&Path)) {
     if folder.join("manifest.yaml").is_file() {
-        return found(folder);
+        return run(folder);
+    }
+    if folder.join("campaign.txt").is_file() {
+        campaign(folder);
     }
     if depth == 0 {
         return;
@@ -169,8 +184,23 @@ fn find(folder: &Path, depth: usize, found: &mut impl FnMut(&Path)) {
     let mut folders: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.is_dir()).collect();
     folders.sort();
     for folder in folders {
-        find(&folder, depth - 1, found);
+        find(&folder, depth - 1, run, campaign);
     }
+}
+
+/// How many runs of a campaign have their row.
+fn runs_done(campaign: &Path) -> usize {
+    std::fs::read_dir(campaign.join("rows")).map_or(0, |rows| rows.flatten().count())
+}
+
+/// The page of a campaign that has one.
+fn campaign_page(campaign: &Path) -> Option<PathBuf> {
+    Some(campaign.join("percentiles.html")).filter(|page| page.is_file())
+}
+
+/// The last part of a path, or all of it where there is none.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.display().to_string())
 }
 
 fn row(path: &Path) -> anyhow::Result<Row> {
@@ -219,10 +249,7 @@ impl Row {
         };
         match column {
             Column::Time => self.start_utc.clone(),
-            Column::Run => self
-                .run
-                .file_name()
-                .map_or_else(|| self.run.display().to_string(), |n| n.display().to_string()),
+            Column::Run => name_of(&self.run),
             Column::Experiment => self.experiment.clone(),
             Column::Law => self.law.clone(),
             Column::Seed => self.seed.map_or_else(|| "–".to_owned(), |s| s.to_string()),
@@ -269,18 +296,18 @@ fn relative(path: &Path, base: &Path) -> String {
     path.strip_prefix(&base).map_or_else(|_| path.display().to_string(), |p| p.display().to_string())
 }
 
-/// Headings, with `#` before those of numbers.
+/// Headings, with `#` before those of numbers; first what a narrow screen has to show.
 const COLUMNS: [(&str, Column); 11] = [
-    ("start", Column::Time),
     ("run", Column::Run),
+    ("verdict", Column::Verdict),
+    ("#error [deg]", Column::Error),
     ("experiment", Column::Experiment),
     ("law", Column::Law),
     ("#seed", Column::Seed),
-    ("verdict", Column::Verdict),
-    ("#error [deg]", Column::Error),
     ("#gas [g]", Column::Gas),
     ("#safe [s]", Column::Safe),
     ("#length [s]", Column::Length),
+    ("start", Column::Time),
     ("effects of the models", Column::Effects),
 ];
 
@@ -320,6 +347,23 @@ mod tests {
         let mut rows = [named("a", None), named("b", Some(10.0)), named("c", Some(9.0))];
         rows.sort_by(|a, b| a.compare(b, Column::Error));
         assert_eq!(rows.map(|r| r.experiment), ["c", "b", "a"]);
+    }
+
+    #[test]
+    fn campaigns_are_found_beside_runs_and_so_are_the_runs_that_they_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("campaigns/link");
+        for (file, text) in [("campaign.txt", ""), ("rows/00000000.csv", ""), ("runs/kept/manifest.yaml", "")]
+        {
+            std::fs::create_dir_all(link.join(file).parent().unwrap()).unwrap();
+            std::fs::write(link.join(file), text).unwrap();
+        }
+        let (mut runs, mut campaigns) = (Vec::new(), Vec::new());
+        find(folder.path(), 4, &mut |run| runs.push(name_of(run)), &mut |found| {
+            campaigns.push(found.to_owned())
+        });
+        assert_eq!((runs, campaigns), (vec!["kept".to_owned()], vec![link.clone()]));
+        assert_eq!((runs_done(&link), campaign_page(&link)), (1, None));
     }
 
     #[test]

@@ -133,7 +133,7 @@ enum Command {
     },
     /// Lists runs: experiment, law, seed, verdict, errors, effects of the models; sorts, filters, and makes a page of them.
     Runs(index::Arguments),
-    /// What differs between two runs: parameters, and results beyond noise; a page with both in every plot.
+    /// What differs between two runs or more: parameters, and results beyond noise; a page with all in every plot.
     CompareRuns(compare_runs::Arguments),
     /// Imports measurements of another system (CSV, or a bag with other topics) as a run directory.
     Import(import::Arguments),

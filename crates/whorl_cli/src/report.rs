@@ -9,6 +9,7 @@ use whorl_math::deg_from_rad;
 use whorl_report::Summary;
 
 use crate::output::{JsonArgument, say};
+use crate::progress;
 
 /// Carries out `whorl report`.
 pub fn run(runs: &[PathBuf], html: Option<&Path>, json: &JsonArgument) -> anyhow::Result<()> {
@@ -17,7 +18,7 @@ pub fn run(runs: &[PathBuf], html: Option<&Path>, json: &JsonArgument) -> anyhow
     }
     let mut written = Vec::with_capacity(runs.len());
     for path in runs {
-        let report = write(path, html)?;
+        let report = progress::during("writing the report", || write(path, html))?;
         print(&report);
         written.push(as_json(path, &report)?);
     }

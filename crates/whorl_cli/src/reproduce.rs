@@ -10,7 +10,7 @@ use whorl_reproduce::{ITEMS, reproduce};
 
 use crate::output::{JsonArgument, say};
 use crate::runs::write;
-use crate::table;
+use crate::{progress, table};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         if arguments.all { known } else { arguments.items.iter().map(String::as_str).collect() };
     let (mut items, mut values) = (Vec::new(), Vec::new());
     for name in names {
-        let Some(item) = reproduce(name) else { continue };
+        let Some(item) = progress::during(name, || reproduce(name)) else { continue };
         print(&item);
         let table = item.table.as_ref().map(|(headings, rows)| json!({"headings": headings, "rows": rows}));
         values.push(json!({"item": name, "title": item.title, "table": table, "sentences": item.sentences}));

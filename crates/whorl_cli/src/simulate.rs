@@ -1,6 +1,5 @@
 //! `whorl simulate`: an experiment in one process, deterministic, recorded like a real one.
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -11,7 +10,7 @@ pub use whorl_commands::simulate::record_quietly;
 use whorl_commands::simulate::{Record, Simulation};
 
 use crate::output::{JsonArgument, say};
-use crate::report;
+use crate::{progress, report};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -65,14 +64,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         longest_s: arguments.longest,
     };
     let began = Instant::now();
-    let mut shown = None;
-    let simulated = simulation.run(arguments.verbose, whorl_ros::wall_clock, &mut |simulated_s| {
-        progress(&mut shown, began, simulated_s);
-    });
-    if shown.is_some() {
-        eprintln!();
-    }
-    let simulated = simulated?;
+    let simulated = progress::watched("simulating", |say| {
+        let mut said = began;
+        simulation.run(arguments.verbose, whorl_ros::wall_clock, &mut |simulated_s| {
+            // Every step of the simulation comes by here.
+            if said.elapsed() >= Duration::from_millis(100) {
+                said = Instant::now();
+                let factor = simulated_s / began.elapsed().as_secs_f64();
+                // How long the experiment takes is known at its end.
+                say(0.0, &format!("simulated {simulated_s:.1} s, {factor:.0} times real time"));
+            }
+        })
+    })?;
     let elapsed_s = began.elapsed().as_secs_f64();
     say!(
         "simulated {:.1} s in {elapsed_s:.2} s ({:.0} times real time), {} messages{}",
@@ -85,7 +88,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(path) = &simulated.path {
         say!("run directory: {}", path.display());
         if !arguments.no_report {
-            let written = report::write(path, None)?;
+            let written = progress::during("writing the report", || report::write(path, None))?;
             report::print(&written);
             report = Some((report::as_json(path, &written)?, written.verdict.failed()));
         }
@@ -111,15 +114,4 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 pub fn experiment_file(experiment: &Path, params: Option<&Path>) -> anyhow::Result<PathBuf> {
     let folder = params.unwrap_or(Path::new("params"));
     Ok(whorl_launch::find_experiment(&experiment.to_string_lossy(), &[folder])?)
-}
-
-/// Shows the simulated time so far on a terminal, after one second.
-fn progress(shown: &mut Option<Instant>, began: Instant, simulated_s: f64) {
-    let now = Instant::now();
-    let due = shown.map_or(began + Duration::from_secs(1), |last| last + Duration::from_millis(200));
-    if now >= due && std::io::stderr().is_terminal() {
-        *shown = Some(now);
-        let factor = simulated_s / began.elapsed().as_secs_f64();
-        eprint!("\rsimulated {simulated_s:7.1} s, {factor:5.0} times real time");
-    }
 }

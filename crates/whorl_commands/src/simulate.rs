@@ -93,6 +93,7 @@ impl Simulation {
         let overrides =
             self.overrides.iter().map(|text| Override::parse(text)).collect::<Result<Vec<_>, _>>()?;
         let tree = ParameterTree::load(&layers, &overrides)?;
+        tree.check_overrides()?;
         let mut set = NodeSet::build(&tree, self.seed, Timestamp(0))?;
         let writer = self.open_run(&set, &layers, clock())?;
         let path = writer.as_ref().map(|w| w.path().to_owned());

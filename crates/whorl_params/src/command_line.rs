@@ -60,6 +60,12 @@ impl Override {
         &self.value
     }
 
+    /// The node that it names, perhaps with wildcards; empty: every node.
+    #[must_use]
+    pub fn node(&self) -> String {
+        self.node.as_ref().map_or_else(String::new, ToString::to_string)
+    }
+
     /// Whether the argument is meant for this node (fully qualified name).
     #[must_use]
     pub fn applies_to(&self, node: &str) -> bool {

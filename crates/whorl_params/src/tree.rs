@@ -141,10 +141,7 @@ impl ParameterTree {
                     continue;
                 }
                 let name = section.pattern.to_string();
-                let hint = nearest(&name, nodes.clone()).map_or_else(
-                    || format!("the nodes are {}", nodes.clone().into_iter().collect::<Vec<_>>().join(", ")),
-                    |node| format!("did you mean {node}?"),
-                );
+                let hint = likely_node(&name, nodes.clone());
                 errors.push(ParameterError::new(
                     Origin::File { file: layer.file.clone(), line: section.line },
                     format!("section {name} matches no node; {hint}"),
@@ -154,10 +151,36 @@ impl ParameterTree {
         ParameterErrors::check(errors)
     }
 
+    /// Refuses `-p` arguments for a node that does not exist, as [`Self::check_nodes`] does sections. A node alone does not:
+    /// it may be given what is meant for another.
+    ///
+    /// # Errors
+    /// One for each such argument, with the nearest node name.
+    pub fn check_overrides(&self) -> Result<(), ParameterErrors> {
+        let nodes: Vec<String> = self.node_set().into_iter().map(|instance| instance.name).collect();
+        let names = || nodes.iter().map(String::as_str);
+        let unknown = self.overrides.iter().filter(|argument| !names().any(|node| argument.applies_to(node)));
+        let error = |argument: &Override| {
+            let node = argument.node();
+            let hint = likely_node(&node, names());
+            ParameterError::new(Origin::CommandLine, format!("{node} matches no node; {hint}"))
+                .with_value(format!("{node}:{}", argument.key()))
+        };
+        ParameterErrors::check(unknown.map(error).collect())
+    }
+
     /// Names of the files, lowest layer first.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|layer| &*layer.file)
     }
+}
+
+/// The node that a name may stand for, else all that there are.
+fn likely_node<'a>(name: &str, nodes: impl IntoIterator<Item = &'a str> + Clone) -> String {
+    nearest(name, nodes.clone()).map_or_else(
+        || format!("the nodes are {}", nodes.into_iter().collect::<Vec<_>>().join(", ")),
+        |node| format!("did you mean {node}?"),
+    )
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> ParameterError {

@@ -10,7 +10,10 @@
   let linking = false;
 
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const colour = (index) => `--c${index % 8}`;
+  const colour = (index) => (index == null ? "--soft" : `--c${index % 8}`);
+  // Of solid, dashed, dotted and dash-dotted curves; the marks of a legend are full for the first, hollow with such a rim for the others.
+  const DASHES = [undefined, [6, 4], [2, 3], [8, 3, 2, 3]];
+  const RIMS = ["solid", "solid", "dotted", "dashed"];
   whorl.css = css;
 
   // What is shaded and marked on every figure over time, and the time that they all show.
@@ -69,7 +72,8 @@
       band.x.forEach((t, i) => ctx.lineTo(x(t), u.valToPos(band.low[i], "y", true)));
       for (let i = band.x.length - 1; i >= 0; i--) ctx.lineTo(x(band.x[i]), u.valToPos(band.high[i], "y", true));
       ctx.closePath();
-      ctx.fillStyle = `${css(colour(band.c))}30`;
+      // Many bands over each other stay lighter than curves.
+      ctx.fillStyle = `${css(colour(band.c))}${spec.bands.length > 2 ? "1c" : "30"}`;
       ctx.fill();
     }
     if (spec.time) {
@@ -222,7 +226,7 @@
       series: [
         { label: spec.xlabel || "time [s]", value: (u, v) => shown(v) },
         ...spec.curves.map((c) => ({
-          label: c.n, stroke: () => css(colour(c.c)), width: c.d ? 1.2 : 1.5, dash: c.d ? [6, 4] : undefined,
+          label: c.n, stroke: () => css(colour(c.c)), width: c.d ? 1.2 : 1.5, dash: DASHES[c.d || 0],
           points: { show: c.x.length < 30, size: 4 }, value: (u, v) => shown(v),
         })),
       ],
@@ -232,6 +236,7 @@
       ],
       // Full: a solid curve; hollow: a dashed one.
       legend: { markers: { width: 2, stroke: (u, i) => (i ? `var(${colour(spec.curves[i - 1].c)})` : "transparent"),
+        dash: (u, i) => RIMS[(i && spec.curves[i - 1].d) || 0],
         fill: (u, i) => (i && !spec.curves[i - 1].d ? `var(${colour(spec.curves[i - 1].c)})` : "transparent") } },
       cursor: {
         y: false, dataIdx: (u, s, index) => (s ? nearest(u, s, index) : index), drag: { x: true, y: false, dist: 4 },

@@ -8,8 +8,14 @@ use crate::series::Curve;
 const POINTS: usize = 2400;
 /// Number of line colours (Okabe-Ito, set in `page.css`), which can be told apart in grey and by colour-blind readers.
 const COLOURS: usize = 8;
-/// Colour of the word "x", "y" or "z" in the name of a curve.
-const AXES: [&str; 3] = ["x", "y", "z"];
+/// Colours of words in the name of a curve: an axis, or the angle about it, has one colour in all figures; so has what a
+/// model predicts, which is drawn over what was measured.
+const CHANNELS: [(&str, usize); 7] =
+    [("predicted", 6), ("x", 0), ("y", 1), ("z", 2), ("roll", 0), ("pitch", 1), ("yaw", 2)];
+/// The first colour that belongs to no axis.
+const OTHERS: usize = 3;
+/// Styles of lines: solid, dashed, dotted, dashed and dotted in turn.
+pub(crate) const STYLES: usize = 4;
 
 /// A line across a figure that the curves are meant to stay below or above.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +50,12 @@ pub struct Figure {
     pub curves: Vec<Curve>,
     /// Dashed curves, coloured like the solid curve of the same position.
     pub dashed: Vec<Curve>,
+    /// Dotted curves, likewise.
+    pub dotted: Vec<Curve>,
+    /// Curves of dashes and dots in turn, likewise.
+    pub dash_dotted: Vec<Curve>,
+    /// A band that is about all curves, in grey: lower and upper edge.
+    pub band_of_all: Option<(Curve, Curve)>,
     /// Bands drawn as shaded areas, coloured like the solid curve of the same position: lower and upper edge.
     pub bands: Vec<(Curve, Curve)>,
     /// Lines at fixed values; drawn where the curves come near them.
@@ -66,18 +78,28 @@ pub struct Figure {
 impl Figure {
     /// Whether there is anything to draw.
     pub fn is_empty(&self) -> bool {
-        self.curves.iter().chain(&self.dashed).all(|c| c.time_s.is_empty())
+        self.each_curve().all(|c| c.time_s.is_empty())
     }
 
-    /// Smallest and largest value from this time on.
+    /// The curves by their style.
+    fn by_style(&self) -> [&[Curve]; STYLES] {
+        [&self.curves, &self.dashed, &self.dotted, &self.dash_dotted]
+    }
+
+    fn each_curve(&self) -> impl Iterator<Item = &Curve> {
+        self.by_style().into_iter().flatten()
+    }
+
+    /// Smallest and largest value from this time on, that of the band of all curves included.
     fn range_from(&self, start_s: f64) -> Option<[f64; 2]> {
-        let points = self.curves.iter().chain(&self.dashed).flat_map(|c| c.time_s.iter().zip(&c.value));
+        let edges = self.band_of_all.iter().flat_map(|(lower, upper)| [lower, upper]);
+        let points = self.each_curve().chain(edges).flat_map(|c| c.time_s.iter().zip(&c.value));
         range(points.filter(|(t, _)| **t >= start_s).map(|(_, v)| *v))
     }
 
     /// What a reader hears who does not see it: what is drawn and between which values.
     pub fn spoken(&self) -> String {
-        let curves = self.curves.iter().chain(&self.dashed).filter_map(|c| {
+        let curves = self.each_curve().filter_map(|c| {
             let [low, high] = range(c.value.iter().copied())?;
             Some(format!(
                 "{}: {} to {}",
@@ -93,30 +115,31 @@ impl Figure {
     /// The figure as the page's script reads it; `x_range` is that of the horizontal axis, without it the axis is
     /// fitted to the curves. A figure `on_timeline` shares cursor, zoom and marks with the others of its page.
     pub fn stored(&self, id: &str, x_range: Option<(f64, f64)>, on_timeline: bool) -> Value {
-        let colours = self.colours();
-        let colour = |position: usize| colours.get(position).copied().unwrap_or(position % COLOURS);
+        let looks = self.looks();
+        let colour = |position: usize| looks.get(position).map_or(position % COLOURS, |(colour, _)| *colour);
         let over_time = self.x_label.is_empty();
-        let kept = |dashed: bool| {
-            move |(i, curve): (usize, &Curve)| {
-                let curve = curve.clone().thinned(POINTS);
-                let mut entry = stored_x(&curve.time_s, over_time);
-                entry.insert("n".to_owned(), json!(curve.name));
-                entry.insert("c".to_owned(), json!(colour(i)));
-                entry.insert("y".to_owned(), json!(rounded(&curve.value)));
-                // Further curves than colours are told apart by their dashes.
-                if dashed || i >= COLOURS {
-                    entry.insert("d".to_owned(), json!(true));
-                }
-                Value::Object(entry)
+        let kept = |curve: &Curve, colour: usize, style: usize| {
+            let curve = curve.clone().thinned(POINTS);
+            let mut entry = stored_x(&curve.time_s, over_time);
+            entry.insert("n".to_owned(), json!(curve.name));
+            entry.insert("c".to_owned(), json!(colour));
+            entry.insert("y".to_owned(), json!(rounded(&curve.value)));
+            if style > 0 {
+                entry.insert("d".to_owned(), json!(style));
             }
+            Value::Object(entry)
         };
-        let drawn = |curves: &[Curve], dashed: bool| -> Vec<Value> {
-            curves.iter().enumerate().filter(|(_, c)| !c.time_s.is_empty()).map(kept(dashed)).collect()
-        };
-        let mut curves = drawn(&self.curves, false);
-        curves.extend(drawn(&self.dashed, true));
-        let bands = self.bands.iter().enumerate().filter(|(_, b)| !b.0.time_s.is_empty());
-        let bands = bands.map(|(i, (lower, upper))| stored_band(lower, upper, colour(i), over_time));
+        let mut curves = Vec::new();
+        for (style, list) in self.by_style().into_iter().enumerate() {
+            for (i, curve) in list.iter().enumerate().filter(|(_, c)| !c.time_s.is_empty()) {
+                let own = if style == 0 { looks[i].1 } else { style };
+                curves.push(kept(curve, colour(i), own));
+            }
+        }
+        let bands = self.bands.iter().enumerate().map(|(i, band)| (band, Some(colour(i))));
+        let bands = self.band_of_all.iter().map(|band| (band, None)).chain(bands);
+        let bands = bands.filter(|(band, _)| !band.0.time_s.is_empty());
+        let bands = bands.map(|((lower, upper), colour)| stored_band(lower, upper, colour, over_time));
         json!({
             "id": id,
             "xlabel": self.x_label,
@@ -134,18 +157,24 @@ impl Figure {
         })
     }
 
-    /// The colour of each solid curve: that of the axis which its name ends in, where that tells all curves apart,
-    /// else that of its position.
-    fn colours(&self) -> Vec<usize> {
-        let axis = |curve: &Curve| {
-            let words = || curve.name.split([' ', '_']);
-            words().find_map(|word| AXES.iter().position(|axis| *axis == word))
+    /// Colour and style of each solid curve: the colour of the channel that its name says, else one of those that are left;
+    /// where none says one, that of its position. Curves that share a colour differ in their style.
+    fn looks(&self) -> Vec<(usize, usize)> {
+        let channel = |curve: &Curve| {
+            let word = |named: &str| curve.name.split([' ', '_']).any(|word| word == named);
+            CHANNELS.iter().find(|(named, _)| word(named)).map(|(_, colour)| *colour)
         };
-        let by_axis: Option<Vec<usize>> = self.curves.iter().map(axis).collect();
-        match by_axis {
-            Some(colours) if (1..colours.len()).all(|i| !colours[..i].contains(&colours[i])) => colours,
-            _ => (0..self.curves.len()).map(|i| i % COLOURS).collect(),
-        }
+        let channels: Vec<Option<usize>> = self.curves.iter().map(channel).collect();
+        let by_channel = channels.iter().any(Option::is_some);
+        let mut further = OTHERS..;
+        let colours = channels.iter().enumerate().map(|(i, channel)| match channel {
+            Some(colour) => *colour,
+            None if by_channel => further.next().unwrap_or(i) % COLOURS,
+            None => i % COLOURS,
+        });
+        let colours: Vec<usize> = colours.collect();
+        let before = |i: usize| colours[..i].iter().filter(|c| **c == colours[i]).count();
+        (0..colours.len()).map(|i| (colours[i], before(i).min(STYLES - 1))).collect()
     }
 }
 
@@ -176,7 +205,7 @@ fn stored_x(x: &[f64], over_time: bool) -> Map<String, Value> {
 }
 
 /// A band; where it is thinned, each stretch keeps its lowest and its highest value.
-fn stored_band(lower: &Curve, upper: &Curve, colour: usize, over_time: bool) -> Value {
+fn stored_band(lower: &Curve, upper: &Curve, colour: Option<usize>, over_time: bool) -> Value {
     let stretch = lower.time_s.len().div_ceil(POINTS).max(1);
     let first: Vec<f64> = lower.time_s.chunks(stretch).filter_map(|c| c.first().copied()).collect();
     let low: Vec<f64> =
@@ -248,14 +277,38 @@ mod tests {
 
     #[test]
     fn a_channel_has_one_colour_wherever_it_stands() {
-        let named = |names: &[&str]| Figure {
-            curves: names.iter().map(|n| Curve::new(*n, [(0.0, 1.0)])).collect(),
+        let looks = |names: &[&str]| {
+            let curves = names.iter().map(|n| Curve::new(*n, [(0.0, 1.0)])).collect();
+            Figure { curves, ..Figure::default() }.looks()
+        };
+        assert_eq!(looks(&["gyro_z", "gyro_x"]), [(2, 0), (0, 0)]);
+        assert_eq!(looks(&["wheel_y"]), [(1, 0)]);
+        assert_eq!(
+            looks(&["yaw", "pitch", "roll"]),
+            [(2, 0), (1, 0), (0, 0)],
+            "angles as the axes that they are about"
+        );
+        assert_eq!(looks(&["gyro x measured", "gyro x predicted"]), [(0, 0), (6, 0)]);
+        let several = looks(&["gyro_x", "gyro_y", "wheel_x_speed", "vector", "jet_x"]);
+        assert_eq!(several, [(0, 0), (1, 0), (0, 1), (3, 0), (0, 2)], "one axis several times: by style");
+        assert_eq!(looks(&["total", "estimator"]), [(0, 0), (1, 0)]);
+        assert_eq!(looks(&["jet"; 9])[8], (0, 1), "more curves than colours");
+    }
+
+    #[test]
+    fn a_band_of_all_curves_has_no_curves_colour_and_stays_in_view() {
+        let line = |v: f64| Curve::new("x", [(0.0, v), (9.0, v)]);
+        let figure = Figure {
+            curves: vec![line(0.1)],
+            dotted: vec![line(0.2)],
+            band_of_all: Some((line(-3.0), line(3.0))),
+            fitted_from_s: Some(1.0),
             ..Figure::default()
         };
-        assert_eq!(named(&["gyro_z", "gyro_x"]).colours(), [2, 0]);
-        assert_eq!(named(&["wheel_y"]).colours(), [1]);
-        assert_eq!(named(&["x measured", "x predicted"]).colours(), [0, 1], "one axis twice: by position");
-        assert_eq!(named(&["total", "estimator"]).colours(), [0, 1]);
+        let stored = figure.stored("f", None, true);
+        assert_eq!(stored["bands"][0]["c"], Value::Null);
+        assert_eq!(stored["fit"], json!([-3.0, 3.0]));
+        assert_eq!((&stored["curves"][1]["c"], &stored["curves"][1]["d"]), (&json!(0), &json!(2)));
     }
 
     #[test]
@@ -264,7 +317,7 @@ mod tests {
         let edge = |v: f64| {
             Curve::new("e", (0..10_000).map(move |i| (i as f64, if i == 5000 { 9.0 * v } else { v })))
         };
-        let band = stored_band(&edge(-1.0), &edge(1.0), 0, true);
+        let band = stored_band(&edge(-1.0), &edge(1.0), Some(0), true);
         let largest = |key: &str| {
             band[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs()).fold(0.0, f64::max)
         };

@@ -83,12 +83,12 @@ pub fn platform_figures(data: &PlatformData, shape: Option<&PlatformShape>) -> V
     figures.push(Figure {
         title: "Estimator error".to_owned(),
         caption:
-            "Rotation from estimated to true attitude, world axes (z is heading). Dashed: the filter's own \
-                  three-sigma of its largest axis."
+            "Rotation from estimated to true attitude, world axes (z is heading). Band: three of the filter's own \
+                  standard deviations, of its largest axis."
                 .to_owned(),
         y_label: "error [deg]".to_owned(),
         curves: named(XYZ, &data.estimator_error),
-        dashed: three_sigma(data),
+        band_of_all: three_sigma(data),
         fitted_from_s: settled_s(data),
         ..Figure::default()
     });
@@ -246,14 +246,11 @@ fn settled_s(data: &PlatformData) -> Option<f64> {
     data.estimate.first_s.map(|t| t + FILTER_SETTLING_S)
 }
 
-fn three_sigma(data: &PlatformData) -> Vec<Curve> {
-    let upper = Curve::of("+3 sigma", &data.three_sigma);
-    let lower = Curve {
-        name: "-3 sigma".to_owned(),
-        time_s: upper.time_s.clone(),
-        value: upper.value.iter().map(|v| -v).collect(),
-    };
-    vec![upper, lower]
+fn three_sigma(data: &PlatformData) -> Option<(Curve, Curve)> {
+    let upper = Curve::of("three sigma", &data.three_sigma);
+    let value = upper.value.iter().map(|v| -v).collect();
+    let lower = Curve { name: upper.name.clone(), time_s: upper.time_s.clone(), value };
+    (!upper.time_s.is_empty()).then_some((lower, upper))
 }
 
 fn jet_figures(data: &PlatformData) -> Vec<Figure> {
@@ -287,17 +284,18 @@ fn jet_figures(data: &PlatformData) -> Vec<Figure> {
 }
 
 fn attitude_figures(data: &PlatformData) -> Vec<Figure> {
-    let series = [("estimate", &data.estimate), ("truth", &data.truth)];
     let figure = |title: &str, angles: &[(usize, &str)]| {
-        let curves = |(name, series): &(&str, &AngleCurves)| -> Vec<Curve> {
+        let curves = |name: &str, series: &AngleCurves| -> Vec<Curve> {
             angles.iter().map(|(i, angle)| Curve::of(format!("{angle} {name}"), &series.curves[*i])).collect()
         };
         Figure {
             title: title.to_owned(),
-            caption: "Estimate and truth (solid) and reference (dashed), as z-y-x Euler angles.".to_owned(),
+            caption: "Estimate (solid), reference (dashed) and truth (dotted), as z-y-x Euler angles."
+                .to_owned(),
             y_label: "angle [deg]".to_owned(),
-            curves: series.iter().filter(|(_, s)| s.first_s.is_some()).flat_map(curves).collect(),
-            dashed: curves(&("reference", &data.reference)),
+            curves: curves("estimate", &data.estimate),
+            dashed: curves("reference", &data.reference),
+            dotted: curves("truth", &data.truth),
             ..Figure::default()
         }
     };

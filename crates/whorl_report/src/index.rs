@@ -8,23 +8,23 @@ const SCRIPT: &str = include_str!("../assets/table.js");
 
 /// Headings of the columns; those of numbers begin with `#`.
 const HEADINGS: [&str; 11] = [
-    "start",
     "run",
+    "verdict",
+    "#error [deg]",
     "experiment",
     "law",
     "#seed",
-    "verdict",
-    "#error [deg]",
     "#gas [g]",
     "#safe [s]",
     "#length [s]",
+    "start",
     "effects of the models",
 ];
 
 /// A run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct IndexRow {
-    /// In the order start, run, experiment, law, seed, verdict, error \[deg\], gas \[g\], safe \[s\], length \[s\], effects.
+    /// In the order run, verdict, error \[deg\], experiment, law, seed, gas \[g\], safe \[s\], length \[s\], start, effects.
     pub cells: Vec<String>,
     /// Its own page.
     pub link: Option<String>,
@@ -34,9 +34,20 @@ pub struct IndexRow {
     pub because: String,
 }
 
+/// A campaign.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct IndexedCampaign {
+    /// Its folder's name.
+    pub name: String,
+    /// How many of its runs are done.
+    pub runs_done: usize,
+    /// Its page.
+    pub link: Option<String>,
+}
+
 /// The page.
 #[must_use]
-pub fn index_html(title: &str, rows: &[IndexRow]) -> String {
+pub fn index_html(title: &str, rows: &[IndexRow], campaigns: &[IndexedCampaign]) -> String {
     let mut page = Document::new(title);
     let failed = rows.iter().filter(|row| row.failed).count();
     page.paragraph("", &format!("{} runs, {failed} failed. A click on a heading sorts.", rows.len()));
@@ -49,6 +60,22 @@ pub fn index_html(title: &str, rows: &[IndexRow]) -> String {
             }
         }
     });
+    if !campaigns.is_empty() {
+        page.heading("Campaigns");
+        page.add(html! {
+            ul {
+                @for campaign in campaigns {
+                    li {
+                        @match &campaign.link {
+                            Some(link) => a href=(link) { (campaign.name) },
+                            None => (campaign.name),
+                        }
+                        ": " (campaign.runs_done) " runs done"
+                    }
+                }
+            }
+        });
+    }
     page.script(SCRIPT);
     page.finish()
 }
@@ -80,8 +107,14 @@ mod tests {
             failed: true,
             because: "FAILED: safe mode".to_owned(),
         };
-        let page = index_html("Runs", &[row]);
-        assert!(page.contains("<a href=\"a/report.html\">cell 1</a>"), "{page}");
+        let campaign = IndexedCampaign {
+            name: "link".to_owned(),
+            runs_done: 7,
+            link: Some("link/percentiles.html".to_owned()),
+        };
+        let page = index_html("Runs", &[row], &[campaign]);
+        assert!(page.contains("<a href=\"a/report.html\">cell 0</a>"), "{page}");
+        assert!(page.contains("<a href=\"link/percentiles.html\">link</a>: 7 runs done"), "{page}");
         assert!(page.contains("<tr class=\"fault\" title=\"FAILED: safe mode\">"));
         assert!(page.contains("1 runs, 1 failed"));
     }

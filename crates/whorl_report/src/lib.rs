@@ -38,7 +38,7 @@ pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
     next_html, trends_html, whereabouts_html,
 };
-pub use index::{IndexRow, index_html};
+pub use index::{IndexRow, IndexedCampaign, index_html};
 pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use orbit::{DrawnBurn, DrawnCraft, DrawnPass, orbit_html};

@@ -1,12 +1,13 @@
-//! Two runs on one page: what differs, and every figure with both of them.
+//! Runs on one page: what differs, and every figure with all of them.
 
 use maud::Markup;
 
 use crate::data::RunData;
 use crate::document::{Document, code, number, text};
-use crate::figure::Figure;
+use crate::figure::{Figure, STYLES};
 use crate::figures::{link_figure, pair_figures, platform_figures};
 use crate::metrics::pairs;
+use crate::series::Curve;
 use crate::timeline::Timeline;
 
 /// Stretches that a hold is divided into to estimate the noise of its mean square. Twenty are longer than the errors'
@@ -15,12 +16,19 @@ const BATCHES: usize = 20;
 /// 99 % of Student's t with 2 * (20 - 1) degrees of freedom, two-sided.
 const T_99: f64 = 2.71;
 
-/// The relative pointing error of one pair in both runs.
+/// How many runs a page shows at most: as many as there are styles of lines.
+pub const MOST_RUNS: usize = STYLES;
+/// Names of these styles.
+const STYLE_NAMES: [&str; STYLES] = ["solid", "dashed", "dotted", "dashes and dots"];
+
+/// The relative pointing error of one pair in the first run and in another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairDifference {
     /// Follower and leader.
     pub pair: String,
-    /// RMS in hold of each run, and its standard error from the run's own noise \[rad\].
+    /// The other run, by its place.
+    pub other: usize,
+    /// RMS in hold of both runs, and its standard error from the run's own noise \[rad\].
     pub rms_rad: [(f64, f64); 2],
     /// Whether the difference is beyond the noise of both runs (99 %).
     pub significant: bool,
@@ -34,23 +42,25 @@ pub struct ParameterDifference {
     /// Nodes that read it.
     pub nodes: String,
     /// Its value in each run, as in a parameter file; a dash: not there.
-    pub values: [String; 2],
+    pub values: Vec<String>,
 }
 
-/// Compares the relative pointing errors in hold of every pair that both runs have.
+/// Compares the relative pointing errors in hold of every pair of the first run with those of the other runs that have it.
 #[must_use]
-pub fn pair_differences(runs: [&RunData; 2]) -> Vec<PairDifference> {
-    let other = pairs(runs[1]);
-    pairs(runs[0])
-        .into_iter()
-        .filter(|pair| other.contains(pair))
-        .filter_map(|pair| {
-            let rms = |run: &RunData| rms_with_error(&run.pairs.get(&pair)?.held_rad);
-            let rms_rad = [rms(runs[0])?, rms(runs[1])?];
-            let [(a, sa), (b, sb)] = rms_rad;
-            let significant = (a - b).abs() > T_99 * sa.hypot(sb);
-            let (follower, leader) = pair;
-            Some(PairDifference { pair: format!("{follower} to {leader}"), rms_rad, significant })
+pub fn pair_differences(runs: &[&RunData]) -> Vec<PairDifference> {
+    let Some((first, others)) = runs.split_first() else { return Vec::new() };
+    let rms = |run: &RunData, pair: &(String, String)| rms_with_error(&run.pairs.get(pair)?.held_rad);
+    let difference = |pair: &(String, String), other: usize, run: &RunData| {
+        let rms_rad = [rms(first, pair)?, rms(run, pair)?];
+        let [(a, sa), (b, sb)] = rms_rad;
+        let significant = (a - b).abs() > T_99 * sa.hypot(sb);
+        let (follower, leader) = pair;
+        Some(PairDifference { pair: format!("{follower} to {leader}"), other, rms_rad, significant })
+    };
+    pairs(first)
+        .iter()
+        .flat_map(|pair| {
+            (1..).zip(others).filter_map(|(other, run)| difference(pair, other, run)).collect::<Vec<_>>()
         })
         .collect()
 }
@@ -71,15 +81,16 @@ fn rms_with_error(samples: &[f64]) -> Option<(f64, f64)> {
     Some((rms, if rms > 0.0 { (variance / BATCHES as f64).sqrt() / (2.0 * rms) } else { 0.0 }))
 }
 
-/// The page: answers, parameters that differ, and every figure that both runs have; solid is the first run.
+/// The page: answers, parameters that differ, and every figure of the first run with the same of the others; at most
+/// [`MOST_RUNS`].
 #[must_use]
 pub fn overlay_html(
-    names: [&str; 2],
+    names: &[String],
     answers: &[String],
     parameters: &[ParameterDifference],
-    runs: [&RunData; 2],
+    runs: &[&RunData],
 ) -> String {
-    let mut page = Document::new(&format!("{} and {}", names[0], names[1]));
+    let mut page = Document::new(&names.join(", "));
     for answer in answers {
         page.paragraph("answer", answer);
     }
@@ -87,44 +98,59 @@ pub fn overlay_html(
     if parameters.is_empty() {
         page.paragraph("", "None.");
     } else {
-        let row = |p: &ParameterDifference| {
-            vec![code(&p.key), text(&p.nodes), code(&p.values[0]), code(&p.values[1])]
+        let row = |p: &ParameterDifference| -> Vec<Markup> {
+            let values = p.values.iter().map(|value| code(value));
+            [code(&p.key), text(&p.nodes)].into_iter().chain(values).collect()
         };
         let rows: Vec<Vec<Markup>> = parameters.iter().map(row).collect();
-        page.table(&["parameter", "nodes", names[0], names[1]], &rows);
+        let headings: Vec<&str> =
+            ["parameter", "nodes"].into_iter().chain(names.iter().map(String::as_str)).collect();
+        page.table(&headings, &rows);
     }
+    errors_in_hold(&mut page, names, &pair_differences(runs));
+    let span = (0.0, runs.iter().map(|run| run.duration_s).fold(0.0, f64::max));
+    page.set_timeline(Timeline::plain(span));
+    let mut each = runs.iter().map(|run| sections(run));
+    let first = each.next().unwrap_or_default();
+    let others: Vec<_> = each.collect();
+    for (section, figures) in first {
+        page.heading(&section);
+        for figure in figures {
+            let same = |sections: &Vec<(String, Vec<Figure>)>| {
+                let (_, figures) = sections.iter().find(|(s, _)| *s == section)?;
+                figures.iter().find(|other| other.title == figure.title).cloned()
+            };
+            let partners: Vec<Option<Figure>> = others.iter().map(same).collect();
+            if partners.iter().any(Option::is_some) {
+                page.figure(&together(figure, &partners, names), Some(span));
+            }
+        }
+    }
+    page.finish()
+}
+
+fn errors_in_hold(page: &mut Document, names: &[String], differences: &[PairDifference]) {
     page.heading("Relative pointing error in hold");
     page.paragraph(
         "rule",
         "RMS with its standard error from the noise within the run. Two runs with other seeds differ by more: constant errors, such as \
          a sensor's bias, are drawn anew for each.",
     );
-    let degrees = whorl_math::deg_from_rad;
+    let name = |k: usize| names.get(k).map_or("", String::as_str);
     let row = |d: &PairDifference| {
-        let mut cells = vec![text(&d.pair)];
-        for (rms, error) in d.rms_rad {
-            cells.push(number(degrees(rms), 4));
-            cells.push(number(degrees(error), 4));
+        let mut cells = vec![text(&d.pair), text(name(d.other))];
+        for rad in d.rms_rad.iter().flat_map(|(rms, error)| [rms, error]) {
+            cells.push(number(whorl_math::deg_from_rad(*rad), 4));
         }
         cells.push(text(if d.significant { "yes" } else { "no" }));
         cells
     };
-    let rows: Vec<Vec<Markup>> = pair_differences(runs).iter().map(row).collect();
-    let [a, b] = names.map(|name| format!("#{name} [deg]"));
-    page.table(&["pair", &a, "#+-", &b, "#+-", "differ beyond noise"], &rows);
-    let span = (0.0, runs[0].duration_s.max(runs[1].duration_s));
-    page.set_timeline(Timeline::plain(span));
-    for (section, figures) in sections(runs[0]) {
-        let others =
-            sections(runs[1]).into_iter().find(|(s, _)| *s == section).map_or_else(Vec::new, |(_, f)| f);
-        page.heading(&section);
-        for figure in figures {
-            if let Some(other) = others.iter().find(|o| o.title == figure.title) {
-                page.figure(&both(figure, other, names), Some(span));
-            }
-        }
-    }
-    page.finish()
+    let rows: Vec<Vec<Markup>> = differences.iter().map(row).collect();
+    let first = format!("#{} [deg]", name(0));
+    page.table(
+        &["pair", "other run", &first, "#+-", "#other run [deg]", "#+-", "differ beyond noise"],
+        &rows,
+    );
 }
 
 /// The figures of a run by section.
@@ -140,15 +166,28 @@ fn sections(run: &RunData) -> Vec<(String, Vec<Figure>)> {
     std::iter::once(("Formation".to_owned(), formation)).chain(run.platforms.iter().map(platform)).collect()
 }
 
-/// The solid curves of both: those of the second run dashed, each in the colour of its partner.
-fn both(mut figure: Figure, other: &Figure, names: [&str; 2]) -> Figure {
-    let partner = |name: &str| other.curves.iter().find(|c| c.name == name).cloned().unwrap_or_default();
-    figure.dashed = figure.curves.iter().map(|c| partner(&c.name)).collect();
-    for (curves, run) in [(&mut figure.curves, names[0]), (&mut figure.dashed, names[1])] {
-        curves.iter_mut().for_each(|c| c.name = format!("{}, {run}", c.name));
-    }
+/// The solid curves of a figure, with those of the same figure of the other runs in the style of each run and the colour of their
+/// partner.
+fn together(mut figure: Figure, others: &[Option<Figure>], names: &[String]) -> Figure {
+    let curves = std::mem::take(&mut figure.curves);
+    let of_run = |k: usize| -> Vec<Curve> {
+        let Some(run) = names.get(k) else { return Vec::new() };
+        let named = |curve: &Curve| Curve { name: format!("{}, {run}", curve.name), ..curve.clone() };
+        let other = k.checked_sub(1).map(|k| others.get(k).and_then(Option::as_ref));
+        let partner = |curve: &Curve| match other {
+            None => named(curve),
+            Some(other) => {
+                let found = other.and_then(|o| o.curves.iter().find(|c| c.name == curve.name));
+                found.map_or_else(|| Curve::new(curve.name.clone(), []), named)
+            }
+        };
+        curves.iter().map(partner).collect()
+    };
+    [figure.curves, figure.dashed, figure.dotted, figure.dash_dotted] = std::array::from_fn(of_run);
     figure.bands.clear();
-    figure.caption = format!("Solid: {}; dashed: {}.", names[0], names[1]);
+    figure.band_of_all = None;
+    let each = STYLE_NAMES.iter().zip(names).map(|(style, name)| format!("{name} {style}"));
+    figure.caption = format!("Lines: {}.", each.collect::<Vec<_>>().join(", "));
     figure
 }
 
@@ -180,6 +219,27 @@ mod tests {
         let claimed = each.iter().map(|(_, e)| e).sum::<f64>() / 400.0;
         assert!((mean - 1.0).abs() < 0.02, "{mean}");
         assert!((claimed / spread - 1.0).abs() < 0.15, "{claimed} claimed, {spread} found");
+    }
+
+    #[test]
+    fn every_run_has_its_style_and_every_curve_its_partners_colour() {
+        let figure = |names: &[&str], value: f64| Figure {
+            title: "F".to_owned(),
+            curves: names.iter().map(|n| Curve::new(*n, [(0.0, value)])).collect(),
+            ..Figure::default()
+        };
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let others = [Some(figure(&["y", "x"], 2.0)), Some(figure(&["y"], 3.0))];
+        let drawn = together(figure(&["x", "y"], 1.0), &others, &names);
+        let shown = |curves: &[Curve]| -> Vec<(String, Vec<f64>)> {
+            curves.iter().map(|c| (c.name.clone(), c.value.clone())).collect()
+        };
+        let of = |name: &str, value: &[f64]| (name.to_owned(), value.to_vec());
+        assert_eq!(shown(&drawn.curves), [of("x, a", &[1.0]), of("y, a", &[1.0])]);
+        assert_eq!(shown(&drawn.dashed), [of("x, b", &[2.0]), of("y, b", &[2.0])]);
+        assert_eq!(shown(&drawn.dotted), [of("x", &[]), of("y, c", &[3.0])], "run c has no x");
+        assert!(drawn.dash_dotted.is_empty());
+        assert_eq!(drawn.caption, "Lines: a solid, b dashed, c dotted.");
     }
 
     #[test]

@@ -232,6 +232,10 @@ impl NodeSet {
             };
             starts.extend(core.map(|core| (name, host, core)));
         }
+        // A node that lacks what stands under a mistyped name is the smaller news; without platforms, no name is known.
+        if !platforms.is_empty() {
+            tree.check_nodes()?;
+        }
         ParameterErrors::check(std::mem::take(&mut builder.errors))?;
         tree.check_nodes()?;
         // Present, since there were no errors.

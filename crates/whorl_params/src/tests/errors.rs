@@ -353,6 +353,20 @@ fn a_mistyped_node_name_is_found() {
 }
 
 #[test]
+fn an_argument_for_a_mistyped_node_is_found() {
+    let text = "/**:\n  ros__parameters:\n    formation: {platforms: [whorl_1]}\n";
+    let given = |arguments: &[&str]| {
+        let overrides: Vec<Override> = arguments.iter().map(|text| Override::parse(text).unwrap()).collect();
+        ParameterTree::from_texts(&[("p.yaml", text)], &overrides).unwrap().check_overrides()
+    };
+    given(&["gain:=1.0", "/coordinator:law.kind:=x", "/**/driver:n:=1", "/whorl_1/estimator:n:=1"]).unwrap();
+    assert_eq!(
+        given(&["/cordinator:law.kind:=x"]).unwrap_err().to_string(),
+        "command line (-p): /cordinator:law.kind: /cordinator matches no node; did you mean /coordinator?"
+    );
+}
+
+#[test]
 fn command_line_arguments_are_checked() {
     let table = [
         ("gain", "command line (-p): gain: not of the form key:=value or node:key:=value"),

@@ -156,7 +156,10 @@ fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure>
             title: format!("{name}: measured and predicted"),
             caption: format!("Predictions of {horizon}, one after the other."),
             y_label: format!("{name} [{unit}]"),
-            curves: vec![Curve::new("measured", measured), Curve::new("predicted", predicted)],
+            curves: vec![
+                Curve::new(format!("{name} measured"), measured),
+                Curve::new(format!("{name} predicted"), predicted),
+            ],
             ..Figure::default()
         });
     }
@@ -164,7 +167,7 @@ fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure>
         title: format!("{name}: error of predictions over {horizon}"),
         caption: "Measured less predicted. Band: three standard deviations of the noise.".to_owned(),
         y_label: format!("error [{unit}]"),
-        curves: vec![Curve::new("error", error)],
+        curves: vec![Curve::new(format!("{name} error"), error)],
         bands: vec![band],
         ..Figure::default()
     });
