@@ -186,6 +186,23 @@ fn with_gpio_valves(formation: &mut Formation) {
     });
 }
 
+/// Wheels on controllers of a CAN bus in place of the chain of motors, as docs/hardware.md shows.
+fn with_can_wheels(formation: &mut Formation, kind: &str) {
+    with_block_of_the_page(formation, kind, |own, block| {
+        let (before, rest) = own.split_once("      wheels:\n").unwrap();
+        let (_, after) = rest.split_once("      valves:\n").unwrap();
+        format!("    devices:\n{before}{block}      valves:\n{after}")
+    });
+}
+
+#[test]
+fn a_platform_points_with_wheels_on_a_can_bus() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    with_can_wheels(&mut formation, "kind: cia402_motors");
+    let overrides = emulate(&mut formation, &[]);
+    points(&mut formation, &overrides, "emulated cia402_motors");
+}
+
 /// What arms and checks a platform does not know which kind of board has its valves.
 #[test]
 fn checkout_works_valves_on_gpio_lines_and_doctor_sees_the_chips() {

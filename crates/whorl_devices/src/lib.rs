@@ -10,7 +10,9 @@
 //! matters of the list.
 
 pub mod bus;
+mod can_motors;
 pub mod checkout;
+pub mod cia402;
 pub mod emulation;
 pub mod gpio;
 pub mod hwmon;

@@ -204,6 +204,18 @@ mod tests {
         assert!(address.contains("wheel_y has this address already"), "{address}");
     }
 
+    const CIA402: &str =
+        "w: {kind: cia402_motors, bus: can0, rated_torque_n_m: 0.2, motors: {wheel_x: {node: 1}}}";
+
+    #[test]
+    fn devices_of_one_bus_have_identifiers_of_their_own() {
+        // Two that say SYNC, on one bus and on two.
+        let second = CIA402.replace("w:", "v:").replace("wheel_x: {node: 1}", "wheel_y: {node: 2}");
+        let clash = listed(&[CIA402, &second]).unwrap_err();
+        assert!(clash.contains("identifier 0x000 on can0 belongs to device w already"), "{clash}");
+        listed(&[CIA402, &second.replace("can0", "can1")]).unwrap();
+    }
+
     const AXES: &str = "gyros: {kind: iio_inertial, folder: /sys/a, inputs: \
          {x: {channel: in_anglvel_x, axis: [1.0, 0.0, 0.0]}, y: {channel: in_anglvel_y, axis: [0.0, 1.0, 0.0]}}}";
 
@@ -255,6 +267,23 @@ mod tests {
                 "w: {kind: smartmotor_chain, port: /dev/b, drive: current, full_scale_torque_n_m: 1.0}",
                 "wheel_x, wheel_y",
             ),
+            ("w: {kind: cia402_motors, bus: can0, motors: {wheel_x: {node: 1}}}", "rated_torque_n_m"),
+            (&CIA402.replace("can0", "'tcp:somewhere'"), "tcp:HOST:PORT"),
+            (&CIA402.replace("can0", "an_interface_so_long"), "the name of an interface"),
+            (&CIA402.replace("node: 1", "node: 127"), "126"),
+            (&CIA402.replace("wheel_x", "wheel_9"), "wheel_x, wheel_y"),
+            (
+                &CIA402.replace("wheel_x: {node: 1}", "wheel_x: {node: 1}, wheel_y: {node: 1}"),
+                "wheel_x has this node",
+            ),
+            (&CIA402.replace("bus:", "bit_rate: 123456, bus:"), "250000"),
+            (
+                &CIA402.replace("bus:", "bit_rate: 50000, bus:").replace("1}", "1}, wheel_y: {node: 2}"),
+                "at most 70 %",
+            ),
+            (&CIA402.replace("bus:", "watchdog_s: 0.01, bus:"), "0.05"),
+            (&CIA402.replace("0.2,", "1.0e-3,"), "more than can be asked for"),
+            (&CIA402.replace("wheel_x: {node: 1}", ""), "drives nothing"),
             ("v: {kind: valves_gpio, lines: {jet_1: 17}}", "chip"),
             ("v: {kind: valves_gpio, chip: /dev/gpiochip0}", "lines.<jet>"),
             ("v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_99: 17}}", "jet_12"),

@@ -91,7 +91,7 @@ pub trait TcpEmulator: Send {
     fn due_ns(&self) -> Option<i64>;
 
     /// It acts by itself.
-    fn act(&mut self, now_ns: i64, world: &mut World);
+    fn act(&mut self, now_ns: i64, world: &mut World, wire: &mut Wire);
 }
 
 /// A device as a node of ROS 2. Times are nanoseconds of the world's clock.

@@ -341,7 +341,7 @@ impl Port {
             }
             Self::Tcp { socket, wire, device, .. } => {
                 if device.due_ns().is_some_and(|due| due <= now_ns) {
-                    device.act(now_ns, world);
+                    device.act(now_ns, world, wire);
                 }
                 let bytes = wire.arrived(now_ns);
                 if let Some(socket) = socket {

@@ -38,6 +38,15 @@ impl Wire {
         }
     }
 
+    /// Sends a message that its receiver checks, as CAN controllers do with frames: a spoilt one reaches nobody.
+    pub fn send_checked(&mut self, from_ns: i64, message: Vec<u8>) {
+        if let Some((from_ns, sent)) = self.spoil(from_ns, message.clone())
+            && sent == message
+        {
+            self.send(from_ns, &sent);
+        }
+    }
+
     /// What faults of the wire make of a message, and when it is sent; `None`: it is not.
     pub(super) fn spoil(&mut self, from_ns: i64, mut message: Vec<u8>) -> Option<(i64, Vec<u8>)> {
         self.messages += 1;

@@ -94,7 +94,7 @@ impl TcpEmulator for Emulated {
         self.cuts_ns
     }
 
-    fn act(&mut self, now_ns: i64, world: &mut World) {
+    fn act(&mut self, now_ns: i64, world: &mut World, _: &mut Wire) {
         if self.cuts_ns.is_some_and(|at| at <= now_ns) {
             self.cuts_ns = None;
             self.is_supplied = false;

@@ -78,7 +78,7 @@ impl TcpEmulator for Emulated {
         self.closes_ns
     }
 
-    fn act(&mut self, now_ns: i64, world: &mut World) {
+    fn act(&mut self, now_ns: i64, world: &mut World, _: &mut Wire) {
         if self.closes_ns.is_some_and(|at| at <= now_ns) {
             self.closes_ns = None;
             self.coils.fill(false);
