@@ -203,6 +203,14 @@ fn a_platform_points_with_wheels_on_a_can_bus() {
     points(&mut formation, &overrides, "emulated cia402_motors");
 }
 
+#[test]
+fn a_platform_points_with_wheels_on_odrives() {
+    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    with_can_wheels(&mut formation, "kind: odrive_motors");
+    let overrides = emulate(&mut formation, &[]);
+    points(&mut formation, &overrides, "emulated odrive_motors");
+}
+
 /// What arms and checks a platform does not know which kind of board has its valves.
 #[test]
 fn checkout_works_valves_on_gpio_lines_and_doctor_sees_the_chips() {

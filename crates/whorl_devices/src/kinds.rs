@@ -12,7 +12,7 @@ use crate::logical::InertialAxes;
 use crate::mailbox::Mailbox;
 use crate::reading::Reporter;
 use crate::running::Place;
-use crate::{DeviceError, cia402, gpio, hwmon, iio, modbus_relays, ros, smartmotor, vn100};
+use crate::{DeviceError, cia402, gpio, hwmon, iio, modbus_relays, odrive, ros, smartmotor, vn100};
 
 /// A kind of device: one row of [`KINDS`].
 pub struct DeviceKind {
@@ -29,6 +29,7 @@ pub const KINDS: &[DeviceKind] = &[
     vn100::KIND,
     smartmotor::KIND,
     cia402::KIND,
+    odrive::KIND,
     modbus_relays::KIND,
     gpio::KIND,
     iio::KIND,

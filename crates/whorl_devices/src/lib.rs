@@ -22,6 +22,7 @@ mod list;
 pub mod logical;
 mod mailbox;
 pub mod modbus_relays;
+pub mod odrive;
 mod reading;
 pub mod ros;
 mod running;

@@ -214,6 +214,12 @@ mod tests {
         let clash = listed(&[CIA402, &second]).unwrap_err();
         assert!(clash.contains("identifier 0x000 on can0 belongs to device w already"), "{clash}");
         listed(&[CIA402, &second.replace("can0", "can1")]).unwrap();
+        // 0x181 is what node 1 of the one says, and the heartbeat of node 12 of the other; 0x1A1 is nobody else's.
+        let other =
+            |node| format!("v: {{kind: odrive_motors, bus: can0, motors: {{wheel_y: {{node: {node}}}}}}}");
+        let clash = listed(&[CIA402, &other(12)]).unwrap_err();
+        assert!(clash.contains("identifier 0x181 on can0 belongs to device w already"), "{clash}");
+        listed(&[CIA402, &other(13)]).unwrap();
     }
 
     const AXES: &str = "gyros: {kind: iio_inertial, folder: /sys/a, inputs: \
@@ -284,6 +290,11 @@ mod tests {
             (&CIA402.replace("bus:", "watchdog_s: 0.01, bus:"), "0.05"),
             (&CIA402.replace("0.2,", "1.0e-3,"), "more than can be asked for"),
             (&CIA402.replace("wheel_x: {node: 1}", ""), "drives nothing"),
+            ("w: {kind: odrive_motors, bus: can0, motors: {wheel_x: {node: 63}}}", "62"),
+            (
+                "w: {kind: odrive_motors, bus: can0, rated_torque_n_m: 1.0, motors: {wheel_x: {node: 1}}}",
+                "unknown",
+            ),
             ("v: {kind: valves_gpio, lines: {jet_1: 17}}", "chip"),
             ("v: {kind: valves_gpio, chip: /dev/gpiochip0}", "lines.<jet>"),
             ("v: {kind: valves_gpio, chip: /dev/gpiochip0, lines: {jet_99: 17}}", "jet_12"),
