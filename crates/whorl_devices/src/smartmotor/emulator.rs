@@ -26,6 +26,8 @@ struct MotorInside {
     addressed: bool,
     torque_mode: bool,
     on: bool,
+    /// Off is free; before that it is braked (guide, page 605).
+    released: bool,
     /// As set, and as in force since `G`.
     target: f64,
     share: f64,
@@ -62,6 +64,7 @@ impl Emulated {
                 world.torque_arrived(at_ns);
                 self.drive(at_ns, world);
             }
+            "BRKRLS" => motor.released = true,
             "OFF" => {
                 motor.on = false;
                 world.advance_to(at_ns);
@@ -96,8 +99,12 @@ impl Emulated {
             }
             let sign = data.sign * world.sign_of_wheel(data.wheel);
             let speed = world.true_wheel_speed(data.wheel);
-            let torque =
-                if motor.on { self.chain.drive.torque_n_m(motor.share * sign, speed, bus_v) } else { 0.0 };
+            let torque = match self.chain.drive {
+                drive if motor.on => drive.torque_n_m(motor.share * sign, speed, bus_v),
+                // Its windings are shorted.
+                drive @ Drive::Voltage { .. } if !motor.released => drive.torque_n_m(0.0, speed, bus_v),
+                _ => 0.0,
+            };
             world.set_motor(Kind::Wheels, data.wheel, torque);
         }
     }

@@ -68,8 +68,9 @@ impl<'a> Session<'a> {
             status_due: now,
             told: None,
         };
-        // Inputs as inputs, so that open limit switches do not stop a wheel; faults cleared (page 400).
-        for command in ["OFF", "EIGN(W,0)", "ZS", "T=0", "MT"] {
+        // Off is free, and not braked (page 605); inputs as inputs, so that open limit switches do not stop a wheel; faults
+        // cleared (page 400).
+        for command in ["BRKRLS", "OFF", "EIGN(W,0)", "ZS", "T=0", "MT"] {
             session.serial.write(&line(ALL, command))?;
         }
         Ok(session)

@@ -1,9 +1,13 @@
 //! The protocol against what the guide prints, and against what happens on wires.
 
+use std::time::Duration;
+
 use proptest::prelude::*;
 
 use super::Drive;
 use super::protocol::*;
+use crate::can_motors::bench::{Bench, at_work, torques};
+use crate::mailbox::Command;
 
 #[test]
 fn lines_begin_with_the_address_as_printed() {
@@ -110,4 +114,20 @@ fn pointing_on_a_sagging_battery_needs_the_measured_voltage() {
     println!("compensated {compensated:.4} deg, uncompensated {uncompensated:.4} deg");
     assert!(uncompensated > 0.05, "{uncompensated}");
     assert!(compensated < 0.2 * uncompensated, "{compensated} {uncompensated}");
+}
+
+/// A motor that brakes when it is off would turn the platform at every disarming.
+#[test]
+fn wheels_coast_when_they_are_off() {
+    let chain = "wheels: {kind: smartmotor_chain, port: /dev/b, torque_constant_n_m_a: 0.05, resistance_ohm: 0.5, motors: \
+         {wheel_x: {address: 1}, wheel_y: {address: 2}, wheel_z: {address: 3}}}";
+    at_work(chain, Vec::new(), |bench| {
+        bench.until("answers", &Command::Alive, Bench::is_ready);
+        bench.until("a wheel", &torques([0.4, 0.0, 0.0]), |b| b.speeds[0] > 25.0);
+        bench.during(Duration::from_millis(100), &Command::AllOff);
+        let before = bench.speeds[0];
+        bench.during(Duration::from_millis(1000), &Command::Alive);
+        // Braked, it would have lost a quarter of its speed: 0.02 kg m^2 on 0.05^2/0.5 N m s.
+        assert!(bench.speeds[0] > 0.93 * before, "{before} {}", bench.speeds[0]);
+    });
 }
