@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::PlatformModel;
-use whorl_params::{Limits, Reader, any};
+use whorl_params::{Limits, Reader, any, range};
 
 use super::channel;
 use crate::DeviceError;
@@ -40,7 +40,10 @@ const LARGEST: f64 = 32767.0;
 struct Converter {
     folder: String,
     inputs: Vec<Input>,
+    /// Between readings.
     period: Duration,
+    /// Readings of which a sample is the mean.
+    oversampling: u32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,8 +86,13 @@ fn read(r: &mut Reader<'_>, model: &PlatformModel) -> Option<Box<dyn Device>> {
             r.reject(&format!("inputs.{name}.channel"), "another input has this channel; allowed: each once");
         }
     }
-    let period = Duration::from_secs_f64(1.0 / model.sensors.rate_hz);
-    (r.error_count() == before).then(|| Box::new(Converter { folder, inputs, period }) as Box<dyn Device>)
+    let doc = "each sample is the mean of so many readings, spread over its period: an analog low-pass filter before the \
+         converter need then only be below half of their rate";
+    let oversampling = r.i64_or("oversampling", 1, range(1..=32), doc);
+    let oversampling = u32::try_from(oversampling).unwrap_or(1);
+    let period = Duration::from_secs_f64(1.0 / (model.sensors.rate_hz * f64::from(oversampling)));
+    (r.error_count() == before)
+        .then(|| Box::new(Converter { folder, inputs, period, oversampling }) as Box<dyn Device>)
 }
 
 fn read_input(r: &mut Reader<'_>) -> Option<Input> {
@@ -170,15 +178,19 @@ impl Device for Converter {
         let folder = place.path(&self.folder);
         let mut ready = false;
         let mut next = Instant::now();
+        let mut mean = Mean::new(self.oversampling);
         while !mailbox.is_closed() {
             let begin = Instant::now();
             let rate_rad_s = self.all_of(Quantity::Rate, &folder)?;
             let specific_force_m_s2 = self.all_of(Quantity::Force, &folder)?;
             // Read one after the other: all of them as of the middle.
             let at = begin + begin.elapsed() / 2;
-            reporter.measured(at, Measured::Axes { rate_rad_s, specific_force_m_s2 });
-            if !std::mem::replace(&mut ready, true) {
-                reporter.state(State::Ready);
+            if let Some((at, rate_rad_s, specific_force_m_s2)) = mean.add(at, rate_rad_s, specific_force_m_s2)
+            {
+                reporter.measured(at, Measured::Axes { rate_rad_s, specific_force_m_s2 });
+                if !std::mem::replace(&mut ready, true) {
+                    reporter.state(State::Ready);
+                }
             }
             // What was missed is not made up for.
             next = (next + self.period).max(Instant::now());
@@ -192,6 +204,42 @@ impl Device for Converter {
             folder: self.folder.clone(),
             device: Box::new(Emulated { converter: self.clone(), due_ns: i64::MIN }),
         }
+    }
+}
+
+/// Readings that become one sample.
+struct Mean {
+    of: u32,
+    readings: Vec<(Instant, Vec<f64>, Vec<f64>)>,
+}
+
+impl Mean {
+    fn new(of: u32) -> Self {
+        Self { of, readings: Vec::new() }
+    }
+
+    /// The mean of the readings and of their times, with the last of them.
+    fn add(
+        &mut self,
+        at: Instant,
+        rates: Vec<f64>,
+        forces: Vec<f64>,
+    ) -> Option<(Instant, Vec<f64>, Vec<f64>)> {
+        self.readings.push((at, rates, forces));
+        let (first, ..) = self.readings.first()?;
+        let (first, count) = (*first, u32::try_from(self.readings.len()).ok()?);
+        if count < self.of {
+            return None;
+        }
+        let since: Duration = self.readings.iter().map(|(at, ..)| at.saturating_duration_since(first)).sum();
+        let mean = |of: fn(&(Instant, Vec<f64>, Vec<f64>)) -> &Vec<f64>| -> Vec<f64> {
+            let axes = self.readings.first().map_or(0, |reading| of(reading).len());
+            let sum = |axis: usize| self.readings.iter().filter_map(|r| of(r).get(axis)).sum::<f64>();
+            (0..axes).map(|axis| sum(axis) / f64::from(count)).collect()
+        };
+        let sample = (first + since / count, mean(|reading| &reading.1), mean(|reading| &reading.2));
+        self.readings.clear();
+        Some(sample)
     }
 }
 
@@ -250,5 +298,20 @@ mod tests {
         assert!((analog.measure(folder.path()).unwrap() + 0.05).abs() < 1e-12);
         let missing = input("in_accel_z", Quantity::Force, 0.0, 1.0);
         assert!(missing.measure(folder.path()).unwrap_err().to_string().contains("in_accel_z_raw"));
+    }
+
+    /// By hand: readings at 0, 2, 4 and 6 ms are a sample of 3 ms.
+    #[test]
+    fn a_sample_is_the_mean_of_its_readings_and_of_their_times() {
+        let begin = Instant::now();
+        let ms = |ms: u64| begin + Duration::from_millis(ms);
+        let mut mean = Mean::new(4);
+        for (k, rate) in [1.0, 2.0, 3.0].into_iter().enumerate() {
+            assert_eq!(mean.add(ms(2 * k as u64), vec![rate, 0.0], vec![9.0]), None);
+        }
+        assert_eq!(mean.add(ms(6), vec![6.0, 2.0], vec![13.0]), Some((ms(3), vec![3.0, 0.5], vec![10.0])));
+        // The next ones begin anew.
+        assert_eq!(mean.add(ms(8), vec![7.0, 0.0], vec![9.0]), None);
+        assert_eq!(Mean::new(1).add(ms(1), vec![7.0], vec![]), Some((ms(1), vec![7.0], vec![])));
     }
 }
