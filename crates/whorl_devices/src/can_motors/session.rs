@@ -179,7 +179,7 @@ impl<D: Drives> Session<'_, D> {
                 else {
                     return Ok(());
                 };
-                if !(speed_rad_s.abs() <= IMPOSSIBLE * data.max_speed_rad_s) {
+                if !speed_rad_s.is_finite() || speed_rad_s.abs() > IMPOSSIBLE * data.max_speed_rad_s {
                     self.reporter.refused(1);
                     return Ok(());
                 }

@@ -207,10 +207,13 @@ impl Device for Converter {
     }
 }
 
+/// When, rates and specific forces.
+type Reading = (Instant, Vec<f64>, Vec<f64>);
+
 /// Readings that become one sample.
 struct Mean {
     of: u32,
-    readings: Vec<(Instant, Vec<f64>, Vec<f64>)>,
+    readings: Vec<Reading>,
 }
 
 impl Mean {
@@ -219,12 +222,7 @@ impl Mean {
     }
 
     /// The mean of the readings and of their times, with the last of them.
-    fn add(
-        &mut self,
-        at: Instant,
-        rates: Vec<f64>,
-        forces: Vec<f64>,
-    ) -> Option<(Instant, Vec<f64>, Vec<f64>)> {
+    fn add(&mut self, at: Instant, rates: Vec<f64>, forces: Vec<f64>) -> Option<Reading> {
         self.readings.push((at, rates, forces));
         let (first, ..) = self.readings.first()?;
         let (first, count) = (*first, u32::try_from(self.readings.len()).ok()?);
@@ -232,7 +230,7 @@ impl Mean {
             return None;
         }
         let since: Duration = self.readings.iter().map(|(at, ..)| at.saturating_duration_since(first)).sum();
-        let mean = |of: fn(&(Instant, Vec<f64>, Vec<f64>)) -> &Vec<f64>| -> Vec<f64> {
+        let mean = |of: fn(&Reading) -> &Vec<f64>| -> Vec<f64> {
             let axes = self.readings.first().map_or(0, |reading| of(reading).len());
             let sum = |axis: usize| self.readings.iter().filter_map(|r| of(r).get(axis)).sum::<f64>();
             (0..axes).map(|axis| sum(axis) / f64::from(count)).collect()
