@@ -119,7 +119,7 @@ fn pointing_on_a_sagging_battery_needs_the_measured_voltage() {
 /// A motor that brakes when it is off would turn the platform at every disarming.
 #[test]
 fn wheels_coast_when_they_are_off() {
-    let chain = "wheels: {kind: smartmotor_chain, port: /dev/b, torque_constant_n_m_a: 0.05, resistance_ohm: 0.5, motors: \
+    let chain = "wheels: {kind: smartmotor_chain, port: /dev/b, torque_constant_n_m_a: 0.1, resistance_ohm: 0.5, motors: \
          {wheel_x: {address: 1}, wheel_y: {address: 2}, wheel_z: {address: 3}}}";
     at_work(chain, Vec::new(), |bench| {
         bench.until("answers", &Command::Alive, Bench::is_ready);
@@ -127,7 +127,7 @@ fn wheels_coast_when_they_are_off() {
         bench.during(Duration::from_millis(100), &Command::AllOff);
         let before = bench.speeds[0];
         bench.during(Duration::from_millis(1000), &Command::Alive);
-        // Braked, it would have lost a quarter of its speed: 0.02 kg m^2 on 0.05^2/0.5 N m s.
+        // Braked, it would have lost a fifth of its speed: 0.08 kg m^2 on 0.1^2/0.5 N m s.
         assert!(bench.speeds[0] > 0.93 * before, "{before} {}", bench.speeds[0]);
     });
 }
