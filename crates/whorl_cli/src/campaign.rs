@@ -135,8 +135,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// The file of a campaign that is named or is a file; names are looked up in this folder's campaigns/, or in params/.
 fn file_of(campaign: &Path, params: Option<&Path>) -> PathBuf {
-    let named = params.unwrap_or(Path::new("params")).join("campaigns").join(campaign).with_extension("yaml");
-    if !campaign.exists() && named.is_file() { named } else { campaign.to_owned() }
+    let folder = params.unwrap_or(Path::new("params")).join("campaigns");
+    let is_name = campaign.components().count() == 1 && campaign.extension().is_none();
+    if is_name && !campaign.exists() && folder.is_dir() {
+        folder.join(campaign).with_extension("yaml")
+    } else {
+        campaign.to_owned()
+    }
 }
 
 /// Computes what is missing, on so many threads, and shows how far it is.

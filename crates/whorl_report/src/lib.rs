@@ -43,7 +43,9 @@ pub use live::live_html;
 pub use metrics::{PairSummary, PlatformSummary, Summary, phase_name, summarise};
 pub use orbit::{DrawnBurn, DrawnCraft, DrawnPass, orbit_html};
 pub use orbit_keeping::{DrawnCorrection, DrawnKeeping};
-pub use overlay::{PairDifference, ParameterDifference, overlay_html, pair_differences};
+pub use overlay::{
+    MOST_RUNS as MOST_OVERLAID, PairDifference, ParameterDifference, overlay_html, pair_differences,
+};
 pub use page::{Description, TopicRow, html};
 pub use platform::PlatformData;
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};

@@ -39,6 +39,8 @@ pub struct ReproducedPlot {
     pub curves: Vec<NamedPoints>,
     /// Dashed curves, coloured like the solid curve of the same position.
     pub dashed: Vec<NamedPoints>,
+    /// Lower and upper edge of a band in which all curves should stay.
+    pub band_of_all: Option<[Vec<(f64, f64)>; 2]>,
 }
 
 /// The page of all reproductions.
@@ -68,7 +70,9 @@ fn figure(plot: &ReproducedPlot) -> Figure {
         all.iter().map(|(name, points)| Curve::new(name.clone(), points.iter().copied())).collect()
     };
     let [x_label, y_label] = plot.labels.clone();
+    let edge = |points: &[(f64, f64)]| Curve::new(String::new(), points.iter().copied());
     Figure {
+        band_of_all: plot.band_of_all.as_ref().map(|[lower, upper]| (edge(lower), edge(upper))),
         title: plot.title.clone(),
         caption: plot.caption.clone(),
         y_label,

@@ -62,7 +62,7 @@ pub fn map() -> Reproduction {
         labels: ["sensor noise [% of the largest value]".to_owned(), "median error [%]".to_owned()],
         logarithmic: [true, true],
         curves,
-        dashed: Vec::new(),
+        ..ReproducedPlot::default()
     }
     };
     Reproduction {

@@ -62,7 +62,7 @@ pub fn magnitudes() -> Reproduction {
             curve("rotation of the Earth (plumb line as vertical)", &|r| largest(r, true)),
             curve("rotation of the Earth, eq. 4.25 as printed", &|r| largest(r, false)),
         ],
-        dashed: Vec::new(),
+        ..ReproducedPlot::default()
     };
     Reproduction {
         plots: vec![plot],

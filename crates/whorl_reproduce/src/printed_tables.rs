@@ -198,7 +198,7 @@ pub fn plots(runs: &[SweptRun]) -> Vec<ReproducedPlot> {
         labels: ["noise [of the MotionPak II]".to_owned(), "|error| [%]".to_owned()],
         logarithmic: [true, true],
         curves,
-        dashed: Vec::new(),
+        ..ReproducedPlot::default()
     };
     let excited = |r: &SweptRun| median([0, 1, 3, 6, 7, 8].map(|i: usize| r.errors_percent[i].abs()));
     vec![

@@ -61,22 +61,20 @@ pub fn convergence() -> Reproduction {
             trace.iter().map(|e| (e.time_s, of(e))).collect::<Vec<_>>()
         };
         let percent = move |x: f64| 100.0 * x / truth[i].abs();
-        let mut curves: Vec<_> = traces
+        let curves: Vec<_> = traces
             .iter()
             .map(|(name, t)| ((*name).to_owned(), curve(&|e| percent(e.estimate[i] - truth[i]), t)))
             .collect();
-        if let Some((_, first)) = traces.first() {
-            for sign in [1.0, -1.0] {
-                curves
-                    .push(("three sigma".to_owned(), curve(&|e| percent(3.0 * sign * e.stddev()[i]), first)));
-            }
-        }
+        let of_first =
+            |sign: f64, first: &[SequentialEstimate]| curve(&|e| percent(3.0 * sign * e.stddev()[i]), first);
         ReproducedPlot {
             title: format!("error of {}", NAMES[i]),
-            caption: "Joint filters, started a tenth off; three standard deviations of the extended filter."
-                .to_owned(),
+            caption:
+                "Joint filters, started a tenth off; grey: three standard deviations of the extended filter."
+                    .to_owned(),
             labels: ["time [s]".to_owned(), "error [%]".to_owned()],
             curves,
+            band_of_all: traces.first().map(|(_, first)| [of_first(-1.0, first), of_first(1.0, first)]),
             ..ReproducedPlot::default()
         }
     });

@@ -345,10 +345,11 @@ fn plots(run: &Run, traces: &Traces, kind: Kind) -> Vec<ReproducedPlot> {
         ],
         Kind::Error => {
             let negative = traces.three_sigma.iter().map(|(t, s)| (*t, -s)).collect();
-            let mut curves = named(["x", "y", "z"], &traces.error);
-            curves.push(("three sigma".to_owned(), traces.three_sigma.clone()));
-            curves.push(("three sigma".to_owned(), negative));
-            vec![plot("attitude error", "error [deg]", curves, Vec::new())]
+            let curves = named(["x", "y", "z"], &traces.error);
+            vec![ReproducedPlot {
+                band_of_all: Some([negative, traces.three_sigma.clone()]),
+                ..plot("attitude error (grey: three standard deviations)", "error [deg]", curves, Vec::new())
+            }]
         }
         Kind::Angles => angles(),
         Kind::AngleError => errors(),

@@ -19,6 +19,12 @@ fn curve(name: &str, plot: usize, curve: &str) -> &'static [(f64, f64)] {
     &found.unwrap_or_else(|| panic!("{name} has no {curve}")).1
 }
 
+/// Upper edge of the band in which all curves of a plot should stay.
+fn upper_edge(name: &str, plot: usize) -> &'static [(f64, f64)] {
+    let band = &item(name).plots[plot].band_of_all;
+    &band.as_ref().unwrap_or_else(|| panic!("{name} has no band"))[1]
+}
+
 fn largest(points: &[(f64, f64)]) -> f64 {
     points.iter().map(|(_, y)| y.abs()).fold(0.0, f64::max)
 }
@@ -126,7 +132,7 @@ fn a_spin_is_tracked_within_its_envelope() {
         let worst = found.iter().zip(truth).map(|(a, b)| (a.1 - b.1).abs()).fold(0.0, f64::max);
         assert!(worst < within_deg_s, "{axis}: {worst} deg/s");
     }
-    let sigma = curve("fig_4_11", 0, "three sigma");
+    let sigma = upper_edge("fig_4_11", 0);
     for axis in ["x", "y", "z"] {
         let outside = curve("fig_4_11", 0, axis).iter().zip(sigma).filter(|(e, s)| e.1.abs() > s.1).count();
         // 0.3 % are expected, of correlated samples.
@@ -279,7 +285,7 @@ fn joint_filters_wait_for_the_excitation() {
             assert!((own.last().unwrap().1 - first.last().unwrap().1).abs() < 0.1, "{name}, plot {plot}");
         }
     }
-    let sigma = curve("sequential", 1, "three sigma");
+    let sigma = upper_edge("sequential", 1);
     let at = |t: f64| sigma.iter().find(|(x, _)| *x >= t).unwrap().1;
     assert!(at(29.5) > 0.8 * at(0.0) && at(40.0) < 0.2 * at(0.0), "{} {} {}", at(0.0), at(29.5), at(40.0));
 }
