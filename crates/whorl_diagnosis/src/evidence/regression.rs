@@ -270,7 +270,7 @@ pub(crate) fn colour_log_density(rows: &[Vec<usize>], colours: &[Colour]) -> f64
 }
 
 /// Colour of one channel's whitened innovation: an autoregressive model and its innovation's size.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Colour {
     pub coefficients: Vec<f64>,
     pub stddev: f64,
@@ -372,7 +372,7 @@ const ALIKE: f64 = 0.02;
 /// Whether two estimates of the same colours give innovations of the same size.
 pub(crate) fn alike(one: &Colours, other: &Colours) -> bool {
     let mut all = one.iter().flatten().zip(other.iter().flatten());
-    all.all(|(a, b)| (a.stddev / b.stddev - 1.0).abs() < ALIKE)
+    one.len() == other.len() && all.all(|(a, b)| (a.stddev / b.stddev - 1.0).abs() < ALIKE)
 }
 
 /// Colours of a run's series of readings, whose rows are given by component.

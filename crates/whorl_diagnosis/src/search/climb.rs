@@ -84,6 +84,20 @@ impl Problem {
         Ok(self.climb(point, &starts, sizes)?.0)
     }
 
+    /// Colours that the innovations have with the model at a point, beside the noise in use.
+    pub fn colours_at(&self, point: &Point) -> Result<Colours, DiagnosisError> {
+        let mechanics = Mechanics::new(&self.reference.model_at(point)?)?;
+        let all: Vec<_> = self.runs.iter().zip(self.motions.iter()).enumerate().collect();
+        Ok(threads::map(self.threads, &all, |(r, (run, motion))| {
+            let (_, prediction) = predict(&mechanics, run, motion);
+            let settings = self.settings(*r);
+            let system = System { run, motion, mechanics: &mechanics, prediction: &prediction, settings };
+            let linear = system.linear();
+            let rows = rows_by_reading(linear.rows().iter().map(|row| row.reading));
+            colours_of(&system.innovations(&linear).0, &rows)
+        }))
+    }
+
     /// Climbs from the likeliest of several kinds of noise; where the climb ends, and the logarithm of the density with the
     /// noise in use.
     ///

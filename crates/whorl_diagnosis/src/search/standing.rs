@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::DiagnosisError;
 use crate::evidence::nuisance::Nuisance;
+use crate::evidence::regression::{Colours, alike};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::layout::motion::Motion;
@@ -71,6 +72,8 @@ pub(crate) struct Converged {
     pub motions: Arc<Vec<Motion>>,
     pub layout: Layout,
     pub members: Vec<Member>,
+    /// Colours beside which it was weighed, of training and of held-out runs.
+    pub colours: [Colours; 2],
 }
 
 impl Converged {
@@ -100,6 +103,14 @@ impl Search<'_> {
             self.fitted.remove(&converged.names);
         }
         Ok(())
+    }
+
+    /// These colours of training runs (0) or held-out runs (1), or those of a set weighed before that are the same within what
+    /// estimates scatter: evidence beside the same colours compares best.
+    pub(crate) fn as_before(&self, runs: usize, colours: Colours) -> Colours {
+        let first = (runs == 0).then_some(&self.sharp);
+        let mut known = first.into_iter().chain(self.fitted.values().map(|set| &set.colours[runs]));
+        known.find(|known| alike(known, &colours)).cloned().unwrap_or(colours)
     }
 
     /// Remembers a set where it stands best.

@@ -13,7 +13,7 @@ use whorl_dynamics::effects::{BasePrior, Role};
 use crate::DiagnosisError;
 use crate::evidence::discrepancy::{Discrepancy, RELATIVE_ERRORS, Signal};
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::evidence::regression::{Normal, alike};
+use crate::evidence::regression::Normal;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::Hypothesis;
 use crate::parameters::{Column, Point, Target, is_base};
@@ -122,13 +122,14 @@ impl Search<'_> {
     pub(crate) fn weighed(
         &self,
         mut set: Descended,
-        noise: Noise,
+        mut noise: Noise,
         problem: &Problem,
     ) -> Result<Option<Converged>, DiagnosisError> {
         let mut problem = problem.clone();
         problem.motions = Arc::clone(&set.motions);
         problem.nuisance = noise.sizes;
-        if set.nuisance != noise.sizes || !alike(&set.data.colours, &noise.colours) {
+        noise.colours = self.as_before(0, noise.colours);
+        if set.nuisance != noise.sizes || set.data.colours != noise.colours {
             set.data = dataset(&problem, &set.point, &set.layout, Some(noise.colours))?;
             set.nuisance = noise.sizes;
         }
@@ -138,7 +139,8 @@ impl Search<'_> {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
                 held.smooth(&set.point, Trust::AsDataSay)?;
-                let data = dataset(&held, &set.point, &set.layout, None)?;
+                let colours = self.as_before(1, held.colours_at(&set.point)?);
+                let data = dataset(&held, &set.point, &set.layout, Some(colours))?;
                 let of_data = held.discrepancy(&data, &set.point, &set.layout);
                 Some((data, of_data))
             }
@@ -158,8 +160,10 @@ impl Search<'_> {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..best
         };
-        let Descended { names, point, motions, layout, members, .. } = set;
-        Ok(Some(Converged { names, standing, point, motions, layout, members }))
+        let of_held_out = both.held.map(|(data, _)| data.colours).unwrap_or_default();
+        let Descended { names, point, motions, layout, members, data, .. } = set;
+        let colours = [data.colours, of_held_out];
+        Ok(Some(Converged { names, standing, point, motions, layout, members, colours }))
     }
 
     /// How a set stands with formulas that err by so much.
