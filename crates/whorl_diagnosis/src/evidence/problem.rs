@@ -7,8 +7,9 @@ use whorl_math::vertical_b;
 use whorl_recording::{Channel, Recording};
 use whorl_trajectory::noise::typical_step_s;
 
+use crate::evidence::colour::{Colour, Colours, colour_log_density, colours_of};
 use crate::evidence::nuisance::{LARGE, NAMELESS, Nuisance, PACES, STEP};
-use crate::evidence::regression::{Colour, Colours, Normal, Whitened, colour_log_density, colours_of};
+use crate::evidence::regression::{Normal, Whitened};
 use crate::layout::motion::Motion;
 use crate::layout::run::{Run, is_clamped};
 use crate::layout::torques::Torques;

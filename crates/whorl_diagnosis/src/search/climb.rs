@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use crate::evidence::colour::{Colours, colour_log_density, coloured, colours_of, rows_by_reading};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::Problem;
-use crate::evidence::regression::{Colours, colour_log_density, coloured, colours_of, rows_by_reading};
 use crate::parameters::Point;
 use crate::whitening::columns::predict;
 use crate::whitening::filter::{Linear, System};

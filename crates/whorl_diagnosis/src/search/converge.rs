@@ -11,9 +11,10 @@ use nalgebra::DVector;
 use whorl_dynamics::effects::find;
 
 use crate::DiagnosisError;
+use crate::evidence::colour::{Colours, alike};
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::evidence::regression::{Colours, Estimate, Normal, alike};
+use crate::evidence::regression::{Estimate, Normal};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::Lines;

@@ -3,9 +3,9 @@
 
 use whorl_dynamics::effects::Rhythm;
 
+use crate::evidence::colour::Colours;
 use crate::evidence::nuisance::Nuisance;
 use crate::evidence::problem::{Dataset, Problem, Trust};
-use crate::evidence::regression::Colours;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::explanations::lines::{CERTAIN, Lines};

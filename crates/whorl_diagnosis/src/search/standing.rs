@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::DiagnosisError;
+use crate::evidence::colour::{Colours, alike};
 use crate::evidence::nuisance::Nuisance;
-use crate::evidence::regression::{Colours, alike};
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::layout::motion::Motion;
@@ -72,8 +72,10 @@ pub(crate) struct Converged {
     pub motions: Arc<Vec<Motion>>,
     pub layout: Layout,
     pub members: Vec<Member>,
-    /// Colours beside which it was weighed, of training and of held-out runs.
-    pub colours: [Colours; 2],
+    /// Colours beside which it was weighed, of training runs
+    pub colours: Colours,
+    /// and of held-out ones.
+    pub held_colours: Option<Colours>,
 }
 
 impl Converged {
@@ -105,12 +107,16 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// These colours of training runs (0) or held-out runs (1), or those of a set weighed before that are the same within what
-    /// estimates scatter: evidence beside the same colours compares best.
-    pub(crate) fn as_before(&self, runs: usize, colours: Colours) -> Colours {
-        let first = (runs == 0).then_some(&self.sharp);
-        let mut known = first.into_iter().chain(self.fitted.values().map(|set| &set.colours[runs]));
-        known.find(|known| alike(known, &colours)).cloned().unwrap_or(colours)
+    /// These colours of training runs, or those of a set weighed before that are the same within what estimates scatter:
+    /// evidence beside the same colours compares best.
+    pub(crate) fn colours_as_before(&self, colours: Colours) -> Colours {
+        let known = std::iter::once(&self.sharp).chain(self.fitted.values().map(|set| &set.colours));
+        or_alike(colours, known)
+    }
+
+    /// The same of held-out runs.
+    pub(crate) fn held_colours_as_before(&self, colours: Colours) -> Colours {
+        or_alike(colours, self.fitted.values().filter_map(|set| set.held_colours.as_ref()))
     }
 
     /// Remembers a set where it stands best.
@@ -179,6 +185,11 @@ impl Search<'_> {
             _ => (with.log_evidence - without.log_evidence, with.estimate.drop - without.estimate.drop),
         }
     }
+}
+
+/// These colours, or the first of those known that are the same.
+fn or_alike<'a>(colours: Colours, mut known: impl Iterator<Item = &'a Colours>) -> Colours {
+    known.find(|known| alike(known, &colours)).cloned().unwrap_or(colours)
 }
 
 #[cfg(test)]

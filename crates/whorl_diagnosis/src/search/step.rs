@@ -7,8 +7,8 @@ use whorl_dynamics::Effect;
 use whorl_dynamics::effects::Contribution;
 
 use crate::DiagnosisError;
+use crate::evidence::colour::Colours;
 use crate::evidence::problem::{Dataset, FREE_RATE_WALK, Problem, Trust};
-use crate::evidence::regression::Colours;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, TOGETHER};
 use crate::parameters::available::Available;

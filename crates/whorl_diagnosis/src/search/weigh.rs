@@ -128,7 +128,7 @@ impl Search<'_> {
         let mut problem = problem.clone();
         problem.motions = Arc::clone(&set.motions);
         problem.nuisance = noise.sizes;
-        noise.colours = self.as_before(0, noise.colours);
+        noise.colours = self.colours_as_before(noise.colours);
         if set.nuisance != noise.sizes || set.data.colours != noise.colours {
             set.data = dataset(&problem, &set.point, &set.layout, Some(noise.colours))?;
             set.nuisance = noise.sizes;
@@ -139,7 +139,7 @@ impl Search<'_> {
                 let mut held = held.clone();
                 (held.threads, held.nuisance) = (problem.threads, problem.nuisance);
                 held.smooth(&set.point, Trust::AsDataSay)?;
-                let colours = self.as_before(1, held.colours_at(&set.point)?);
+                let colours = self.held_colours_as_before(held.colours_at(&set.point)?);
                 let data = dataset(&held, &set.point, &set.layout, Some(colours))?;
                 let of_data = held.discrepancy(&data, &set.point, &set.layout);
                 Some((data, of_data))
@@ -160,10 +160,10 @@ impl Search<'_> {
             log_evidence: best.log_evidence + sum.ln() - choices + problem.log_prior(set.nuisance),
             ..best
         };
-        let of_held_out = both.held.map(|(data, _)| data.colours).unwrap_or_default();
+        let held_colours = both.held.map(|(data, _)| data.colours);
         let Descended { names, point, motions, layout, members, data, .. } = set;
-        let colours = [data.colours, of_held_out];
-        Ok(Some(Converged { names, standing, point, motions, layout, members, colours }))
+        let colours = data.colours;
+        Ok(Some(Converged { names, standing, point, motions, layout, members, colours, held_colours }))
     }
 
     /// How a set stands with formulas that err by so much.

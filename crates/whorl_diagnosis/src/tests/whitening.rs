@@ -3,8 +3,8 @@
 use whorl_dynamics::{ModelPrior, PlatformModel};
 
 use super::generator::record;
+use crate::evidence::colour::Colour;
 use crate::evidence::problem::{Problem, Trust};
-use crate::evidence::regression::Colour;
 use crate::parameters::Reference;
 
 #[test]
