@@ -192,6 +192,18 @@ mod tests {
             prop_assert_eq!(found.last().copied(), frames.last().map(|frame| Record::Frame(*frame)));
         }
 
+        /// Bytes that begin no record are refused one by one, and no frame after them is lost, whatever of a record they
+        /// make with the first bytes of it: identifiers below 32 look like lengths and codes.
+        #[test]
+        fn nothing_after_a_broken_record_is_lost(noise in 1usize..60, ids in prop::collection::vec(0u16..0x20, 1..9)) {
+            let frames: Vec<Frame> = ids.iter().map(|id| Frame::new(*id, &[0xFF; 8])).collect();
+            let mut records = Records::default();
+            records.push(&vec![0xFF; noise]);
+            frames.iter().for_each(|frame| records.push(&frame.record()));
+            prop_assert_eq!(all(&mut records), frames.into_iter().map(Record::Frame).collect::<Vec<_>>());
+            prop_assert_eq!(records.take_refused(), noise as u64);
+        }
+
         #[test]
         fn records_come_in_any_pieces(ids in prop::collection::vec(0u16..0x800, 1..20), piece in 1usize..40) {
             let frames: Vec<Frame> = ids.iter().map(|id| Frame::new(*id, &id.to_le_bytes())).collect();
