@@ -17,6 +17,7 @@ use whorl_node::{Event, NodeCore, Outputs, Timestamp};
 use whorl_recorder::{RecordedTopic, RecorderCore};
 
 use crate::support::cores::cores;
+use crate::support::machine::Load;
 use whorl_tests::repetitions;
 
 const START: Timestamp = Timestamp(1_700_000_000_000_000_000);
@@ -67,6 +68,7 @@ proptest! {
     /// Many short lives: what goes wrong while a core is still in one of its early states.
     #[test]
     fn no_sequence_of_messages_makes_a_core_panic(seed in any::<u64>(), length in 1..120_usize) {
+        let _share = Load::Computation.take();
         for (_, core) in cores() {
             let (mut victim, mut generator) = (Victim::new(core), Generator::new(seed));
             for _ in 0..length {
@@ -96,6 +98,7 @@ proptest! {
 /// One long life. The memory that a core holds at the end is what it held after a tenth of it, but for a little.
 #[test]
 fn the_memory_of_no_core_grows_with_what_it_is_sent() {
+    let _share = Load::Computation.take();
     let messages = repetitions(200_000, 1_000_000);
     for (name, core) in cores() {
         let (mut victim, mut generator) = (Victim::new(core), Generator::new(7));
@@ -120,6 +123,7 @@ fn the_memory_of_no_core_grows_with_what_it_is_sent() {
 
 #[test]
 fn the_recorder_takes_any_bytes() {
+    let _share = Load::Computation.take();
     let folder = tempfile::tempdir().unwrap();
     let platforms = ["whorl_1".to_owned(), "whorl_2".to_owned()];
     let description = RunDescription { platforms: platforms.to_vec(), ..RunDescription::default() };

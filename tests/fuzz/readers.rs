@@ -13,6 +13,7 @@ use whorl_tests::repetitions;
 
 use super::START;
 use super::generator::Generator;
+use crate::support::machine::Load;
 use targets::{MAP, READERS};
 
 /// What a reader may hold at once, whatever lengths and counts a file of a few kilobytes claims [bytes].
@@ -140,6 +141,7 @@ fn spoilt(generator: &mut Generator, seed: &[u8]) -> Vec<u8> {
 
 #[test]
 fn no_bytes_make_a_reader_panic_or_grow() {
+    let _share = Load::Computation.take();
     for (target, read) in READERS {
         let mut generator = Generator::new(3);
         let seeds = seeds(target, &mut generator);
@@ -170,6 +172,7 @@ fn no_bytes_make_a_reader_panic_or_grow() {
 /// The tests would find nothing if spoilt seeds never went further than the first check.
 #[test]
 fn many_spoilt_messages_are_still_understood() {
+    let _share = Load::Computation.take();
     let mut generator = Generator::new(5);
     let seeds = seeds("cdr", &mut generator);
     let understood = (0..1000)

@@ -12,6 +12,7 @@ use whorl_node::Timestamp;
 use whorl_ros::{EndpointQos, Participant, RawWriter};
 
 use crate::support::formation::{Formation, LONG_HOLD_ALONE, STARTUP};
+use crate::support::machine::Load;
 use crate::support::simulation::encoded;
 use crate::support::watch::{Log, Watch, route};
 use crate::support::{binaries, measured, root, wait_for};
@@ -133,7 +134,7 @@ fn points(formation: &mut Formation, overrides: &[String], what: &str) {
 
 #[test]
 fn a_platform_points_over_the_bytes_of_its_devices() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     let overrides = emulate(&mut formation, &[]);
     points(&mut formation, &overrides, "emulated devices");
 }
@@ -197,7 +198,7 @@ fn with_can_wheels(formation: &mut Formation, kind: &str) {
 
 #[test]
 fn a_platform_points_with_wheels_on_a_can_bus() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     with_can_wheels(&mut formation, "kind: cia402_motors");
     let overrides = emulate(&mut formation, &[]);
     points(&mut formation, &overrides, "emulated cia402_motors");
@@ -205,7 +206,7 @@ fn a_platform_points_with_wheels_on_a_can_bus() {
 
 #[test]
 fn a_platform_points_with_wheels_on_odrives() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     with_can_wheels(&mut formation, "kind: odrive_motors");
     let overrides = emulate(&mut formation, &[]);
     points(&mut formation, &overrides, "emulated odrive_motors");
@@ -214,7 +215,7 @@ fn a_platform_points_with_wheels_on_odrives() {
 /// What arms and checks a platform does not know which kind of board has its valves.
 #[test]
 fn checkout_works_valves_on_gpio_lines_and_doctor_sees_the_chips() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     with_gpio_valves(&mut formation);
     let faults = ["kind:=swapped", "jet:=jet_3", "with:=jet_7"].map(|f| format!("emulation.faults.a.{f}"));
     let made = ["dev/whorl/whorl_1_imu", "hosts", "sys/bus/i2c/devices/1-0040/hwmon/name"];
@@ -240,7 +241,7 @@ fn checkout_works_valves_on_gpio_lines_and_doctor_sees_the_chips() {
 /// unplugged, and says so.
 #[test]
 fn a_platform_points_on_redundant_sensors_and_survives_the_loss_of_one() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     with_redundant_sensors(&mut formation);
     // Once it holds; the rest of the run is measured.
     let faults =
@@ -286,7 +287,7 @@ fn copy(from: &Path, to: &Path) {
 
 #[test]
 fn a_platform_points_over_topics_of_other_nodes_and_says_when_one_is_missing() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     with_ros_devices(&mut formation);
     let converter = "sys/bus/iio/devices/iio:device0/in_voltage0_raw";
     let faults = ["kind:=unplugged", "device:=wheels", "start_s:=0.0", "length_s:=6.0"]
@@ -306,7 +307,7 @@ fn a_platform_points_over_topics_of_other_nodes_and_says_when_one_is_missing() {
 
 #[test]
 fn nothing_moves_before_it_is_armed_nor_after_it_is_disarmed() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     let watch = formation.watch();
     let mut overrides = emulate(&mut formation, &[]);
     overrides.push("armed:=false".to_owned());
@@ -349,7 +350,7 @@ fn nothing_moves_before_it_is_armed_nor_after_it_is_disarmed() {
 
 /// Whorl-I with a device that is unplugged after 12 s for 3 s, once its wheels obey.
 fn unplugged(device: &str) -> (Formation, Watch, Sender) {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     let watch = formation.watch();
     let device = format!("device:={device}");
     let faults = ["kind:=unplugged", &device, "start_s:=12.0", "length_s:=3.0"]
@@ -463,7 +464,7 @@ fn a_valve_board_that_is_lost_fails_its_jets_and_leaves_the_wheels_at_work() {
 
 #[test]
 fn an_emergency_stop_disarms_until_a_person_arms_again() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     let watch = formation.watch();
     let wired = "devices.valves.emergency_stop_input:=3";
     let faults =
@@ -507,7 +508,7 @@ fn line_of<'a>(text: &'a str, part: &str) -> &'a str {
 
 #[test]
 fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     let faults = ["a.kind:=reversed", "a.wheel:=wheel_x", "b.kind:=swapped", "b.jet:=jet_3", "b.with:=jet_7"];
     let faults = faults.map(|fault| format!("emulation.faults.{fault}"));
     emulate(&mut formation, &faults.each_ref().map(String::as_str));
@@ -525,7 +526,7 @@ fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged
 
 #[test]
 fn checkout_finds_a_gimbal_that_turns_the_other_way() {
-    let mut formation = Formation::new(&["whorl_c"], &[]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_c"], &[]);
     let made = ["dev/whorl/whorl_c_imu", "sys/bus/iio/devices/iio:device0/in_voltage1_raw"];
     // What is wired is not what the driver's file says.
     let wired = ["devices.gimbals.motors.gyro_2.sign:=-1"];
@@ -544,7 +545,7 @@ fn checkout_finds_a_gimbal_that_turns_the_other_way() {
 
 #[test]
 fn doctor_finds_the_emulated_devices_and_the_one_that_is_missing() {
-    let mut formation = Formation::new(&["whorl_1"], &[LONG_HOLD_ALONE]);
+    let mut formation = Formation::with_load(Load::Emulation, &["whorl_1"], &[LONG_HOLD_ALONE]);
     with_ros_devices(&mut formation);
     let faults = ["kind:=unplugged", "device:=tracker"].map(|f| format!("emulation.faults.a.{f}"));
     let converter = "sys/bus/iio/devices/iio:device0/in_voltage0_raw";

@@ -9,7 +9,8 @@ use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{AttitudeEstimate, FormationState};
 
 use crate::support::browser::{Browser, Page};
-use crate::support::formation::Formation;
+use crate::support::formation::{Formation, LONG_HOLD};
+use crate::support::machine::Load;
 use crate::support::watch::route;
 use crate::support::{binaries, measured, root, skipped, wait_for};
 
@@ -30,11 +31,12 @@ fn is_live(browser: &mut Browser, page: &Page) {
 
 #[test]
 fn the_live_page_shows_and_aborts_a_run() {
+    let formation = Formation::with_load(Load::Browser, &["whorl_1", "whorl_2"], &[LONG_HOLD]);
     let Some(mut browser) = Browser::start() else {
         skipped("the live page in a browser", "chromium is not installed");
         return;
     };
-    let (mut formation, watch) = Formation::holding(&[]);
+    let (mut formation, watch) = formation.held();
     let mut command = formation.command(None, &binaries::path("whorl"));
     command.args(["live", "whorl_1", "whorl_2", "--port", "0", "--params"]).arg(root().join("params"));
     formation.adopt("live", command);

@@ -104,6 +104,11 @@ impl Formation {
     /// Nothing runs yet. `layers` are texts of parameter files above the platforms' own.
     pub fn new(platforms: &[&'static str], layers: &[&str]) -> Self {
         let load = if platforms.len() > 1 { Load::Formation } else { Load::Light };
+        Self::with_load(load, platforms, layers)
+    }
+
+    /// The same for a test that needs another share of the machine.
+    pub fn with_load(load: Load, platforms: &[&'static str], layers: &[&str]) -> Self {
         let share = load.take();
         binaries::folder();
         let folder = tempfile::Builder::new().prefix("whorl-test-").tempdir().unwrap();
@@ -129,20 +134,20 @@ impl Formation {
 
     /// Both platforms and the coordinator in a long hold; waits until it is reached.
     pub fn holding(layers: &[&str]) -> (Self, Watch) {
-        let mut formation = Self::new(&["whorl_1", "whorl_2"], &[&[LONG_HOLD], layers].concat());
-        let watch = formation.watch();
-        formation.start_all();
-        formation.wait_for_step(&watch, "hold");
-        (formation, watch)
+        Self::new(&["whorl_1", "whorl_2"], &[&[LONG_HOLD], layers].concat()).held()
     }
 
     /// Whorl-I and the coordinator in a long hold; waits until it is reached.
     pub fn holding_alone(layers: &[&str]) -> (Self, Watch) {
-        let mut formation = Self::new(&["whorl_1"], &[&[LONG_HOLD_ALONE], layers].concat());
-        let watch = formation.watch();
-        formation.start_all();
-        formation.wait_for_step(&watch, "hold");
-        (formation, watch)
+        Self::new(&["whorl_1"], &[&[LONG_HOLD_ALONE], layers].concat()).held()
+    }
+
+    /// Starts everything, and waits until the hold is reached.
+    pub fn held(mut self) -> (Self, Watch) {
+        let watch = self.watch();
+        self.start_all();
+        self.wait_for_step(&watch, "hold");
+        (self, watch)
     }
 
     /// Puts the coordinator into a network namespace, and each platform into one.

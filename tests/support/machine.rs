@@ -13,6 +13,10 @@ pub enum Load {
     Computation,
     /// A formation of two platforms in real time.
     Formation,
+    /// A platform beside emulators of its devices, in real time: about a core, as measured.
+    Emulation,
+    /// A formation and a browser that draws it without a graphics card: whatever there is.
+    Browser,
 }
 
 /// A share of the machine, given back on drop.
@@ -26,7 +30,8 @@ impl Load {
     pub fn take(self) -> Share {
         let units = match self {
             Self::Light => 1,
-            Self::Computation | Self::Formation => 2,
+            Self::Computation | Self::Formation | Self::Emulation => 2,
+            Self::Browser => capacity(),
         };
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
