@@ -76,6 +76,19 @@ fn a_sensor_is_told_from_a_torque() {
     assert_eq!(diagnosis.kind.as_deref(), Some("sensor"));
 }
 
+/// Its position is wrong by metres, as one that was stated in another unit.
+#[test]
+fn an_accelerometer_far_from_its_place_is_named_with_its_position() {
+    let arm = [("d_x_m", 2.5), ("d_y_m", -1.9), ("d_z_m", 1.2)];
+    let diagnosis = diagnosis_of(&[("accel_lever_arm", &arm)], 24, 50.0);
+    assert_eq!(diagnosis.verdict, Verdict::Named, "{:?}", diagnosis.unknown);
+    assert_eq!(diagnosis.effects, ["accel_lever_arm"]);
+    for ((name, metres), found) in arm.iter().zip(&diagnosis.candidates[0].parameters) {
+        assert_eq!(*name, found.name);
+        assert!((found.estimate - metres).abs() < 4.0 * found.stddev && found.stddev < 0.1, "{found:?}");
+    }
+}
+
 /// A sample and a half late: the edges of pulses lie between what is compared.
 #[test]
 fn a_long_latency_is_named_with_its_size_and_explains_the_data() {

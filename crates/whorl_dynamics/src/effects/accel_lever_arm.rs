@@ -22,9 +22,12 @@ static INFO: EffectInfo = EffectInfo {
     is_passive: false,
 };
 
+/// Beyond any platform [m]: where a sensor sits is no law of physics, and a position in the wrong unit is to be found too.
+const FARTHEST_M: f64 = 10.0;
+
 parameters! {
     Arm(_model: PlatformModel) {
-        d_m: Vector3<f64> = per_axis("d", "_m", "m", 1.0, 0.02, "Added to the model's position, body axes."),
+        d_m: Vector3<f64> = per_axis("d", "_m", "m", FARTHEST_M, 0.02, "Added to the model's position, body axes."),
     }
 }
 
