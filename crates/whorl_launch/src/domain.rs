@@ -30,10 +30,20 @@ pub struct Domain {
     lock: PathBuf,
 }
 
-/// The right to run nodes in a domain. Nodes inherit it: as long as one lives, the domain is in use.
+/// The right to run nodes in a domain. Nodes inherit it: should this process die, the domain stays in use as long as one of
+/// them lives. Dropped, it is given back, whoever else may have inherited it.
 #[derive(Debug)]
 pub struct Lease {
-    _locks: Vec<File>,
+    locks: Vec<File>,
+}
+
+impl Drop for Lease {
+    fn drop(&mut self) {
+        for lock in &self.locks {
+            // What cannot be unlocked is unlocked when the last process that inherited it ends.
+            let _ = lock.unlock();
+        }
+    }
 }
 
 impl Domain {
@@ -62,9 +72,7 @@ impl Domain {
     /// [`LaunchError::DomainTaken`].
     pub fn take(&self) -> Result<Lease, LaunchError> {
         self.create_folder()?;
-        Ok(Lease {
-            _locks: vec![self.lock(&self.lock, File::try_lock, "another experiment or other nodes")?],
-        })
+        Ok(Lease { locks: vec![self.lock(&self.lock, File::try_lock, "another experiment or other nodes")?] })
     }
 
     /// Takes one part of the domain (a platform's nodes, the coordinator, the recorder), which may run once. Other
@@ -77,7 +85,7 @@ impl Domain {
         let own = self.folder.join(format!("{piece}.lock"));
         let shared = self.lock(&self.lock, File::try_lock_shared, "an experiment")?;
         let own = self.lock(&own, File::try_lock, &format!("another {piece}"))?;
-        Ok(Lease { _locks: vec![shared, own] })
+        Ok(Lease { locks: vec![shared, own] })
     }
 
     /// Folder of a platform's emulated devices, which belongs to the caller while the lease lives. It may be taken while an

@@ -133,8 +133,13 @@ fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
     let text = domain().take().unwrap_err().to_string();
     assert!(text.contains("ROS domain 3") && text.contains("stop_all.sh"), "{text}");
     assert!(domain().share("whorl_1").unwrap_err().to_string().contains("an experiment"));
+    // A program that inherits the lease and has nothing to do with it does not keep the domain.
+    let mut stranger = std::process::Command::new("sleep").arg("60").spawn().unwrap();
     drop(experiment);
-    let _first = domain().share("whorl_1").unwrap();
+    let first = domain().share("whorl_1");
+    stranger.kill().unwrap();
+    stranger.wait().unwrap();
+    let _first = first.unwrap();
     let _second = domain().share("whorl_2").unwrap();
     assert!(domain().share("whorl_1").unwrap_err().to_string().contains("another whorl_1"));
     assert!(domain().take().is_err());
