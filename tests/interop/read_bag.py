@@ -89,8 +89,12 @@ def with_mcap(bag: Path):
         with path.open("rb") as file:
             reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
             check(reader.get_header().profile == "ros2", f"{path.name}: profile is not ros2")
+            of_file = []
             for _, channel, record, message in reader.iter_decoded_messages(log_time_order=True):
-                messages.append((channel.topic, record.log_time, list(leaves(message))))
+                of_file.append((channel.topic, record.log_time, list(leaves(message))))
+            times = [message[1] for message in of_file]
+            check(times == sorted(times), f"{path.name}: log times go back")
+            messages += of_file
     return messages
 
 
@@ -104,8 +108,6 @@ def compare(first: list, second: list) -> None:
             differing += 1
             fields = [(a, b) for a, b in zip(ours[2], theirs[2], strict=False) if a != b][:3]
             problems.append(f"{ours[0]} at {ours[1]}: rosbags and mcap differ: {fields or (ours[:2], theirs[:2])}")
-    times = [message[1] for message in second]
-    check(times == sorted(times), "log times go back")
 
 
 def check_manifest(run: Path, counts: Counter[str]) -> None:

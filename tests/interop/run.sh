@@ -87,7 +87,8 @@ unset ROS_LOCALHOST_ONLY ROS_AUTOMATIC_DISCOVERY_RANGE ROS_STATIC_PEERS
 take_domain
 say "one platform without local control in domain $ROS_DOMAIN_ID"
 own=(-r __ns:=/whorl_1 --params-file "$root/params/common.yaml" --params-file "$root/params/whorl_1.yaml")
-start recorder --params-file "$root/params/common.yaml" -p formation.platforms:=[whorl_1] -p "run_directory:=$work/run"
+start recorder --params-file "$root/params/common.yaml" -p formation.platforms:=[whorl_1] -p "run_directory:=$work/run" \
+    -p max_file_age_s:=5.0
 start driver "${own[@]}" --params-file "$root/params/truth/whorl_1.yaml"
 start estimator "${own[@]}"
 
@@ -122,7 +123,8 @@ say "the driver obeys Cyclone DDS, then times out"
 "$python" "$here/driver_obeys.py" whorl_1
 
 stop_nodes
-say "rosbags and mcap read what was recorded meanwhile"
+say "rosbags and mcap read what was recorded meanwhile, in several files"
+[ -f "$work/run/bag/bag_1.mcap" ]
 "$python" "$here/read_bag.py" "$work/run" --expect-topics /whorl_1/imu/data_raw /whorl_1/attitude/estimate \
     /whorl_1/actuators/command /whorl_1/wheels/state /whorl_1/thrusters/state /diagnostics /tf
 for run in "$@"; do

@@ -48,7 +48,7 @@ pub use error::BagError;
 pub use layout::{BAG_DIRECTORY, PARAMETER_DIRECTORY, SUMMARY_FILE};
 pub use manifest::{MANIFEST_FILE, Manifest, ParameterFile, RunDescription, RunState};
 pub use measurements::{Measurement, measurements, stamp_of};
-pub use metadata::{BagMetadata, BagTopic, METADATA_FILE};
+pub use metadata::{BagFile, BagMetadata, BagTopic, METADATA_FILE};
 pub use qos::offered_qos_profiles;
 pub use reader::{BagReader, MessageFilter, Messages, RecordedMessage};
 pub use recover::{Recovery, recover};

@@ -48,6 +48,17 @@ impl BagTopic {
     }
 }
 
+/// One file of a bag.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct BagFile {
+    /// Its name in the bag's directory.
+    pub name: String,
+    /// Log times of its first and its last message \[ns\]; `None` when there is none.
+    pub bounds_ns: Option<(u64, u64)>,
+    /// Number of messages.
+    pub message_count: u64,
+}
+
 /// What `metadata.yaml` says about the whole bag.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct BagMetadata {
@@ -59,15 +70,25 @@ pub struct BagMetadata {
     pub message_count: u64,
     /// Topics in the order in which they were added.
     pub topics: Vec<BagTopic>,
+    /// Files in the order in which they were begun.
+    pub files: Vec<BagFile>,
 }
 
 /// Name of the metadata file in a bag directory.
 pub const METADATA_FILE: &str = "metadata.yaml";
 
 impl BagMetadata {
-    /// The file's text, for a bag of one file.
+    /// What is in these files together.
+    pub(crate) fn new(topics: Vec<BagTopic>, files: Vec<BagFile>) -> Self {
+        let (start_ns, end_ns) =
+            files.iter().filter_map(|file| file.bounds_ns).reduce(both).unwrap_or_default();
+        let message_count = files.iter().map(|file| file.message_count).sum();
+        Self { start_ns, end_ns, message_count, topics, files }
+    }
+
+    /// The file's text.
     #[must_use]
-    pub fn to_yaml(&self, file_name: &str) -> String {
+    pub fn to_yaml(&self) -> String {
         let duration = self.end_ns.saturating_sub(self.start_ns);
         let mut root = YamlWriter::default();
         root.group("rosbag2_bagfile_information", |y| {
@@ -93,12 +114,14 @@ impl BagMetadata {
             });
             y.text("compression_format", "");
             y.text("compression_mode", "");
-            y.scalars("relative_file_paths", &[file_name]);
-            y.list("files", [file_name], |y, file| {
-                y.text("path", file);
-                y.group("starting_time", |y| y.raw("nanoseconds_since_epoch", self.start_ns));
-                y.group("duration", |y| y.raw("nanoseconds", duration));
-                y.raw("message_count", self.message_count);
+            let names: Vec<&str> = self.files.iter().map(|file| file.name.as_str()).collect();
+            y.scalars("relative_file_paths", &names);
+            y.list("files", &self.files, |y, file| {
+                let (start_ns, end_ns) = file.bounds_ns.unwrap_or_default();
+                y.text("path", &file.name);
+                y.group("starting_time", |y| y.raw("nanoseconds_since_epoch", start_ns));
+                y.group("duration", |y| y.raw("nanoseconds", end_ns.saturating_sub(start_ns)));
+                y.raw("message_count", file.message_count);
             });
             y.raw("custom_data", "~");
             y.text("ros_distro", "");
@@ -107,9 +130,14 @@ impl BagMetadata {
     }
 
     /// Replaces `metadata.yaml` in one step, so that a reader sees the old or the new one.
-    pub(crate) fn write(&self, bag: &Path, file_name: &str) -> Result<(), BagError> {
-        replace_file(&bag.join(METADATA_FILE), self.to_yaml(file_name).as_bytes())
+    pub(crate) fn write(&self, bag: &Path) -> Result<(), BagError> {
+        replace_file(&bag.join(METADATA_FILE), self.to_yaml().as_bytes())
     }
+}
+
+/// The earlier of two beginnings and the later of two ends.
+pub(crate) fn both(a: (u64, u64), b: (u64, u64)) -> (u64, u64) {
+    (a.0.min(b.0), a.1.max(b.1))
 }
 
 /// Writes a file beside its target and renames it, so that a reader sees the old or the new one.

@@ -10,19 +10,19 @@ use mcap::sans_io::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
 use whorl_msgs::Message;
 use whorl_node::Timestamp;
 
-use crate::metadata::mcap_files;
+use crate::metadata::{both, mcap_files};
 use crate::scan::{Contents, Integrity, LooseMessage, RECORD_LIMIT};
 use crate::zstandard::Zstandard;
-use crate::{BagError, BagTopic};
+use crate::{BagError, BagFile, BagMetadata, BagTopic};
 
 /// A bag, opened for reading: recorded by Whorl, or by `ros2 bag record` with the mcap storage.
 ///
 /// A file whose writer was killed is read up to its last whole chunk; see [`Self::integrity`].
 pub struct BagReader {
     path: PathBuf,
-    files: Vec<PathBuf>,
+    /// In the order of their first messages.
+    files: Vec<(PathBuf, BagFile)>,
     topics: Vec<Arc<BagTopic>>,
-    bounds: Option<(u64, u64)>,
     integrity: Integrity,
 }
 
@@ -89,26 +89,22 @@ impl BagReader {
             path: path.to_owned(),
             files: Vec::new(),
             topics: Vec::new(),
-            bounds: None,
             integrity: Integrity { complete: true, ..Integrity::default() },
         };
         for file in files {
-            reader.add_file(&file)?;
-            reader.files.push(file);
+            let described = reader.add_file(&file)?;
+            reader.files.push((file, described));
         }
+        reader.files.sort_by_key(|(_, file)| file.bounds_ns.map(|(first, _)| first));
         Ok(reader)
     }
 
-    fn add_file(&mut self, path: &Path) -> Result<(), BagError> {
+    fn add_file(&mut self, path: &Path) -> Result<BagFile, BagError> {
         let contents = open_contents(path)?.1;
         let integrity = contents.integrity;
         self.integrity.complete &= integrity.complete;
         self.integrity.bytes_cut_off += integrity.bytes_cut_off;
         self.integrity.damaged_chunks += integrity.damaged_chunks;
-        self.bounds = match (self.bounds, contents.bounds) {
-            (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
-            (a, b) => a.or(b),
-        };
         let mut channels: Vec<_> = contents.summary.channels.values().collect();
         channels.sort_by_key(|channel| channel.id);
         for channel in channels {
@@ -120,7 +116,17 @@ impl BagReader {
                 None => self.topics.push(Arc::new(topic_of(channel, count))),
             }
         }
-        Ok(())
+        Ok(BagFile {
+            name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            bounds_ns: contents.bounds,
+            message_count: contents.counts.values().sum(),
+        })
+    }
+
+    /// What `metadata.yaml` should say.
+    pub(crate) fn metadata(&self) -> BagMetadata {
+        let topics = self.topics.iter().map(|topic| (**topic).clone()).collect();
+        BagMetadata::new(topics, self.files.iter().map(|(_, file)| file.clone()).collect())
     }
 
     /// The path that was opened.
@@ -144,7 +150,8 @@ impl BagReader {
     /// Log times of the first and of the last message; `None` when there is none.
     #[must_use]
     pub fn bounds(&self) -> Option<(Timestamp, Timestamp)> {
-        self.bounds.map(|(first, last)| (signed(first), signed(last)))
+        let all = self.files.iter().filter_map(|(_, file)| file.bounds_ns).reduce(both);
+        all.map(|(first, last)| (signed(first), signed(last)))
     }
 
     /// Number of messages.
@@ -156,7 +163,11 @@ impl BagReader {
     /// Bytes of its files.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.len()).sum()
+        self.files
+            .iter()
+            .filter_map(|(file, _)| std::fs::metadata(file).ok())
+            .map(|metadata| metadata.len())
+            .sum()
     }
 
     /// Whether the bag ends as it should, and what is lost if not.
@@ -178,20 +189,22 @@ impl BagReader {
         self.select(MessageFilter { topics, ..MessageFilter::default() })
     }
 
-    /// The messages that pass a filter, in the order of their log time. (Files of a split bag are read one
-    /// after the other, as rosbag2 splits them by time.)
+    /// The messages that pass a filter, in the order of their log time, across the files of a split bag too.
     #[must_use]
     pub fn select(&self, filter: MessageFilter) -> Messages {
-        Messages { filter, topics: self.topics.clone(), files: self.files.clone().into(), current: None }
+        let files =
+            self.files.iter().filter_map(|(path, file)| Some((path.clone(), signed(file.bounds_ns?.0))));
+        Messages { filter, topics: self.topics.clone(), files: files.collect(), open: Vec::new() }
     }
 }
 
-/// Iterates over messages. After an error it goes on with the next file, if there is one.
+/// Iterates over messages. After an error in a file it goes on with the other ones.
 pub struct Messages {
     filter: MessageFilter,
     topics: Vec<Arc<BagTopic>>,
-    files: VecDeque<PathBuf>,
-    current: Option<FileMessages>,
+    /// Files that have not been opened yet, with the log time of the first message.
+    files: VecDeque<(PathBuf, Timestamp)>,
+    open: Vec<FileMessages>,
 }
 
 impl Iterator for Messages {
@@ -199,20 +212,25 @@ impl Iterator for Messages {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(current) = &mut self.current {
-                match current.next() {
-                    Some(Ok(message)) => return Some(Ok(message)),
-                    Some(Err(error)) => {
-                        self.current = None;
-                        return Some(Err(error));
-                    }
-                    None => self.current = None,
+            let next =
+                self.open.iter().enumerate().filter_map(|(i, file)| Some((file.next_time()?, i))).min();
+            // What arrives while a recorder changes files may stand in either: their ends overlap.
+            let begins = |&(_, first): &(PathBuf, Timestamp)| next.is_none_or(|(time, _)| first <= time);
+            if self.files.front().is_some_and(begins) {
+                let (path, _) = self.files.pop_front()?;
+                match FileMessages::open(path, &self.filter, &self.topics) {
+                    Ok(messages) => self.open.push(messages),
+                    Err(error) => return Some(Err(error)),
                 }
+                continue;
             }
-            let path = self.files.pop_front()?;
-            match FileMessages::open(path, &self.filter, &self.topics) {
-                Ok(messages) => self.current = Some(messages),
-                Err(error) => return Some(Err(error)),
+            let (_, index) = next?;
+            let message = self.open.get_mut(index)?.next();
+            if !matches!(message, Some(Ok(_))) {
+                self.open.remove(index);
+            }
+            if message.is_some() {
+                return message;
             }
         }
     }
@@ -276,6 +294,17 @@ impl FileMessages {
         };
         messages.head = messages.next_chunked().transpose();
         Ok(messages)
+    }
+
+    /// Log time of the next message; the earliest of all when it cannot be read, `None` when there is none.
+    fn next_time(&self) -> Option<Timestamp> {
+        let chunked = match &self.head {
+            Some(Ok(message)) => Some(message.log_time),
+            Some(Err(_)) if self.loose.is_empty() => Some(Timestamp(i64::MIN)),
+            Some(Err(_)) | None => None,
+        };
+        let loose = self.loose.front().map(|message| signed(message.header.log_time));
+        chunked.into_iter().chain(loose).min()
     }
 
     pub fn next(&mut self) -> Option<Result<RecordedMessage, BagError>> {

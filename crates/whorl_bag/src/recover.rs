@@ -10,7 +10,7 @@ use mcap::records::MessageHeader;
 use crate::metadata::mcap_files;
 use crate::reader::{FileMessages, MessageFilter, open_contents, topic_of};
 use crate::storage::{Reserve, lock};
-use crate::{BagError, BagMetadata, BagTopic};
+use crate::{BagError, BagReader, BagTopic};
 
 /// What [`recover`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -40,30 +40,27 @@ pub fn recover(bag: &Path) -> Result<Recovery, BagError> {
         if contents.integrity.complete {
             continue;
         }
-        let metadata = rewrite(path)?;
         recovery.files += 1;
-        recovery.messages += metadata.message_count;
+        recovery.messages += rewrite(path)?;
         recovery.bytes_cut_off += contents.integrity.bytes_cut_off;
         recovery.damaged_chunks += contents.integrity.damaged_chunks;
-        if let ([_], Some(name)) = (files.as_slice(), path.file_name()) {
-            metadata.write(bag, &name.to_string_lossy())?;
-        }
     }
     // Left behind by the killed writer; nobody holds the lock of its file any more.
     if recovery.files > 0 {
+        BagReader::open(bag)?.metadata().write(bag)?;
         let _ = std::fs::remove_file(bag.join(Reserve::FILE));
     }
     Ok(recovery)
 }
 
-/// Copies the readable messages, in the order of their log time, and takes the original's place.
-fn rewrite(path: &Path) -> Result<BagMetadata, BagError> {
+/// Copies the readable messages, in the order of their log time, and takes the original's place. Returns their number.
+fn rewrite(path: &Path) -> Result<u64, BagError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".recovering");
     let beside = PathBuf::from(beside);
-    let result = copy(path, &beside).and_then(|metadata| {
+    let result = copy(path, &beside).and_then(|messages| {
         std::fs::rename(&beside, path).map_err(|e| BagError::io("cannot replace", path, e))?;
-        Ok(metadata)
+        Ok(messages)
     });
     if result.is_err() {
         let _ = std::fs::remove_file(&beside);
@@ -71,7 +68,7 @@ fn rewrite(path: &Path) -> Result<BagMetadata, BagError> {
     result
 }
 
-fn copy(from: &Path, to: &Path) -> Result<BagMetadata, BagError> {
+fn copy(from: &Path, to: &Path) -> Result<u64, BagError> {
     let contents = open_contents(from)?.1;
     let output = File::create(to).map_err(|e| BagError::io("cannot create", to, e))?;
     let mut writer = mcap::WriteOptions::new()
@@ -100,8 +97,7 @@ fn copy(from: &Path, to: &Path) -> Result<BagMetadata, BagError> {
         debug_assert_eq!(usize::from(id), topics.len() + 1);
         topics.push(Arc::new(topic_of(channel, 0)));
     }
-    let mut metadata =
-        BagMetadata { topics: topics.iter().map(|t| (**t).clone()).collect(), ..BagMetadata::default() };
+    let mut count = 0;
     let mut messages = FileMessages::open(from.to_owned(), &MessageFilter::default(), &topics)?;
     while let Some(message) = messages.next() {
         let message = message?;
@@ -116,13 +112,8 @@ fn copy(from: &Path, to: &Path) -> Result<BagMetadata, BagError> {
             publish_time: time(message.publish_time),
         };
         writer.write_to_known_channel(&header, &message.cdr).map_err(BagError::mcap(to))?;
-        metadata.start_ns = if metadata.message_count == 0 { header.log_time } else { metadata.start_ns };
-        metadata.end_ns = header.log_time;
-        metadata.message_count += 1;
-        if let Some(topic) = metadata.topics.get_mut(index) {
-            topic.message_count += 1;
-        }
+        count += 1;
     }
     writer.finish().map_err(BagError::mcap(to))?;
-    Ok(metadata)
+    Ok(count)
 }

@@ -11,8 +11,9 @@ use whorl_msgs::definitions;
 use whorl_node::Timestamp;
 
 use crate::error::is_disk_full;
+use crate::metadata::both;
 use crate::storage::{AppendSink, LockedFile, Reserve, Storage};
-use crate::{BagError, BagMetadata, BagTopic};
+use crate::{BagError, BagFile, BagMetadata, BagTopic};
 
 /// Compression of chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,6 +35,9 @@ pub struct BagOptions {
     /// ... or when its first message is this old, by log time or by the clock of [`BagWriter::tick`]. A
     /// killed process loses at most this much, and the interval between two ticks.
     pub max_chunk_age: Duration,
+    /// The next file of the bag begins when the first message of this one is this old, by log time. `None`: there is one
+    /// file. Where each chunk lies is kept in memory until a file is complete: with 43 topics about 10 MB for each hour.
+    pub max_file_age: Option<Duration>,
 }
 
 impl Default for BagOptions {
@@ -42,6 +46,7 @@ impl Default for BagOptions {
             compression: Compression::None,
             max_chunk_bytes: 768 << 10,
             max_chunk_age: Duration::from_millis(500),
+            max_file_age: None,
         }
     }
 }
@@ -63,7 +68,7 @@ pub struct Sample<'a> {
     pub cdr: &'a [u8],
 }
 
-/// Writes a rosbag2 directory: `metadata.yaml` and `<name>_0.mcap`.
+/// Writes a rosbag2 directory: `metadata.yaml`, `<name>_0.mcap` and, where the bag is split, `<name>_1.mcap` and so on.
 ///
 /// Only whole chunks reach the file, so a process that is killed leaves a file that [`crate::BagReader`]
 /// reads up to the last chunk, and that [`crate::recover`] makes complete for every other reader. Nothing is
@@ -78,8 +83,11 @@ pub struct Sample<'a> {
 /// Recording does not resume by itself: a bag with a silent hole in it is worse than one that ends.
 pub struct BagWriter {
     inner: Core<LockedFile>,
+    options: BagOptions,
     directory: PathBuf,
-    file_name: String,
+    /// Files that are complete, and their bytes.
+    complete: Vec<BagFile>,
+    complete_bytes: u64,
     reserve: Option<Reserve>,
 }
 
@@ -94,19 +102,42 @@ impl BagWriter {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(BagError::io("cannot create", directory, e)),
         }
-        let name = directory.file_name().map_or_else(|| "bag".into(), |n| n.to_string_lossy().into_owned());
-        let file_name = format!("{name}_0.mcap");
-        let path = directory.join(&file_name);
-        let storage = LockedFile::create(&path)?;
         let mut writer = Self {
-            inner: Core::new(storage, path, options)?,
+            inner: Self::file(directory, 0, options)?,
+            options,
             directory: directory.to_owned(),
-            file_name,
+            complete: Vec::new(),
+            complete_bytes: 0,
             reserve: Some(Reserve::set_aside(directory)),
         };
         writer.inner.flush()?;
-        writer.inner.metadata().write(directory, &writer.file_name)?;
+        writer.metadata().write(directory)?;
         Ok(writer)
+    }
+
+    /// The bag's file of this number.
+    fn file(directory: &Path, number: usize, options: BagOptions) -> Result<Core<LockedFile>, BagError> {
+        let name = directory.file_name().map_or_else(|| "bag".into(), |n| n.to_string_lossy().into_owned());
+        let path = directory.join(format!("{name}_{number}.mcap"));
+        Core::new(LockedFile::create(&path)?, path, options)
+    }
+
+    /// Completes this file and goes on in a new one with the same topics.
+    fn next_file(&mut self) -> Result<(), BagError> {
+        let mut next = Self::file(&self.directory, self.complete.len() + 1, self.options)?;
+        for (_, topic) in &self.inner.topics {
+            next.add_topic(&topic.name, &topic.type_name, &topic.offered_qos_profiles)?;
+        }
+        for ((_, topic), (_, before)) in next.topics.iter_mut().zip(&self.inner.topics) {
+            topic.message_count = before.message_count;
+        }
+        next.flush()?;
+        let mut complete = std::mem::replace(&mut self.inner, next);
+        let closed = complete.close();
+        self.complete.push(complete.described());
+        self.complete_bytes += complete.bytes_written();
+        // A reader finds all files by now; those that are not complete it reads up to their last chunk.
+        closed.and_then(|()| self.metadata().write(&self.directory))
     }
 
     /// Adds a topic, or finds it again.
@@ -130,8 +161,20 @@ impl BagWriter {
     /// [`BagError::DiskFull`] once, then [`BagError::Stopped`]; [`BagError::BeforeEpoch`] for a negative
     /// time, after which recording goes on.
     pub fn write(&mut self, topic: TopicHandle, sample: Sample<'_>) -> Result<(), BagError> {
+        if self.is_next_file_due(sample.log_time) && !self.inner.stopped {
+            let result = self.next_file();
+            self.inner.stopped = result.is_err();
+            self.after(result)?;
+        }
         let result = self.inner.write(topic, sample);
         self.after(result)
+    }
+
+    fn is_next_file_due(&self, log_time: Timestamp) -> bool {
+        let (Some(most), Some((first, _))) = (self.options.max_file_age, self.inner.bounds) else {
+            return false;
+        };
+        u64::try_from(log_time.0).is_ok_and(|now| Duration::from_nanos(now.saturating_sub(first)) >= most)
     }
 
     /// Closes the chunk in progress if it is older than [`BagOptions::max_chunk_age`] by this clock. Call it
@@ -153,10 +196,10 @@ impl BagWriter {
         self.after(result)
     }
 
-    /// Bytes in the file by now.
+    /// Bytes in the files by now.
     #[must_use]
     pub fn bytes_written(&self) -> u64 {
-        self.inner.bytes_written()
+        self.complete_bytes + self.inner.bytes_written()
     }
 
     /// Whether an error has stopped the recording.
@@ -168,7 +211,9 @@ impl BagWriter {
     /// Counts and times so far.
     #[must_use]
     pub fn metadata(&self) -> BagMetadata {
-        self.inner.metadata()
+        let topics = self.inner.topics.iter().map(|(_, topic)| topic.clone()).collect();
+        let files = self.complete.iter().cloned().chain([self.inner.described()]);
+        BagMetadata::new(topics, files.collect())
     }
 
     /// Closes the bag: index, footer, `metadata.yaml`. After an earlier error this is done already.
@@ -182,12 +227,12 @@ impl BagWriter {
     /// As [`Self::finish`], and the bytes in the file.
     pub(crate) fn finish_with_size(mut self) -> (Result<BagMetadata, BagError>, u64) {
         let result = if self.inner.stopped { Ok(()) } else { self.close() };
-        (result.map(|()| self.inner.metadata()), self.inner.bytes_written())
+        (result.map(|()| self.metadata()), self.bytes_written())
     }
 
     /// After an error that stops the recording: closes the bag with the space set aside for that.
     fn after(&mut self, result: Result<(), BagError>) -> Result<(), BagError> {
-        if let Err(BagError::DiskFull { .. }) = &result {
+        if result.is_err() && self.inner.stopped {
             self.reserve = None;
             // If even that fails, the file ends at the last whole chunk: `recover` writes the rest.
             let _ = self.close();
@@ -198,7 +243,7 @@ impl BagWriter {
     fn close(&mut self) -> Result<(), BagError> {
         let result = self.inner.close();
         self.reserve = None;
-        self.inner.metadata().write(&self.directory, &self.file_name)?;
+        self.metadata().write(&self.directory)?;
         result
     }
 }
@@ -213,6 +258,7 @@ pub(crate) struct Core<S: Storage> {
     index: HashMap<String, usize>,
     chunk: Chunk,
     bounds: Option<(u64, u64)>,
+    count: u64,
     written: Arc<AtomicU64>,
     stopped: bool,
 }
@@ -253,6 +299,7 @@ impl<S: Storage> Core<S> {
             index: HashMap::new(),
             chunk: Chunk::default(),
             bounds: None,
+            count: 0,
             written,
             stopped: false,
         })
@@ -321,10 +368,9 @@ impl<S: Storage> Core<S> {
         if let Some((_, entry)) = self.topics.get_mut(topic.0) {
             entry.message_count += 1;
         }
-        self.bounds = Some(match self.bounds {
-            None => (log_time, log_time),
-            Some((first, last)) => (first.min(log_time), last.max(log_time)),
-        });
+        self.count += 1;
+        let now = (log_time, log_time);
+        self.bounds = Some(self.bounds.map_or(now, |before| both(before, now)));
         self.chunk.first_log_ns.get_or_insert(log_time);
         self.chunk.bytes += sample.cdr.len() + RECORD_OVERHEAD;
         if self.chunk.bytes >= self.options.max_chunk_bytes { self.flush() } else { Ok(()) }
@@ -378,13 +424,11 @@ impl<S: Storage> Core<S> {
         self.written.load(Ordering::Relaxed)
     }
 
-    pub fn metadata(&self) -> BagMetadata {
-        let (start_ns, end_ns) = self.bounds.unwrap_or((0, 0));
-        BagMetadata {
-            start_ns,
-            end_ns,
-            message_count: self.topics.iter().map(|(_, topic)| topic.message_count).sum(),
-            topics: self.topics.iter().map(|(_, topic)| topic.clone()).collect(),
+    fn described(&self) -> BagFile {
+        BagFile {
+            name: self.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            bounds_ns: self.bounds,
+            message_count: self.count,
         }
     }
 }

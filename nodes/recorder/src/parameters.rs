@@ -57,6 +57,12 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
             range(4_096..=2_097_152),
             "a chunk is written when it holds this many bytes",
         );
+        let max_file_age_s = r.f64_or(
+            "max_file_age_s",
+            600.0,
+            range(1.0..=86_400.0),
+            "the bag's next file begins when one is this long [s]; a file's index stays in memory until it is complete",
+        );
         let compression = r.choice_or("compression", "none", &["none", "lz4"], "compression of the bag");
         let extra = r.string_array_or("extra_topics", &[], "further topics, each `/TOPIC PACKAGE/msg/TYPE`");
         let mut extra_topics = Vec::new();
@@ -77,6 +83,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
                 compression: if compression == "lz4" { Compression::Lz4 } else { Compression::None },
                 max_chunk_bytes: usize::try_from(max_chunk_bytes).ok()?,
                 max_chunk_age: Duration::from_secs_f64(age_s),
+                max_file_age: Some(Duration::from_secs_f64(max_file_age_s)),
             },
             extra_topics,
         })

@@ -169,10 +169,13 @@ fn parameters_have_defaults_and_wrong_ones_are_refused() {
     };
     let parameters = read("extra_topics: [/rosout rcl_interfaces/msg/Log]").unwrap();
     assert_eq!(parameters.out_directory.to_str(), Some("runs"));
-    assert_eq!(parameters.bag, BagOptions::default());
+    let ten_minutes = Some(std::time::Duration::from_secs(600));
+    assert_eq!(parameters.bag, BagOptions { max_file_age: ten_minutes, ..BagOptions::default() });
     assert_eq!(parameters.extra_topics[0].name, "/rosout");
     let error = read("extra_topics: [rosout Log]").unwrap_err().to_string();
     assert!(error.contains("p.yaml:6") && error.contains("/TOPIC PACKAGE/msg/TYPE"), "{error}");
     let error = read("max_chunk_age_s: 2.0").unwrap_err().to_string();
     assert!(error.contains("from 0.05 to 1"), "{error}");
+    let error = read("max_file_age_s: 0.5").unwrap_err().to_string();
+    assert!(error.contains("p.yaml:6") && error.contains("from 1 to 86400"), "{error}");
 }

@@ -23,7 +23,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// Any bytes at any times on any topics come back equal, in the order of their log time, from bags of
-    /// any chunk size, and also when the bag is written again from what was read.
+    /// any chunk size, in one file or several, and also when the bag is written again from what was read.
     #[test]
     fn messages_come_back_equal_and_in_order(
         messages in proptest::collection::vec(
@@ -32,9 +32,11 @@ proptest! {
         ),
         max_chunk_bytes in 1usize..5_000,
         lz4 in any::<bool>(),
+        max_file_ms in proptest::option::of(1u64..4_000),
     ) {
         let directory = tempfile::tempdir().unwrap();
         let options = BagOptions {
+            max_file_age: max_file_ms.map(std::time::Duration::from_millis),
             compression: if lz4 { Compression::Lz4 } else { Compression::None },
             max_chunk_bytes,
             ..BagOptions::default()

@@ -26,6 +26,32 @@ fn a_killed_recording_loses_less_than_the_age_of_a_chunk() {
 }
 
 #[test]
+fn a_recording_killed_in_its_third_file_is_made_complete() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("bag");
+    let options = BagOptions { max_file_age: Some(Duration::from_secs(2)), ..options() };
+    let (writer, _) = unfinished(&path, options, 507);
+    let counts = |reader: &BagReader| (reader.message_count(), reader.messages().count());
+    let reader = BagReader::open(&path).unwrap();
+    assert_eq!((counts(&reader), reader.integrity().complete), ((500, 500), false));
+    // What a killed process leaves: the files as they are now, and no lock.
+    let left = directory.path().join("left");
+    std::fs::create_dir(&left).unwrap();
+    for name in ["metadata.yaml", "bag_0.mcap", "bag_1.mcap", "bag_2.mcap"] {
+        std::fs::copy(path.join(name), left.join(name)).unwrap();
+    }
+    drop(writer);
+    let recovery = recover(&left).unwrap();
+    assert_eq!((recovery.files, recovery.messages), (1, 100));
+    let reader = BagReader::open(&left).unwrap();
+    assert_eq!((counts(&reader), reader.integrity().complete), ((500, 500), true));
+    let text = std::fs::read_to_string(left.join("metadata.yaml")).unwrap();
+    assert_eq!(text.matches("message_count: 200").count(), 2, "{text}");
+    assert_eq!(text.matches("message_count: 100").count(), 1, "{text}");
+    assert_eq!(text.matches("message_count: 500").count(), 2, "{text}");
+}
+
+#[test]
 fn the_clock_flushes_when_no_more_messages_come() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("bag");
