@@ -21,7 +21,8 @@ work=${WHORL_SOAK_DIR:-$(mktemp -d -t whorl-soak-XXXXXX)}
 mkdir -p "$work"
 state=${XDG_RUNTIME_DIR:-/tmp}/whorl-$(id -u)-domain-${ROS_DOMAIN_ID:-0}
 
-# Holds with a slow slew of both in between, so that every part has something to do.
+# Holds with a slow slew of both in between, so that every part has something to do. Each platform holds about the attitude in
+# which its model rests: elsewhere gravity would load its wheels all the time, and unloading them empty its tank.
 python3 - "$root/params/experiments/hold.yaml" "$minutes" >"$work/soak.yaml" <<'PY'
 import sys
 text, minutes = open(sys.argv[1]).read(), float(sys.argv[2])
@@ -31,6 +32,9 @@ for k in range(max(1, round((60 * minutes - 15) / 60))):
     steps.append(f"      hold_{k}: {{kind: hold, duration_s: 45.0}}")
 head, rest = text.split("    steps:\n", 1)
 tail = rest.split("\n\n", 1)[1]
+offset = "offset: {yaw_deg: 20.0, pitch_deg: -2.6, roll_deg: -7.4}"
+assert "offset: {yaw_deg: 20.0}" in head
+head = head.replace("offset: {yaw_deg: 20.0}", offset)
 print(head + "    steps:\n" + "\n".join(steps) + "\n\n" + tail)
 PY
 
