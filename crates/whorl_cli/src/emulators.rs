@@ -16,7 +16,7 @@ use whorl_msgs::topics::{Message, Topic};
 use whorl_node::Timestamp;
 use whorl_params::{Override, ParameterTree};
 use whorl_ros::environment::Network;
-use whorl_ros::{EndpointQos, Participant, RawWriter};
+use whorl_ros::{AmbientNetwork, EndpointQos, Participant, RawWriter};
 
 use crate::run::{Folders, Interrupted, exit_code, say, tell, this_domain};
 
@@ -110,7 +110,15 @@ fn emulation(parameters: Parameters, root: std::path::PathBuf) -> anyhow::Result
     };
     let start = start.at(whorl_ros::wall_clock());
     let (devices, faults) = (parameters.devices, parameters.emulated_faults);
-    Ok(Emulation::new(Emulated { devices, truth: *truth, start, seed, faults, root })?)
+    Ok(Emulation::new(Emulated {
+        devices,
+        truth: *truth,
+        start,
+        seed,
+        faults,
+        root,
+        network: Some(Arc::new(AmbientNetwork)),
+    })?)
 }
 
 type Ended = (Emulation, Result<(), EmulationError>);

@@ -60,7 +60,7 @@ pub enum DeviceError {
     Silent(f64),
     /// DDS, or what ROS 2's environment variables say.
     #[error("ROS 2: {0}")]
-    Ros(#[from] whorl_ros::RosError),
+    Ros(#[from] whorl_node::TransportError),
     /// It refuses.
     #[error("it refuses: {0}")]
     Refused(String),

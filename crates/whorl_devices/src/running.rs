@@ -11,6 +11,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use whorl_node::{ForeignNetwork, TransportError};
+
 use crate::list::{DeviceList, NamedDevice};
 use crate::mailbox::{Command, Letters, Mailbox};
 use crate::reading::{Reading, Reporter, State};
@@ -19,13 +21,27 @@ use crate::reading::{Reading, Reporter, State};
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// Where ports, files and hosts are looked for.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default)]
 pub struct Place {
     /// The folder in which emulators keep theirs; `None`: this computer's own.
     pub root: Option<PathBuf>,
+    /// Where topics of other nodes are; `None`: nowhere.
+    pub network: Option<Arc<dyn ForeignNetwork>>,
 }
 
 impl Place {
+    /// The folder of emulators, without topics.
+    #[must_use]
+    pub fn below(root: &Path) -> Self {
+        Self { root: Some(root.to_owned()), network: None }
+    }
+
+    /// The network on which topics of other nodes are.
+    pub(crate) fn network(&self) -> Result<&dyn ForeignNetwork, TransportError> {
+        let missing = || TransportError("no network was given to this driver".to_owned());
+        self.network.as_deref().ok_or_else(missing)
+    }
+
     /// Where a port or file of the list really is.
     #[must_use]
     pub fn path(&self, path: &str) -> PathBuf {

@@ -5,11 +5,13 @@
 //! Three shells run the same cores unchanged: `whorl_ros` (DDS, real time), `whorl_sim`
 //! (one process, simulated time) and replay. [`nodes`] is the table of all nodes.
 
+mod foreign;
 pub mod nodes;
 mod outputs;
 mod repeats;
 mod timestamp;
 
+pub use foreign::{ForeignNetwork, ForeignSample, ForeignTopic, ForeignTopics, TransportError};
 pub use nodes::{Node, NodeInfo, NodeInstance, Place, node_set};
 pub use outputs::{LogLevel, LogLine, Outputs, Publication, Response};
 pub use repeats::Repeats;

@@ -6,7 +6,7 @@
 //! come in and go out, so that other programs and computers see the time of day as they do everywhere.
 
 use std::fmt;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use whorl_msgs::Message;
@@ -25,7 +25,7 @@ const QUICK: Duration = Duration::from_micros(100);
 pub const SET_BACK: Duration = Duration::from_millis(50);
 
 /// A node's time, and what the computer's clock was set by since it began.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Clock {
     /// Node's time less monotonic time \[ns\].
     origin_ns: i64,
@@ -66,6 +66,12 @@ impl Clock {
         let (before, wall) = (monotonic(), wall_clock());
         let after = monotonic();
         self.advance(after, (after - before <= QUICK).then_some(wall))
+    }
+
+    /// The node's time now, and the instant of it: whoever waits for devices counts in instants.
+    pub fn reading(&mut self) -> (Timestamp, Instant) {
+        let instant = Instant::now();
+        (self.now(), instant)
     }
 
     /// The node's time at this monotonic time, at which the time of day is `wall`.

@@ -7,11 +7,11 @@ use std::process::ExitCode;
 use std::rc::Rc;
 
 use whorl_msgs::PlatformId;
-use whorl_node::{Node, Timestamp};
+use whorl_node::Node;
 use whorl_params::{NodeParameters, Override, ParameterTree, formation, read_shared};
 
 use crate::arguments::{Arguments, HELP};
-use crate::clock::wall_clock;
+use crate::clock::Clock;
 use crate::environment::Network;
 use crate::error::RosError;
 use crate::log;
@@ -52,7 +52,7 @@ pub struct NodeContext {
     tree: ParameterTree,
     network: Network,
     arguments: Arguments,
-    start: Timestamp,
+    clock: Clock,
     wakers: Rc<RefCell<Vec<UnixStream>>>,
 }
 
@@ -91,7 +91,7 @@ impl NodeContext {
             tree,
             network,
             arguments,
-            start: wall_clock(),
+            clock: Clock::default(),
             wakers: Rc::default(),
         })
     }
@@ -158,10 +158,10 @@ impl NodeContext {
         self.wakers.take()
     }
 
-    /// When the program began.
+    /// The node's clock.
     #[must_use]
-    pub fn start(&self) -> Timestamp {
-        self.start
+    pub fn clock(&self) -> Clock {
+        self.clock.clone()
     }
 }
 

@@ -57,7 +57,7 @@ pub use clock::{Clock, SET_BACK, monotonic, wall_clock};
 pub use context::{NodeContext, NodeOptions, WRONG_USAGE, context_from_command_line};
 pub use error::RosError;
 pub use graph::{Announcement, NodeList};
-pub use listener::{ForeignTopic, Listener};
+pub use listener::AmbientNetwork;
 pub use log::to_stderr as log_to_stderr;
 pub use memory::limit_memory;
 pub use node::run_node;

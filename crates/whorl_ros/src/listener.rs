@@ -5,7 +5,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use mio::{Events, Interest, Poll, Token};
-use whorl_msgs::topics::{Message, MessageType};
+use whorl_msgs::topics::Message;
+use whorl_node::{ForeignNetwork, ForeignSample, ForeignTopic, ForeignTopics, TransportError};
 
 use crate::environment::Network;
 use crate::error::RosError;
@@ -17,17 +18,33 @@ const READS: EndpointQos = EndpointQos { reliable: false, depth: 10, transient_l
 /// Reliable and best-effort subscribers hear what is written.
 const WRITES: EndpointQos = EndpointQos { reliable: true, depth: 1, transient_local: false };
 
-/// A topic by its full name, and the type of its messages.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ForeignTopic {
-    /// With a leading slash: `/imu/data`.
-    pub name: String,
-    /// Type of its messages.
-    pub message_type: MessageType,
+/// The network that ROS 2's environment variables describe.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct AmbientNetwork;
+
+impl ForeignNetwork for AmbientNetwork {
+    fn is_secured(&self) -> Result<bool, TransportError> {
+        let network = Network::from_environment().map_err(told)?;
+        // An enclave of this name need not exist: that security is asked for is enough.
+        Ok(!matches!(network.secured("/"), Ok(network) if network.enclave.is_none()))
+    }
+
+    fn join(
+        &self,
+        reads: &[ForeignTopic],
+        writes: &[ForeignTopic],
+    ) -> Result<Box<dyn ForeignTopics>, TransportError> {
+        let network = Network::from_environment().map_err(told)?;
+        Ok(Box::new(Listener::join(&network, reads, writes).map_err(told)?))
+    }
+}
+
+fn told(error: impl Into<RosError>) -> TransportError {
+    TransportError(error.into().to_string())
 }
 
 /// Readers and writers of such topics. Whoever waits for [`Self::fd`] is woken by a message.
-pub struct Listener {
+struct Listener {
     reads: Vec<(ForeignTopic, RawReader)>,
     writes: Vec<(ForeignTopic, RawWriter)>,
     poll: Poll,
@@ -37,15 +54,7 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// Joins the network.
-    ///
-    /// # Errors
-    /// When DDS or the operating system refuses.
-    pub fn join(
-        network: &Network,
-        reads: &[ForeignTopic],
-        writes: &[ForeignTopic],
-    ) -> Result<Self, RosError> {
+    fn join(network: &Network, reads: &[ForeignTopic], writes: &[ForeignTopic]) -> Result<Self, RosError> {
         let (participant, (reads, writes)) = Participant::with(network, |participant| {
             let read = |topic: &ForeignTopic| {
                 Ok((topic.clone(), participant.reader(&topic.name, topic.message_type.name(), READS)?))
@@ -64,86 +73,6 @@ impl Listener {
             registered.map_err(RosError::io("waiting for a topic"))?;
         }
         Ok(listener)
-    }
-
-    /// Readable when there is a message.
-    #[must_use]
-    pub fn fd(&self) -> BorrowedFd<'_> {
-        self.poll.registry().as_fd()
-    }
-
-    /// Hands over what has arrived: the number of the topic among those that are read, and the message as it came.
-    ///
-    /// # Errors
-    /// When DDS fails.
-    pub fn take(&mut self, mut each: impl FnMut(usize, RawSample)) -> Result<(), RosError> {
-        self.poll
-            .poll(&mut self.events, Some(Duration::ZERO))
-            .map_err(RosError::io("waiting for a topic"))?;
-        for (index, (_, reader)) in self.reads.iter().enumerate() {
-            reader.drain_notifications();
-            while let Some(sample) = reader.take()? {
-                each(index, sample);
-            }
-        }
-        Ok(())
-    }
-
-    /// Sends a message on the topic of this number among those that are written.
-    ///
-    /// # Errors
-    /// When it cannot be encoded, or DDS fails.
-    pub fn publish(&mut self, index: usize, message: &Message) -> Result<(), RosError> {
-        let Some((_, writer)) = self.writes.get(index) else { return Ok(()) };
-        message.encode_into(&mut self.bytes)?;
-        writer.publish(&self.bytes)
-    }
-
-    /// Sends bytes as they are, which must begin with the header of CDR.
-    ///
-    /// # Errors
-    /// When DDS fails, or the header is missing.
-    pub fn publish_bytes(&self, index: usize, bytes: &[u8]) -> Result<(), RosError> {
-        self.writes.get(index).map_or(Ok(()), |(_, writer)| writer.publish(bytes))
-    }
-
-    /// Whether the background threads of DDS still run.
-    #[must_use]
-    pub fn is_alive(&self) -> bool {
-        self.participant.is_alive()
-    }
-
-    /// Whether somebody reads the written topic of this number.
-    #[must_use]
-    pub fn is_heard(&self, index: usize) -> bool {
-        let Some((topic, _)) = self.writes.get(index) else { return false };
-        let readers = self.participant.discovered_readers();
-        readers.iter().any(|reader| {
-            reader.topic().as_deref() == Some(&topic.name)
-                && reader.type_name().as_deref() == Some(topic.message_type.name())
-        })
-    }
-
-    /// Why nothing comes on the read topic of this number, for people.
-    #[must_use]
-    pub fn why_silent(&self, index: usize) -> String {
-        let Some((topic, _)) = self.reads.get(index) else { return String::new() };
-        let writers = self.participant.discovered_writers();
-        let types = writers.iter().filter(|writer| writer.topic().as_deref() == Some(&topic.name));
-        self.why(
-            topic,
-            types.filter_map(|writer| writer.type_name()).collect(),
-            ["publishes", "nothing comes"],
-        )
-    }
-
-    /// Why nobody hears the written topic of this number, for people.
-    #[must_use]
-    pub fn why_unheard(&self, index: usize) -> String {
-        let Some((topic, _)) = self.writes.get(index) else { return String::new() };
-        let readers = self.participant.discovered_readers();
-        let types = readers.iter().filter(|reader| reader.topic().as_deref() == Some(&topic.name));
-        self.why(topic, types.filter_map(|r| r.type_name()).collect(), ["subscribes to", "nobody answers"])
     }
 
     fn why(&self, topic: &ForeignTopic, types: Vec<String>, [does, silent]: [&str; 2]) -> String {
@@ -165,12 +94,72 @@ impl Listener {
     }
 }
 
+impl ForeignTopics for Listener {
+    fn fd(&self) -> BorrowedFd<'_> {
+        self.poll.registry().as_fd()
+    }
+
+    fn take(&mut self, each: &mut dyn FnMut(usize, ForeignSample<'_>)) -> Result<(), TransportError> {
+        let polled = self.poll.poll(&mut self.events, Some(Duration::ZERO));
+        polled.map_err(RosError::io("waiting for a topic")).map_err(told)?;
+        for (index, (_, reader)) in self.reads.iter().enumerate() {
+            reader.drain_notifications();
+            while let Some(RawSample { bytes, writer, receive_time, .. }) = reader.take().map_err(told)? {
+                each(index, ForeignSample { bytes: &bytes, writer: writer.0, receive_time });
+            }
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self, index: usize, message: &Message) -> Result<(), TransportError> {
+        let Some((_, writer)) = self.writes.get(index) else { return Ok(()) };
+        message.encode_into(&mut self.bytes).map_err(told)?;
+        writer.publish(&self.bytes).map_err(told)
+    }
+
+    fn publish_bytes(&self, index: usize, bytes: &[u8]) -> Result<(), TransportError> {
+        self.writes.get(index).map_or(Ok(()), |(_, writer)| writer.publish(bytes)).map_err(told)
+    }
+
+    fn is_alive(&self) -> bool {
+        self.participant.is_alive()
+    }
+
+    fn is_heard(&self, index: usize) -> bool {
+        let Some((topic, _)) = self.writes.get(index) else { return false };
+        let readers = self.participant.discovered_readers();
+        readers.iter().any(|reader| {
+            reader.topic().as_deref() == Some(&topic.name)
+                && reader.type_name().as_deref() == Some(topic.message_type.name())
+        })
+    }
+
+    fn why_silent(&self, index: usize) -> String {
+        let Some((topic, _)) = self.reads.get(index) else { return String::new() };
+        let writers = self.participant.discovered_writers();
+        let types = writers.iter().filter(|writer| writer.topic().as_deref() == Some(&topic.name));
+        self.why(
+            topic,
+            types.filter_map(|writer| writer.type_name()).collect(),
+            ["publishes", "nothing comes"],
+        )
+    }
+
+    fn why_unheard(&self, index: usize) -> String {
+        let Some((topic, _)) = self.writes.get(index) else { return String::new() };
+        let readers = self.participant.discovered_readers();
+        let types = readers.iter().filter(|reader| reader.topic().as_deref() == Some(&topic.name));
+        self.why(topic, types.filter_map(|r| r.type_name()).collect(), ["subscribes to", "nobody answers"])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::time::Instant;
     use whorl_msgs::geometry_msgs::PoseStamped;
     use whorl_msgs::sensor_msgs::MagneticField;
+    use whorl_msgs::topics::MessageType;
 
     fn topic(name: &str, message_type: MessageType) -> ForeignTopic {
         ForeignTopic { name: name.to_owned(), message_type }
@@ -195,7 +184,7 @@ mod tests {
             let timeout = rustix::event::Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
             rustix::event::poll(&mut fds, Some(&timeout)).unwrap();
             let woken = !fds[0].revents().is_empty();
-            hears.take(|index, sample| got.push((woken, index, sample.bytes))).unwrap();
+            hears.take(&mut |index, sample| got.push((woken, index, sample.bytes.to_vec()))).unwrap();
         }
         let (woken, index, bytes) = got.first().expect("no message");
         assert!(*woken && *index == 0);

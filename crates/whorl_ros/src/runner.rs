@@ -81,7 +81,7 @@ impl<C: Configurable> Runner<C> {
                 .register(&mut SourceFd(&addresses.as_raw_fd()), ADDRESSES, Interest::READABLE)
                 .map_err(RosError::io("watching the addresses of this computer"))?;
         }
-        let shell = Shell::new(context.name().clone(), core, &plan, parameters, read);
+        let shell = Shell::new(context.name().clone(), context.clock(), core, &plan, parameters, read);
         let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);

@@ -46,6 +46,7 @@ pub(crate) struct Shell<C: Configurable> {
 impl<C: Configurable> Shell<C> {
     pub(crate) fn new(
         name: NodeName,
+        clock: Clock,
         core: C,
         plan: &Plan,
         parameters: ParameterSet,
@@ -56,7 +57,7 @@ impl<C: Configurable> Shell<C> {
         Self {
             name,
             outputs: Outputs::default(),
-            clock: Clock::default(),
+            clock,
             statistics,
             parameters,
             read,

@@ -20,6 +20,7 @@ use crate::gate::Action;
 use crate::hardware::{Hardware, Status};
 use crate::messages::{battery, imu_message, joint_names};
 use crate::prearm::{PreArm, Supplies};
+use crate::{Parameters, StartedDevices};
 
 /// A speed older than this is none.
 const STALE: Duration = Duration::from_millis(100);
@@ -48,6 +49,8 @@ pub struct DeviceHardware {
     bus_current: Option<(f64, Instant)>,
     is_stopped: bool,
     told_of_masses: bool,
+    /// The node's time, and the instant of it: devices count in instants.
+    began: (Timestamp, Instant),
 }
 
 /// Moving parts of one kind of actuator.
@@ -91,13 +94,9 @@ impl Valve {
 impl DeviceHardware {
     /// Drives these devices, which have been started.
     #[must_use]
-    pub fn new(
-        model: &PlatformModel,
-        list: DeviceList,
-        devices: Devices,
-        place: String,
-        supplies: Supplies,
-    ) -> Self {
+    pub fn new(parameters: &Parameters, started: StartedDevices, place: String) -> Self {
+        let (model, list) = (&parameters.model, parameters.devices.clone());
+        let StartedDevices { devices, began } = started;
         let joints = joint_names(&model.actuators).into_iter().map(|(kind, topic, names)| {
             let latest = vec![None; names.len()];
             Joints { kind, topic, names, latest }
@@ -115,11 +114,18 @@ impl DeviceHardware {
             news: Vec::new(),
             place,
             prearm: PreArm::default(),
-            supplies,
+            supplies: parameters.supplies,
             bus_current: None,
             is_stopped: false,
             told_of_masses: false,
+            began,
         }
+    }
+
+    /// The instant of this time of the node, which runs with the monotonic clock.
+    fn instant(&self, now: Timestamp) -> Instant {
+        let (began, instant) = self.began;
+        instant + Duration::try_from_secs_f64(now.seconds_since(began)).unwrap_or_default()
     }
 
     /// What is wrong with which device, a sentence each.
@@ -246,17 +252,17 @@ impl Hardware for DeviceHardware {
         self.devices.command(&Command::Alive);
     }
 
-    fn apply(&mut self, _now: Timestamp, action: &Action) {
+    fn apply(&mut self, now: Timestamp, action: &Action) {
         let command = match action {
             Action::Motors(kind, values) => Command::Motors(*kind, Arc::from(values.as_slice())),
-            Action::Pulses(on_time_s) => Command::Pulses(Instant::now(), Arc::from(on_time_s.as_slice())),
+            Action::Pulses(on_time_s) => Command::Pulses(self.instant(now), Arc::from(on_time_s.as_slice())),
             Action::AllOff => Command::AllOff,
         };
         self.devices.command(&command);
     }
 
     fn measurements(&mut self, now: Timestamp, frame_id: &str, out: &mut Vec<(Topic, Message)>) {
-        let instant = Instant::now();
+        let instant = self.instant(now);
         let header = |at: Instant| Header {
             stamp: (now - instant.saturating_duration_since(at)).into(),
             frame_id: frame_id.to_owned(),

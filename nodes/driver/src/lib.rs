@@ -19,10 +19,13 @@ pub use crate::core::DriverCore;
 pub use parameters::{Backend, Parameters};
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
 
 use thiserror::Error;
 use whorl_devices::{Devices, Place};
 use whorl_dynamics::PlantError;
+use whorl_node::{ForeignNetwork, Timestamp};
 
 use crate::devices::DeviceHardware;
 use crate::hardware::Hardware;
@@ -71,7 +74,7 @@ impl DriverCore {
     pub fn from_parameters(
         parameters: &Parameters,
         recording: Vec<RecordedMeasurement>,
-        devices: Option<Devices>,
+        devices: Option<StartedDevices>,
     ) -> Result<Self, DriverError> {
         let hardware: Box<dyn Hardware> = match &parameters.backend {
             Backend::Simulated { truth, start, seed, faults } => {
@@ -87,21 +90,33 @@ impl DriverCore {
             Backend::Hardware { root } => {
                 let place = root.as_ref().map_or_else(String::new, |root| format!(", EMULATED in {root}"));
                 let devices = devices.ok_or(DriverError::NoDevices)?;
-                let (model, list) = (&parameters.model, parameters.devices.clone());
-                Box::new(DeviceHardware::new(model, list, devices, place, parameters.supplies))
+                Box::new(DeviceHardware::new(parameters, devices, place))
             }
         };
         Ok(Self::new(parameters.clone(), hardware))
     }
 }
 
-/// Starts the devices of a driver with backend hardware, each in a thread; `None` for other backends.
+/// Devices at work, and the clocks of the node that drives them.
+#[derive(Debug)]
+pub struct StartedDevices {
+    /// The devices.
+    pub devices: Devices,
+    /// A time of the node, and the instant of it.
+    pub began: (Timestamp, Instant),
+}
+
+/// Starts the devices of a driver with backend hardware, each in a thread; `None` for other backends. Topics of other
+/// people's nodes are looked for on `network`.
 ///
 /// # Errors
 /// A port or folder that is not there.
-pub fn start_devices(parameters: &Parameters) -> Result<Option<Devices>, DriverError> {
+pub fn start_devices(
+    parameters: &Parameters,
+    network: Arc<dyn ForeignNetwork>,
+) -> Result<Option<Devices>, DriverError> {
     let Backend::Hardware { root } = &parameters.backend else { return Ok(None) };
-    let place = Place { root: root.as_ref().map(PathBuf::from) };
+    let place = Place { root: root.as_ref().map(PathBuf::from), network: Some(network) };
     for named in &parameters.devices.devices {
         let path = named.device.path().map(|path| place.path(path)).filter(|path| !path.exists());
         if let Some(path) = path {

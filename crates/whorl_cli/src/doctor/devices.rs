@@ -35,7 +35,7 @@ pub(super) fn all(mut options: SetupOptions, platform: &str) -> anyhow::Result<V
         let mend = format!("an entry each in the driver's section of {platform}'s file");
         checks.push(Check::wrong("devices", format!("none for: {}", list.missing.join(", ")), mend));
     }
-    let place = Place { root: this_domain()?.emulated(platform) };
+    let place = Place { root: this_domain()?.emulated(platform), ..Place::default() };
     if let Some(root) = &place.root {
         checks.push(Check::good(
             "emulators",

@@ -57,6 +57,7 @@ pub(crate) fn emulated(entry: &str, faults: Vec<Fault>, act: impl FnOnce(&Path))
         seed: 4,
         faults,
         root: folder.path().to_owned(),
+        network: None,
     };
     let mut emulation = Emulation::new(setup).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
@@ -80,7 +81,7 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) fn start(list: &DeviceList, root: &Path) -> Self {
-        let devices = Devices::start(list, &Place { root: Some(root.to_owned()) }).unwrap();
+        let devices = Devices::start(list, &Place::below(root)).unwrap();
         let (speeds, torques) = ([0.0; 3], [0.0; 3]);
         Self { devices, speeds, torques, states: Vec::new(), refused: 0, measurements: 0 }
     }

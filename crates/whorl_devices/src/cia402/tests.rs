@@ -149,7 +149,7 @@ fn controllers_with_other_motors_are_refused() {
 fn controllers_switch_off_without_the_drivers_heartbeat() {
     emulated(TORQUE, Vec::new(), |root| {
         let setup = Controllers { motors: motors(NODES, &super::TRAITS), rated_torque_n_m: 0.25 };
-        let place = Place { root: Some(root.to_owned()) };
+        let place = Place::below(root);
         let ids = setup.heard();
         let mut can = Can::open(&setup.motors.bus, &place, &ids, &setup.motors.emulated(&ids)).unwrap();
         let mut protocol = session::Protocol::new(&setup);

@@ -1,12 +1,14 @@
 //! Runs the emulated devices of one platform in real time.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use thiserror::Error;
 use whorl_dynamics::{InitialState, Plant, PlantError, PlatformModel, Truth};
+use whorl_node::{ForeignNetwork, ForeignTopic};
 
 use super::faults::{Fault, FaultKind};
 use super::ports::{Socket, Terminal, remove, write_at_once};
@@ -17,7 +19,6 @@ use super::{Emulator, FileEmulator, SerialEmulator, TcpEmulator};
 use crate::bus::Line;
 use crate::list::DeviceList;
 use crate::running::Place;
-use whorl_ros::ForeignTopic;
 
 /// Rate of sockets, which are much quicker than serial ports [bit/s].
 const NETWORK_BAUD: u32 = 100_000_000;
@@ -41,6 +42,8 @@ pub struct Setup {
     pub faults: Vec<Fault>,
     /// Below which its ports, hosts and files are.
     pub root: PathBuf,
+    /// Where its topics are; `None`: nowhere.
+    pub network: Option<Arc<dyn ForeignNetwork>>,
 }
 
 /// Why devices cannot be emulated.
@@ -104,9 +107,10 @@ impl Emulation {
     pub fn new(setup: Setup) -> Result<Self, EmulationError> {
         let plant = Plant::new(&setup.truth, &setup.start, setup.seed)?;
         let world = World::new(plant, &setup.truth);
+        let place = Place { root: Some(setup.root.clone()), network: setup.network.clone() };
         let port = |emulator| match emulator {
             Emulator::Serial { port, baud, device } => Port::Serial {
-                path: Place { root: Some(setup.root.clone()) }.path(&port),
+                path: place.path(&port),
                 terminal: None,
                 toward: Line::new(baud),
                 wire: Wire::new(baud),
@@ -116,16 +120,15 @@ impl Emulation {
                 Port::Tcp { host, socket: None, wire: Wire::new(NETWORK_BAUD), device }
             }
             Emulator::Files { folder, device } => {
-                let folder = Place { root: Some(setup.root.clone()) }.path(&folder);
+                let folder = place.path(&folder);
                 Port::Files { folder, there: false, device, files: Vec::new() }
             }
             Emulator::Topics { read, write, device } => {
-                let place = Place { root: Some(setup.root.clone()) };
                 let topic = |(name, message_type): (String, _)| ForeignTopic {
                     name: place.topic(&name),
                     message_type,
                 };
-                Port::Topics(Box::new(Topics::new(read.map(topic), write.map(topic), device)))
+                Port::Topics(Box::new(Topics::new(place.clone(), read.map(topic), write.map(topic), device)))
             }
         };
         let ports =

@@ -4,19 +4,20 @@ use std::collections::VecDeque;
 use std::os::fd::BorrowedFd;
 
 use whorl_msgs::topics::{Message, MessageType};
-use whorl_ros::environment::Network;
-use whorl_ros::{ForeignTopic, Listener, RosError};
+use whorl_node::{ForeignTopic, ForeignTopics, TransportError};
 
 use super::wire::Wire;
 use super::world::World;
 use super::{TopicEmulator, ports};
+use crate::running::Place;
 
 /// A node that is emulated.
 pub(super) struct Topics {
+    place: Place,
     read: Option<ForeignTopic>,
     write: Option<ForeignTopic>,
     /// While it is plugged in.
-    pub(super) listener: Option<Listener>,
+    pub(super) listener: Option<Box<dyn ForeignTopics>>,
     pub(super) wire: Wire,
     /// What is to be sent, and when.
     late: VecDeque<(i64, Vec<u8>)>,
@@ -25,11 +26,13 @@ pub(super) struct Topics {
 
 impl Topics {
     pub(super) fn new(
+        place: Place,
         read: Option<ForeignTopic>,
         write: Option<ForeignTopic>,
         device: Box<dyn TopicEmulator>,
     ) -> Self {
-        Self { read, write, listener: None, wire: Wire::new(ports::NO_WIRE), late: VecDeque::new(), device }
+        let wire = Wire::new(ports::NO_WIRE);
+        Self { place, read, write, listener: None, wire, late: VecDeque::new(), device }
     }
 
     pub(super) fn plug(&mut self, in_place: bool) -> std::io::Result<()> {
@@ -42,21 +45,20 @@ impl Topics {
         Ok(())
     }
 
-    fn join(&self) -> Result<Listener, RosError> {
-        let network = Network::from_environment()?;
-        Listener::join(&network, self.read.as_slice(), self.write.as_slice())
+    fn join(&self) -> Result<Box<dyn ForeignTopics>, TransportError> {
+        self.place.network()?.join(self.read.as_slice(), self.write.as_slice())
     }
 
     pub(super) fn fd(&self) -> Option<BorrowedFd<'_>> {
-        self.listener.as_ref().map(Listener::fd)
+        self.listener.as_ref().map(|listener| listener.fd())
     }
 
     pub(super) fn receive(&mut self, now_ns: i64, world: &mut World) {
         let (Some(listener), Some(topic)) = (&mut self.listener, &self.read) else { return };
         let (device, message_type): (_, MessageType) = (&mut self.device, topic.message_type);
         // What cannot be read is lost, as on any network.
-        let _ = listener.take(|_, sample| {
-            if let Ok(message) = Message::decode(message_type, &sample.bytes) {
+        let _ = listener.take(&mut |_, sample| {
+            if let Ok(message) = Message::decode(message_type, sample.bytes) {
                 device.message(now_ns, &message, world);
             }
         });

@@ -50,7 +50,7 @@ impl Chip {
     }
 
     fn place(&self) -> Place {
-        Place { root: Some(self.folder.path().to_owned()) }
+        Place::below(self.folder.path())
     }
 
     fn is_high(&self, line: usize) -> bool {

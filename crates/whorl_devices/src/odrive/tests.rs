@@ -84,7 +84,7 @@ fn controllers_switch_off_when_nothing_comes() {
         let group =
             "{bus: can0, motors: {wheel_x: {node: 0}, wheel_y: {node: 1, sign: -1}, wheel_z: {node: 5}}}";
         let setup = super::Controllers { motors: motors(group, &super::TRAITS) };
-        let place = Place { root: Some(root.to_owned()) };
+        let place = Place::below(root);
         let ids = setup.heard();
         let mut can = Can::open(&setup.motors.bus, &place, &ids, &setup.motors.emulated(&ids)).unwrap();
         let mut protocol = session::Protocol::new(&setup.motors);

@@ -157,7 +157,7 @@ impl Device for RosDirection {
         // A little early is in time.
         let period = Duration::from_secs_f64(self.period_s * 0.99);
         let mut told: Option<Instant> = None;
-        serve_sensor(topic, self.stamps.clone(), silent, mailbox, reporter, |at, message| {
+        serve_sensor(place, topic, self.stamps.clone(), silent, mailbox, reporter, |at, message| {
             let direction = self.source.direction_b(&message)?;
             if told.is_none_or(|told| at.saturating_duration_since(told) >= period) {
                 told = Some(at);

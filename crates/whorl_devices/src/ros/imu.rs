@@ -75,7 +75,7 @@ impl Device for RosImu {
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
         let topic = topic(place, &self.topic, MessageType::Imu);
         let mut mean = Mean::default();
-        serve_sensor(topic, self.stamps.clone(), SILENT, mailbox, reporter, |at, message| {
+        serve_sensor(place, topic, self.stamps.clone(), SILENT, mailbox, reporter, |at, message| {
             let Message::Imu(imu) = message else { return Ok(()) };
             let (rate, force) = self.vectors(&imu)?;
             if let Some((at, rate, force)) = mean.add(self.mean_of, at, rate, force) {

@@ -19,9 +19,8 @@ use std::time::{Duration, Instant};
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_math::rad_from_deg;
 use whorl_msgs::topics::{Message, MessageType};
+use whorl_node::{ForeignTopic, ForeignTopics};
 use whorl_params::{Reader, range};
-use whorl_ros::environment::Network;
-use whorl_ros::{EndpointId, ForeignTopic, Listener, RosError};
 
 use crate::DeviceError;
 use crate::mailbox::Mailbox;
@@ -66,16 +65,18 @@ fn topic(place: &Place, name: &str, message_type: MessageType) -> ForeignTopic {
     ForeignTopic { name: place.topic(name), message_type }
 }
 
-fn join(reads: &[ForeignTopic], writes: &[ForeignTopic]) -> Result<Listener, DeviceError> {
-    let network = Network::from_environment().map_err(RosError::from)?;
-    let secured = network.clone().secured("/").map_err(RosError::from);
-    // An enclave of this name need not exist: that security is asked for is enough.
-    if !matches!(&secured, Ok(network) if network.enclave.is_none()) {
+fn join(
+    place: &Place,
+    reads: &[ForeignTopic],
+    writes: &[ForeignTopic],
+) -> Result<Box<dyn ForeignTopics>, DeviceError> {
+    let network = place.network()?;
+    if network.is_secured()? {
         let text =
             "traffic is secured (ROS_SECURITY_ENABLE), and topics of other nodes' drivers are in no keystore";
         return Err(DeviceError::Refused(text.to_owned()));
     }
-    Ok(Listener::join(&network, reads, writes)?)
+    Ok(network.join(reads, writes)?)
 }
 
 /// What is told of a device, each state once.
@@ -102,7 +103,7 @@ struct Heard<'a> {
     silent: Duration,
     latest: Instant,
     looked: Instant,
-    publisher: Option<EndpointId>,
+    publisher: Option<[u8; 16]>,
 }
 
 impl<'a> Heard<'a> {
@@ -120,7 +121,7 @@ impl<'a> Heard<'a> {
     /// Takes what has come; `each` gets message and instant of its sample, and says why it cannot be used.
     fn take(
         &mut self,
-        listener: &mut Listener,
+        listener: &mut dyn ForeignTopics,
         mut each: impl FnMut(Instant, Message) -> Result<(), String>,
     ) -> Result<(), DeviceError> {
         let arrival = Instant::now();
@@ -128,18 +129,19 @@ impl<'a> Heard<'a> {
         let mut refusal = None;
         let (mut heard, mut latest, mut publisher) = (false, self.latest, self.publisher);
         let (stamps, message_type) = (&mut self.stamps, self.message_type);
-        listener.take(|_, sample| {
+        listener.take(&mut |_, sample| {
             // Who came first is obeyed until it falls silent.
             if *publisher.get_or_insert(sample.writer) != sample.writer {
                 refused += 1;
                 return;
             }
-            let taken = Message::decode(message_type, &sample.bytes)
+            let taken = Message::decode(message_type, sample.bytes)
                 .map_err(|error| error.to_string())
                 .and_then(|mut message| {
                     message.check_bounds().map_err(|error| error.to_string())?;
                     let stamp = message.header().map(|header| header.stamp);
-                    let at = stamps.instant(stamp.unwrap_or_default().into(), arrival)?;
+                    let at =
+                        stamps.instant(stamp.unwrap_or_default().into(), arrival, sample.receive_time)?;
                     each(at, message)
                 });
             match taken {
@@ -162,7 +164,7 @@ impl<'a> Heard<'a> {
     }
 
     /// Tells why nothing comes, when nothing comes.
-    fn look(&mut self, listener: &Listener) -> Result<(), DeviceError> {
+    fn look(&mut self, listener: &dyn ForeignTopics) -> Result<(), DeviceError> {
         let now = Instant::now();
         if now < self.until() {
             return Ok(());
@@ -179,6 +181,7 @@ impl<'a> Heard<'a> {
 
 /// Serves a sensor with one topic.
 fn serve_sensor(
+    place: &Place,
     topic: ForeignTopic,
     stamps: Stamps,
     silent: Duration,
@@ -186,7 +189,7 @@ fn serve_sensor(
     reporter: &Reporter,
     mut each: impl FnMut(Instant, Message) -> Result<(), String>,
 ) -> Result<(), DeviceError> {
-    let mut listener = join(std::slice::from_ref(&topic), &[])?;
+    let mut listener = join(place, std::slice::from_ref(&topic), &[])?;
     let mut heard = Heard::new(reporter, topic.message_type, stamps, silent);
     loop {
         let woken = mailbox.wait(Some(listener.fd()), heard.until());
@@ -195,8 +198,8 @@ fn serve_sensor(
             return Ok(());
         }
         if woken.device {
-            heard.take(&mut listener, &mut each)?;
+            heard.take(listener.as_mut(), &mut each)?;
         }
-        heard.look(&listener)?;
+        heard.look(listener.as_ref())?;
     }
 }

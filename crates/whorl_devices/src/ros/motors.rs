@@ -11,8 +11,8 @@ use whorl_dynamics::actuators::Kind;
 use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::std_msgs::Float64MultiArray;
 use whorl_msgs::topics::{Message, MessageType};
+use whorl_node::ForeignTopics;
 use whorl_params::{Reader, range};
-use whorl_ros::Listener;
 
 use super::stamps::Stamps;
 use super::{Heard, emulator, join, read_topic, topic};
@@ -148,12 +148,12 @@ impl Device for RosMotors {
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
         let command = topic(place, &self.command, MessageType::Float64MultiArray);
         let state = topic(place, &self.state, MessageType::JointState);
-        let mut listener = join(&[state], &[command])?;
+        let mut listener = join(place, &[state], &[command])?;
         let mut heard = Heard::new(reporter, MessageType::JointState, self.stamps.clone(), SILENT);
         let mut asked = vec![0.0; self.motors.len()];
         let mut parts = Parts { latest: vec![None; self.motors.len()] };
         let result = (|| {
-            send(&mut listener, &asked)?;
+            send(listener.as_mut(), &asked)?;
             let mut refresh = Instant::now() + REFRESH;
             loop {
                 let woken = mailbox.wait(Some(listener.fd()), heard.until().min(refresh));
@@ -171,10 +171,10 @@ impl Device for RosMotors {
                 }
                 if is_new || now >= refresh {
                     refresh = now + REFRESH;
-                    send(&mut listener, &asked)?;
+                    send(listener.as_mut(), &asked)?;
                 }
                 if woken.device {
-                    heard.take(&mut listener, |at, message| {
+                    heard.take(listener.as_mut(), |at, message| {
                         let Message::JointState(state) = message else { return Ok(()) };
                         if let Some(motors) = parts.add(self, &state, &asked)? {
                             reporter.measured(at, Measured::Motors { kind: self.kind, motors });
@@ -182,12 +182,12 @@ impl Device for RosMotors {
                         Ok(())
                     })?;
                 }
-                heard.look(&listener)?;
+                heard.look(listener.as_ref())?;
             }
         })();
         // The last word is zero.
         asked.fill(0.0);
-        result.and(send(&mut listener, &asked))
+        result.and(send(listener.as_mut(), &asked))
     }
 
     fn emulator(&self, _: &PlatformModel) -> Emulator {
@@ -214,7 +214,7 @@ impl RosMotors {
     }
 }
 
-fn send(listener: &mut Listener, asked: &[f64]) -> Result<(), DeviceError> {
+fn send(listener: &mut dyn ForeignTopics, asked: &[f64]) -> Result<(), DeviceError> {
     let message = Float64MultiArray { data: asked.to_vec(), ..Float64MultiArray::default() };
     Ok(listener.publish(0, &message.into())?)
 }

@@ -47,15 +47,16 @@ impl Stamps {
         Self { clock: if clock == "own" { own } else { Clock::Computer }, last: None }
     }
 
-    /// The instant of a sample of this stamp, which has just arrived.
+    /// The instant of a sample of this stamp, which has just arrived, at this time of day.
     ///
     /// # Errors
     /// Why there is none, for people.
-    pub(super) fn instant(&mut self, stamp: Timestamp, arrival: Instant) -> Result<Instant, String> {
-        self.at(stamp, arrival, whorl_ros::wall_clock())
-    }
-
-    fn at(&mut self, stamp: Timestamp, arrival: Instant, now: Timestamp) -> Result<Instant, String> {
+    pub(super) fn instant(
+        &mut self,
+        stamp: Timestamp,
+        arrival: Instant,
+        now: Timestamp,
+    ) -> Result<Instant, String> {
         let instant = match &mut self.clock {
             Clock::Computer => {
                 let age_s = now.seconds_since(stamp);
@@ -99,15 +100,17 @@ mod tests {
         let arrival = Instant::now() + Duration::from_secs(100);
         let now = Timestamp::from_seconds(1000.0);
         let mut own = stamps(Clock::Computer);
-        let at = own.at(Timestamp::from_seconds(999.98), arrival, now).unwrap();
+        let at = own.instant(Timestamp::from_seconds(999.98), arrival, now).unwrap();
         let age = arrival.saturating_duration_since(at).as_secs_f64();
         assert!((age - 0.02).abs() < 1e-6, "{age}");
-        assert!(own.at(Timestamp::from_seconds(999.98), arrival, now).unwrap_err().contains("do not grow"));
+        assert!(
+            own.instant(Timestamp::from_seconds(999.98), arrival, now).unwrap_err().contains("do not grow")
+        );
         // A little ahead is a clock that is a little ahead.
-        assert_eq!(own.at(Timestamp::from_seconds(1000.002), arrival, now), Ok(arrival));
-        let behind = own.at(Timestamp::from_seconds(990.0), arrival, now).unwrap_err();
+        assert_eq!(own.instant(Timestamp::from_seconds(1000.002), arrival, now), Ok(arrival));
+        let behind = own.instant(Timestamp::from_seconds(990.0), arrival, now).unwrap_err();
         assert!(behind.contains("10.000 s behind") && behind.contains("clock: own"), "{behind}");
-        let ahead = own.at(Timestamp::from_seconds(1001.0), arrival, now).unwrap_err();
+        let ahead = own.instant(Timestamp::from_seconds(1001.0), arrival, now).unwrap_err();
         assert!(ahead.contains("1.000 s ahead of"), "{ahead}");
     }
 
@@ -120,12 +123,12 @@ mod tests {
             let taken = begin + Duration::from_millis(10 * k);
             let late = Duration::from_millis(if k % 4 == 1 { k % 9 } else { 0 });
             let stamp = Timestamp(86_400_000_000_000 + i64::try_from(k).unwrap() * 10_000_000);
-            let at = own.at(stamp, taken + usual + late, Timestamp(0)).unwrap();
+            let at = own.instant(stamp, taken + usual + late, Timestamp(0)).unwrap();
             let off = at.saturating_duration_since(taken).max(taken.saturating_duration_since(at));
             assert!(off < Duration::from_micros(20), "{k}: {off:?}");
         }
         // Set to another day: followed from there.
         let later = begin + Duration::from_secs(20);
-        assert_eq!(own.at(Timestamp(5_000_000_000), later + usual, Timestamp(0)), Ok(later));
+        assert_eq!(own.instant(Timestamp(5_000_000_000), later + usual, Timestamp(0)), Ok(later));
     }
 }

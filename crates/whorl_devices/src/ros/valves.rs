@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use whorl_dynamics::PlatformModel;
 use whorl_msgs::std_msgs::UInt8MultiArray;
 use whorl_msgs::topics::MessageType;
+use whorl_node::ForeignTopics;
 use whorl_params::Reader;
-use whorl_ros::Listener;
 
 use super::{LOOK, Told, emulator, join, read_topic, topic};
 use crate::DeviceError;
@@ -67,7 +67,7 @@ impl Device for RosValves {
 
     fn serve(&self, place: &Place, mailbox: &Mailbox, reporter: &Reporter) -> Result<(), DeviceError> {
         let topic = topic(place, &self.command, MessageType::UInt8MultiArray);
-        let mut listener = join(&[], &[topic])?;
+        let mut listener = join(place, &[], &[topic])?;
         let mut told = Told { reporter, state: None };
         let mut schedule = valves::schedule(&self.elements);
         let began = Instant::now();
@@ -79,7 +79,7 @@ impl Device for RosValves {
             if mailbox.is_closed() {
                 schedule.close();
                 schedule.advance(Instant::now());
-                return send(&mut listener, &mut schedule, reporter);
+                return send(listener.as_mut(), &mut schedule, reporter);
             }
             let now = Instant::now();
             if now >= look {
@@ -97,7 +97,7 @@ impl Device for RosValves {
             }
             if schedule.advance(now) || now >= refresh {
                 refresh = now + REFRESH;
-                send(&mut listener, &mut schedule, reporter)?;
+                send(listener.as_mut(), &mut schedule, reporter)?;
             }
         }
     }
@@ -108,7 +108,11 @@ impl Device for RosValves {
 }
 
 /// Makes the valves what they should be, and tells which of them were switched.
-fn send(listener: &mut Listener, schedule: &mut Schedule, reporter: &Reporter) -> Result<(), DeviceError> {
+fn send(
+    listener: &mut dyn ForeignTopics,
+    schedule: &mut Schedule,
+    reporter: &Reporter,
+) -> Result<(), DeviceError> {
     let data = schedule.wanted().iter().map(|open| u8::from(*open)).collect();
     listener.publish(0, &UInt8MultiArray { data, ..UInt8MultiArray::default() }.into())?;
     let switched = schedule.written();

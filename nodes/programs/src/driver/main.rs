@@ -3,10 +3,11 @@
 mod recording;
 
 use std::process::ExitCode;
+use std::sync::Arc;
 
-use whorl_driver::{Backend, DriverCore, Parameters, parameters, start_devices};
+use whorl_driver::{Backend, DriverCore, Parameters, StartedDevices, parameters, start_devices};
 use whorl_node::Node;
-use whorl_ros::{NodeOptions, run_node};
+use whorl_ros::{AmbientNetwork, NodeOptions, run_node};
 
 fn main() -> ExitCode {
     let options = NodeOptions::of(Node::Driver);
@@ -17,10 +18,12 @@ fn main() -> ExitCode {
             }
             _ => Vec::new(),
         };
-        let devices = start_devices(&parameters)?;
+        let devices = start_devices(&parameters, Arc::new(AmbientNetwork))?;
         if let Some(devices) = &devices {
             context.wake_on(devices.waker()?);
         }
+        let began = context.clock().reading();
+        let devices = devices.map(|devices| StartedDevices { devices, began });
         anyhow::Ok(DriverCore::from_parameters(&parameters, recording, devices)?)
     })
 }
