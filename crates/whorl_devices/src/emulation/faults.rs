@@ -1,5 +1,7 @@
 //! What goes wrong with emulated devices, and how they are wired wrongly.
 
+use std::path::Path;
+
 use whorl_dynamics::PlatformModel;
 use whorl_params::{Reader, Span, non_negative};
 
@@ -48,13 +50,16 @@ pub struct Fault {
     pub kind: FaultKind,
     /// When, from the emulators' start.
     pub span: Span,
+    /// File below the emulators' folder while whose existence it is there; `None`: all the time. Whoever makes and removes
+    /// the file switches the fault on and off.
+    pub while_file: Option<String>,
 }
 
 impl Fault {
-    /// Whether it is there at this time after the start.
+    /// Whether it is there at this time after the start of the emulators of this folder.
     #[must_use]
-    pub fn active(&self, elapsed_s: f64) -> bool {
-        self.span.contains(elapsed_s)
+    pub fn active(&self, elapsed_s: f64, root: &Path) -> bool {
+        self.span.contains(elapsed_s) && self.while_file.as_ref().is_none_or(|file| root.join(file).exists())
     }
 }
 
@@ -91,7 +96,14 @@ fn read_one(r: &mut Reader<'_>, model: &PlatformModel, list: &DeviceList) -> Fau
         }
     };
     let start_s = r.f64_or("start_s", 0.0, non_negative(), "when it begins, from the emulators' start [s]");
-    Fault { device, kind, span: Span::from_start(r, start_s) }
+    let span = Span::from_start(r, start_s);
+    let doc = "it is there only while a file of this name is in the emulators' folder, which their first line names";
+    let while_file = r.optional_string("while_file", doc);
+    if while_file.as_ref().is_some_and(|name| name.is_empty() || name.contains('/') || name.starts_with('.'))
+    {
+        r.reject("while_file", "allowed: the name of a file, without folders, such as imu_out".to_owned());
+    }
+    Fault { device, kind, span, while_file }
 }
 
 /// Index of a name; 0 after an error.
