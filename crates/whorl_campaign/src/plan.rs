@@ -7,10 +7,9 @@ use thiserror::Error;
 use whorl_params::{Override, ParameterErrors, layers_of_experiment, missing};
 
 use crate::definition::{Axis, Definition};
-use crate::row::Row;
+use crate::row::{Row, parse_row, row_text};
 use crate::run_spec::RunSpec;
 use crate::single::{check, simulate};
-use crate::table::{parse_row, row_text};
 use crate::work::{Folder, Tasks};
 
 /// More runs than this are refused as a mistake.

@@ -1,5 +1,7 @@
 //! The numbers of one run.
 
+use std::io;
+
 use whorl_msgs::whorl::FormationState;
 use whorl_report::{RunData, Summary};
 
@@ -146,6 +148,58 @@ fn settling(data: &RunData) -> (f64, f64) {
         }
     }
     (longest_s, largest_rad)
+}
+
+fn csv_error(error: impl std::fmt::Display) -> io::Error {
+    io::Error::other(error.to_string())
+}
+
+/// A row as a line of CSV.
+pub(crate) fn row_text(row: &Row) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    // Writing to memory cannot fail.
+    let _ = writer.write_record(record(row));
+    let bytes = writer.into_inner().unwrap_or_default();
+    String::from_utf8(bytes).unwrap_or_default()
+}
+
+pub(crate) fn record(row: &Row) -> Vec<String> {
+    let head = [row.index.to_string(), row.experiment.clone(), row.seed.to_string()];
+    let outcome = [row.outcome.clone(), row.reason.clone()];
+    // Shortest text that reads back to the same number; empty for NaN.
+    let number = |v: &f64| if v.is_nan() { String::new() } else { format!("{v:?}") };
+    head.into_iter()
+        .chain(row.labels.iter().cloned())
+        .chain(outcome)
+        .chain(row.metrics.iter().map(number))
+        .collect()
+}
+
+/// A row of a line of CSV of a campaign with so many axes.
+pub(crate) fn parse_row(text: &str, axes: usize) -> io::Result<Row> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_bytes());
+    let record = reader.records().next().ok_or_else(|| csv_error("an empty row"))?.map_err(csv_error)?;
+    let field = |k: usize| record.get(k).unwrap_or_default();
+    if record.len() != 5 + axes + METRICS.len() {
+        return Err(csv_error(format!(
+            "a row with {} columns; the campaign has {}",
+            record.len(),
+            5 + axes + METRICS.len()
+        )));
+    }
+    let number = |k: usize| match field(k) {
+        "" => Ok(f64::NAN),
+        text => text.parse().map_err(csv_error),
+    };
+    Ok(Row {
+        index: field(0).parse().map_err(csv_error)?,
+        experiment: field(1).to_owned(),
+        seed: field(2).parse().map_err(csv_error)?,
+        labels: (0..axes).map(|k| field(3 + k).to_owned()).collect(),
+        outcome: field(3 + axes).to_owned(),
+        reason: field(4 + axes).to_owned(),
+        metrics: (0..METRICS.len()).map(|k| number(5 + axes + k)).collect::<io::Result<_>>()?,
+    })
 }
 
 #[cfg(test)]

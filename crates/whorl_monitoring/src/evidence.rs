@@ -19,9 +19,10 @@ use nalgebra::{DMatrix, DVector};
 use whorl_diagnosis::Directions;
 
 use crate::Settings;
-use crate::filter::{Places, Whitened, torque_rates};
+use crate::filter::{Whitened, torque_rates};
 use crate::lanes::Changes;
 use crate::passing::{self, Carried, Columns};
+use crate::places::Places;
 
 /// Prior sizes of an effect over the catalogue's, each as likely: those of the diagnosis that a run of minutes can tell.
 const SIZES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];

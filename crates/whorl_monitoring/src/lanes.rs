@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_diagnosis::{Direction, Directions};
 use whorl_dynamics::{EffectKind, Gyrostat};
 
-use crate::filter::Places;
+use crate::places::Places;
 use crate::predictor::Bin;
 
 /// What a bin changes per unit of each direction: accelerations of body and wheels, and readings of the gyro.

@@ -22,6 +22,7 @@ pub mod lanes;
 mod monitor;
 pub mod motors;
 mod passing;
+pub mod places;
 pub mod predictor;
 mod settings;
 

@@ -18,65 +18,14 @@
 
 use nalgebra::Vector3;
 
-use crate::hill::{HillState, eci_from_hill};
+use crate::burn::Burn;
+use crate::hill::eci_from_hill;
 use crate::orbit_state::OrbitState;
 use crate::pass::{Pass, PassError, RelativeModel, Sight};
 use crate::propagation::{Propagator, oblateness_m_s2, two_body_m_s2};
 
 /// Longest step while somebody thrusts \[s\].
 const STEP_S: f64 = 1.0;
-/// Standard gravity, of which the specific impulse is a multiple [m/s^2].
-pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
-
-/// A burn that gives the wanted velocity change.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Burn {
-    /// When it begins, after the epoch \[s\], at least 0.
-    pub start_s: f64,
-    /// Thrust \[N\], > 0.
-    pub thrust_n: f64,
-    /// Mass of the spacecraft at its start \[kg\], > 0.
-    pub mass_kg: f64,
-    /// Specific impulse \[s\], > 0.
-    pub specific_impulse_s: f64,
-}
-
-impl Burn {
-    fn gas_rate_kg_s(&self) -> f64 {
-        self.thrust_n / (STANDARD_GRAVITY_M_S2 * self.specific_impulse_s)
-    }
-
-    /// Gas that a velocity change takes \[kg\].
-    #[must_use]
-    pub fn gas_kg(&self, delta_v_m_s: f64) -> f64 {
-        -self.mass_kg * (-delta_v_m_s / (STANDARD_GRAVITY_M_S2 * self.specific_impulse_s)).exp_m1()
-    }
-
-    /// How long it takes \[s\].
-    #[must_use]
-    pub fn duration_s(&self, delta_v_m_s: f64) -> f64 {
-        self.gas_kg(delta_v_m_s) / self.gas_rate_kg_s()
-    }
-
-    fn acceleration_m_s2(&self, since_s: f64) -> f64 {
-        self.thrust_n / (self.mass_kg - self.gas_rate_kg_s() * since_s)
-    }
-
-    fn check(&self) -> Result<(), PassError> {
-        for (name, value, good) in [
-            ("start_s", self.start_s, self.start_s >= 0.0),
-            ("thrust_n", self.thrust_n, self.thrust_n > 0.0),
-            ("mass_kg", self.mass_kg, self.mass_kg > 0.0),
-            ("specific_impulse_s", self.specific_impulse_s, self.specific_impulse_s > 0.0),
-        ] {
-            if !(good && value.is_finite()) {
-                return Err(PassError::Burn { name, value });
-            }
-        }
-        Ok(())
-    }
-}
-
 /// A burn that was flown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flown {
@@ -123,7 +72,7 @@ impl<'a> Flight<'a> {
         if burns.iter().all(Option::is_none) {
             return Ok(Self { pass, legs: Vec::new(), flown: Vec::new() });
         }
-        burns.iter().flatten().try_for_each(Burn::check)?;
+        burns.iter().flatten().try_for_each(check)?;
         if !matches!(pass.model, RelativeModel::TwoBody | RelativeModel::J2) {
             return Err(PassError::ThrustWithoutOrbits);
         }
@@ -319,14 +268,27 @@ fn moved(states: &[OrbitState], rates: &[Rate], by_s: f64) -> Vec<OrbitState> {
     .collect()
 }
 
-/// A deputy's place relative to the chief's orbit, with an error of its velocity that a burn may take out.
-#[must_use]
-pub fn with_velocity_error(
-    chief: &OrbitState,
-    deputy: &OrbitState,
-    error_hill_m_s: &Vector3<f64>,
-) -> OrbitState {
-    let mut relative = HillState::of(chief, deputy);
-    relative.velocity_m_s += error_hill_m_s;
-    relative.deputy(chief)
+fn check(burn: &Burn) -> Result<(), PassError> {
+    for (name, value, good) in [
+        ("start_s", burn.start_s, burn.start_s >= 0.0),
+        ("thrust_n", burn.thrust_n, burn.thrust_n > 0.0),
+        ("mass_kg", burn.mass_kg, burn.mass_kg > 0.0),
+        ("specific_impulse_s", burn.specific_impulse_s, burn.specific_impulse_s > 0.0),
+    ] {
+        if !(good && value.is_finite()) {
+            return Err(PassError::Burn { name, value });
+        }
+    }
+    Ok(())
+}
+
+impl Pass {
+    /// Every spacecraft at a time after the epoch \[s\], burns included; [`Flight`] gives many times of a pass with burns
+    /// at a lower cost.
+    ///
+    /// # Errors
+    /// Why a pass is invalid.
+    pub fn at(&self, time_s: f64) -> Result<Vec<Sight>, PassError> {
+        Flight::new(self)?.at(time_s)
+    }
 }

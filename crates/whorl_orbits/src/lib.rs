@@ -28,6 +28,7 @@
 //! spacecraft alone (`rho` is the difference of two of (2.1)), and the second line of (2.17) belongs to
 //! (2.16) as a whole. (2.18)-(2.20) and all after them are used as printed.
 
+pub mod burn;
 pub mod clohessy_wiltshire;
 pub mod co_observation;
 pub mod differences;

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 
+use crate::burn::Burn;
 use crate::co_observation::{Mounting, Pointing, Target, TargetError, elevation_rad, pointing};
 use crate::drift::{delta_v_eci_m_s, linear_delta_v_hill_m_s};
 use crate::elements::{Elements, OrbitError};
-use crate::flight::{Burn, Flight, with_velocity_error};
 use crate::formation::{Formation, FormationError, without_drift};
 use crate::hill::{HillState, eci_from_hill};
 use crate::orbit_state::OrbitState;
@@ -128,15 +128,6 @@ pub struct Sight {
 }
 
 impl Pass {
-    /// Every spacecraft at a time after the epoch \[s\], burns included; [`Flight`] gives many times of a pass with burns
-    /// at a lower cost.
-    ///
-    /// # Errors
-    /// Why a pass is invalid.
-    pub fn at(&self, time_s: f64) -> Result<Vec<Sight>, PassError> {
-        Flight::new(self)?.at(time_s)
-    }
-
     /// How each spacecraft moves by itself.
     #[must_use]
     pub fn propagator(&self) -> Propagator {
@@ -238,6 +229,14 @@ impl Pass {
         }
         Ok(sights)
     }
+}
+
+/// A deputy's place relative to the chief's orbit, with an error of its velocity that a burn may take out.
+#[must_use]
+fn with_velocity_error(chief: &OrbitState, deputy: &OrbitState, error_hill_m_s: &Vector3<f64>) -> OrbitState {
+    let mut relative = HillState::of(chief, deputy);
+    relative.velocity_m_s += error_hill_m_s;
+    relative.deputy(chief)
 }
 
 #[cfg(test)]

@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a reference that cannot be read fails the test")]
 
 use nalgebra::{Unit, Vector3};
+use whorl_orbits::burn::Burn;
 use whorl_orbits::co_observation::{self, Mounting, Target};
-use whorl_orbits::flight::{Burn, Flight};
+use whorl_orbits::flight::Flight;
 use whorl_orbits::pass::{Pass, RelativeModel, Spacecraft, WantedDeltaV};
 use whorl_orbits::{
     Elements, HillState, OrbitState, Propagator, clohessy_wiltshire, mean_elements, relative_motion,

@@ -7,9 +7,9 @@ use whorl_msgs::topics::{Message, Topic};
 use whorl_msgs::whorl::{ClockRequest, FormationState, ModelFit, ParameterEstimate};
 
 use crate::frames::{Frame, Grid};
-use crate::metrics::Interval;
-use crate::pair::PairData;
+use crate::pair::{PairData, pairs_of, relative_errors};
 use crate::platform::{PlatformData, Window};
+use crate::times::{Holds, Recorded, Span};
 
 /// Names of the counts in diagnostics that a verdict reads.
 pub(crate) const COUNTS: [&str; 2] = ["timer firings more than a period late", "command timeouts"];
@@ -17,17 +17,6 @@ pub(crate) const COUNTS: [&str; 2] = ["timer firings more than a period late", "
 const BEHIND_S: f64 = 5.0;
 /// How often \[s\].
 const EVERY_S: f64 = 10.0;
-
-/// A message and when it was recorded, seconds since the first message of the run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Recorded<T> {
-    /// Recorder's clock \[s\].
-    pub log_time_s: f64,
-    /// The message's own stamp on the same time line \[s\], corrected for the measured offset of the platform's clock.
-    pub stamp_s: f64,
-    /// The message.
-    pub message: T,
-}
 
 /// A recorded run. Of an hour with two platforms it takes some 50 MB: what comes often (measurements, estimates, control)
 /// is kept as curves of bounded length, sums and changes.
@@ -53,62 +42,6 @@ pub struct RunData {
     pub(crate) running: Span,
     /// Hold phases.
     pub(crate) holds: Holds,
-}
-
-/// From the start of an experiment to its end \[s\].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Span {
-    pub from_s: f64,
-    pub to_s: f64,
-}
-
-impl Default for Span {
-    fn default() -> Self {
-        Self { from_s: f64::INFINITY, to_s: f64::INFINITY }
-    }
-}
-
-impl Span {
-    pub fn contains(self, time_s: f64) -> bool {
-        (self.from_s..self.to_s).contains(&time_s)
-    }
-}
-
-/// Time spans of the hold phases.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Holds {
-    past: Vec<Interval>,
-    /// Since when, and to the last state.
-    open: Option<Interval>,
-}
-
-impl Holds {
-    fn add(&mut self, time_s: f64, hold: bool) {
-        match (&mut self.open, hold) {
-            (None, true) => self.open = Some((time_s, time_s)),
-            (Some(open), true) => open.1 = time_s,
-            (Some(open), false) => {
-                self.past.push((open.0, time_s));
-                self.open = None;
-            }
-            (None, false) => {}
-        }
-    }
-
-    /// In order of time.
-    pub fn intervals(&self) -> impl Iterator<Item = Interval> + '_ {
-        self.past.iter().copied().chain(self.open)
-    }
-
-    /// Whether the formation holds at this time.
-    pub fn contain(&self, time_s: f64) -> bool {
-        // Asked about the end of a run while it is read.
-        self.open
-            .iter()
-            .chain(self.past.iter().rev())
-            .take_while(|(_, end)| *end + 60.0 >= time_s)
-            .any(|(start, end)| (*start..=*end).contains(&time_s))
-    }
 }
 
 /// Takes the messages of a run, in order of log time, and keeps what [`RunData`] holds.
@@ -281,13 +214,12 @@ impl Collector {
     fn evaluate(&mut self, until_s: f64) {
         let run = &mut self.run;
         let current = run.formation.get(self.formation_from..).unwrap_or_default();
-        let named: BTreeSet<(String, String)> =
-            current.iter().flat_map(|s| crate::metrics::pairs_of(&s.message)).collect();
+        let named: BTreeSet<(String, String)> = current.iter().flat_map(|s| pairs_of(&s.message)).collect();
         for (follower, leader) in named {
             let (Some(f), Some(l)) = (self.windows.get(&follower), self.windows.get(&leader)) else {
                 continue;
             };
-            let errors = crate::metrics::relative_errors(current, [&follower, &leader], [f, l], until_s);
+            let errors = relative_errors(current, [&follower, &leader], [f, l], until_s);
             let new = || PairData { numbers_only: self.numbers_only, ..PairData::default() };
             let pair = run.pairs.entry((follower, leader)).or_insert_with(new);
             errors.for_each(|error| pair.add(&error, run.holds.contain(error.time_s)));

@@ -12,8 +12,8 @@ use whorl_math::three_digits;
 
 use crate::assets;
 use crate::figure::Figure;
-use crate::metrics::Interval;
 use crate::timeline::Timeline;
+use crate::times::Interval;
 
 /// A page under construction.
 #[derive(Debug, Clone)]

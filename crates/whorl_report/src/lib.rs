@@ -26,13 +26,14 @@ mod replay;
 mod reproduction;
 mod series;
 mod timeline;
+mod times;
 mod verdict;
 
 #[cfg(test)]
 mod memory_tests;
 
 pub use campaign::{Sweep, SweptAxis, SweptGroup, campaign_html};
-pub use data::{Collector, Recorded, RunData};
+pub use data::{Collector, RunData};
 pub use events::{Happening, happenings, mode_name};
 pub use explanation::{
     Facts, NextPage, PlannedMotion, adoption_html, comparison_html, diagnosis_html, discovery_html,
@@ -50,4 +51,5 @@ pub use page::{Description, TopicRow, html};
 pub use platform::PlatformData;
 pub use replay::{JetShape, KeepOut, PlatformShape, TiltLimit, alarming};
 pub use reproduction::{NamedPoints, ReproducedPlot, Reproduction, reproduction_html};
+pub use times::Recorded;
 pub use verdict::{Circumstances, Result as RunResult, Verdict as RunVerdict, judge, measured};

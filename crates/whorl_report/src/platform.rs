@@ -8,10 +8,9 @@ use whorl_msgs::geometry_msgs::Quaternion;
 use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus, ModelFit, ParameterEstimate, ThrusterState};
 
-use crate::data::{Holds, Recorded, Span};
 use crate::frames::Frame;
-use crate::metrics::GAP_S;
 use crate::series::{AttitudeSeries, GrowingCurve, Rms};
+use crate::times::{GAP_S, Holds, Recorded, Span};
 
 /// A sample older than this is not shown in the replay \[s\].
 const STALE_S: f64 = 1.0;

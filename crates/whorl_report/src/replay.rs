@@ -6,9 +6,10 @@ use serde_json::{Value, json};
 use whorl_math::deg_from_rad;
 use whorl_msgs::whorl::ControlStatus;
 
-use crate::data::{Recorded, RunData};
+use crate::data::RunData;
 use crate::events::mode_name;
 use crate::platform::PlatformData;
+use crate::times::Recorded;
 
 /// A sample older than this is not shown any more \[s\].
 const STALE_S: f64 = 1.0;

@@ -5,7 +5,8 @@ use whorl_msgs::whorl::ControlStatus;
 
 use crate::data::RunData;
 use crate::events::Happening;
-use crate::metrics::{Interval, phase_name};
+use crate::metrics::phase_name;
+use crate::times::Interval;
 
 /// Who a mark concerns when it concerns all.
 const ALL: &str = "formation";

@@ -8,16 +8,14 @@ use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
 use whorl_report::Reproduction;
 
-use crate::data::{level, measured, rigid_whorl_1};
+use crate::data::{measured, rigid_whorl_1};
 use crate::identification_sentences::{
     asked_sentence, cad_sentence, loss_sentence, printed_error_percent, sign_sentence, tilt_sentence,
 };
 use crate::printed_tables;
-use crate::regression::{
-    Form, Method, RegressionError, Solution, StateSeries, Weighting, estimated_series, rows, solve,
-};
+use crate::regression::{Form, Method, RegressionError, Solution, Weighting, estimated_series, rows, solve};
 use crate::rigid_body::simulate_rigid_body;
-use crate::study::{Printed, bang_bang, quieten};
+use crate::study::{Printed, SEEDS, printed_run, quieten};
 
 const TABLE_4_2: Printed = [
     ["6.15", "0.77", "6.15", "0.73"],
@@ -54,10 +52,6 @@ const TABLE_4_4: Printed = [
     ["0.00", "-103.", "0.00", "-105."],
     ["0.07", "-103.", "0.04", "-102."],
 ];
-
-pub fn printed_run(model: &PlatformModel) -> StateSeries {
-    simulate_rigid_body(&model.mass_properties, (level(), Vector3::zeros()), &bang_bang, 0.1, 1001, 20)
-}
 
 /// Table 4.1.
 pub fn cad() -> Reproduction {
@@ -174,9 +168,6 @@ pub fn designed(t: f64) -> Vector3<f64> {
     let square = if (0.2 * t).cos() >= 0.0 { 1.0 } else { -1.0 };
     Vector3::new(0.03 * (1.0 * t).sin(), 0.04 * (1.3 * t).sin(), 0.4 * square)
 }
-
-/// Seeds of the sensors' noise and biases.
-pub const SEEDS: [u128; 5] = [11, 12, 13, 14, 15];
 
 /// All nine parameters from 100 s, and the worst of several repetitions.
 pub fn manoeuvre() -> Reproduction {

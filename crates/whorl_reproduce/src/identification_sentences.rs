@@ -7,11 +7,10 @@ use whorl_math::attitude_from_vertical;
 use whorl_math::statistics::median;
 
 use crate::data::{level, rigid_whorl_1};
-use crate::identification::{SEEDS, printed_run};
 use crate::printed_tables;
 use crate::regression::StateSeries;
 use crate::rigid_body::simulate_rigid_body;
-use crate::study::{Printed, bang_bang};
+use crate::study::{Printed, SEEDS, bang_bang, printed_run};
 
 /// What the signs of the printed errors are, counted: every second column of a table is the error of the one before.
 pub fn sign_sentence(printed: &Printed, truth: &MassVector) -> String {

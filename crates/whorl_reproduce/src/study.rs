@@ -4,6 +4,10 @@ use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
 use whorl_identification::mass_parameters::MASS_PARAMETERS;
 
+use crate::data::level;
+use crate::regression::StateSeries;
+use crate::rigid_body::simulate_rigid_body;
+
 /// Printed: estimate and percent error, torque method then momentum integral.
 pub type Printed = [[&'static str; 4]; MASS_PARAMETERS];
 
@@ -26,3 +30,11 @@ pub fn quieten(model: &mut PlatformModel, share: f64) {
         vector.rate_hz = 10.0;
     }
 }
+
+/// The run of Tables 4.2 to 4.4: the printed torques on a rigid platform.
+pub fn printed_run(model: &PlatformModel) -> StateSeries {
+    simulate_rigid_body(&model.mass_properties, (level(), Vector3::zeros()), &bang_bang, 0.1, 1001, 20)
+}
+
+/// Seeds of the sensors' noise and biases.
+pub const SEEDS: [u128; 5] = [11, 12, 13, 14, 15];

@@ -8,14 +8,13 @@ use anyhow::Context;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use whorl_bag::CsvMap;
-use whorl_campaign::recordings::{Item, Question};
+use whorl_campaign::recordings::{Item, Question, RecordingsDefinition};
 use whorl_campaign::work::Folder;
 use whorl_diagnosis::Options;
 use whorl_explain::{ExplainError, compare};
 use whorl_recording::Recording;
 use whorl_tables::{Table, TableError, Values, partition};
 
-use super::recordings::RecordingPlan;
 use crate::attitudes::{
     Tally, lines_of, lines_of_csv, recorded_by, recorded_in, table as attitude_table, told,
 };
@@ -38,22 +37,34 @@ impl fmt::Display for Unwritten {
 
 impl std::error::Error for Unwritten {}
 
+/// What is asked of each recording.
+pub struct Asked<'a> {
+    /// The campaign's file.
+    pub definition: &'a RecordingsDefinition,
+    /// The platform's parameter file; `None`: each recording's own.
+    pub model: Option<PathBuf>,
+    /// Map of the columns of CSV files.
+    pub channels: Option<PathBuf>,
+    /// Effects that the diagnosis leaves out.
+    pub excluded: Vec<String>,
+}
+
 /// The answer to the question as JSON; the recording is read from `path`.
 ///
 /// # Errors
 /// Why there is none; [`Unwritten`] where the campaign's folder cannot be written.
-pub fn answer(plan: &RecordingPlan, folder: &Folder, item: &Item, path: &Path) -> anyhow::Result<Value> {
+pub fn answer(asked: &Asked<'_>, folder: &Folder, item: &Item, path: &Path) -> anyhow::Result<Value> {
     let source = RunSources {
         runs: vec![path.to_owned()],
         held_out: Vec::new(),
-        model: plan.model(),
+        model: asked.model.clone(),
         platform: item.platform.clone(),
-        channels: plan.channels(),
+        channels: asked.channels.clone(),
     };
-    match plan.definition().question {
-        Question::Compare => compared(&source.read()?, plan.definition().refit),
-        Question::Diagnose => diagnosed(&source.read()?, plan.excluded()),
-        Question::Estimate => estimated(plan, folder, item, &source, path),
+    match asked.definition.question {
+        Question::Compare => compared(&source.read()?, asked.definition.refit),
+        Question::Diagnose => diagnosed(&source.read()?, asked.excluded.clone()),
+        Question::Estimate => estimated(asked, folder, item, &source, path),
     }
 }
 
@@ -82,13 +93,13 @@ fn diagnosed(runs: &Runs, exclude: Vec<String>) -> anyhow::Result<Value> {
 }
 
 fn estimated(
-    plan: &RecordingPlan,
+    asked: &Asked<'_>,
     folder: &Folder,
     item: &Item,
     source: &RunSources,
     path: &Path,
 ) -> anyhow::Result<Value> {
-    let of = plan.definition();
+    let of = asked.definition;
     let options =
         EstimateOptions { filter: of.filter.clone(), smooth: of.smooth, ..EstimateOptions::default() };
     let (recorded, lines, late_s, north, platform) = if is_csv(path) {

@@ -14,7 +14,8 @@ use whorl_objects::{Local, ObjectError};
 use whorl_params::effect_files_beside;
 use whorl_recording::load_effects;
 
-use super::{Tables, answers};
+use super::Tables;
+use super::answers::{self, Asked};
 
 /// Version of the rows.
 const SCHEMA: u32 = 1;
@@ -169,7 +170,13 @@ impl RecordingPlan {
         let run = RunDirectory::open(here.path()).ok();
         let manifest = run.as_ref().and_then(RunDirectory::manifest);
         let began = manifest.map(|manifest| manifest.start_utc.0 as f64 * 1e-9);
-        let (outcome, reason, answer) = match answers::answer(self, folder, item, here.path()) {
+        let asked = Asked {
+            definition: &self.definition,
+            model: self.model(),
+            channels: self.channels(),
+            excluded: self.excluded(),
+        };
+        let (outcome, reason, answer) = match answers::answer(&asked, folder, item, here.path()) {
             Ok(answer) => ("done", String::new(), answer),
             Err(error) => match error.downcast::<answers::Unwritten>() {
                 Ok(error) => return Err(io::Error::other(error)),

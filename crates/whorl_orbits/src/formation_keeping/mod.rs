@@ -38,8 +38,8 @@ use nalgebra::{SVector, Vector3};
 use thiserror::Error;
 use whorl_math::unit_or;
 
+use crate::burn::STANDARD_GRAVITY_M_S2;
 use crate::elements::OrbitError;
-use crate::flight::STANDARD_GRAVITY_M_S2;
 use crate::hill::{HillState, eci_from_hill};
 use crate::mean_elements::MeanElementsError;
 use crate::orbit_state::OrbitState;

@@ -286,7 +286,7 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
                 // A parameter that the truth does not have is zero there.
                 let truth = match values.get(&estimate.name) {
                     Some(truth) => *truth,
-                    None if super::table::is_zero_when_absent(id, &estimate.name) => 0.0,
+                    None if is_zero_when_absent(id, &estimate.name) => 0.0,
                     None => continue,
                 };
                 outcome.intervals += 1;
@@ -301,4 +301,19 @@ fn score(outcome: &mut Outcome, built: &Built, diagnosis: &Diagnosis) {
             }
         }
     }
+}
+
+/// Parameters that a truth without them has at zero (as one jet of many), so that an interval around zero
+/// covers.
+#[must_use]
+pub fn is_zero_when_absent(effect: &str, _name: &str) -> bool {
+    matches!(
+        effect,
+        "thruster_leak"
+            | "wheel_misalignment"
+            | "wheel_inertia"
+            | "wheel_friction"
+            | "thruster_misalignment"
+            | "gyro_misalignment"
+    )
 }

@@ -28,21 +28,6 @@ impl Row {
     }
 }
 
-/// Parameters that a truth without them has at zero (as one jet of many), so that an interval around zero
-/// covers.
-#[must_use]
-pub fn is_zero_when_absent(effect: &str, _name: &str) -> bool {
-    matches!(
-        effect,
-        "thruster_leak"
-            | "wheel_misalignment"
-            | "wheel_inertia"
-            | "wheel_friction"
-            | "thruster_misalignment"
-            | "gyro_misalignment"
-    )
-}
-
 /// The score.
 #[must_use]
 pub fn table(outcomes: &[Outcome]) -> Vec<Row> {
