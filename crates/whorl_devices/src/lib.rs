@@ -13,6 +13,7 @@ pub mod bus;
 mod can_motors;
 pub mod checkout;
 pub mod cia402;
+mod device;
 pub mod emulation;
 pub mod gpio;
 pub mod hwmon;
@@ -23,6 +24,7 @@ pub mod logical;
 mod mailbox;
 pub mod modbus_relays;
 pub mod odrive;
+mod place;
 mod reading;
 pub mod ros;
 mod running;
@@ -34,11 +36,13 @@ mod valves;
 mod valves_bench;
 pub mod vn100;
 
-pub use kinds::{Device, DeviceKind, KINDS, Role, UsedTopic, Wrong};
-pub use list::{Address, DeviceList, NamedDevice, read};
+pub use device::{Address, Device, DeviceKind, InertialAxes, NamedDevice, Role, UsedTopic, Wrong};
+pub use kinds::KINDS;
+pub use list::{DeviceList, read};
 pub use mailbox::{Command, Mailbox};
+pub use place::Place;
 pub use reading::{Joint, Measured, Reading, Reporter, State};
-pub use running::{Devices, Place};
+pub use running::Devices;
 
 use thiserror::Error;
 

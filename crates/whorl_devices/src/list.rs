@@ -1,35 +1,14 @@
 //! The devices of a platform, from its parameter file.
 
-use std::fmt;
 use std::sync::Arc;
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::actuators::Kind;
 use whorl_params::Reader;
 
-use crate::kinds::{Device, KINDS, Role};
+use crate::device::{Device, NamedDevice, Role};
+use crate::kinds::KINDS;
 use crate::logical::{self, ImuSetup};
-
-/// What only one device may use: a serial port, a coil of a relay board, a channel of a converter.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Address(pub String);
-
-impl fmt::Display for Address {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-/// A device under the user's name.
-#[derive(Debug, Clone)]
-pub struct NamedDevice {
-    /// The user's name.
-    pub name: String,
-    /// Name of its row in [`KINDS`].
-    pub kind: &'static str,
-    /// The device.
-    pub device: Arc<dyn Device>,
-}
 
 /// The devices of one platform, in the order of the file.
 #[derive(Debug, Clone, Default)]

@@ -1,87 +1,21 @@
 //! Devices at work: a thread each.
 
 use std::cell::Cell;
-use std::net::SocketAddr;
-use std::net::ToSocketAddrs;
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use whorl_node::{ForeignNetwork, TransportError};
-
-use crate::list::{DeviceList, NamedDevice};
+use crate::device::NamedDevice;
+use crate::list::DeviceList;
 use crate::mailbox::{Command, Letters, Mailbox};
+use crate::place::Place;
 use crate::reading::{Reading, Reporter, State};
 
 /// Between a device's loss and the next attempt.
 const AGAIN: Duration = Duration::from_millis(200);
-
-/// Where ports, files and hosts are looked for.
-#[derive(Debug, Clone, Default)]
-pub struct Place {
-    /// The folder in which emulators keep theirs; `None`: this computer's own.
-    pub root: Option<PathBuf>,
-    /// Where topics of other nodes are; `None`: nowhere.
-    pub network: Option<Arc<dyn ForeignNetwork>>,
-}
-
-impl Place {
-    /// The folder of emulators, without topics.
-    #[must_use]
-    pub fn below(root: &Path) -> Self {
-        Self { root: Some(root.to_owned()), network: None }
-    }
-
-    /// The network on which topics of other nodes are.
-    pub(crate) fn network(&self) -> Result<&dyn ForeignNetwork, TransportError> {
-        let missing = || TransportError("no network was given to this driver".to_owned());
-        self.network.as_deref().ok_or_else(missing)
-    }
-
-    /// Where a port or file of the list really is.
-    #[must_use]
-    pub fn path(&self, path: &str) -> PathBuf {
-        match &self.root {
-            Some(root) => root.join(path.trim_start_matches('/')),
-            None => PathBuf::from(path),
-        }
-    }
-
-    /// The topic on which a node of the list really is: emulators keep away from those of real devices.
-    #[must_use]
-    pub fn topic(&self, topic: &str) -> String {
-        match &self.root {
-            Some(_) => format!("/emulated{topic}"),
-            None => topic.to_owned(),
-        }
-    }
-
-    /// The file in which an emulator says on which address of this computer a host of the list is.
-    #[must_use]
-    pub fn host_file(root: &Path, host: &str) -> PathBuf {
-        root.join("hosts").join(host.replace(['/', ':'], "_"))
-    }
-
-    /// Where a host of the list really is.
-    ///
-    /// # Errors
-    /// When its name is not known.
-    pub fn host(&self, host: &str) -> std::io::Result<SocketAddr> {
-        let written;
-        let name = match &self.root {
-            Some(root) => {
-                written = std::fs::read_to_string(Self::host_file(root, host))?;
-                written.trim()
-            }
-            None => host,
-        };
-        name.to_socket_addrs()?.next().ok_or_else(|| std::io::ErrorKind::NotFound.into())
-    }
-}
 
 /// The devices of a platform at work. They switch off and end when this is dropped.
 #[derive(Debug)]

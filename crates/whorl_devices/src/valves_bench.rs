@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::kinds::Device;
-use crate::list::{DeviceList, NamedDevice};
+use crate::device::{Device, NamedDevice};
+use crate::list::DeviceList;
 use crate::mailbox::Command;
+use crate::place::Place;
 use crate::reading::{Measured, Reading, State};
-use crate::running::{Devices, Place};
+use crate::running::Devices;
 
 /// Longer than any test waits.
 const LONG_S: f64 = 600.0;

@@ -15,9 +15,8 @@ use whorl_params::Reader;
 
 use super::frame::{Frame, Record, Records};
 use crate::DeviceError;
-use crate::kinds::Wrong;
-use crate::list::Address;
-use crate::running::Place;
+use crate::device::{Address, Wrong};
+use crate::place::Place;
 
 /// A bus that takes no frames for so long is stuck.
 const STUCK: Duration = Duration::from_millis(100);

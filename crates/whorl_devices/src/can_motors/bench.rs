@@ -13,10 +13,11 @@ use super::{CanMotors, Traits};
 use crate::emulation::{Emulation, Fault, FaultKind, Setup};
 use crate::list::DeviceList;
 use crate::mailbox::Command;
+use crate::place::Place;
 use crate::reading::{Measured, Reading, State};
-use crate::running::{Devices, Place};
+use crate::running::Devices;
 
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The list that this entry makes for Whorl-I.
 pub(crate) fn list(entry: &str) -> DeviceList {
@@ -104,12 +105,6 @@ impl Bench {
         }
     }
 
-    /// Says this for so long.
-    pub(crate) fn during(&mut self, length: Duration, command: &Command) {
-        let until = Instant::now() + length;
-        self.until("time", command, |_| Instant::now() >= until);
-    }
-
     fn note(&mut self, reading: Reading) {
         match reading {
             Reading::Measured { measured: Measured::Motors { motors, .. }, .. } => {
@@ -134,11 +129,14 @@ pub(crate) fn torques(values: [f64; 3]) -> Command {
     Command::Motors(Kind::Wheels, Arc::from(values))
 }
 
+/// The file while whose existence a device is unplugged.
+const OUT: &str = "out";
+
 /// Wheels turn as they are told, each about its own axis, coast when they are not, and turn again when the wire was lost.
 pub(crate) fn wheels_turn_as_told(entry: &str) {
-    let unplugged = Fault { device: Some(0), kind: FaultKind::Unplugged, span: span(8.0, 1.0) };
-    at_work(entry, vec![unplugged], |bench| {
-        let begin = Instant::now();
+    let unplugged = Fault { while_file: Some(OUT.to_owned()), ..always(Some(0), FaultKind::Unplugged) };
+    emulated(entry, vec![unplugged], |root| {
+        let bench = &mut Bench::start(&list(entry), root);
         bench.until("answers", &Command::Alive, Bench::is_ready);
         bench.until("wheels", &torques([0.2, -0.1, 0.0]), |b| b.speeds[0] > 4.0 && b.speeds[1] < -2.0);
         assert!(bench.speeds[2].abs() < 1.0, "{:?}", bench.speeds);
@@ -146,17 +144,21 @@ pub(crate) fn wheels_turn_as_told(entry: &str) {
         // One speed is twice the other, as the torques and as the wheels are the same.
         let ratio = bench.speeds[0] / bench.speeds[1];
         assert!((ratio + 2.0).abs() < 0.3, "{ratio}");
-        bench.during(Duration::from_millis(100), &Command::AllOff);
+        bench.until("no torque", &Command::AllOff, |b| b.torques[0].abs() < 1e-9);
+        // What is on its way when torque ends is seen with the next measurements.
+        let seen = bench.measurements;
+        bench.until("measurements", &Command::Alive, |b| b.measurements > seen + 2);
         let off = bench.speeds;
-        bench.during(Duration::from_millis(300), &Command::Alive);
+        bench.until("measurements", &Command::Alive, |b| b.measurements > seen + 20);
         assert!(
             (bench.speeds[0] - off[0]).abs() < 0.5 && bench.torques[0].abs() < 1e-9,
             "{:?}",
             bench.speeds
         );
-        bench.until("the loss", &Command::Alive, |b| {
-            begin.elapsed() > Duration::from_secs(7) && matches!(b.states.last(), Some(State::Lost(_)))
-        });
+        std::fs::write(root.join(OUT), "").unwrap();
+        let lost = |b: &Bench| matches!(b.states.last(), Some(State::Lost(_)));
+        bench.until("the loss", &Command::Alive, lost);
+        std::fs::remove_file(root.join(OUT)).unwrap();
         bench.until("its return", &Command::Alive, Bench::is_ready);
         let before = bench.speeds[2];
         bench.until("wheels again", &torques([0.0, 0.0, 0.3]), |b| b.speeds[2] > before + 3.0);
@@ -165,8 +167,7 @@ pub(crate) fn wheels_turn_as_told(entry: &str) {
 
 /// Spoilt frames are lost, and no more.
 pub(crate) fn spoilt_frames_do_no_harm(entry: &str) {
-    let spoilt = |kind| Fault { device: Some(0), kind, span: span(0.0, 1000.0) };
-    at_work(entry, vec![spoilt(FaultKind::Corrupt)], |bench| {
+    at_work(entry, vec![always(Some(0), FaultKind::Corrupt)], |bench| {
         bench.until("wheels", &torques([0.2, 0.0, 0.0]), |b| b.speeds[0] > 3.0 && b.is_ready());
         assert!(bench.speeds[1].abs() < 1.0 && bench.measurements > 20, "{:?}", bench.speeds);
     });
@@ -174,13 +175,13 @@ pub(crate) fn spoilt_frames_do_no_harm(entry: &str) {
 
 /// A motor without torque does not turn, and the others do.
 pub(crate) fn a_stuck_motor_shows(entry: &str) {
-    let stuck = Fault { device: None, kind: FaultKind::Stuck { wheel: 1 }, span: span(0.0, 1000.0) };
-    at_work(entry, vec![stuck], |bench| {
+    at_work(entry, vec![always(None, FaultKind::Stuck { wheel: 1 })], |bench| {
         bench.until("wheels", &torques([0.2, 0.2, 0.0]), |b| b.speeds[0] > 3.0);
         assert!(bench.speeds[1].abs() < 1.0, "{:?}", bench.speeds);
     });
 }
 
-pub(crate) fn span(start_s: f64, length_s: f64) -> Span {
-    Span { start_s, length_s }
+/// A fault that is there from the start to the end.
+pub(crate) fn always(device: Option<usize>, kind: FaultKind) -> Fault {
+    Fault { device, kind, span: Span { start_s: 0.0, length_s: f64::INFINITY }, while_file: None }
 }

@@ -16,7 +16,7 @@ use whorl_dynamics::actuators::Kind;
 use whorl_params::{Reader, range};
 
 use crate::bus::{Bus, Frame};
-use crate::kinds::Role;
+use crate::device::Role;
 pub(crate) use emulator::{Emulated, Goal, Inside, Shaft};
 pub(crate) use session::{Drives, Heard, Setpoint, run};
 

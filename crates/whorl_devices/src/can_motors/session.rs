@@ -8,8 +8,8 @@ use super::{CanMotors, Mode};
 use crate::DeviceError;
 use crate::bus::{Can, Frame};
 use crate::mailbox::{Command, Mailbox};
+use crate::place::Place;
 use crate::reading::{Joint, Measured, Reporter, State};
-use crate::running::Place;
 
 /// Controllers that have not all answered for so long are lost.
 const SILENT: Duration = Duration::from_millis(100);

@@ -15,12 +15,11 @@ use whorl_params::{Reader, positive};
 
 use crate::DeviceError;
 use crate::can_motors::{CanMotors, Traits, run};
+use crate::device::{Address, Device, DeviceKind, Role, Wrong};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, Wrong};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::Reporter;
-use crate::running::Place;
 use protocol::{DRIVER, SYNC, Service, identifier};
 
 /// Its row in the table.

@@ -1,5 +1,6 @@
 //! Pseudo-terminals, sockets and files of emulated devices.
 
+use crate::place::Place;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -9,8 +10,6 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-
-use crate::running::Place;
 
 /// Rate of wires that only spoil messages [bit/s].
 pub(super) const NO_WIRE: u32 = 100_000_000;

@@ -18,7 +18,7 @@ use super::world::World;
 use super::{Emulator, FileEmulator, SerialEmulator, TcpEmulator};
 use crate::bus::Line;
 use crate::list::DeviceList;
-use crate::running::Place;
+use crate::place::Place;
 
 /// Rate of sockets, which are much quicker than serial ports [bit/s].
 const NETWORK_BAUD: u32 = 100_000_000;
@@ -196,7 +196,8 @@ impl Emulation {
     /// Pulls plugs and puts them back, and has every fault where it belongs.
     fn plug(&mut self, now_ns: i64) -> Result<(), EmulationError> {
         let elapsed_s = (now_ns - self.begin_ns) as f64 * 1e-9;
-        let active: Vec<&Fault> = self.setup.faults.iter().filter(|fault| fault.active(elapsed_s)).collect();
+        let is_active = |fault: &&Fault| fault.active(elapsed_s, &self.setup.root);
+        let active: Vec<&Fault> = self.setup.faults.iter().filter(is_active).collect();
         let of = |device: Option<usize>| -> Vec<FaultKind> {
             active.iter().filter(|fault| fault.device == device).map(|fault| fault.kind).collect()
         };

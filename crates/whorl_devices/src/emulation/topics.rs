@@ -9,7 +9,7 @@ use whorl_node::{ForeignTopic, ForeignTopics, TransportError};
 use super::wire::Wire;
 use super::world::World;
 use super::{TopicEmulator, ports};
-use crate::running::Place;
+use crate::place::Place;
 
 /// A node that is emulated.
 pub(super) struct Topics {

@@ -12,8 +12,8 @@ use rustix::fs::Access;
 use super::Valves;
 use super::protocol::{Answer, Call, LineRequest, LineValues};
 use crate::DeviceError;
-use crate::kinds::Wrong;
-use crate::running::Place;
+use crate::device::Wrong;
+use crate::place::Place;
 
 /// Who uses the lines, as `gpioinfo` shows it.
 const CONSUMER: &str = "whorl";

@@ -17,12 +17,11 @@ use whorl_math::CELSIUS_ZERO_K;
 use whorl_params::{Limits, Reader, any};
 
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role, Wrong};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, Wrong};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter, State};
-use crate::running::Place;
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {

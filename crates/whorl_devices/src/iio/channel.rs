@@ -5,7 +5,7 @@ use std::path::Path;
 use whorl_params::Reader;
 
 use crate::DeviceError;
-use crate::list::Address;
+use crate::device::Address;
 
 /// The parameter that says where a converter's files are.
 pub(super) fn folder(r: &mut Reader<'_>) -> String {

@@ -15,13 +15,11 @@ use whorl_params::{Limits, Reader, any, range};
 
 use super::channel;
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, InertialAxes, Role};
 use crate::emulation::{Emulator, FileEmulator, World};
-use crate::kinds::{Device, DeviceKind, Role};
-use crate::list::Address;
-use crate::logical::InertialAxes;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter, State};
-use crate::running::Place;
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {

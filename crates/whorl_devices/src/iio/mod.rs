@@ -14,12 +14,11 @@ use whorl_dynamics::PlatformModel;
 use whorl_params::{Limits, Reader, any};
 
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter, State};
-use crate::running::Place;
 
 /// Its row in the table.
 pub const KIND: DeviceKind = DeviceKind {

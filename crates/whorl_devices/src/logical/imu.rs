@@ -263,8 +263,8 @@ fn sentence(member: &Member, verdict: Verdict, working: &[&str]) -> (bool, Strin
 
 #[cfg(test)]
 mod tests {
-    use super::super::InertialAxes;
     use super::*;
+    use crate::device::InertialAxes;
 
     const RATE: [f64; 3] = [0.01, -0.02, 0.03];
     const FORCE: [f64; 3] = [0.1, 0.2, 9.8];

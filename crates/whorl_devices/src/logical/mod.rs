@@ -9,37 +9,11 @@ pub mod vote;
 
 pub use imu::{LogicalImu, Sample};
 
+use crate::device::{InertialAxes, NamedDevice};
 use std::time::Duration;
 
-use nalgebra::{Unit, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_params::{Reader, positive};
-
-use crate::list::NamedDevice;
-
-/// Directions along which a device measures, body axes.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct InertialAxes {
-    /// Of angular rate.
-    pub rate_b: Vec<Unit<Vector3<f64>>>,
-    /// Of specific force.
-    pub force_b: Vec<Unit<Vector3<f64>>>,
-}
-
-impl InertialAxes {
-    /// Rate and specific force along all three axes.
-    #[must_use]
-    pub fn triads() -> Self {
-        let axes = vec![Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
-        Self { rate_b: axes.clone(), force_b: axes }
-    }
-
-    /// Neither.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rate_b.is_empty() && self.force_b.is_empty()
-    }
-}
 
 /// A device that is part of the sensor.
 #[derive(Debug, Clone, PartialEq)]

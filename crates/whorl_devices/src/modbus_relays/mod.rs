@@ -17,12 +17,11 @@ use whorl_dynamics::PlatformModel;
 use whorl_params::{Reader, range};
 
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::Reporter;
-use crate::running::Place;
 use crate::valves::{self, Board, Outlet};
 
 /// Its row in the table.

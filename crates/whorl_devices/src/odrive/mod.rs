@@ -14,12 +14,11 @@ use whorl_params::Reader;
 
 use crate::DeviceError;
 use crate::can_motors::{CanMotors, Traits, run};
+use crate::device::{Address, Device, DeviceKind, Role, Wrong};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, Wrong};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::Reporter;
-use crate::running::Place;
 use protocol::{Message, identifier};
 
 /// Its row in the table.

@@ -12,7 +12,7 @@ use crate::can_motors::bench::{
     a_stuck_motor_shows, emulated, motors, spoilt_frames_do_no_harm, wheels_turn_as_told,
 };
 use crate::can_motors::{Drives, Setpoint};
-use crate::running::Place;
+use crate::place::Place;
 
 const TORQUE: &str = "wheels: {kind: odrive_motors, bus: can0, motors: \
      {wheel_x: {node: 0}, wheel_y: {node: 1, sign: -1}, wheel_z: {node: 5}}}";
@@ -90,24 +90,28 @@ fn controllers_switch_off_when_nothing_comes() {
         let mut protocol = session::Protocol::new(&setup.motors);
         protocol.start(&mut can).unwrap();
         let wanted = [Setpoint { torque_n_m: 0.1, speed_rad_s: 0.0 }; 3];
-        let cycles = |protocol: &mut session::Protocol<'_>, can: &mut Can, on: bool| {
-            for _ in 0..60 {
-                let frames = protocol.cycle(Some(wanted.as_slice()).filter(|_| on), Instant::now());
-                can.write(&frames).unwrap();
-                std::thread::sleep(Duration::from_millis(10));
-                let mut heard = Vec::new();
-                can.read(&mut heard).unwrap();
-                heard.iter().for_each(|frame| _ = protocol.heard(frame, Instant::now()));
-            }
-            protocol.fault(Instant::now())
-        };
-        assert_eq!(cycles(&mut protocol, &mut can, true), None);
-        std::thread::sleep(Duration::from_millis(500));
-        let mut heard = Vec::new();
-        can.read(&mut heard).unwrap();
-        heard.iter().for_each(|frame| _ = protocol.heard(frame, Instant::now()));
-        let fault = protocol.fault(Instant::now()).unwrap();
-        assert!(fault.contains("node 5: its watchdog has not heard the driver"), "{fault}");
-        assert_eq!(cycles(&mut protocol, &mut can, false), None);
+        // What is said to the controllers, and until when.
+        let mut until =
+            |says: Option<&[Setpoint]>, is_silent: bool, is_so: &dyn Fn(Option<String>) -> bool| {
+                let begin = Instant::now();
+                loop {
+                    if !is_silent {
+                        can.write(&protocol.cycle(says, Instant::now())).unwrap();
+                    }
+                    std::thread::sleep(Duration::from_millis(10));
+                    let mut heard = Vec::new();
+                    can.read(&mut heard).unwrap();
+                    heard.iter().for_each(|frame| _ = protocol.heard(frame, Instant::now()));
+                    let fault = protocol.fault(Instant::now());
+                    if is_so(fault.clone()) {
+                        return;
+                    }
+                    assert!(begin.elapsed() < Duration::from_secs(60), "{fault:?}");
+                }
+            };
+        until(Some(&wanted), false, &|fault| fault.is_none());
+        let expired = "node 5: its watchdog has not heard the driver";
+        until(None, true, &|fault| fault.is_some_and(|text| text.contains(expired)));
+        until(None, false, &|fault| fault.is_none());
     });
 }

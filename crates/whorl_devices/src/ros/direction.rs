@@ -10,18 +10,20 @@ use std::time::{Duration, Instant};
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::PlatformModel;
 use whorl_math::rad_from_deg;
+use whorl_msgs::geometry_msgs::PoseStamped;
+use whorl_msgs::sensor_msgs::MagneticField;
 use whorl_msgs::topics::{Message, MessageType};
 use whorl_params::{Reader, range};
 
+use super::emulator::{header, publisher};
 use super::stamps::Stamps;
-use super::{emulator, read_mounting, read_topic, serve_sensor, topic};
+use super::{read_mounting, read_topic, serve_sensor, topic};
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role, UsedTopic};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, UsedTopic};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter};
-use crate::running::Place;
 
 /// Row of magnetometers.
 pub const MAGNETOMETER: DeviceKind = DeviceKind {
@@ -168,6 +170,36 @@ impl Device for RosDirection {
     }
 
     fn emulator(&self, _: &PlatformModel) -> Emulator {
-        emulator::direction(self)
+        emulated(self)
+    }
+}
+
+/// The field at the laboratory \[T\]; its direction is that of the model's vector sensor.
+const FIELD_T: f64 = 5e-5;
+
+/// The sensor as it looks from its topic.
+fn emulated(direction: &RosDirection) -> Emulator {
+    let RosDirection { topic, source, period_s, .. } = direction;
+    let message_type = source.message_type();
+    match source.clone() {
+        Source::Field { q_body_sensor } => {
+            publisher(topic, message_type, 1.0 / period_s, move |at_ns, world| {
+                let direction_b = world.plant.sample_vector()?.direction.into_inner();
+                let field = q_body_sensor.inverse() * direction_b * FIELD_T;
+                let magnetic_field = field.into();
+                let header = header(at_ns);
+                Some(MagneticField { header, magnetic_field, ..MagneticField::default() }.into())
+            })
+        }
+        // Without noise: a tracker's is small against that of other sensors.
+        Source::Pose { q_body_tracked, q_world_tracker, .. } => {
+            publisher(topic, message_type, 1.0 / period_s, move |at_ns, world| {
+                let q_world_body = world.plant.truth().q_world_body;
+                let q: UnitQuaternion<f64> = q_world_tracker.inverse() * q_world_body * q_body_tracked;
+                let mut message = PoseStamped { header: header(at_ns), ..PoseStamped::default() };
+                message.pose.orientation = q.into();
+                Some(message.into())
+            })
+        }
     }
 }

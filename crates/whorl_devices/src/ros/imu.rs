@@ -9,15 +9,15 @@ use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::topics::{Message, MessageType};
 use whorl_params::{Reader, range};
 
+use super::emulator::{header, publisher};
 use super::stamps::Stamps;
-use super::{emulator, read_mounting, read_topic, serve_sensor, topic};
+use super::{read_mounting, read_topic, serve_sensor, topic};
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role, UsedTopic};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, UsedTopic};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter};
-use crate::running::Place;
 
 /// Its row in the table.
 pub const IMU: DeviceKind =
@@ -88,7 +88,7 @@ impl Device for RosImu {
     }
 
     fn emulator(&self, _: &PlatformModel) -> Emulator {
-        emulator::imu(self)
+        emulated(self)
     }
 }
 
@@ -145,6 +145,23 @@ impl Mean {
         let at = first + Duration::try_from_secs_f64(sum.since_first_s / count).unwrap_or_default();
         Some((at, sum.rate / count, sum.force / count))
     }
+}
+
+/// The sensor as it looks from its topic.
+fn emulated(imu: &RosImu) -> Emulator {
+    let q_sensor_body = imu.q_body_sensor.inverse();
+    publisher(&imu.topic, MessageType::Imu, imu.rate_hz * f64::from(imu.mean_of), move |at_ns, world| {
+        let sample = world.plant.sample_imu();
+        world.sampled_ns = Some(at_ns);
+        let mut message = Imu {
+            header: header(at_ns),
+            angular_velocity: (q_sensor_body * sample.angular_velocity_rad_s).into(),
+            linear_acceleration: (q_sensor_body * sample.specific_force_m_s2).into(),
+            ..Imu::default()
+        };
+        message.orientation_covariance[0] = -1.0;
+        Some(message.into())
+    })
 }
 
 #[cfg(test)]

@@ -24,8 +24,8 @@ use whorl_params::{Reader, range};
 
 use crate::DeviceError;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Reporter, State};
-use crate::running::Place;
 use stamps::Stamps;
 
 pub use direction::{MAGNETOMETER, POSE};

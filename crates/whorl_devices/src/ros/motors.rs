@@ -4,6 +4,8 @@
 //! Wheels are commanded in N m (`effort_controllers`), gimbals in rad/s (`velocity_controllers`). What stops a motor when no
 //! command comes is a matter of its controller.
 
+mod emulator;
+
 use std::time::{Duration, Instant};
 
 use whorl_dynamics::PlatformModel;
@@ -15,14 +17,13 @@ use whorl_node::ForeignTopics;
 use whorl_params::{Reader, range};
 
 use super::stamps::Stamps;
-use super::{Heard, emulator, join, read_topic, topic};
+use super::{Heard, join, read_topic, topic};
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role, UsedTopic};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, UsedTopic};
-use crate::list::Address;
 use crate::mailbox::{Command, Mailbox};
+use crate::place::Place;
 use crate::reading::{Joint, Measured, Reporter, State};
-use crate::running::Place;
 
 /// Its row in the table.
 pub const MOTORS: DeviceKind = DeviceKind {

@@ -4,6 +4,8 @@
 //! a node subscribes. All valves are sent at every edge of a pulse, and every 50 ms, so that the node can close them when it does
 //! not hear of us.
 
+mod emulator;
+
 use std::time::{Duration, Instant};
 
 use whorl_dynamics::PlatformModel;
@@ -12,14 +14,13 @@ use whorl_msgs::topics::MessageType;
 use whorl_node::ForeignTopics;
 use whorl_params::Reader;
 
-use super::{LOOK, Told, emulator, join, read_topic, topic};
+use super::{LOOK, Told, join, read_topic, topic};
 use crate::DeviceError;
+use crate::device::{Address, Device, DeviceKind, Role, UsedTopic};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role, UsedTopic};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter, State};
-use crate::running::Place;
 use crate::schedule::Schedule;
 use crate::valves::{self, Outlet, REFRESH};
 

@@ -24,12 +24,11 @@ use whorl_params::{Reader, positive, range};
 
 use crate::DeviceError;
 use crate::bus::transmission;
+use crate::device::{Address, Device, DeviceKind, Role};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::Reporter;
-use crate::running::Place;
 pub use drive::Drive;
 use protocol::LARGEST_ADDRESS;
 

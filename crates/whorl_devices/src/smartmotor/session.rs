@@ -9,8 +9,8 @@ use super::protocol::{ALL, Answer, FULL_SCALE, Replies, faults, line, speed_rad_
 use crate::DeviceError;
 use crate::bus::{Serial, transmission};
 use crate::mailbox::{Command, Mailbox};
+use crate::place::Place;
 use crate::reading::{Joint, Measured, Reporter, State};
-use crate::running::Place;
 
 /// A chain that has not answered for so long is lost.
 const SILENT: Duration = Duration::from_millis(100);

@@ -1,7 +1,5 @@
 //! The protocol against what the guide prints, and against what happens on wires.
 
-use std::time::Duration;
-
 use proptest::prelude::*;
 
 use super::Drive;
@@ -124,9 +122,10 @@ fn wheels_coast_when_they_are_off() {
     at_work(chain, Vec::new(), |bench| {
         bench.until("answers", &Command::Alive, Bench::is_ready);
         bench.until("a wheel", &torques([0.4, 0.0, 0.0]), |b| b.speeds[0] > 25.0);
-        bench.during(Duration::from_millis(100), &Command::AllOff);
-        let before = bench.speeds[0];
-        bench.during(Duration::from_millis(1000), &Command::Alive);
+        bench.until("no torque", &Command::AllOff, |b| b.torques[0].abs() < 1e-9);
+        let (before, seen) = (bench.speeds[0], bench.measurements);
+        // About a second of them.
+        bench.until("measurements", &Command::Alive, |b| b.measurements > seen + 100);
         // Braked, it would have lost a fifth of its speed: 0.08 kg m^2 on 0.1^2/0.5 N m s.
         assert!(bench.speeds[0] > 0.93 * before, "{before} {}", bench.speeds[0]);
     });

@@ -19,12 +19,11 @@ use whorl_params::{Reader, range};
 
 use crate::DeviceError;
 use crate::bus::{Serial, transmission};
+use crate::device::{Address, Device, DeviceKind, Role};
 use crate::emulation::Emulator;
-use crate::kinds::{Device, DeviceKind, Role};
-use crate::list::Address;
 use crate::mailbox::Mailbox;
+use crate::place::Place;
 use crate::reading::{Measured, Reporter, State};
-use crate::running::Place;
 use crate::timing::DeviceClock;
 use protocol::{FIELDS, Parser, Said, Sample, line};
 

@@ -92,7 +92,8 @@ proptest! {
         }
     }
 
-    /// Packets torn, corrupted and with noise between them: no wrong sample, and the two behind any noise are found.
+    /// Packets torn, corrupted and with noise between them: no wrong sample, and all behind the noise are found, as those that
+    /// follow are longer than the longest packet that a false beginning may wait for.
     #[test]
     fn it_finds_its_way_back(
         cut in 0usize..58, flip in 0usize..58, bit in 0u8..8, noise in prop::collection::vec(any::<u8>(), 0..300),
@@ -112,7 +113,6 @@ proptest! {
             found.extend(std::iter::from_fn(|| parser.next_said()).filter_map(|said| Sample::of(&said)));
         }
         let all: Vec<Sample> = (3..14).map(sample).collect();
-        prop_assert!(found.iter().all(|s| all.contains(s)), "{found:?}");
-        prop_assert!(found.ends_with(&all[9..10]) || found.ends_with(&all[..]) || found.len() >= 5, "{}", found.len());
+        prop_assert_eq!(found, all);
     }
 }
