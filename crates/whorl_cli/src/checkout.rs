@@ -21,7 +21,8 @@ use whorl_ros::environment::Network;
 use whorl_ros::{EndpointQos, Participant, RawWriter};
 
 use crate::arm;
-use crate::run::{AboutPlatform, Interrupted, exit_code, say, stop, tell, this_domain, use_emulators};
+use crate::output::{say, tell};
+use crate::run::{AboutPlatform, Interrupted, exit_code, stop, this_domain, use_emulators};
 use crate::subscription::Subscription;
 
 /// Torque of a wheel, as a share of what it can do, and for how long.
@@ -104,11 +105,14 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
         .about
         .json
         .write(|| Ok(json!({"schema": 1, "platform": platform, "wrong": wrong, "parts": parts})))?;
-    say(match wrong {
-        0 => format!("{platform}: every actuator does what the model says"),
-        1 => format!("{platform}: one actuator does not do what the model says"),
-        _ => format!("{platform}: {wrong} actuators do not do what the model says"),
-    });
+    say!(
+        "{}",
+        match wrong {
+            0 => format!("{platform}: every actuator does what the model says"),
+            1 => format!("{platform}: one actuator does not do what the model says"),
+            _ => format!("{platform}: {wrong} actuators do not do what the model says"),
+        }
+    );
     Ok(u8::from(wrong > 0 || !all_well))
 }
 
@@ -366,7 +370,7 @@ impl<'a> Bench<'a> {
             let said = finding.words(part, model);
             let line = format!("{name:10} {said}");
             if is_right {
-                say(line)
+                say!("{}", line)
             } else {
                 tell(line)
             }

@@ -18,7 +18,8 @@ use whorl_params::{Override, ParameterTree};
 use whorl_ros::environment::Network;
 use whorl_ros::{AmbientNetwork, EndpointQos, Participant, RawWriter};
 
-use crate::run::{Folders, Interrupted, exit_code, say, tell, this_domain};
+use crate::output::{say, tell};
+use crate::run::{Folders, Interrupted, exit_code, this_domain};
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -64,11 +65,11 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
         let info = Topic::TruthState.info();
         let topic = format!("/{name}/{}", info.name);
         let writer = participant.writer(&topic, info.message_type.name(), EndpointQos::from(info.qos))?;
-        say(format_args!("{name}: devices are emulated below {}", root.display()));
+        say!("{name}: devices are emulated below {}", root.display());
         running.push((name, lock, start(emulation, writer, Arc::clone(&stop))?));
     }
     domain.remember_supervisor(LABEL);
-    say("drivers with --backend hardware in this ROS domain find them; Ctrl-C ends them");
+    say!("drivers with --backend hardware in this ROS domain find them; Ctrl-C ends them");
     while !interrupted.yes() && !running.iter().any(|(.., thread)| thread.is_finished()) {
         std::thread::sleep(Duration::from_millis(100));
     }
@@ -146,12 +147,12 @@ fn start(
 
 fn summarise(name: &str, emulation: &Emulation) {
     if let Some((median_s, p99_s, count)) = emulation.latency_s() {
-        say(format_args!(
+        say!(
             "{name}: from a sample of the inertial sensor to the wheels' torque, on the devices' wires: median {:.2} ms, 99 % \
              below {:.2} ms ({count} samples)",
             median_s * 1e3,
             p99_s * 1e3
-        ));
+        );
     }
     if emulation.late() > 0 {
         tell(format_args!(

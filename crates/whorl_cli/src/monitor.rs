@@ -17,8 +17,7 @@ use whorl_ros::SECOND_PUBLISHER;
 use whorl_ros::environment::Network;
 use whorl_security::policy::MONITOR;
 
-use crate::output::{JsonArgument, is_closed, text};
-use crate::run::tell;
+use crate::output::{JsonArgument, is_closed, tell, text};
 use crate::subscription::Subscription;
 
 /// Name under which the recorder reports in `/diagnostics`.

@@ -7,8 +7,9 @@ use clap::{Args, Subcommand};
 use whorl_launch::{Backend, DriverSource, Programs, Setup, Supervisor, become_node};
 use whorl_node::{Node, Place};
 
+use crate::output::say;
 use crate::run::{
-    Folders, Interrupted, Names, Scheduling, exit_code, names, say, stop, this_domain, use_emulators, watch,
+    Folders, Interrupted, Names, Scheduling, exit_code, names, stop, this_domain, use_emulators, watch,
 };
 
 #[derive(Debug, Subcommand)]
@@ -126,7 +127,7 @@ fn platform(arguments: &Platform) -> anyhow::Result<u8> {
     for process in setup.platform(platform) {
         supervisor.start(&programs, process, &domain.logs())?;
     }
-    say(format_args!("{platform} is up (logs in {}); Ctrl-C stops it", domain.logs().display()));
+    say!("{platform} is up (logs in {}); Ctrl-C stops it", domain.logs().display());
     let status = watch(&mut supervisor, None, &interrupted);
     let all_well = stop(&mut supervisor);
     domain.forget_supervisor(platform);
@@ -156,7 +157,7 @@ fn recorder(arguments: &Recorder) -> anyhow::Result<u8> {
 
 fn stop_all() -> anyhow::Result<u8> {
     let (domain, id) = (this_domain()?, whorl_ros::environment::Network::from_environment()?.domain_id);
-    say(format_args!("stopped {} nodes in domain {id}", domain.stop()));
+    say!("stopped {} nodes in domain {id}", domain.stop());
     Ok(0)
 }
 
@@ -167,7 +168,7 @@ fn list() -> anyhow::Result<u8> {
             Place::Formation => "once",
             Place::Either => "once, or each platform",
         };
-        say(format_args!("{:14} {place:23} {}", info.name, info.purpose));
+        say!("{:14} {place:23} {}", info.name, info.purpose);
     }
     Ok(0)
 }

@@ -1,6 +1,6 @@
 //! What commands say: words for people, or one JSON value for programs.
 
-use std::fmt;
+use std::fmt::{self, Display};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -9,8 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Context as _;
 use clap::ArgMatches;
 use serde::Serialize;
-
-use crate::runs::write;
+use whorl_commands::runs::write;
 
 /// Stands for the standard output in place of a file.
 const STANDARD_OUTPUT: &str = "-";
@@ -47,6 +46,11 @@ pub fn line(text: fmt::Arguments<'_>) {
     if !IS_FOR_JSON.load(Ordering::Relaxed) {
         put(format_args!("{text}\n"));
     }
+}
+
+/// Prints to the standard error, likewise.
+pub fn tell(text: impl Display) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Prints text that has its own line ends.

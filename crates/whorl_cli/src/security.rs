@@ -8,8 +8,7 @@ use serde_json::json;
 use whorl_ros::environment::Network;
 use whorl_security::{ENCLAVE_FILES, Finding, Keystore, policy};
 
-use crate::output::JsonArgument;
-use crate::run::{say, tell};
+use crate::output::{JsonArgument, say, tell};
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -50,17 +49,17 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
             let domain = domain_or_environment(*domain)?;
             let keystore = complete(keystore, platforms, domain, Renew::Permissions)?;
             let count = keystore.enclaves()?.len();
-            say(format_args!("{}: {count} enclaves for domain {domain}", keystore.path().display()));
-            say(format_args!(
+            say!("{}: {count} enclaves for domain {domain}", keystore.path().display());
+            say!(
                 "to use it: export ROS_DOMAIN_ID={domain} ROS_SECURITY_ENABLE=true ROS_SECURITY_STRATEGY=Enforce \
                  ROS_SECURITY_KEYSTORE={}",
                 std::path::absolute(keystore.path())?.display()
-            ));
+            );
             judged(&keystore, domain)
         }
         Command::List { keystore, json } => {
             let enclaves = Keystore::open(keystore)?.enclaves()?;
-            enclaves.iter().for_each(say);
+            enclaves.iter().for_each(|line| say!("{line}"));
             json.write(|| Ok(enclaves.iter().map(ToString::to_string).collect::<Vec<_>>()))
         }
         Command::Check { keystore, domain, json } => {
@@ -75,7 +74,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
                 Ok(json!({"schema": 1, "domain": domain, "enclaves": count, "findings": findings}))
             })?;
             judged(&keystore, domain)?;
-            say(format_args!("{count} enclaves: signatures, names, dates and domain {domain} are right"));
+            say!("{count} enclaves: signatures, names, dates and domain {domain} are right");
             Ok(())
         }
     }
@@ -136,7 +135,7 @@ pub fn environment(platforms: &[String]) -> anyhow::Result<Vec<(String, String)>
     let keystore = complete(&path, platforms, domain, renew)?;
     judged(&keystore, domain)?;
     let path = std::path::absolute(&path)?.display().to_string();
-    say(format_args!("secured: keys in {path}"));
+    say!("secured: keys in {path}");
     Ok([("ENABLE", "true"), ("STRATEGY", "Enforce"), ("KEYSTORE", path.as_str()), ("ENCLAVE_OVERRIDE", "")]
         .map(|(name, value)| (format!("ROS_SECURITY_{name}"), value.to_owned()))
         .into())

@@ -18,7 +18,8 @@ use whorl_recording::{ReadOptions, read_model, read_run_with};
 
 use self::secret::Secret;
 use self::session::{Session, Stopped, copy_folder};
-use crate::run::{INTERRUPTED, say, tell};
+use crate::output::{say, tell};
+use crate::run::INTERRUPTED;
 
 /// The platform in whose hardware the effect is hidden.
 const PLATFORM: &str = "whorl_1";
@@ -158,16 +159,16 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
     let pointing = [pointing_rms_rad(&in_folder(&first))?, pointing_rms_rad(&in_folder(&third))?];
 
     session.headline("the secret was");
-    say(format_args!("  {}: {}", secret.effect, secret.parameters));
-    say(format_args!("found: {}\n", found.join(" ")));
-    say(format_args!("{:<44} {:>10} {:>10}", "", "before", "after"));
+    say!("  {}: {}", secret.effect, secret.parameters);
+    say!("found: {}\n", found.join(" "));
+    say!("{:<44} {:>10} {:>10}", "", "before", "after");
     let [a, b] = prediction;
-    say(format_args!("{:<44} {a:>10.2} {b:>10.2}", "prediction error of the new run (1 = noise)"));
+    say!("{:<44} {a:>10.2} {b:>10.2}", "prediction error of the new run (1 = noise)");
     let [c, d] = pointing.map(deg_from_rad);
-    say(format_args!("{:<44} {c:>10.4} {d:>10.4}", "pointing error [deg RMS]"));
+    say!("{:<44} {c:>10.4} {d:>10.4}", "pointing error [deg RMS]");
     if arguments.outside {
         // The name was never known: what counts is the law, printed above beside the secret's, and the errors.
-        say(format_args!("the secret's law: {}", secret.equation));
+        say!("the secret's law: {}", secret.equation);
     } else if !found.contains(&secret.effect.as_str()) {
         bail!("found {}, but the secret was {}", found.join(" and "), secret.effect);
     }
@@ -177,11 +178,11 @@ fn hidden_effect(arguments: &HiddenEffect, session: &Session) -> anyhow::Result<
         }
     }
     if found.len() > 1 {
-        say("more was found than the secret: what its formula leaves");
+        say!("more was found than the secret: what its formula leaves");
     }
-    say(format_args!("both errors fell, in {} s", session.seconds()));
+    say!("both errors fell, in {} s", session.seconds());
     if session.kept {
-        say(format_args!("pages: {}/*.html", session.folder.display()));
+        say!("pages: {}/*.html", session.folder.display());
     }
     Ok(())
 }

@@ -9,7 +9,8 @@ use anyhow::{Context, bail};
 use thiserror::Error;
 use whorl_launch::run_to_end;
 
-use crate::run::{Interrupted, say};
+use crate::output::say;
+use crate::run::Interrupted;
 
 /// Lines of a log that are shown when a step fails.
 const LAST_LINES: usize = 20;
@@ -64,7 +65,7 @@ impl Session {
 
     /// A headline with the time so far.
     pub fn headline(&self, text: &str) {
-        say(format_args!("\n== {text}  [{} s]", self.seconds()));
+        say!("\n== {text}  [{} s]", self.seconds());
     }
 
     /// Seconds since the beginning.
@@ -74,12 +75,12 @@ impl Session {
 
     /// Prints a command as a user types it in the folder, carries it out, and prints the first `lines` lines of its answer.
     pub fn show(&self, arguments: &[&str], lines: usize) -> anyhow::Result<()> {
-        say(format_args!("$ whorl {}", arguments.join(" ")));
+        say!("$ whorl {}", arguments.join(" "));
         let log = self.folder.join("answer.log");
         let status = self.whorl(arguments, &log)?;
         let answer = std::fs::read_to_string(&log).unwrap_or_default();
         let shown = if status.success() { lines } else { usize::MAX };
-        answer.lines().take(shown).for_each(say);
+        answer.lines().take(shown).for_each(|line| say!("{line}"));
         if !status.success() {
             bail!("whorl {} failed", arguments.first().unwrap_or(&""));
         }
@@ -109,7 +110,7 @@ impl Session {
         let runs = std::fs::read_dir(self.folder.join(into)).context("nothing was recorded")?;
         let run = runs.flatten().find(|entry| entry.path().is_dir()).context("nothing was recorded")?;
         let run = format!("{into}/{}", run.file_name().to_string_lossy());
-        say(format_args!("recorded {run}"));
+        say!("recorded {run}");
         Ok(run)
     }
 

@@ -14,7 +14,8 @@ use whorl_msgs::definitions;
 use whorl_msgs::topics::Topic;
 use whorl_ros::environment::Network;
 
-use super::server::PATIENCE;
+use super::PATIENCE;
+use crate::output::tell;
 use crate::subscription::Subscription;
 
 /// Names of the protocol: of its specification, and of what the Foxglove SDK calls the same.
@@ -74,7 +75,7 @@ impl Feed {
                     }
                 });
                 if let Err(error) = drained {
-                    crate::run::tell(format_args!("warning: Foxglove hears nothing more: {error:#}"));
+                    tell(format_args!("warning: Foxglove hears nothing more: {error:#}"));
                     return;
                 }
                 std::thread::sleep(LOOK);

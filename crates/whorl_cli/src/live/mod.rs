@@ -21,7 +21,7 @@ use whorl_params::ParameterTree;
 use whorl_report::{PlatformShape, live_html};
 use whorl_ros::environment::Network;
 
-use crate::run::{say, tell};
+use crate::output::{say, tell};
 use crate::subscription::Subscription;
 use server::Server;
 use view::View;
@@ -29,6 +29,8 @@ use whorl_commands::shapes::shapes;
 
 /// Where the page is served unless another port is given.
 pub const PORT: u16 = 8470;
+/// A browser that takes nothing for this long is left.
+const PATIENCE: Duration = Duration::from_secs(20);
 /// Time between two frames.
 const FRAME: Duration = Duration::from_millis(33);
 /// Silence after which the reason is looked for.
@@ -90,7 +92,7 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let looks = Looks::new(arguments);
     let page = Box::new(move || live_html(&looks.shapes()));
     let fragment = token.as_ref().map_or_else(String::new, |token| format!("#token={token}"));
-    say(format_args!("live at http://{address}/{fragment}"));
+    say!("live at http://{address}/{fragment}");
     if !address.ip().is_loopback() {
         tell(format_args!(
             "warning: everybody who reaches {address} can watch; only who knows the token can command"
@@ -99,7 +101,7 @@ async fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     let foxglove =
         arguments.foxglove.then(|| foxglove::Feed::start(&network, &arguments.platforms)).transpose()?;
     if foxglove.is_some() {
-        say(format_args!("Foxglove at ws://{address}/foxglove"));
+        say!("Foxglove at ws://{address}/foxglove");
     }
     let server = Arc::new(Server { address, page, frames, token, foxglove });
     let serving = axum::serve(listener, server::routes(server));

@@ -2,7 +2,6 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
@@ -15,6 +14,7 @@ use axum::routing::{get, post};
 use sha2::{Digest, Sha256};
 use tokio::sync::watch;
 
+use super::PATIENCE;
 use super::foxglove::{self, Feed};
 use crate::command::{request_abort, request_hold, request_start};
 
@@ -22,8 +22,6 @@ use crate::command::{request_abort, request_hold, request_start};
 const FOXGLOVE: &str = "/foxglove";
 /// Browsers that are served at the same time.
 const BROWSERS: usize = 32;
-/// A browser that takes nothing for this long is left.
-pub const PATIENCE: Duration = Duration::from_secs(20);
 /// Browsers send nothing but a name or a reason.
 const LARGEST_REQUEST: usize = 1024;
 /// Scripts and styles are in the page; nothing else may be loaded or called.

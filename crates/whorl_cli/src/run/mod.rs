@@ -1,11 +1,10 @@
 //! `whorl run`: an experiment over DDS on this machine, from start to report, with a process for every node.
 
 mod arguments;
+mod exit_status;
 mod screens;
 mod watch;
 
-use std::fmt::Display;
-use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::time::Duration;
@@ -17,6 +16,7 @@ pub use arguments::{AboutPlatform, Arguments, Folders, Names, Scheduling, names}
 use screens::{LivePage, Monitor};
 pub use watch::{INTERRUPTED, Interrupted, stop, watch};
 
+use crate::output::{say, tell};
 use crate::{report, security};
 
 /// Exit status when nothing was started.
@@ -103,7 +103,7 @@ fn try_run(arguments: &Arguments) -> anyhow::Result<u8> {
         }
         Err(error) => {
             tell(format_args!("error: {error:#}"));
-            say("verdict: FAILED: there is no complete recording");
+            say!("verdict: FAILED: there is no complete recording");
             if status == 0 { 1 } else { status }
         }
     })
@@ -114,10 +114,10 @@ pub fn use_emulators(setup: &mut Setup, domain: &Domain) {
     for platform in setup.on_hardware() {
         match domain.emulated(&platform) {
             Some(root) => {
-                say(format_args!("{platform}: its devices are EMULATED ({})", root.display()));
+                say!("{platform}: its devices are EMULATED ({})", root.display());
                 setup.emulate(&platform, root);
             }
-            None => say(format_args!("{platform}: its devices are real")),
+            None => say!("{platform}: its devices are real"),
         }
     }
 }
@@ -131,14 +131,4 @@ fn git_commit(root: &Path) -> Option<String> {
     let output = Command::new("git").arg("-C").arg(root).args(["rev-parse", "HEAD"]).output().ok()?;
     let commit = String::from_utf8(output.stdout).ok()?.trim().to_owned();
     (output.status.success() && !commit.is_empty()).then_some(commit)
-}
-
-/// Prints to the standard output; a closed output is ignored, since the processes must still be watched.
-pub fn say(text: impl Display) {
-    crate::output::line(format_args!("{text}"));
-}
-
-/// Prints to the standard error, likewise.
-pub fn tell(text: impl Display) {
-    let _ = writeln!(std::io::stderr(), "{text}");
 }

@@ -4,8 +4,8 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use super::tell;
-use super::watch::shell_status;
+use super::exit_status::shell_status;
+use crate::output::tell;
 
 /// How often a monitor that ended by accident is started again.
 const MONITORS: u32 = 5;

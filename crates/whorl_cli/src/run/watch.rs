@@ -1,6 +1,5 @@
 //! Nodes while they run, and their end.
 
-use std::process::ExitStatus;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,8 +8,9 @@ use anyhow::Context;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use whorl_launch::{Ended, Supervisor};
 
+use super::exit_status::shell_status;
 use super::screens::Monitor;
-use super::{say, tell};
+use crate::output::{say, tell};
 
 /// Exit status after Ctrl-C, as shells give it.
 pub const INTERRUPTED: u8 = 130;
@@ -34,7 +34,7 @@ pub fn watch(
             // The coordinator at the end of the experiment, which the monitor is about to report, or a driver at the
             // end of its recording.
             Some(Ended { label, status, .. }) if status.success() => {
-                say(format_args!("{label} has finished"));
+                say!("{label} has finished");
                 if monitor.is_none() {
                     return 0;
                 }
@@ -83,12 +83,6 @@ fn restarted(supervisor: &mut Supervisor, ended: &Ended) -> bool {
             false
         }
     }
-}
-
-/// Exit status as in a shell: 128 plus the signal's number for a process that a signal ended.
-pub(super) fn shell_status(status: ExitStatus) -> i32 {
-    use std::os::unix::process::ExitStatusExt;
-    status.code().or_else(|| status.signal().map(|signal| 128 + signal)).unwrap_or(1)
 }
 
 /// Stops everything and reports processes that had to be killed, or that say at their end that they failed, such as a
