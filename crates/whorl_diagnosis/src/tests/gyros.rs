@@ -38,6 +38,9 @@ fn estimate(found: &Diagnosis, name: &str) -> (f64, f64) {
 /// where the gimbals are recorded and the stop is stated.
 #[test]
 fn gyros_that_are_as_the_model_says_leave_nothing_unexplained() {
+    if !whorl_tests::slow("the diagnosis of gyros that are as the model says") {
+        return;
+    }
     for seed in [2, 5, 8] {
         let found = diagnosis_of(None, seed);
         assert_eq!(found.verdict, Verdict::NothingMissing, "{seed} {:?}", found.effects);
@@ -46,6 +49,9 @@ fn gyros_that_are_as_the_model_says_leave_nothing_unexplained() {
 
 #[test]
 fn a_tilted_gimbal_is_named() {
+    if !whorl_tests::slow("the diagnosis of a tilted gimbal") {
+        return;
+    }
     let found = diagnosis_of(Some(("gimbal_misalignment", &[("cmg_a_a_rad", 0.15)])), 2);
     assert_eq!(found.effects, ["gimbal_misalignment"], "{:?}", found.verdict);
     let (value, stddev) = estimate(&found, "cmg_a_a_rad");

@@ -53,16 +53,21 @@ fn a_cable_without_stiffness_is_no_cable() {
         let cable = candidate(search, "harness_spring");
         let options = &search.layout.candidates[cable].options;
         let damped = options.iter().find(|o| o.len() == 2).unwrap();
-        let mut signal = DVector::zeros(search.layout.columns.len());
-        for (column, size) in damped.iter().zip([-20.0, 40.0]) {
-            signal[*column] = size / search.data.total.matrix[(*column, *column)].sqrt();
-        }
+        // Parameters of the cable that explain this stiffness and this damping, in standard deviations; `None`: none is taken.
+        let explained = |stiffness: f64, damping: f64| -> Option<Vec<usize>> {
+            let mut signal = DVector::zeros(search.layout.columns.len());
+            for (column, size) in damped.iter().zip([stiffness, damping]) {
+                signal[*column] = size / search.data.total.matrix[(*column, *column)].sqrt();
+            }
+            let mut shown: Normal = search.data.total.clone();
+            shown.vector += &shown.matrix * &signal;
+            let fit = search.base.with(&search.layout, &shown, cable)?;
+            Some(fit.members[0].columns.iter().map(|i| search.layout.columns[*i].index).collect())
+        };
+        let whole = explained(20.0, 40.0).expect("a cable with stiffness and damping is one");
+        assert!(whole.contains(&0) && whole.len() == 2, "{whole:?}");
         // Damping beside a stiffness below zero, whatever heading the cable rests at.
-        let mut shown: Normal = search.data.total.clone();
-        shown.vector += &shown.matrix * &signal;
-        if let Some(fit) = search.base.with(&search.layout, &shown, cable) {
-            let columns = fit.members[0].columns.iter().map(|i| &search.layout.columns[*i]);
-            assert!(columns.map(|c| c.index).any(|i| i == 0), "{:?}", fit.members);
-        }
+        let none = explained(-20.0, 40.0);
+        assert!(none.as_ref().is_none_or(|columns| columns.contains(&0)), "{none:?}");
     });
 }

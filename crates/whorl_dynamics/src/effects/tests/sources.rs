@@ -6,7 +6,7 @@ use super::super::catalogue;
 
 /// Source files below a folder that are compiled without tests, their text cut where tests begin.
 fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     let texts: Vec<(PathBuf, String)> = paths
         .iter()
