@@ -4,6 +4,7 @@
 //! - `replay`: single cores reproduce recordings, bit for bit.
 //! - `fuzz`: any message into any core.
 //! - `ros`: the node set as real processes over DDS, one fault after the other.
+//! - `structure`: what the sources must look like.
 //!
 //! The processes' programs are those that cargo builds with the tests. README.md tells of variables and of what needs
 //! root.
@@ -15,4 +16,5 @@ mod doc_examples;
 mod fuzz;
 mod replay;
 mod ros;
+mod structure;
 mod support;

@@ -3,22 +3,17 @@
 //!
 //! Needs root and `ip` (iproute2) for two network namespaces.
 
-use std::time::Duration;
-
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{ControlStatus, FormationState};
 use whorl_ros::environment::Network;
 use whorl_security::policy::MONITOR;
 
-use crate::support::formation::{Formation, LONG_HOLD};
+use crate::support::formation::{Formation, LONG_HOLD, STARTUP};
 use crate::support::network::Lan;
 use crate::support::watch::{Watch, route};
 use crate::support::{measured, skipped};
 
 const PLATFORMS: [&str; 2] = ["whorl_1", "whorl_2"];
-/// A second until the change is taken to be over, and a few to find each other on a busy machine. It was never.
-const REJOIN: Duration = Duration::from_secs(20);
-
 #[test]
 fn a_platform_whose_address_changes_returns_by_itself() {
     let what = "another address of a platform's computer";
@@ -37,19 +32,19 @@ fn a_platform_whose_address_changes_returns_by_itself() {
     formation.start_all();
     formation.wait_for_step(&here, "hold");
     let (state, status) = (route(0, Topic::FormationState), route(1, Topic::ControlStatus));
-    here.wait_next::<ControlStatus>("the follower to track", status, REJOIN, |m| {
+    here.wait_next::<ControlStatus>("the follower to track", status, STARTUP, |m| {
         m.mode == ControlStatus::MODE_TRACK
     });
 
     lan.readdress(1, 102).unwrap();
     let changed = whorl_ros::wall_clock();
     let lost = |m: &FormationState| !m.link_ok[1];
-    here.wait_next::<FormationState>("the follower to be lost", state, Duration::from_secs(5), lost);
-    let seen = here.wait("the follower to be seen again", REJOIN, |log| {
+    here.wait_next::<FormationState>("the follower to be lost", state, STARTUP, lost);
+    let seen = here.wait("the follower to be seen again", STARTUP, |log| {
         let mut after = log.after::<FormationState>(state, changed).skip_while(|(_, m)| m.link_ok[1]);
         after.find(|(_, m)| m.link_ok[1]).map(|(at, _)| at)
     });
-    let tracks = here.wait("the follower to track again", REJOIN, |log| {
+    let tracks = here.wait("the follower to track again", STARTUP, |log| {
         let mut after = log.after::<ControlStatus>(status, seen);
         after.find(|(_, m)| m.mode == ControlStatus::MODE_TRACK).map(|(at, _)| at)
     });

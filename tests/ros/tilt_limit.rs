@@ -1,6 +1,5 @@
-//! Fault row: tilt near its stop. References are clipped; beyond, control is safe.
-
-use std::time::Duration;
+//! Fault row: tilt near its stop. References are clipped; beyond, control is safe. That the platform stays inside is asserted
+//! in virtual time (`closed_loop::faults`).
 
 use whorl_msgs::topics::Topic;
 use whorl_msgs::whorl::{AttitudeEstimate, AttitudeReference, ControlStatus, FormationState};
@@ -19,7 +18,7 @@ fn tilt_deg(q: whorl_msgs::geometry_msgs::Quaternion) -> f64 {
     z.xy().norm().atan2(z.z).to_degrees()
 }
 
-pub fn clips_a_reference_beyond_the_stop_and_keeps_the_platform_inside(held: &mut Held) {
+pub fn clips_a_reference_beyond_the_stop(held: &mut Held) {
     // Another experiment needs another coordinator.
     held.formation.kill("/coordinator");
     let begin = whorl_ros::wall_clock();
@@ -29,25 +28,14 @@ pub fn clips_a_reference_beyond_the_stop_and_keeps_the_platform_inside(held: &mu
     watch.wait_next::<FormationState>("the clipping", route(0, Topic::FormationState), STARTUP, |m| {
         m.reference_clipped[0]
     });
-    watch.during(Duration::from_secs(5));
+    watch.wait_next::<AttitudeEstimate>("the platform to tilt", route(0, Topic::TruthState), SOON, |m| {
+        tilt_deg(m.q_world_body) > 3.0
+    });
     let log = watch.log();
-    let most = |tilts: &mut dyn Iterator<Item = f64>| tilts.fold(0.0, f64::max);
-    let asked = most(
-        &mut log
-            .after::<AttitudeReference>(route(0, Topic::AttitudeReference), begin)
-            .map(|(_, m)| tilt_deg(m.q_world_reference)),
-    );
-    let done = most(
-        &mut log
-            .after::<AttitudeEstimate>(route(0, Topic::TruthState), begin)
-            .map(|(_, m)| tilt_deg(m.q_world_body)),
-    );
+    let references = log.after::<AttitudeReference>(route(0, Topic::AttitudeReference), begin);
+    let asked = references.map(|(_, m)| tilt_deg(m.q_world_reference)).fold(0.0, f64::max);
     assert!((3.0..LIMIT_DEG).contains(&asked), "reference tilted by {asked} deg");
-    assert!((3.0..LIMIT_DEG - 0.2).contains(&done), "platform tilted by {done} deg");
     let status = route(0, Topic::ControlStatus);
-    let safe =
-        log.after::<ControlStatus>(status, begin).any(|(_, m)| m.mode >= ControlStatus::MODE_SAFE_DAMPING);
-    assert!(!safe, "a clipped reference led into safe mode");
     drop(log);
 
     // Now the limit comes nearer than the platform is: safe, until it is back.
@@ -56,7 +44,5 @@ pub fn clips_a_reference_beyond_the_stop_and_keeps_the_platform_inside(held: &mu
         m.mode >= ControlStatus::MODE_SAFE_DAMPING && m.reason == ControlStatus::REASON_TILT_LIMIT
     });
     held.set_control("limits.safe_tilt_margin_rad", &Value::Double(0.0035));
-    watch.wait_next::<ControlStatus>("tracking again", status, SOON * 2, |m| {
-        m.mode == ControlStatus::MODE_TRACK
-    });
+    watch.wait_next::<ControlStatus>("tracking again", status, SOON, |m| m.mode == ControlStatus::MODE_TRACK);
 }

@@ -1,5 +1,9 @@
 //! Helpers for the tests of all crates. The integration tests themselves are in `integration.rs`.
 
+mod domain;
+
+pub use domain::Domain;
+
 use std::io::Write;
 
 /// Whether a test that takes long runs: with `WHORL_SLOW_TESTS=1`, which CI sets. Says so when it is left out.

@@ -1,21 +1,22 @@
-//! Tests share the machine: what runs in real time must not be starved by its neighbours.
+//! Tests share the machine: so many at a time that it is busy, and not so many that they only wait for each other.
 
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, Once, PoisonError};
 
 use rustix::process::{Pid, setpriority_process};
+use whorl_tests::skipped;
 
 /// How much of the machine a test needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Load {
     /// The nodes of one platform in real time, or fewer.
     Light,
+    /// A formation of two platforms in real time: less than half a core.
+    Formation,
     /// A load that computes all the time.
     Computation,
-    /// A formation of two platforms in real time.
-    Formation,
     /// A platform beside emulators of its devices, in real time: about a core, as measured.
     Emulation,
-    /// A formation and a browser that draws it without a graphics card: whatever there is.
+    /// A formation and a browser that draws it without a graphics card.
     Browser,
 }
 
@@ -29,9 +30,8 @@ impl Load {
     /// Waits for that share.
     pub fn take(self) -> Share {
         let units = match self {
-            Self::Light => 1,
-            Self::Computation | Self::Formation | Self::Emulation => 2,
-            Self::Browser => capacity(),
+            Self::Light | Self::Formation => 1,
+            Self::Computation | Self::Emulation | Self::Browser => 2,
         };
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -45,15 +45,19 @@ impl Load {
     }
 }
 
-/// Two units per core: a formation of two platforms needs less than half of one.
+/// Two units per core.
 fn capacity() -> u32 {
     std::thread::available_parallelism().map_or(2, |n| u32::try_from(2 * n.get()).unwrap_or(2))
 }
 
-/// Lets a process (`None`: this thread, and those that it starts) run ahead of whatever else keeps the
-/// machine busy, as on a computer of its own. Without the right to do so it runs as it is.
+/// Lets a process (`None`: this thread, and those that it starts) run ahead of whatever else keeps the machine busy, as on a
+/// computer of its own. That makes tests quicker; none of them depends on it. Without the right to do so it runs as it is, which
+/// is said once.
 pub fn prefer(process: Option<Pid>) {
-    let _ = setpriority_process(process, -15);
+    static SAID: Once = Once::new();
+    if let Err(error) = setpriority_process(process, -15) {
+        SAID.call_once(|| skipped("a higher priority of the processes under test", &error.to_string()));
+    }
 }
 
 impl Drop for Share {

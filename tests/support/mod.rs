@@ -4,7 +4,6 @@ pub mod binaries;
 pub mod browser;
 pub mod clock;
 pub mod cores;
-pub mod domain;
 pub mod formation;
 pub mod machine;
 pub mod network;

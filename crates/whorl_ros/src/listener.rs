@@ -167,12 +167,16 @@ mod tests {
 
     #[test]
     fn a_message_wakes_who_waits_and_silence_is_explained() {
-        // Below are those of tests/node.rs.
-        let network = Network::localhost(160);
+        let domain = whorl_tests::Domain::take();
+        let network = Network::localhost(domain.id);
         let field = topic("/a/field", MessageType::MagneticField);
         let wrong = topic("/a/pose", MessageType::PoseStamped);
         let mut hears = Listener::join(&network, &[field.clone(), wrong], &[]).unwrap();
-        assert!(hears.why_silent(0).starts_with("no node publishes /a/field in ROS domain 160"));
+        assert!(
+            hears
+                .why_silent(0)
+                .starts_with(&format!("no node publishes /a/field in ROS domain {}", domain.id))
+        );
         let other = topic("/a/pose", MessageType::MagneticField);
         let mut says = Listener::join(&network, &[], &[field, other]).unwrap();
         let message = MagneticField::default();
