@@ -30,7 +30,7 @@ build_programs() {
         if [ "${#features[@]}" -gt 0 ] && ! pkg-config --exists openssl 2>/dev/null; then
             die "security needs OpenSSL's headers to build: install libssl-dev and pkg-config (Debian, Ubuntu)"
         fi
-        (cd "$root" && cargo build --release --locked --workspace --bins ${features[@]+"${features[@]}"})
+        (cd "$root" && cargo build --release --locked -p whorl_cli -p whorl_programs ${features[@]+"${features[@]}"})
     fi
     [ -x "$bin/whorl" ] || die "$bin/whorl is not there: build with 'cargo build --release', or run without --no-build"
 }
