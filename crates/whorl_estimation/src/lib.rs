@@ -10,7 +10,6 @@
 //! Frames, signs and units: see `whorl_math`.
 
 mod body;
-#[cfg(any(test, feature = "conformance"))]
 pub mod conformance;
 pub mod consistency;
 mod estimate;
