@@ -23,6 +23,26 @@ pub(crate) struct Derivative {
     pub hidden: [f64; MAX_HIDDEN_STATES],
 }
 
+/// A torque on the body that fades.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Fading {
+    /// At `since_s`, body axes [N m].
+    pub torque_b_n_m: Vector3<f64>,
+    /// Time since the start of the run \[s\].
+    pub since_s: f64,
+    /// Inverse of the time in which it fades [1/s].
+    pub rate_1_s: f64,
+}
+
+impl Fading {
+    fn at_b_n_m(&self, time_s: f64) -> Vector3<f64> {
+        if self.torque_b_n_m == Vector3::zeros() {
+            return self.torque_b_n_m;
+        }
+        self.torque_b_n_m * (-self.rate_1_s * (time_s - self.since_s)).exp()
+    }
+}
+
 /// Constant during a segment between two events.
 #[derive(Debug, Clone)]
 pub(crate) struct Drive {
@@ -32,6 +52,8 @@ pub(crate) struct Drive {
     pub equation: RateEquation,
     /// Torque on the body from outside the platform, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,
+    /// A torque besides it that nobody commands: an estimate's.
+    pub disturbance: Fading,
     /// The body is held still (wheel bench test).
     pub clamped: bool,
     /// Branch of the bearing's own stop.
@@ -46,6 +68,7 @@ impl Drive {
             actuators: gyrostat.model().actuators.idle(gyrostat.thrust_lag(), now_ns),
             equation: *gyrostat.rate_equation(),
             body_torque_b_n_m: Vector3::zeros(),
+            disturbance: Fading::default(),
             clamped: false,
             stop: Touching::AsItIs,
             contact: Touching::AsItIs,
@@ -193,6 +216,7 @@ impl Gyrostat {
         actuators.act(at, &state.actuators, &drive.actuators, &omega, &mut body, forces);
         let mut torque = body.torque_b_n_m
             + drive.body_torque_b_n_m
+            + drive.disturbance.at_b_n_m(at.time_s)
             + drive.equation.gravity_torque_n_m(&body.gravity_offset_b_n_m, &vertical_b);
         if let Some(of_stop) = self.stop_torque_b_n_m(&vertical_b, &omega, drive.stop) {
             torque += of_stop;

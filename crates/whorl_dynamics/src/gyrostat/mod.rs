@@ -37,7 +37,7 @@ pub mod equation;
 mod state;
 
 pub use crate::actuators::{jets::MAX_JETS, wheels::MAX_WHEELS};
-pub(crate) use derivative::{Derivative, Drive};
+pub(crate) use derivative::{Derivative, Drive, Fading};
 pub use equation::{LinearisedRate, RateEquation};
 pub use state::State;
 
@@ -111,6 +111,10 @@ impl Gyrostat {
     #[must_use]
     pub fn model(&self) -> &PlatformModel {
         &self.model
+    }
+
+    pub(crate) fn model_mut(&mut self) -> &mut PlatformModel {
+        &mut self.model
     }
 
     /// Its effects.

@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use super::{Plant, PlantError};
 use crate::actuators::Kind;
+use crate::gyrostat::Fading;
 
 /// Why a command was refused. The plant is then unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -80,6 +81,14 @@ impl Plant {
     pub fn set_body_torque(&mut self, torque_b_n_m: Vector3<f64>) {
         if torque_b_n_m.iter().copied().all(f64::is_finite) {
             self.drive.body_torque_b_n_m = torque_b_n_m;
+        }
+    }
+
+    /// Sets a torque on the body that nobody commands, beside [`Self::set_body_torque`], body axes [N m]: a filter's
+    /// estimate of it, which fades at this rate from now on [1/s]. Ignored if it is not finite.
+    pub fn set_disturbance(&mut self, torque_b_n_m: Vector3<f64>, rate_1_s: f64) {
+        if torque_b_n_m.iter().chain([&rate_1_s]).copied().all(f64::is_finite) {
+            self.drive.disturbance = Fading { torque_b_n_m, since_s: self.time_s(), rate_1_s };
         }
     }
 

@@ -7,9 +7,11 @@ mod command;
 mod integrator;
 mod noise;
 mod sampling;
+mod tangent;
 
 pub use crate::actuators::jets::{JetFailure, Pulse};
 pub use command::CommandError;
+pub use tangent::{LinearisedPlant, RATE, ROTATION, Tangent};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use thiserror::Error;

@@ -30,6 +30,13 @@ pub(crate) struct Drive {
     stuck: [bool; MAX_WHEELS],
 }
 
+impl Drive {
+    /// Whether a wheel is held by Coulomb friction.
+    pub fn holds(&self, wheel: usize) -> bool {
+        self.stuck.get(wheel).copied().unwrap_or(false)
+    }
+}
+
 /// Torque on each wheel about its axis: motor, friction and effects [N m].
 pub(crate) type Forces = [f64; MAX_WHEELS];
 

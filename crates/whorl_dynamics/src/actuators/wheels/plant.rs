@@ -19,6 +19,13 @@ impl State {
             *slot = *speed;
         }
     }
+
+    /// Sets one wheel's speed [rad/s].
+    pub(crate) fn set_one_wheel_speed_rad_s(&mut self, wheel: usize, speed_rad_s: f64) {
+        if let Some(slot) = self.actuators.wheels.speed_rad_s.get_mut(wheel) {
+            *slot = speed_rad_s;
+        }
+    }
 }
 
 impl Plant {

@@ -1,0 +1,294 @@
+//! Small changes of a plant's state: what they do to its motion and to its inertial sensors.
+//!
+//! A filter carries a plant as its mean; the covariance needs the derivative of the equations of motion by the state, and
+//! a correction must reach the state without disturbing the rest. Derivatives are central differences of the plant's own
+//! equations, so that they hold for every effect, also one that a user has written.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, Matrix3, SVector, Vector3};
+use whorl_math::quaternion_exp;
+
+use super::Plant;
+use crate::actuators::Forces;
+use crate::effects::MAX_HIDDEN_STATES;
+use crate::gyrostat::{Derivative, Drive, MAX_WHEELS};
+use crate::sensing::History;
+use crate::{Environment, State, TrueImu};
+
+/// Steps of the differences: a rotation \[rad\]; a rate [rad/s] and a hidden state, in proportion where they are large; a
+/// wheel's speed [rad/s]. Central differences err by the third derivative times their square: below 1e-9 of a motion.
+const ROTATION_RAD: f64 = 1e-5;
+const RATE_RAD_S: f64 = 1e-6;
+const WHEEL_RAD_S: f64 = 1e-4;
+
+/// Coordinates of a small change of a plant's state, in this order: rotation of the body about its own axes, R_changed =
+/// R exp(a) \[rad\]; rate, body axes [rad/s]; speed of each wheel [rad/s]; hidden states of effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tangent {
+    wheels: usize,
+    hidden: usize,
+}
+
+/// Rotation.
+pub const ROTATION: Range<usize> = 0..3;
+/// Rate.
+pub const RATE: Range<usize> = 3..6;
+
+impl Tangent {
+    /// Where the wheels' speeds are.
+    #[must_use]
+    pub fn wheels(&self) -> Range<usize> {
+        RATE.end..RATE.end + self.wheels
+    }
+
+    /// Where the hidden states are.
+    #[must_use]
+    pub fn hidden(&self) -> Range<usize> {
+        self.wheels().end..self.size()
+    }
+
+    /// How many coordinates there are.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        RATE.end + self.wheels + self.hidden
+    }
+}
+
+/// Derivatives at one instant; of `n` = [`Tangent::size`] coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearisedPlant {
+    /// n x n: rate of each coordinate by each coordinate [unit/s per unit].
+    pub rate_by_state: DMatrix<f64>,
+    /// n x 3: rate of each coordinate by a torque on the body, body axes [unit/s per N m].
+    pub rate_by_torque: DMatrix<f64>,
+    /// 6 x n: what gyro [rad/s] and accelerometer [m/s^2] read by each coordinate, sensor axes.
+    pub imu_by_state: DMatrix<f64>,
+    /// What the accelerometer reads by a torque on the body [m/s^2 per N m].
+    pub force_by_torque: Matrix3<f64>,
+}
+
+/// What the plant does in one state.
+struct Seen {
+    omega_dot: Vector3<f64>,
+    wheels: [f64; MAX_WHEELS],
+    hidden: [f64; MAX_HIDDEN_STATES],
+    imu: SVector<f64, 6>,
+}
+
+impl Plant {
+    /// The same with sensors whose data are not late: a filter takes readings at the instants that they show.
+    #[must_use]
+    pub fn without_latency(mut self) -> Self {
+        let sensors = &mut self.gyrostat.model_mut().sensors;
+        sensors.gyro.errors.latency_s = 0.0;
+        sensors.accelerometer.errors.latency_s = 0.0;
+        if let Some(vector) = &mut sensors.vector {
+            vector.latency_s = 0.0;
+        }
+        self.history = History::new(0);
+        self
+    }
+
+    /// Coordinates of a small change of its state.
+    #[must_use]
+    pub fn tangent(&self) -> Tangent {
+        Tangent {
+            wheels: self.gyrostat.model().wheels().len(),
+            hidden: self.gyrostat.effects().hidden_states(),
+        }
+    }
+
+    /// Which wheels their bearing's dry friction holds.
+    pub fn held_wheels(&self) -> impl Iterator<Item = bool> + '_ {
+        (0..self.gyrostat.model().wheels().len()).map(|j| self.drive.actuators.wheels.holds(j))
+    }
+
+    /// What gyro [rad/s] and accelerometer [m/s^2] read now without noise, limits, latency and biases that are drawn,
+    /// sensor axes.
+    #[must_use]
+    pub fn imu_reading(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let imu = self.seen(&self.state, &self.drive).imu;
+        (imu.fixed_rows::<3>(0).into(), imu.fixed_rows::<3>(3).into())
+    }
+
+    /// Derivatives in the present state, under the present commands and the present branches of contacts and dry friction.
+    #[must_use]
+    pub fn linearised(&self) -> LinearisedPlant {
+        let tangent = self.tangent();
+        let n = tangent.size();
+        let mut found = LinearisedPlant {
+            rate_by_state: DMatrix::zeros(n, n),
+            rate_by_torque: DMatrix::zeros(n, 3),
+            imu_by_state: DMatrix::zeros(6, n),
+            force_by_torque: Matrix3::zeros(),
+        };
+        let turns = self.gyrostat.model().freedom.turns() && !self.drive.clamped;
+        let omega = self.state.omega_wb_b_rad_s;
+        for i in 0..n {
+            if !turns && RATE.contains(&i) {
+                continue;
+            }
+            let step = self.step_of(i);
+            let [plus, minus] = [step, -step].map(|step| {
+                let mut state = self.state;
+                change_coordinate(&mut state, &tangent, i, step);
+                self.seen(&state, &self.drive)
+            });
+            let per = 0.5 / step;
+            let rate = (plus.omega_dot - minus.omega_dot) * per;
+            found.rate_by_state.fixed_view_mut::<3, 1>(RATE.start, i).copy_from(&rate);
+            for (row, j) in tangent.wheels().zip(0..) {
+                found.rate_by_state[(row, i)] = (plus.wheels[j] - minus.wheels[j]) * per;
+            }
+            for (row, j) in tangent.hidden().zip(0..) {
+                found.rate_by_state[(row, i)] = (plus.hidden[j] - minus.hidden[j]) * per;
+            }
+            found.imu_by_state.column_mut(i).copy_from(&((plus.imu - minus.imu) * per));
+        }
+        if turns {
+            // da/dt = dw - w x a.
+            let turn = found.rate_by_state.fixed_view::<3, 3>(0, 0) - whorl_math::skew(&omega);
+            found.rate_by_state.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+            found
+                .rate_by_state
+                .fixed_view_mut::<3, 3>(0, 3)
+                .copy_from(&self.gyrostat.model().freedom.projection());
+        }
+        found
+    }
+
+    /// The derivatives by a torque on the body, into `to`; what has hidden states may follow it too.
+    pub fn linearise_torque(&self, to: &mut LinearisedPlant) {
+        let tangent = self.tangent();
+        let mut drive = self.drive.clone();
+        // In proportion to the inertia: a rate of 1 rad/s^2 on any rig.
+        let step = self.gyrostat.model().mass_properties.inertia_b_kg_m2().trace() / 3.0;
+        let own = drive.body_torque_b_n_m;
+        for axis in 0..3 {
+            let [plus, minus] = [step, -step].map(|step| {
+                drive.body_torque_b_n_m = own + Vector3::ith(axis, step);
+                self.seen(&self.state, &drive)
+            });
+            let per = 0.5 / step;
+            let rate = (plus.omega_dot - minus.omega_dot) * per;
+            to.rate_by_torque.fixed_view_mut::<3, 1>(RATE.start, axis).copy_from(&rate);
+            for (row, j) in tangent.wheels().zip(0..) {
+                to.rate_by_torque[(row, axis)] = (plus.wheels[j] - minus.wheels[j]) * per;
+            }
+            for (row, j) in tangent.hidden().zip(0..) {
+                to.rate_by_torque[(row, axis)] = (plus.hidden[j] - minus.hidden[j]) * per;
+            }
+            let force = ((plus.imu - minus.imu) * per).fixed_rows::<3>(3).into_owned();
+            to.force_by_torque.set_column(axis, &force);
+        }
+    }
+
+    /// Changes the state by [`Tangent`] coordinates, as an estimate's correction does: time, gas, valves and commands go
+    /// on as they were; what is behind a sensor's low-pass changes as if the state had been so for a while. Wheels that
+    /// their friction holds stay held. Numbers that are not finite are ignored.
+    pub fn change_state(&mut self, change: &[f64]) {
+        let tangent = self.tangent();
+        if change.len() < tangent.size() || !change.iter().all(|x| x.is_finite()) {
+            return;
+        }
+        let before = self.has_filter.then(|| self.ideal_imu(&self.state, &Vector3::zeros()));
+        let of = |range: Range<usize>| {
+            Vector3::from_fn(|i, _| change.get(range.start + i).copied().unwrap_or(0.0))
+        };
+        if self.gyrostat.model().freedom.turns() && !self.drive.clamped {
+            self.state.omega_wb_b_rad_s += self.gyrostat.model().freedom.share(&of(RATE));
+        }
+        self.state.q_world_body *= quaternion_exp(&of(ROTATION));
+        self.state.normalise();
+        let speeds: Vec<f64> = tangent
+            .wheels()
+            .zip(self.state.wheel_speed_rad_s())
+            .zip(self.held_wheels())
+            .map(|((i, speed), held)| if held { *speed } else { speed + change[i] })
+            .collect();
+        self.state.set_wheel_speed_rad_s(&speeds);
+        for (i, hidden) in tangent.hidden().zip(&mut self.state.hidden) {
+            *hidden += change[i];
+        }
+        let behind = self.behind_filter;
+        self.set_out();
+        if let Some(before) = before {
+            let after = self.ideal_imu(&self.state, &Vector3::zeros());
+            self.behind_filter = TrueImu {
+                angular_velocity_b_rad_s: behind.angular_velocity_b_rad_s + after.angular_velocity_b_rad_s
+                    - before.angular_velocity_b_rad_s,
+                specific_force_b_m_s2: behind.specific_force_b_m_s2 + after.specific_force_b_m_s2
+                    - before.specific_force_b_m_s2,
+            };
+        }
+    }
+
+    fn step_of(&self, i: usize) -> f64 {
+        let tangent = self.tangent();
+        if ROTATION.contains(&i) {
+            return ROTATION_RAD;
+        }
+        if RATE.contains(&i) {
+            return RATE_RAD_S * (1.0 + self.state.omega_wb_b_rad_s.norm());
+        }
+        if let Some(speed) =
+            tangent.wheels().position(|k| k == i).and_then(|j| self.state.wheel_speed_rad_s().get(j))
+        {
+            return WHEEL_RAD_S.max(RATE_RAD_S * speed.abs());
+        }
+        let hidden = tangent.hidden().position(|k| k == i).and_then(|j| self.state.hidden.get(j));
+        RATE_RAD_S * (1.0 + hidden.copied().unwrap_or(0.0).abs())
+    }
+
+    fn seen(&self, state: &State, drive: &Drive) -> Seen {
+        let (mut forces, mut derivative) = (Forces::default(), Derivative::zero());
+        self.gyrostat.derivative(&self.instant(0.0), state, drive, &mut forces, &mut derivative);
+        let mut environment = Environment {
+            omega_dot_wb_b_rad_s2: derivative.omega,
+            ..self.gyrostat.environment(self.time_s(), state, drive)
+        };
+        environment.vertical_b = whorl_math::vertical_b(&state.q_world_body);
+        let sensors = &self.gyrostat.model().sensors;
+        let mut imu = self.gyrostat.ideal_imu(&environment);
+        // Behind a low-pass a change of the state shows as if it had been so for a while.
+        if self.has_filter {
+            let now = self.ideal_imu(&self.state, &Vector3::zeros());
+            let changed = self.ideal_imu(state, &Vector3::zeros());
+            if sensors.gyro.errors.time_constant_s > 0.0 {
+                imu.angular_velocity_b_rad_s = self.behind_filter.angular_velocity_b_rad_s
+                    + changed.angular_velocity_b_rad_s
+                    - now.angular_velocity_b_rad_s;
+            }
+            if sensors.accelerometer.errors.time_constant_s > 0.0 {
+                imu.specific_force_b_m_s2 = self.behind_filter.specific_force_b_m_s2
+                    + changed.specific_force_b_m_s2
+                    - now.specific_force_b_m_s2;
+            }
+        }
+        self.gyrostat.effects().measure_imu(&environment, &mut imu);
+        let (gyro, force) = (&sensors.gyro.errors, &sensors.accelerometer.errors);
+        let mut read = SVector::<f64, 6>::zeros();
+        read.fixed_rows_mut::<3>(0).copy_from(&(gyro.ideal(&imu.angular_velocity_b_rad_s) + gyro.bias));
+        read.fixed_rows_mut::<3>(3).copy_from(&(force.ideal(&imu.specific_force_b_m_s2) + force.bias));
+        Seen {
+            omega_dot: derivative.omega,
+            wheels: derivative.actuators.wheels.speed_rad_s,
+            hidden: derivative.hidden,
+            imu: read,
+        }
+    }
+}
+
+fn change_coordinate(state: &mut State, tangent: &Tangent, i: usize, step: f64) {
+    if ROTATION.contains(&i) {
+        state.q_world_body *= quaternion_exp(&Vector3::ith(i, step));
+    } else if RATE.contains(&i) {
+        state.omega_wb_b_rad_s[i - RATE.start] += step;
+    } else if let Some(j) = tangent.wheels().position(|k| k == i) {
+        let speed = state.wheel_speed_rad_s().get(j).copied().unwrap_or(0.0);
+        state.set_one_wheel_speed_rad_s(j, speed + step);
+    } else if let Some(x) = tangent.hidden().position(|k| k == i).and_then(|j| state.hidden.get_mut(j)) {
+        *x += step;
+    }
+}

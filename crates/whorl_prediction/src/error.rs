@@ -1,0 +1,33 @@
+//! Why a recording cannot be predicted.
+
+use thiserror::Error;
+use whorl_dynamics::{GyrostatError, PlantError};
+
+/// Why a recording cannot be predicted.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum PredictionError {
+    /// The model cannot be simulated.
+    #[error("the model cannot be simulated: {0}")]
+    Model(#[from] GyrostatError),
+    /// The plant refused its start.
+    #[error("the model cannot be simulated: {0}")]
+    Plant(#[from] PlantError),
+    /// Nothing that the model predicts was recorded.
+    #[error(
+        "{run}: nothing was recorded that the model predicts: no rate, force, direction or wheel speed with its command"
+    )]
+    NothingToPredict {
+        /// Name of the run.
+        run: String,
+    },
+    /// A sensor was recorded whose noise is neither stated nor shown by the data.
+    #[error(
+        "{run}: the noise of the {channel} is stated as zero, and its readings show none; state it in the platform's file"
+    )]
+    NoNoise {
+        /// Name of the run.
+        run: String,
+        /// Which channel.
+        channel: String,
+    },
+}

@@ -1,0 +1,232 @@
+//! A recording and a model, ready to be predicted.
+
+use nalgebra::{Unit, Vector3};
+use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
+use whorl_recording::{Mounting, Recording, Series};
+use whorl_trajectory::commands::{Commands, ns};
+use whorl_trajectory::line::Line;
+use whorl_trajectory::noise::typical_step_s;
+
+use crate::error::PredictionError;
+use crate::readings::{Track, tracks};
+use crate::settings::Settings;
+use crate::transition::fastest_rate_1_s;
+
+/// Largest integration step of a rig whose stops or effects may be fast \[s\]; valve edges are integration points anyway.
+const STEP_AT_STOPS_S: f64 = 2.5e-3;
+/// Of another rig: this share of a sample's time.
+const SHARE_OF_SAMPLE: f64 = 0.25;
+/// Of any: this share of the time of its fastest motion. A Runge-Kutta step over a fiftieth of a radian errs by 3e-11 of the
+/// motion, ten minutes of a motion at 1 Hz by 6e-6.
+const SHARE_OF_MOTION: f64 = 0.02;
+const SHORTEST_STEP_NS: i64 = 50_000;
+
+/// A recording and a model, ready to be predicted.
+pub struct Prepared<'a> {
+    recording: &'a Recording,
+    /// Constants corrected by its effects.
+    model: PlatformModel,
+    commands: Commands<'a>,
+    /// Without noise, with the supplies of this run, before the first reading.
+    plant: Plant,
+    event: usize,
+    tracks: Vec<Track<'a>>,
+    hidden_noise: Vec<f64>,
+    clamped: bool,
+    settings: Settings,
+}
+
+impl<'a> Prepared<'a> {
+    /// Of a recording whose channels fit the model ([`whorl_trajectory::check`]), effects of the model included.
+    ///
+    /// # Errors
+    /// See [`PredictionError`].
+    pub fn new(
+        recording: &'a Recording,
+        model: &PlatformModel,
+        settings: Settings,
+    ) -> Result<Self, PredictionError> {
+        let gyrostat = Gyrostat::new(model)?;
+        let clamped = recording.mounting == Mounting::Clamped || !model.freedom.turns();
+        let wheels = model.wheels().len();
+        let tracks = tracks(recording, &gyrostat.model().sensors, clamped, wheels);
+        let first = tracks.iter().filter_map(|track| track.instant_ns(0)).min();
+        let Some(first_ns) = first else {
+            return Err(PredictionError::NothingToPredict { run: recording.name.clone() });
+        };
+        let commands = Commands::of(recording, &gyrostat);
+        let mut hidden_noise = vec![0.0; gyrostat.effects().hidden_states()];
+        gyrostat.effects().hidden_noise(&mut hidden_noise);
+        let begun = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
+        let mut plant =
+            Plant::new(&quiet(model, recording), &begun, 0)?.without_random_torque().without_latency();
+        plant.set_clamped(clamped);
+        // As it moves when it moves as fast as it ever was read to.
+        let moving = fastest_rate_1_s(&moving_fastest(&plant, recording).linearised().rate_by_state);
+        let plant = plant.with_step_ns(step_ns(model, recording, moving.max(swings_1_s(model))));
+        let event = commands.first_event(plant.now_ns());
+        let model = gyrostat.model().clone();
+        let mut case =
+            Self { recording, model, commands, plant, event, tracks, hidden_noise, clamped, settings };
+        // Valves, gas and commands as they are at the first reading; the motion until then is nobody's.
+        let (mut plant, mut event) = (case.plant.clone(), case.event);
+        if case.run_to(&mut plant, &mut event, first_ns) {
+            (case.plant, case.event) = (plant, event);
+        }
+        Ok(case)
+    }
+
+    /// The recording.
+    #[must_use]
+    pub fn recording(&self) -> &'a Recording {
+        self.recording
+    }
+
+    /// The model, its constants corrected by its effects.
+    #[must_use]
+    pub fn model(&self) -> &PlatformModel {
+        &self.model
+    }
+
+    /// The commands of the run.
+    #[must_use]
+    pub fn commands(&self) -> &Commands<'a> {
+        &self.commands
+    }
+
+    /// The numbers that it is predicted with.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(crate) fn tracks(&self) -> &[Track<'a>] {
+        &self.tracks
+    }
+
+    pub(crate) fn hidden_noise(&self) -> impl Iterator<Item = f64> + '_ {
+        self.hidden_noise.iter().copied()
+    }
+
+    /// Whether only the wheels move.
+    #[must_use]
+    pub fn is_clamped(&self) -> bool {
+        self.clamped
+    }
+
+    /// How far hidden states may be from rest at the start, where what is left of an earlier motion pushes with this
+    /// torque [N m].
+    pub(crate) fn hidden_start_stddev(&self, torque_n_m: f64) -> Vec<f64> {
+        self.plant.gyrostat().effects().hidden_start_stddev(self.model(), torque_n_m)
+    }
+
+    /// The instant of the first reading \[ns\].
+    pub(crate) fn first_ns(&self) -> i64 {
+        self.plant.now_ns()
+    }
+
+    /// How many instants there are at most at which anything was read.
+    pub(crate) fn instants(&self) -> usize {
+        self.tracks.iter().map(|track| track.time_s.len()).sum()
+    }
+
+    /// The plant at the first reading, in no motion in particular.
+    pub(crate) fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// Direction in the world of what a vector sensor sees.
+    pub(crate) fn reference(&self, sensor: usize) -> Option<Unit<Vector3<f64>>> {
+        self.recording.vectors.get(sensor).map(|vector| vector.reference_world)
+    }
+
+    /// The command that comes first after the first reading.
+    pub(crate) fn first_event(&self) -> usize {
+        self.event
+    }
+
+    /// Advances a plant with the recorded commands; false where its motion is lost. A command of the very instant comes
+    /// after what is read then: a controller answers to a reading, never before it.
+    pub(crate) fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64) -> bool {
+        while let Some(due_ns) = self.commands.event_ns(*event).filter(|t| *t < time_ns) {
+            if plant.advance_to(due_ns.max(plant.now_ns())).is_err() {
+                return false;
+            }
+            self.commands.tell(*event, plant);
+            *event += 1;
+        }
+        plant.advance_to(time_ns.max(plant.now_ns())).is_ok()
+    }
+}
+
+/// The model without noise, with the supplies of this run.
+fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
+    let mut quiet = model.clone();
+    let sensors = &mut quiet.sensors;
+    sensors.silence();
+    let duration_s = recording.duration_s();
+    if let Some((start, slope)) = trend(&recording.temperature_k) {
+        sensors.ambient_temperature_k = start;
+        sensors.temperature_drift_k_s = if duration_s > 30.0 { slope } else { 0.0 };
+    }
+    let pressures = &recording.tank_pressure_pa.value;
+    if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
+        let mean = first.iter().sum::<f64>() / first.len() as f64;
+        if mean > 0.0 {
+            quiet.tank_mut().initial_pressure_pa = mean;
+        }
+    }
+    if let Some((start, slope)) = trend(&recording.bus_voltage_v) {
+        let loads = recording.wheel_torque_command_n_m.value.iter();
+        let (sum, count) =
+            loads.fold((0.0, 0usize), |(sum, n), u| (sum + u.iter().map(|x| x.abs()).sum::<f64>(), n + 1));
+        let load = quiet.bus.sag_v_n_m * sum / count.max(1) as f64;
+        quiet.bus.initial_v = start + load;
+        quiet.bus.discharge_v_s = if duration_s > 30.0 { -slope } else { 0.0 };
+    }
+    quiet
+}
+
+/// How fast weight lets the body swing at most, whatever its attitude [rad/s].
+fn swings_1_s(model: &PlatformModel) -> f64 {
+    if !model.freedom.has_weight() {
+        return 0.0;
+    }
+    let properties = &model.mass_properties;
+    let least_kg_m2 = properties.inertia_b_kg_m2().symmetric_eigenvalues().min();
+    (properties.gravity_offset_b_n_m().norm() / least_kg_m2).sqrt()
+}
+
+/// The plant with the fastest rate and wheel speeds that were read.
+fn moving_fastest(plant: &Plant, recording: &Recording) -> Plant {
+    let mut moving = plant.clone();
+    let rates = recording.gyro_b_rad_s.value.iter().copied();
+    let rate = rates.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared())).unwrap_or_default();
+    let wheels = plant.gyrostat().model().wheels().len();
+    let speeds = recording.wheel_speed_rad_s.value.iter();
+    let fastest = |j: usize| {
+        let of_wheel = speeds.clone().filter_map(|speeds| speeds.get(j));
+        of_wheel.copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
+    };
+    let speeds: Vec<f64> = (0..wheels).map(fastest).collect();
+    let _ = moving.set_motion(&plant.state().q_world_body, &rate, &speeds);
+    moving
+}
+
+/// Largest integration step \[ns\] for a motion as fast as this [1/s]. Stops may be fast whatever the motion is.
+fn step_ns(model: &PlatformModel, recording: &Recording, fastest_1_s: f64) -> i64 {
+    let times = &recording.gyro_b_rad_s.time_s;
+    let times = if times.is_empty() { &recording.wheel_speed_rad_s.time_s } else { times };
+    let slow_s = if model.tilt_limit.stops() || !model.effects.is_empty() {
+        STEP_AT_STOPS_S
+    } else {
+        SHARE_OF_SAMPLE * typical_step_s(times)
+    };
+    ns(slow_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
+}
+
+/// Value at time zero and slope of the least-squares line.
+fn trend(series: &Series<f64>) -> Option<(f64, f64)> {
+    let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
+    Some((line.at(0.0), line.slope))
+}

@@ -1,0 +1,59 @@
+//! The state at the first reading.
+
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
+use whorl_dynamics::Plant;
+use whorl_dynamics::plant::{RATE, ROTATION};
+use whorl_math::quaternion_exp;
+
+use crate::layout::Layout;
+
+/// The state at the first reading: a normal distribution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// What the coordinates of `covariance` and `beside` are.
+    pub layout: Layout,
+    /// Attitude, v_world = q v_body.
+    pub q_world_body: UnitQuaternion<f64>,
+    /// Body rate, body axes [rad/s].
+    pub omega_wb_b_rad_s: Vector3<f64>,
+    /// Wheel speeds relative to the body [rad/s].
+    pub wheel_speed_rad_s: Vec<f64>,
+    /// Hidden states of effects.
+    pub hidden: Vec<f64>,
+    /// Disturbance and biases at their places in the layout; the plant's entries are zero.
+    pub beside: DVector<f64>,
+    /// Covariance, in the layout's coordinates and units.
+    pub covariance: DMatrix<f64>,
+}
+
+impl Start {
+    /// The same distribution about another mean: changed by coordinates of the layout.
+    #[must_use]
+    pub fn moved(&self, change: &DVector<f64>) -> Self {
+        let mut moved = self.clone();
+        let of = |from: usize| Vector3::from_fn(|i, _| change[from + i]);
+        moved.q_world_body *= quaternion_exp(&of(ROTATION.start));
+        moved.omega_wb_b_rad_s += of(RATE.start);
+        for (i, speed) in self.layout.plant.wheels().zip(&mut moved.wheel_speed_rad_s) {
+            *speed += change[i];
+        }
+        for (i, x) in self.layout.plant.hidden().zip(&mut moved.hidden) {
+            *x += change[i];
+        }
+        for i in self.layout.plant.size()..self.layout.size() {
+            moved.beside[i] += change[i];
+        }
+        moved
+    }
+
+    /// Puts a plant into its mean.
+    pub(crate) fn put(&self, plant: &mut Plant) {
+        // Of another number of wheels it cannot be: the recording was checked against the model.
+        let _ = plant.set_motion(&self.q_world_body, &self.omega_wb_b_rad_s, &self.wheel_speed_rad_s);
+        let mut change = vec![0.0; self.layout.plant.size()];
+        for ((i, wanted), now) in self.layout.plant.hidden().zip(&self.hidden).zip(plant.state().hidden) {
+            change[i] = wanted - now;
+        }
+        plant.change_state(&change);
+    }
+}

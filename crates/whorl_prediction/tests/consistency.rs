@@ -1,0 +1,76 @@
+//! With the true model, innovations are white and of the predicted size, and so is every prediction ahead: on any rig.
+
+#![expect(clippy::unwrap_used, reason = "a test stops at a broken precondition")]
+
+mod rigs;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use whorl_prediction::{Noise, Prepared, Settings, Told, fitted_start, predict};
+use whorl_recording::Component;
+
+fn judged(seed: u64) -> (String, Vec<(String, f64, f64)>) {
+    let rig = rigs::drawn(seed);
+    let case = Prepared::new(&rig.recording, &rig.model, Settings::default()).unwrap();
+    let noise = Noise::stated(case.model(), rig.recording.vectors.len());
+    let fitted = fitted_start(&case, &noise);
+    let duration = rig.recording.duration_s();
+    let horizons: Vec<f64> = [0.1, 1.0, 10.0].into_iter().filter(|h| *h < 0.5 * duration).collect();
+    let mut sums = BTreeMap::<(usize, Component), (f64, f64)>::new();
+    let found = predict(&case, &noise, &fitted.start, &horizons, &mut |told| {
+        if let Told::Ahead(k, e) = told
+            && e.is_at_horizon
+        {
+            let s = sums.entry((k, e.error.component)).or_default();
+            s.0 += 1.0;
+            s.1 += e.error.normalised().powi(2);
+        }
+    });
+    assert!(!found.lost, "{}", rig.what);
+    let z = |chi: f64, n: f64| 3.0 * (4.5 * n).sqrt() * ((chi / n).cbrt() - 1.0 + 2.0 / (9.0 * n)) / 3.0;
+    let n = found.numbers as f64 - fitted.determined;
+    let mut out = vec![("innovations".to_owned(), (found.chi_squared / n).sqrt(), z(found.chi_squared, n))];
+    for ((k, component), (n, chi)) in sums {
+        out.push((
+            format!("{} s {}", horizons[k], component.name(&["0", "1", "2"])),
+            (chi / n).sqrt(),
+            z(chi, n),
+        ));
+    }
+    (rig.what, out)
+}
+
+/// Of these rigs, how many statistics are outside their 99 % band, of how many.
+fn outside(seeds: Range<u64>) -> (usize, usize) {
+    let (mut all, mut outside) = (0, 0);
+    for seed in seeds {
+        let (what, judged) = judged(seed);
+        // Half of one per cent either side of a standard normal; a number that is none is outside.
+        let bad: Vec<_> = judged.iter().filter(|(.., z)| z.is_nan() || z.abs() > 2.576).collect();
+        all += judged.len();
+        outside += bad.len();
+        if !bad.is_empty() {
+            println!("{what}\n   {} of {}: {bad:?}", bad.len(), judged.len());
+        }
+    }
+    println!("measured: {outside} of {all} statistics outside their 99 % band");
+    (outside, all)
+}
+
+#[test]
+fn errors_are_as_large_as_predicted() {
+    // A hundredth is outside by chance, and no more than three hundredths in so few.
+    let (outside, all) = outside(0..14);
+    assert!(all > 150 && outside * 100 <= 3 * all, "{outside} of {all}");
+}
+
+/// A hundredth, and as many more as one standard deviation of the count.
+#[test]
+fn errors_of_hundreds_of_rigs_are_as_large_as_predicted() {
+    if whorl_tests::slow("consistency of 300 rigs") {
+        let (outside, all) = outside(1000..1300);
+        let most = 0.01 * all as f64 + (0.01 * all as f64).sqrt();
+        assert!(outside as f64 <= most, "{outside} of {all}");
+    }
+}
