@@ -2,10 +2,10 @@
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
-use whorl_recording::{Mounting, Recording, Series};
+use whorl_recording::{Mounting, Recording};
 use whorl_trajectory::commands::{Commands, ns};
-use whorl_trajectory::line::Line;
 use whorl_trajectory::noise::typical_step_s;
+use whorl_trajectory::quiet;
 
 use crate::error::PredictionError;
 use crate::readings::{Track, tracks};
@@ -159,34 +159,6 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// The model without noise, with the supplies of this run.
-fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
-    let mut quiet = model.clone();
-    let sensors = &mut quiet.sensors;
-    sensors.silence();
-    let duration_s = recording.duration_s();
-    if let Some((start, slope)) = trend(&recording.temperature_k) {
-        sensors.ambient_temperature_k = start;
-        sensors.temperature_drift_k_s = if duration_s > 30.0 { slope } else { 0.0 };
-    }
-    let pressures = &recording.tank_pressure_pa.value;
-    if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
-        let mean = first.iter().sum::<f64>() / first.len() as f64;
-        if mean > 0.0 {
-            quiet.tank_mut().initial_pressure_pa = mean;
-        }
-    }
-    if let Some((start, slope)) = trend(&recording.bus_voltage_v) {
-        let loads = recording.wheel_torque_command_n_m.value.iter();
-        let (sum, count) =
-            loads.fold((0.0, 0usize), |(sum, n), u| (sum + u.iter().map(|x| x.abs()).sum::<f64>(), n + 1));
-        let load = quiet.bus.sag_v_n_m * sum / count.max(1) as f64;
-        quiet.bus.initial_v = start + load;
-        quiet.bus.discharge_v_s = if duration_s > 30.0 { -slope } else { 0.0 };
-    }
-    quiet
-}
-
 /// How fast weight lets the body swing at most, whatever its attitude [rad/s].
 fn swings_1_s(model: &PlatformModel) -> f64 {
     if !model.freedom.has_weight() {
@@ -223,10 +195,4 @@ fn step_ns(model: &PlatformModel, recording: &Recording, fastest_1_s: f64) -> i6
         SHARE_OF_SAMPLE * typical_step_s(times)
     };
     ns(slow_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
-}
-
-/// Value at time zero and slope of the least-squares line.
-fn trend(series: &Series<f64>) -> Option<(f64, f64)> {
-    let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
-    Some((line.at(0.0), line.slope))
 }

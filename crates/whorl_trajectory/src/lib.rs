@@ -7,6 +7,7 @@
 //! - [`bins`]: means of samples over equal stretches of time;
 //! - [`line`](mod@line): straight lines through neighbouring samples;
 //! - [`commands`]: commands of a run, as the model's actuators receive them;
+//! - [`quiet()`]: the model without noise, with the run's supplies;
 //! - [`gimbals`]: the measured motion of gimbals;
 //! - [`smoothing`]: attitude, rate, wheel speeds and sensor biases from all of a run's data;
 //! - [`residual_torque`]: the unexplained torque over time;
@@ -17,6 +18,7 @@ pub mod commands;
 pub mod gimbals;
 pub mod line;
 pub mod noise;
+mod quiet;
 mod refusal;
 mod residual;
 pub mod smoothing;
@@ -25,5 +27,6 @@ pub mod spectrum;
 mod tests;
 pub mod wheel_torque;
 
+pub use quiet::quiet;
 pub use refusal::{Needs, Refusal, check};
 pub use residual::{ResidualTorque, residual_torque};

@@ -1,0 +1,46 @@
+//! A model as a recording's prediction needs it.
+
+use whorl_dynamics::PlatformModel;
+use whorl_recording::{Recording, Series};
+
+use crate::line::Line;
+
+/// The model without noise, with the supplies of this run: temperature, tank pressure and bus voltage as they were recorded.
+#[must_use]
+pub fn quiet(model: &PlatformModel, recording: &Recording) -> PlatformModel {
+    let mut quiet = model.clone();
+    let sensors = &mut quiet.sensors;
+    sensors.silence();
+    let duration_s = recording.duration_s();
+    if let Some((start, slope)) = trend(&recording.temperature_k) {
+        sensors.ambient_temperature_k = start;
+        sensors.temperature_drift_k_s = if duration_s > 30.0 { slope } else { 0.0 };
+    }
+    let pressures = &recording.tank_pressure_pa.value;
+    if let Some(first) = pressures.get(..pressures.len().min(5)).filter(|p| !p.is_empty()) {
+        let mean = first.iter().sum::<f64>() / first.len() as f64;
+        if mean > 0.0 {
+            quiet.tank_mut().initial_pressure_pa = mean;
+        }
+    }
+    if let Some((start, slope)) = trend(&recording.bus_voltage_v) {
+        let load = quiet.bus.sag_v_n_m
+            * mean_of(
+                recording.wheel_torque_command_n_m.value.iter().map(|u| u.iter().map(|x| x.abs()).sum()),
+            );
+        quiet.bus.initial_v = start + load;
+        quiet.bus.discharge_v_s = if duration_s > 30.0 { -slope } else { 0.0 };
+    }
+    quiet
+}
+
+fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0usize), |(s, n), x| (s + x, n + 1));
+    sum / count.max(1) as f64
+}
+
+/// Value at time zero and slope of the least-squares line.
+fn trend(series: &Series<f64>) -> Option<(f64, f64)> {
+    let line = Line::through(series.time_s.iter().copied().zip(series.value.iter().copied()))?;
+    Some((line.at(0.0), line.slope))
+}
