@@ -104,7 +104,7 @@ impl Ahead {
         }
         self.stretch = Some(Stretch {
             plant,
-            event: filter.event(),
+            event: filter.event,
             beside,
             covariance,
             transition: DMatrix::identity(layout.moving(), layout.moving()),

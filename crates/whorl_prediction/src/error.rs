@@ -20,14 +20,14 @@ pub enum PredictionError {
         /// Name of the run.
         run: String,
     },
-    /// A sensor was recorded whose noise is neither stated nor shown by the data.
+    /// A sensor was recorded that has no noise.
     #[error(
-        "{run}: the noise of the {channel} is stated as zero, and its readings show none; state it in the platform's file"
+        "{run}: {channel} was recorded, and its noise is stated as zero; state in the platform's file what one sample scatters by"
     )]
     NoNoise {
         /// Name of the run.
         run: String,
-        /// Which channel.
+        /// Which component of which channel.
         channel: String,
     },
 }

@@ -72,7 +72,8 @@ pub(crate) struct Filter<'a> {
     fastest_1_s: f64,
     /// What a step of this length does to errors with the present derivatives.
     over_step: Option<(i64, Step)>,
-    event: usize,
+    /// The next command.
+    pub event: usize,
     cursor: Cursor,
     pub origin: Option<Origin>,
     /// The motion is no longer finite.
@@ -243,11 +244,6 @@ impl<'a> Filter<'a> {
         }
     }
 
-    /// The next command.
-    pub fn event(&self) -> usize {
-        self.event
-    }
-
     /// Variance that a coordinate gains by its own random walk in this time \[s\].
     pub fn walk_variance(&self, i: usize, after_s: f64) -> f64 {
         let (layout, sensors) = (self.layout, &self.case.model().sensors);
@@ -290,15 +286,7 @@ impl<'a> Filter<'a> {
 
     /// What these readings show of the state.
     pub fn rows(&self, due: &[(usize, usize)]) -> Vec<Row> {
-        let seen = Seen {
-            case: self.case,
-            noise: self.noise,
-            layout: self.layout,
-            plant: &self.plant,
-            beside: &self.beside,
-            linearised: &self.linearised,
-        };
-        seen.rows(due)
+        self.rows_of(&self.plant, &self.beside, due)
     }
 
     /// What the same readings show of another state close by.
@@ -322,9 +310,10 @@ impl<'a> Filter<'a> {
             let a = &self.covariance * &row.by_state;
             let s = row.by_state.dot(&a) + row.variance;
             let value = row.value - row.by_state.dot(&change);
+            // Every reading has noise: without a variance the covariance is beyond repair, without a value the motion.
             if !(s > 0.0 && s.is_finite() && value.is_finite()) {
-                self.lost |= !value.is_finite();
-                continue;
+                self.lost = true;
+                return;
             }
             told(&Innovation {
                 time_s,

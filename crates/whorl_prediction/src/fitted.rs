@@ -14,17 +14,24 @@ const FIRST_PART: f64 = 1.0 / 64.0;
 const FEWEST_INSTANTS: usize = 20;
 /// More of the run says nothing new of the start when its deviations change by less than this share.
 const SETTLED: f64 = 0.01;
+/// Part of a run by which the likeliest of several guesses is chosen.
+const SHARE_TO_CHOOSE: f64 = 0.25;
+/// What is tried of a step that makes a part less likely as a whole.
+const SHARES_OF_A_STEP: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.03];
+/// Parts and narrowings at most; six doublings reach the whole run, and two or three narrowings follow.
+const MOST_ROUNDS: usize = 24;
 /// Share of a variance below which a direction counts as certain: rounding of a covariance.
 const CERTAIN: f64 = 1e-14;
 
 /// A start that the run shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FittedStart {
-    /// The likeliest start, with the covariance from before the run: where a filter begins.
+    /// The likeliest start, where a filter begins: its covariance has what was known before the run, and the share
+    /// [`crate::Settings::start_kept`] of what the run says.
     pub start: Start,
     /// Covariance given all readings that were looked at, in the layout's coordinates.
     pub covariance: DMatrix<f64>,
-    /// How many numbers the run determined of it: the trace of one less posterior over prior covariance.
+    /// How many numbers the run determined of it: the sum of one less variance after the run over variance before.
     pub determined: f64,
     /// Whether it stood still at the end.
     pub stands: bool,
@@ -37,11 +44,13 @@ pub fn fitted_start(case: &Prepared<'_>, noise: &Noise) -> FittedStart {
     let wide = Start::wide(case, noise);
     let guesses = guesses(case, &wide);
     if let [only] = guesses.as_slice() {
-        return follow(case, noise, only.clone(), f64::INFINITY).0;
+        return follow(case, noise, only.clone(), 1.0).0;
     }
-    let tried = guesses.into_iter().map(|guess| follow(case, noise, guess, 0.25));
+    let tried = guesses.into_iter().map(|guess| follow(case, noise, guess, SHARE_TO_CHOOSE));
     let best = tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(fitted, _)| fitted.start);
-    follow(case, noise, best.unwrap_or(wide), f64::INFINITY).0
+    // What was known before is no more than it was.
+    let best = best.map(|best| Start { covariance: wide.covariance.clone(), ..best });
+    follow(case, noise, best.unwrap_or(wide), 1.0).0
 }
 
 /// Improves a start by longer and longer parts of the run, up to a share of it; with the log likelihood of the last part.
@@ -51,47 +60,27 @@ pub fn fitted_start(case: &Prepared<'_>, noise: &Noise) -> FittedStart {
 /// known before the run would be linear over angles for which the motion is not, however good its mean has become.
 fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, share: f64) -> (FittedStart, f64) {
     let instants = case.instants();
-    let whole = ((instants as f64 * share).min(instants as f64) as usize).max(FEWEST_INSTANTS);
+    let whole = ((instants as f64 * share) as usize).max(FEWEST_INSTANTS);
     let mut part = ((instants as f64 * FIRST_PART) as usize).max(FEWEST_INSTANTS).min(whole);
     let known_before = start.covariance.clone();
     let mut best = Passed::over(case, noise, start, part);
-    loop {
-        let mut stands = false;
-        for _ in 0..case.settings().start_passes {
-            let Some(next) = best.improved(case, noise, part) else {
-                stands = true;
-                break;
-            };
-            stands = next.log - best.log <= case.settings().start_stands_nats;
-            best = next;
-            if stands {
-                break;
-            }
-        }
+    let mut stands = false;
+    for _ in 0..MOST_ROUNDS {
+        stands = best.improve(case, noise, part);
         let narrowed = narrowed(&known_before, &best.own, case.settings().start_kept);
+        let begun = best.start.covariance.diagonal();
+        let becomes = |judge: fn(f64, f64) -> bool| {
+            begun.iter().zip(narrowed.diagonal().iter()).all(|(now, next)| judge(*now, *next))
+        };
         // What is narrow already has nothing to gain.
-        let done = part >= whole
-            && best
-                .start
-                .covariance
-                .diagonal()
-                .iter()
-                .zip(narrowed.diagonal().iter())
-                .all(|(now, next)| *now <= 2.0 * next);
-        if done {
-            return (best.fitted(&known_before, stands), best.log);
+        if part >= whole && becomes(|now, next| now <= 2.0 * next) {
+            break;
         }
-        let settled = best
-            .start
-            .covariance
-            .diagonal()
-            .iter()
-            .zip(narrowed.diagonal().iter())
-            .all(|(now, next)| (now - next).abs() <= 2.0 * SETTLED * now);
+        let settled = becomes(|now, next| (now - next).abs() <= 2.0 * SETTLED * now);
         part = if settled { whole } else { (2 * part).min(whole) };
-        let start = Start { covariance: narrowed, ..best.start };
-        best = Passed::over(case, noise, start, part);
+        best = Passed::over(case, noise, Start { covariance: narrowed, ..best.start }, part);
     }
+    (best.fitted(&known_before, stands), best.log)
 }
 
 /// A covariance with this share of the information that a run adds to what was known before: `own` is what both say together.
@@ -141,9 +130,22 @@ impl Passed {
         Self { start, log, shift, own }
     }
 
+    /// Moves the start until the part is hardly likelier with another one; whether it is.
+    fn improve(&mut self, case: &Prepared<'_>, noise: &Noise, part: usize) -> bool {
+        for _ in 0..case.settings().start_passes {
+            let Some(next) = self.improved(case, noise, part) else { return true };
+            let gain = next.log - self.log;
+            *self = next;
+            if gain <= case.settings().start_stands_nats {
+                return true;
+            }
+        }
+        false
+    }
+
     /// A start that makes the part likelier; `None` where none is found.
     fn improved(&self, case: &Prepared<'_>, noise: &Noise, part: usize) -> Option<Self> {
-        [1.0, 0.5, 0.25, 0.1, 0.03].into_iter().find_map(|share| {
+        SHARES_OF_A_STEP.into_iter().find_map(|share| {
             let tried = Self::over(case, noise, self.start.moved(&(&self.shift * share)), part);
             (tried.log > self.log).then_some(tried)
         })

@@ -20,7 +20,9 @@ impl Start {
         let gyro = &recording.gyro_b_rad_s.value;
         let first = gyro.first().copied().unwrap_or_default();
         let rate_stddev = settings.start_readings
-            * noise.gyro().amax().hypot(model.sensors.gyro.errors.bias_turn_on_stddev.amax());
+            * Vector3::from(noise.gyro_rad_s)
+                .amax()
+                .hypot(model.sensors.gyro.errors.bias_turn_on_stddev.amax());
         let rate = model.freedom.rate_from_gyro_b_rad_s(&first, recording.gyro_axes()).unwrap_or_default();
         let speeds = &recording.wheel_speed_rad_s.value;
         let wheels = model.wheels().len();
@@ -65,12 +67,11 @@ impl Start {
 }
 
 fn layout(case: &Prepared<'_>, noise: &Noise) -> Layout {
-    let (sensors, recording) = (&case.model().sensors, case.recording());
+    let sensors = &case.model().sensors;
     let there = |channel| case.tracks().iter().any(|track| track.channel == channel);
     let biased = |errors: &whorl_dynamics::platform::TriaxialErrors| {
         errors.bias_turn_on_stddev != Vector3::zeros() || errors.bias_walk != Vector3::zeros()
     };
-    let _ = recording;
     Layout::new(
         case.plant().tangent(),
         noise.disturbance.is_some() && !case.is_clamped(),
@@ -79,7 +80,8 @@ fn layout(case: &Prepared<'_>, noise: &Noise) -> Layout {
     )
 }
 
-/// The torque with which what is left of an earlier motion may push at the start: of a motion as fast as any in the run.
+/// The torque with which what is left of an earlier motion may push at the start \[N m\]: what takes a second to give the body
+/// the fastest rate of the run.
 fn rest_torque_n_m(case: &Prepared<'_>) -> f64 {
     let gyro = &case.recording().gyro_b_rad_s;
     let inertia = case.model().mass_properties.inertia_b_kg_m2().trace() / 3.0;
@@ -182,33 +184,21 @@ pub(crate) fn guesses(case: &Prepared<'_>, wide: &Start) -> Vec<Start> {
     if case.is_clamped() || !weight || sees(Channel::Accelerometer) || sees(Channel::Vector) {
         return vec![wide.clone()];
     }
-    let turned = |turn: Vector3<f64>| {
-        let mut start = wide.clone();
-        start.q_world_body *= quaternion_exp(&turn);
-        start
-    };
-    match model.freedom.hinge_axis_b() {
+    let from = |q_world_body| Start { q_world_body, ..wide.clone() };
+    let turns = (0..6).map(|k| std::f64::consts::TAU * f64::from(k) / 6.0);
+    let others: Vec<Start> = match model.freedom.hinge_axis_b() {
         // The shaft may lie, and the body hang anywhere about it.
         Some(axis) => {
             let down = hanging(&axis, model.mass_properties.gravity_offset_b_n_m());
-            let mut starts = vec![wide.clone()];
-            starts.extend((0..6).map(|k| {
-                let angle = std::f64::consts::TAU * f64::from(k) / 6.0;
-                let mut start = wide.clone();
-                start.q_world_body = down * quaternion_exp(&(axis.into_inner() * angle));
-                start
-            }));
-            starts
+            turns.map(|angle| from(down * quaternion_exp(&(axis.into_inner() * angle)))).collect()
         }
-        None => {
-            let mut starts = vec![wide.clone()];
-            starts.extend((0..6).map(|k| {
-                let angle = std::f64::consts::TAU * f64::from(k) / 6.0;
-                turned(Vector3::new(angle.cos(), angle.sin(), 0.0) * 0.3)
-            }));
-            starts
-        }
-    }
+        // Tilted to every side.
+        None => turns
+            .map(|angle| Vector3::new(angle.cos(), angle.sin(), 0.0) * case.settings().start_force_rad)
+            .map(|tilt| from(wide.q_world_body * quaternion_exp(&tilt)))
+            .collect(),
+    };
+    std::iter::once(wide.clone()).chain(others).collect()
 }
 
 /// The attitude in which the shaft lies level and the centre of mass hangs below it.

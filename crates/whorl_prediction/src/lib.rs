@@ -26,7 +26,7 @@
 //! }
 //!
 //! let case = Prepared::new(&recording, &model, Settings::default())?;
-//! let noise = Noise::stated(case.model(), 0);
+//! let noise = Noise::stated(&case)?;
 //! let fitted = fitted_start(&case, &noise);
 //! let found = predict(&case, &noise, &fitted.start, &[], &mut |_| {});
 //! let ratio = (found.chi_squared / (found.numbers as f64 - fitted.determined)).sqrt();

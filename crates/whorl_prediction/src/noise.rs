@@ -1,9 +1,10 @@
 //! What is uncertain of readings and motion: the numbers that a filter is run with.
 
-use nalgebra::Vector3;
 use serde::Serialize;
-use whorl_dynamics::PlatformModel;
 use whorl_recording::{Channel, Component};
+
+use crate::error::PredictionError;
+use crate::prepared::Prepared;
 
 /// Standard deviations of one reading, and of what pushes the platform that its model does not have.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -41,17 +42,27 @@ impl Disturbance {
 }
 
 impl Noise {
-    /// As the model's sensor parameters state it, for so many vector sensors; steps of the digits included, without any
-    /// torque besides what the model has.
-    #[must_use]
-    pub fn stated(model: &PlatformModel, vectors: usize) -> Self {
-        let sensors = &model.sensors;
-        Self {
+    /// As the model's sensor parameters state it; steps of the digits included, without any torque besides what the model has.
+    ///
+    /// # Errors
+    /// A sensor that was recorded has no noise: nothing could be weighed against anything.
+    pub fn stated(case: &Prepared<'_>) -> Result<Self, PredictionError> {
+        let (sensors, recording) = (&case.model().sensors, case.recording());
+        let noise = Self {
             gyro_rad_s: sensors.gyro.errors.one_sample_stddev().into(),
             force_m_s2: sensors.accelerometer.errors.one_sample_stddev().into(),
-            vector_rad: vec![sensors.vector.map_or(0.0, |v| v.noise_stddev_rad); vectors],
+            vector_rad: vec![sensors.vector.map_or(0.0, |v| v.noise_stddev_rad); recording.vectors.len()],
             wheel_speed_rad_s: sensors.wheel_speed.one_sample_stddev_rad_s(),
             disturbance: Disturbance::NONE,
+        };
+        let wheels: Vec<&str> = case.model().wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+        let mut components = case.tracks().iter().flat_map(|track| &track.components);
+        match components.find(|component| !noise.of(**component).is_normal()) {
+            None => Ok(noise),
+            Some(component) => Err(PredictionError::NoNoise {
+                run: recording.name.clone(),
+                channel: component.name(&wheels),
+            }),
         }
     }
 
@@ -67,24 +78,5 @@ impl Noise {
             _ => None,
         };
         found.copied().unwrap_or(f64::NAN)
-    }
-
-    /// The same with one component's standard deviation replaced; both sides of a direction and all wheels share theirs.
-    pub fn set(&mut self, component: Component, stddev: f64) {
-        let index = component.index();
-        let slot = match component.channel {
-            Channel::Gyro => self.gyro_rad_s.get_mut(index),
-            Channel::Accelerometer => self.force_m_s2.get_mut(index),
-            Channel::Vector => self.vector_rad.get_mut(component.sensor()),
-            Channel::WheelSpeed => Some(&mut self.wheel_speed_rad_s),
-            _ => None,
-        };
-        slot.into_iter().for_each(|slot| *slot = stddev);
-    }
-
-    /// Square of the gyro's noise by axis; for tests of units.
-    #[must_use]
-    pub fn gyro(&self) -> Vector3<f64> {
-        self.gyro_rad_s.into()
     }
 }

@@ -13,7 +13,7 @@ use whorl_recording::Component;
 fn judged(seed: u64) -> (String, Vec<(String, f64, f64)>) {
     let rig = rigs::drawn(seed);
     let case = Prepared::new(&rig.recording, &rig.model, Settings::default()).unwrap();
-    let noise = Noise::stated(case.model(), rig.recording.vectors.len());
+    let noise = Noise::stated(&case).unwrap();
     let fitted = fitted_start(&case, &noise);
     let duration = rig.recording.duration_s();
     let horizons: Vec<f64> = [0.1, 1.0, 10.0].into_iter().filter(|h| *h < 0.5 * duration).collect();
@@ -73,4 +73,29 @@ fn errors_of_hundreds_of_rigs_are_as_large_as_predicted() {
         let most = 0.01 * all as f64 + (0.01 * all as f64).sqrt();
         assert!(outside as f64 <= most, "{outside} of {all}");
     }
+}
+
+/// Nothing sees a direction: of several attitudes at the start the likeliest is found.
+#[test]
+fn a_pendulum_that_only_a_gyro_sees_is_explained() {
+    let mut rig = rigs::drawn(10);
+    rig.recording.vectors.clear();
+    rig.recording.specific_force_b_m_s2 = whorl_recording::Series::default();
+    let case = Prepared::new(&rig.recording, &rig.model, Settings::default()).unwrap();
+    let noise = Noise::stated(&case).unwrap();
+    let fitted = fitted_start(&case, &noise);
+    let found = predict(&case, &noise, &fitted.start, &[], &mut |_| {});
+    let degrees = found.numbers as f64 - fitted.determined;
+    let ratio = (found.chi_squared / degrees).sqrt();
+    // The root of a chi-squared variable over its degrees of freedom scatters by the root of one over twice these.
+    assert!((ratio - 1.0).abs() < 3.0 * (0.5 / degrees).sqrt(), "{}: {ratio}", rig.what);
+}
+
+#[test]
+fn a_sensor_without_noise_is_refused() {
+    let mut rig = rigs::drawn(0);
+    rig.model.sensors.gyro.errors.noise_stddev = nalgebra::Vector3::zeros();
+    let case = Prepared::new(&rig.recording, &rig.model, Settings::default()).unwrap();
+    let error = Noise::stated(&case).unwrap_err().to_string();
+    assert!(error.contains("drawn: gyro_z was recorded, and its noise is stated as zero"), "{error}");
 }

@@ -77,7 +77,7 @@ fn the_likelihood_is_that_of_a_dense_normal() {
     let reference: Value = serde_json::from_str(include_str!("dense/turntable.json")).unwrap();
     let (model, recording) = (turntable(), recording(&reference));
     let case = Prepared::new(&recording, &model, Settings::default()).unwrap();
-    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(case.model(), 1) };
+    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(&case).unwrap() };
     let mut start = Start::wide(&case, &noise);
     start.q_world_body = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.3);
     start.omega_wb_b_rad_s = Vector3::new(0.0, 0.0, 0.1);

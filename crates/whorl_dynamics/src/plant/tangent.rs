@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, Matrix3, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector3};
 use whorl_math::quaternion_exp;
 
 use super::Plant;
@@ -52,6 +52,21 @@ impl Tangent {
     #[must_use]
     pub fn size(&self) -> usize {
         RATE.end + self.wheels + self.hidden
+    }
+
+    /// Central differences of what is seen one step to either side: rates of the coordinates (of the rotation none), and
+    /// what the inertial sensors read.
+    fn slope(&self, plus: &Seen, minus: &Seen, step: f64) -> (DVector<f64>, SVector<f64, 6>) {
+        let per = 0.5 / step;
+        let mut rates = DVector::zeros(self.size());
+        rates.fixed_rows_mut::<3>(RATE.start).copy_from(&((plus.omega_dot - minus.omega_dot) * per));
+        for (row, j) in self.wheels().zip(0..) {
+            rates[row] = (plus.wheels[j] - minus.wheels[j]) * per;
+        }
+        for (row, j) in self.hidden().zip(0..) {
+            rates[row] = (plus.hidden[j] - minus.hidden[j]) * per;
+        }
+        (rates, (plus.imu - minus.imu) * per)
     }
 }
 
@@ -135,16 +150,9 @@ impl Plant {
                 change_coordinate(&mut state, &tangent, i, step);
                 self.seen(&state, &self.drive)
             });
-            let per = 0.5 / step;
-            let rate = (plus.omega_dot - minus.omega_dot) * per;
-            found.rate_by_state.fixed_view_mut::<3, 1>(RATE.start, i).copy_from(&rate);
-            for (row, j) in tangent.wheels().zip(0..) {
-                found.rate_by_state[(row, i)] = (plus.wheels[j] - minus.wheels[j]) * per;
-            }
-            for (row, j) in tangent.hidden().zip(0..) {
-                found.rate_by_state[(row, i)] = (plus.hidden[j] - minus.hidden[j]) * per;
-            }
-            found.imu_by_state.column_mut(i).copy_from(&((plus.imu - minus.imu) * per));
+            let (rates, imu) = tangent.slope(&plus, &minus, step);
+            found.rate_by_state.column_mut(i).copy_from(&rates);
+            found.imu_by_state.column_mut(i).copy_from(&imu);
         }
         if turns {
             // da/dt = dw - w x a.
@@ -170,17 +178,9 @@ impl Plant {
                 drive.body_torque_b_n_m = own + Vector3::ith(axis, step);
                 self.seen(&self.state, &drive)
             });
-            let per = 0.5 / step;
-            let rate = (plus.omega_dot - minus.omega_dot) * per;
-            to.rate_by_torque.fixed_view_mut::<3, 1>(RATE.start, axis).copy_from(&rate);
-            for (row, j) in tangent.wheels().zip(0..) {
-                to.rate_by_torque[(row, axis)] = (plus.wheels[j] - minus.wheels[j]) * per;
-            }
-            for (row, j) in tangent.hidden().zip(0..) {
-                to.rate_by_torque[(row, axis)] = (plus.hidden[j] - minus.hidden[j]) * per;
-            }
-            let force = ((plus.imu - minus.imu) * per).fixed_rows::<3>(3).into_owned();
-            to.force_by_torque.set_column(axis, &force);
+            let (rates, imu) = tangent.slope(&plus, &minus, step);
+            to.rate_by_torque.column_mut(axis).copy_from(&rates);
+            to.force_by_torque.set_column(axis, &imu.fixed_rows::<3>(3));
         }
     }
 
@@ -290,5 +290,102 @@ fn change_coordinate(state: &mut State, tangent: &Tangent, i: usize, step: f64) 
         state.set_one_wheel_speed_rad_s(j, speed + step);
     } else if let Some(x) = tangent.hidden().position(|k| k == i).and_then(|j| state.hidden.get_mut(j)) {
         *x += step;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+    use crate::platform::TiltLimit;
+    use crate::{InitialState, PlatformModel};
+
+    /// A tumbling platform with turning wheels; nothing rubs, nothing stops it.
+    fn plant() -> Plant {
+        let mut model = PlatformModel::whorl_1_reference();
+        model.tilt_limit = TiltLimit::NONE;
+        for wheel in model.wheels_mut() {
+            (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (0.0, 0.0);
+        }
+        let start = InitialState {
+            q_world_body: UnitQuaternion::from_euler_angles(0.2, -0.3, 1.0),
+            omega_wb_b_rad_s: Vector3::new(0.1, -0.4, 0.6),
+            wheel_speed_rad_s: vec![20.0, -35.0, 50.0],
+            ..InitialState::default()
+        };
+        Plant::new(&model, &start, 1).unwrap()
+    }
+
+    /// The derivation on paper, [`crate::RateEquation::linearised`], which the filters use.
+    #[test]
+    fn differences_are_the_derivatives_on_paper() {
+        let plant = plant();
+        let mut found = plant.linearised();
+        plant.linearise_torque(&mut found);
+        let (model, state) = (plant.gyrostat().model(), plant.state());
+        let vertical = whorl_math::vertical_b(&state.q_world_body);
+        let momentum = plant.truth().momentum_b_n_m_s;
+        let offset = model.mass_properties.gravity_offset_b_n_m();
+        let equation = plant.gyrostat().rate_equation();
+        let paper = equation.linearised(&state.omega_wb_b_rad_s, &momentum, offset, &vertical);
+        let near = |what: &str, found: Matrix3<f64>, paper: Matrix3<f64>| {
+            assert!(
+                paper.amax() > 1e-3 && (found - paper).amax() < 1e-7 * (1.0 + paper.amax()),
+                "{what}: {found} {paper}"
+            );
+        };
+        let block =
+            |row: usize, column: usize| found.rate_by_state.fixed_view::<3, 3>(row, column).into_owned();
+        near("rate by rate", block(3, 3), paper.by_rate);
+        near("rate by rotation", block(3, 0), paper.by_attitude);
+        near("rate by torque", found.rate_by_torque.fixed_view::<3, 3>(3, 0).into_owned(), paper.by_torque);
+        near("rotation by rotation", block(0, 0), -whorl_math::skew(&state.omega_wb_b_rad_s));
+        near("rotation by rate", block(0, 3), Matrix3::identity());
+        for (wheel, i) in model.wheels().iter().zip(plant.tangent().wheels()) {
+            let by_speed =
+                paper.by_wheel_momentum * wheel.spin_axis_b.into_inner() * wheel.spin_inertia_kg_m2;
+            assert!((found.rate_by_state.fixed_view::<3, 1>(3, i) - by_speed).amax() < 1e-8);
+            // Without a torque on it a wheel keeps its speed in space: it loses what the body gains.
+            let of_wheel = -wheel.spin_axis_b.transpose() * block(3, 3);
+            assert!((found.rate_by_state.fixed_view::<1, 3>(i, 3) - of_wheel).amax() < 1e-12);
+        }
+        // The gyro reads the rate, and the accelerometer the vertical: k turns by k x a.
+        assert!((found.imu_by_state.fixed_view::<3, 3>(0, 3) - Matrix3::identity()).amax() < 1e-8);
+        let arm = Vector3::new(0.10, 0.05, 0.15);
+        let by_rotation = whorl_math::skew(&vertical) * whorl_math::GRAVITY_M_S2
+            - whorl_math::skew(&arm) * paper.by_attitude;
+        near("force by rotation", found.imu_by_state.fixed_view::<3, 3>(3, 0).into_owned(), by_rotation);
+        near("force by torque", found.force_by_torque, -whorl_math::skew(&arm) * paper.by_torque);
+    }
+
+    #[test]
+    fn a_change_moves_the_state_and_nothing_else() {
+        let (mut plant, before) = (plant(), plant());
+        plant.change_state(&[0.01, -0.02, 0.03, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0]);
+        let turned = before.state().q_world_body.rotation_to(&plant.state().q_world_body);
+        let in_body = before.state().q_world_body.inverse_transform_vector(&turned.scaled_axis());
+        assert!((in_body - Vector3::new(0.01, -0.02, 0.03)).norm() < 1e-14);
+        let rate = plant.state().omega_wb_b_rad_s - before.state().omega_wb_b_rad_s;
+        assert!((rate - Vector3::new(0.1, 0.2, 0.3)).norm() < 1e-15);
+        assert_eq!(plant.state().wheel_speed_rad_s()[..3], [21.0, -33.0, 53.0]);
+        assert_eq!(plant.now_ns(), before.now_ns());
+        let same = plant.clone();
+        plant.change_state(&[f64::NAN; 9]);
+        assert_eq!(plant.state(), same.state(), "numbers that are none are ignored");
+    }
+
+    /// Of a torque T that fades at rate r the impulse over t is T (1 - exp(-r t))/r, on a body that does not turn.
+    #[test]
+    fn a_disturbance_fades() {
+        let mut model = PlatformModel::whorl_1_reference();
+        model.freedom = crate::Freedom::Free;
+        model.wheels_mut().clear();
+        let mut plant = Plant::new(&model, &InitialState::default(), 1).unwrap();
+        plant.set_disturbance(Vector3::new(0.0, 0.0, 0.4), 2.0);
+        plant.advance_to(500_000_000).unwrap();
+        let axis = plant.gyrostat().rate_equation().resisting_b_kg_m2() * plant.state().omega_wb_b_rad_s;
+        let impulse = 0.4 * (1.0 - (-1.0_f64).exp()) / 2.0;
+        assert!((axis.z - impulse).abs() < 1e-4 * impulse, "{} for {impulse}", axis.z);
     }
 }
