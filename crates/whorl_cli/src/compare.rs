@@ -3,8 +3,8 @@
 use whorl_commands::compare::{as_json, refitted};
 use whorl_explain::{ComparedRun, compare, prediction_error};
 use whorl_math::three_digits;
-use whorl_validation::comparison::INITIAL_STATE_RULE;
-use whorl_validation::{Comparison, FloorSource};
+use whorl_validation::Comparison;
+use whorl_validation::comparison::PREDICTION_RULE;
 
 use crate::explain::ExplainArguments;
 use crate::output::say;
@@ -45,10 +45,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for (held_out, kind) in [(false, ""), (true, "held-out ")] {
         let count = compared.iter().filter(|run| run.held_out == held_out).count();
         if let Some(error) = prediction_error(&compared, held_out).filter(|_| count > 1) {
-            say!("All {count} {kind}runs: the prediction error is {error:.2} times the noise.");
+            say!(
+                "All {count} {kind}runs: the prediction error is {} times what noise explains.",
+                three_digits(error)
+            );
         }
     }
-    say!("\nInitial state: {INITIAL_STATE_RULE}.");
+    say!("\nPredictions: {PREDICTION_RULE}.");
     for run in &compared {
         say!("\n{}{}", run.comparison.run, if run.held_out { " (held out)" } else { "" });
         print_errors(&run.comparison);
@@ -80,38 +83,34 @@ fn said_of_refit(given: &[ComparedRun], refitted: &[ComparedRun]) -> String {
     )
 }
 
-/// RMS, ratio to the noise and fit of every channel at every horizon.
+/// RMS, ratio to the predicted deviation and fit of every channel at every horizon.
 fn print_errors(comparison: &Comparison) {
     let Some(first) = comparison.channels.first() else { return };
-    let mut headings: Vec<String> =
-        ["channel", "unit", "#noise", "from"].into_iter().map(str::to_owned).collect();
+    let mut headings: Vec<String> = ["channel", "unit", "#noise"].into_iter().map(str::to_owned).collect();
     for h in &first.horizons {
         let name = h.horizon_s.map_or_else(|| "run".to_owned(), |s| format!("{s} s"));
-        headings.extend([format!("#RMS {name}"), "#/noise".to_owned(), "#fit %".to_owned()]);
+        headings.extend([format!("#RMS {name}"), "#ratio".to_owned(), "#fit %".to_owned()]);
     }
     let row = |channel: &whorl_validation::comparison::ChannelErrors| {
         let (unit, factor) = channel.quantity.shown_unit();
-        let source = match channel.floor_source {
-            FloorSource::StillSegments => format!("still {:.0} s", channel.still_s),
-            FloorSource::SensorParameters => "parameters".to_owned(),
-        };
         let mut cells =
-            vec![channel.name.clone(), unit.to_owned(), three_digits(channel.noise_floor * factor), source];
+            vec![channel.name.clone(), unit.to_owned(), three_digits(channel.noise_floor * factor)];
         for h in &channel.horizons {
             let fit = h.fit_percent.map_or_else(|| "-".to_owned(), |f| format!("{f:.1}"));
-            cells.extend([three_digits(h.rms * factor), format!("{:.2}", h.ratio), fit]);
+            cells.extend([three_digits(h.rms * factor), three_digits(h.ratio), fit]);
         }
         cells
     };
     let rows: Vec<Vec<String>> = comparison.channels.iter().map(row).collect();
     print(&headings, &rows);
-    if let Some(a) = &comparison.absolute {
-        say!(
-            "  chi-squared per degree of freedom {:.3} (99 % band {:.3} to {:.3}), initial states fitted over {:.0} s",
-            a.chi_squared_per_degree,
-            a.band_99.0,
-            a.band_99.1,
-            a.stretch_s
-        );
+    let a = &comparison.absolute;
+    say!(
+        "  chi-squared per degree of freedom of the whole run {} (99 % band {:.3} to {:.3})",
+        three_digits(a.chi_squared_per_degree),
+        a.band_99.0,
+        a.band_99.1
+    );
+    if comparison.unexplained.is_some() {
+        say!("  unexplained: {}", comparison.unexplained);
     }
 }

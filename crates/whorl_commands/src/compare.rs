@@ -4,12 +4,12 @@ use anyhow::bail;
 use serde_json::json;
 use whorl_explain::adopt::versions;
 use whorl_explain::{Case, ComparedRun, Say, prediction_error};
-use whorl_validation::comparison::INITIAL_STATE_RULE;
+use whorl_validation::comparison::PREDICTION_RULE;
 
 use crate::options;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// All runs compared with the model as given, and with its own parameters refitted.
 ///
@@ -47,7 +47,7 @@ pub fn as_json(
     Ok(json!({
         "schema": SCHEMA,
         "platform": platform,
-        "initial_state_rule": INITIAL_STATE_RULE,
+        "prediction_rule": PREDICTION_RULE,
         "prediction_error": prediction_error(compared, false),
         "held_out_prediction_error": prediction_error(compared, true),
         "refitted": given.is_some(),

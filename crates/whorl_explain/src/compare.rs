@@ -32,22 +32,21 @@ pub fn compare(case: &Case<'_>, say: &mut Say<'_>) -> Result<Vec<ComparedRun>, E
     results.into_iter().collect()
 }
 
-/// Prediction error of a model relative to the noise, over all training or all held-out runs; `None` if no run could be
-/// tested. 1 = noise alone.
+/// Prediction error of a model, over all training or all held-out runs; `None` if no run is long enough. 1 = as good as the
+/// model says: noise alone.
 ///
-/// It is the root of the mean square, per degree of freedom, of the whitened prediction errors:
+/// It is the root of the mean square of all prediction errors, each over the deviation that the model predicts for it:
 ///
 /// - **samples**: every sample of gyro, accelerometer, vector sensors and wheel speeds;
-/// - **horizon**: stretches of 10 s (half the run for shorter ones), each predicted by the model and the recorded
-///   commands alone from its own initial state, which is fitted to the stretch;
-/// - **noise**: each channel's noise floor, measured where the platform is still, else from the sensor's parameters;
+/// - **horizon**: stretches of 10 s (a quarter of the run for shorter ones), each predicted by the model and the recorded
+///   commands alone from what a filter with this model knows at its beginning;
+/// - **deviation**: of the noise that the run shows, and of what the model alone leaves uncertain of the start;
 /// - **model**: the one given to [`compare`]; whether the platform's own parameters were refitted is in the
 ///   version's name ("as given", "base refitted", "with ...").
 #[must_use]
 pub fn prediction_error(runs: &[ComparedRun], held_out: bool) -> Option<f64> {
-    let all = runs.iter().filter(|r| r.held_out == held_out).filter_map(|r| r.comparison.absolute);
-    let (sum, degrees) = all.fold((0.0, 0.0), |(sum, degrees), test| {
-        (sum + test.chi_squared_per_degree * test.degrees as f64, degrees + test.degrees as f64)
-    });
-    (degrees > 0.0).then(|| (sum / degrees).sqrt())
+    let all = runs.iter().filter(|r| r.held_out == held_out).filter_map(|r| r.comparison.prediction);
+    let (squares, numbers) =
+        all.fold((0.0, 0), |(squares, numbers), of| (squares + of.squares, numbers + of.numbers));
+    (numbers > 0).then(|| (squares / numbers as f64).sqrt())
 }

@@ -7,12 +7,15 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 use whorl_dynamics::Plant;
 
+use crate::claims::Claims;
 use crate::filter::{Filter, Innovation};
 use crate::prepared::Prepared;
 
 /// Predictions over one horizon, stretch after stretch.
 pub(crate) struct Ahead {
     horizon_ns: i64,
+    /// Every reading on the way is told, not only those at the horizon.
+    is_shown: bool,
     stretch: Option<Stretch>,
 }
 
@@ -22,16 +25,17 @@ struct Stretch {
     event: usize,
     /// Biases as they were; no disturbance.
     beside: DVector<f64>,
-    /// Covariance at its start, without the disturbance, and the motion of errors since.
+    /// Covariance at its start as the model alone claims it, the motion of errors since, and what random torques have added.
     covariance: DMatrix<f64>,
     transition: DMatrix<f64>,
+    noise: Option<DMatrix<f64>>,
     from_ns: i64,
 }
 
 /// The error of a prediction ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AheadError {
-    /// Instant, component, sample, error and its predicted deviation; NaN where the horizon is not reached.
+    /// Instant, component, sample, error and its deviation as the model alone claims it, without disturbances.
     pub error: Innovation,
     /// What was read, in the channel's unit; of a direction NaN.
     pub reading: f64,
@@ -41,8 +45,9 @@ pub struct AheadError {
 
 impl Ahead {
     /// Over this time \[s\].
-    pub fn new(horizon_s: f64) -> Self {
-        Self { horizon_ns: whorl_trajectory::commands::ns(horizon_s).max(1), stretch: None }
+    pub fn new(horizon_s: f64, is_shown: bool) -> Self {
+        let horizon_ns = whorl_trajectory::commands::ns(horizon_s).max(1);
+        Self { horizon_ns, is_shown, stretch: None }
     }
 
     /// A filter has gone to the next instant and not yet taken in what is due there.
@@ -56,21 +61,31 @@ impl Ahead {
         let Some(stretch) = &mut self.stretch else { return };
         let now_ns = filter.plant.now_ns();
         let end_ns = stretch.from_ns + self.horizon_ns;
-        if now_ns > end_ns || !case.run_to(&mut stretch.plant, &mut stretch.event, now_ns) {
-            // Lost, or due to begin anew.
+        if now_ns > end_ns {
             self.stretch = None;
             return;
         }
-        stretch.transition = &filter.transition * &stretch.transition;
+        if let Some(claims) = &filter.claims {
+            stretch.carry(claims);
+        }
+        let is_at_horizon = |track: usize, sample: usize| {
+            let following = case.tracks().get(track).and_then(|track| track.instant_ns(sample + 1));
+            following.is_some_and(|next_ns| next_ns > end_ns)
+        };
+        if !(self.is_shown || due.iter().any(|(track, sample)| is_at_horizon(*track, *sample))) {
+            return;
+        }
+        if !case.run_to(&mut stretch.plant, &mut stretch.event, now_ns) {
+            self.stretch = None;
+            return;
+        }
         for row in filter.rows_of(&stretch.plant, &stretch.beside, due) {
-            let track = case.tracks().get(row.track);
-            let following = track.and_then(|track| track.instant_ns(row.sample + 1));
-            let is_at_horizon = following.is_some_and(|next_ns| next_ns > end_ns);
-            let mut variance = f64::NAN;
-            if is_at_horizon {
-                variance = stretch.variance(filter, &row.by_state, (now_ns - stretch.from_ns) as f64 * 1e-9)
-                    + row.variance;
+            let is_at_horizon = is_at_horizon(row.track, row.sample);
+            if !(self.is_shown || is_at_horizon) {
+                continue;
             }
+            let after_s = (now_ns - stretch.from_ns) as f64 * 1e-9;
+            let variance = stretch.variance(filter, &row.by_state, after_s) + row.variance;
             told(&AheadError {
                 error: Innovation {
                     time_s: now_ns as f64 * 1e-9,
@@ -93,34 +108,39 @@ impl Ahead {
             return;
         }
         let layout = filter.layout;
-        let mut covariance = filter.covariance.clone();
         let mut beside = filter.beside.clone();
         let mut plant = filter.plant.clone();
         plant.set_disturbance(Vector3::zeros(), 0.0);
-        for i in layout.disturbance() {
-            beside[i] = 0.0;
-            covariance.row_mut(i).fill(0.0);
-            covariance.column_mut(i).fill(0.0);
-        }
+        beside.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
         self.stretch = Some(Stretch {
             plant,
             event: filter.event,
             beside,
-            covariance,
+            covariance: filter.claimed().clone(),
             transition: DMatrix::identity(layout.moving(), layout.moving()),
+            noise: filter.has_own_noise().then(|| DMatrix::zeros(layout.moving(), layout.moving())),
             from_ns: now_ns,
         });
     }
 }
 
 impl Stretch {
+    /// Carries errors on to where the filter is.
+    fn carry(&mut self, claims: &Claims) {
+        self.transition = &claims.transition * &self.transition;
+        if let Some((noise, added)) = self.noise.as_mut().zip(claims.noise.as_ref()) {
+            *noise = &claims.transition * &*noise * claims.transition.transpose() + added;
+        }
+    }
+
     /// Variance of what these derivatives show, after so long \[s\].
     fn variance(&self, filter: &Filter<'_>, by_state: &DVector<f64>, after_s: f64) -> f64 {
         let (m, n) = (filter.layout.moving(), filter.layout.size());
         let mut at_start = by_state.clone();
-        let moved = self.transition.transpose() * by_state.rows(0, m);
-        at_start.rows_mut(0, m).copy_from(&moved);
-        let grown: f64 = (0..n).map(|i| filter.walk_variance(i, after_s) * by_state[i].powi(2)).sum();
-        at_start.dot(&(&self.covariance * &at_start)) + grown
+        at_start.rows_mut(0, m).gemv_tr(1.0, &self.transition, &by_state.rows(0, m), 0.0);
+        let walked: f64 = (m..n).map(|i| filter.walk_variance(i, after_s) * by_state[i].powi(2)).sum();
+        let now = by_state.rows(0, m);
+        let random = self.noise.as_ref().map_or(0.0, |noise| now.dot(&(noise * now)));
+        at_start.dot(&(&self.covariance * &at_start)) + random + walked
     }
 }

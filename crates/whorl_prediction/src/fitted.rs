@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::filter::Filter;
 use crate::guess::guesses;
+use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::start::Start;
@@ -16,6 +17,10 @@ const FEWEST_INSTANTS: usize = 20;
 const SETTLED: f64 = 0.01;
 /// Part of a run by which the likeliest of several guesses is chosen.
 const SHARE_TO_CHOOSE: f64 = 0.25;
+/// Mean square of normalised innovations above which a model does not explain a run, whatever its start.
+const LARGEST_MISFIT: f64 = 4.0;
+/// Steps from a start that is close already: a second shows that the first was enough.
+const NEAR_PASSES: usize = 2;
 /// What is tried of a step that makes a part less likely as a whole.
 const SHARES_OF_A_STEP: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.03];
 /// Parts and narrowings at most; six doublings reach the whole run, and two or three narrowings follow.
@@ -41,32 +46,63 @@ pub struct FittedStart {
 /// there again until the start stands. Of several guesses the likeliest is followed.
 #[must_use]
 pub fn fitted_start(case: &Prepared<'_>, noise: &Noise) -> FittedStart {
+    fitted_start_within(case, noise, case.instants())
+}
+
+/// The same by the first instants alone, at most so many.
+pub(crate) fn fitted_start_within(case: &Prepared<'_>, noise: &Noise, most: usize) -> FittedStart {
+    let whole = most.min(case.instants());
     let wide = Start::wide(case, noise);
     let guesses = guesses(case, &wide);
     if let [only] = guesses.as_slice() {
-        return follow(case, noise, only.clone(), 1.0).0;
+        return follow(case, noise, only.clone(), whole).0;
     }
-    let tried = guesses.into_iter().map(|guess| follow(case, noise, guess, SHARE_TO_CHOOSE));
+    let part = (whole as f64 * SHARE_TO_CHOOSE) as usize;
+    let tried = guesses.into_iter().map(|guess| follow(case, noise, guess, part));
     let best = tried.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(fitted, _)| fitted.start);
     // What was known before is no more than it was.
     let best = best.map(|best| Start { covariance: wide.covariance.clone(), ..best });
-    follow(case, noise, best.unwrap_or(wide), 1.0).0
+    follow(case, noise, best.unwrap_or(wide), whole).0
 }
 
-/// Improves a start by longer and longer parts of the run, up to a share of it; with the log likelihood of the last part.
+/// The start that the whole run shows without disturbances, close to one that was found with them, and how likely the run is from
+/// there.
+pub(crate) fn fitted_start_near(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    other: &FittedStart,
+) -> (FittedStart, Likelihood) {
+    let wide = Start::wide(case, noise);
+    let known_before = wide.covariance.clone();
+    let own = other.start.layout.without_disturbance(&other.covariance);
+    let covariance = narrowed(&known_before, &own, case.settings().start_kept);
+    let start = Start { covariance, ..wide.about(&other.start) };
+    let first = Passed::over(case, noise, start, case.instants());
+    if first.misfit() > LARGEST_MISFIT {
+        // What a model lacks would move the start, not what the run shows of it.
+        return (first.fitted(&known_before, false), first.likelihood);
+    }
+    // As narrow as the whole run makes it, so that the filter is linear over it.
+    let covariance = narrowed(&known_before, &first.own, case.settings().start_kept);
+    let moved = Start { covariance, ..first.start.moved(&first.shift) };
+    let mut best = Passed::over(case, noise, moved, case.instants());
+    let stands = best.improve(case, noise, case.instants(), NEAR_PASSES, &[1.0]);
+    (best.fitted(&known_before, stands), best.likelihood)
+}
+
+/// Improves a start by longer and longer parts of the run, up to so many instants; with the log likelihood of the last part.
 ///
 /// On each part the start is moved until it stands: where a step makes the part less likely, a part of the step is tried. The
 /// next part begins with a covariance that has a hundredth of what this one said: a filter whose start is as wide as what was
 /// known before the run would be linear over angles for which the motion is not, however good its mean has become.
-fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, share: f64) -> (FittedStart, f64) {
-    let instants = case.instants();
-    let whole = ((instants as f64 * share) as usize).max(FEWEST_INSTANTS);
+fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (FittedStart, f64) {
+    let (instants, whole) = (case.instants(), most.max(FEWEST_INSTANTS));
     let mut part = ((instants as f64 * FIRST_PART) as usize).max(FEWEST_INSTANTS).min(whole);
     let known_before = start.covariance.clone();
     let mut best = Passed::over(case, noise, start, part);
     let mut stands = false;
     for _ in 0..MOST_ROUNDS {
-        stands = best.improve(case, noise, part);
+        stands = best.improve(case, noise, part, case.settings().start_passes, &SHARES_OF_A_STEP);
         let narrowed = narrowed(&known_before, &best.own, case.settings().start_kept);
         let begun = best.start.covariance.diagonal();
         let becomes = |judge: fn(f64, f64) -> bool| {
@@ -80,7 +116,7 @@ fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, share: f64) -> (Fitt
         part = if settled { whole } else { (2 * part).min(whole) };
         best = Passed::over(case, noise, Start { covariance: narrowed, ..best.start }, part);
     }
-    (best.fitted(&known_before, stands), best.log)
+    (best.fitted(&known_before, stands), best.likelihood.log)
 }
 
 /// A covariance with this share of the information that a run adds to what was known before: `own` is what both say together.
@@ -107,7 +143,7 @@ fn narrowed(before: &DMatrix<f64>, own: &DMatrix<f64>, share: f64) -> DMatrix<f6
 /// What a pass over a part of a run says of its start.
 struct Passed {
     start: Start,
-    log: f64,
+    likelihood: Likelihood,
     shift: DVector<f64>,
     own: DMatrix<f64>,
 }
@@ -115,28 +151,42 @@ struct Passed {
 impl Passed {
     fn over(case: &Prepared<'_>, noise: &Noise, start: Start, part: usize) -> Self {
         let mut filter = Filter::new(case, noise, &start).looking_back();
-        let (mut taken, mut log) = (0, 0.0);
-        while taken < part && filter.step(&mut |innovation| log += innovation.log_likelihood()) {
+        let (mut taken, mut likelihood) = (0, Likelihood::default());
+        while taken < part && filter.step(&mut |innovation| likelihood.add(innovation)) {
             taken += 1;
         }
-        if filter.lost || !log.is_finite() {
-            log = f64::NEG_INFINITY;
+        likelihood.lost = filter.lost;
+        if filter.lost || !likelihood.log.is_finite() {
+            likelihood.log = f64::NEG_INFINITY;
         }
         let size = start.covariance.nrows();
         let (shift, own) = match filter.origin {
             Some(origin) if origin.shift.iter().all(|x| x.is_finite()) => (origin.shift, origin.own),
             _ => (DVector::zeros(size), start.covariance.clone()),
         };
-        Self { start, log, shift, own }
+        Self { start, likelihood, shift, own }
+    }
+
+    /// Mean square of the normalised innovations.
+    fn misfit(&self) -> f64 {
+        self.likelihood.chi_squared / self.likelihood.numbers.max(1) as f64
     }
 
     /// Moves the start until the part is hardly likelier with another one; whether it is.
-    fn improve(&mut self, case: &Prepared<'_>, noise: &Noise, part: usize) -> bool {
-        for _ in 0..case.settings().start_passes {
-            let Some(next) = self.improved(case, noise, part) else { return true };
-            let gain = next.log - self.log;
+    fn improve(
+        &mut self,
+        case: &Prepared<'_>,
+        noise: &Noise,
+        part: usize,
+        passes: usize,
+        shares: &[f64],
+    ) -> bool {
+        for _ in 0..passes {
+            let Some(next) = self.improved(case, noise, part, shares) else { return true };
+            let gain = next.likelihood.log - self.likelihood.log;
             *self = next;
-            if gain <= case.settings().start_stands_nats {
+            // Errors k times the noise make likelihoods differ k^2 times as much.
+            if gain <= case.settings().start_stands_nats * self.misfit().max(1.0) {
                 return true;
             }
         }
@@ -144,10 +194,10 @@ impl Passed {
     }
 
     /// A start that makes the part likelier; `None` where none is found.
-    fn improved(&self, case: &Prepared<'_>, noise: &Noise, part: usize) -> Option<Self> {
-        SHARES_OF_A_STEP.into_iter().find_map(|share| {
-            let tried = Self::over(case, noise, self.start.moved(&(&self.shift * share)), part);
-            (tried.log > self.log).then_some(tried)
+    fn improved(&self, case: &Prepared<'_>, noise: &Noise, part: usize, shares: &[f64]) -> Option<Self> {
+        shares.iter().find_map(|share| {
+            let tried = Self::over(case, noise, self.start.moved(&(&self.shift * *share)), part);
+            (tried.likelihood.log > self.likelihood.log).then_some(tried)
         })
     }
 

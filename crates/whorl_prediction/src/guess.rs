@@ -34,11 +34,12 @@ impl Start {
             let read = speeds.iter().any(|speeds| speeds.get(j).is_some_and(|x| x.is_finite()));
             set(i, if read { settings.start_readings * noise.wheel_speed_rad_s } else { 0.0 });
         }
-        let rest_torque = rest_torque_n_m(case);
+        // What is left of an earlier motion may push so much.
+        let rest_torque = fastest_change(case).0;
         for (i, stddev) in layout.plant.hidden().zip(case.hidden_start_stddev(rest_torque)) {
             set(i, stddev);
         }
-        for (i, stddev) in layout.disturbance().zip(noise.disturbance.stddev_b_n_m) {
+        for (i, stddev) in noise.disturbance.coordinates(layout) {
             set(i, stddev);
         }
         let sensors = &model.sensors;
@@ -74,19 +75,24 @@ fn layout(case: &Prepared<'_>, noise: &Noise) -> Layout {
     };
     Layout::new(
         case.plant().tangent(),
-        noise.disturbance.is_some() && !case.is_clamped(),
+        noise.disturbance.is_of_body() && !case.is_clamped(),
+        if there(Channel::WheelSpeed) { noise.disturbance.motors() } else { 0 },
         there(Channel::Gyro) && biased(&sensors.gyro.errors),
         there(Channel::Accelerometer) && biased(&sensors.accelerometer.errors),
     )
 }
 
-/// The torque with which what is left of an earlier motion may push at the start \[N m\]: what takes a second to give the body
-/// the fastest rate of the run.
-fn rest_torque_n_m(case: &Prepared<'_>) -> f64 {
-    let gyro = &case.recording().gyro_b_rad_s;
-    let inertia = case.model().mass_properties.inertia_b_kg_m2().trace() / 3.0;
-    let spread = gyro.value.iter().map(Vector3::norm).fold(0.0, f64::max);
-    inertia * spread
+/// Torques that give the body, and each wheel, the fastest motion of the run within a second [N m].
+pub(crate) fn fastest_change(case: &Prepared<'_>) -> (f64, Vec<f64>) {
+    let (recording, model) = (case.recording(), case.model());
+    let inertia = model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
+    let fastest = recording.gyro_b_rad_s.value.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let speeds = &recording.wheel_speed_rad_s.value;
+    let wheels = model.wheels().iter().enumerate().map(|(j, wheel)| {
+        let of_wheel = speeds.iter().filter_map(|speeds| speeds.get(j));
+        wheel.spin_inertia_kg_m2 * of_wheel.map(|speed| speed.abs()).fold(0.0, f64::max)
+    });
+    (inertia * fastest, wheels.collect())
 }
 
 /// The first sample of a channel as a vector.

@@ -2,34 +2,56 @@
 
 use std::ops::Range;
 
+use nalgebra::DMatrix;
 use whorl_dynamics::plant::Tangent;
 
-/// Coordinates of an estimate's error: those of the plant ([`Tangent`]), then the disturbance torque [N m], the biases of
-/// gyro [rad/s] and accelerometer [m/s^2], as far as there are any.
+/// Coordinates of an estimate's error: those of the plant ([`Tangent`]), then the disturbance torque on the body
+/// and that of each motor [N m], the biases of gyro [rad/s] and accelerometer [m/s^2], as far as there are any.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
     /// Of the plant.
     pub plant: Tangent,
-    disturbance: bool,
-    gyro_bias: bool,
-    force_bias: bool,
+    disturbance: usize,
+    motors: usize,
+    gyro_bias: usize,
+    force_bias: usize,
 }
 
 impl Layout {
-    pub(crate) fn new(plant: Tangent, disturbance: bool, gyro_bias: bool, force_bias: bool) -> Self {
-        Self { plant, disturbance, gyro_bias, force_bias }
+    /// With a disturbance of the body, of so many motors, and the biases of the two sensors.
+    pub(crate) fn new(
+        plant: Tangent,
+        disturbance: bool,
+        motors: usize,
+        gyro_bias: bool,
+        force_bias: bool,
+    ) -> Self {
+        let three = |there| if there { 3 } else { 0 };
+        Self {
+            plant,
+            disturbance: three(disturbance),
+            motors,
+            gyro_bias: three(gyro_bias),
+            force_bias: three(force_bias),
+        }
     }
 
-    /// The disturbance torque.
+    /// The disturbance torque on the body.
     #[must_use]
     pub fn disturbance(&self) -> Range<usize> {
         after(self.plant.size(), self.disturbance)
     }
 
+    /// The disturbance torque of each motor.
+    #[must_use]
+    pub fn motors(&self) -> Range<usize> {
+        after(self.disturbance().end, self.motors)
+    }
+
     /// Bias of the gyro.
     #[must_use]
     pub fn gyro_bias(&self) -> Range<usize> {
-        after(self.disturbance().end, self.gyro_bias)
+        after(self.motors().end, self.gyro_bias)
     }
 
     /// Bias of the accelerometer.
@@ -38,10 +60,16 @@ impl Layout {
         after(self.gyro_bias().end, self.force_bias)
     }
 
-    /// What moves: the plant and the disturbance. The rest stays as it is, or walks.
+    /// What moves: the plant and its disturbances. The rest stays as it is, or walks.
     #[must_use]
     pub fn moving(&self) -> usize {
-        self.disturbance().end
+        self.motors().end
+    }
+
+    /// The part of a covariance that is not of disturbances: plant and biases.
+    pub(crate) fn without_disturbance(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        let kept: Vec<usize> = (0..self.plant.size()).chain(self.moving()..self.size()).collect();
+        covariance.select_rows(&kept).select_columns(&kept)
     }
 
     /// How many coordinates there are.
@@ -51,6 +79,6 @@ impl Layout {
     }
 }
 
-fn after(start: usize, there: bool) -> Range<usize> {
-    start..start + if there { 3 } else { 0 }
+fn after(start: usize, count: usize) -> Range<usize> {
+    start..start + count
 }

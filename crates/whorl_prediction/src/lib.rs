@@ -35,14 +35,19 @@
 //! ```
 
 mod ahead;
+mod claims;
 mod error;
 mod filter;
 mod fitted;
 mod guess;
 mod layout;
+mod levels;
+mod likelihood;
+mod linearisation;
 mod noise;
 mod predict;
 mod prepared;
+mod propagation;
 mod readings;
 mod rows;
 mod settings;
@@ -54,8 +59,10 @@ pub use error::PredictionError;
 pub use filter::Innovation;
 pub use fitted::{FittedStart, fitted_start};
 pub use layout::Layout;
+pub use levels::{Followed, follow};
+pub use likelihood::Likelihood;
 pub use noise::{Disturbance, Noise};
-pub use predict::{Likelihood, Told, predict};
+pub use predict::{Told, predict, simulate};
 pub use prepared::Prepared;
 pub use settings::Settings;
 pub use start::Start;

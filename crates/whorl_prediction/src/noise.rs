@@ -4,6 +4,7 @@ use serde::Serialize;
 use whorl_recording::{Channel, Component};
 
 use crate::error::PredictionError;
+use crate::layout::Layout;
 use crate::prepared::Prepared;
 
 /// Standard deviations of one reading, and of what pushes the platform that its model does not have.
@@ -21,23 +22,40 @@ pub struct Noise {
     pub disturbance: Disturbance,
 }
 
-/// A torque that nobody predicts: first-order Markov, dT/dt = -T/tau + white noise.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// Torques that nobody predicts: each first-order Markov, dT/dt = -T/tau + white noise.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Disturbance {
     /// Standard deviation about each body axis [N m]; zero: none.
     pub stddev_b_n_m: [f64; 3],
+    /// Of the torque of each wheel's motor beyond the model's, about its axis [N m]; empty: none.
+    pub motors_n_m: Vec<f64>,
     /// Correlation time tau \[s\], > 0.
     pub correlation_s: f64,
 }
 
 impl Disturbance {
     /// None.
-    pub const NONE: Self = Self { stddev_b_n_m: [0.0; 3], correlation_s: 1.0 };
+    pub const NONE: Self = Self { stddev_b_n_m: [0.0; 3], motors_n_m: Vec::new(), correlation_s: 1.0 };
 
     /// Whether there is one.
     #[must_use]
     pub fn is_some(&self) -> bool {
+        self.is_of_body() || self.motors() > 0
+    }
+
+    pub(crate) fn is_of_body(&self) -> bool {
         self.stddev_b_n_m.iter().any(|x| *x > 0.0)
+    }
+
+    /// How many motors have one.
+    pub(crate) fn motors(&self) -> usize {
+        if self.motors_n_m.iter().any(|x| *x > 0.0) { self.motors_n_m.len() } else { 0 }
+    }
+
+    /// Coordinates of a layout that are torques of it, each with its standard deviation [N m].
+    pub(crate) fn coordinates(&self, layout: Layout) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let body = layout.disturbance().zip(self.stddev_b_n_m);
+        body.chain(layout.motors().zip(self.motors_n_m.iter().copied()))
     }
 }
 
@@ -63,6 +81,21 @@ impl Noise {
                 run: recording.name.clone(),
                 channel: component.name(&wheels),
             }),
+        }
+    }
+
+    /// Sets the level of one component, in its channel's unit.
+    pub(crate) fn set(&mut self, component: Component, stddev: f64) {
+        let index = component.index();
+        let to = match component.channel {
+            Channel::Gyro => self.gyro_rad_s.get_mut(index),
+            Channel::Accelerometer => self.force_m_s2.get_mut(index),
+            Channel::Vector => self.vector_rad.get_mut(component.sensor()),
+            Channel::WheelSpeed => Some(&mut self.wheel_speed_rad_s),
+            _ => None,
+        };
+        if let Some(to) = to {
+            *to = stddev;
         }
     }
 

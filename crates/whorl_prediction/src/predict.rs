@@ -1,9 +1,9 @@
 //! A recording predicted from beginning to end.
 
-use serde::Serialize;
-
 use crate::ahead::{Ahead, AheadError};
 use crate::filter::{Filter, Innovation};
+use crate::fitted::FittedStart;
+use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::start::Start;
@@ -17,20 +17,8 @@ pub enum Told<'a> {
     Ahead(usize, &'a AheadError),
 }
 
-/// Sums over all innovations of a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Likelihood {
-    /// log p of all readings given the commands, -1/2 sum(e^2/S + log 2 pi S).
-    pub log: f64,
-    /// Sum of squares of the normalised innovations.
-    pub chi_squared: f64,
-    /// How many numbers were read.
-    pub numbers: usize,
-    /// The motion was lost before the end: a parameter is too extreme.
-    pub lost: bool,
-}
-
-/// Predicts a recording: each reading from everything before it, and over these horizons \[s\] by the model alone.
+/// Predicts a recording: each reading from everything before it, and over these horizons \[s\] by the model alone. Of the last
+/// horizon every reading on the way is told, of the others those at the horizon.
 pub fn predict(
     case: &Prepared<'_>,
     noise: &Noise,
@@ -38,9 +26,14 @@ pub fn predict(
     horizons_s: &[f64],
     told: &mut dyn FnMut(Told<'_>),
 ) -> Likelihood {
-    let mut sums = Likelihood { log: 0.0, chi_squared: 0.0, numbers: 0, lost: false };
+    let mut sums = Likelihood::default();
     let mut filter = Filter::new(case, noise, start);
-    let mut aheads: Vec<Ahead> = horizons_s.iter().map(|h| Ahead::new(*h)).collect();
+    if !horizons_s.is_empty() {
+        filter = filter.claiming();
+    }
+    let last = horizons_s.len().saturating_sub(1);
+    let mut aheads: Vec<Ahead> =
+        horizons_s.iter().enumerate().map(|(k, h)| Ahead::new(*h, k == last)).collect();
     while let Some(instant_ns) = filter.go() {
         let due = filter.due(instant_ns);
         for (position, ahead) in aheads.iter_mut().enumerate() {
@@ -48,9 +41,7 @@ pub fn predict(
         }
         let rows = filter.rows(&due);
         filter.take_in(&rows, &mut |innovation| {
-            sums.log += innovation.log_likelihood();
-            sums.chi_squared += innovation.normalised().powi(2);
-            sums.numbers += 1;
+            sums.add(innovation);
             told(Told::Innovation(innovation));
         });
         for ahead in &mut aheads {
@@ -59,4 +50,33 @@ pub fn predict(
     }
     sums.lost = filter.lost;
     sums
+}
+
+/// What the model alone says of a whole recording from its fitted start: reading after reading, with the deviations that it
+/// claims. False where the motion is lost on the way.
+pub fn simulate(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    fitted: &FittedStart,
+    told: &mut dyn FnMut(&AheadError),
+) -> bool {
+    let start = Start { covariance: fitted.covariance.clone(), ..fitted.start.clone() };
+    let mut filter = Filter::new(case, noise, &start);
+    while let Some(instant_ns) = filter.go() {
+        let due = filter.due(instant_ns);
+        for row in filter.rows(&due) {
+            told(&AheadError {
+                error: Innovation {
+                    time_s: instant_ns as f64 * 1e-9,
+                    component: row.component,
+                    sample: row.sample,
+                    value: row.value,
+                    stddev: (row.by_state.dot(&(&filter.covariance * &row.by_state)) + row.variance).sqrt(),
+                },
+                reading: row.reading,
+                is_at_horizon: false,
+            });
+        }
+    }
+    !filter.lost
 }

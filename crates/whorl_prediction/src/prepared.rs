@@ -2,9 +2,8 @@
 
 use nalgebra::{Unit, Vector3};
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
-use whorl_recording::{Mounting, Recording};
+use whorl_recording::{Component, Mounting, Recording};
 use whorl_trajectory::commands::{Commands, ns};
-use whorl_trajectory::noise::typical_step_s;
 use whorl_trajectory::quiet;
 
 use crate::error::PredictionError;
@@ -12,14 +11,14 @@ use crate::readings::{Track, tracks};
 use crate::settings::Settings;
 use crate::transition::fastest_rate_1_s;
 
-/// Largest integration step of a rig whose stops or effects may be fast \[s\]; valve edges are integration points anyway.
-const STEP_AT_STOPS_S: f64 = 2.5e-3;
-/// Of another rig: this share of a sample's time.
-const SHARE_OF_SAMPLE: f64 = 0.25;
-/// Of any: this share of the time of its fastest motion. A Runge-Kutta step over a fiftieth of a radian errs by 3e-11 of the
-/// motion, ten minutes of a motion at 1 Hz by 6e-6.
-const SHARE_OF_MOTION: f64 = 0.02;
+/// Largest integration step of a rig that something may touch \[s\]: a twentieth of a radian of the bearing's own stop. Valve edges
+/// and commands are integration points anyway.
+const STEP_AT_CONTACTS_S: f64 = 2.5e-3;
+/// Of any: this share of the time of its fastest motion. A Runge-Kutta step over a twentieth of a radian errs by 3e-9 of the
+/// motion, ten minutes of a motion at 1 Hz by 2e-4 of a radian if nothing corrected it.
+const SHARE_OF_MOTION: f64 = 0.05;
 const SHORTEST_STEP_NS: i64 = 50_000;
+const LONGEST_STEP_S: f64 = 1.0;
 
 /// A recording and a model, ready to be predicted.
 pub struct Prepared<'a> {
@@ -63,7 +62,8 @@ impl<'a> Prepared<'a> {
         plant.set_clamped(clamped);
         // As it moves when it moves as fast as it ever was read to.
         let moving = fastest_rate_1_s(&moving_fastest(&plant, recording).linearised().rate_by_state);
-        let plant = plant.with_step_ns(step_ns(model, recording, moving.max(swings_1_s(model))));
+        let step_ns = step_ns(&plant, moving.max(swings_1_s(model)));
+        let plant = plant.with_step_ns(step_ns);
         let event = commands.first_event(plant.now_ns());
         let model = gyrostat.model().clone();
         let mut case =
@@ -98,6 +98,11 @@ impl<'a> Prepared<'a> {
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Everything that is predicted, in the order of channels and sensors; of a direction what is across it.
+    pub fn components(&self) -> impl Iterator<Item = Component> + '_ {
+        self.tracks.iter().flat_map(|track| track.components.iter().copied())
     }
 
     pub(crate) fn tracks(&self) -> &[Track<'a>] {
@@ -185,14 +190,9 @@ fn moving_fastest(plant: &Plant, recording: &Recording) -> Plant {
     moving
 }
 
-/// Largest integration step \[ns\] for a motion as fast as this [1/s]. Stops may be fast whatever the motion is.
-fn step_ns(model: &PlatformModel, recording: &Recording, fastest_1_s: f64) -> i64 {
-    let times = &recording.gyro_b_rad_s.time_s;
-    let times = if times.is_empty() { &recording.wheel_speed_rad_s.time_s } else { times };
-    let slow_s = if model.tilt_limit.stops() || !model.effects.is_empty() {
-        STEP_AT_STOPS_S
-    } else {
-        SHARE_OF_SAMPLE * typical_step_s(times)
-    };
-    ns(slow_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
+/// Largest integration step \[ns\] for a motion as fast as this [1/s]. Contacts may be fast whatever the motion is.
+fn step_ns(plant: &Plant, fastest_1_s: f64) -> i64 {
+    let touches = plant.gyrostat().model().tilt_limit.stops() || plant.gyrostat().effects().has_contact();
+    let longest_s = if touches { STEP_AT_CONTACTS_S } else { LONGEST_STEP_S };
+    ns(longest_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
 }

@@ -77,8 +77,12 @@ impl Seen<'_> {
                     by_state
                         .rows_mut(0, n)
                         .copy_from(&self.linearised.imu_by_state.row(3 + index).transpose());
+                    let by_torque = self.linearised.force_by_torque.row(index);
                     for (axis, i) in layout.disturbance().enumerate() {
-                        by_state[i] = self.linearised.force_by_torque[(index, axis)];
+                        by_state[i] = by_torque[axis];
+                    }
+                    for (i, wheel) in layout.motors().zip(self.case.model().wheels()) {
+                        by_state[i] = -by_torque.transpose().dot(&wheel.spin_axis_b);
                     }
                     (imu.1.get(index).copied().unwrap_or(f64::NAN), layout.force_bias())
                 }

@@ -6,6 +6,7 @@ use whorl_dynamics::plant::{RATE, ROTATION};
 use whorl_math::quaternion_exp;
 
 use crate::layout::Layout;
+use crate::noise::Noise;
 
 /// The state at the first reading: a normal distribution.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +45,33 @@ impl Start {
             moved.beside[i] += change[i];
         }
         moved
+    }
+
+    /// The same about the mean of another, whose disturbances it does not have.
+    #[must_use]
+    pub(crate) fn about(mut self, other: &Self) -> Self {
+        (self.q_world_body, self.omega_wb_b_rad_s) = (other.q_world_body, other.omega_wb_b_rad_s);
+        self.wheel_speed_rad_s.clone_from(&other.wheel_speed_rad_s);
+        self.hidden.clone_from(&other.hidden);
+        let biases =
+            (self.layout.moving()..self.layout.size()).zip(other.layout.moving()..other.layout.size());
+        for (i, k) in biases {
+            self.beside[i] = other.beside[k];
+        }
+        self
+    }
+
+    /// The same with nothing known of the disturbances but their levels.
+    #[must_use]
+    pub(crate) fn with_disturbance(&self, noise: &Noise) -> Self {
+        let mut start = self.clone();
+        for (i, stddev) in noise.disturbance.coordinates(self.layout) {
+            start.beside[i] = 0.0;
+            start.covariance.row_mut(i).fill(0.0);
+            start.covariance.column_mut(i).fill(0.0);
+            start.covariance[(i, i)] = stddev * stddev;
+        }
+        start
     }
 
     /// Puts a plant into its mean.

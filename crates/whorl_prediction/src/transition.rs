@@ -9,6 +9,14 @@ const MOST_TERMS: usize = 30;
 /// Products with which the fastest rate is found: its error then is some per cent.
 const PRODUCTS: usize = 6;
 
+/// Abscissae and weights of Gauss and Legendre on -1 to 1 (Abramowitz and Stegun, *Handbook of Mathematical Functions*, table 25.4).
+const GAUSS: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+];
+
 /// What a step does to errors.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Step {
@@ -16,45 +24,68 @@ pub(crate) struct Step {
     pub transition: DMatrix<f64>,
     /// Covariance that the step adds; `None` where nothing is random.
     pub noise: Option<DMatrix<f64>>,
+    /// The part of it that is the model's own, without disturbances.
+    pub of_model: Option<DMatrix<f64>>,
 }
 
-/// A step over `h_s` of dx/dt = A x + white noise with these densities [unit^2/s], by coordinate. The covariance is
-/// C. Van Loan's (Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control 23, 1978):
+/// Covariance that a step over `h_s` of dx/dt = A x + white noise with these densities [unit^2/s] adds, by coordinate; `None` where
+/// nothing is random:
 ///
 /// ```text
-/// exp [-A  W ] h = [ .  F^-1 Q ]
-///     [ 0  A^T]    [ 0  F^T   ]
+/// Q = integral from 0 to h of exp(A s) W exp(A s)^T ds
 /// ```
-pub(crate) fn step(a: &DMatrix<f64>, density: &DVector<f64>, h_s: f64) -> Step {
-    let n = a.nrows();
-    if density.iter().all(|w| *w == 0.0) {
-        return Step { transition: transition(a, h_s), noise: None };
+///
+/// by Gauss and Legendre's rule of four points, exact to the seventh power of A h, which is small.
+pub(crate) fn added(a: &DMatrix<f64>, density: &DVector<f64>, h_s: f64) -> Option<DMatrix<f64>> {
+    let driven: Vec<usize> = (0..a.nrows()).filter(|i| density[*i] > 0.0).collect();
+    if driven.is_empty() {
+        return None;
     }
-    let mut double = DMatrix::zeros(2 * n, 2 * n);
-    double.view_mut((0, 0), (n, n)).copy_from(&-a);
-    double.view_mut((n, n), (n, n)).copy_from(&a.transpose());
-    for (i, w) in density.iter().enumerate() {
-        double[(i, n + i)] = *w;
+    let root =
+        DMatrix::from_fn(
+            a.nrows(),
+            driven.len(),
+            |i, k| {
+                if driven[k] == i { density[i].sqrt() } else { 0.0 }
+            },
+        );
+    // At all points together: the k-th term of each is that at the end times its share of the step to the k-th power.
+    let shares = GAUSS.map(|(point, _)| 0.5 * (1.0 + point));
+    let mut moved = GAUSS.map(|_| root.clone());
+    let mut powers = [1.0; GAUSS.len()];
+    terms(a, root, h_s, |term| {
+        for ((moved, share), power) in moved.iter_mut().zip(shares).zip(&mut powers) {
+            *power *= share;
+            moved.zip_apply(term, |x, term| *x += *power * term);
+        }
+    });
+    let mut noise = DMatrix::zeros(a.nrows(), a.nrows());
+    for (moved, (_, weight)) in moved.iter().zip(GAUSS) {
+        noise.gemm(0.5 * weight * h_s, moved, &moved.transpose(), 1.0);
     }
-    let both = transition(&double, h_s);
-    let f = both.view((n, n), (n, n)).transpose();
-    let noise = &f * both.view((0, n), (n, n));
-    Step { transition: f, noise: Some(noise) }
+    Some(noise)
 }
 
 /// exp(A h) of an n x n matrix [1/s] over `h_s`, by its series.
 pub(crate) fn transition(a: &DMatrix<f64>, h_s: f64) -> DMatrix<f64> {
-    let n = a.nrows();
-    let mut sum = DMatrix::identity(n, n);
-    let mut term = sum.clone();
+    let one = DMatrix::identity(a.nrows(), a.nrows());
+    let mut sum = one.clone();
+    terms(a, one, h_s, |term| sum += term);
+    sum
+}
+
+/// The terms (A h)^k X / k! of exp(A h) X behind the first.
+fn terms(a: &DMatrix<f64>, x: DMatrix<f64>, h_s: f64, mut told: impl FnMut(&DMatrix<f64>)) {
+    let least = SMALLEST_TERM * x.amax();
+    let (mut term, mut next) = (x.clone(), x);
     for k in 1..=MOST_TERMS {
-        term = a * &term * (h_s / k as f64);
-        sum += &term;
-        if term.amax() < SMALLEST_TERM {
+        next.gemm(h_s / k as f64, a, &term, 0.0);
+        std::mem::swap(&mut term, &mut next);
+        told(&term);
+        if term.amax() < least {
             break;
         }
     }
-    sum
 }
 
 /// The largest size of an eigenvalue, roughly, by powers: whatever the units of the coordinates [1/s].

@@ -1,7 +1,7 @@
 //! Why a recording cannot be compared with a model.
 
 use thiserror::Error;
-use whorl_dynamics::{GyrostatError, PlantError};
+use whorl_prediction::PredictionError;
 use whorl_trajectory::Refusal;
 
 use crate::dependence::DependenceError;
@@ -20,10 +20,7 @@ pub enum ValidationError {
         /// Why not.
         error: DependenceError,
     },
-    /// The model is not physical.
-    #[error("the model cannot be simulated: {0}")]
-    Model(#[from] GyrostatError),
-    /// The model cannot be simulated.
-    #[error("the model cannot be simulated: {0}")]
-    Plant(#[from] PlantError),
+    /// The recording cannot be predicted with the model.
+    #[error(transparent)]
+    Prediction(#[from] PredictionError),
 }

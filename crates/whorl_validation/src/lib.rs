@@ -1,14 +1,12 @@
 //! Comparison of a model with data: prediction errors, noise floors, and the quantities that the errors depend on.
 //!
-//! [`compare`] predicts a recording from smoothed initial states at several horizons and tests the residuals.
+//! [`compare`] predicts a recording at several horizons and tests what is left.
 //! [`dependence`] finds the recorded quantities on which a residual torque depends, and [`explain_where`] puts the
 //! result into words.
 
 pub mod comparison;
 pub mod dependence;
 mod error;
-mod noise_floor;
-mod prediction;
 pub mod statistics;
 #[cfg(test)]
 mod tests;
@@ -16,5 +14,4 @@ mod whereabouts;
 
 pub use comparison::{Comparison, compare};
 pub use error::ValidationError;
-pub use noise_floor::{FloorSource, NoiseFloor, NoiseFloors};
 pub use whereabouts::{Whereabouts, explain_where};

@@ -30,7 +30,7 @@ pub fn print_versions(versions: &[Version]) {
         })
         .collect();
     say!(
-        "Prediction error over noise (root of chi-squared per degree of freedom, initial states fitted over 10 s; 1 = noise)"
+        "Prediction error, times the noise (errors of predictions of 10 s over their predicted deviations; 1 = noise)"
     );
     print(&headings, &rows);
 }

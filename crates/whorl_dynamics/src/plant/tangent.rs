@@ -119,6 +119,12 @@ impl Plant {
         (0..self.gyrostat.model().wheels().len()).map(|j| self.drive.actuators.wheels.holds(j))
     }
 
+    /// Whether the bearing's own stop touches, and whether a contact among the effects does.
+    #[must_use]
+    pub fn touching(&self) -> [bool; 2] {
+        self.gyrostat.touches(self.time_s(), &self.state, &self.drive)
+    }
+
     /// What gyro [rad/s] and accelerometer [m/s^2] read now without noise, limits, latency and biases that are drawn,
     /// sensor axes.
     #[must_use]

@@ -12,7 +12,7 @@ pub use versions::{BASE, CORRECTION, Version, versions};
 use crate::changes::{Change, changes};
 use crate::{Case, ExplainError, Say};
 
-/// A held-out error that exceeds the previous one by this factor counts as worse.
+/// A prediction error that exceeds the previous one by this factor counts as worse.
 pub const WORSE: f64 = 1.005;
 
 /// The same runs with the model as given, refitted, and with effects.
@@ -45,17 +45,20 @@ pub fn adopt(
 }
 
 impl Adoption {
-    /// An objection to adopting the last version, as a sentence: held-out runs are predicted worse, or a mass
+    /// An objection to adopting the last version, as a sentence: held-out or training runs are predicted worse, or a mass
     /// property has moved implausibly far.
     #[must_use]
     pub fn objection(&self, case: &Case<'_>) -> Option<String> {
         let (first, last) = (self.versions.first()?, self.versions.last()?);
-        if let (Some(before), Some(after)) = (first.prediction_error(true), last.prediction_error(true))
-            && after > WORSE * before
-        {
-            return Some(format!(
-                "the held-out runs are predicted worse with it ({before:.3} -> {after:.3} times the noise)"
-            ));
+        for (held_out, kind) in [(true, "held-out"), (false, "training")] {
+            if let (Some(before), Some(after)) =
+                (first.prediction_error(held_out), last.prediction_error(held_out))
+                && after > WORSE * before
+            {
+                return Some(format!(
+                    "the {kind} runs are predicted worse with it ({before:.3} -> {after:.3} times the noise)"
+                ));
+            }
         }
         belief::strangest(case.model, case.prior, &last.fit.as_ref()?.model)
     }

@@ -42,12 +42,12 @@ fn the_prediction_error_is_the_same_in_comparison_diagnosis_and_adoption() {
         assert_eq!(found.versions[2].prediction_error(held_out), with);
         assert!(given > 1.1 && with.unwrap() < 1.02, "{given} {with:?}");
     }
-    // Pooled over runs by their degrees of freedom, not a mean of means.
-    let tests: Vec<_> = compared.iter().take(2).map(|r| r.comparison.absolute.unwrap()).collect();
-    let squares: f64 = tests.iter().map(|t| t.prediction_error().powi(2) * t.degrees as f64).sum();
-    let degrees: usize = tests.iter().map(|t| t.degrees).sum();
+    // Pooled over runs by their numbers, not a mean of means.
+    let errors: Vec<_> = compared.iter().take(2).map(|r| r.comparison.prediction.unwrap()).collect();
+    let squares: f64 = errors.iter().map(|e| e.ratio().powi(2) * e.numbers as f64).sum();
+    let numbers: usize = errors.iter().map(|e| e.numbers).sum();
     let pooled = prediction_error(&compared, false).unwrap();
-    assert!((pooled - (squares / degrees as f64).sqrt()).abs() < 1e-12);
+    assert!((pooled - (squares / numbers as f64).sqrt()).abs() < 1e-12);
     // The sentences state the same number.
     let number = format!("{pooled:.2}");
     assert!(found.answer().iter().any(|s| s.contains(&format!("as given {number}"))), "{:?}", found.answer());

@@ -3,7 +3,7 @@
 use maud::Markup;
 use whorl_explain::ComparedRun;
 use whorl_validation::Comparison;
-use whorl_validation::comparison::{Channel, ChannelErrors, INITIAL_STATE_RULE, Overlay};
+use whorl_validation::comparison::{Channel, ChannelErrors, Overlay, PREDICTION_RULE};
 
 use super::{Facts, facts};
 use crate::document::{Document, judged, number, significant, text};
@@ -11,7 +11,7 @@ use crate::figure::Figure;
 use crate::series::{Curve, GrowingCurve};
 use crate::timeline::Timeline;
 
-/// Largest ratio to the noise floor that is shown as good.
+/// Largest ratio that is shown as good, unless its own band is wider.
 const GOOD_RATIO: f64 = 1.1;
 
 /// Name of the run, and whether it was held out.
@@ -32,11 +32,11 @@ pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Fac
         page.list(&run.comparison.findings());
     }
     page.heading("Prediction errors");
-    page.paragraph("rule", &format!("Initial state: {INITIAL_STATE_RULE}."));
+    page.paragraph("rule", &format!("Predictions: {PREDICTION_RULE}."));
     page.paragraph(
         "rule",
-        "RMS of measured less predicted. Ratio: over the noise floor; 1 = nothing but noise. Fit: 100 % = perfect, 0 % = no better \
-         than the mean; it is left out where a channel does not move beyond its noise. Held-out runs took part in no fit.",
+        "RMS of measured less predicted, so long ahead. Ratio: of errors over their predicted deviations. Fit: 100 % = perfect, 0 % = \
+         no better than the mean; it is left out where a channel does not move beyond its noise. Held-out runs took part in no fit.",
     );
     for run in runs {
         error_table(&mut page, run);
@@ -60,7 +60,7 @@ fn error_table(page: &mut Document, run: &ComparedRun) {
     let Some(first) = run.comparison.channels.first() else { return };
     page.paragraph("", &title(run));
     let mut headings =
-        vec!["channel".to_owned(), "unit".to_owned(), "#noise floor".to_owned(), "from".to_owned()];
+        vec!["channel".to_owned(), "unit".to_owned(), "#noise".to_owned(), "#stated".to_owned()];
     for h in &first.horizons {
         let name = horizon_name(h.horizon_s);
         headings.extend([format!("#{name}: RMS"), "#ratio".to_owned(), "#fit [%]".to_owned()]);
@@ -72,15 +72,15 @@ fn error_table(page: &mut Document, run: &ComparedRun) {
 
 fn error_row(channel: &ChannelErrors) -> Vec<Markup> {
     let (unit, factor) = channel.quantity.shown_unit();
-    let source = match channel.floor_source {
-        whorl_validation::FloorSource::StillSegments => format!("{:.0} s still", channel.still_s),
-        whorl_validation::FloorSource::SensorParameters => "parameters".to_owned(),
-    };
-    let mut row =
-        vec![text(&channel.name), text(unit), significant(channel.noise_floor * factor), text(&source)];
+    let mut row = vec![
+        text(&channel.name),
+        text(unit),
+        significant(channel.noise_floor * factor),
+        significant(channel.stated_noise * factor),
+    ];
     for h in &channel.horizons {
         row.push(significant(h.rms * factor));
-        row.push(judged(h.ratio, 2, h.ratio < GOOD_RATIO));
+        row.push(judged(h.ratio, 2, h.ratio < GOOD_RATIO.max(h.band_99.1)));
         row.push(number(h.fit_percent.unwrap_or(f64::NAN), 1));
     }
     row
@@ -89,24 +89,25 @@ fn error_row(channel: &ChannelErrors) -> Vec<Markup> {
 fn run_section(page: &mut Document, run: &ComparedRun) {
     let comparison = &run.comparison;
     page.heading(&title(run));
-    if let Some(absolute) = &comparison.absolute {
-        page.paragraph(
-            "",
-            &format!(
-                "Against noise alone, initial states fitted over {:.0} s: chi-squared per degree of freedom {:.3}, 99 % band {:.3} to {:.3} ({} degrees).",
-                absolute.stretch_s,
-                absolute.chi_squared_per_degree,
-                absolute.band_99.0,
-                absolute.band_99.1,
-                absolute.degrees
-            ),
-        );
+    let absolute = &comparison.absolute;
+    page.paragraph(
+        "",
+        &format!(
+            "The whole run against noise alone: chi-squared per degree of freedom {}, 99 % band {:.3} to {:.3} ({} degrees).",
+            whorl_math::three_digits(absolute.chi_squared_per_degree),
+            absolute.band_99.0,
+            absolute.band_99.1,
+            absolute.degrees
+        ),
+    );
+    if comparison.unexplained.is_some() {
+        page.paragraph("", &format!("Unexplained: {}.", comparison.unexplained));
     }
     page.list(&comparison.remarks);
     page.figure(&staircase(comparison), None);
     let span = Some((0.0, comparison.duration_s));
     for overlay in &comparison.overlays {
-        for figure in overlay_figures(overlay, &comparison.channels) {
+        for figure in overlay_figures(overlay) {
             page.figure(&figure, span);
         }
     }
@@ -117,7 +118,7 @@ fn run_section(page: &mut Document, run: &ComparedRun) {
     }
 }
 
-/// Ratio to the noise floor over the horizon.
+/// Ratio to the predicted deviation over the horizon.
 fn staircase(comparison: &Comparison) -> Figure {
     let curve = |channel: &ChannelErrors| {
         let points = channel.horizons.iter().map(|h| (h.horizon_s.unwrap_or(comparison.duration_s), h.ratio));
@@ -125,10 +126,10 @@ fn staircase(comparison: &Comparison) -> Figure {
     };
     Figure {
         title: "Error over horizon".to_owned(),
-        caption: "RMS error over the noise floor. A curve that rises is a model error that accumulates; a curve at one is noise."
+        caption: "Errors over their predicted deviations. A curve that rises is a model error that accumulates; a curve at one is noise."
             .to_owned(),
         x_label: "horizon [s]".to_owned(),
-        y_label: "RMS / noise floor".to_owned(),
+        y_label: "error / predicted deviation".to_owned(),
         curves: comparison.channels.iter().map(curve).collect(),
         log: true,
         log_x: true,
@@ -136,20 +137,17 @@ fn staircase(comparison: &Comparison) -> Figure {
     }
 }
 
-fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure> {
+fn overlay_figures(overlay: &Overlay) -> Vec<Figure> {
     let (unit, factor) = overlay.quantity.shown_unit();
-    let floor = channels.iter().find(|c| c.name == overlay.name).map_or(f64::NAN, |c| c.noise_floor) * factor;
     let scaled =
         |curve: &GrowingCurve| -> Vec<(f64, f64)> { curve.points().map(|(t, v)| (t, v * factor)).collect() };
     let error = scaled(&overlay.error);
     let (measured, predicted) = (scaled(&overlay.measured), scaled(&overlay.predicted));
-    let edge = |sign: f64| {
-        let ends = [measured.first(), measured.last()];
-        Curve::new("noise", ends.into_iter().flatten().map(|(t, _)| (*t, sign * 3.0 * floor)))
-    };
+    let stddev = scaled(&overlay.stddev);
+    let edge = |sign: f64| Curve::new("predicted", stddev.iter().map(|(t, s)| (*t, sign * 3.0 * s)));
     let band = (edge(-1.0), edge(1.0));
     let name = overlay.name.replace('_', " ");
-    let horizon = horizon_name(overlay.horizon_s);
+    let horizon = horizon_name(Some(overlay.horizon_s));
     let mut figures = Vec::new();
     if overlay.quantity != Channel::Accelerometer {
         figures.push(Figure {
@@ -165,7 +163,8 @@ fn overlay_figures(overlay: &Overlay, channels: &[ChannelErrors]) -> Vec<Figure>
     }
     figures.push(Figure {
         title: format!("{name}: error of predictions over {horizon}"),
-        caption: "Measured less predicted. Band: three standard deviations of the noise.".to_owned(),
+        caption: "Measured less predicted. Band: three standard deviations that the model predicts."
+            .to_owned(),
         y_label: format!("error [{unit}]"),
         curves: vec![Curve::new(format!("{name} error"), error)],
         bands: vec![band],
@@ -180,7 +179,7 @@ fn whiteness_table(page: &mut Document, comparison: &Comparison) {
     }
     page.paragraph(
         "rule",
-        "Is anything left? Residuals with the initial states fitted, over their noise. White residuals hold nothing that a model could explain. \
+        "Is anything left? Innovations: each reading less its prediction from everything before it, over its deviation. White ones hold nothing that a model could explain. \
          Ljung-Box: first 25 autocorrelations; periodogram: largest distance from the straight line.",
     );
     let rows: Vec<Vec<Markup>> = comparison
@@ -215,7 +214,7 @@ fn whiteness_table(page: &mut Document, comparison: &Comparison) {
     page.table(
         &[
             "channel",
-            "#RMS / noise",
+            "#RMS",
             "#Ljung-Box Q",
             "#99 % limit",
             "#periodogram",
@@ -239,8 +238,8 @@ fn periodograms(comparison: &Comparison) -> Figure {
         (edge(-1.0), edge(1.0))
     });
     Figure {
-        title: "Cumulative periodogram of the gyro's residual".to_owned(),
-        caption: "Share of the residual's power below each frequency. White residuals stay in the band (99 %) about the diagonal; a \
+        title: "Cumulative periodogram of the gyro's innovations".to_owned(),
+        caption: "Share of the innovations' power below each frequency. White ones stay in the band (99 %) about the diagonal; a \
                   step indicates an oscillation, a bulge above the diagonal slow errors."
             .to_owned(),
         x_label: "frequency [Hz]".to_owned(),
@@ -266,8 +265,8 @@ fn cross_correlations(comparison: &Comparison) -> Vec<Figure> {
             Curve::new("99 %", ends.into_iter().flatten().map(|k| (*k as f64, sign * band)))
         };
         Some(Figure {
-            title: format!("{}: correlation of the residual with inputs", w.channel.replace('_', " ")),
-            caption: "Lag > 0: the residual comes after the input. Band: 99 % for all lags together."
+            title: format!("{}: correlation of the innovations with inputs", w.channel.replace('_', " ")),
+            caption: "Lag > 0: the innovation comes after the input. Band: 99 % for all lags together."
                 .to_owned(),
             x_label: "lag [samples]".to_owned(),
             y_label: "correlation".to_owned(),

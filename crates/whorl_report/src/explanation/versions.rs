@@ -13,8 +13,8 @@ pub(super) fn versions(page: &mut Document, versions: &[Version]) {
     page.heading("Prediction error of the versions of the model");
     page.paragraph(
         "rule",
-        "In times the noise: root of chi-squared per degree of freedom of all channels, predicted over stretches of 10 s with initial \
-         states fitted; 1 = nothing but noise. Held-out runs took part in no fit.",
+        "In times the noise: all channels predicted over stretches of 10 s, each error over the deviation that the model predicts for it; \
+         1 = nothing but noise. Held-out runs took part in no fit.",
     );
     let names: Vec<String> = versions.iter().map(|v| format!("#{}", v.name)).collect();
     let mut headings = vec!["run", ""];
@@ -58,9 +58,9 @@ fn channel_table(page: &mut Document, versions: &[Version]) {
         else {
             continue;
         };
-        page.paragraph("", &format!("{}: RMS error of predictions over {horizon_s} s", title(run)));
+        page.paragraph("", &format!("{}: RMS error of predictions {horizon_s} s ahead", title(run)));
         let names: Vec<String> = versions.iter().map(|v| format!("#{}", v.name)).collect();
-        let mut headings = vec!["channel", "unit", "#noise floor"];
+        let mut headings = vec!["channel", "unit", "#noise"];
         headings.extend(names.iter().map(String::as_str));
         let rows: Vec<Vec<Markup>> = run
             .comparison
@@ -98,9 +98,9 @@ fn over_horizon(versions: &[Version], run: usize, name: &str) -> Figure {
     });
     Figure {
         title: format!("{name}: error over horizon"),
-        caption: "Largest ratio of a gyro axis' RMS error to its noise floor.".to_owned(),
+        caption: "Largest ratio of a gyro axis' errors to their predicted deviations.".to_owned(),
         x_label: "horizon [s]".to_owned(),
-        y_label: "RMS / noise floor".to_owned(),
+        y_label: "error / predicted deviation".to_owned(),
         curves: curves.collect(),
         log: true,
         log_x: true,

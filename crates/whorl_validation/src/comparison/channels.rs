@@ -1,30 +1,34 @@
 //! Errors of each channel at each horizon.
 
-use serde::Serialize;
-use whorl_dynamics::PlatformModel;
-use whorl_math::GrowingCurve;
-use whorl_recording::{Channel, ChannelSeries, Component, Form, Recording};
+use std::collections::BTreeMap;
 
-use super::gaps::Gaps;
-use crate::noise_floor::{FloorSource, NoiseFloors};
-use crate::prediction::{Chunk, Simulator, predicted_channels};
+use serde::Serialize;
+use whorl_math::GrowingCurve;
+use whorl_math::statistics::chi_squared_quantile;
+use whorl_prediction::{AheadError, Noise, Prepared};
+use whorl_recording::{Channel, Component, Form};
+
+use super::PredictionError;
 
 /// Error of one channel at one horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct HorizonError {
-    /// Length of each prediction \[s\]; `None`: the whole run.
+    /// How far ahead \[s\]; `None`: the whole run, all of its samples.
     pub horizon_s: Option<f64>,
-    /// Root mean square of measured less predicted, over all predictions.
+    /// Root mean square of measured less predicted.
     pub rms: f64,
-    /// `rms` over the noise floor.
+    /// The same of errors over the deviations that the model predicts for them; 1 = as good as the model says.
     pub ratio: f64,
-    /// 100 (1 - |y - predicted| / |y - mean y|) [%]; `None` for a channel that does not move beyond its noise.
+    /// 99 % band of the ratio for the true model.
+    pub band_99: (f64, f64),
+    /// 100 (1 - |y - predicted| / |y - mean y|) [%]; `None` for a channel that does not move beyond its noise, and for
+    /// directions.
     pub fit_percent: Option<f64>,
     /// Samples predicted.
     pub samples: usize,
 }
 
-/// Errors of one channel: of one axis or one wheel; for a direction, of all axes together.
+/// Errors of one channel: of one axis or one wheel; for a direction, of both axes across it together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChannelErrors {
     /// Name: `gyro_x`, `accelerometer_z`, `vector_1`, `wheel_x_speed`.
@@ -33,12 +37,10 @@ pub struct ChannelErrors {
     pub quantity: Channel,
     /// SI unit of the numbers.
     pub unit: &'static str,
-    /// RMS error due to noise alone.
+    /// RMS of a reading's own noise, as the run shows it.
     pub noise_floor: f64,
-    /// Source of the noise floor.
-    pub floor_source: FloorSource,
-    /// Still time from which it was estimated \[s\].
-    pub still_s: f64,
+    /// The same as the platform's file states it.
+    pub stated_noise: f64,
     /// By horizon, shortest first, the whole run last.
     pub horizons: Vec<HorizonError>,
 }
@@ -50,202 +52,168 @@ pub struct Overlay {
     pub name: String,
     /// What it measures.
     pub quantity: Channel,
-    /// Length of each prediction \[s\]: the longest that is shorter than the run; `None`: the whole run.
-    pub horizon_s: Option<f64>,
+    /// Length of each prediction \[s\].
+    pub horizon_s: f64,
     /// Measured.
     pub measured: GrowingCurve,
     /// Predicted, one prediction after the other.
     pub predicted: GrowingCurve,
     /// Measured less predicted.
     pub error: GrowingCurve,
+    /// Standard deviation that the model predicts for the error.
+    pub stddev: GrowingCurve,
 }
 
-/// Compares a channel with its predictions, chunk by chunk: the components to sum over, one per axis except for
-/// directions.
+/// A channel while its errors come in.
 struct Column {
     name: String,
     quantity: Channel,
-    sensor: usize,
-    track: usize,
-    indices: std::ops::Range<usize>,
-    /// Whose noise floor is the channel's.
-    component: Component,
-    /// Number of independent noise components in the error.
-    noise_components: f64,
-    /// By horizon, and each of the indices.
-    sums: Vec<Vec<Sums>>,
+    /// One, or those across a direction.
+    components: Vec<Component>,
+    /// By horizon.
+    sums: Vec<Sums>,
     overlay: Option<Overlay>,
 }
 
-/// Sums over the samples of one component that were predicted.
-#[derive(Debug, Clone, Default)]
+/// Sums over the numbers of a channel.
+#[derive(Debug, Clone, Copy, Default)]
 struct Sums {
-    /// Errors squared.
-    left: f64,
-    measured: f64,
+    errors_squared: f64,
+    normalised_squared: f64,
+    reading: f64,
+    reading_squared: f64,
     count: usize,
-    not_predicted: Gaps,
 }
 
 impl Sums {
-    fn add(&mut self, k: usize, measured: f64, predicted: f64) {
-        if predicted.is_finite() {
-            self.left += (measured - predicted).powi(2);
-            self.measured += measured;
-            self.count += 1;
-        } else {
-            self.not_predicted.add(k);
-        }
+    fn add(&mut self, error: &AheadError) {
+        self.errors_squared += error.error.value.powi(2);
+        self.normalised_squared += error.error.normalised().powi(2);
+        self.reading += error.reading;
+        self.reading_squared += error.reading.powi(2);
+        self.count += 1;
     }
 
-    /// Squares of the measured values about the mean of those that were predicted.
-    fn about_mean(&self, series: &dyn ChannelSeries, index: usize) -> f64 {
-        let mean = self.measured / self.count.max(1) as f64;
-        let used = self.not_predicted.others(series.time_s().len());
-        used.map(|k| (series.number(k, index).unwrap_or(f64::NAN) - mean).powi(2)).sum()
+    fn error(&self, horizon_s: Option<f64>, components: f64, noise: f64) -> HorizonError {
+        let count = self.count as f64;
+        let degrees = u32::try_from(self.count).unwrap_or(u32::MAX);
+        let band = |p: f64| (chi_squared_quantile(p, degrees.max(1)) / count).sqrt();
+        let about_mean = self.reading_squared - self.reading.powi(2) / count;
+        // NaN where a reading is no number.
+        let moves = about_mean > 1.2 * noise * noise * count;
+        HorizonError {
+            horizon_s,
+            rms: (self.errors_squared / count * components).sqrt(),
+            ratio: (self.normalised_squared / count).sqrt(),
+            band_99: (band(0.005), band(0.995)),
+            fit_percent: moves.then(|| 100.0 * (1.0 - (self.errors_squared / about_mean).sqrt())),
+            samples: (count / components).round() as usize,
+        }
     }
 }
 
 /// Errors of all channels at all horizons, while predictions come in.
 pub(super) struct Errors<'a> {
-    recording: &'a Recording,
-    horizons: &'a [Option<f64>],
+    horizons_s: &'a [f64],
     columns: Vec<Column>,
-    /// The horizon that is plotted: the longest that is shorter than the run.
-    shown: usize,
+    /// Which column a component is of.
+    of: BTreeMap<Component, usize>,
+    /// On the way to the last horizon, all channels.
+    together: PredictionError,
 }
 
 impl<'a> Errors<'a> {
-    pub fn new(
-        recording: &'a Recording,
-        model: &PlatformModel,
-        simulator: &Simulator<'_>,
-        horizons: &'a [Option<f64>],
-    ) -> Self {
-        let shown = horizons.iter().rposition(Option::is_some).unwrap_or(horizons.len().saturating_sub(1));
+    /// Over these horizons \[s\] and the whole run, whose position is behind theirs.
+    pub fn new(case: &Prepared<'_>, horizons_s: &'a [f64]) -> Self {
+        let (recording, model) = (case.recording(), case.model());
         let wheels: Vec<&str> = model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
-        let mut columns = Vec::new();
-        for (channel, sensor) in predicted_channels(recording) {
-            let Some(track) = simulator.track(channel, sensor) else { continue };
-            if simulator.tracks().get(track).is_none_or(|track| track.time_s.is_empty()) {
-                continue;
-            }
-            let mut add = |name: String,
-                           indices: std::ops::Range<usize>,
-                           component: Component,
-                           noise_components: f64| {
-                let overlay = (channel != Channel::Vector).then(|| Overlay {
+        let last_s = horizons_s.last().copied().unwrap_or(0.0);
+        let (mut columns, mut of) = (Vec::<Column>::new(), BTreeMap::new());
+        for component in case.components() {
+            let channel = component.channel;
+            let is_direction = channel.info().form == Form::Directions;
+            let joins = columns.last_mut().filter(|column| {
+                is_direction
+                    && column
+                        .components
+                        .first()
+                        .is_some_and(|first| (first.channel, first.sensor()) == (channel, component.sensor()))
+            });
+            if let Some(column) = joins {
+                column.components.push(component);
+            } else {
+                let name = match (is_direction, recording.vectors.len() > 1) {
+                    (true, true) => format!("{}_{}", channel.info().key, component.sensor() + 1),
+                    (true, false) => channel.info().key.to_owned(),
+                    _ => component.name(&wheels),
+                };
+                let overlay = (!is_direction).then(|| Overlay {
                     name: name.clone(),
                     quantity: channel,
-                    horizon_s: horizons.get(shown).copied().flatten(),
+                    horizon_s: last_s,
                     measured: GrowingCurve::default(),
                     predicted: GrowingCurve::default(),
                     error: GrowingCurve::default(),
+                    stddev: GrowingCurve::default(),
                 });
-                columns.push(Column {
-                    name,
-                    quantity: channel,
-                    sensor,
-                    track,
-                    sums: vec![vec![Sums::default(); indices.len()]; horizons.len()],
-                    indices,
-                    component,
-                    noise_components,
-                    overlay,
-                });
-            };
-            let components: Vec<Component> = Component::of(channel, sensor, wheels.len()).collect();
-            if channel.info().form == Form::Directions {
-                let key = channel.info().key;
-                let several = recording.vectors.len() > 1;
-                let name = if several { format!("{key}_{}", sensor + 1) } else { key.to_owned() };
-                // The error is an angle about two axes.
-                add(name, 0..3, Component::new(channel, sensor, 0), components.len() as f64);
-            } else {
-                for component in components.into_iter().filter(|component| recording.measures(*component)) {
-                    let index = component.index();
-                    add(component.name(&wheels), index..index + 1, component, 1.0);
-                }
+                let sums = vec![Sums::default(); horizons_s.len() + 1];
+                columns.push(Column { name, quantity: channel, components: vec![component], sums, overlay });
             }
+            of.insert(component, columns.len() - 1);
         }
-        Self { recording, horizons, columns, shown }
-    }
-
-    /// Adds samples and their predictions over a horizon, by its position.
-    pub fn add(&mut self, horizon: usize, measured: &Chunk, predicted: &Chunk) {
-        for column in &mut self.columns {
-            let Some(sums) = column.sums.get_mut(horizon) else { continue };
-            let series = self.recording.series(column.quantity, column.sensor);
-            let times = series.map_or(&[][..], |series| series.time_s());
-            for k in predicted.samples(column.track) {
-                for (sums, index) in sums.iter_mut().zip(column.indices.clone()) {
-                    let (y, p) =
-                        (measured.number(column.track, k, index), predicted.number(column.track, k, index));
-                    sums.add(k, y, p);
-                    if let (Some(overlay), Some(&t)) = (&mut column.overlay, times.get(k))
-                        && horizon == self.shown
-                    {
-                        let curves = [
-                            (&mut overlay.measured, y),
-                            (&mut overlay.predicted, p),
-                            (&mut overlay.error, y - p),
-                        ];
-                        for (curve, value) in curves.into_iter().filter(|(_, value)| value.is_finite()) {
-                            curve.push(t, value);
-                        }
-                    }
-                }
-            }
+        Self {
+            horizons_s,
+            columns,
+            of,
+            together: PredictionError { horizon_s: last_s, squares: 0.0, numbers: 0 },
         }
     }
 
-    /// The errors with these noise floors, and the curves.
-    pub fn finish(self, floors: &NoiseFloors) -> (Vec<ChannelErrors>, Vec<Overlay>) {
+    /// Adds an error of a horizon, by its position.
+    pub fn add(&mut self, horizon: usize, error: &AheadError) {
+        let column = self.of.get(&error.error.component).and_then(|k| self.columns.get_mut(*k));
+        let Some(column) = column else { return };
+        let (is_run, is_last) = (horizon == self.horizons_s.len(), horizon + 1 == self.horizons_s.len());
+        if let Some(sums) = column.sums.get_mut(horizon).filter(|_| is_run || error.is_at_horizon) {
+            sums.add(error);
+        }
+        if !is_last {
+            return;
+        }
+        self.together.squares += error.error.normalised().powi(2);
+        self.together.numbers += 1;
+        if let Some(overlay) = &mut column.overlay {
+            let (t, e) = (error.error.time_s, error.error.value);
+            overlay.measured.push(t, error.reading);
+            overlay.predicted.push(t, error.reading - e);
+            overlay.error.push(t, e);
+            overlay.stddev.push(t, error.error.stddev);
+        }
+    }
+
+    /// The errors, with the noise that the run shows and that which is stated, the curves, and all errors together.
+    pub fn finish(
+        self,
+        noise: &Noise,
+        stated: &Noise,
+    ) -> (Vec<ChannelErrors>, Vec<Overlay>, Option<PredictionError>) {
         let (mut channels, mut overlays) = (Vec::new(), Vec::new());
         for column in self.columns {
-            let floor = floors.of_component(column.component);
-            let noise_floor = floor.sigma * column.noise_components.sqrt();
-            let series = self.recording.series(column.quantity, column.sensor);
-            let errors = self.horizons.iter().zip(&column.sums).map(|(horizon_s, sums)| {
-                let (rms, fit, samples) = error(series, sums, column.indices.clone(), noise_floor);
-                HorizonError {
-                    horizon_s: *horizon_s,
-                    rms,
-                    ratio: rms / noise_floor,
-                    fit_percent: fit,
-                    samples,
-                }
-            });
+            let Some(first) = column.components.first() else { continue };
+            let components = column.components.len() as f64;
+            let of = |noise: &Noise| noise.of(*first) * components.sqrt();
+            let horizons = self.horizons_s.iter().copied().map(Some).chain([None]);
+            let errors = horizons.zip(&column.sums).map(|(h, sums)| sums.error(h, components, of(noise)));
             channels.push(ChannelErrors {
                 horizons: errors.collect(),
                 unit: column.quantity.unit(),
-                name: column.name,
                 quantity: column.quantity,
-                noise_floor,
-                floor_source: floor.source,
-                still_s: floor.still_s,
+                noise_floor: of(noise),
+                stated_noise: of(stated),
+                name: column.name,
             });
             overlays.extend(column.overlay);
         }
-        (channels, overlays)
+        (channels, overlays, Some(self.together).filter(|together| together.numbers > 0))
     }
-}
-
-/// RMS error, fit and number of samples.
-fn error(
-    series: Option<&dyn ChannelSeries>,
-    sums: &[Sums],
-    indices: std::ops::Range<usize>,
-    floor: f64,
-) -> (f64, Option<f64>, usize) {
-    let (mut left, mut about_mean, mut samples) = (0.0, 0.0, 0);
-    for (sums, index) in sums.iter().zip(indices) {
-        left += sums.left;
-        about_mean += series.map_or(0.0, |series| sums.about_mean(series, index));
-        samples = sums.count;
-    }
-    let count = samples as f64;
-    let moves = about_mean > 1.2 * floor * floor * count;
-    let fit = moves.then(|| 100.0 * (1.0 - (left / about_mean).sqrt()));
-    ((left / count).sqrt(), fit, samples)
 }

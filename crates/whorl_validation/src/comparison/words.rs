@@ -1,9 +1,15 @@
 //! The result of a comparison in one or two sentences.
 
-use super::{ChannelErrors, Comparison};
+use std::fmt;
 
-/// Largest ratio to the noise floor at which a channel counts as explained.
+use whorl_math::three_digits;
+
+use super::{ChannelErrors, Comparison, Unexplained};
+
+/// Largest ratio to the predicted deviation at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
+/// Motors' torques below this share of the largest torque go without saying.
+const LEAST_TOLD: f64 = 0.01;
 /// Largest number of findings to report.
 const FINDINGS: usize = 3;
 
@@ -11,32 +17,39 @@ impl Comparison {
     /// The answer in words.
     #[must_use]
     pub fn answer(&self) -> String {
-        let mut text = match &self.absolute {
-            Some(absolute) if absolute.is_noise() => format!(
-                "{}: the model explains the data to the noise (chi-squared per degree of freedom {:.3}, 99 % band up to {:.3}).",
-                self.run, absolute.chi_squared_per_degree, absolute.band_99.1
-            ),
-            Some(absolute) => format!(
-                "{}: the model does not explain the data: the prediction error is {:.2} times the noise (chi-squared per degree of freedom {:.2}, 99 % band up to {:.3}).",
-                self.run,
-                absolute.prediction_error(),
-                absolute.chi_squared_per_degree,
-                absolute.band_99.1
-            ),
-            None => format!("{}: too little data for a test against noise alone.", self.run),
-        };
+        let of_test = format!(
+            "chi-squared per degree of freedom {}, 99 % band up to {:.3}",
+            three_digits(self.absolute.chi_squared_per_degree),
+            self.absolute.band_99.1
+        );
+        let error = self.prediction.map(|of| {
+            format!(
+                "predictions of {} s err {} times what noise explains",
+                of.horizon_s,
+                three_digits(of.ratio())
+            )
+        });
+        let error = error.unwrap_or_else(|| "it is too short for predictions ahead".to_owned());
+        let run = &self.run;
+        if self.is_noise() {
+            return format!("{run}: the model explains the data to the noise: {error} ({of_test}).");
+        }
+        let mut text = format!("{run}: the model does not explain the data: {error} ({of_test}).");
         let worst = self.channels.iter().filter_map(|c| worst_horizon(c).map(|h| (c, h)));
         if let Some((channel, (horizon_s, rms, ratio))) =
             worst.max_by(|a, b| a.1.2.total_cmp(&b.1.2)).filter(|(_, (_, _, ratio))| *ratio > EXPLAINED)
         {
             let (unit, factor) = channel.quantity.shown_unit();
             text.push_str(&format!(
-                " Worst is {}: {:.3} {unit} RMS over {} s, {ratio:.1} times its noise floor of {:.3} {unit}.",
+                " Worst is {}: {} {unit} RMS {} s ahead, {} times its predicted deviation.",
                 channel.name,
-                rms * factor,
+                three_digits(rms * factor),
                 horizon_s,
-                channel.noise_floor * factor
+                three_digits(ratio)
             ));
+        }
+        if self.unexplained.is_some() {
+            text.push_str(&format!(" Unexplained: {}.", self.unexplained));
         }
         text
     }
@@ -49,12 +62,12 @@ impl Comparison {
         for w in &self.whiteness {
             if let Some(line) = w.periodogram.as_ref().filter(|p| !p.is_white()).and_then(|p| p.line_hz) {
                 let text =
-                    format!("{}: a line at {line:.2} Hz stands out of the residual's spectrum.", w.channel);
+                    format!("{}: a line at {line:.2} Hz stands out of the innovations' spectrum.", w.channel);
                 findings.push((f64::INFINITY, text));
             }
             if let Some(input) = w.inputs.first().filter(|i| i.significant) {
                 let text = format!(
-                    "{}: the residual correlates with {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
+                    "{}: what is left correlates with {} (correlation {:.3} after {} samples, 99 % band {:.3}).",
                     w.channel, input.input, input.value, input.lag, input.correlation.joint_band_99
                 );
                 findings.push((input.value.abs() / input.correlation.joint_band_99, text));
@@ -64,20 +77,37 @@ impl Comparison {
         findings.into_iter().take(FINDINGS).map(|(_, text)| text).collect()
     }
 
-    /// The prediction error over all channels, relative to the noise; `None` if it could not be tested.
+    /// The prediction error over all channels, relative to what the model predicts; `None` if the run is too short for
+    /// predictions ahead.
     #[must_use]
     pub fn prediction_error(&self) -> Option<f64> {
-        self.absolute.as_ref().map(super::Absolute::prediction_error)
+        self.prediction.map(|of| of.ratio())
     }
 
-    /// Whether the residuals are consistent with noise; `None` if this could not be tested.
+    /// Whether the run is consistent with the model and noise alone.
     #[must_use]
-    pub fn is_noise(&self) -> Option<bool> {
-        self.absolute.as_ref().map(super::Absolute::is_noise)
+    pub fn is_noise(&self) -> bool {
+        !self.unexplained.is_some() && self.absolute.chi_squared_per_degree <= self.absolute.band_99.1
     }
 }
 
-/// The longest finite horizon of a channel: its seconds, RMS, ratio.
+impl fmt::Display for Unexplained {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let milli = |x: &f64| three_digits(x * 1e3);
+        let torque: Vec<String> = self.torque_b_n_m.iter().map(milli).collect();
+        let mut parts = Vec::new();
+        if self.torque_b_n_m.iter().any(|x| *x > 0.0) {
+            parts.push(format!("{} mN m about x, y, z of the body", torque.join(", ")));
+        }
+        let all = self.torque_b_n_m.iter().chain(self.motors_n_m.iter().map(|(_, x)| x));
+        let least = LEAST_TOLD * all.fold(0f64, |most, x| most.max(*x));
+        let motors = self.motors_n_m.iter().filter(|(_, stddev)| *stddev > least);
+        parts.extend(motors.map(|(name, stddev)| format!("{} mN m of {name}'s motor", milli(stddev))));
+        write!(f, "{} (standard deviation)", parts.join("; "))
+    }
+}
+
+/// The longest horizon of a channel that is shorter than the run: its seconds, RMS, ratio.
 fn worst_horizon(channel: &ChannelErrors) -> Option<(f64, f64, f64)> {
     let longest = channel.horizons.iter().rev().find_map(|h| h.horizon_s.map(|s| (s, h.rms, h.ratio)));
     longest.filter(|(_, _, ratio)| ratio.is_finite())

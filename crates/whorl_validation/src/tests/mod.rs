@@ -4,6 +4,7 @@ mod comparisons;
 #[path = "../../../whorl_trajectory/src/tests/generator.rs"]
 mod generator;
 mod memory;
+mod pendulums;
 mod rigs;
 mod statistics;
 mod whereabouts;

@@ -1,0 +1,53 @@
+//! Derivatives of the plant, and where they hold.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::plant::{LinearisedPlant, Plant};
+
+use crate::noise::Noise;
+
+/// Where derivatives were made, as far as they depend on it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Place {
+    q_world_body: UnitQuaternion<f64>,
+    /// Rate of the body, and what its wheels' momentum would be as a rate of it [rad/s].
+    rates_rad_s: [Vector3<f64>; 2],
+    /// Which wheels are held, and which contacts touch.
+    branches: u64,
+}
+
+impl Place {
+    pub fn of(plant: &Plant) -> Self {
+        let (model, state) = (plant.gyrostat().model(), plant.state());
+        let inertia_kg_m2 = model.mass_properties.inertia_b_kg_m2().trace() / 3.0;
+        let wheels = model.wheels().iter().zip(state.wheel_speed_rad_s());
+        let momentum: Vector3<f64> = wheels
+            .map(|(wheel, speed)| wheel.spin_axis_b.into_inner() * (wheel.spin_inertia_kg_m2 * speed))
+            .sum();
+        let branches =
+            plant.held_wheels().chain(plant.touching()).fold(0, |bits, on| bits << 1 | u64::from(on));
+        Self {
+            q_world_body: state.q_world_body,
+            rates_rad_s: [state.omega_wb_b_rad_s, momentum / inertia_kg_m2],
+            branches,
+        }
+    }
+
+    /// How far another place is: an angle, and rates against the fastest motion, or 1 rad/s; infinite on another branch.
+    pub fn distance_rad(&self, other: &Self, fastest_1_s: f64) -> f64 {
+        if self.branches != other.branches {
+            return f64::INFINITY;
+        }
+        let angle = 2.0 * (self.q_world_body.inverse() * other.q_world_body).imag().norm();
+        let rates = self.rates_rad_s.iter().zip(&other.rates_rad_s).map(|(a, b)| (a - b).norm()).sum::<f64>();
+        angle + rates / fastest_1_s.max(1.0)
+    }
+}
+
+/// Derivatives in the present state, those by a torque if the noise has disturbances.
+pub(crate) fn linearised(plant: &Plant, noise: &Noise) -> LinearisedPlant {
+    let mut linearised = plant.linearised();
+    if noise.disturbance.is_some() {
+        plant.linearise_torque(&mut linearised);
+    }
+    linearised
+}
