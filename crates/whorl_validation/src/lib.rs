@@ -1,4 +1,4 @@
-//! Comparison of a model with data: prediction errors, noise floors, and the quantities that the errors depend on.
+//! Comparison of a model with data: prediction errors, what is left of them, and the quantities that it depends on.
 //!
 //! [`compare`] predicts a recording at several horizons and tests what is left.
 //! [`dependence`] finds the recorded quantities on which a residual torque depends, and [`explain_where`] puts the
