@@ -10,6 +10,7 @@ use whorl_dynamics::Plant;
 use crate::claims::Claims;
 use crate::filter::{Filter, Innovation};
 use crate::prepared::Prepared;
+use crate::rows::Row;
 
 /// Predictions over one horizon, stretch after stretch.
 pub(crate) struct Ahead {
@@ -41,6 +42,20 @@ pub struct AheadError {
     pub reading: f64,
     /// Whether it is the sensor's last reading within the horizon.
     pub is_at_horizon: bool,
+}
+
+impl AheadError {
+    /// Of a reading at this instant \[ns\], whose error has this variance.
+    pub(crate) fn of(row: &Row, at_ns: i64, variance: f64, is_at_horizon: bool) -> Self {
+        let error = Innovation {
+            time_s: at_ns as f64 * 1e-9,
+            component: row.component,
+            sample: row.sample,
+            value: row.value,
+            stddev: variance.sqrt(),
+        };
+        Self { error, reading: row.reading, is_at_horizon }
+    }
 }
 
 impl Ahead {
@@ -86,17 +101,7 @@ impl Ahead {
             }
             let after_s = (now_ns - stretch.from_ns) as f64 * 1e-9;
             let variance = stretch.variance(filter, &row.by_state, after_s) + row.variance;
-            told(&AheadError {
-                error: Innovation {
-                    time_s: now_ns as f64 * 1e-9,
-                    component: row.component,
-                    sample: row.sample,
-                    value: row.value,
-                    stddev: variance.sqrt(),
-                },
-                reading: row.reading,
-                is_at_horizon,
-            });
+            told(&AheadError::of(&row, now_ns, variance, is_at_horizon));
         }
     }
 

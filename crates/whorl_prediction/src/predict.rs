@@ -65,17 +65,8 @@ pub fn simulate(
     while let Some(instant_ns) = filter.go() {
         let due = filter.due(instant_ns);
         for row in filter.rows(&due) {
-            told(&AheadError {
-                error: Innovation {
-                    time_s: instant_ns as f64 * 1e-9,
-                    component: row.component,
-                    sample: row.sample,
-                    value: row.value,
-                    stddev: (row.by_state.dot(&(&filter.covariance * &row.by_state)) + row.variance).sqrt(),
-                },
-                reading: row.reading,
-                is_at_horizon: false,
-            });
+            let variance = row.by_state.dot(&(&filter.covariance * &row.by_state)) + row.variance;
+            told(&AheadError::of(&row, instant_ns, variance, false));
         }
     }
     !filter.lost
