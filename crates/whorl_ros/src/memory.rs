@@ -7,7 +7,8 @@
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// What a node may allocate beyond what it holds when it begins to run [MiB]. Nodes grow by a few.
+/// What a node may allocate beyond what it holds before it joins the network [MiB]. Its connection takes some tens, mostly
+/// stacks of threads, and grows by a few.
 const HEADROOM_MIB: u64 = 256;
 /// Sets another headroom [MiB]; 0: no limit.
 const VARIABLE: &str = "WHORL_MEMORY_HEADROOM_MIB";

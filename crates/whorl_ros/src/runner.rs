@@ -82,6 +82,9 @@ impl<C: Configurable> Runner<C> {
                 .map_err(RosError::io("watching the addresses of this computer"))?;
         }
         let shell = Shell::new(context.name().clone(), context.clock(), core, &plan, parameters, read);
+        // After everything that a node loads at the start, recordings among it, and before anybody can send it anything.
+        memory::lock_memory();
+        memory::limit_memory();
         let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);
@@ -90,9 +93,6 @@ impl<C: Configurable> Runner<C> {
 
     /// Runs until the core has finished or a signal comes.
     pub(crate) fn run(mut self) -> Result<(), RosError> {
-        // After everything that a node loads at the start, recordings among it.
-        memory::lock_memory();
-        memory::limit_memory();
         let network = if self.connection.is_localhost() {
             "this machine only (ROS_AUTOMATIC_DISCOVERY_RANGE is not SUBNET)"
         } else {
