@@ -39,6 +39,9 @@ pub enum DiagnosisError {
     /// An effect of the model is not physical.
     #[error(transparent)]
     Effect(#[from] EffectError),
+    /// A recording cannot be predicted.
+    #[error(transparent)]
+    Prediction(#[from] whorl_prediction::PredictionError),
     /// Numerical trouble.
     #[error(
         "{run}: the motion cannot be reconstructed from the data ({what}); check units, axes and time stamps"

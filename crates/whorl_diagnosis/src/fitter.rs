@@ -1,111 +1,125 @@
 //! Models refitted jointly with effects that were chosen.
 
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
+
 use whorl_dynamics::effects::{catalogue, find};
-use whorl_dynamics::{ModelPrior, PlatformModel};
+use whorl_dynamics::{Effect, ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
 use crate::evidence::problem::Problem;
 use crate::parameters::Point;
+use crate::parameters::available::Available;
+use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prospect::make_columns_for;
-use crate::search::step::base_point_with;
-use crate::{DiagnosisError, Options, SlowResidual, prepare};
-
-/// A model refitted jointly with effects.
-#[derive(Debug, Clone)]
-pub struct Fit {
-    /// The platform with base parameters and effects at their estimates.
-    pub model: PlatformModel,
-    /// Standard deviations after the fit.
-    pub prior: ModelPrior,
-    /// Every fitted parameter of the base model and of the effects.
-    pub estimates: Vec<FittedParameter>,
-    /// The slow residual before and after.
-    pub slow_residual: SlowResidual,
-}
-
-/// One fitted parameter.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FittedParameter {
-    /// Effect id; `mass_properties` for the moments of inertia.
-    pub group: String,
-    /// Name within the group.
-    pub name: String,
-    /// Unit, "1" for none.
-    pub unit: String,
-    /// Value in the given model (for an effect that it does not have: the neutral value).
-    pub before: f64,
-    /// Estimate.
-    pub estimate: f64,
-    /// Standard deviation of the estimate: no more than was known before, more than the posterior's where the fit leaves
-    /// something unexplained.
-    pub stddev: f64,
-    /// Standard deviation of the posterior itself, of the prior that the fit used and data without anything unexplained.
-    pub posterior_stddev: f64,
-    /// Whether the estimate lies at a bound of its plausible range.
-    pub at_bound: bool,
-}
+use crate::search::step::{base_point_with, point_of};
+use crate::{DiagnosisError, Options, prepare};
 
 /// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
-/// base only) to the training recordings.
+/// base only) to the recordings.
 ///
 /// # Errors
 /// As [`crate::diagnose`]; also for an unknown effect.
 pub fn fit(
     training: &[Recording],
-    held_out: &[Recording],
     model: &PlatformModel,
     prior: &ModelPrior,
     effects: &[&str],
     options: &Options,
 ) -> Result<Fit, DiagnosisError> {
-    Fitter::new(training, held_out, model, prior, options)?.fit(effects)
+    Fitter::new(training, model, prior, options)?.fit(effects)
 }
 
 /// Recordings and a model, to be refitted with one set of effects after the other.
 pub struct Fitter<'a> {
+    training: &'a [Recording],
     options: &'a Options,
     problem: Problem,
-    held_out: Option<Problem>,
-    /// The base model fitted along a smoothed motion: every fit begins there.
-    point: Point,
+    /// The base model fitted along a smoothed motion, where first values of effects are looked for.
+    smoothed: OnceCell<(Problem, Point)>,
+    /// The platform's own parameters alone, in units, and the fit with them.
+    base: OnceCell<(Vec<f64>, Fit)>,
 }
 
 impl<'a> Fitter<'a> {
-    /// Smooths the motion of the recordings and fits the base model.
+    /// Checks the recordings against the model.
     ///
     /// # Errors
     /// As [`crate::diagnose`].
     pub fn new(
-        training: &[Recording],
-        held_out: &[Recording],
+        training: &'a [Recording],
         model: &PlatformModel,
         prior: &ModelPrior,
         options: &'a Options,
     ) -> Result<Self, DiagnosisError> {
-        let (mut problem, mut held_out) =
-            prepare(training, held_out, model, prior, options, None, &mut |_| {})?;
-        let point = base_point_with(&mut problem, &mut held_out.as_mut())?;
-        Ok(Self { options, problem, held_out, point })
+        let (problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
+        Ok(Self { training, options, problem, smoothed: OnceCell::new(), base: OnceCell::new() })
     }
 
-    /// Refits the platform's own parameters together with `effects`, ids of the catalogue. Every fit begins anew: the order
-    /// of calls does not matter.
+    /// Refits the platform's own parameters together with `effects`, ids of the catalogue, by the likelihood of the readings
+    /// ([`whorl_prediction::fit`]). Every fit begins anew: the order of calls does not matter.
     ///
     /// # Errors
     /// As [`fit`].
     pub fn fit(&self, effects: &[&str]) -> Result<Fit, DiagnosisError> {
         let mut chosen = Vec::new();
         for id in effects {
-            chosen.push(find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?);
+            let effect = find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
+            if !self.problem.reference.model.effects.contains_key(*id) {
+                chosen.push(effect);
+            }
         }
+        if chosen.is_empty() {
+            return Ok(self.base()?.1.clone());
+        }
+        let base = &self.base()?.0;
+        let (point, entered) = self.first_values(effects, &chosen)?;
+        let mut refit = self.own_parameters();
+        for effect in chosen {
+            refit.add(effect, &point, entered.get(effect.info().id));
+        }
+        // The platform's own parameters begin where they are alone.
+        let mut from = refit.units_of(&point);
+        from.iter_mut().zip(base).for_each(|(from, base)| *from = *base);
+        Ok(refit.fit(self.training, &from, self.options)?.1)
+    }
+
+    /// The platform's own parameters that its prior leaves open.
+    fn own_parameters(&self) -> Refit<'_> {
+        Refit::own(&self.problem.reference, &Available::of(&self.problem.runs))
+    }
+
+    fn base(&self) -> Result<&(Vec<f64>, Fit), DiagnosisError> {
+        if let Some(base) = self.base.get() {
+            return Ok(base);
+        }
+        let refit = self.own_parameters();
+        let from = vec![0.0; refit.columns.len()];
+        let (fitted, fit) = refit.fit(self.training, &from, self.options)?;
+        Ok(self.base.get_or_init(|| (fitted.at, fit)))
+    }
+
+    /// Values of these effects along the smoothed motion, and how they entered.
+    fn first_values(
+        &self,
+        ids: &[&str],
+        chosen: &[&'static dyn Effect],
+    ) -> Result<(Point, BTreeMap<&'static str, Entered>), DiagnosisError> {
+        if self.smoothed.get().is_none() {
+            let mut problem = self.problem.clone();
+            let point = base_point_with(&mut problem, &mut None)?;
+            let _ = self.smoothed.set((problem, point));
+        }
+        let Some((problem, point)) = self.smoothed.get() else { return Err(DiagnosisError::NoRecording) };
         // Columns of effects that take no part need not be made.
-        let others = catalogue().iter().map(|effect| effect.info().id).filter(|id| !effects.contains(id));
+        let others = catalogue().iter().map(|effect| effect.info().id).filter(|id| !ids.contains(id));
         let options = Options { exclude: others.map(str::to_owned).collect(), ..self.options.clone() };
-        let (mut problem, mut held_out) = (self.problem.clone(), self.held_out.clone());
-        let mut search = Search::at(&mut problem, held_out.as_mut(), &options, self.point.clone())?;
-        make_columns_for(&mut search, effects)?;
-        search.adopt(&chosen)?;
-        search.fit()
+        let mut problem = problem.clone();
+        let mut search = Search::at(&mut problem, None, &options, point.clone())?;
+        make_columns_for(&mut search, ids)?;
+        search.adopt(chosen)?;
+        let found = point_of(search.problem, &search.layout, &search.point, &search.best);
+        Ok((found, Entered::of(&search.layout, &search.best.members)))
     }
 }

@@ -23,6 +23,7 @@ pub mod laws;
 mod layout;
 mod options;
 mod parameters;
+mod refit;
 mod search;
 #[cfg(test)]
 mod tests;
@@ -36,9 +37,10 @@ pub use diagnosis::{
 };
 pub use directions::{Direction, Directions, Measured, Suspect, directions};
 pub use error::DiagnosisError;
-pub use fitter::{Fit, FittedParameter, Fitter, fit};
+pub use fitter::{Fitter, fit};
 pub use options::{Options, Progress};
 pub use parameters::PRIOR_MARGIN;
+pub use refit::{Fit, FittedParameter};
 pub use search::prospect::{Prospect, Prospects, prospects};
 
 use whorl_dynamics::{ModelPrior, PlatformModel};

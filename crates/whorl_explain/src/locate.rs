@@ -35,7 +35,7 @@ pub struct Located {
 /// When a run holds no residual torque: clamped, too short, without a gyro.
 pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<Located, ExplainError> {
     say(0.0, "fitting the platform's own parameters");
-    let fitted = fit(case.training, &[], case.model, case.prior, &[], options);
+    let fitted = fit(case.training, case.model, case.prior, &[], options);
     let believed = fitted.map_err(|error| error.to_string()).and_then(|fitted| {
         believed(case, &fitted)?;
         Ok(fitted.model)

@@ -137,7 +137,7 @@ pub fn trends(
     let prior = &widened(model, prior);
     for (index, run) in runs.iter().enumerate() {
         say(index as f64 / runs.len() as f64, &format!("fitting {}", run.recording.name));
-        let found = fit(std::slice::from_ref(run.recording), &[], model, prior, &effects, options);
+        let found = fit(std::slice::from_ref(run.recording), model, prior, &effects, options);
         let found = match found {
             Ok(found) => found,
             Err(error) => {
@@ -168,7 +168,7 @@ pub fn trends(
                 trends[place].estimates.push(Estimate {
                     run: index,
                     value,
-                    stddev: parameter.posterior_stddev / own.sqrt() * found.slow_residual.after.max(1.0),
+                    stddev: parameter.posterior_stddev / own.sqrt(),
                 });
             }
         }

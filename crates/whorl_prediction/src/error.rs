@@ -12,6 +12,11 @@ pub enum PredictionError {
     /// The plant refused its start.
     #[error("the model cannot be simulated: {0}")]
     Plant(#[from] PlantError),
+    /// No platform has the parameters with which a fit was to begin, or any close by.
+    #[error(
+        "no platform has the parameters with which the fit begins: a mass or an inertia that no body has"
+    )]
+    NoModel,
     /// Nothing that the model predicts was recorded.
     #[error(
         "{run}: nothing was recorded that the model predicts: no rate, force, direction or wheel speed with its command"

@@ -6,6 +6,7 @@ use whorl_math::covariance;
 use whorl_recording::Component;
 
 use crate::claims::Claims;
+use crate::columns::Columns;
 use crate::layout::Layout;
 use crate::linearisation::{Place, linearised};
 use crate::noise::Noise;
@@ -65,6 +66,8 @@ pub(crate) struct Filter<'a> {
     pub covariance: DMatrix<f64>,
     /// What predictions ahead need.
     pub claims: Option<Claims>,
+    /// How it changes with parameters of the model.
+    pub columns: Option<Columns<'a>>,
     pub(super) linearised: LinearisedPlant,
     /// Where the derivatives were made.
     pub(super) place: Place,
@@ -94,6 +97,7 @@ impl<'a> Filter<'a> {
             beside: start.beside.clone(),
             covariance: start.covariance.clone(),
             claims: None,
+            columns: None,
             linearised,
             place: Place::of(&plant),
             over_step: None,
@@ -121,6 +125,12 @@ impl<'a> Filter<'a> {
         self
     }
 
+    /// The same, which finds how it changes with parameters.
+    pub fn varying(mut self, columns: Columns<'a>) -> Self {
+        self.columns = Some(columns);
+        self
+    }
+
     /// What the model alone claims to know now, without disturbances.
     pub fn claimed(&self) -> &DMatrix<f64> {
         self.claims.as_ref().and_then(|claims| claims.covariance.as_ref()).unwrap_or(&self.covariance)
@@ -137,7 +147,12 @@ impl<'a> Filter<'a> {
         self.go().is_some_and(|instant_ns| {
             let due = self.due(instant_ns);
             let rows = self.rows(&due);
-            self.take_in(&rows, told);
+            let mut columns = self.columns.take();
+            let direct = columns
+                .as_mut()
+                .map(|columns| columns.of_readings(&self.plant, &rows, &|plant| self.values_of(plant, &due)));
+            self.columns = columns;
+            self.take_in(&rows, direct.as_ref(), told);
             !self.lost
         })
     }
@@ -162,22 +177,38 @@ impl<'a> Filter<'a> {
 
     /// What the same readings show of another state close by.
     pub fn rows_of(&self, plant: &Plant, beside: &DVector<f64>, due: &[(usize, usize)]) -> Vec<Row> {
-        let seen = Seen {
+        self.seen(plant, beside, true).rows(due)
+    }
+
+    /// What they are less their predictions with another model in the present state; without derivatives.
+    pub fn values_of(&self, plant: &Plant, due: &[(usize, usize)]) -> Vec<Row> {
+        self.seen(plant, &self.beside, false).rows(due)
+    }
+
+    fn seen<'b>(&'b self, plant: &'b Plant, beside: &'b DVector<f64>, with_derivatives: bool) -> Seen<'b> {
+        Seen {
             case: self.case,
             noise: self.noise,
             layout: self.layout,
             plant,
             beside,
-            linearised: &self.linearised,
-        };
-        seen.rows(due)
+            linearised: with_derivatives.then_some(&self.linearised),
+        }
     }
 
-    /// Corrects the state by these readings, one number after the other.
-    pub fn take_in(&mut self, rows: &[Row], told: &mut dyn FnMut(&Innovation)) {
+    /// Corrects the state by these readings, one number after the other; `direct` is how they change with the parameters where the
+    /// state does not.
+    pub fn take_in(
+        &mut self,
+        rows: &[Row],
+        direct: Option<&DMatrix<f64>>,
+        told: &mut dyn FnMut(&Innovation),
+    ) {
         let time_s = self.plant.now_ns() as f64 * 1e-9;
         let mut change = DVector::zeros(self.layout.size());
-        for row in rows {
+        let parameters = self.columns.as_ref().map_or(0, Columns::count);
+        let mut changed = DMatrix::zeros(self.layout.size(), parameters);
+        for (position, row) in rows.iter().enumerate() {
             let a = product(&self.covariance, &row.by_state);
             let s = row.by_state.dot(&a) + row.variance;
             let value = row.value - row.by_state.dot(&change);
@@ -200,9 +231,18 @@ impl<'a> Filter<'a> {
                 covariance::correct_scalar(claimed, &a, s);
             }
             change.axpy(value, &gain, 1.0);
+            let sensitivity = self.columns.as_mut().zip(direct).map(|(columns, direct)| {
+                let d = columns.of_innovation(row, direct, position, &changed);
+                columns.add(&d, value, s);
+                changed.ger(1.0, &gain, &d, 1.0);
+                d
+            });
             if let Some(origin) = &mut self.origin {
                 let b = product(&origin.covariance, &row.by_state);
                 origin.shift.axpy(value / s, &b, 1.0);
+                if let Some((columns, d)) = self.columns.as_mut().zip(sensitivity) {
+                    columns.learn((&b / s).as_view(), &d);
+                }
                 origin.own.ger(-1.0 / s, &b, &b, 1.0);
                 origin.covariance.ger(-1.0 / s, &b, &a, 1.0);
             }
@@ -212,6 +252,9 @@ impl<'a> Filter<'a> {
             covariance::symmetrise(claimed);
         }
         self.change(change.as_view());
+        if let Some(columns) = &mut self.columns {
+            columns.change(&changed);
+        }
     }
 
     fn change(&mut self, change: DVectorView<'_, f64>) {

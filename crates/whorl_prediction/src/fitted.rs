@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::filter::Filter;
 use crate::guess::guesses;
+use crate::known::narrowed;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::prepared::Prepared;
@@ -25,8 +26,6 @@ const NEAR_PASSES: usize = 2;
 const SHARES_OF_A_STEP: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.03];
 /// Parts and narrowings at most; six doublings reach the whole run, and two or three narrowings follow.
 const MOST_ROUNDS: usize = 24;
-/// Share of a variance below which a direction counts as certain: rounding of a covariance.
-const CERTAIN: f64 = 1e-14;
 
 /// A start that the run shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,27 +116,6 @@ fn follow(case: &Prepared<'_>, noise: &Noise, start: Start, most: usize) -> (Fit
         best = Passed::over(case, noise, Start { covariance: narrowed, ..best.start }, part);
     }
     (best.fitted(&known_before, stands), best.likelihood.log)
-}
-
-/// A covariance with this share of the information that a run adds to what was known before: `own` is what both say together.
-/// Directions of which nothing was uncertain stay certain.
-fn narrowed(before: &DMatrix<f64>, own: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
-    // In coordinates in which what was known before is a unit matrix: before = B B^T, own = B M B^T with M <= 1.
-    let n = before.nrows();
-    let scale = before.diagonal().map(|p| p.max(0.0).sqrt());
-    let unit = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
-    let shape = DMatrix::from_fn(n, n, |i, j| before[(i, j)] * unit(i) * unit(j)).symmetric_eigen();
-    let kept: Vec<usize> = (0..n).filter(|k| shape.eigenvalues[*k] > CERTAIN).collect();
-    let basis = DMatrix::from_fn(n, kept.len(), |i, k| {
-        scale[i] * shape.eigenvectors[(i, kept[k])] * shape.eigenvalues[kept[k]].sqrt()
-    });
-    let back = DMatrix::from_fn(kept.len(), n, |k, i| {
-        unit(i) * shape.eigenvectors[(i, kept[k])] / shape.eigenvalues[kept[k]].sqrt()
-    });
-    let said = (&back * own * back.transpose()).symmetric_eigen();
-    let kept = said.eigenvalues.map(|mu| 1.0 / (1.0 + share * (1.0 / mu.clamp(CERTAIN, 1.0) - 1.0)));
-    let turned = basis * said.eigenvectors;
-    &turned * DMatrix::from_diagonal(&kept) * turned.transpose()
 }
 
 /// What a pass over a part of a run says of its start.

@@ -33,6 +33,13 @@ pub struct Followed {
 }
 
 impl Followed {
+    /// log p of the run with these levels [natural logarithm].
+    #[must_use]
+    pub fn log_likelihood(&self) -> f64 {
+        let gained = if self.noise.disturbance.is_some() { self.gain_nats } else { 0.0 };
+        self.likelihood_alone.log + gained
+    }
+
     /// The noise without disturbances.
     #[must_use]
     pub fn noise_alone(&self) -> Noise {
@@ -43,11 +50,37 @@ impl Followed {
 /// Follows a run with the levels that it shows, beginning with the stated ones.
 #[must_use]
 pub fn follow(case: &Prepared<'_>, stated: &Noise) -> Followed {
+    let noise = Noise { disturbance: first_guess(case), ..stated.clone() };
+    let fitted = fitted_start_within(case, &noise, case.settings().level_start_instants);
+    followed_from(case, stated, noise, fitted, 0)
+}
+
+/// The same with a model close by, or a better one, than the one with which the run was followed before: where that one needed no disturbances, this one
+/// does not.
+#[must_use]
+pub fn follow_again(case: &Prepared<'_>, stated: &Noise, before: &Followed) -> Followed {
+    if before.noise.disturbance.is_some() {
+        let first = case.settings().level_first_passes;
+        return followed_from(case, stated, before.noise.clone(), before.fitted.clone(), first);
+    }
+    let noise = before.noise.clone();
+    let moments = Moments::of(case, &noise, &before.fitted.start, case.instants());
+    let noise = if moments.log.is_finite() { moments.improved(case, &noise, stated) } else { noise };
+    let (alone, likelihood_alone) = fitted_start_near(case, &noise, &before.fitted);
+    Followed { noise, fitted: alone.clone(), alone, likelihood_alone, gain_nats: 0.0 }
+}
+
+/// Levels from these on, the start known; `first`: passes that have been.
+fn followed_from(
+    case: &Prepared<'_>,
+    stated: &Noise,
+    mut noise: Noise,
+    fitted: FittedStart,
+    first: usize,
+) -> Followed {
     let settings = case.settings();
-    let mut noise = Noise { disturbance: first_guess(case), ..stated.clone() };
-    let fitted = fitted_start_within(case, &noise, settings.level_start_instants);
     let mut best: Option<(f64, Noise)> = None;
-    for pass in 0..settings.level_passes {
+    for pass in first..settings.level_passes {
         // First levels come from the first part of a long run.
         let whole = pass >= settings.level_first_passes || case.instants() <= settings.level_first_instants;
         let part = if whole { case.instants() } else { settings.level_first_instants };
@@ -94,7 +127,7 @@ fn first_guess(case: &Prepared<'_>) -> Disturbance {
 }
 
 /// Whether no level changes by more than a share.
-fn stands(now: &Noise, next: &Noise, share: f64) -> bool {
+pub(crate) fn stands(now: &Noise, next: &Noise, share: f64) -> bool {
     let levels = |noise: &Noise| -> Vec<f64> {
         let of = noise.disturbance.stddev_b_n_m.iter().chain(&noise.disturbance.motors_n_m);
         let readings = noise.gyro_rad_s.iter().chain(&noise.force_m_s2).chain(&noise.vector_rad);

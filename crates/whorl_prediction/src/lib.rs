@@ -36,10 +36,13 @@
 
 mod ahead;
 mod claims;
+mod columns;
 mod error;
 mod filter;
+mod fit;
 mod fitted;
 mod guess;
+mod known;
 mod layout;
 mod levels;
 mod likelihood;
@@ -50,19 +53,23 @@ mod prepared;
 mod propagation;
 mod readings;
 mod rows;
+mod sensitivities;
 mod settings;
 mod start;
 mod transition;
 
 pub use ahead::AheadError;
+pub use columns::Varied;
 pub use error::PredictionError;
 pub use filter::Innovation;
+pub use fit::{Fitted, ModelAt, Parameter, fit};
 pub use fitted::{FittedStart, fitted_start};
 pub use layout::Layout;
-pub use levels::{Followed, follow};
+pub use levels::{Followed, follow, follow_again};
 pub use likelihood::Likelihood;
 pub use noise::{Disturbance, Noise};
 pub use predict::{Told, predict, simulate};
 pub use prepared::Prepared;
+pub use sensitivities::sensitivities;
 pub use settings::Settings;
 pub use start::Start;

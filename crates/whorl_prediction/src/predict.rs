@@ -40,7 +40,7 @@ pub fn predict(
             ahead.follow(case, &filter, &due, &mut |error| told(Told::Ahead(position, error)));
         }
         let rows = filter.rows(&due);
-        filter.take_in(&rows, &mut |innovation| {
+        filter.take_in(&rows, None, &mut |innovation| {
             sums.add(innovation);
             told(Told::Innovation(innovation));
         });

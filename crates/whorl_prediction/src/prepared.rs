@@ -1,6 +1,8 @@
 //! A recording and a model, ready to be predicted.
 
 use nalgebra::{Unit, Vector3};
+use whorl_dynamics::plant::Tangent;
+use whorl_dynamics::platform::SensorSuite;
 use whorl_dynamics::{Gyrostat, InitialState, Plant, PlatformModel};
 use whorl_recording::{Component, Mounting, Recording};
 use whorl_trajectory::commands::{Commands, ns};
@@ -23,11 +25,14 @@ const LONGEST_STEP_S: f64 = 1.0;
 /// A recording and a model, ready to be predicted.
 pub struct Prepared<'a> {
     recording: &'a Recording,
+    given: PlatformModel,
     /// Constants corrected by its effects.
     model: PlatformModel,
     commands: Commands<'a>,
     /// Without noise, with the supplies of this run, before the first reading.
     plant: Plant,
+    /// Largest step of plants whose difference is wanted and not their motion \[ns\].
+    difference_step_ns: i64,
     event: usize,
     tracks: Vec<Track<'a>>,
     hidden_noise: Vec<f64>,
@@ -56,24 +61,42 @@ impl<'a> Prepared<'a> {
         let commands = Commands::of(recording, &gyrostat);
         let mut hidden_noise = vec![0.0; gyrostat.effects().hidden_states()];
         gyrostat.effects().hidden_noise(&mut hidden_noise);
-        let begun = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
-        let mut plant =
-            Plant::new(&quiet(model, recording), &begun, 0)?.without_random_torque().without_latency();
-        plant.set_clamped(clamped);
+        let plant = plant_before(recording, model, first_ns, clamped)?;
         // As it moves when it moves as fast as it ever was read to.
         let moving = fastest_rate_1_s(&moving_fastest(&plant, recording).linearised().rate_by_state);
-        let step_ns = step_ns(&plant, moving.max(swings_1_s(model)));
-        let plant = plant.with_step_ns(step_ns);
-        let event = commands.first_event(plant.now_ns());
-        let model = gyrostat.model().clone();
-        let mut case =
-            Self { recording, model, commands, plant, event, tracks, hidden_noise, clamped, settings };
-        // Valves, gas and commands as they are at the first reading; the motion until then is nobody's.
-        let (mut plant, mut event) = (case.plant.clone(), case.event);
-        if case.run_to(&mut plant, &mut event, first_ns) {
-            (case.plant, case.event) = (plant, event);
-        }
+        let fastest_1_s = moving.max(swings_1_s(model));
+        let step_ns = step_ns(&plant, fastest_1_s);
+        let (plant, event) = at_first_reading(&commands, plant.with_step_ns(step_ns), first_ns);
+        // Both err alike at a contact.
+        let difference_step_ns = longest_step_ns(LONGEST_STEP_S, fastest_1_s);
+        let corrected = gyrostat.model().clone();
+        let case = Self {
+            recording,
+            given: model.clone(),
+            model: corrected,
+            commands,
+            plant,
+            difference_step_ns,
+            event,
+            tracks,
+            hidden_noise,
+            clamped,
+            settings,
+        };
         Ok(case)
+    }
+
+    /// Another model on the same recording, from the same instant on, for differences of motions.
+    pub(crate) fn varied(&self, model: &PlatformModel) -> Result<OtherModel<'a>, PredictionError> {
+        let gyrostat = Gyrostat::new(model)?;
+        let commands = Commands::of(self.recording, &gyrostat);
+        let plant = plant_before(self.recording, model, self.first_ns(), self.clamped)?;
+        let (plant, event) =
+            at_first_reading(&commands, plant.with_step_ns(self.difference_step_ns), self.first_ns());
+        let sensors = gyrostat.model().sensors;
+        // Few parameters change when a command comes or what it is.
+        let commands = (commands != self.commands).then_some(commands);
+        Ok(OtherModel { plant, event, commands, sensors })
     }
 
     /// The recording.
@@ -86,6 +109,11 @@ impl<'a> Prepared<'a> {
     #[must_use]
     pub fn model(&self) -> &PlatformModel {
         &self.model
+    }
+
+    /// The model as it was given.
+    pub(crate) fn given_model(&self) -> &PlatformModel {
+        &self.given
     }
 
     /// The commands of the run.
@@ -111,6 +139,12 @@ impl<'a> Prepared<'a> {
 
     pub(crate) fn hidden_noise(&self) -> impl Iterator<Item = f64> + '_ {
         self.hidden_noise.iter().copied()
+    }
+
+    /// Coordinates of the plant's state.
+    #[must_use]
+    pub fn tangent(&self) -> Tangent {
+        self.plant.tangent()
     }
 
     /// Whether only the wheels move.
@@ -150,18 +184,63 @@ impl<'a> Prepared<'a> {
         self.event
     }
 
-    /// Advances a plant with the recorded commands; false where its motion is lost. A command of the very instant comes
-    /// after what is read then: a controller answers to a reading, never before it.
+    /// Advances a plant with the recorded commands; false where its motion is lost.
     pub(crate) fn run_to(&self, plant: &mut Plant, event: &mut usize, time_ns: i64) -> bool {
-        while let Some(due_ns) = self.commands.event_ns(*event).filter(|t| *t < time_ns) {
-            if plant.advance_to(due_ns.max(plant.now_ns())).is_err() {
-                return false;
-            }
-            self.commands.tell(*event, plant);
-            *event += 1;
-        }
-        plant.advance_to(time_ns.max(plant.now_ns())).is_ok()
+        run_to(&self.commands, plant, event, time_ns)
     }
+}
+
+/// Another model on a recording that was prepared.
+#[derive(Clone)]
+pub(crate) struct OtherModel<'a> {
+    /// At the first reading, and the next command.
+    pub plant: Plant,
+    pub event: usize,
+    /// What it is told; `None`: what the first model is.
+    pub commands: Option<Commands<'a>>,
+    pub sensors: SensorSuite,
+}
+
+impl OtherModel<'_> {
+    /// As [`Prepared::run_to`].
+    pub fn run_to(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {
+        let commands = self.commands.as_ref().unwrap_or(&case.commands);
+        run_to(commands, &mut self.plant, &mut self.event, time_ns)
+    }
+}
+
+/// Advances a plant with these commands; false where its motion is lost. A command of the very instant comes after what is read
+/// then: a controller answers to a reading, never before it.
+fn run_to(commands: &Commands<'_>, plant: &mut Plant, event: &mut usize, time_ns: i64) -> bool {
+    while let Some(due_ns) = commands.event_ns(*event).filter(|t| *t < time_ns) {
+        if plant.advance_to(due_ns.max(plant.now_ns())).is_err() {
+            return false;
+        }
+        commands.tell(*event, plant);
+        *event += 1;
+    }
+    plant.advance_to(time_ns.max(plant.now_ns())).is_ok()
+}
+
+/// Valves, gas and commands as they are at the first reading, and the next command; the motion until then is nobody's.
+fn at_first_reading(commands: &Commands<'_>, plant: Plant, first_ns: i64) -> (Plant, usize) {
+    let (mut moved, begun) = (plant.clone(), commands.first_event(plant.now_ns()));
+    let mut event = begun;
+    if run_to(commands, &mut moved, &mut event, first_ns) { (moved, event) } else { (plant, begun) }
+}
+
+/// A plant that stands at the start of a recording, or at its first reading if that is before.
+fn plant_before(
+    recording: &Recording,
+    model: &PlatformModel,
+    first_ns: i64,
+    clamped: bool,
+) -> Result<Plant, PredictionError> {
+    let begun = InitialState { time_ns: first_ns.min(0), ..InitialState::default() };
+    let quiet = quiet(model, recording);
+    let mut plant = Plant::new(&quiet, &begun, 0)?.without_random_torque().without_latency();
+    plant.set_clamped(clamped);
+    Ok(plant)
 }
 
 /// How fast weight lets the body swing at most, whatever its attitude [rad/s].
@@ -194,5 +273,9 @@ fn moving_fastest(plant: &Plant, recording: &Recording) -> Plant {
 fn step_ns(plant: &Plant, fastest_1_s: f64) -> i64 {
     let touches = plant.gyrostat().model().tilt_limit.stops() || plant.gyrostat().effects().has_contact();
     let longest_s = if touches { STEP_AT_CONTACTS_S } else { LONGEST_STEP_S };
+    longest_step_ns(longest_s, fastest_1_s)
+}
+
+fn longest_step_ns(longest_s: f64, fastest_1_s: f64) -> i64 {
     ns(longest_s.min(SHARE_OF_MOTION / fastest_1_s)).max(SHORTEST_STEP_NS)
 }

@@ -44,9 +44,15 @@ impl Filter<'_> {
             let end_ns = from_ns + ((left_ns as f64 / steps).ceil() as i64).max(1);
             let end_ns = end_ns.min(to_ns);
             self.show_disturbance();
+            if let Some(columns) = &mut self.columns {
+                columns.set_out(&self.plant);
+            }
             self.lost = !self.case.run_to(&mut self.plant, &mut self.event, end_ns);
             let h_s = (end_ns - from_ns) as f64 * 1e-9;
             let (step, holds) = self.errors_over(end_ns - from_ns);
+            if let Some(columns) = &mut self.columns {
+                self.lost |= !columns.follow(self.case, &self.plant, &step.transition);
+            }
             self.grow(&step, h_s);
             self.push_motors(&step.transition);
             let fades = (-h_s / self.noise.disturbance.correlation_s).exp();
@@ -166,6 +172,9 @@ impl Filter<'_> {
             }
             if let Some(origin) = &mut self.origin {
                 origin.covariance.column_mut(i).fill(0.0);
+            }
+            if let Some(columns) = &mut self.columns {
+                columns.hold(i);
             }
         }
     }

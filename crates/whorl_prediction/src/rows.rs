@@ -26,14 +26,14 @@ pub(crate) struct Row {
     pub by_state: DVector<f64>,
 }
 
-/// A state, and the derivatives about it.
+/// A state, and the derivatives about it; `None`: only what the readings are less their predictions is wanted.
 pub(crate) struct Seen<'a> {
     pub case: &'a Prepared<'a>,
     pub noise: &'a Noise,
     pub layout: Layout,
     pub plant: &'a Plant,
     pub beside: &'a DVector<f64>,
-    pub linearised: &'a LinearisedPlant,
+    pub linearised: Option<&'a LinearisedPlant>,
 }
 
 impl Seen<'_> {
@@ -67,32 +67,37 @@ impl Seen<'_> {
         for component in &track.components {
             let index = component.index();
             let Some(reading) = track.number(sample, index) else { continue };
-            let mut by_state = DVector::zeros(layout.size());
-            let (mut predicted, bias) = match track.channel {
-                Channel::Gyro => {
-                    by_state.rows_mut(0, n).copy_from(&self.linearised.imu_by_state.row(index).transpose());
-                    (imu.0.get(index).copied().unwrap_or(f64::NAN), layout.gyro_bias())
-                }
-                Channel::Accelerometer => {
-                    by_state
-                        .rows_mut(0, n)
-                        .copy_from(&self.linearised.imu_by_state.row(3 + index).transpose());
-                    let by_torque = self.linearised.force_by_torque.row(index);
-                    for (axis, i) in layout.disturbance().enumerate() {
-                        by_state[i] = by_torque[axis];
-                    }
-                    for (i, wheel) in layout.motors().zip(self.case.model().wheels()) {
-                        by_state[i] = -by_torque.transpose().dot(&wheel.spin_axis_b);
-                    }
-                    (imu.1.get(index).copied().unwrap_or(f64::NAN), layout.force_bias())
-                }
-                _ => {
-                    by_state[layout.plant.wheels().start + index] = 1.0;
-                    (self.plant.state().wheel_speed_rad_s().get(index).copied().unwrap_or(f64::NAN), 0..0)
-                }
+            let (predicted, bias) = match track.channel {
+                Channel::Gyro => (imu.0.get(index), layout.gyro_bias()),
+                Channel::Accelerometer => (imu.1.get(index), layout.force_bias()),
+                _ => (self.plant.state().wheel_speed_rad_s().get(index), 0..0),
             };
+            let mut predicted = predicted.copied().unwrap_or(f64::NAN);
+            let mut by_state = self.no_derivative();
+            if let Some(linearised) = self.linearised {
+                match track.channel {
+                    Channel::Gyro => {
+                        by_state.rows_mut(0, n).copy_from(&linearised.imu_by_state.row(index).transpose());
+                    }
+                    Channel::Accelerometer => {
+                        by_state
+                            .rows_mut(0, n)
+                            .copy_from(&linearised.imu_by_state.row(3 + index).transpose());
+                        let by_torque = linearised.force_by_torque.row(index);
+                        for (axis, i) in layout.disturbance().enumerate() {
+                            by_state[i] = by_torque[axis];
+                        }
+                        for (i, wheel) in layout.motors().zip(self.case.model().wheels()) {
+                            by_state[i] = -by_torque.transpose().dot(&wheel.spin_axis_b);
+                        }
+                    }
+                    _ => by_state[layout.plant.wheels().start + index] = 1.0,
+                }
+                if !bias.is_empty() {
+                    by_state[bias.start + index] = 1.0;
+                }
+            }
             if !bias.is_empty() {
-                by_state[bias.start + index] = 1.0;
                 predicted += self.beside[bias.start + index];
             }
             let value = reading - predicted;
@@ -118,10 +123,16 @@ impl Seen<'_> {
         let second = predicted.cross(&first);
         for (component, axis) in track.components.iter().zip([first, second]) {
             // A body turned by a sees the direction turned by -a.
-            let mut by_state = DVector::zeros(self.layout.size());
-            by_state.rows_mut(ROTATION.start, 3).copy_from(&-(to_sensor.inverse() * axis));
+            let mut by_state = self.no_derivative();
+            if self.linearised.is_some() {
+                by_state.rows_mut(ROTATION.start, 3).copy_from(&-(to_sensor.inverse() * axis));
+            }
             rows.push(self.row(*component, position, sample, f64::NAN, off.dot(&axis), by_state));
         }
+    }
+
+    fn no_derivative(&self) -> DVector<f64> {
+        DVector::zeros(if self.linearised.is_some() { self.layout.size() } else { 0 })
     }
 
     fn row(

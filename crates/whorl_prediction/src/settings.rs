@@ -52,6 +52,19 @@ pub struct Settings {
     /// Factor by which a stated noise may be off, one standard deviation. An assumption: data sheets give typical values, and the
     /// bandwidth that is set changes them. It counts only where there are few readings.
     pub stated_noise_factor: f64,
+    /// Threads on which recordings are looked at side by side; results do not depend on it.
+    pub threads: usize,
+    /// Share of a parameter's unit over which differences are taken: the motion is linear over it to about as much.
+    pub fit_difference: f64,
+    /// Parameters stand when a step would make the recordings likelier by no more than this (natural logarithm): they are then closer to
+    /// the likeliest than a tenth of their deviations.
+    pub fit_stands_nats: f64,
+    /// The same of the first values, whose levels are those of a worse model, and of what new levels must bring: less is no evidence.
+    pub fit_round_nats: f64,
+    /// Steps with the same levels at most.
+    pub fit_steps: usize,
+    /// How often levels are found anew at most.
+    pub fit_rounds: usize,
 }
 
 impl Default for Settings {
@@ -75,6 +88,12 @@ impl Default for Settings {
             level_seen: 1e-4,
             level_longest_step: 4.0,
             stated_noise_factor: 1.5,
+            threads: 2,
+            fit_difference: 1e-3,
+            fit_stands_nats: 0.01,
+            fit_round_nats: 0.5,
+            fit_steps: 10,
+            fit_rounds: 8,
         }
     }
 }

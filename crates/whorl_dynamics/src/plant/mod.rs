@@ -5,6 +5,7 @@
 
 mod command;
 mod integrator;
+mod motion;
 mod noise;
 mod sampling;
 mod tangent;

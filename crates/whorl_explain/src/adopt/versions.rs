@@ -52,8 +52,7 @@ pub fn versions(
     let given = compare(case, &mut part(say, 0.0, share(1)))?;
     let mut versions =
         vec![Version { name: "as given".to_owned(), effects: Vec::new(), fit: None, runs: given }];
-    say(share(1), "smoothing the motion");
-    let fitter = Fitter::new(case.training, case.held_out, case.model, case.prior, options);
+    let fitter = Fitter::new(case.training, case.model, case.prior, options);
     let none = Vec::new();
     let mut left_out = Vec::new();
     for (k, effects) in std::iter::once(&none).chain(sets).enumerate() {

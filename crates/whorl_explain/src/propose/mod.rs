@@ -71,7 +71,7 @@ pub type Rehearse<'a> = dyn Fn(&str, &str) -> Result<Recording, String> + Sync +
 #[must_use]
 pub fn leading_explanation(case: &Case<'_>, diagnosis: &Diagnosis, options: &Options) -> PlatformModel {
     let ids: Vec<&str> = diagnosis.effects.iter().map(String::as_str).collect();
-    let fitted = fit(case.training, &[], case.model, case.prior, &ids, options);
+    let fitted = fit(case.training, case.model, case.prior, &ids, options);
     fitted.map_or_else(|_| case.model.clone(), |fitted| fitted.model)
 }
 

@@ -50,7 +50,13 @@ pub struct Rig {
 }
 
 /// Draws a rig and records it.
+#[allow(dead_code, reason = "each test uses its part")]
 pub fn drawn(seed: u64) -> Rig {
+    drawn_as(seed, &|model, _| model.clone())
+}
+
+/// Draws a rig, and records what its model does as it really is.
+pub fn drawn_as(seed: u64, really: &dyn Fn(&PlatformModel, &mut Draw) -> PlatformModel) -> Rig {
     let mut draw = Draw::new(seed);
     let mut model = PlatformModel::whorl_1_reference();
     let rate_hz = draw.magnitude(1.0, 1000.0).round().max(1.0);
@@ -186,7 +192,8 @@ pub fn drawn(seed: u64) -> Rig {
         "seed {seed}: {freedom:?}, {rate_hz} Hz, swing {swing_hz:.2} Hz from {tilt:.2} rad, inertia {size:.2e}, {wheels} wheels friction {with_friction}, jets {with_jets}, {closed:?}, accelerometer {}, vector {with_vector}, bias {biased}, {samples} samples",
         sensors.accelerometer.fitted
     );
-    let recording = record(&model, &start, &mut draw, closed, samples, with_vector, torque, spin);
+    let truth = really(&model, &mut draw);
+    let recording = record(&truth, &start, &mut draw, closed, samples, with_vector, torque, spin);
     Rig { what, model, recording }
 }
 

@@ -1,0 +1,238 @@
+//! Parameters of a platform and its effects fitted by the predictor: the likelihood of the readings themselves.
+
+use std::collections::BTreeMap;
+
+use whorl_dynamics::effects::Role;
+use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
+use whorl_prediction::{Fitted, Parameter, Settings};
+use whorl_recording::Recording;
+
+use crate::explanations::candidates::Layout;
+use crate::explanations::hypothesis::Member;
+use crate::parameters::available::Available;
+use crate::parameters::{Column, MASS_PROPERTIES, Point, Reference, Target, is_base};
+use crate::{DiagnosisError, Options};
+
+/// A model refitted jointly with effects.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The platform with base parameters and effects at their estimates.
+    pub model: PlatformModel,
+    /// Standard deviations after the fit.
+    pub prior: ModelPrior,
+    /// Every fitted parameter of the base model and of the effects.
+    pub estimates: Vec<FittedParameter>,
+    /// Whether the model explains the recordings: with a torque that it does not have they are hardly likelier.
+    pub is_explained: bool,
+}
+
+/// One fitted parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedParameter {
+    /// Effect id; `mass_properties` for the moments of inertia.
+    pub group: String,
+    /// Name within the group.
+    pub name: String,
+    /// Unit, "1" for none.
+    pub unit: String,
+    /// Value in the given model (for an effect that it does not have: the neutral value).
+    pub before: f64,
+    /// Estimate.
+    pub estimate: f64,
+    /// Standard deviation of the estimate: no more than was known before; of a constant of the platform what was known, where the
+    /// fit leaves something unexplained.
+    pub stddev: f64,
+    /// Standard deviation of the posterior itself.
+    pub posterior_stddev: f64,
+    /// Whether the estimate lies at a bound of its plausible range.
+    pub at_bound: bool,
+}
+
+/// How an effect has entered a fit along a smoothed motion.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Entered {
+    /// Its parameters that are single columns.
+    pub indices: Vec<usize>,
+    /// Prior size, in units of the catalogue's prior.
+    pub size: f64,
+}
+
+impl Entered {
+    /// Of the members of a set.
+    pub fn of(layout: &Layout, members: &[Member]) -> BTreeMap<&'static str, Self> {
+        let entered = |member: &Member| {
+            let columns = member.columns.iter().filter_map(|i| layout.columns.get(*i));
+            let indices = columns.filter(|column| column.origin.is_none()).map(|column| column.index);
+            let of = Self { indices: indices.collect(), size: member.size };
+            Some((layout.candidates.get(member.candidate)?.id, of))
+        };
+        members.iter().filter_map(entered).collect()
+    }
+}
+
+/// What a refit changes, with what is known of it before.
+pub(crate) struct Refit<'a> {
+    pub reference: &'a Reference,
+    /// Each parameter once, counted from the given model.
+    pub columns: Vec<Column>,
+    /// Standard deviation of each, in its units.
+    pub stddevs: Vec<f64>,
+}
+
+impl<'a> Refit<'a> {
+    /// The platform's own parameters that its prior leaves open.
+    pub fn own(reference: &'a Reference, available: &Available) -> Self {
+        let columns = reference.base_columns(available).into_iter();
+        let columns: Vec<Column> = columns.filter(|column| column.base_stddev > 0.0).collect();
+        let stddevs = columns.iter().map(|column| column.base_stddev).collect();
+        Self { reference, columns, stddevs }
+    }
+
+    /// Adds an effect: the parameters that a point has moved, and those that entered.
+    pub fn add(&mut self, effect: &'static dyn Effect, point: &Point, entered: Option<&Entered>) {
+        let reference = self.reference;
+        let specs = effect.parameters(&reference.model);
+        for column in reference.parameter_columns(effect) {
+            let has_entered = entered.is_some_and(|entered| entered.indices.contains(&column.index));
+            if !has_entered && reference.distance(point, &column) == 0.0 {
+                continue;
+            }
+            let is_shape = specs.get(column.index).is_some_and(|spec| spec.role != Role::Amplitude);
+            let size = entered.map_or(1.0, |entered| entered.size.max(1.0));
+            let stddev = if is_shape { 1.0 } else { size } * column.catalogue_stddev;
+            let same = |own: &Column| (own.group, own.index) == (column.group, column.index);
+            if let Some(own) = self.columns.iter().position(same) {
+                self.stddevs[own] = self.stddevs[own].hypot(stddev);
+            } else {
+                self.columns.push(column);
+                self.stddevs.push(stddev);
+            }
+        }
+    }
+
+    /// The place of a point, in units.
+    pub fn units_of(&self, point: &Point) -> Vec<f64> {
+        let within =
+            |column: &Column| self.reference.distance(point, column).max(column.range.0).min(column.range.1);
+        self.columns.iter().map(within).collect()
+    }
+
+    fn point(&self, units: &[f64]) -> Point {
+        let moved =
+            |point: Point, (column, units): (&Column, &f64)| self.reference.moved(&point, column, *units);
+        self.columns.iter().zip(units).fold(self.reference.point(), moved)
+    }
+
+    /// The likeliest values, beginning at these, and the model with them.
+    pub fn fit(
+        &self,
+        recordings: &[Recording],
+        from: &[f64],
+        options: &Options,
+    ) -> Result<(Fitted, Fit), DiagnosisError> {
+        let of = |(column, stddev): (&Column, &f64)| Parameter { stddev: *stddev, range: column.range };
+        let parameters: Vec<Parameter> = self.columns.iter().zip(&self.stddevs).map(of).collect();
+        let model_at = |units: &[f64]| self.model_at(units);
+        let settings = Settings { threads: options.threads, ..Settings::default() };
+        let fitted = whorl_prediction::fit(recordings, &parameters, &model_at, from, &settings)?;
+        let fit = self.described(&fitted)?;
+        Ok((fitted, fit))
+    }
+
+    /// The model with these values, in units; `None` where no platform is so.
+    pub fn model_at(&self, units: &[f64]) -> Option<PlatformModel> {
+        let model = self.reference.model_at(&self.point(units)).ok()?;
+        Gyrostat::new(&model).is_ok().then_some(model)
+    }
+
+    fn described(&self, fitted: &Fitted) -> Result<Fit, DiagnosisError> {
+        let reference = self.reference;
+        let point = self.point(&fitted.at);
+        let model = self.folded(&point)?;
+        // While something else is missing, the constants bend to follow it, and how well they seem to be known
+        // says nothing: they keep the given uncertainty, so that the next fit can bring them back.
+        let is_explained = fitted.followed.iter().all(|run| !run.noise.disturbance.is_some());
+        let mut prior = reference.prior.clone();
+        let mut estimates = Vec::new();
+        for (i, column) in self.columns.iter().enumerate() {
+            let given = reference.given_stddev(column);
+            let keeps = !is_explained && is_of_platform(column);
+            let posterior_stddev = fitted.covariance[(i, i)].max(0.0).sqrt() * column.scale;
+            // Data do not take away what was known before them.
+            let stddev = match (given > 0.0, keeps) {
+                (true, true) => given,
+                (true, false) => posterior_stddev.min(given),
+                (false, _) => posterior_stddev,
+            };
+            let (before, estimate) = match column.target {
+                Target::Moment(axis) => {
+                    let at = |m: &PlatformModel| m.mass_properties.inertia_b_kg_m2()[(axis, axis)];
+                    if !keeps {
+                        prior.inertia_b_kg_m2[(axis, axis)] = stddev;
+                    }
+                    (at(&reference.model), at(&model))
+                }
+                Target::Effect(effect) => {
+                    let read = |values: Vec<f64>| values.get(column.index).copied().unwrap_or(0.0);
+                    if !keeps {
+                        self.tighten(&mut prior, effect, column, stddev);
+                    }
+                    (read(reference.values(effect)), read(reference.values_at(&point, effect)))
+                }
+            };
+            estimates.push(FittedParameter {
+                group: column.group.to_owned(),
+                name: column.name.clone(),
+                unit: column.unit.to_owned(),
+                before,
+                estimate,
+                stddev,
+                posterior_stddev,
+                at_bound: fitted.at_bound.get(i).copied().unwrap_or(false),
+            });
+        }
+        Ok(Fit { model, prior, estimates, is_explained })
+    }
+
+    /// The model at a point, with the base effects folded into its constants.
+    fn folded(&self, point: &Point) -> Result<PlatformModel, DiagnosisError> {
+        let reference = self.reference;
+        let mut constants = point.clone();
+        constants.effects.retain(|id, _| is_base(id) && !reference.model.effects.contains_key(*id));
+        let mut given = reference.clone();
+        given.model.effects = BTreeMap::new();
+        let mut model = Gyrostat::new(&given.model_at(&constants)?)?.model().clone();
+        let mut rest = point.clone();
+        rest.effects.retain(|id, _| !constants.effects.contains_key(id));
+        rest.moments = [0.0; 3];
+        model.effects = reference.model_at(&rest)?.effects;
+        // Neutral values need no mention.
+        for (id, values) in &mut model.effects {
+            if let Some(effect) = crate::explanations::candidates::effect(id) {
+                let specs = effect.parameters(&reference.model);
+                let was = reference.model.effects.get(id).cloned().unwrap_or_default();
+                values.retain(|name, value| {
+                    was.contains_key(name)
+                        || specs.iter().any(|s| s.name == *name && (*value - s.neutral).abs() > 0.0)
+                });
+            }
+        }
+        Ok(model)
+    }
+
+    fn tighten(&self, prior: &mut ModelPrior, effect: &dyn Effect, column: &Column, stddev: f64) {
+        let model = &self.reference.model;
+        let is_given = model.effects.contains_key(column.group);
+        let spec = effect.parameters(model).into_iter().nth(column.index).filter(|_| !is_given);
+        if let Some((base, part)) = spec.and_then(|spec| Some((spec.base?, spec.part))) {
+            base.set_stddev(prior, part, stddev);
+        } else if !is_of_platform(column) {
+            prior.effects.entry(column.group.to_owned()).or_default().insert(column.name.clone(), stddev);
+        }
+    }
+}
+
+/// Whether a column is a constant of the platform and not of an effect that was added.
+fn is_of_platform(column: &Column) -> bool {
+    column.group == MASS_PROPERTIES || is_base(column.group)
+}

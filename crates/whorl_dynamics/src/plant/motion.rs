@@ -1,0 +1,85 @@
+//! The motion of one plant against that of another, as when two models begin in the same state.
+
+use nalgebra::{DVector, Vector3};
+
+use super::{Plant, RATE, ROTATION};
+
+impl Plant {
+    /// Takes over attitude, rates, wheel speeds, hidden states and disturbance of another plant that has the same
+    /// [`super::Tangent`] and began at the same time; commands, valves and supplies stay its own.
+    pub fn take_motion_of(&mut self, other: &Self) {
+        self.state.q_world_body = other.state.q_world_body;
+        self.state.omega_wb_b_rad_s = other.state.omega_wb_b_rad_s;
+        self.state.set_wheel_speed_rad_s(other.state.wheel_speed_rad_s());
+        self.state.hidden = other.state.hidden;
+        self.drive.disturbance = other.drive.disturbance;
+        self.behind_filter = other.behind_filter;
+        // What a part that sticks does to the others' motion is made anew only where another one does: it takes as long as a step.
+        let held = self.held();
+        self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
+        if self.held() != held || !self.gyrostat.model().gyros().is_empty() {
+            self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
+        }
+    }
+
+    /// Which wheels dry friction holds, as bits.
+    fn held(&self) -> u64 {
+        self.held_wheels().fold(0, |bits, held| bits << 1 | u64::from(held))
+    }
+
+    /// Whether dry friction holds the same wheels of both, and the same contacts touch: only then is the one's motion less the
+    /// other's a derivative.
+    #[must_use]
+    pub fn is_on_branch_of(&self, other: &Self) -> bool {
+        self.held() == other.held() && self.touching() == other.touching()
+    }
+
+    /// By how much its motion differs from that of another plant: the change, in [`super::Tangent`] coordinates, that makes the
+    /// other's into its own.
+    #[must_use]
+    pub fn motion_less(&self, other: &Self) -> DVector<f64> {
+        let tangent = self.tangent();
+        let mut difference = DVector::zeros(tangent.size());
+        let turned: Vector3<f64> =
+            (other.state.q_world_body.inverse() * self.state.q_world_body).scaled_axis();
+        difference.fixed_rows_mut::<3>(ROTATION.start).copy_from(&turned);
+        let rate = self.state.omega_wb_b_rad_s - other.state.omega_wb_b_rad_s;
+        difference.fixed_rows_mut::<3>(RATE.start).copy_from(&rate);
+        let speeds = self.state.wheel_speed_rad_s().iter().zip(other.state.wheel_speed_rad_s());
+        for (i, (own, others)) in tangent.wheels().zip(speeds) {
+            difference[i] = own - others;
+        }
+        let hidden = self.state.hidden.iter().zip(&other.state.hidden);
+        for (i, (own, others)) in tangent.hidden().zip(hidden) {
+            difference[i] = own - others;
+        }
+        difference
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    use crate::{InitialState, Plant, PlatformModel};
+
+    #[test]
+    fn a_difference_is_the_change_that_makes_up_for_it() {
+        let model = PlatformModel::whorl_1_reference();
+        let start = InitialState {
+            q_world_body: UnitQuaternion::from_euler_angles(0.2, -0.1, 1.0),
+            omega_wb_b_rad_s: Vector3::new(0.1, -0.4, 0.6),
+            wheel_speed_rad_s: vec![20.0, -35.0, 50.0],
+            ..InitialState::default()
+        };
+        let plant = Plant::new(&model, &start, 1).unwrap();
+        let mut other = Plant::new(&model, &InitialState::default(), 1).unwrap();
+        other.take_motion_of(&plant);
+        assert_eq!(other.motion_less(&plant).norm(), 0.0);
+        let change = [0.01, -0.02, 0.03, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0];
+        other.change_state(&change);
+        let found = other.motion_less(&plant);
+        assert_eq!(found.len(), change.len());
+        assert!(found.iter().zip(change).all(|(found, made)| (found - made).abs() < 1e-12), "{found}");
+    }
+}

@@ -1,0 +1,262 @@
+//! How the estimates and innovations of a filter change with the parameters of its model, through the same gains.
+//!
+//! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
+//! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
+
+use nalgebra::{DMatrix, DVector, DVectorView};
+use whorl_dynamics::{Plant, PlatformModel};
+use whorl_recording::Channel;
+
+use crate::error::PredictionError;
+use crate::known::KnownBefore;
+use crate::prepared::{OtherModel, Prepared};
+use crate::rows::Row;
+
+/// A model a little further along a parameter.
+#[derive(Debug, Clone)]
+pub struct Varied {
+    /// The model there.
+    pub model: PlatformModel,
+    /// How far along the parameter, in its unit.
+    pub step: f64,
+}
+
+/// A varied model on the way of a filter.
+#[derive(Clone)]
+struct Other<'a> {
+    with: OtherModel<'a>,
+    step: f64,
+    /// How much later than the filter's model it takes the readings of gyro and accelerometer to be \[s\].
+    late_s: [f64; 2],
+}
+
+/// Columns of sensitivities, one for each parameter.
+#[derive(Clone)]
+pub(crate) struct Columns<'a> {
+    others: Vec<Other<'a>>,
+    /// The filter's own model, which takes the steps that the others take.
+    reference: OtherModel<'a>,
+    /// Where the filter's plant was before the step, where readings are taken to be late.
+    before: Option<Plant>,
+    /// Of the filter's estimate, by parameter: coordinates of the layout per unit.
+    of_state: DMatrix<f64>,
+    /// Of the estimate of the start.
+    of_start: DMatrix<f64>,
+    /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
+    information: DMatrix<f64>,
+    /// Sum of d e / S.
+    slope: DVector<f64>,
+    /// How fast the filter's state moved over the last step, coordinates of the plant per second.
+    rates: DVector<f64>,
+    /// d of the innovations of the present instant, in their order.
+    latest: Vec<DVector<f64>>,
+}
+
+/// What a pass says of parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Sums {
+    /// -d^2 log p / dtheta^2, Gauss and Newton's.
+    pub information: DMatrix<f64>,
+    /// d log p / dtheta.
+    pub slope: DVector<f64>,
+    /// How the start that the run shows moves with the parameters.
+    pub of_start: DMatrix<f64>,
+}
+
+impl Sums {
+    /// As if the filter had begun with what was known before the run, `wide`, and not with what the run made of it, `narrow`, which
+    /// holds the start where parameters would move it. `shift` is how the start moves that the run shows, `own` its covariance
+    /// behind the run. With M the information that has been put in twice, a quadratic form of the start is taken out again:
+    ///
+    /// ```text
+    /// start'       = (1 - own M)^-1 (shift + D theta)
+    /// information' = information - D^T M (1 - own M)^-1 D
+    /// slope'       = slope + D^T M (1 - own M)^-1 shift
+    /// ```
+    #[must_use]
+    pub fn widened(
+        mut self,
+        shift: &mut DVector<f64>,
+        own: &DMatrix<f64>,
+        narrow: &DMatrix<f64>,
+        wide: &DMatrix<f64>,
+    ) -> Self {
+        let known = KnownBefore::new(wide);
+        let n = known.back.nrows();
+        let Some(inverse) = known.units(narrow).try_inverse() else { return self };
+        let twice = inverse - DMatrix::identity(n, n);
+        let solve = (DMatrix::identity(n, n) - known.units(own) * &twice).lu();
+        let of_start = &known.back * &self.of_start;
+        let moved = &known.back * &*shift;
+        let (Some(freed), Some(freely)) = (solve.solve(&of_start), solve.solve(&moved)) else { return self };
+        self.information -= of_start.transpose() * &twice * &freed;
+        self.slope += of_start.transpose() * &twice * &freely;
+        self.of_start = &known.basis * freed;
+        *shift = &known.basis * freely;
+        self
+    }
+
+    /// Nothing is known.
+    pub fn none(size: usize, parameters: usize) -> Self {
+        Self {
+            information: DMatrix::zeros(parameters, parameters),
+            slope: DVector::zeros(parameters),
+            of_start: DMatrix::zeros(size, parameters),
+        }
+    }
+}
+
+impl<'a> Columns<'a> {
+    /// For a filter that has not begun.
+    pub fn new(case: &Prepared<'a>, size: usize, varied: &[Varied]) -> Result<Self, PredictionError> {
+        let n = varied.len();
+        let others = varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
+        Ok(Self {
+            others,
+            reference: case.varied(case.given_model())?,
+            before: None,
+            of_state: DMatrix::zeros(size, n),
+            of_start: DMatrix::zeros(size, n),
+            information: DMatrix::zeros(n, n),
+            slope: DVector::zeros(n),
+            rates: DVector::zeros(case.plant().tangent().size()),
+            latest: Vec::new(),
+        })
+    }
+
+    /// The sums over all innovations so far.
+    pub fn sums(self) -> Sums {
+        Sums { information: self.information, slope: -self.slope, of_start: self.of_start }
+    }
+
+    /// Before a step: every varied model in the filter's state.
+    pub fn set_out(&mut self, plant: &Plant) {
+        self.reference.plant.take_motion_of(plant);
+        self.before = self.others.iter().any(Other::is_late).then(|| plant.clone());
+        for other in &mut self.others {
+            other.with.plant.take_motion_of(plant);
+        }
+    }
+
+    /// Behind a step of the plant, over which errors moved by this transition. False where a motion is lost.
+    pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, transition: &DMatrix<f64>) -> bool {
+        let (m, n) = (transition.nrows(), plant.tangent().size());
+        let moved = transition * self.of_state.rows(0, m);
+        self.of_state.rows_mut(0, m).copy_from(&moved);
+        if !self.reference.run_to(case, plant.now_ns()) {
+            return false;
+        }
+        let reference = &self.reference.plant;
+        for (other, mut column) in self.others.iter_mut().zip(self.of_state.column_iter_mut()) {
+            if !other.with.run_to(case, plant.now_ns()) {
+                return false;
+            }
+            // Where one sticks and the other slips the difference says nothing of a small one.
+            if !other.with.plant.is_on_branch_of(reference) {
+                continue;
+            }
+            let mut of_plant = column.rows_mut(0, n);
+            of_plant.axpy(1.0 / other.step, &other.with.plant.motion_less(reference), 1.0);
+        }
+        if let Some(before) = &self.before {
+            let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
+            self.rates = plant.motion_less(before) / step_s;
+        }
+        true
+    }
+
+    /// A wheel that its friction holds stands whatever the parameters are.
+    pub fn hold(&mut self, coordinate: usize) {
+        self.of_state.row_mut(coordinate).fill(0.0);
+    }
+
+    /// How each of these readings in a state changes with the parameters where the state does not: readings by parameters. `read` is
+    /// what other models read there.
+    pub fn of_readings(
+        &mut self,
+        plant: &Plant,
+        rows: &[Row],
+        read: &dyn Fn(&Plant) -> Vec<Row>,
+    ) -> DMatrix<f64> {
+        self.latest.clear();
+        let mut found = DMatrix::zeros(rows.len(), self.others.len());
+        for (other, mut column) in self.others.iter_mut().zip(found.column_iter_mut()) {
+            other.with.plant.take_motion_of(plant);
+            if !other.with.plant.is_on_branch_of(plant) {
+                continue;
+            }
+            let varied = read(&other.with.plant);
+            for ((slot, row), varied) in column.iter_mut().zip(rows).zip(&varied) {
+                let late_s = match row.component.channel {
+                    Channel::Gyro => other.late_s[0],
+                    Channel::Accelerometer => other.late_s[1],
+                    _ => 0.0,
+                };
+                let moves = row.by_state.rows(0, self.rates.len()).dot(&self.rates);
+                *slot = (varied.value - row.value + moves * late_s) / other.step;
+            }
+        }
+        found
+    }
+
+    /// The change of an innovation `value` with the parameters; `direct` is the part that is not by the state, `changed` what the
+    /// readings of the same instant have changed already.
+    pub fn of_innovation(
+        &self,
+        row: &Row,
+        direct: &DMatrix<f64>,
+        position: usize,
+        changed: &DMatrix<f64>,
+    ) -> DVector<f64> {
+        let mut d = DVector::from(direct.row(position).transpose());
+        for (i, h) in row.by_state.iter().enumerate().filter(|(_, h)| **h != 0.0) {
+            for k in 0..d.len() {
+                d[k] -= h * (self.of_state[(i, k)] + changed[(i, k)]);
+            }
+        }
+        d
+    }
+
+    /// Takes in an innovation and its change.
+    pub fn add(&mut self, d: &DVector<f64>, value: f64, variance: f64) {
+        self.information.syger(1.0 / variance, d, d, 1.0);
+        self.slope.axpy(value / variance, d, 1.0);
+        self.latest.push(d.clone());
+    }
+
+    /// The start learns of an innovation.
+    pub fn learn(&mut self, gain: DVectorView<'_, f64>, d: &DVector<f64>) {
+        self.of_start.ger(1.0, &gain, d, 1.0);
+    }
+
+    /// The state changes by what was read.
+    pub fn change(&mut self, changed: &DMatrix<f64>) {
+        self.of_state += changed;
+    }
+
+    /// The changes of the innovations of the present instant.
+    pub fn latest(&self) -> &[DVector<f64>] {
+        &self.latest
+    }
+
+    /// How many parameters there are.
+    pub fn count(&self) -> usize {
+        self.others.len()
+    }
+}
+
+impl<'a> Other<'a> {
+    fn new(case: &Prepared<'a>, varied: &Varied) -> Result<Self, PredictionError> {
+        let with = case.varied(&varied.model)?;
+        let (sensors, of) = (&with.sensors, &case.model().sensors);
+        let late_s = [
+            sensors.gyro.errors.latency_s - of.gyro.errors.latency_s,
+            sensors.accelerometer.errors.latency_s - of.accelerometer.errors.latency_s,
+        ];
+        Ok(Self { with, step: varied.step, late_s })
+    }
+
+    fn is_late(&self) -> bool {
+        self.late_s != [0.0; 2]
+    }
+}

@@ -1,0 +1,331 @@
+//! Parameters of a model by the likelihood of recordings: Gauss and Newton's steps through the filter's own sensitivities.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+use whorl_dynamics::PlatformModel;
+use whorl_recording::Recording;
+
+use crate::columns::{Columns, Sums, Varied};
+use crate::error::PredictionError;
+use crate::filter::Filter;
+use crate::levels::{Followed, follow, follow_again, stands};
+use crate::likelihood::Likelihood;
+use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::settings::Settings;
+use crate::start::Start;
+
+/// What is tried of a step that makes the recordings less likely as a whole.
+const SHARES_OF_A_STEP: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
+
+/// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// What is known before: its standard deviation about zero; infinite: nothing.
+    pub stddev: f64,
+    /// Smallest and largest value.
+    pub range: (f64, f64),
+}
+
+/// Models by their parameters; `None` where no platform has such values.
+pub type ModelAt<'a> = dyn Fn(&[f64]) -> Option<PlatformModel> + Sync + 'a;
+
+/// Parameters that recordings show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// The likeliest values, prior included.
+    pub at: Vec<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
+    /// Which stay at an end of their range.
+    pub at_bound: Vec<bool>,
+    /// Each recording with the model there.
+    pub followed: Vec<Followed>,
+    /// log p of the recordings and the values, with the levels of noise that each shows [natural logarithm].
+    pub log_posterior: f64,
+    /// The same where the fit began.
+    pub log_posterior_before: f64,
+    /// log p of the recordings, whatever the values: Laplace's integral over a normal posterior.
+    pub log_evidence: f64,
+    /// Whether the values stand.
+    pub stands: bool,
+}
+
+/// Fits parameters to recordings, beginning at `from`. Never less likely than there.
+///
+/// # Errors
+/// See [`PredictionError`]; the model at `from` must be one.
+pub fn fit(
+    recordings: &[Recording],
+    parameters: &[Parameter],
+    model_at: &ModelAt<'_>,
+    from: &[f64],
+    settings: &Settings,
+) -> Result<Fitted, PredictionError> {
+    let search = Search { recordings, parameters, model_at, settings };
+    let followed = search.followed(from, None)?;
+    let before =
+        Standing { at: from.to_vec(), log_posterior: search.log_posterior(from, &followed), followed };
+    let mut best = before.clone();
+    let (mut levels, mut is_settled) = (best.clone(), parameters.is_empty());
+    for round in 0..settings.fit_rounds {
+        if is_settled {
+            break;
+        }
+        let (at, is_top) = search.climbed(&levels, round == 0)?;
+        let is_here = at == levels.at;
+        let Ok(followed) = search.followed(&at, Some(&levels.followed)) else { break };
+        let same = levels.followed.iter().zip(&followed).all(|(a, b)| {
+            a.noise.disturbance.is_some() == b.noise.disturbance.is_some()
+                && stands(&a.noise, &b.noise, settings.level_stands)
+        });
+        let log_before = levels.log_posterior;
+        levels = Standing { log_posterior: search.log_posterior(&at, &followed), at, followed };
+        if levels.log_posterior > best.log_posterior {
+            best = levels.clone();
+        }
+        let gains = levels.log_posterior - log_before > settings.fit_round_nats;
+        is_settled = same && (is_top || is_here) || !gains;
+    }
+    let information = search.passes(&best.at, &best.runs())?.information(parameters);
+    let held = search.held(&best.at, &DVector::zeros(parameters.len()));
+    Ok(search.fitted(best, before.log_posterior, &information, &held, is_settled))
+}
+
+/// A place of the search: values, and the recordings with the model there.
+#[derive(Debug, Clone)]
+struct Standing {
+    at: Vec<f64>,
+    log_posterior: f64,
+    followed: Vec<Followed>,
+}
+
+impl Standing {
+    fn runs(&self) -> Vec<(Noise, Start)> {
+        self.followed.iter().map(|run| (run.noise.clone(), run.fitted.start.clone())).collect()
+    }
+}
+
+struct Search<'a> {
+    recordings: &'a [Recording],
+    parameters: &'a [Parameter],
+    model_at: &'a ModelAt<'a>,
+    settings: &'a Settings,
+}
+
+/// What passes over all recordings say at one place.
+struct Passes {
+    likelihoods: Vec<Likelihood>,
+    /// How the start of each moves that the run shows.
+    shifts: Vec<DVector<f64>>,
+    sums: Vec<Sums>,
+}
+
+impl Passes {
+    fn log_likelihood(&self) -> f64 {
+        self.likelihoods.iter().map(|l| if l.lost { f64::NEG_INFINITY } else { l.log }).sum()
+    }
+
+    /// Mean square of the normalised innovations, 1 at least.
+    fn misfit(&self) -> f64 {
+        let numbers: usize = self.likelihoods.iter().map(|l| l.numbers).sum();
+        (self.likelihoods.iter().map(|l| l.chi_squared).sum::<f64>() / numbers.max(1) as f64).max(1.0)
+    }
+
+    fn information(&self, parameters: &[Parameter]) -> DMatrix<f64> {
+        let known = DVector::from_iterator(parameters.len(), parameters.iter().map(|p| p.stddev.powi(-2)));
+        self.sums.iter().fold(DMatrix::from_diagonal(&known), |sum, of| sum + &of.information)
+    }
+
+    fn slope(&self, parameters: &[Parameter], at: &[f64]) -> DVector<f64> {
+        let pulls = parameters.iter().zip(at).map(|(p, x)| -x * p.stddev.powi(-2));
+        let known = DVector::from_iterator(parameters.len(), pulls);
+        self.sums.iter().fold(known, |sum, of| sum + &of.slope)
+    }
+}
+
+impl Search<'_> {
+    fn model(&self, at: &[f64]) -> Result<PlatformModel, PredictionError> {
+        (self.model_at)(at).ok_or(PredictionError::NoModel)
+    }
+
+    fn log_prior(&self, at: &[f64]) -> f64 {
+        self.parameters.iter().zip(at).map(|(p, x)| -0.5 * (x / p.stddev).powi(2)).sum()
+    }
+
+    fn log_posterior(&self, at: &[f64], followed: &[Followed]) -> f64 {
+        followed.iter().map(Followed::log_likelihood).sum::<f64>() + self.log_prior(at)
+    }
+
+    /// Each recording with the levels and the start that it shows with the model there.
+    fn followed(&self, at: &[f64], before: Option<&[Followed]>) -> Result<Vec<Followed>, PredictionError> {
+        let model = self.model(at)?;
+        let runs: Vec<usize> = (0..self.recordings.len()).collect();
+        each(&runs, self.settings.threads, |run| {
+            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
+            let stated = Noise::stated(&case)?;
+            let before = before.and_then(|before| before.get(*run));
+            Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
+        })
+        .into_iter()
+        .collect()
+    }
+
+    /// The likeliest values with these levels, and whether they stand: roughly while levels are those of another model.
+    fn climbed(&self, begun: &Standing, roughly: bool) -> Result<(Vec<f64>, bool), PredictionError> {
+        let (settings, parameters) = (self.settings, self.parameters);
+        let stands_nats = if roughly { settings.fit_round_nats } else { settings.fit_stands_nats };
+        let (mut at, mut runs) = (begun.at.clone(), begun.runs());
+        let mut here = self.passes(&at, &runs)?;
+        for _ in 0..settings.fit_steps {
+            let log = here.log_likelihood() + self.log_prior(&at);
+            let slope = here.slope(parameters, &at);
+            let held = self.held(&at, &slope);
+            let Some(step) = solved(&here.information(parameters), &slope, &held) else { break };
+            if 0.5 * step.dot(&slope) <= stands_nats * here.misfit() {
+                return Ok((at, true));
+            }
+            let tried = SHARES_OF_A_STEP.iter().find_map(|share| {
+                let next = self.within(&at, &(&step * *share));
+                let moved = DVector::from_iterator(at.len(), next.iter().zip(&at).map(|(a, b)| a - b));
+                let next_runs = here.moved(&runs, &moved);
+                let passes = self.passes(&next, &next_runs).ok()?;
+                (passes.log_likelihood() + self.log_prior(&next) > log).then_some((next, next_runs, passes))
+            });
+            let Some(next) = tried else { break };
+            (at, runs, here) = next;
+        }
+        Ok((at, false))
+    }
+
+    /// Which parameters stand at an end of their range that the slope does not lead away from.
+    fn held(&self, at: &[f64], slope: &DVector<f64>) -> Vec<bool> {
+        let ends = self.parameters.iter().zip(at).zip(slope.iter());
+        ends.map(|((p, x), up)| (*x <= p.range.0 && *up <= 0.0) || (*x >= p.range.1 && *up >= 0.0)).collect()
+    }
+
+    fn within(&self, at: &[f64], step: &DVector<f64>) -> Vec<f64> {
+        let moved = self.parameters.iter().zip(at).zip(step.iter());
+        moved.map(|((p, x), step)| (x + step).max(p.range.0).min(p.range.1)).collect()
+    }
+
+    /// Passes over all recordings.
+    fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        let model = self.model(at)?;
+        let varied = self.varied(at)?;
+        let pairs: Vec<_> = self.recordings.iter().zip(runs).collect();
+        let found = each(&pairs, self.settings.threads, |(recording, (noise, start))| {
+            let case = Prepared::new(recording, &model, *self.settings)?;
+            pass(&case, noise, start, &varied)
+        });
+        let mut passes = Passes { likelihoods: Vec::new(), shifts: Vec::new(), sums: Vec::new() };
+        for of in found {
+            let (likelihood, shift, sums) = of?;
+            passes.likelihoods.push(likelihood);
+            passes.shifts.push(shift);
+            passes.sums.push(sums);
+        }
+        Ok(passes)
+    }
+
+    /// Models a little further along each parameter, on the side where there is one.
+    fn varied(&self, at: &[f64]) -> Result<Vec<Varied>, PredictionError> {
+        let step = |(i, parameter): (usize, &Parameter)| {
+            let size = self.settings.fit_difference * parameter.stddev.min(1.0);
+            [size, -size].into_iter().find_map(|step| {
+                let mut moved = at.to_vec();
+                moved[i] += step;
+                let inside = (parameter.range.0..=parameter.range.1).contains(&moved[i]);
+                inside.then(|| (self.model_at)(&moved)).flatten().map(|model| Varied { model, step })
+            })
+        };
+        let all: Option<Vec<Varied>> = self.parameters.iter().enumerate().map(step).collect();
+        all.ok_or(PredictionError::NoModel)
+    }
+
+    fn fitted(
+        &self,
+        best: Standing,
+        before: f64,
+        information: &DMatrix<f64>,
+        held: &[bool],
+        stands: bool,
+    ) -> Fitted {
+        let n = self.parameters.len();
+        let inverse = Cholesky::new(information.clone());
+        let covariance =
+            inverse.as_ref().map_or_else(|| DMatrix::from_element(n, n, f64::NAN), |c| c.inverse());
+        // log of the posterior's determinant over the prior's.
+        let narrower: f64 =
+            inverse.as_ref().map_or(f64::NAN, |c| c.l().diagonal().iter().map(|x| x.ln()).sum());
+        let known: f64 = self.parameters.iter().filter(|p| p.stddev.is_finite()).map(|p| p.stddev.ln()).sum();
+        Fitted {
+            log_evidence: best.log_posterior - narrower - known,
+            log_posterior: best.log_posterior,
+            log_posterior_before: before,
+            covariance,
+            at_bound: held.to_vec(),
+            at: best.at,
+            followed: best.followed,
+            stands,
+        }
+    }
+}
+
+impl Passes {
+    /// Starts where the runs show them when the parameters move so.
+    fn moved(&self, runs: &[(Noise, Start)], by: &DVector<f64>) -> Vec<(Noise, Start)> {
+        let with = runs.iter().zip(&self.shifts).zip(&self.sums);
+        with.map(|(((noise, start), shift), sums)| {
+            let mut shift = shift + &sums.of_start * by;
+            // Of disturbances nothing is known at the start but their levels.
+            let layout = start.layout;
+            shift.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
+            (noise.clone(), start.moved(&shift))
+        })
+        .collect()
+    }
+}
+
+/// One pass over a recording.
+fn pass(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: &Start,
+    varied: &[Varied],
+) -> Result<(Likelihood, DVector<f64>, Sums), PredictionError> {
+    let columns = Columns::new(case, start.layout.size(), varied)?;
+    let mut filter = Filter::new(case, noise, start).looking_back().varying(columns);
+    let mut likelihood = Likelihood::default();
+    while filter.step(&mut |innovation| likelihood.add(innovation)) {}
+    likelihood.lost = filter.lost;
+    let size = start.layout.size();
+    let (Some(origin), Some(columns)) = (filter.origin, filter.columns) else {
+        return Ok((likelihood, DVector::zeros(size), Sums::none(size, varied.len())));
+    };
+    let mut shift = origin.shift;
+    let wide = Start::wide(case, noise).covariance;
+    let sums = columns.sums().widened(&mut shift, &origin.own, &start.covariance, &wide);
+    Ok((likelihood, shift, sums))
+}
+
+/// The step that leaves the held parameters where they are.
+fn solved(information: &DMatrix<f64>, slope: &DVector<f64>, held: &[bool]) -> Option<DVector<f64>> {
+    let (mut information, mut slope) = (information.clone(), slope.clone());
+    for i in (0..held.len()).filter(|i| held[*i]) {
+        information.row_mut(i).fill(0.0);
+        information.column_mut(i).fill(0.0);
+        information[(i, i)] = 1.0;
+        slope[i] = 0.0;
+    }
+    let step = Cholesky::new(information)?.solve(&slope);
+    step.iter().all(|x| x.is_finite()).then_some(step)
+}
+
+/// The same for each, in order; on one thread, or on all.
+fn each<T: Sync, R: Send>(items: &[T], threads: usize, of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    if threads.min(items.len()) < 2 {
+        return items.iter().map(of).collect();
+    }
+    items.par_iter().map(&of).collect()
+}

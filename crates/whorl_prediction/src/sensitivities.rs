@@ -1,0 +1,31 @@
+//! How innovations change with the parameters of a model.
+
+use nalgebra::DVector;
+
+use crate::columns::{Columns, Varied};
+use crate::error::PredictionError;
+use crate::filter::{Filter, Innovation};
+use crate::noise::Noise;
+use crate::prepared::Prepared;
+use crate::start::Start;
+
+/// Each innovation of a recording, and how it changes with the parameters along which models were varied, per their units.
+///
+/// # Errors
+/// A varied model that cannot be simulated.
+pub fn sensitivities(
+    case: &Prepared<'_>,
+    noise: &Noise,
+    start: &Start,
+    varied: &[Varied],
+    told: &mut dyn FnMut(&Innovation, &DVector<f64>),
+) -> Result<(), PredictionError> {
+    let columns = Columns::new(case, start.layout.size(), varied)?;
+    let mut filter = Filter::new(case, noise, start).varying(columns);
+    let mut innovations = Vec::new();
+    while filter.step(&mut |innovation| innovations.push(*innovation)) {
+        let latest = filter.columns.as_ref().map_or(&[][..], Columns::latest);
+        innovations.drain(..).zip(latest).for_each(|(innovation, d)| told(&innovation, d));
+    }
+    Ok(())
+}

@@ -1,0 +1,160 @@
+//! Parameters fitted to recordings of drawn rigs, closed loops among them: unbiased, with true deviations.
+
+#![expect(clippy::unwrap_used, reason = "a test stops at a broken precondition")]
+
+mod rigs;
+
+use std::cell::RefCell;
+
+use nalgebra::Vector3;
+use rigs::Draw;
+use whorl_dynamics::{MassProperties, PlatformModel};
+use whorl_prediction::{
+    Noise, Parameter, Prepared, Settings, Told, Varied, fit, fitted_start, predict, sensitivities,
+};
+
+/// What of a rig is uncertain, each in standard deviations of what is known before.
+const INERTIA: f64 = 0.05;
+const OFFSET: f64 = 0.05;
+const MOTOR: f64 = 0.05;
+const FRICTION: f64 = 0.3;
+const THRUST: f64 = 0.05;
+/// Of differences.
+const STEP: f64 = 1e-3;
+
+/// How many numbers of this model are uncertain.
+fn count(model: &PlatformModel) -> usize {
+    let body = if model.freedom.turns() { 1 } else { 0 };
+    let weight = if model.freedom.has_weight() { 1 } else { 0 };
+    let wheels = model.wheels().len();
+    let rubs = model.wheels().iter().any(|w| w.viscous_friction_n_m_s > 0.0);
+    body + weight + wheels * if rubs { 2 } else { 1 } + model.jets().len()
+}
+
+/// The model with these errors, in standard deviations; `None` where no body is so.
+fn moved(model: &PlatformModel, at: &[f64]) -> Option<PlatformModel> {
+    let mut at = at.iter().copied();
+    let mut next = || at.next().unwrap_or(0.0);
+    let (mut moved, properties) = (model.clone(), &model.mass_properties);
+    let inertia = if model.freedom.turns() { 1.0 + INERTIA * next() } else { 1.0 };
+    let offset = if model.freedom.has_weight() { 1.0 + OFFSET * next() } else { 1.0 };
+    let offset_b_n_m: Vector3<f64> = properties.gravity_offset_b_n_m() * offset;
+    let inertia_b_kg_m2 = properties.inertia_b_kg_m2() * inertia;
+    moved.mass_properties = MassProperties::new(inertia_b_kg_m2, offset_b_n_m, properties.mass_kg()).ok()?;
+    let mut constants = std::collections::BTreeMap::new();
+    for wheel in moved.wheels_mut() {
+        constants.insert(wheel.name.clone(), MOTOR * next());
+        if wheel.viscous_friction_n_m_s > 0.0 {
+            wheel.viscous_friction_n_m_s *= (FRICTION * next()).exp();
+        }
+    }
+    if !constants.is_empty() {
+        moved.effects.insert("wheel_motor_constant".to_owned(), constants);
+    }
+    for jet in moved.jets_mut() {
+        jet.thrust_n *= 1.0 + THRUST * next();
+    }
+    Some(moved)
+}
+
+/// What was estimated less what is true, over the stated deviation, of every uncertain number of a rig.
+fn scores(seed: u64) -> Vec<f64> {
+    let drawn = RefCell::new(Vec::new());
+    let rig = rigs::drawn_as(seed, &|model: &PlatformModel, draw: &mut Draw| {
+        let truth: Vec<f64> = (0..count(model)).map(|_| draw.normal()).collect();
+        let really = moved(model, &truth).unwrap();
+        drawn.replace(truth);
+        really
+    });
+    let truth = drawn.into_inner();
+    let parameters = vec![Parameter { stddev: 1.0, range: (-5.0, 5.0) }; truth.len()];
+    let model_at = |at: &[f64]| moved(&rig.model, at);
+    let from = vec![0.0; truth.len()];
+    let found = fit(&[rig.recording], &parameters, &model_at, &from, &Settings::default()).unwrap();
+    assert!(found.log_posterior >= found.log_posterior_before, "{}", rig.what);
+    let score = |i: usize| (found.at[i] - truth[i]) / found.covariance[(i, i)].sqrt();
+    let scores: Vec<f64> = (0..truth.len()).map(score).collect();
+    if scores.iter().any(|z| z.abs() > 3.5) {
+        println!("{}\n   {scores:?}", rig.what);
+    }
+    scores
+}
+
+/// How the scores of these rigs scatter: their mean and standard deviation over what chance makes of so many normal ones.
+fn judged(seeds: impl Iterator<Item = u64>) -> (f64, f64) {
+    let all: Vec<f64> = seeds.flat_map(scores).collect();
+    let n = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / n;
+    let stddev = (all.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    println!("measured: {n} scores of fits, mean {mean:.3}, standard deviation {stddev:.3}");
+    (mean * n.sqrt(), (stddev - 1.0) * (2.0 * n).sqrt())
+}
+
+/// Slow rigs that are sampled once or a few times a second for half an hour take long.
+fn is_quick(seed: u64) -> bool {
+    rigs::drawn(seed).model.sensors.rate_hz > 30.0
+}
+
+#[test]
+fn estimates_scatter_as_they_say() {
+    let (mean, stddev) = judged((0..40).filter(|seed| is_quick(*seed)));
+    assert!(mean.abs() < 3.3 && stddev.abs() < 3.3, "{mean} {stddev} of what chance makes");
+}
+
+#[test]
+fn estimates_of_many_rigs_scatter_as_they_say() {
+    if !whorl_tests::slow("fits to three hundred rigs") {
+        return;
+    }
+    let (mean, stddev) = judged((2000..2300).filter(|seed| is_quick(*seed)));
+    assert!(mean.abs() < 3.3 && stddev.abs() < 3.3, "{mean} {stddev} of what chance makes");
+}
+
+/// Innovations change as the columns say: against whole passes with each parameter to either side.
+#[test]
+fn sensitivities_are_differences_of_innovations() {
+    for seed in (0..60).filter(|seed| is_quick(*seed)) {
+        let rig = rigs::drawn(seed);
+        // A difference over a wheel that comes to rest earlier or later is no derivative.
+        if rig.model.wheels().iter().any(|wheel| wheel.coulomb_friction_n_m > 0.0) {
+            continue;
+        }
+        let along = |k: usize, step: f64| {
+            let mut at = vec![0.0; count(&rig.model)];
+            at[k] = step;
+            moved(&rig.model, &at).unwrap()
+        };
+        let case = Prepared::new(&rig.recording, &rig.model, Settings::default()).unwrap();
+        let noise = Noise::stated(&case).unwrap();
+        let start = fitted_start(&case, &noise).start;
+        let varied = |k: usize| Varied { model: along(k, STEP), step: STEP };
+        let varied: Vec<Varied> = (0..count(&rig.model)).map(varied).collect();
+        let mut found = Vec::new();
+        sensitivities(&case, &noise, &start, &varied, &mut |e, d| found.push((*e, d.clone()))).unwrap();
+        for k in 0..varied.len() {
+            let [plus, minus] = [STEP, -STEP].map(|step| {
+                let model = along(k, step);
+                let case = Prepared::new(&rig.recording, &model, Settings::default()).unwrap();
+                let mut values = Vec::new();
+                predict(&case, &noise, &start, &[], &mut |told| {
+                    if let Told::Innovation(e) = told {
+                        values.push(e.value);
+                    }
+                });
+                values
+            });
+            assert_eq!(plus.len(), found.len());
+            let (mut size, mut off) = (0.0, 0.0);
+            for ((plus, minus), (e, d)) in plus.iter().zip(&minus).zip(&found) {
+                let difference = (plus - minus) / (2.0 * STEP) / e.stddev;
+                size += difference.powi(2);
+                off += (d[k] / e.stddev - difference).powi(2);
+            }
+            // Gains move with the parameters too, by no more than what a unit is of the model, in innovations of size one; and where
+            // derivatives are made anew.
+            let of_gains = 0.1 * (found.len() as f64).sqrt();
+            let (size, off) = (size.sqrt(), off.sqrt());
+            assert!(off < 0.15 * size + of_gains, "{}: parameter {k} is off by {off} of {size}", rig.what);
+        }
+    }
+}
