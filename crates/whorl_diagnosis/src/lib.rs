@@ -70,13 +70,13 @@ pub fn diagnose(
         ));
         return Ok(diagnosis);
     }
-    let first = answer(&mut problem, held.as_mut(), options, progress)?;
+    let first = answer(&mut problem, held.as_mut(), (training, held_out), options, progress)?;
     let Some(late_s) = first.late.worth_a_new_layout(problem.reference.late_s) else {
         return Ok(first.diagnosis);
     };
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
-    let second = answer(&mut problem, held.as_mut(), options, progress)?;
+    let second = answer(&mut problem, held.as_mut(), (training, held_out), options, progress)?;
     let is_late = second.late.explains_more_than_others(&first.late);
     Ok(if is_late { second.diagnosis } else { first.diagnosis })
 }
@@ -91,11 +91,13 @@ struct Answer {
 fn answer(
     problem: &mut evidence::problem::Problem,
     held_out: Option<&mut evidence::problem::Problem>,
+    recordings: (&[Recording], &[Recording]),
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Answer, DiagnosisError> {
     let mut search = search::Search::start(problem, held_out, options, progress)?;
     search.run(progress)?;
+    search.judge(recordings.0, recordings.1, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer()?;
     let late = search::latency::Late::of(&search);

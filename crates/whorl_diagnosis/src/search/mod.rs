@@ -3,6 +3,7 @@
 pub(crate) mod beginnings;
 pub(crate) mod climb;
 pub(crate) mod converge;
+mod judge;
 pub(crate) mod latency;
 pub(crate) mod nameless;
 pub(crate) mod prior;

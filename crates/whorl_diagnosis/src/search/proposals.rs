@@ -262,7 +262,7 @@ impl<'a> Search<'a> {
     }
 
     /// Ends where the most probable set fits best.
-    fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
+    pub(crate) fn settle_most_probable(&mut self) -> Result<(), DiagnosisError> {
         let best = self.best.names(&self.layout);
         let (nuisance, point) = (self.problem.nuisance, &self.point);
         let is_there =

@@ -47,15 +47,32 @@ impl Standing {
         self.log_evidence + (0.5 * self.promise).min(SURPRISE.1)
     }
 
+    fn likelihoods(&self) -> Likelihoods {
+        Likelihoods { training: self.log_likelihood, held_out: self.held_log_likelihood, numbers: 0 }
+    }
+}
+
+/// How likely data are with a set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Likelihoods {
+    /// Log likelihood of the training data.
+    pub training: f64,
+    /// Log likelihood of held-out data with values that were fitted to the training data; `None` without any.
+    pub held_out: Option<f64>,
+    /// How many numbers were read: of others the likelihoods are not comparable.
+    pub numbers: usize,
+}
+
+impl Likelihoods {
     /// Whether a set explains the training data better than a smaller one, and held-out data not worse where there are any:
     /// what does not let the error fall explains nothing. What held-out data say of a faint effect scatters: a log likelihood
     /// ratio has a variance of twice its mean, which is at most what the training data gained.
-    pub fn explains_more(&self, base: &Self) -> bool {
-        let held = match (self.held_log_likelihood, base.held_log_likelihood) {
-            (Some(set), Some(base)) => set - base,
-            _ => 0.0,
-        };
-        let gain = self.log_likelihood - base.log_likelihood;
+    pub fn explain_more(&self, base: &Self) -> bool {
+        if self.numbers != base.numbers {
+            return true;
+        }
+        let held = self.held_out.zip(base.held_out).map_or(0.0, |(set, base)| set - base);
+        let gain = self.training - base.training;
         gain > 0.0 && held > -(2.0 * gain).sqrt()
     }
 }
@@ -76,9 +93,18 @@ pub(crate) struct Converged {
     pub colours: Colours,
     /// and of held-out ones.
     pub held_colours: Option<Colours>,
+    /// What the filter says of it at the rate of the samples, if it was asked.
+    pub judged: Option<Likelihoods>,
 }
 
 impl Converged {
+    /// Whether it explains more than a smaller set: bins of the smoothed motion, and the samples themselves where both were asked.
+    fn explains_more(&self, smaller: &Self) -> bool {
+        let by_samples = self.judged.zip(smaller.judged);
+        self.standing.likelihoods().explain_more(&smaller.standing.likelihoods())
+            && by_samples.is_none_or(|(set, smaller)| set.explain_more(&smaller))
+    }
+
     /// Log posterior, up to a constant.
     pub fn log_posterior(&self) -> f64 {
         self.standing.worth() + log_prior(&self.names)
@@ -137,7 +163,7 @@ impl Search<'_> {
     fn is_admissible(&self, set: &Converged) -> bool {
         let standing = |names: &[String]| self.fitted.get(names).map(|c| c.standing);
         let smaller = smaller_sets(&set.names).chain([Vec::new()]);
-        let explains = |names: Vec<String>| standing(&names).is_none_or(|s| set.standing.explains_more(&s));
+        let explains = |names: Vec<String>| self.fitted.get(&names).is_none_or(|s| set.explains_more(s));
         smaller.into_iter().all(explains)
             && is_no_echo(&set.names, set.standing.log_evidence, |names| {
                 standing(names).map(|s| s.log_evidence)
@@ -198,21 +224,12 @@ mod tests {
 
     #[test]
     fn what_lets_the_error_stand_explains_nothing() {
-        let standing = |log_likelihood: f64, held: Option<f64>| Standing {
-            log_evidence: log_likelihood,
-            training_evidence: 0.0,
-            log_likelihood,
-            held_log_likelihood: held,
-            misfit: 0.0,
-            promise: 0.0,
-            relative_error: 0.0,
-            nuisance: Nuisance::default(),
-        };
-        let base = standing(-10.0, Some(-5.0));
-        assert!(standing(-2.0, Some(-4.0)).explains_more(&base));
-        assert!(standing(-2.0, Some(-5.5)).explains_more(&base));
-        assert!(!standing(-2.0, Some(-9.5)).explains_more(&base));
-        assert!(!standing(-11.0, Some(-4.0)).explains_more(&base));
-        assert!(standing(-2.0, None).explains_more(&standing(-10.0, None)));
+        let of = |training: f64, held_out: Option<f64>| Likelihoods { training, held_out, numbers: 100 };
+        let base = of(-10.0, Some(-5.0));
+        assert!(of(-2.0, Some(-4.0)).explain_more(&base));
+        assert!(of(-2.0, Some(-5.5)).explain_more(&base));
+        assert!(!of(-2.0, Some(-9.5)).explain_more(&base));
+        assert!(!of(-11.0, Some(-4.0)).explain_more(&base));
+        assert!(of(-2.0, None).explain_more(&of(-10.0, None)));
     }
 }

@@ -163,7 +163,17 @@ impl Search<'_> {
         let held_colours = both.held.map(|(data, _)| data.colours);
         let Descended { names, point, motions, layout, members, data, .. } = set;
         let colours = data.colours;
-        Ok(Some(Converged { names, standing, point, motions, layout, members, colours, held_colours }))
+        Ok(Some(Converged {
+            names,
+            standing,
+            point,
+            motions,
+            layout,
+            members,
+            colours,
+            held_colours,
+            judged: None,
+        }))
     }
 
     /// How a set stands with formulas that err by so much.
