@@ -63,6 +63,37 @@ impl<'a> Fitter<'a> {
     /// # Errors
     /// As [`fit`].
     pub fn fit(&self, effects: &[&str]) -> Result<Fit, DiagnosisError> {
+        let chosen = self.chosen(effects)?;
+        let base = self.base()?;
+        if chosen.is_empty() {
+            return Ok(base.1.clone());
+        }
+        let (refit, found) = self.with_first_values(effects, &chosen)?;
+        // The platform's own parameters are where they are alone, without the effects and with them; or where they are with them.
+        let with_base = |mut units: Vec<f64>| {
+            units.iter_mut().zip(&base.0).for_each(|(from, base)| *from = *base);
+            units
+        };
+        let starts = [with_base(vec![0.0; found.len()]), with_base(found.clone()), found];
+        Ok(refit.fit(self.training, &starts, self.options)?.1)
+    }
+
+    /// The same with values along a smoothed motion alone, without estimates of what they are worth: a first look, in less time.
+    ///
+    /// # Errors
+    /// As [`fit`].
+    pub fn fit_roughly(&self, effects: &[&str]) -> Result<Fit, DiagnosisError> {
+        let chosen = self.chosen(effects)?;
+        if chosen.is_empty() {
+            let refit = self.own_parameters();
+            return refit.without_estimates(&refit.units_of(&self.smoothed()?.1));
+        }
+        let (refit, found) = self.with_first_values(effects, &chosen)?;
+        refit.without_estimates(&found)
+    }
+
+    /// Effects of these ids that the model does not have yet.
+    fn chosen(&self, effects: &[&str]) -> Result<Vec<&'static dyn Effect>, DiagnosisError> {
         let mut chosen = Vec::new();
         for id in effects {
             let effect = find(id).ok_or_else(|| DiagnosisError::UnknownEffect { id: (*id).to_owned() })?;
@@ -70,19 +101,22 @@ impl<'a> Fitter<'a> {
                 chosen.push(effect);
             }
         }
-        if chosen.is_empty() {
-            return Ok(self.base()?.1.clone());
-        }
-        let base = &self.base()?.0;
-        let (point, entered) = self.first_values(effects, &chosen)?;
+        Ok(chosen)
+    }
+
+    /// What a fit with these effects changes, and values along the smoothed motion.
+    fn with_first_values(
+        &self,
+        effects: &[&str],
+        chosen: &[&'static dyn Effect],
+    ) -> Result<(Refit<'_>, Vec<f64>), DiagnosisError> {
+        let (point, entered) = self.first_values(effects, chosen)?;
         let mut refit = self.own_parameters();
         for effect in chosen {
-            refit.add(effect, &point, entered.get(effect.info().id));
+            refit.add(*effect, &point, entered.get(effect.info().id));
         }
-        // The platform's own parameters begin where they are alone.
-        let mut from = refit.units_of(&point);
-        from.iter_mut().zip(base).for_each(|(from, base)| *from = *base);
-        Ok(refit.fit(self.training, &from, self.options)?.1)
+        let units = refit.units_of(&point);
+        Ok((refit, units))
     }
 
     /// The platform's own parameters that its prior leaves open.
@@ -95,9 +129,20 @@ impl<'a> Fitter<'a> {
             return Ok(base);
         }
         let refit = self.own_parameters();
-        let from = vec![0.0; refit.columns.len()];
-        let (fitted, fit) = refit.fit(self.training, &from, self.options)?;
+        // As given; and near the end already, if the motion can be smoothed.
+        let mut starts = vec![vec![0.0; refit.columns.len()]];
+        starts.extend(self.smoothed().ok().map(|(_, point)| refit.units_of(point)));
+        let (fitted, fit) = refit.fit(self.training, &starts, self.options)?;
         Ok(self.base.get_or_init(|| (fitted.at, fit)))
+    }
+
+    fn smoothed(&self) -> Result<&(Problem, Point), DiagnosisError> {
+        if let Some(smoothed) = self.smoothed.get() {
+            return Ok(smoothed);
+        }
+        let mut problem = self.problem.clone();
+        let point = base_point_with(&mut problem, &mut None)?;
+        Ok(self.smoothed.get_or_init(|| (problem, point)))
     }
 
     /// Values of these effects along the smoothed motion, and how they entered.
@@ -106,12 +151,7 @@ impl<'a> Fitter<'a> {
         ids: &[&str],
         chosen: &[&'static dyn Effect],
     ) -> Result<(Point, BTreeMap<&'static str, Entered>), DiagnosisError> {
-        if self.smoothed.get().is_none() {
-            let mut problem = self.problem.clone();
-            let point = base_point_with(&mut problem, &mut None)?;
-            let _ = self.smoothed.set((problem, point));
-        }
-        let Some((problem, point)) = self.smoothed.get() else { return Err(DiagnosisError::NoRecording) };
+        let (problem, point) = self.smoothed()?;
         // Columns of effects that take no part need not be made.
         let others = catalogue().iter().map(|effect| effect.info().id).filter(|id| !ids.contains(id));
         let options = Options { exclude: others.map(str::to_owned).collect(), ..self.options.clone() };

@@ -123,18 +123,18 @@ impl<'a> Refit<'a> {
         self.columns.iter().zip(units).fold(self.reference.point(), moved)
     }
 
-    /// The likeliest values, beginning at these, and the model with them.
+    /// The likeliest values, beginning at the likeliest of these, and the model with them.
     pub fn fit(
         &self,
         recordings: &[Recording],
-        from: &[f64],
+        starts: &[Vec<f64>],
         options: &Options,
     ) -> Result<(Fitted, Fit), DiagnosisError> {
         let of = |(column, stddev): (&Column, &f64)| Parameter { stddev: *stddev, range: column.range };
         let parameters: Vec<Parameter> = self.columns.iter().zip(&self.stddevs).map(of).collect();
         let model_at = |units: &[f64]| self.model_at(units);
         let settings = Settings { threads: options.threads, ..Settings::default() };
-        let fitted = whorl_prediction::fit(recordings, &parameters, &model_at, from, &settings)?;
+        let fitted = whorl_prediction::fit(recordings, &parameters, &model_at, starts, &settings)?;
         let fit = self.described(&fitted)?;
         Ok((fitted, fit))
     }
@@ -143,6 +143,16 @@ impl<'a> Refit<'a> {
     pub fn model_at(&self, units: &[f64]) -> Option<PlatformModel> {
         let model = self.reference.model_at(&self.point(units)).ok()?;
         Gyrostat::new(&model).is_ok().then_some(model)
+    }
+
+    /// The model with these values, and what was known of it before.
+    pub fn without_estimates(&self, units: &[f64]) -> Result<Fit, DiagnosisError> {
+        Ok(Fit {
+            model: self.folded(&self.point(units))?,
+            prior: self.reference.prior.clone(),
+            estimates: Vec::new(),
+            is_explained: false,
+        })
     }
 
     fn described(&self, fitted: &Fitted) -> Result<Fit, DiagnosisError> {

@@ -129,25 +129,29 @@ impl<'a> Columns<'a> {
         Sums { information: self.information, slope: -self.slope, of_start: self.of_start }
     }
 
-    /// Before a step: every varied model in the filter's state.
+    /// Before a step: every varied model in the state that the filter would have with it.
     pub fn set_out(&mut self, plant: &Plant) {
-        self.reference.plant.take_motion_of(plant);
+        let n = self.rates.len();
+        self.reference.plant.take_motion_of(plant, &vec![0.0; n]);
         self.before = self.others.iter().any(Other::is_late).then(|| plant.clone());
-        for other in &mut self.others {
-            other.with.plant.take_motion_of(plant);
+        for (other, column) in self.others.iter_mut().zip(self.of_state.column_iter()) {
+            let moved = column.rows(0, n) * other.step;
+            other.with.plant.take_motion_of(plant, moved.as_slice());
         }
     }
 
     /// Behind a step of the plant, over which errors moved by this transition. False where a motion is lost.
     pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, transition: &DMatrix<f64>) -> bool {
-        let (m, n) = (transition.nrows(), plant.tangent().size());
+        let (m, n) = (transition.nrows(), self.rates.len());
         let moved = transition * self.of_state.rows(0, m);
+        let by_disturbance = transition.view((0, n), (n, m - n)) * self.of_state.rows(n, m - n);
         self.of_state.rows_mut(0, m).copy_from(&moved);
         if !self.reference.run_to(case, plant.now_ns()) {
             return false;
         }
         let reference = &self.reference.plant;
-        for (other, mut column) in self.others.iter_mut().zip(self.of_state.column_iter_mut()) {
+        let columns = self.of_state.column_iter_mut().zip(by_disturbance.column_iter());
+        for (other, (mut column, by_disturbance)) in self.others.iter_mut().zip(columns) {
             if !other.with.run_to(case, plant.now_ns()) {
                 return false;
             }
@@ -155,8 +159,9 @@ impl<'a> Columns<'a> {
             if !other.with.plant.is_on_branch_of(reference) {
                 continue;
             }
-            let mut of_plant = column.rows_mut(0, n);
-            of_plant.axpy(1.0 / other.step, &other.with.plant.motion_less(reference), 1.0);
+            // The plants know better than derivatives that are held how a state moves on; disturbances they have in common.
+            let of_plant = other.with.plant.motion_less(reference) / other.step + by_disturbance;
+            column.rows_mut(0, n).copy_from(&of_plant);
         }
         if let Some(before) = &self.before {
             let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
@@ -179,9 +184,10 @@ impl<'a> Columns<'a> {
         read: &dyn Fn(&Plant) -> Vec<Row>,
     ) -> DMatrix<f64> {
         self.latest.clear();
+        let here = vec![0.0; self.rates.len()];
         let mut found = DMatrix::zeros(rows.len(), self.others.len());
         for (other, mut column) in self.others.iter_mut().zip(found.column_iter_mut()) {
-            other.with.plant.take_motion_of(plant);
+            other.with.plant.take_motion_of(plant, &here);
             if !other.with.plant.is_on_branch_of(plant) {
                 continue;
             }

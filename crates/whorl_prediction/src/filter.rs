@@ -7,6 +7,7 @@ use whorl_recording::Component;
 
 use crate::claims::Claims;
 use crate::columns::Columns;
+use crate::heading::UnseenHeading;
 use crate::layout::Layout;
 use crate::linearisation::{Place, linearised};
 use crate::noise::Noise;
@@ -78,6 +79,8 @@ pub(crate) struct Filter<'a> {
     pub event: usize,
     cursor: Cursor,
     pub origin: Option<Origin>,
+    /// What of the attitude at the start is of no consequence.
+    pub heading: UnseenHeading,
     /// The motion is no longer finite.
     pub lost: bool,
 }
@@ -88,6 +91,7 @@ impl<'a> Filter<'a> {
         start.put(&mut plant);
         let event = case.first_event();
         let linearised = linearised(&plant, noise);
+        let heading = UnseenHeading::of(case, &plant, &linearised);
         let layout = start.layout;
         let mut filter = Self {
             case,
@@ -95,12 +99,13 @@ impl<'a> Filter<'a> {
             layout,
             fastest_1_s: 0.0,
             beside: start.beside.clone(),
-            covariance: start.covariance.clone(),
+            covariance: heading.out_of(&start.covariance),
             claims: None,
             columns: None,
             linearised,
             place: Place::of(&plant),
             over_step: None,
+            heading,
             plant,
             event,
             cursor: Cursor::new(case.tracks()),

@@ -51,28 +51,28 @@ pub struct Fitted {
     pub stands: bool,
 }
 
-/// Fits parameters to recordings, beginning at `from`. Never less likely than there.
+/// Fits parameters to recordings, beginning with the likeliest of these values, and never less likely than it. Values that no
+/// platform has are passed over.
 ///
 /// # Errors
-/// See [`PredictionError`]; the model at `from` must be one.
+/// See [`PredictionError`]; one of the starts must be a model.
 pub fn fit(
     recordings: &[Recording],
     parameters: &[Parameter],
     model_at: &ModelAt<'_>,
-    from: &[f64],
+    starts: &[Vec<f64>],
     settings: &Settings,
 ) -> Result<Fitted, PredictionError> {
     let search = Search { recordings, parameters, model_at, settings };
-    let followed = search.followed(from, None)?;
-    let before =
-        Standing { at: from.to_vec(), log_posterior: search.log_posterior(from, &followed), followed };
-    let mut best = before.clone();
+    let mut best = search.begun(starts)?;
+    let before = best.log_posterior;
     let (mut levels, mut is_settled) = (best.clone(), parameters.is_empty());
+    let mut information = None;
     for round in 0..settings.fit_rounds {
         if is_settled {
             break;
         }
-        let (at, is_top) = search.climbed(&levels, round == 0)?;
+        let (at, is_top, at_top) = search.climbed(&levels, round == 0)?;
         let is_here = at == levels.at;
         let Ok(followed) = search.followed(&at, Some(&levels.followed)) else { break };
         let same = levels.followed.iter().zip(&followed).all(|(a, b)| {
@@ -83,13 +83,18 @@ pub fn fit(
         levels = Standing { log_posterior: search.log_posterior(&at, &followed), at, followed };
         if levels.log_posterior > best.log_posterior {
             best = levels.clone();
+            // Levels that stand make the same of the parameters.
+            information = same.then_some(at_top);
         }
         let gains = levels.log_posterior - log_before > settings.fit_round_nats;
         is_settled = same && (is_top || is_here) || !gains;
     }
-    let information = search.passes(&best.at, &best.runs())?.information(parameters);
+    let information = match information {
+        Some(found) => found,
+        None => search.passes(&best.at, &best.runs())?.information(parameters),
+    };
     let held = search.held(&best.at, &DVector::zeros(parameters.len()));
-    Ok(search.fitted(best, before.log_posterior, &information, &held, is_settled))
+    Ok(search.fitted(best, before, &information, &held, is_settled))
 }
 
 /// A place of the search: values, and the recordings with the model there.
@@ -171,8 +176,30 @@ impl Search<'_> {
         .collect()
     }
 
-    /// The likeliest values with these levels, and whether they stand: roughly while levels are those of another model.
-    fn climbed(&self, begun: &Standing, roughly: bool) -> Result<(Vec<f64>, bool), PredictionError> {
+    /// The likeliest of these values with the levels that it shows.
+    fn begun(&self, starts: &[Vec<f64>]) -> Result<Standing, PredictionError> {
+        let mut best: Option<Standing> = None;
+        for at in starts {
+            let followed = match self.followed(at, best.as_ref().map(|best| &best.followed[..])) {
+                Err(PredictionError::NoModel) => continue,
+                other => other?,
+            };
+            let here =
+                Standing { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
+            if best.as_ref().is_none_or(|best| here.log_posterior > best.log_posterior) {
+                best = Some(here);
+            }
+        }
+        best.ok_or(PredictionError::NoModel)
+    }
+
+    /// The likeliest values with these levels, whether they stand, and the information on them: roughly while levels are those of
+    /// another model.
+    fn climbed(
+        &self,
+        begun: &Standing,
+        roughly: bool,
+    ) -> Result<(Vec<f64>, bool, DMatrix<f64>), PredictionError> {
         let (settings, parameters) = (self.settings, self.parameters);
         let stands_nats = if roughly { settings.fit_round_nats } else { settings.fit_stands_nats };
         let (mut at, mut runs) = (begun.at.clone(), begun.runs());
@@ -181,9 +208,10 @@ impl Search<'_> {
             let log = here.log_likelihood() + self.log_prior(&at);
             let slope = here.slope(parameters, &at);
             let held = self.held(&at, &slope);
-            let Some(step) = solved(&here.information(parameters), &slope, &held) else { break };
+            let information = here.information(parameters);
+            let Some(step) = solved(&information, &slope, &held) else { break };
             if 0.5 * step.dot(&slope) <= stands_nats * here.misfit() {
-                return Ok((at, true));
+                return Ok((at, true, information));
             }
             let tried = SHARES_OF_A_STEP.iter().find_map(|share| {
                 let next = self.within(&at, &(&step * *share));
@@ -195,7 +223,7 @@ impl Search<'_> {
             let Some(next) = tried else { break };
             (at, runs, here) = next;
         }
-        Ok((at, false))
+        Ok((at, false, here.information(parameters)))
     }
 
     /// Which parameters stand at an end of their range that the slope does not lead away from.
@@ -299,13 +327,15 @@ fn pass(
     let mut likelihood = Likelihood::default();
     while filter.step(&mut |innovation| likelihood.add(innovation)) {}
     likelihood.lost = filter.lost;
+    let heading = filter.heading;
     let size = start.layout.size();
     let (Some(origin), Some(columns)) = (filter.origin, filter.columns) else {
         return Ok((likelihood, DVector::zeros(size), Sums::none(size, varied.len())));
     };
     let mut shift = origin.shift;
-    let wide = Start::wide(case, noise).covariance;
-    let sums = columns.sums().widened(&mut shift, &origin.own, &start.covariance, &wide);
+    let [narrow, wide] =
+        [&start.covariance, &Start::wide(case, noise).covariance].map(|known| heading.out_of(known));
+    let sums = columns.sums().widened(&mut shift, &origin.own, &narrow, &wide);
     Ok((likelihood, shift, sums))
 }
 

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::filter::Filter;
 use crate::guess::guesses;
+use crate::heading::UnseenHeading;
 use crate::known::narrowed;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
@@ -124,6 +125,7 @@ struct Passed {
     likelihood: Likelihood,
     shift: DVector<f64>,
     own: DMatrix<f64>,
+    heading: UnseenHeading,
 }
 
 impl Passed {
@@ -134,6 +136,7 @@ impl Passed {
             taken += 1;
         }
         likelihood.lost = filter.lost;
+        let heading = filter.heading;
         if filter.lost || !likelihood.log.is_finite() {
             likelihood.log = f64::NEG_INFINITY;
         }
@@ -142,7 +145,7 @@ impl Passed {
             Some(origin) if origin.shift.iter().all(|x| x.is_finite()) => (origin.shift, origin.own),
             _ => (DVector::zeros(size), start.covariance.clone()),
         };
-        Self { start, likelihood, shift, own }
+        Self { start, likelihood, shift, own, heading }
     }
 
     /// Mean square of the normalised innovations.
@@ -180,7 +183,7 @@ impl Passed {
     }
 
     fn fitted(&self, known_before: &DMatrix<f64>, stands: bool) -> FittedStart {
-        let (before, own) = (known_before.diagonal(), self.own.diagonal());
+        let (before, own) = (self.heading.out_of(known_before).diagonal(), self.own.diagonal());
         let pairs = before.iter().zip(own.iter()).filter(|(before, _)| **before > 0.0);
         let determined = pairs.map(|(before, own)| 1.0 - (own / before).clamp(0.0, 1.0)).sum();
         FittedStart { start: self.start.clone(), covariance: self.own.clone(), determined, stands }

@@ -42,6 +42,7 @@ mod filter;
 mod fit;
 mod fitted;
 mod guess;
+mod heading;
 mod known;
 mod layout;
 mod levels;

@@ -6,8 +6,9 @@ use super::{Plant, RATE, ROTATION};
 
 impl Plant {
     /// Takes over attitude, rates, wheel speeds, hidden states and disturbance of another plant that has the same
-    /// [`super::Tangent`] and began at the same time; commands, valves and supplies stay its own.
-    pub fn take_motion_of(&mut self, other: &Self) {
+    /// [`super::Tangent`] and began at the same time, with a small change in these coordinates; commands, valves and supplies
+    /// stay its own. A wheel that dry friction holds stays held.
+    pub fn take_motion_of(&mut self, other: &Self, change: &[f64]) {
         self.state.q_world_body = other.state.q_world_body;
         self.state.omega_wb_b_rad_s = other.state.omega_wb_b_rad_s;
         self.state.set_wheel_speed_rad_s(other.state.wheel_speed_rad_s());
@@ -17,6 +18,7 @@ impl Plant {
         // What a part that sticks does to the others' motion is made anew only where another one does: it takes as long as a step.
         let held = self.held();
         self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
+        self.move_by(change);
         if self.held() != held || !self.gyrostat.model().gyros().is_empty() {
             self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
         }
@@ -74,10 +76,10 @@ mod tests {
         };
         let plant = Plant::new(&model, &start, 1).unwrap();
         let mut other = Plant::new(&model, &InitialState::default(), 1).unwrap();
-        other.take_motion_of(&plant);
+        other.take_motion_of(&plant, &[0.0; 9]);
         assert_eq!(other.motion_less(&plant).norm(), 0.0);
         let change = [0.01, -0.02, 0.03, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0];
-        other.change_state(&change);
+        other.take_motion_of(&plant, &change);
         let found = other.motion_less(&plant);
         assert_eq!(found.len(), change.len());
         assert!(found.iter().zip(change).all(|(found, made)| (found - made).abs() < 1e-12), "{found}");

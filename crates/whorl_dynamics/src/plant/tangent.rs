@@ -199,6 +199,23 @@ impl Plant {
             return;
         }
         let before = self.has_filter.then(|| self.ideal_imu(&self.state, &Vector3::zeros()));
+        self.move_by(change);
+        let behind = self.behind_filter;
+        self.set_out();
+        if let Some(before) = before {
+            let after = self.ideal_imu(&self.state, &Vector3::zeros());
+            self.behind_filter = TrueImu {
+                angular_velocity_b_rad_s: behind.angular_velocity_b_rad_s + after.angular_velocity_b_rad_s
+                    - before.angular_velocity_b_rad_s,
+                specific_force_b_m_s2: behind.specific_force_b_m_s2 + after.specific_force_b_m_s2
+                    - before.specific_force_b_m_s2,
+            };
+        }
+    }
+
+    /// Adds [`Tangent`] coordinates to the state, and no more.
+    pub(super) fn move_by(&mut self, change: &[f64]) {
+        let tangent = self.tangent();
         let of = |range: Range<usize>| {
             Vector3::from_fn(|i, _| change.get(range.start + i).copied().unwrap_or(0.0))
         };
@@ -216,17 +233,6 @@ impl Plant {
         self.state.set_wheel_speed_rad_s(&speeds);
         for (i, hidden) in tangent.hidden().zip(&mut self.state.hidden) {
             *hidden += change[i];
-        }
-        let behind = self.behind_filter;
-        self.set_out();
-        if let Some(before) = before {
-            let after = self.ideal_imu(&self.state, &Vector3::zeros());
-            self.behind_filter = TrueImu {
-                angular_velocity_b_rad_s: behind.angular_velocity_b_rad_s + after.angular_velocity_b_rad_s
-                    - before.angular_velocity_b_rad_s,
-                specific_force_b_m_s2: behind.specific_force_b_m_s2 + after.specific_force_b_m_s2
-                    - before.specific_force_b_m_s2,
-            };
         }
     }
 

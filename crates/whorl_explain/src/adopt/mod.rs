@@ -7,7 +7,7 @@ mod words;
 use whorl_diagnosis::{DiagnosisError, Options};
 use whorl_params::ModelStep;
 
-pub use versions::{BASE, CORRECTION, Version, versions};
+pub use versions::{BASE, CORRECTION, Values, Version, versions};
 
 use crate::changes::{Change, changes};
 use crate::{Case, ExplainError, Say};
@@ -35,7 +35,7 @@ pub fn adopt(
     options: &Options,
     say: &mut Say<'_>,
 ) -> Result<Adoption, ExplainError> {
-    let (versions, left_out) = versions(case, sets, options, say)?;
+    let (versions, left_out) = versions(case, sets, Values::Likeliest, options, say)?;
     let is_rival =
         |error: &DiagnosisError| matches!(error, DiagnosisError::NoEffect { .. }) && sets.len() > 1;
     match left_out.iter().find(|(_, error)| !is_rival(error)) {
