@@ -36,6 +36,8 @@ const JET_S: f64 = 0.4;
 /// Rates are means over this; after a pulse, behind valves and filters.
 const WINDOW_S: f64 = 0.25;
 const SETTLES_S: f64 = 0.05;
+/// Samples of which a mean is made.
+const FEWEST: usize = 5;
 /// Between pulses of jets, in which the wheels bring the platform to rest, and in what time.
 const REST_S: f64 = 1.5;
 const DAMPING_S: f64 = 0.5;
@@ -249,24 +251,27 @@ impl<'a> Bench<'a> {
         self.gimbal_rate_rad_s.iter_mut().skip(index).take(1).for_each(|rate| *rate = rate_rad_s);
     }
 
-    /// Rate over the window that ends now, once its samples have come.
+    /// Rate over the window that ends now, once its samples have come; over the next one where a busy computer took none.
     fn rate(&mut self) -> anyhow::Result<Mean> {
-        let end = whorl_ros::wall_clock();
         let late = Instant::now() + LATE;
-        while self.rates.last().is_none_or(|(at, _)| *at < end) && Instant::now() < late {
-            self.look()?;
+        let (end, window) = loop {
+            let end = whorl_ros::wall_clock();
+            while self.rates.last().is_none_or(|(at, _)| *at < end) && Instant::now() < late {
+                self.look()?;
+                std::thread::sleep(COMMANDS);
+            }
+            let in_window = |at: Timestamp| (0.0..=WINDOW_S).contains(&end.seconds_since(at));
+            let within = self.rates.iter().filter(|(at, _)| in_window(*at));
+            let window: Vec<(f64, Vector3<f64>)> =
+                within.map(|(at, rate)| (at.seconds_since(end), *rate)).collect();
+            if window.len() >= FEWEST {
+                break (end, window);
+            }
+            if Instant::now() > late {
+                bail!("{} samples of the gyro in {WINDOW_S} s: is it connected?", window.len());
+            }
             std::thread::sleep(COMMANDS);
-        }
-        let in_window = |at: Timestamp| (0.0..=WINDOW_S).contains(&end.seconds_since(at));
-        let window: Vec<(f64, Vector3<f64>)> = self
-            .rates
-            .iter()
-            .filter(|(at, _)| in_window(*at))
-            .map(|(at, rate)| (at.seconds_since(end), *rate))
-            .collect();
-        if window.len() < 5 {
-            bail!("{} samples of the gyro in {WINDOW_S} s: is it connected?", window.len());
-        }
+        };
         let count = window.len() as f64;
         let mean = window.iter().map(|(_, rate)| rate).sum::<Vector3<f64>>() / count;
         let spread = window.iter().map(|(_, rate)| (rate - mean).norm_squared());
