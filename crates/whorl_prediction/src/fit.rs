@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
 
-use crate::columns::{Columns, Sums, Varied};
+use crate::columns::Varied;
 use crate::error::PredictionError;
-use crate::filter::Filter;
+use crate::fitted::LARGEST_MISFIT;
 use crate::levels::{Followed, follow, follow_again, stands};
-use crate::likelihood::Likelihood;
 use crate::noise::Noise;
+use crate::passes::{Passes, pass};
 use crate::prepared::Prepared;
 use crate::settings::Settings;
 use crate::start::Start;
@@ -63,38 +63,32 @@ pub fn fit(
     starts: &[Vec<f64>],
     settings: &Settings,
 ) -> Result<Fitted, PredictionError> {
+    let settings = &Settings { derivatives_held: settings.fit_derivatives_held, ..*settings };
     let search = Search { recordings, parameters, model_at, settings };
-    let mut best = search.begun(starts)?;
-    let before = best.log_posterior;
-    let (mut levels, mut is_settled) = (best.clone(), parameters.is_empty());
-    let mut information = None;
-    for round in 0..settings.fit_rounds {
-        if is_settled {
-            break;
+    let begun = search.begun(starts)?;
+    let before = begun.log_posterior;
+    let mut best = search.settled(begun, f64::NEG_INFINITY)?;
+    // Beside disturbances parameters hardly matter, and both shrink slowly: the model alone may explain everything by now.
+    if let Some(alone) = search.alone(&best.standing) {
+        let alone = search.settled(alone, best.standing.log_posterior)?;
+        if alone.standing.log_posterior > best.standing.log_posterior {
+            best = alone;
         }
-        let (at, is_top, at_top) = search.climbed(&levels, round == 0)?;
-        let is_here = at == levels.at;
-        let Ok(followed) = search.followed(&at, Some(&levels.followed)) else { break };
-        let same = levels.followed.iter().zip(&followed).all(|(a, b)| {
-            a.noise.disturbance.is_some() == b.noise.disturbance.is_some()
-                && stands(&a.noise, &b.noise, settings.level_stands)
-        });
-        let log_before = levels.log_posterior;
-        levels = Standing { log_posterior: search.log_posterior(&at, &followed), at, followed };
-        if levels.log_posterior > best.log_posterior {
-            best = levels.clone();
-            // Levels that stand make the same of the parameters.
-            information = same.then_some(at_top);
-        }
-        let gains = levels.log_posterior - log_before > settings.fit_round_nats;
-        is_settled = same && (is_top || is_here) || !gains;
     }
-    let information = match information {
+    let information = match best.information {
         Some(found) => found,
-        None => search.passes(&best.at, &best.runs())?.information(parameters),
+        None => search.passes(&best.standing.at, &best.standing.runs())?.information(parameters),
     };
-    let held = search.held(&best.at, &DVector::zeros(parameters.len()));
-    Ok(search.fitted(best, before, &information, &held, is_settled))
+    let held = search.held(&best.standing.at, &DVector::zeros(parameters.len()));
+    Ok(search.fitted(best.standing, before, &information, &held, best.stands))
+}
+
+/// Where a search ended.
+struct Settled {
+    standing: Standing,
+    /// The information on the parameters there, if it is known.
+    information: Option<DMatrix<f64>>,
+    stands: bool,
 }
 
 /// A place of the search: values, and the recordings with the model there.
@@ -111,42 +105,20 @@ impl Standing {
     }
 }
 
+/// Where values are likeliest at fixed levels.
+struct Climbed {
+    at: Vec<f64>,
+    /// The recordings' starts there.
+    starts: Vec<Start>,
+    is_top: bool,
+    information: DMatrix<f64>,
+}
+
 struct Search<'a> {
     recordings: &'a [Recording],
     parameters: &'a [Parameter],
     model_at: &'a ModelAt<'a>,
     settings: &'a Settings,
-}
-
-/// What passes over all recordings say at one place.
-struct Passes {
-    likelihoods: Vec<Likelihood>,
-    /// How the start of each moves that the run shows.
-    shifts: Vec<DVector<f64>>,
-    sums: Vec<Sums>,
-}
-
-impl Passes {
-    fn log_likelihood(&self) -> f64 {
-        self.likelihoods.iter().map(|l| if l.lost { f64::NEG_INFINITY } else { l.log }).sum()
-    }
-
-    /// Mean square of the normalised innovations, 1 at least.
-    fn misfit(&self) -> f64 {
-        let numbers: usize = self.likelihoods.iter().map(|l| l.numbers).sum();
-        (self.likelihoods.iter().map(|l| l.chi_squared).sum::<f64>() / numbers.max(1) as f64).max(1.0)
-    }
-
-    fn information(&self, parameters: &[Parameter]) -> DMatrix<f64> {
-        let known = DVector::from_iterator(parameters.len(), parameters.iter().map(|p| p.stddev.powi(-2)));
-        self.sums.iter().fold(DMatrix::from_diagonal(&known), |sum, of| sum + &of.information)
-    }
-
-    fn slope(&self, parameters: &[Parameter], at: &[f64]) -> DVector<f64> {
-        let pulls = parameters.iter().zip(at).map(|(p, x)| -x * p.stddev.powi(-2));
-        let known = DVector::from_iterator(parameters.len(), pulls);
-        self.sums.iter().fold(known, |sum, of| sum + &of.slope)
-    }
 }
 
 impl Search<'_> {
@@ -193,16 +165,56 @@ impl Search<'_> {
         best.ok_or(PredictionError::NoModel)
     }
 
-    /// The likeliest values with these levels, whether they stand, and the information on them: roughly while levels are those of
-    /// another model.
-    fn climbed(
-        &self,
-        begun: &Standing,
-        roughly: bool,
-    ) -> Result<(Vec<f64>, bool, DMatrix<f64>), PredictionError> {
+    /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
+    fn settled(&self, begun: Standing, least: f64) -> Result<Settled, PredictionError> {
+        let settings = self.settings;
+        let mut best = Settled { standing: begun, information: None, stands: self.parameters.is_empty() };
+        let mut levels = best.standing.clone();
+        for round in 0..settings.fit_rounds {
+            if best.stands {
+                break;
+            }
+            let Climbed { at, starts, is_top, information } = self.climbed(&levels, round == 0, least)?;
+            let is_here = at == levels.at;
+            for (run, start) in levels.followed.iter_mut().zip(starts) {
+                run.fitted.start = start;
+            }
+            let Ok(followed) = self.followed(&at, Some(&levels.followed)) else { break };
+            let same = levels.followed.iter().zip(&followed).all(|(a, b)| {
+                a.noise.disturbance.is_some() == b.noise.disturbance.is_some()
+                    && stands(&a.noise, &b.noise, settings.level_stands)
+            });
+            let log_before = levels.log_posterior;
+            levels = Standing { log_posterior: self.log_posterior(&at, &followed), at, followed };
+            if levels.log_posterior > best.standing.log_posterior {
+                best.standing = levels.clone();
+                // Levels that stand make the same of the parameters.
+                best.information = same.then_some(information);
+            }
+            let gains = levels.log_posterior - log_before > settings.fit_round_nats;
+            best.stands = same && (is_top || is_here) || !gains;
+        }
+        Ok(best)
+    }
+
+    /// The same values without disturbances, where there are any and the model is close to the recordings without them.
+    fn alone(&self, standing: &Standing) -> Option<Standing> {
+        let runs = &standing.followed;
+        let is_close = |run: &Followed| run.likelihood_alone.misfit() < LARGEST_MISFIT;
+        if !runs.iter().any(|run| run.noise.disturbance.is_some()) || !runs.iter().all(is_close) {
+            return None;
+        }
+        let followed: Vec<Followed> = runs.iter().map(Followed::without_disturbance).collect();
+        let log_posterior = self.log_posterior(&standing.at, &followed);
+        Some(Standing { at: standing.at.clone(), log_posterior, followed })
+    }
+
+    /// The likeliest values with these levels: roughly while levels are those of another model.
+    fn climbed(&self, begun: &Standing, roughly: bool, least: f64) -> Result<Climbed, PredictionError> {
         let (settings, parameters) = (self.settings, self.parameters);
         let stands_nats = if roughly { settings.fit_round_nats } else { settings.fit_stands_nats };
         let (mut at, mut runs) = (begun.at.clone(), begun.runs());
+        let starts = |runs: Vec<(Noise, Start)>| runs.into_iter().map(|(_, start)| start).collect();
         let mut here = self.passes(&at, &runs)?;
         for _ in 0..settings.fit_steps {
             let log = here.log_likelihood() + self.log_prior(&at);
@@ -211,19 +223,29 @@ impl Search<'_> {
             let information = here.information(parameters);
             let Some(step) = solved(&information, &slope, &held) else { break };
             if 0.5 * step.dot(&slope) <= stands_nats * here.misfit() {
-                return Ok((at, true, information));
+                return Ok(Climbed { at, starts: starts(runs), is_top: true, information });
             }
-            let tried = SHARES_OF_A_STEP.iter().find_map(|share| {
+            // Twice what a parabola promises.
+            if log + step.dot(&slope) < least {
+                break;
+            }
+            // The change of gains is no part of the slope: at the top nothing is likelier in its direction.
+            let is_close = 0.5 * step.dot(&slope) <= settings.fit_round_nats * here.misfit();
+            let shares = if is_close { &SHARES_OF_A_STEP[..1] } else { &SHARES_OF_A_STEP };
+            let tried = shares.iter().find_map(|share| {
                 let next = self.within(&at, &(&step * *share));
                 let moved = DVector::from_iterator(at.len(), next.iter().zip(&at).map(|(a, b)| a - b));
-                let next_runs = here.moved(&runs, &moved);
+                let next_runs = here.moved(&runs, &moved, *share);
                 let passes = self.passes(&next, &next_runs).ok()?;
                 (passes.log_likelihood() + self.log_prior(&next) > log).then_some((next, next_runs, passes))
             });
-            let Some(next) = tried else { break };
+            let Some(next) = tried else {
+                return Ok(Climbed { at, starts: starts(runs), is_top: is_close, information });
+            };
             (at, runs, here) = next;
         }
-        Ok((at, false, here.information(parameters)))
+        let information = here.information(parameters);
+        Ok(Climbed { at, starts: starts(runs), is_top: false, information })
     }
 
     /// Which parameters stand at an end of their range that the slope does not lead away from.
@@ -246,14 +268,7 @@ impl Search<'_> {
             let case = Prepared::new(recording, &model, *self.settings)?;
             pass(&case, noise, start, &varied)
         });
-        let mut passes = Passes { likelihoods: Vec::new(), shifts: Vec::new(), sums: Vec::new() };
-        for of in found {
-            let (likelihood, shift, sums) = of?;
-            passes.likelihoods.push(likelihood);
-            passes.shifts.push(shift);
-            passes.sums.push(sums);
-        }
-        Ok(passes)
+        Ok(Passes(found.into_iter().collect::<Result<_, _>>()?))
     }
 
     /// Models a little further along each parameter, on the side where there is one.
@@ -298,45 +313,6 @@ impl Search<'_> {
             stands,
         }
     }
-}
-
-impl Passes {
-    /// Starts where the runs show them when the parameters move so.
-    fn moved(&self, runs: &[(Noise, Start)], by: &DVector<f64>) -> Vec<(Noise, Start)> {
-        let with = runs.iter().zip(&self.shifts).zip(&self.sums);
-        with.map(|(((noise, start), shift), sums)| {
-            let mut shift = shift + &sums.of_start * by;
-            // Of disturbances nothing is known at the start but their levels.
-            let layout = start.layout;
-            shift.rows_range_mut(layout.plant.size()..layout.moving()).fill(0.0);
-            (noise.clone(), start.moved(&shift))
-        })
-        .collect()
-    }
-}
-
-/// One pass over a recording.
-fn pass(
-    case: &Prepared<'_>,
-    noise: &Noise,
-    start: &Start,
-    varied: &[Varied],
-) -> Result<(Likelihood, DVector<f64>, Sums), PredictionError> {
-    let columns = Columns::new(case, start.layout.size(), varied)?;
-    let mut filter = Filter::new(case, noise, start).looking_back().varying(columns);
-    let mut likelihood = Likelihood::default();
-    while filter.step(&mut |innovation| likelihood.add(innovation)) {}
-    likelihood.lost = filter.lost;
-    let heading = filter.heading;
-    let size = start.layout.size();
-    let (Some(origin), Some(columns)) = (filter.origin, filter.columns) else {
-        return Ok((likelihood, DVector::zeros(size), Sums::none(size, varied.len())));
-    };
-    let mut shift = origin.shift;
-    let [narrow, wide] =
-        [&start.covariance, &Start::wide(case, noise).covariance].map(|known| heading.out_of(known));
-    let sums = columns.sums().widened(&mut shift, &origin.own, &narrow, &wide);
-    Ok((likelihood, shift, sums))
 }
 
 /// The step that leaves the held parameters where they are.

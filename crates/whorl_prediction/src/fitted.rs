@@ -20,7 +20,7 @@ const SETTLED: f64 = 0.01;
 /// Part of a run by which the likeliest of several guesses is chosen.
 const SHARE_TO_CHOOSE: f64 = 0.25;
 /// Mean square of normalised innovations above which a model does not explain a run, whatever its start.
-const LARGEST_MISFIT: f64 = 4.0;
+pub(crate) const LARGEST_MISFIT: f64 = 4.0;
 /// Steps from a start that is close already: a second shows that the first was enough.
 const NEAR_PASSES: usize = 2;
 /// What is tried of a step that makes a part less likely as a whole.
@@ -78,7 +78,7 @@ pub(crate) fn fitted_start_near(
     let covariance = narrowed(&known_before, &own, case.settings().start_kept);
     let start = Start { covariance, ..wide.about(&other.start) };
     let first = Passed::over(case, noise, start, case.instants());
-    if first.misfit() > LARGEST_MISFIT {
+    if first.likelihood.misfit() > LARGEST_MISFIT {
         // What a model lacks would move the start, not what the run shows of it.
         return (first.fitted(&known_before, false), first.likelihood);
     }
@@ -148,11 +148,6 @@ impl Passed {
         Self { start, likelihood, shift, own, heading }
     }
 
-    /// Mean square of the normalised innovations.
-    fn misfit(&self) -> f64 {
-        self.likelihood.chi_squared / self.likelihood.numbers.max(1) as f64
-    }
-
     /// Moves the start until the part is hardly likelier with another one; whether it is.
     fn improve(
         &mut self,
@@ -167,7 +162,7 @@ impl Passed {
             let gain = next.likelihood.log - self.likelihood.log;
             *self = next;
             // Errors k times the noise make likelihoods differ k^2 times as much.
-            if gain <= case.settings().start_stands_nats * self.misfit().max(1.0) {
+            if gain <= case.settings().start_stands_nats * self.likelihood.misfit().max(1.0) {
                 return true;
             }
         }

@@ -40,6 +40,12 @@ impl Followed {
         self.likelihood_alone.log + gained
     }
 
+    /// The same by the model alone.
+    #[must_use]
+    pub(crate) fn without_disturbance(&self) -> Self {
+        Self { noise: self.noise_alone(), fitted: self.alone.clone(), gain_nats: 0.0, ..self.clone() }
+    }
+
     /// The noise without disturbances.
     #[must_use]
     pub fn noise_alone(&self) -> Noise {

@@ -49,6 +49,7 @@ mod levels;
 mod likelihood;
 mod linearisation;
 mod noise;
+mod passes;
 mod predict;
 mod prepared;
 mod propagation;

@@ -18,6 +18,12 @@ pub struct Likelihood {
 }
 
 impl Likelihood {
+    /// Mean square of the normalised innovations: 1 with the true model.
+    #[must_use]
+    pub fn misfit(&self) -> f64 {
+        self.chi_squared / self.numbers.max(1) as f64
+    }
+
     pub(crate) fn add(&mut self, innovation: &Innovation) {
         self.log += innovation.log_likelihood();
         self.chi_squared += innovation.normalised().powi(2);

@@ -56,6 +56,9 @@ pub struct Settings {
     pub threads: usize,
     /// Share of a parameter's unit over which differences are taken: the motion is linear over it to about as much.
     pub fit_difference: f64,
+    /// The same as `derivatives_held` of a fit: where derivatives are made anew depends on the parameters, and the likelihood jumps there
+    /// by as much as gains change; five times closer, jumps are smaller than what counts as evidence.
+    pub fit_derivatives_held: f64,
     /// Parameters stand when a step would make the recordings likelier by no more than this (natural logarithm): they are then closer to
     /// the likeliest than a tenth of their deviations.
     pub fit_stands_nats: f64,
@@ -90,6 +93,7 @@ impl Default for Settings {
             stated_noise_factor: 1.5,
             threads: 2,
             fit_difference: 1e-3,
+            fit_derivatives_held: 0.01,
             fit_stands_nats: 0.01,
             fit_round_nats: 0.5,
             fit_steps: 10,

@@ -54,3 +54,38 @@ fn a_constant_has_one_uncertainty() {
     let yaw = stddevs(&prior, &complete)[2].clone();
     assert!(yaw.3 < 0.5 * yaw.1, "{yaw:?}");
 }
+
+/// With friction stated to 30 % the fit finds it within that; stated without a deviation it stays as it is.
+#[test]
+fn friction_of_wheels_is_refitted_within_its_prior() {
+    let mut truth = PlatformModel::whorl_1_reference();
+    for wheel in truth.wheels_mut() {
+        (wheel.viscous_friction_n_m_s, wheel.coulomb_friction_n_m) = (1e-4, 0.0);
+    }
+    let run = record(&truth, 31, 40.0, None);
+    let (mut model, prior) = wrong_model(&truth, 31);
+    for wheel in model.wheels_mut() {
+        wheel.viscous_friction_n_m_s = 1.3e-4;
+    }
+    let fitted = |prior: &whorl_dynamics::ModelPrior| {
+        let fit = fit(std::slice::from_ref(&run), &model, prior, &[], &Options::default()).unwrap();
+        let named: Vec<_> = fit.estimates.iter().filter(|p| p.group == "wheel_friction").cloned().collect();
+        (fit, named)
+    };
+    let (kept, none) = fitted(&prior);
+    assert!(none.is_empty());
+    assert!(kept.model.wheels().iter().all(|wheel| wheel.viscous_friction_n_m_s == 1.3e-4));
+    let mut prior = prior;
+    prior.actuators.wheels.viscous_friction_n_m_s.fill(4e-5);
+    let (found, named) = fitted(&prior);
+    assert!(found.is_explained);
+    assert_eq!(named.len(), truth.wheels().len());
+    for ((wheel, parameter), known) in
+        found.model.wheels().iter().zip(&named).zip(&found.prior.actuators.wheels.viscous_friction_n_m_s)
+    {
+        let off = wheel.viscous_friction_n_m_s - 1e-4;
+        assert!(off.abs() < 4.0 * parameter.stddev && parameter.stddev < 4e-6, "{off} {parameter:?}");
+        assert_eq!(*known, parameter.stddev);
+        assert!(wheel.viscous_friction_n_m_s > 0.0);
+    }
+}

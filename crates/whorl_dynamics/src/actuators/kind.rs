@@ -104,10 +104,15 @@ pub struct MotorChannel {
 }
 
 /// How well the actuators of one kind are known, for fits to start from: of a number the standard deviation as a
-/// share of its value, of a direction about each of two axes across it \[rad\].
+/// share of its value, or in its unit, of a direction about each of two axes across it \[rad\].
 pub trait KindPrior: fmt::Debug {
     /// Keys of the entries that fits estimate, of each member of the first group.
     fn keys(&self) -> &'static [&'static str];
+
+    /// Whether the deviation of a number is a share of its value; of one that may be zero it is in its unit.
+    fn is_share(&self, _key: &str) -> bool {
+        true
+    }
 
     /// Standard deviation of one entry of one actuator; `None` when fits take that entry as known.
     fn stddev(&self, key: &str, member: usize) -> Option<f64>;

@@ -34,7 +34,7 @@ fn groups_and_keys_are_distinct_and_described() {
 }
 
 #[test]
-fn what_fits_estimate_is_an_entry_of_its_kind_and_has_a_typical_deviation() {
+fn what_fits_estimate_is_an_entry_of_its_kind() {
     let mut actuators = Actuators::default();
     for kind in actuators.kinds_mut() {
         kind.add("one".to_owned());
@@ -46,7 +46,9 @@ fn what_fits_estimate_is_an_entry_of_its_kind_and_has_a_typical_deviation() {
         for key in prior.keys() {
             assert!(keys.contains(key), "{key} is no entry of {kind:?}");
             for member in 0..members {
-                assert!(prior.stddev(key, member).is_some_and(|s| s > 0.0), "{key} {member}");
+                // Frictions and delays are known as they are stated.
+                let least = if key.contains("friction") || key.contains("delay") { -1.0 } else { 0.0 };
+                assert!(prior.stddev(key, member).is_some_and(|s| s > least), "{key} {member}");
                 prior.set_stddev(key, member, 0.125);
                 assert_eq!(prior.stddev(key, member), Some(0.125));
             }

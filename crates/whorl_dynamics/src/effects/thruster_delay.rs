@@ -1,8 +1,9 @@
 //! Valves later than in the model.
 
 use super::named::{Named as _, parameters};
-use super::{Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
+use crate::platform::Jet;
 
 #[derive(Debug)]
 pub(super) struct ThrusterDelay;
@@ -20,10 +21,29 @@ static INFO: EffectInfo = EffectInfo {
 };
 
 parameters! {
-    Delay(_model: PlatformModel) {
-        t_on_s: f64 = ParameterSpec::new("t_on_s", "s", (0.0, 0.5), 0.01, "Added delay of opening."),
-        t_off_s: f64 = ParameterSpec::new("t_off_s", "s", (0.0, 0.5), 0.01, "Added delay of closing."),
+    Delay(model: PlatformModel) {
+        t_on_s: f64 = ParameterSpec::new(
+            "t_on_s",
+            "s",
+            (-shortest_s(model, |jet| jet.opening_delay_s), 0.5),
+            0.01,
+            "Added delay of opening.",
+        )
+        .base(BasePrior::OpeningDelay),
+        t_off_s: f64 = ParameterSpec::new(
+            "t_off_s",
+            "s",
+            (-shortest_s(model, |jet| jet.closing_delay_s), 0.5),
+            0.01,
+            "Added delay of closing.",
+        )
+        .base(BasePrior::ClosingDelay),
     }
+}
+
+/// The shortest of a delay of the jets: no valve acts before its command.
+fn shortest_s(model: &PlatformModel, of: impl Fn(&Jet) -> f64) -> f64 {
+    model.jets().iter().map(of).reduce(f64::min).unwrap_or(0.0)
 }
 
 impl Effect for ThrusterDelay {
@@ -42,6 +62,10 @@ impl Effect for ThrusterDelay {
             jet.closing_delay_s += delay.t_off_s;
         }
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
     }
 
     fn evidence(&self) -> Evidence {

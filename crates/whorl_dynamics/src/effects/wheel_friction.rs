@@ -1,7 +1,7 @@
 //! Drag in a wheel's bearing and motor.
 
 use super::named::{Named as _, parameters, per_wheel};
-use super::{Aid, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
+use super::{Aid, BasePrior, Effect, EffectError, EffectInfo, EffectKind, Evidence, Need, ParameterSpec};
 use crate::PlatformModel;
 use crate::platform::Wheel;
 
@@ -27,17 +27,19 @@ parameters! {
             "_viscous_n_m_s",
             "N m s",
             // The largest speed that is stated is rarely the one that is reached.
-            (0.0, 20.0 * wheel.max_torque_n_m / wheel.max_speed_rad_s),
+            (-wheel.viscous_friction_n_m_s, 20.0 * wheel.max_torque_n_m / wheel.max_speed_rad_s),
             0.05 * wheel.max_torque_n_m / wheel.max_speed_rad_s,
             "Viscous drag added to the model's.",
-        ),
+        )
+        .base(BasePrior::WheelViscousFriction),
         coulomb_n_m: f64 = ParameterSpec::new(
             "_coulomb_n_m",
             "N m",
-            (0.0, wheel.max_torque_n_m),
+            (-wheel.coulomb_friction_n_m, wheel.max_torque_n_m),
             0.02 * wheel.max_torque_n_m,
             "Coulomb drag added to the model's.",
-        ),
+        )
+        .base(BasePrior::WheelCoulombFriction),
     }
 }
 
@@ -57,6 +59,10 @@ impl Effect for WheelFriction {
             wheel.coulomb_friction_n_m += drag.coulomb_n_m;
         }
         Ok(())
+    }
+
+    fn is_base(&self) -> bool {
+        true
     }
 
     fn evidence(&self) -> Evidence {

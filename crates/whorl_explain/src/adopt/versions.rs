@@ -108,8 +108,10 @@ pub fn versions(
 fn say_in_full(parameter: &mut FittedParameter, before: &PlatformModel, after: &PlatformModel) {
     let spec = find(&parameter.group)
         .and_then(|effect| effect.parameters(before).into_iter().find(|spec| spec.name == parameter.name));
-    let base = spec.and_then(|spec| spec.base);
-    let constants = base.and_then(|base| base.constant(before).zip(base.constant(after)));
+    let constants = spec.and_then(|spec| {
+        let base = spec.base?;
+        base.constant(before, spec.part).zip(base.constant(after, spec.part))
+    });
     if let Some((before, after)) = constants {
         (parameter.before, parameter.estimate) = (before, after);
     } else if find(&parameter.group).is_some_and(|effect| effect.is_base())

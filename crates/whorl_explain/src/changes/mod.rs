@@ -163,7 +163,11 @@ fn actuators(
                 };
                 let stddevs =
                     (known_before.stddev(key, j).unwrap_or(0.0), known.stddev(key, j).unwrap_or(0.0));
-                entry(c, &group, was, is, stddevs);
+                let unit = |field: &Field<'_>| match &field.slot {
+                    Slot::Number(value) if known.is_share(key) => **value,
+                    _ => 1.0,
+                };
+                entry(c, &group, was, is, (stddevs.0 * unit(was), stddevs.1 * unit(is)));
             }
             if c.all.len() > count {
                 c.source(&format!("{group}.source"));
@@ -172,14 +176,14 @@ fn actuators(
     }
 }
 
-/// One entry of one actuator; standard deviations of numbers are relative to the value.
+/// One entry of one actuator, and its standard deviation before and after, in its unit.
 fn entry(c: &mut Changes<'_>, group: &str, was: &Field<'_>, is: &Field<'_>, (before, after): (f64, f64)) {
     let key = format!("{group}.{}", is.key);
     let comment = || format!("+- {} rad, adopted", short(after));
     match (&was.slot, &is.slot) {
         (Slot::Number(a), Slot::Number(b)) => {
-            c.number(format!("model.{key}"), **a, **b, is.unit, after * **b);
-            c.prior(key, before * **a, after * **b);
+            c.number(format!("model.{key}"), **a, **b, is.unit, after);
+            c.prior(key, before, after);
         }
         (Slot::Direction(a), Slot::Direction(b)) => {
             c.vector(format!("model.{key}"), a, b, comment());

@@ -233,7 +233,9 @@ pub(super) fn prior(model: &PlatformModel, entries: &[PriorEntry]) -> ModelPrior
                 let given = one(&format!("{group}.{member}.{}", field.key))
                     .or_else(|| one(&format!("{defaults}.{}", field.key)));
                 match (given, &field.slot) {
-                    (Some(x), Slot::Number(value)) => prior.set_stddev(field.key, j, x / **value),
+                    (Some(x), Slot::Number(value)) if prior.is_share(field.key) => {
+                        prior.set_stddev(field.key, j, x / **value);
+                    }
                     (Some(x), _) => prior.set_stddev(field.key, j, x),
                     (None, _) => {}
                 }

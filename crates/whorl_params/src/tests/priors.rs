@@ -26,9 +26,9 @@ fn error(lines: &str) -> String {
 fn what_is_given_is_taken_and_the_rest_is_typical() {
     let lines = "inertia_kg_m2: {zz: 0.3, xy: 0.07, source: CAD, zz_source: pendulum test}
 gravity_offset_n_m: 0.05
-wheel_defaults: {spin_inertia_kg_m2: 4.0e-4, spin_axis: 0.003}
+wheel_defaults: {spin_inertia_kg_m2: 4.0e-4, spin_axis: 0.003, viscous_friction_n_m_s: 6.0e-6}
 wheel_defaults.source: data sheet
-wheels.wheel_y.spin_inertia_kg_m2: 2.0e-5
+wheels.wheel_y: {spin_inertia_kg_m2: 2.0e-5, coulomb_friction_n_m: 3.0e-4}
 jets.jet_2: {thrust_n: 0.1, force_direction: 0.02}
 sensors.gyro.scale: [0.001, 0.002, 0.003]
 tank.specific_impulse_s: 5
@@ -43,6 +43,9 @@ tank.specific_impulse_s_source: calibration
     // Shares of 0.02 kg m^2 and 0.4 N.
     expected.actuators.wheels.spin_inertia = vec![0.02, 0.001, 0.02];
     expected.actuators.wheels.axis_rad = vec![0.003; 3];
+    // In their own units: a friction may be zero.
+    expected.actuators.wheels.viscous_friction_n_m_s = vec![6.0e-6; 3];
+    expected.actuators.wheels.coulomb_friction_n_m = vec![0.0, 3.0e-4, 0.0];
     expected.actuators.jets.thrust[1] = 0.25;
     expected.actuators.jets.direction_rad[1] = 0.02;
     for (given, expected) in

@@ -141,35 +141,61 @@ pub struct JetPriors {
     pub thrust: Vec<f64>,
     /// Of each jet's torque direction, about each of two axes across it \[rad\].
     pub direction_rad: Vec<f64>,
+    /// Of each valve's delays of opening and closing \[s\]; fits move those of all valves alike.
+    pub opening_delay_s: Vec<f64>,
+    /// See there.
+    pub closing_delay_s: Vec<f64>,
 }
 
 impl JetPriors {
-    /// Thrust to 5 %, directions to 10 mrad.
+    /// Thrust to 5 %, directions to 10 mrad. Delays are taken as they are stated: what is off is found as the effect
+    /// `thruster_delay`.
     pub(super) fn typical(jets: &Jets) -> Self {
-        Self { thrust: vec![0.05; jets.list.len()], direction_rad: vec![1.0e-2; jets.list.len()] }
+        let each = |stddev: f64| vec![stddev; jets.list.len()];
+        Self {
+            thrust: each(0.05),
+            direction_rad: each(1.0e-2),
+            opening_delay_s: each(0.0),
+            closing_delay_s: each(0.0),
+        }
+    }
+
+    fn of(&self, key: &str) -> Option<&Vec<f64>> {
+        match key {
+            "thrust_n" => Some(&self.thrust),
+            "force_direction" => Some(&self.direction_rad),
+            "opening_delay_s" => Some(&self.opening_delay_s),
+            "closing_delay_s" => Some(&self.closing_delay_s),
+            _ => None,
+        }
+    }
+
+    fn of_mut(&mut self, key: &str) -> Option<&mut Vec<f64>> {
+        match key {
+            "thrust_n" => Some(&mut self.thrust),
+            "force_direction" => Some(&mut self.direction_rad),
+            "opening_delay_s" => Some(&mut self.opening_delay_s),
+            "closing_delay_s" => Some(&mut self.closing_delay_s),
+            _ => None,
+        }
     }
 }
 
 impl KindPrior for JetPriors {
     fn keys(&self) -> &'static [&'static str] {
-        &["thrust_n", "force_direction"]
+        &["thrust_n", "force_direction", "opening_delay_s", "closing_delay_s"]
+    }
+
+    fn is_share(&self, key: &str) -> bool {
+        key == "thrust_n"
     }
 
     fn stddev(&self, key: &str, member: usize) -> Option<f64> {
-        match key {
-            "thrust_n" => self.thrust.get(member).copied(),
-            "force_direction" => self.direction_rad.get(member).copied(),
-            _ => None,
-        }
+        self.of(key)?.get(member).copied()
     }
 
     fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
-        let slot = match key {
-            "thrust_n" => self.thrust.get_mut(member),
-            "force_direction" => self.direction_rad.get_mut(member),
-            _ => None,
-        };
-        if let Some(slot) = slot {
+        if let Some(slot) = self.of_mut(key).and_then(|list| list.get_mut(member)) {
             *slot = stddev;
         }
     }

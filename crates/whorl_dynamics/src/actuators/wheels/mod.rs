@@ -159,35 +159,61 @@ pub struct WheelPriors {
     pub spin_inertia: Vec<f64>,
     /// Of each wheel's spin axis, about each of two axes across it \[rad\].
     pub axis_rad: Vec<f64>,
+    /// Of each wheel's viscous friction [N m s].
+    pub viscous_friction_n_m_s: Vec<f64>,
+    /// Of each wheel's Coulomb friction [N m].
+    pub coulomb_friction_n_m: Vec<f64>,
 }
 
 impl WheelPriors {
-    /// Spin inertia to 1 %, axes to 2 mrad.
+    /// Spin inertia to 1 %, axes to 2 mrad. Friction is taken as it is stated: no number is typical of all bearings, and one that is off
+    /// is found as the effect `wheel_friction`.
     pub(super) fn typical(wheels: &Wheels) -> Self {
-        Self { spin_inertia: vec![0.01; wheels.0.len()], axis_rad: vec![2.0e-3; wheels.0.len()] }
+        let each = |stddev: f64| vec![stddev; wheels.0.len()];
+        Self {
+            spin_inertia: each(0.01),
+            axis_rad: each(2.0e-3),
+            viscous_friction_n_m_s: each(0.0),
+            coulomb_friction_n_m: each(0.0),
+        }
+    }
+
+    fn of(&self, key: &str) -> Option<&Vec<f64>> {
+        match key {
+            "spin_inertia_kg_m2" => Some(&self.spin_inertia),
+            "spin_axis" => Some(&self.axis_rad),
+            "viscous_friction_n_m_s" => Some(&self.viscous_friction_n_m_s),
+            "coulomb_friction_n_m" => Some(&self.coulomb_friction_n_m),
+            _ => None,
+        }
+    }
+
+    fn of_mut(&mut self, key: &str) -> Option<&mut Vec<f64>> {
+        match key {
+            "spin_inertia_kg_m2" => Some(&mut self.spin_inertia),
+            "spin_axis" => Some(&mut self.axis_rad),
+            "viscous_friction_n_m_s" => Some(&mut self.viscous_friction_n_m_s),
+            "coulomb_friction_n_m" => Some(&mut self.coulomb_friction_n_m),
+            _ => None,
+        }
     }
 }
 
 impl KindPrior for WheelPriors {
     fn keys(&self) -> &'static [&'static str] {
-        &["spin_inertia_kg_m2", "spin_axis"]
+        &["spin_inertia_kg_m2", "spin_axis", "viscous_friction_n_m_s", "coulomb_friction_n_m"]
+    }
+
+    fn is_share(&self, key: &str) -> bool {
+        key == "spin_inertia_kg_m2"
     }
 
     fn stddev(&self, key: &str, member: usize) -> Option<f64> {
-        match key {
-            "spin_inertia_kg_m2" => self.spin_inertia.get(member).copied(),
-            "spin_axis" => self.axis_rad.get(member).copied(),
-            _ => None,
-        }
+        self.of(key)?.get(member).copied()
     }
 
     fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
-        let slot = match key {
-            "spin_inertia_kg_m2" => self.spin_inertia.get_mut(member),
-            "spin_axis" => self.axis_rad.get_mut(member),
-            _ => None,
-        };
-        if let Some(slot) = slot {
+        if let Some(slot) = self.of_mut(key).and_then(|list| list.get_mut(member)) {
             *slot = stddev;
         }
     }
