@@ -10,6 +10,7 @@ use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
 use crate::levels::{Followed, follow, follow_again, stands};
 use crate::noise::Noise;
+use crate::parameter::Parameter;
 use crate::passes::{Passes, pass};
 use crate::prepared::Prepared;
 use crate::settings::Settings;
@@ -17,15 +18,6 @@ use crate::start::Start;
 
 /// What is tried of a step that makes the recordings less likely as a whole.
 const SHARES_OF_A_STEP: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
-
-/// A parameter of a family of models, counted in a unit of its own from where nothing is known better.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
-    /// What is known before: its standard deviation about zero; infinite: nothing.
-    pub stddev: f64,
-    /// Smallest and largest value.
-    pub range: (f64, f64),
-}
 
 /// Models by their parameters; `None` where no platform has such values.
 pub type ModelAt<'a> = dyn Fn(&[f64]) -> Option<PlatformModel> + Sync + 'a;

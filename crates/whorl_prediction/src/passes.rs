@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use crate::columns::{Columns, Sums, Varied};
 use crate::error::PredictionError;
 use crate::filter::Filter;
-use crate::fit::Parameter;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
+use crate::parameter::Parameter;
 use crate::prepared::Prepared;
 use crate::start::Start;
 
