@@ -114,11 +114,23 @@ pub trait KindPrior: fmt::Debug {
         true
     }
 
+    /// Standard deviations of an entry, by actuator; `None` when fits take that entry as known.
+    fn stddevs(&self, key: &str) -> Option<&[f64]>;
+
+    /// The same, to be changed.
+    fn stddevs_mut(&mut self, key: &str) -> Option<&mut [f64]>;
+
     /// Standard deviation of one entry of one actuator; `None` when fits take that entry as known.
-    fn stddev(&self, key: &str, member: usize) -> Option<f64>;
+    fn stddev(&self, key: &str, member: usize) -> Option<f64> {
+        self.stddevs(key)?.get(member).copied()
+    }
 
     /// Changes it; does nothing when fits take that entry as known.
-    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64);
+    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
+        if let Some(slot) = self.stddevs_mut(key).and_then(|list| list.get_mut(member)) {
+            *slot = stddev;
+        }
+    }
 }
 
 /// Why actuators cannot be simulated.

@@ -29,7 +29,7 @@ gravity_offset_n_m: 0.05
 wheel_defaults: {spin_inertia_kg_m2: 4.0e-4, spin_axis: 0.003, viscous_friction_n_m_s: 6.0e-6}
 wheel_defaults.source: data sheet
 wheels.wheel_y: {spin_inertia_kg_m2: 2.0e-5, coulomb_friction_n_m: 3.0e-4}
-jets.jet_2: {thrust_n: 0.1, force_direction: 0.02}
+jets.jet_2: {thrust_n: 0.1, force_direction: 0.02, opening_delay_s: 0.004}
 sensors.gyro.scale: [0.001, 0.002, 0.003]
 tank.specific_impulse_s: 5
 tank.specific_impulse_s_source: calibration
@@ -48,6 +48,7 @@ tank.specific_impulse_s_source: calibration
     expected.actuators.wheels.coulomb_friction_n_m = vec![0.0, 3.0e-4, 0.0];
     expected.actuators.jets.thrust[1] = 0.25;
     expected.actuators.jets.direction_rad[1] = 0.02;
+    expected.actuators.jets.opening_delay_s[1] = 0.004;
     for (given, expected) in
         known.prior.actuators.wheels.spin_inertia.iter().zip(&expected.actuators.wheels.spin_inertia)
     {

@@ -295,22 +295,19 @@ impl KindPrior for GyroPriors {
         &["rotor_momentum_n_m_s", "gimbal_axis"]
     }
 
-    fn stddev(&self, key: &str, member: usize) -> Option<f64> {
+    fn stddevs(&self, key: &str) -> Option<&[f64]> {
         match key {
-            "rotor_momentum_n_m_s" => self.rotor_momentum.get(member).copied(),
-            "gimbal_axis" => self.axis_rad.get(member).copied(),
+            "rotor_momentum_n_m_s" => Some(&self.rotor_momentum),
+            "gimbal_axis" => Some(&self.axis_rad),
             _ => None,
         }
     }
 
-    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
-        let slot = match key {
-            "rotor_momentum_n_m_s" => self.rotor_momentum.get_mut(member),
-            "gimbal_axis" => self.axis_rad.get_mut(member),
+    fn stddevs_mut(&mut self, key: &str) -> Option<&mut [f64]> {
+        match key {
+            "rotor_momentum_n_m_s" => Some(&mut self.rotor_momentum),
+            "gimbal_axis" => Some(&mut self.axis_rad),
             _ => None,
-        };
-        if let Some(slot) = slot {
-            *slot = stddev;
         }
     }
 }

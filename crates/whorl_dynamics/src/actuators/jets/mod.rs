@@ -159,26 +159,6 @@ impl JetPriors {
             closing_delay_s: each(0.0),
         }
     }
-
-    fn of(&self, key: &str) -> Option<&Vec<f64>> {
-        match key {
-            "thrust_n" => Some(&self.thrust),
-            "force_direction" => Some(&self.direction_rad),
-            "opening_delay_s" => Some(&self.opening_delay_s),
-            "closing_delay_s" => Some(&self.closing_delay_s),
-            _ => None,
-        }
-    }
-
-    fn of_mut(&mut self, key: &str) -> Option<&mut Vec<f64>> {
-        match key {
-            "thrust_n" => Some(&mut self.thrust),
-            "force_direction" => Some(&mut self.direction_rad),
-            "opening_delay_s" => Some(&mut self.opening_delay_s),
-            "closing_delay_s" => Some(&mut self.closing_delay_s),
-            _ => None,
-        }
-    }
 }
 
 impl KindPrior for JetPriors {
@@ -190,13 +170,23 @@ impl KindPrior for JetPriors {
         key == "thrust_n"
     }
 
-    fn stddev(&self, key: &str, member: usize) -> Option<f64> {
-        self.of(key)?.get(member).copied()
+    fn stddevs(&self, key: &str) -> Option<&[f64]> {
+        match key {
+            "thrust_n" => Some(&self.thrust),
+            "force_direction" => Some(&self.direction_rad),
+            "opening_delay_s" => Some(&self.opening_delay_s),
+            "closing_delay_s" => Some(&self.closing_delay_s),
+            _ => None,
+        }
     }
 
-    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
-        if let Some(slot) = self.of_mut(key).and_then(|list| list.get_mut(member)) {
-            *slot = stddev;
+    fn stddevs_mut(&mut self, key: &str) -> Option<&mut [f64]> {
+        match key {
+            "thrust_n" => Some(&mut self.thrust),
+            "force_direction" => Some(&mut self.direction_rad),
+            "opening_delay_s" => Some(&mut self.opening_delay_s),
+            "closing_delay_s" => Some(&mut self.closing_delay_s),
+            _ => None,
         }
     }
 }

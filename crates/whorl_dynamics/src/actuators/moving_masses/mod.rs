@@ -208,9 +208,11 @@ impl KindPrior for MovingMassPriors {
         &[]
     }
 
-    fn stddev(&self, _key: &str, _member: usize) -> Option<f64> {
+    fn stddevs(&self, _key: &str) -> Option<&[f64]> {
         None
     }
 
-    fn set_stddev(&mut self, _key: &str, _member: usize, _stddev: f64) {}
+    fn stddevs_mut(&mut self, _key: &str) -> Option<&mut [f64]> {
+        None
+    }
 }

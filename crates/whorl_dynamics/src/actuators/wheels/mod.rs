@@ -177,26 +177,6 @@ impl WheelPriors {
             coulomb_friction_n_m: each(0.0),
         }
     }
-
-    fn of(&self, key: &str) -> Option<&Vec<f64>> {
-        match key {
-            "spin_inertia_kg_m2" => Some(&self.spin_inertia),
-            "spin_axis" => Some(&self.axis_rad),
-            "viscous_friction_n_m_s" => Some(&self.viscous_friction_n_m_s),
-            "coulomb_friction_n_m" => Some(&self.coulomb_friction_n_m),
-            _ => None,
-        }
-    }
-
-    fn of_mut(&mut self, key: &str) -> Option<&mut Vec<f64>> {
-        match key {
-            "spin_inertia_kg_m2" => Some(&mut self.spin_inertia),
-            "spin_axis" => Some(&mut self.axis_rad),
-            "viscous_friction_n_m_s" => Some(&mut self.viscous_friction_n_m_s),
-            "coulomb_friction_n_m" => Some(&mut self.coulomb_friction_n_m),
-            _ => None,
-        }
-    }
 }
 
 impl KindPrior for WheelPriors {
@@ -208,13 +188,23 @@ impl KindPrior for WheelPriors {
         key == "spin_inertia_kg_m2"
     }
 
-    fn stddev(&self, key: &str, member: usize) -> Option<f64> {
-        self.of(key)?.get(member).copied()
+    fn stddevs(&self, key: &str) -> Option<&[f64]> {
+        match key {
+            "spin_inertia_kg_m2" => Some(&self.spin_inertia),
+            "spin_axis" => Some(&self.axis_rad),
+            "viscous_friction_n_m_s" => Some(&self.viscous_friction_n_m_s),
+            "coulomb_friction_n_m" => Some(&self.coulomb_friction_n_m),
+            _ => None,
+        }
     }
 
-    fn set_stddev(&mut self, key: &str, member: usize, stddev: f64) {
-        if let Some(slot) = self.of_mut(key).and_then(|list| list.get_mut(member)) {
-            *slot = stddev;
+    fn stddevs_mut(&mut self, key: &str) -> Option<&mut [f64]> {
+        match key {
+            "spin_inertia_kg_m2" => Some(&mut self.spin_inertia),
+            "spin_axis" => Some(&mut self.axis_rad),
+            "viscous_friction_n_m_s" => Some(&mut self.viscous_friction_n_m_s),
+            "coulomb_friction_n_m" => Some(&mut self.coulomb_friction_n_m),
+            _ => None,
         }
     }
 }

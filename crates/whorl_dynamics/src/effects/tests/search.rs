@@ -60,8 +60,14 @@ fn base_effects_have_a_place_in_the_prior_of_the_platform() {
                 assert_eq!(before, 0.0);
                 continue;
             };
-            let is_as_stated = ["wheel_friction", "thruster_delay"].contains(&effect.info().id);
-            assert!(before > 0.0 || is_as_stated, "{} {}", effect.info().id, spec.name);
+            let is_as_stated = matches!(
+                base,
+                BasePrior::WheelViscousFriction
+                    | BasePrior::WheelCoulombFriction
+                    | BasePrior::OpeningDelay
+                    | BasePrior::ClosingDelay
+            );
+            assert_eq!(before > 0.0, !is_as_stated, "{} {}", effect.info().id, spec.name);
             let mut prior = typical.clone();
             base.set_stddev(&mut prior, spec.part, 0.123);
             assert_eq!(
