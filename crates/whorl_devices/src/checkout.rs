@@ -113,6 +113,16 @@ impl Finding {
         matches!(self, Self::Right(_))
     }
 
+    /// How a wheel answers to its torque: 1 as it should, -1 the other way, 0 not so that one could use it.
+    #[must_use]
+    pub fn answer(&self) -> f64 {
+        match self {
+            Self::Right(_) => 1.0,
+            Self::Reversed => -1.0,
+            _ => 0.0,
+        }
+    }
+
     /// In words, with what to do.
     #[must_use]
     pub fn words(&self, part: Part, model: &PlatformModel) -> String {
