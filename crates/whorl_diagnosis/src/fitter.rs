@@ -14,7 +14,7 @@ use crate::refit::{Entered, Fit, Refit};
 use crate::search::Search;
 use crate::search::prospect::make_columns_for;
 use crate::search::step::{base_point_with, point_of};
-use crate::{DiagnosisError, Options, prepare};
+use crate::{DiagnosisError, Options, low_pass, prepare};
 
 /// Refits the platform's own parameters together with `effects` (ids of the catalogue, empty to refit the
 /// base only) to the recordings.
@@ -53,7 +53,10 @@ impl<'a> Fitter<'a> {
         prior: &ModelPrior,
         options: &'a Options,
     ) -> Result<Self, DiagnosisError> {
-        let (problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
+        let (mut problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
+        if let Some(delaying) = low_pass(&problem, training, options)? {
+            problem = prepare(training, &[], &delaying, prior, options, None, &mut |_| {})?.0;
+        }
         Ok(Self { training, options, problem, smoothed: OnceCell::new(), base: OnceCell::new() })
     }
 

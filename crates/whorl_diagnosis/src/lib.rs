@@ -21,6 +21,7 @@ mod explanations;
 mod fitter;
 pub mod laws;
 mod layout;
+mod low_pass;
 mod options;
 mod parameters;
 mod refit;
@@ -70,15 +71,25 @@ pub fn diagnose(
         ));
         return Ok(diagnosis);
     }
+    progress(Progress { share: 0.0, doing: "comparing what the sensors' low-pass may be" });
+    let delaying = low_pass(&problem, training, options)?;
+    let (stated, model) = (model, delaying.as_ref().unwrap_or(model));
+    if delaying.is_some() {
+        (problem, held) = prepare(training, held_out, model, prior, options, None, progress)?;
+    }
+    let noted = |mut answer: Answer| {
+        answer.diagnosis.remarks.extend(low_pass::remarks(stated, model));
+        answer.diagnosis
+    };
     let first = answer(&mut problem, held.as_mut(), (training, held_out), options, progress)?;
     let Some(late_s) = first.late.worth_a_new_layout(problem.reference.late_s) else {
-        return Ok(first.diagnosis);
+        return Ok(noted(first));
     };
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
     let second = answer(&mut problem, held.as_mut(), (training, held_out), options, progress)?;
     let is_late = second.late.explains_more_than_others(&first.late);
-    Ok(if is_late { second.diagnosis } else { first.diagnosis })
+    Ok(noted(if is_late { second } else { first }))
 }
 
 /// Result of a search.
@@ -113,6 +124,16 @@ fn answer(
         diagnosis.remarks.push(other.to_string());
     }
     Ok(Answer { diagnosis, late })
+}
+
+/// The model without those low-passes of inertial sensors that do not delay as stated; `None` if all do.
+fn low_pass(
+    problem: &evidence::problem::Problem,
+    training: &[Recording],
+    options: &Options,
+) -> Result<Option<PlatformModel>, DiagnosisError> {
+    let available = parameters::available::Available::of(&problem.runs);
+    low_pass::without_those_that_do_not_delay(&problem.reference, &available, training, options.threads)
 }
 
 /// Checks the inputs and divides the recordings into bins. `late_s` is the latency of the inertial units' stamps, if it

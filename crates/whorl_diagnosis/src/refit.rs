@@ -82,10 +82,18 @@ pub(crate) struct Refit<'a> {
 impl<'a> Refit<'a> {
     /// The platform's own parameters that its prior leaves open.
     pub fn own(reference: &'a Reference, available: &Available) -> Self {
-        let columns = reference.base_columns(available).into_iter();
-        let columns: Vec<Column> = columns.filter(|column| column.base_stddev > 0.0).collect();
+        let mut columns = reference.base_columns(available);
+        columns.retain(|column| column.base_stddev > 0.0);
         let stddevs = columns.iter().map(|column| column.base_stddev).collect();
         Self { reference, columns, stddevs }
+    }
+
+    /// Leaves out those of its parameters that are not `kept`: they stay as given.
+    pub fn keep(&mut self, kept: &[bool]) {
+        let mut kept_columns = kept.iter().copied();
+        self.columns.retain(|_| kept_columns.next().unwrap_or(true));
+        let mut kept_stddevs = kept.iter().copied();
+        self.stddevs.retain(|_| kept_stddevs.next().unwrap_or(true));
     }
 
     /// Adds an effect: the parameters that a point has moved, and those that entered.
@@ -130,13 +138,23 @@ impl<'a> Refit<'a> {
         starts: &[Vec<f64>],
         options: &Options,
     ) -> Result<(Fitted, Fit), DiagnosisError> {
+        let settings = Settings { threads: options.threads, ..Settings::default() };
+        let fitted = self.likeliest(recordings, starts, &settings)?;
+        let fit = self.described(&fitted)?;
+        Ok((fitted, fit))
+    }
+
+    /// The likeliest values alone.
+    pub fn likeliest(
+        &self,
+        recordings: &[Recording],
+        starts: &[Vec<f64>],
+        settings: &Settings,
+    ) -> Result<Fitted, DiagnosisError> {
         let of = |(column, stddev): (&Column, &f64)| Parameter { stddev: *stddev, range: column.range };
         let parameters: Vec<Parameter> = self.columns.iter().zip(&self.stddevs).map(of).collect();
         let model_at = |units: &[f64]| self.model_at(units);
-        let settings = Settings { threads: options.threads, ..Settings::default() };
-        let fitted = whorl_prediction::fit(recordings, &parameters, &model_at, starts, &settings)?;
-        let fit = self.described(&fitted)?;
-        Ok((fitted, fit))
+        Ok(whorl_prediction::fit(recordings, &parameters, &model_at, starts, settings)?)
     }
 
     /// The model with these values, in units; `None` where no platform is so.

@@ -3,7 +3,7 @@
 //! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
-use nalgebra::{DMatrix, DVector, DVectorView};
+use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
 use whorl_dynamics::{Plant, PlatformModel};
 use whorl_recording::Channel;
 
@@ -11,6 +11,9 @@ use crate::error::PredictionError;
 use crate::known::KnownBefore;
 use crate::prepared::{OtherModel, Prepared};
 use crate::rows::Row;
+
+/// Innovations that are added to the information together.
+const TOGETHER: usize = 64;
 
 /// A model a little further along a parameter.
 #[derive(Debug, Clone)]
@@ -28,6 +31,8 @@ struct Other<'a> {
     step: f64,
     /// How much later than the filter's model it takes the readings of gyro and accelerometer to be \[s\].
     late_s: [f64; 2],
+    /// What is behind the sensors' low-pass less what is there with the filter's model, of a model with another low-pass.
+    behind: Option<[Vector3<f64>; 2]>,
 }
 
 /// Columns of sensitivities, one for each parameter.
@@ -42,8 +47,12 @@ pub(crate) struct Columns<'a> {
     of_state: DMatrix<f64>,
     /// Of the estimate of the start.
     of_start: DMatrix<f64>,
-    /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters.
+    /// Sum of d d^T / S over all innovations e with d = de/dtheta: the information on the parameters,
     information: DMatrix<f64>,
+    /// but for those whose d / sqrt(S) are here, as columns: products of large matrices take less time,
+    waiting: DMatrix<f64>,
+    /// and how many these are.
+    count_waiting: usize,
     /// Sum of d e / S.
     slope: DVector<f64>,
     /// How fast the filter's state moved over the last step, coordinates of the plant per second.
@@ -110,14 +119,19 @@ impl<'a> Columns<'a> {
     /// For a filter that has not begun.
     pub fn new(case: &Prepared<'a>, size: usize, varied: &[Varied]) -> Result<Self, PredictionError> {
         let n = varied.len();
-        let others = varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
+        let others: Vec<Other<'a>> =
+            varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
+        let mut reference = case.varied(case.given_model())?;
+        reference.plant = reference.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
         Ok(Self {
             others,
-            reference: case.varied(case.given_model())?,
+            reference,
             before: None,
             of_state: DMatrix::zeros(size, n),
             of_start: DMatrix::zeros(size, n),
             information: DMatrix::zeros(n, n),
+            waiting: DMatrix::zeros(n, TOGETHER),
+            count_waiting: 0,
             slope: DVector::zeros(n),
             rates: DVector::zeros(case.plant().tangent().size()),
             latest: Vec::new(),
@@ -125,7 +139,8 @@ impl<'a> Columns<'a> {
     }
 
     /// The sums over all innovations so far.
-    pub fn sums(self) -> Sums {
+    pub fn sums(mut self) -> Sums {
+        self.gather();
         Sums { information: self.information, slope: -self.slope, of_start: self.of_start }
     }
 
@@ -136,7 +151,7 @@ impl<'a> Columns<'a> {
         self.before = self.others.iter().any(Other::is_late).then(|| plant.clone());
         for (other, column) in self.others.iter_mut().zip(self.of_state.column_iter()) {
             let moved = column.rows(0, n) * other.step;
-            other.with.plant.take_motion_of(plant, moved.as_slice());
+            other.take_motion_of(plant, moved.as_slice());
         }
     }
 
@@ -154,6 +169,9 @@ impl<'a> Columns<'a> {
         for (other, (mut column, by_disturbance)) in self.others.iter_mut().zip(columns) {
             if !other.with.run_to(case, plant.now_ns()) {
                 return false;
+            }
+            if let Some(behind) = &mut other.behind {
+                *behind = other.with.plant.behind_filter_less(reference);
             }
             // Where one sticks and the other slips the difference says nothing of a small one.
             if !other.with.plant.is_on_branch_of(reference) {
@@ -187,7 +205,7 @@ impl<'a> Columns<'a> {
         let here = vec![0.0; self.rates.len()];
         let mut found = DMatrix::zeros(rows.len(), self.others.len());
         for (other, mut column) in self.others.iter_mut().zip(found.column_iter_mut()) {
-            other.with.plant.take_motion_of(plant, &here);
+            other.take_motion_of(plant, &here);
             if !other.with.plant.is_on_branch_of(plant) {
                 continue;
             }
@@ -225,9 +243,19 @@ impl<'a> Columns<'a> {
 
     /// Takes in an innovation and its change.
     pub fn add(&mut self, d: &DVector<f64>, value: f64, variance: f64) {
-        self.information.syger(1.0 / variance, d, d, 1.0);
+        self.waiting.column_mut(self.count_waiting).axpy(1.0 / variance.sqrt(), d, 0.0);
+        self.count_waiting += 1;
+        if self.count_waiting == TOGETHER {
+            self.gather();
+        }
         self.slope.axpy(value / variance, d, 1.0);
         self.latest.push(d.clone());
+    }
+
+    fn gather(&mut self) {
+        let waiting = self.waiting.columns(0, self.count_waiting);
+        self.information.gemm(1.0, &waiting, &waiting.transpose(), 1.0);
+        self.count_waiting = 0;
     }
 
     /// The start learns of an innovation.
@@ -259,7 +287,13 @@ impl<'a> Other<'a> {
             sensors.gyro.errors.latency_s - of.gyro.errors.latency_s,
             sensors.accelerometer.errors.latency_s - of.accelerometer.errors.latency_s,
         ];
-        Ok(Self { with, step: varied.step, late_s })
+        let behind = with.has_own_low_pass.then(Default::default);
+        Ok(Self { with, step: varied.step, late_s, behind })
+    }
+
+    fn take_motion_of(&mut self, plant: &Plant, change: &[f64]) {
+        self.with.plant.take_motion_of(plant, change);
+        self.behind.iter().for_each(|behind| self.with.plant.move_behind_filter(behind));
     }
 
     fn is_late(&self) -> bool {

@@ -167,7 +167,12 @@ impl Search<'_> {
                 break;
             }
             let Climbed { at, starts, is_top, information } = self.climbed(&levels, round == 0, least)?;
-            let is_here = at == levels.at;
+            if at == levels.at {
+                // Levels that were found here are found again.
+                best.information = (at == best.standing.at).then_some(information);
+                best.stands = is_top && best.information.is_some();
+                break;
+            }
             for (run, start) in levels.followed.iter_mut().zip(starts) {
                 run.fitted.start = start;
             }
@@ -184,7 +189,7 @@ impl Search<'_> {
                 best.information = same.then_some(information);
             }
             let gains = levels.log_posterior - log_before > settings.fit_round_nats;
-            best.stands = same && (is_top || is_here) || !gains;
+            best.stands = same && is_top || !gains;
         }
         Ok(best)
     }

@@ -91,12 +91,16 @@ impl<'a> Prepared<'a> {
         let gyrostat = Gyrostat::new(model)?;
         let commands = Commands::of(self.recording, &gyrostat);
         let plant = plant_before(self.recording, model, self.first_ns(), self.clamped)?;
-        let (plant, event) =
-            at_first_reading(&commands, plant.with_step_ns(self.difference_step_ns), self.first_ns());
         let sensors = gyrostat.model().sensors;
+        let low_pass_s = |sensors: &SensorSuite| {
+            [sensors.gyro.errors.time_constant_s, sensors.accelerometer.errors.time_constant_s]
+        };
+        let has_own_low_pass = low_pass_s(&sensors) != low_pass_s(&self.model.sensors);
+        let plant = plant.with_step_ns(self.difference_step_ns).for_differences(has_own_low_pass);
+        let (plant, event) = at_first_reading(&commands, plant, self.first_ns());
         // Few parameters change when a command comes or what it is.
         let commands = (commands != self.commands).then_some(commands);
-        Ok(OtherModel { plant, event, commands, sensors })
+        Ok(OtherModel { plant, event, commands, sensors, has_own_low_pass })
     }
 
     /// The recording.
@@ -199,6 +203,8 @@ pub(crate) struct OtherModel<'a> {
     /// What it is told; `None`: what the first model is.
     pub commands: Option<Commands<'a>>,
     pub sensors: SensorSuite,
+    /// Its inertial sensors have another low-pass.
+    pub has_own_low_pass: bool,
 }
 
 impl OtherModel<'_> {

@@ -185,8 +185,9 @@ impl Run {
     ) -> Result<Self, DiagnosisError> {
         check(recording, model, &NEEDS)?;
         let clamped = is_clamped(recording, model);
-        let latency_s = model.sensors.gyro.errors.latency_s + late_s;
-        let accel_latency_s = model.sensors.accelerometer.errors.latency_s + late_s;
+        // Within a bin a low-pass is a delay.
+        let latency_s = model.sensors.gyro.errors.lag_s() + late_s;
+        let accel_latency_s = model.sensors.accelerometer.errors.lag_s() + late_s;
         let base_times: Vec<f64> = if clamped {
             recording.wheel_speed_rad_s.time_s.clone()
         } else {

@@ -64,6 +64,13 @@ pub(crate) struct Likelihoods {
 }
 
 impl Likelihoods {
+    /// What they say more than a smaller set: held-out data, with values that were fitted to others, may speak against a set, but
+    /// what they add scatters by as much as it is.
+    pub fn gain(&self, base: &Self) -> f64 {
+        let held = self.held_out.zip(base.held_out).map_or(0.0, |(set, base)| set - base);
+        self.training - base.training + held.min(0.0)
+    }
+
     /// Whether a set explains the training data better than a smaller one, and held-out data not worse where there are any:
     /// what does not let the error fall explains nothing. What held-out data say of a faint effect scatters: a log likelihood
     /// ratio has a variance of twice its mean, which is at most what the training data gained.
@@ -93,7 +100,7 @@ pub(crate) struct Converged {
     pub colours: Colours,
     /// and of held-out ones.
     pub held_colours: Option<Colours>,
-    /// What the filter says of it at the rate of the samples, if it was asked.
+    /// What the filter says of it at the rate of the samples, values integrated out, if it was asked.
     pub judged: Option<Likelihoods>,
 }
 

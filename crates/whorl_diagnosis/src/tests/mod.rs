@@ -4,6 +4,7 @@ mod bad_input;
 mod beginnings;
 pub(crate) mod generator;
 mod gyros;
+mod low_pass;
 mod memory;
 mod naming;
 mod noise_walks;

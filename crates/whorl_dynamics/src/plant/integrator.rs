@@ -158,7 +158,7 @@ impl Plant {
     /// Takes `work.end` as the state at the end of a step that begins `offset_s` after now, and carries the sensors'
     /// low-pass on.
     fn move_on(&mut self, offset_s: f64, step_s: f64, work: &mut Work) {
-        if self.has_filter {
+        if self.has_filter && self.carries_filter {
             let from = self.ideal_imu(&self.state, &work.first.omega);
             let (at, Work { end, later: [last, ..], forces, .. }) = (self.instant(offset_s + step_s), work);
             self.gyrostat.derivative(&at, end, &self.drive, forces, last);
@@ -170,7 +170,7 @@ impl Plant {
         }
     }
 
-    /// One classical Runge-Kutta step over `h_s` that begins `offset_s` after now, with `work.first` the derivative there,
+    /// One classical Runge-Kutta step, or one of the midpoint rule, over `h_s` that begins `offset_s` after now, with `work.first` the derivative there,
     /// to `work.end`.
     fn runge_kutta(&self, offset_s: f64, h_s: f64, work: &mut Work) {
         let actuators = &self.gyrostat.model().actuators;
@@ -182,6 +182,12 @@ impl Plant {
         };
         x.moved(first, half_s, actuators, hidden, stage);
         derivative(stage, half_s, k2);
+        if self.by_midpoint {
+            x.moved(k2, h_s, actuators, hidden, end);
+            actuators.bound(&mut end.actuators);
+            end.normalise();
+            return;
+        }
         x.moved(k2, half_s, actuators, hidden, stage);
         derivative(stage, half_s, k3);
         x.moved(k3, h_s, actuators, hidden, stage);

@@ -153,6 +153,10 @@ pub struct Plant {
     history: History,
     /// A sensor of the inertial unit has a low-pass.
     has_filter: bool,
+    /// What is behind it follows the motion; a plant that takes over another's motion step by step takes over this as well.
+    carries_filter: bool,
+    /// Steps are by the midpoint rule.
+    by_midpoint: bool,
     behind_filter: TrueImu,
     gyro: TriaxialSensor,
     accelerometer: TriaxialSensor,
@@ -208,6 +212,8 @@ impl Plant {
             has_filter: [sensors.gyro.errors, sensors.accelerometer.errors]
                 .iter()
                 .any(|e| e.time_constant_s > 0.0),
+            carries_filter: true,
+            by_midpoint: false,
             behind_filter: TrueImu {
                 angular_velocity_b_rad_s: Vector3::zeros(),
                 specific_force_b_m_s2: Vector3::zeros(),
@@ -244,6 +250,16 @@ impl Plant {
     #[must_use]
     pub fn without_random_torque(mut self) -> Self {
         self.hidden_noise_intensity.clear();
+        self
+    }
+
+    /// The same for differences from another plant after single steps from the same state ([`Self::take_motion_of`]), in less time:
+    /// by the midpoint rule, whose error both have; and with what is behind the sensors' low-pass carried on only if `its_filter` is not
+    /// the other's.
+    #[must_use]
+    pub fn for_differences(mut self, its_filter: bool) -> Self {
+        self.by_midpoint = true;
+        self.carries_filter = its_filter;
         self
     }
 

@@ -24,6 +24,22 @@ impl Plant {
         }
     }
 
+    /// By how much what is behind its sensors' low-pass differs from another plant's: rate [rad/s] and specific force [m/s^2].
+    #[must_use]
+    pub fn behind_filter_less(&self, other: &Self) -> [Vector3<f64>; 2] {
+        let (own, others) = (&self.behind_filter, &other.behind_filter);
+        [
+            own.angular_velocity_b_rad_s - others.angular_velocity_b_rad_s,
+            own.specific_force_b_m_s2 - others.specific_force_b_m_s2,
+        ]
+    }
+
+    /// Moves what is behind its sensors' low-pass.
+    pub fn move_behind_filter(&mut self, by: &[Vector3<f64>; 2]) {
+        self.behind_filter.angular_velocity_b_rad_s += by[0];
+        self.behind_filter.specific_force_b_m_s2 += by[1];
+    }
+
     /// Which wheels dry friction holds, as bits.
     fn held(&self) -> u64 {
         self.held_wheels().fold(0, |bits, held| bits << 1 | u64::from(held))
@@ -63,6 +79,7 @@ impl Plant {
 mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
+    use crate::actuators::Kind;
     use crate::{InitialState, Plant, PlatformModel};
 
     #[test]
@@ -83,5 +100,33 @@ mod tests {
         let found = other.motion_less(&plant);
         assert_eq!(found.len(), change.len());
         assert!(found.iter().zip(change).all(|(found, made)| (found - made).abs() < 1e-12), "{found}");
+    }
+
+    /// What a tenth more friction of the bearing and of the wheels does within a step.
+    #[test]
+    fn differences_of_short_steps_need_no_fine_integration() {
+        let model = PlatformModel::whorl_1_reference();
+        let start = InitialState {
+            omega_wb_b_rad_s: Vector3::new(0.1, -0.4, 0.6),
+            wheel_speed_rad_s: vec![20.0, -35.0, 50.0],
+            ..InitialState::default()
+        };
+        let mut changed = model.clone();
+        let friction = [("c_n_m_s".to_owned(), 0.1)].into();
+        changed.effects.insert("bearing_viscous_friction".to_owned(), friction);
+        changed.wheels_mut().iter_mut().for_each(|wheel| wheel.viscous_friction_n_m_s += 1e-5);
+        let difference = |quick: bool| {
+            let [mut one, mut other] = [&model, &changed].map(|model| {
+                let plant = Plant::new(model, &start, 1).unwrap();
+                if quick { plant.with_step_ns(10_000_000).for_differences(false) } else { plant }
+            });
+            for plant in [&mut one, &mut other] {
+                plant.command_motors(Kind::Wheels, &[0.1, -0.05, 0.02]).unwrap();
+                plant.advance_to(10_000_000).unwrap();
+            }
+            other.motion_less(&one)
+        };
+        let (fine, quick) = (difference(false), difference(true));
+        assert!(fine.norm() > 1e-6 && (&quick - &fine).norm() < 1e-4 * fine.norm(), "{fine} {quick}");
     }
 }

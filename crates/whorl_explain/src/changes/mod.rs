@@ -99,8 +99,25 @@ pub fn changes(
     let mut c = Changes { provenance, all: Vec::new() };
     mass_properties(&mut c, before, after, prior_before, prior);
     actuators(&mut c, before, after, prior_before, prior);
+    low_pass(&mut c, before, after);
     effects(&mut c, before, after, prior);
     c.all
+}
+
+/// The low-pass of inertial sensors that does not delay as stated.
+fn low_pass(c: &mut Changes<'_>, before: &PlatformModel, after: &PlatformModel) {
+    let of = |model: &PlatformModel| {
+        [("gyro", model.sensors.gyro.errors), ("accelerometer", model.sensors.accelerometer.errors)]
+    };
+    for ((sensor, was), (_, is)) in of(before).into_iter().zip(of(after)) {
+        if differs(was.time_constant_s, is.time_constant_s) {
+            c.all.push(Change {
+                key: format!("model.sensors.{sensor}.time_constant_s"),
+                value: Value::Double(is.time_constant_s),
+                comment: format!("[s] its samples are not late by it, was {}", short(was.time_constant_s)),
+            });
+        }
+    }
 }
 
 fn mass_properties(
