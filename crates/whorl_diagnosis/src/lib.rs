@@ -47,6 +47,9 @@ pub use search::prospect::{Prospect, Prospects, prospects};
 use whorl_dynamics::{ModelPrior, PlatformModel};
 use whorl_recording::Recording;
 
+use search::Search;
+use search::latency::Late;
+
 /// Finds the effect that the model lacks.
 ///
 /// `held_out` recordings are used to test, never to fit. `progress` is called repeatedly from this thread.
@@ -77,43 +80,53 @@ pub fn diagnose(
     if delaying.is_some() {
         (problem, held) = prepare(training, held_out, model, prior, options, None, progress)?;
     }
-    let noted = |mut answer: Answer| {
-        answer.diagnosis.remarks.extend(low_pass::remarks(stated, model));
-        answer.diagnosis
+    let noted = |mut diagnosis: Diagnosis| {
+        diagnosis.remarks.extend(low_pass::remarks(stated, model));
+        diagnosis
     };
-    let first = answer(&mut problem, held.as_mut(), (training, held_out), options, progress)?;
-    let Some(late_s) = first.late.worth_a_new_layout(problem.reference.late_s) else {
-        return Ok(noted(first));
+    let recordings = (training, held_out);
+    let (search, without) = searched(&mut problem, held.as_mut(), options, progress)?;
+    let Some(late_s) = without.worth_a_new_layout(search.problem.reference.late_s) else {
+        return Ok(noted(answer(search, recordings, progress)?));
     };
+    drop(search);
     drop((problem, held));
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, Some(late_s), progress)?;
-    let second = answer(&mut problem, held.as_mut(), (training, held_out), options, progress)?;
-    let is_late = second.late.explains_more_than_others(&first.late);
-    Ok(noted(if is_late { second } else { first }))
+    let (search, late) = searched(&mut problem, held.as_mut(), options, progress)?;
+    if late.explains_more_than_others(&without) {
+        return Ok(noted(answer(search, recordings, progress)?));
+    }
+    drop(search);
+    drop((problem, held));
+    let (mut problem, mut held) = prepare(training, held_out, model, prior, options, None, progress)?;
+    let (search, _) = searched(&mut problem, held.as_mut(), options, progress)?;
+    Ok(noted(answer(search, recordings, progress)?))
 }
 
-/// Result of a search.
-struct Answer {
-    diagnosis: Diagnosis,
-    late: search::latency::Late,
-}
-
-/// One search and its answer.
-fn answer(
-    problem: &mut evidence::problem::Problem,
-    held_out: Option<&mut evidence::problem::Problem>,
-    recordings: (&[Recording], &[Recording]),
-    options: &Options,
+/// A search in bins, and what it found of a latency.
+fn searched<'a>(
+    problem: &'a mut evidence::problem::Problem,
+    held_out: Option<&'a mut evidence::problem::Problem>,
+    options: &'a Options,
     progress: &mut dyn FnMut(Progress),
-) -> Result<Answer, DiagnosisError> {
-    let mut search = search::Search::start(problem, held_out, options, progress)?;
+) -> Result<(Search<'a>, Late), DiagnosisError> {
+    let mut search = Search::start(problem, held_out, options, progress)?;
     search.run(progress)?;
+    let late = Late::of(&search);
+    Ok((search, late))
+}
+
+/// The answer of a search, judged by the samples.
+fn answer(
+    mut search: Search<'_>,
+    recordings: (&[Recording], &[Recording]),
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Diagnosis, DiagnosisError> {
     search.judge(recordings.0, recordings.1, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
     let mut diagnosis = search.answer()?;
-    let late = search::latency::Late::of(&search);
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {
-        return Ok(Answer { diagnosis: diagnosis.withheld(remark), late });
+        return Ok(diagnosis.withheld(remark));
     }
     if let (Some(what), Some(first)) = (search.beyond_belief(), search.problem.runs.first()) {
         let other = DiagnosisError::OtherPlatform { run: first.name.clone(), what };
@@ -123,7 +136,7 @@ fn answer(
         }
         diagnosis.remarks.push(other.to_string());
     }
-    Ok(Answer { diagnosis, late })
+    Ok(diagnosis)
 }
 
 /// The model without those low-passes of inertial sensors that do not delay as stated; `None` if all do.

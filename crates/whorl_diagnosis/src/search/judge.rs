@@ -16,12 +16,14 @@ use crate::search::standing::{Converged, Likelihoods};
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
-const MOST_JUDGED: usize = 6;
+const MOST_JUDGED: usize = 4;
 
 /// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
 const UNSHOWN: f64 = 0.975;
 /// Values stand when a step promises less than this (natural logarithm): a tenth of what is worth a mention.
 const STANDS_NATS: f64 = 0.3;
+/// Levels of noise are found anew so often at most: by then the values that are compared stand to less than they scatter.
+const ROUNDS: usize = 3;
 
 /// Recordings that sets are fitted to and tried on.
 struct Judge<'a> {
@@ -139,8 +141,12 @@ impl Judge<'_> {
     }
 
     fn likeliest(&self, refit: &Refit<'_>, starts: &[Vec<f64>]) -> Result<Fitted, DiagnosisError> {
-        let settings =
-            Settings { threads: self.threads, fit_stands_nats: STANDS_NATS, ..Settings::default() };
+        let settings = Settings {
+            threads: self.threads,
+            fit_stands_nats: STANDS_NATS,
+            fit_rounds: ROUNDS,
+            ..Settings::default()
+        };
         refit.likeliest(self.training, starts, &settings)
     }
 
