@@ -22,7 +22,7 @@ const MOST_JUDGED: usize = 4;
 const UNSHOWN: f64 = 0.975;
 /// Values stand when a step promises less than this (natural logarithm): a tenth of what is worth a mention.
 const STANDS_NATS: f64 = 0.3;
-/// Levels of noise are found anew so often at most: by then the values that are compared stand to less than they scatter.
+/// Levels of noise are found anew so often at most. It bounds work: how far from the likeliest a fit may end by it was not measured.
 const ROUNDS: usize = 3;
 
 /// Recordings that sets are fitted to and tried on.
