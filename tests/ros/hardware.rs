@@ -519,9 +519,8 @@ fn checkout_finds_a_motor_that_turns_the_other_way_and_valves_that_are_exchanged
     let text = what_is_wrong(&answer);
     let line = |part: &str| line_of(&text, part);
     assert!(line("wheel_x").contains("turns the other way"), "{text}");
-    // Sizes depend on how busy this computer is; they are tested with the judgement.
     for part in ["wheel_y", "wheel_z", "jet_1", "jet_2", "jet_4", "jet_9", "jet_12"] {
-        assert!(line(part).contains("right, ") || line(part).contains("right direction"), "{text}");
+        assert!(line(part).contains("right, "), "{text}");
     }
     // jet_3 pushes about +z, as jet_9 does; jet_7 about +y, as jet_2.
     assert!(line("jet_3").contains("jet_7") && line("jet_7").contains("jet_3"), "{text}");

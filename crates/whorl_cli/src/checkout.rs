@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use clap::Args;
 use nalgebra::Vector3;
-use serde::Serialize;
 use serde_json::json;
 use whorl_devices::checkout::{Finding, Part, Trial, judge};
 use whorl_dynamics::PlatformModel;
@@ -25,6 +24,10 @@ use crate::output::{say, tell};
 use crate::run::{AboutPlatform, Interrupted, exit_code, stop, this_domain, use_emulators};
 use crate::subscription::Subscription;
 
+mod trial;
+
+use trial::{Checked, Mean, Since, Tried, damping};
+
 /// Torque of a wheel, as a share of what it can do, and for how long.
 const WHEEL_SHARE: f64 = 0.3;
 const WHEEL_S: f64 = 0.5;
@@ -38,9 +41,8 @@ const WINDOW_S: f64 = 0.25;
 const SETTLES_S: f64 = 0.05;
 /// Samples of which a mean is made.
 const FEWEST: usize = 5;
-/// Between pulses of jets, in which the wheels bring the platform to rest, and in what time.
+/// Between pulses of jets, in which the wheels bring the platform to rest.
 const REST_S: f64 = 1.5;
-const DAMPING_S: f64 = 0.5;
 const COMMANDS: Duration = Duration::from_millis(10);
 /// What is listened to.
 const MEASURED: [Topic; 4] = [Topic::ImuRaw, Topic::WheelState, Topic::GimbalState, Topic::ThrusterState];
@@ -377,11 +379,13 @@ impl<'a> Bench<'a> {
                     (model.gyros().get(index).map_or(0.0, |g| g.max_rate_rad_s * GIMBAL_SHARE), GIMBAL_S)
                 }
             };
-            let (finding, attempts) = self.find(part, command, length_s, &answers, model)?;
+            let (finding, settled) = self.find(part, command, length_s, &answers, model)?;
             let (name, is_right) = (part.name(model), finding.is_right());
             let mut said = finding.words(part, model);
-            if is_right && attempts > 1 {
-                said += &format!(", at attempt {attempts}");
+            if !settled {
+                said += &format!(
+                    "; not sure: {ATTEMPTS} attempts disagree, or samples came late; try again with less to do for this computer"
+                );
             }
             let line = format!("{name:10} {said}");
             if is_right {
@@ -397,8 +401,8 @@ impl<'a> Bench<'a> {
         Ok(checked)
     }
 
-    /// What is found of a part, and at which attempt. A part is said to be wrong when two attempts find the same wrong: a busy
-    /// computer, or somebody who touches the platform, spoils one.
+    /// What is found of a part, and whether that is sure: that it is right where one attempt finds it so, wrong where two find the same
+    /// wrong, as a busy computer, or somebody who touches the platform, spoils one.
     fn find(
         &mut self,
         part: Part,
@@ -406,7 +410,7 @@ impl<'a> Bench<'a> {
         length_s: f64,
         answers: &[f64],
         model: &PlatformModel,
-    ) -> anyhow::Result<(Finding, usize)> {
+    ) -> anyhow::Result<(Finding, bool)> {
         let mut found: Vec<Finding> = Vec::new();
         let mut attempt = 0;
         loop {
@@ -417,7 +421,7 @@ impl<'a> Bench<'a> {
             let same = |other: &Finding| std::mem::discriminant(other) == std::mem::discriminant(&finding);
             let settled = is_good && (finding.is_right() || found.iter().any(same));
             if settled || attempt == ATTEMPTS {
-                return Ok((finding, attempt));
+                return Ok((finding, settled));
             }
             found.extend(is_good.then_some(finding));
         }
@@ -446,56 +450,4 @@ impl<'a> Bench<'a> {
             Part::Jet(_) => self.command(REST_S, &no_jets, |rate| damping(model, answers, rate)),
         }
     }
-}
-
-/// Mean of a window's rates.
-struct Mean {
-    /// Body axes [rad/s].
-    rate: Vector3<f64>,
-    /// Standard deviation of each axis of that [rad/s].
-    noise: f64,
-    /// The window's end, and the mean time of its samples from there \[s\].
-    end: Timestamp,
-    age_s: f64,
-}
-
-impl Mean {
-    /// Time from an earlier one \[s\].
-    fn since(&self, earlier: &Self) -> f64 {
-        self.end.seconds_since(earlier.end) + self.age_s - earlier.age_s
-    }
-}
-
-/// What came of one attempt.
-struct Tried {
-    trial: Trial,
-    /// The part worked, and samples came steadily. A busy computer may lose a command or a device's answer, and then nothing was
-    /// tried; and where it read samples late their times are wrong.
-    is_good: bool,
-}
-
-/// How it was before a part worked.
-struct Since {
-    at: Timestamp,
-    on_time_s: Vec<f64>,
-    gimbal_angle_rad: Vec<f64>,
-}
-
-/// What was found of one part.
-#[derive(Debug, Serialize)]
-struct Checked {
-    part: String,
-    is_right: bool,
-    said: String,
-}
-
-/// Torques of the wheels that bring the platform to rest, as they were found to answer.
-fn damping(model: &PlatformModel, answers: &[f64], rate_b_rad_s: &Vector3<f64>) -> Vec<f64> {
-    let momentum = model.mass_properties.inertia_b_kg_m2() * rate_b_rad_s;
-    let torque = |axis: &Vector3<f64>| axis.dot(&momentum) / DAMPING_S;
-    let wheels = model.wheels().iter().zip(answers);
-    let limited = wheels.map(|(wheel, answer)| {
-        (answer * torque(&wheel.spin_axis_b)).clamp(-wheel.max_torque_n_m, wheel.max_torque_n_m)
-    });
-    limited.collect()
 }
