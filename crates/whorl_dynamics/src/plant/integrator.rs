@@ -170,8 +170,8 @@ impl Plant {
         }
     }
 
-    /// One classical Runge-Kutta step, or one of the midpoint rule, over `h_s` that begins `offset_s` after now, with `work.first` the derivative there,
-    /// to `work.end`.
+    /// One classical Runge-Kutta step, or one of the midpoint rule, over `h_s` that begins `offset_s` after now, with `work.first`
+    /// the derivative there, to `work.end`.
     fn runge_kutta(&self, offset_s: f64, h_s: f64, work: &mut Work) {
         let actuators = &self.gyrostat.model().actuators;
         let hidden = self.gyrostat.effects().hidden_states();

@@ -102,7 +102,7 @@ mod tests {
         assert!(found.iter().zip(change).all(|(found, made)| (found - made).abs() < 1e-12), "{found}");
     }
 
-    /// What a tenth more friction of the bearing and of the wheels does within a step.
+    /// What more friction of the bearing and of the wheels does within a step.
     #[test]
     fn differences_of_short_steps_need_no_fine_integration() {
         let model = PlatformModel::whorl_1_reference();
