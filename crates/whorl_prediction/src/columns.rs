@@ -4,6 +4,7 @@
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
 use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
+use whorl_dynamics::plant::Acts;
 use whorl_dynamics::{Plant, PlatformModel};
 use whorl_recording::Channel;
 
@@ -33,7 +34,17 @@ struct Other<'a> {
     late_s: [f64; 2],
     /// What is behind the sensors' low-pass less what is there with the filter's model, of a model with another low-pass.
     behind: Option<[Vector3<f64>; 2]>,
+    /// Its motion goes its own way within a step: valves at other times, hidden states, another low-pass.
+    is_stepped: bool,
+    /// Its vector sensors are others.
+    turns_vectors: bool,
+    /// How it acts over the present step; `None` where it is stepped.
+    acts: Option<Acts>,
 }
+
+/// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
+/// what it does by as many radians meanwhile.
+const SHORT_STEP: f64 = 0.05;
 
 /// Columns of sensitivities, one for each parameter.
 #[derive(Clone)]
@@ -43,6 +54,8 @@ pub(crate) struct Columns<'a> {
     reference: OtherModel<'a>,
     /// Where the filter's plant was before the step, where readings are taken to be late.
     before: Option<Plant>,
+    /// How the reference acts over the present step, if that is short.
+    acts: Option<Acts>,
     /// Of the filter's estimate, by parameter: coordinates of the layout per unit.
     of_state: DMatrix<f64>,
     /// Of the estimate of the start.
@@ -127,6 +140,7 @@ impl<'a> Columns<'a> {
             others,
             reference,
             before: None,
+            acts: None,
             of_state: DMatrix::zeros(size, n),
             of_start: DMatrix::zeros(size, n),
             information: DMatrix::zeros(n, n),
@@ -144,12 +158,25 @@ impl<'a> Columns<'a> {
         Sums { information: self.information, slope: -self.slope, of_start: self.of_start }
     }
 
-    /// Before a step: every varied model in the state that the filter would have with it.
-    pub fn set_out(&mut self, plant: &Plant) {
+    /// Before a step that ends at an instant: how every varied model acts in the filter's state, or where more happens within the step
+    /// than that shows, the model in the state that the filter would have with it.
+    pub fn set_out(&mut self, case: &Prepared<'_>, plant: &Plant, end_ns: i64) {
         let n = self.rates.len();
-        self.reference.plant.take_motion_of(plant, &vec![0.0; n]);
+        self.reference.plant.take_motion_of(plant, &[]);
+        let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
+        let is_simple =
+            step_s * case.fastest_1_s() <= SHORT_STEP && self.reference.is_steady_until(case, end_ns);
+        self.acts = is_simple.then(|| self.reference.plant.acts());
         self.before = self.others.iter().any(Other::is_late).then(|| plant.clone());
         for (other, column) in self.others.iter_mut().zip(self.of_state.column_iter()) {
+            other.acts = None;
+            if is_simple && !other.is_stepped {
+                other.with.plant.take_motion_of(plant, &[]);
+                if other.with.is_steady_until(case, end_ns) && other.with.plant.holds_wheels_of(plant) {
+                    other.acts = Some(other.with.plant.acts());
+                    continue;
+                }
+            }
             let moved = column.rows(0, n) * other.step;
             other.take_motion_of(plant, moved.as_slice());
         }
@@ -158,28 +185,44 @@ impl<'a> Columns<'a> {
     /// Behind a step of the plant, over which errors moved by this transition. False where a motion is lost.
     pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, transition: &DMatrix<f64>) -> bool {
         let (m, n) = (transition.nrows(), self.rates.len());
-        let moved = transition * self.of_state.rows(0, m);
-        let by_disturbance = transition.view((0, n), (n, m - n)) * self.of_state.rows(n, m - n);
-        self.of_state.rows_mut(0, m).copy_from(&moved);
+        let step_s = (plant.now_ns() - self.reference.plant.now_ns()) as f64 * 1e-9;
         if !self.reference.run_to(case, plant.now_ns()) {
             return false;
         }
         let reference = &self.reference.plant;
-        let columns = self.of_state.column_iter_mut().zip(by_disturbance.column_iter());
-        for (other, (mut column, by_disturbance)) in self.others.iter_mut().zip(columns) {
+        let entries = entries(transition);
+        let mut moving = DVector::zeros(m);
+        for (other, mut column) in self.others.iter_mut().zip(self.of_state.column_iter_mut()) {
+            if let Some((acts, of_reference)) = other.acts.as_ref().zip(self.acts.as_ref()) {
+                // Half of what it does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
+                let half = 0.5 * step_s / other.step;
+                moving.copy_from(&column.rows(0, m));
+                column.rows_mut(0, m).fill(0.0);
+                for (i, (own, of_reference)) in acts.rates.iter().zip(&of_reference.rates).enumerate() {
+                    column[i] = half * (own - of_reference);
+                    moving[i] += column[i];
+                }
+                entries.iter().for_each(|(i, k, x)| column[*i] += x * moving[*k]);
+                other.with.plant.wait_until(plant.now_ns(), acts);
+                continue;
+            }
             if !other.with.run_to(case, plant.now_ns()) {
                 return false;
             }
             if let Some(behind) = &mut other.behind {
                 *behind = other.with.plant.behind_filter_less(reference);
             }
+            let by_disturbance = transition.columns(n, m - n) * column.rows(n, m - n);
             // Where one sticks and the other slips the difference says nothing of a small one.
-            if !other.with.plant.is_on_branch_of(reference) {
-                continue;
-            }
-            // The plants know better than derivatives that are held how a state moves on; disturbances they have in common.
-            let of_plant = other.with.plant.motion_less(reference) / other.step + by_disturbance;
-            column.rows_mut(0, n).copy_from(&of_plant);
+            let of_plant = if other.with.plant.is_on_branch_of(reference) {
+                // The plants know better than derivatives that are held how a state moves on; disturbances they have in
+                // common.
+                other.with.plant.motion_less(reference) / other.step
+            } else {
+                transition.view((0, 0), (n, n)) * column.rows(0, n)
+            };
+            column.rows_mut(0, m).copy_from(&by_disturbance);
+            column.rows_mut(0, n).axpy(1.0, &of_plant, 1.0);
         }
         if let Some(before) = &self.before {
             let step_s = (plant.now_ns() - before.now_ns()) as f64 * 1e-9;
@@ -202,9 +245,25 @@ impl<'a> Columns<'a> {
         read: &dyn Fn(&Plant) -> Vec<Row>,
     ) -> DMatrix<f64> {
         self.latest.clear();
-        let here = vec![0.0; self.rates.len()];
+        let n = self.rates.len();
+        let here = vec![0.0; n];
         let mut found = DMatrix::zeros(rows.len(), self.others.len());
         for (other, mut column) in self.others.iter_mut().zip(found.column_iter_mut()) {
+            if let Some((acts, of_reference)) = other.acts.as_ref().zip(self.acts.as_ref())
+                && !other.turns_vectors
+            {
+                for (slot, row) in column.iter_mut().zip(rows) {
+                    let (at, late_s) = match row.component.channel {
+                        Channel::Gyro => (row.component.index(), other.late_s[0]),
+                        Channel::Accelerometer => (3 + row.component.index(), other.late_s[1]),
+                        _ => continue,
+                    };
+                    let read = of_reference.imu[at] - acts.imu[at];
+                    let moves = if late_s == 0.0 { 0.0 } else { row.by_state.rows(0, n).dot(&self.rates) };
+                    *slot = (read + moves * late_s) / other.step;
+                }
+                continue;
+            }
             other.take_motion_of(plant, &here);
             if !other.with.plant.is_on_branch_of(plant) {
                 continue;
@@ -279,6 +338,15 @@ impl<'a> Columns<'a> {
     }
 }
 
+/// Numbers of a matrix that are not zero, with row and column.
+fn entries(matrix: &DMatrix<f64>) -> Vec<(usize, usize, f64)> {
+    let all = matrix.column_iter().enumerate();
+    let of_column = |(k, column): (usize, nalgebra::DVectorView<'_, f64>)| {
+        column.iter().enumerate().filter(|(_, x)| **x != 0.0).map(|(i, x)| (i, k, *x)).collect::<Vec<_>>()
+    };
+    all.flat_map(of_column).collect()
+}
+
 impl<'a> Other<'a> {
     fn new(case: &Prepared<'a>, varied: &Varied) -> Result<Self, PredictionError> {
         let with = case.varied(&varied.model)?;
@@ -288,7 +356,11 @@ impl<'a> Other<'a> {
             sensors.accelerometer.errors.latency_s - of.accelerometer.errors.latency_s,
         ];
         let behind = with.has_own_low_pass.then(Default::default);
-        Ok(Self { with, step: varied.step, late_s, behind })
+        let (own, of_case) = (with.plant.gyrostat(), case.plant().gyrostat());
+        let is_stepped =
+            with.has_own_low_pass || !own.model().gyros().is_empty() || !own.has_valves_of(of_case);
+        let turns_vectors = own.model().sensors.vector != of_case.model().sensors.vector;
+        Ok(Self { with, step: varied.step, late_s, behind, is_stepped, turns_vectors, acts: None })
     }
 
     fn take_motion_of(&mut self, plant: &Plant, change: &[f64]) {

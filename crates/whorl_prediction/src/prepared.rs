@@ -31,6 +31,8 @@ pub struct Prepared<'a> {
     commands: Commands<'a>,
     /// Without noise, with the supplies of this run, before the first reading.
     plant: Plant,
+    /// How fast it moves when it moves as fast as it ever was read to [1/s].
+    fastest_1_s: f64,
     /// Largest step of plants whose difference is wanted and not their motion \[ns\].
     difference_step_ns: i64,
     event: usize,
@@ -76,6 +78,7 @@ impl<'a> Prepared<'a> {
             model: corrected,
             commands,
             plant,
+            fastest_1_s,
             difference_step_ns,
             event,
             tracks,
@@ -173,6 +176,11 @@ impl<'a> Prepared<'a> {
         self.tracks.iter().map(|track| track.time_s.len()).sum()
     }
 
+    /// How fast it moves when it moves as fast as it ever was read to [1/s].
+    pub(crate) fn fastest_1_s(&self) -> f64 {
+        self.fastest_1_s
+    }
+
     /// The plant at the first reading, in no motion in particular.
     pub(crate) fn plant(&self) -> &Plant {
         &self.plant
@@ -208,6 +216,18 @@ pub(crate) struct OtherModel<'a> {
 }
 
 impl OtherModel<'_> {
+    /// Tells it what is due by now; whether nothing else comes and no valve moves before an instant.
+    pub fn is_steady_until(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {
+        let commands = self.commands.as_ref().unwrap_or(&case.commands);
+        let now_ns = self.plant.now_ns();
+        while commands.event_ns(self.event).is_some_and(|due_ns| due_ns <= now_ns) {
+            commands.tell(self.event, &mut self.plant);
+            self.event += 1;
+        }
+        let comes = commands.event_ns(self.event).is_some_and(|due_ns| due_ns < time_ns);
+        !comes && !self.plant.has_event_before(time_ns)
+    }
+
     /// As [`Prepared::run_to`].
     pub fn run_to(&mut self, case: &Prepared<'_>, time_ns: i64) -> bool {
         let commands = self.commands.as_ref().unwrap_or(&case.commands);

@@ -45,7 +45,7 @@ impl Filter<'_> {
             let end_ns = end_ns.min(to_ns);
             self.show_disturbance();
             if let Some(columns) = &mut self.columns {
-                columns.set_out(&self.plant);
+                columns.set_out(self.case, &self.plant, end_ns);
             }
             self.lost = !self.case.run_to(&mut self.plant, &mut self.event, end_ns);
             let h_s = (end_ns - from_ns) as f64 * 1e-9;
@@ -133,7 +133,8 @@ impl Filter<'_> {
             grow(claimed, phi, step.of_model.as_ref(), &walked);
         }
         if let Some(origin) = &mut self.origin {
-            let moved = origin.covariance.columns(0, m) * phi.transpose();
+            let mut moved = DMatrix::zeros(origin.covariance.nrows(), m);
+            add_product_transposed(&mut moved, &origin.covariance, phi);
             origin.covariance.columns_mut(0, m).copy_from(&moved);
         }
     }
@@ -183,17 +184,29 @@ impl Filter<'_> {
 /// P <- F P F^T + Q of what moves; what is behind it walks.
 fn grow(p: &mut DMatrix<f64>, phi: &DMatrix<f64>, noise: Option<&DMatrix<f64>>, walked: &DVector<f64>) {
     let (m, n) = (phi.nrows(), p.nrows());
-    let moved = phi * p.rows(0, m);
-    let mut within = moved.columns(0, m) * phi.transpose();
-    if let Some(noise) = noise {
-        within += noise;
-    }
+    // P F^T: a covariance is symmetric.
+    let mut moved = DMatrix::zeros(n, m);
+    add_product_transposed(&mut moved, p, phi);
+    let mut within = noise.cloned().unwrap_or_else(|| DMatrix::zeros(m, m));
+    add_product_transposed(&mut within, &moved.rows(0, m).transpose(), phi);
     p.view_mut((0, 0), (m, m)).copy_from(&within);
     if n > m {
-        p.view_mut((0, m), (m, n - m)).copy_from(&moved.columns(m, n - m));
-        p.view_mut((m, 0), (n - m, m)).copy_from(&moved.columns(m, n - m).transpose());
+        let beside = moved.rows(m, n - m);
+        p.view_mut((m, 0), (n - m, m)).copy_from(&beside);
+        p.view_mut((0, m), (m, n - m)).copy_from(&beside.transpose());
     }
     for i in m..n {
         p[(i, i)] += walked[i - m];
+    }
+}
+
+/// to += A F^T with the first columns of A, as many as F has. Most numbers of a transition are zero, which a product of whole
+/// matrices does not know.
+fn add_product_transposed(to: &mut DMatrix<f64>, a: &DMatrix<f64>, phi: &DMatrix<f64>) {
+    for (k, of_column) in phi.column_iter().enumerate() {
+        let from = a.column(k);
+        for (i, factor) in of_column.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+            to.column_mut(i).axpy(*factor, &from, 1.0);
+        }
     }
 }

@@ -150,6 +150,24 @@ impl Gyrostat {
         self.thrust_lag
     }
 
+    /// Whether valves open and close, and thrust follows them, as on another platform with the same jets and commands.
+    #[must_use]
+    pub fn has_valves_of(&self, other: &Self) -> bool {
+        let delays_s = |of: &Self| {
+            of.model().jets().iter().map(|jet| (jet.opening_delay_s, jet.closing_delay_s)).collect::<Vec<_>>()
+        };
+        // Delays may depend on the bus: as at rest, with a bus that is low by 1 V.
+        let at_low_bus_s = |of: &Self| {
+            let mut environment =
+                Environment::new(of.model(), nalgebra::UnitQuaternion::identity(), Vector3::zeros());
+            environment.bus_voltage_v -= 1.0;
+            of.effects().valve_delay_s(&environment)
+        };
+        self.thrust_lag() == other.thrust_lag()
+            && delays_s(self) == delays_s(other)
+            && at_low_bus_s(self) == at_low_bus_s(other)
+    }
+
     /// Potential energy of the gravity offset \[J\], zero with the centre of mass level with the
     /// centre of rotation; zero throughout where weight has no moment.
     #[must_use]

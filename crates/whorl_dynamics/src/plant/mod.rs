@@ -12,6 +12,7 @@ mod tangent;
 
 pub use crate::actuators::jets::{JetFailure, Pulse};
 pub use command::CommandError;
+pub use motion::Acts;
 pub use tangent::{LinearisedPlant, RATE, ROTATION, Tangent};
 
 use nalgebra::{UnitQuaternion, Vector3};

@@ -1,12 +1,23 @@
 //! The motion of one plant against that of another, as when two models begin in the same state.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, SVector, Vector3};
 
 use super::{Plant, RATE, ROTATION};
+use crate::gyrostat::Derivative;
+
+/// How a plant moves and what it reads at one instant.
+#[derive(Debug, Clone)]
+pub struct Acts {
+    /// Rates of its [`super::Tangent`] coordinates \[unit/s\]; of the rotation none.
+    pub rates: DVector<f64>,
+    /// What gyro [rad/s] and accelerometer [m/s^2] read without noise, sensor axes.
+    pub imu: SVector<f64, 6>,
+    derivative: Derivative,
+}
 
 impl Plant {
     /// Takes over attitude, rates, wheel speeds, hidden states and disturbance of another plant that has the same
-    /// [`super::Tangent`] and began at the same time, with a small change in these coordinates; commands, valves and supplies
+    /// [`super::Tangent`] and began at the same time, with a small change in these coordinates, or with none; commands, valves and supplies
     /// stay its own. A wheel that dry friction holds stays held.
     pub fn take_motion_of(&mut self, other: &Self, change: &[f64]) {
         self.state.q_world_body = other.state.q_world_body;
@@ -18,10 +29,44 @@ impl Plant {
         // What a part that sticks does to the others' motion is made anew only where another one does: it takes as long as a step.
         let held = self.held();
         self.gyrostat.model().actuators.set_out(&self.state.actuators, &mut self.drive.actuators);
-        self.move_by(change);
+        if !change.is_empty() {
+            self.move_by(change);
+        }
         if self.held() != held || !self.gyrostat.model().gyros().is_empty() {
             self.drive.equation = self.gyrostat.rate_equation_now(&self.drive.actuators);
         }
+    }
+
+    /// How it moves and what it reads now, under its present commands; valves whose time has come open and close first.
+    pub fn acts(&mut self) -> Acts {
+        let actuators = &self.gyrostat.model().actuators;
+        if actuators.next_event_ns(&self.drive.actuators) <= self.now_ns {
+            actuators.settle(&mut self.drive.actuators, self.now_ns);
+        }
+        let seen = self.seen(&self.state, &self.drive);
+        let tangent = self.tangent();
+        let mut rates = DVector::zeros(tangent.size());
+        rates.fixed_rows_mut::<3>(RATE.start).copy_from(&seen.derivative.omega);
+        let wheels = tangent.wheels().zip(seen.derivative.actuators.wheels.speed_rad_s);
+        let hidden = tangent.hidden().zip(seen.derivative.hidden);
+        wheels.chain(hidden).for_each(|(i, rate)| rates[i] = rate);
+        Acts { rates, imu: seen.imu, derivative: seen.derivative }
+    }
+
+    /// Lets its supplies go on to another instant as they act, where no valve opens or closes until then; it does not move.
+    pub fn wait_until(&mut self, time_ns: i64, acts: &Acts) {
+        let actuators = &self.gyrostat.model().actuators;
+        let after_s = (time_ns - self.now_ns) as f64 * 1e-9;
+        let before = self.state.actuators;
+        actuators.moved(&before, &acts.derivative.actuators, after_s, &mut self.state.actuators);
+        actuators.bound(&mut self.state.actuators);
+        self.now_ns = time_ns;
+    }
+
+    /// Whether a valve opens or closes before an instant.
+    #[must_use]
+    pub fn has_event_before(&self, time_ns: i64) -> bool {
+        self.gyrostat.model().actuators.next_event_ns(&self.drive.actuators) < time_ns
     }
 
     /// By how much what is behind its sensors' low-pass differs from another plant's: rate [rad/s] and specific force [m/s^2].
@@ -43,6 +88,12 @@ impl Plant {
     /// Which wheels dry friction holds, as bits.
     fn held(&self) -> u64 {
         self.held_wheels().fold(0, |bits, held| bits << 1 | u64::from(held))
+    }
+
+    /// Whether dry friction holds the same wheels of both.
+    #[must_use]
+    pub fn holds_wheels_of(&self, other: &Self) -> bool {
+        self.held() == other.held()
     }
 
     /// Whether dry friction holds the same wheels of both, and the same contacts touch: only then is the one's motion less the

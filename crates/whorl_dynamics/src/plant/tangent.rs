@@ -11,8 +11,7 @@ use whorl_math::quaternion_exp;
 
 use super::Plant;
 use crate::actuators::Forces;
-use crate::effects::MAX_HIDDEN_STATES;
-use crate::gyrostat::{Derivative, Drive, MAX_WHEELS};
+use crate::gyrostat::{Derivative, Drive};
 use crate::sensing::History;
 use crate::{Environment, State, TrueImu};
 
@@ -59,12 +58,15 @@ impl Tangent {
     fn slope(&self, plus: &Seen, minus: &Seen, step: f64) -> (DVector<f64>, SVector<f64, 6>) {
         let per = 0.5 / step;
         let mut rates = DVector::zeros(self.size());
-        rates.fixed_rows_mut::<3>(RATE.start).copy_from(&((plus.omega_dot - minus.omega_dot) * per));
+        let (plus_rates, minus_rates) = (&plus.derivative, &minus.derivative);
+        rates.fixed_rows_mut::<3>(RATE.start).copy_from(&((plus_rates.omega - minus_rates.omega) * per));
+        let speeds = |of: &Derivative| of.actuators.wheels.speed_rad_s;
+        let (plus_speeds, minus_speeds) = (speeds(plus_rates), speeds(minus_rates));
         for (row, j) in self.wheels().zip(0..) {
-            rates[row] = (plus.wheels[j] - minus.wheels[j]) * per;
+            rates[row] = (plus_speeds[j] - minus_speeds[j]) * per;
         }
         for (row, j) in self.hidden().zip(0..) {
-            rates[row] = (plus.hidden[j] - minus.hidden[j]) * per;
+            rates[row] = (plus_rates.hidden[j] - minus_rates.hidden[j]) * per;
         }
         (rates, (plus.imu - minus.imu) * per)
     }
@@ -84,11 +86,9 @@ pub struct LinearisedPlant {
 }
 
 /// What the plant does in one state.
-struct Seen {
-    omega_dot: Vector3<f64>,
-    wheels: [f64; MAX_WHEELS],
-    hidden: [f64; MAX_HIDDEN_STATES],
-    imu: SVector<f64, 6>,
+pub(super) struct Seen {
+    pub derivative: Derivative,
+    pub imu: SVector<f64, 6>,
 }
 
 impl Plant {
@@ -253,7 +253,7 @@ impl Plant {
         RATE_RAD_S * (1.0 + hidden.copied().unwrap_or(0.0).abs())
     }
 
-    fn seen(&self, state: &State, drive: &Drive) -> Seen {
+    pub(super) fn seen(&self, state: &State, drive: &Drive) -> Seen {
         let (mut forces, mut derivative) = (Forces::default(), Derivative::zero());
         self.gyrostat.derivative(&self.instant(0.0), state, drive, &mut forces, &mut derivative);
         let mut environment = Environment {
@@ -283,12 +283,7 @@ impl Plant {
         let mut read = SVector::<f64, 6>::zeros();
         read.fixed_rows_mut::<3>(0).copy_from(&(gyro.ideal(&imu.angular_velocity_b_rad_s) + gyro.bias));
         read.fixed_rows_mut::<3>(3).copy_from(&(force.ideal(&imu.specific_force_b_m_s2) + force.bias));
-        Seen {
-            omega_dot: derivative.omega,
-            wheels: derivative.actuators.wheels.speed_rad_s,
-            hidden: derivative.hidden,
-            imu: read,
-        }
+        Seen { derivative, imu: read }
     }
 }
 

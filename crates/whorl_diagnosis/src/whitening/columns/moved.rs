@@ -86,7 +86,7 @@ impl Moved {
                 Some(Way::of(&base.gyrostat, &mechanics.gyrostat, effect)),
             ),
         };
-        let valves = valves_differ(&base.gyrostat, &mechanics.gyrostat);
+        let valves = !mechanics.gyrostat.has_valves_of(&base.gyrostat);
         Ok(Self { mechanics, units, readings, valves, motion })
     }
 }
@@ -135,15 +135,6 @@ fn valve_delay_s(gyrostat: &Gyrostat) -> (f64, f64) {
 /// The factor that effects give to all thrust when the bus is low by 1 V.
 fn thrust_factor(gyrostat: &Gyrostat) -> f64 {
     gyrostat.effects().thrust_factor(&low_bus(gyrostat))
-}
-
-fn valves_differ(base: &Gyrostat, moved: &Gyrostat) -> bool {
-    let delays = |g: &Gyrostat| {
-        g.model().jets().iter().map(|j| (j.opening_delay_s, j.closing_delay_s)).collect::<Vec<_>>()
-    };
-    valve_delay_s(base) != valve_delay_s(moved)
-        || base.thrust_lag() != moved.thrust_lag()
-        || delays(base) != delays(moved)
 }
 
 fn touches_sensors(base: &Gyrostat, moved: &Gyrostat) -> bool {
