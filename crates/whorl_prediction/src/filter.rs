@@ -14,6 +14,7 @@ use crate::noise::Noise;
 use crate::prepared::Prepared;
 use crate::readings::Cursor;
 use crate::rows::{Row, Seen};
+use crate::since::Since;
 use crate::start::Start;
 use crate::transition::{Step, fastest_rate_1_s};
 
@@ -79,6 +80,8 @@ pub(crate) struct Filter<'a> {
     pub event: usize,
     cursor: Cursor,
     pub origin: Option<Origin>,
+    /// What the readings since an instant say of the state there.
+    pub since: Option<Since>,
     /// What of the attitude at the start is of no consequence.
     pub heading: UnseenHeading,
     /// The motion is no longer finite.
@@ -110,6 +113,7 @@ impl<'a> Filter<'a> {
             event,
             cursor: Cursor::new(case.tracks()),
             origin: None,
+            since: None,
             lost: false,
         };
         filter.fastest_1_s = fastest_rate_1_s(&filter.motion());
@@ -236,6 +240,9 @@ impl<'a> Filter<'a> {
                 covariance::correct_scalar(claimed, &a, s);
             }
             change.axpy(value, &gain, 1.0);
+            if let Some(since) = &mut self.since {
+                since.learn(&row.by_state, value, s, &gain);
+            }
             let sensitivity = self.columns.as_mut().zip(direct).map(|(columns, direct)| {
                 let d = columns.of_innovation(row, direct, position, &changed);
                 columns.add(&d, value, s);

@@ -58,6 +58,8 @@ mod readings;
 mod rows;
 mod sensitivities;
 mod settings;
+mod since;
+mod smoothed;
 mod start;
 mod transition;
 
@@ -76,4 +78,5 @@ pub use predict::{Told, predict, simulate};
 pub use prepared::Prepared;
 pub use sensitivities::sensitivities;
 pub use settings::Settings;
+pub use smoothed::{SmoothedState, smoothed};
 pub use start::Start;

@@ -137,6 +137,9 @@ impl Filter<'_> {
             add_product_transposed(&mut moved, &origin.covariance, phi);
             origin.covariance.columns_mut(0, m).copy_from(&moved);
         }
+        if let Some(since) = &mut self.since {
+            since.carry(phi);
+        }
     }
 
     /// Variance that a coordinate gains by its own random walk in this time \[s\].
@@ -173,6 +176,9 @@ impl Filter<'_> {
             }
             if let Some(origin) = &mut self.origin {
                 origin.covariance.column_mut(i).fill(0.0);
+            }
+            if let Some(since) = &mut self.since {
+                since.hold(i);
             }
             if let Some(columns) = &mut self.columns {
                 columns.hold(i);

@@ -1,5 +1,5 @@
-//! The log likelihood of a linear rig is that of a dense multivariate normal, built without any filter by `dense/make.py`:
-//! several rates and latencies, missing readings, a torque that nobody knows and a bias that walks.
+//! The log likelihood of a linear rig, and its states given all readings, are those of a dense multivariate normal, built without
+//! any filter by `dense/make.py`: several rates and latencies, missing readings, a torque that nobody knows and a bias that walks.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at a broken precondition")]
 
@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use serde_json::Value;
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
-use whorl_prediction::{Disturbance, Noise, Prepared, Settings, Start, predict};
+use whorl_prediction::{Disturbance, Noise, Prepared, Settings, Start, predict, smoothed};
 use whorl_recording::{Recording, VectorChannel};
 
 const DISTURBANCE: Disturbance =
@@ -73,13 +73,9 @@ fn recording(reference: &Value) -> Recording {
     }
 }
 
-#[test]
-fn the_likelihood_is_that_of_a_dense_normal() {
-    let reference: Value = serde_json::from_str(include_str!("dense/turntable.json")).unwrap();
-    let (model, recording) = (turntable(), recording(&reference));
-    let case = Prepared::new(&recording, &model, Settings::default()).unwrap();
-    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(&case).unwrap() };
-    let mut start = Start::wide(&case, &noise);
+/// What the dense normal says of the state at the first reading.
+fn start(case: &Prepared<'_>, noise: &Noise) -> Start {
+    let mut start = Start::wide(case, noise);
     start.q_world_body = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.3);
     start.omega_wb_b_rad_s = Vector3::new(0.0, 0.0, 0.1);
     start.wheel_speed_rad_s = vec![20.0];
@@ -88,6 +84,16 @@ fn the_likelihood_is_that_of_a_dense_normal() {
     (stddev[2], stddev[5], stddev[layout.plant.wheels().start]) = (0.05, 0.02, 2.0);
     (stddev[layout.disturbance().start + 2], stddev[layout.gyro_bias().start + 2]) = (0.02, 0.01);
     start.covariance = DMatrix::from_diagonal(&stddev.map(|s| s * s));
+    start
+}
+
+#[test]
+fn the_likelihood_is_that_of_a_dense_normal() {
+    let reference: Value = serde_json::from_str(include_str!("dense/turntable.json")).unwrap();
+    let (model, recording) = (turntable(), recording(&reference));
+    let case = Prepared::new(&recording, &model, Settings::default()).unwrap();
+    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(&case).unwrap() };
+    let start = start(&case, &noise);
     let found = predict(&case, &noise, &start, &[], &mut |_| {});
     let expected = reference["log_likelihood"].as_f64().unwrap();
     assert_eq!(found.numbers as u64, reference["numbers"].as_u64().unwrap());
@@ -100,4 +106,41 @@ fn the_likelihood_is_that_of_a_dense_normal() {
     // The test can fail: a hundredth of the noise is seen.
     let other = Noise { vector_rad: vec![0.0101], ..noise.clone() };
     assert!((predict(&case, &other, &start, &[], &mut |_| {}).log / expected - 1.0).abs() > 1e-6);
+}
+
+#[test]
+fn smoothed_states_are_those_of_the_dense_normal_given_all_readings() {
+    let reference: Value = serde_json::from_str(include_str!("dense/turntable.json")).unwrap();
+    let (model, recording) = (turntable(), recording(&reference));
+    let case = Prepared::new(&recording, &model, Settings::default()).unwrap();
+    let noise = Noise { disturbance: DISTURBANCE, ..Noise::stated(&case).unwrap() };
+    let found = smoothed(&case, &noise, &start(&case, &noise), 0.0).unwrap();
+    let expected = reference["smoothed"].as_array().unwrap();
+    let mut worst = 0f64;
+    for at in expected {
+        let (mean, stddev) = (numbers(&at["mean"]), numbers(&at["stddev"]));
+        let time_s = at["time_s"].as_f64().unwrap();
+        let state = found.iter().find(|state| (state.time_s - time_s).abs() < 1e-7).unwrap();
+        let z = |v: nalgebra::Vector3<f64>| v.z;
+        let pairs = [
+            (z(state.q_world_body.scaled_axis()), z(state.attitude_stddev_b_rad)),
+            (z(state.omega_wb_b_rad_s), z(state.omega_stddev_b_rad_s)),
+            (state.wheel_speed_rad_s[0], state.wheel_speed_stddev_rad_s[0]),
+            (state.torque_b_n_m.z, state.torque_covariance_b[(2, 2)].sqrt()),
+        ];
+        for ((x, sigma), (mean, stddev)) in pairs.into_iter().zip(mean.into_iter().zip(stddev)) {
+            worst = worst.max((x - mean).abs() / stddev).max((sigma / stddev - 1.0).abs());
+        }
+        // The table holds the body about the other axes.
+        assert_eq!((state.torque_b_n_m.x, state.torque_b_n_m.y), (0.0, 0.0));
+    }
+    println!("measured: smoothed states and deviations {worst:.1e} of a deviation from the dense normal's");
+    assert!(expected.len() > 8 && worst < 1e-6, "{worst}");
+    // States further apart are the same ones.
+    let few = smoothed(&case, &noise, &start(&case, &noise), 0.1).unwrap();
+    assert!(few.len() < 10 && few.len() > 4, "{}", few.len());
+    for state in few {
+        let same = found.iter().find(|other| other.time_s == state.time_s).unwrap();
+        assert!((same.torque_b_n_m - state.torque_b_n_m).norm() < 1e-9, "{state:?} {same:?}");
+    }
 }

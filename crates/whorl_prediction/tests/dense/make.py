@@ -1,4 +1,5 @@
-"""Log likelihood of a linear rig as a dense multivariate normal: the reference of `dense.rs`. Writes turntable.json beside it.
+"""A linear rig as a dense multivariate normal: its log likelihood, and its states given all readings. The reference of `dense.rs`;
+writes turntable.json beside it.
 
 A turntable turns about the vertical under a wheel's reaction and a torque that nobody knows (first-order Markov); its gyro has
 a bias that walks. Three sensors at three rates, two of them late, readings missing. Nothing here is filtered: the mean of each
@@ -80,6 +81,20 @@ def main():
     found = multivariate_normal(means, s).logpdf(y)
     # What a direction says out of the plane is noise alone, and drawn as zero: on the sphere it would bend the rest.
     found += len(stamps["vector"]) * float(-0.5 * np.log(2 * np.pi * VECTOR**2))
+
+    def given_all(t):
+        """Mean and standard deviation of the state at a time, all readings known: those of a conditional normal."""
+        now = covariance(t)
+        both = np.array(
+            [
+                now @ expm(A * (times[j] - t)).T @ h[j] if times[j] >= t else expm(A * (t - times[j])) @ at[j] @ h[j]
+                for j in range(n)
+            ]
+        ).T
+        mean = move(MEAN0, 0.0, t) + both @ np.linalg.solve(s, y - means)
+        left = now - both @ np.linalg.solve(s, both.T)
+        return {"time_s": t, "mean": list(map(float, mean)), "stddev": list(map(float, np.sqrt(np.diag(left))))}
+
     values = {name: [float(v) for v, (_, of, _) in zip(y, readings) if of == name] for name in stamps}
     out = {
         "log_likelihood": float(found),
@@ -88,6 +103,7 @@ def main():
         "gyro": [list(map(float, stamps["gyro"])), values["gyro"]],
         "wheel": [list(map(float, stamps["wheel"])), values["wheel"]],
         "vector": [list(map(float, stamps["vector"])), values["vector"]],
+        "smoothed": [given_all(float(t)) for t in times[::9]],
     }
     pathlib.Path(__file__).with_name("turntable.json").write_text(json.dumps(out) + "\n")
     print(found, n)
