@@ -38,6 +38,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     for run in &compared {
         say!("{}{}", run.comparison.answer(), if run.held_out { " (Held out: never fitted.)" } else { "" });
+        say!("  {}", run.comparison.said_of_innovations());
         for finding in run.comparison.findings() {
             say!("  {finding}");
         }

@@ -4,7 +4,7 @@ use whorl_commands::locate::as_json;
 use whorl_commands::options;
 use whorl_explain::locate;
 use whorl_validation::Whereabouts;
-use whorl_validation::dependence::Frame;
+use whorl_validation::dependence::{Dependences, Frame};
 
 use crate::explain::ExplainArguments;
 use crate::output::say;
@@ -36,9 +36,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         Some(reason) => say!("note: the platform's own parameters are as given: {reason}"),
     }
-    if found.pooled.is_anything_left() {
-        print_shares(&found.pooled);
+    for remark in &found.pooled.remarks {
+        say!("note: {remark}");
     }
+    print_shares(&found.pooled);
     arguments.explain.write_json(|| as_json(&runs.known.platform, &found))?;
     let page = whorl_report::whereabouts_html(&found, &runs.facts);
     let page = arguments.explain.write_page("where.html", &page)?;
@@ -46,19 +47,39 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Share of the excess that each quantity explains.
+/// Share of the excess that each quantity explains, of body and motors.
 fn print_shares(where_: &Whereabouts) {
-    let d = &where_.dependences;
-    say!("\n{}: share of the excess that each quantity explains (shares overlap)", where_.run);
+    let title = |of: &str| {
+        format!("\n{}: share of the excess{of} that each quantity explains (shares overlap)", where_.run)
+    };
+    if let Some(of_body) = &where_.dependences {
+        say!("{}", title(""));
+        print_table(of_body);
+    }
+    for motor in &where_.motors {
+        if let Some(of_motor) = &motor.dependences {
+            say!("{}", title(&format!(" of {}'s motor", motor.wheel)));
+            print_table(of_motor);
+        }
+    }
+}
+
+fn print_table(d: &Dependences) {
     let constant = |share: f64, frame: &str| {
         let cells = ["constant", frame, &format!("{:.0}", share * 100.0), "", "", ""];
         cells.map(str::to_owned).to_vec()
     };
-    let mut rows = vec![constant(d.constant_body_share, "body"), constant(d.constant_world_share, "world")];
+    let of_wheel = d.ranked.first().is_some_and(|d| d.frame == Frame::Wheel);
+    let mut rows = if of_wheel {
+        vec![constant(d.constant_body_share, "wheel")]
+    } else {
+        vec![constant(d.constant_body_share, "body"), constant(d.constant_world_share, "world")]
+    };
     rows.extend(d.ranked.iter().take(LISTED).map(|d| {
         let (frame, axes) = match d.frame {
             Frame::Body => ("body", ["x", "y", "z"]),
             Frame::World => ("world", ["east", "north", "up"]),
+            Frame::Wheel => ("wheel", ["axis", "", ""]),
         };
         vec![
             d.variable.clone(),

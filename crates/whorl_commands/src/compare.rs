@@ -40,6 +40,7 @@ pub fn as_json(
         if let Some(object) = value.as_object_mut() {
             object.insert("held_out".to_owned(), json!(run.held_out));
             object.insert("answer".to_owned(), json!(run.comparison.answer()));
+            object.insert("innovations".to_owned(), json!(run.comparison.said_of_innovations()));
             object.insert("findings".to_owned(), json!(run.comparison.findings()));
         }
         list.push(value);

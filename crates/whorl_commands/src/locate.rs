@@ -5,7 +5,7 @@ use whorl_explain::Located;
 use whorl_validation::Whereabouts;
 
 /// Version of the JSON output.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 
 /// Everything.
 ///

@@ -13,7 +13,7 @@ fn main() -> anyhow::Result<()> {
         println!("{sentence}");
     }
     if let Some(torque) = &found.torque {
-        let largest = torque.before.torque_b_n_m.iter().map(|t| t.norm()).fold(0.0, f64::max);
+        let largest = torque.before.states.iter().map(|state| state.torque_b_n_m.norm()).fold(0.0, f64::max);
         println!(
             "largest torque that the model does not explain in {}: {:.1} mN m",
             torque.run,

@@ -11,7 +11,8 @@ fn main() -> anyhow::Result<()> {
     for sentence in found.pooled.answer() {
         println!("{sentence}");
     }
-    for quantity in found.pooled.dependences.ranked.iter().take(3) {
+    let of_motors = found.pooled.motors.iter().filter_map(|motor| motor.dependences.as_ref());
+    for quantity in found.pooled.dependences.iter().chain(of_motors).flat_map(|of| of.ranked.iter().take(3)) {
         println!("  {}: {:.0} % of the excess", quantity.variable, 100.0 * quantity.share);
     }
     Ok(())

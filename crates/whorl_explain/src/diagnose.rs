@@ -1,7 +1,8 @@
 //! Which physical effect a model lacks.
 
 use whorl_diagnosis::{Diagnosis, Options, Progress};
-use whorl_trajectory::{ResidualTorque, residual_torque};
+use whorl_recording::Mounting;
+use whorl_validation::{UnexplainedTorques, unexplained_torques};
 
 use crate::adopt::{Values, Version, versions};
 use crate::locate::believed;
@@ -26,9 +27,9 @@ pub struct UnexplainedTorque {
     /// Name of the run.
     pub run: String,
     /// Without the named effects.
-    pub before: ResidualTorque,
+    pub before: UnexplainedTorques,
     /// With the named effects; `None` if there are none.
-    pub after: Option<ResidualTorque>,
+    pub after: Option<UnexplainedTorques>,
 }
 
 /// Finds the effect that the model lacks, and compares the runs with the model that has it.
@@ -50,14 +51,17 @@ pub fn diagnose(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result
 
 /// Unexplained torque of the first run with the refitted model, and with the effects added.
 fn unexplained(case: &Case<'_>, versions: &[Version]) -> Option<UnexplainedTorque> {
-    let recording = case.training.first()?;
+    let recording = case.training.first().filter(|run| run.mounting != Mounting::Clamped)?;
+    if !case.model.freedom.turns() {
+        return None;
+    }
     let fit = |with_effects: bool| {
         versions.iter().filter(|v| v.effects.is_empty() != with_effects).find_map(|v| v.fit.as_ref())
     };
     // Parameters moved implausibly far would hide or imitate the missing effect.
     let base = fit(false).filter(|fit| believed(case, fit).is_ok()).map_or(case.model, |fit| &fit.model);
-    let before = residual_torque(recording, base).ok()?;
-    let after = fit(true).and_then(|fit| residual_torque(recording, &fit.model).ok());
+    let before = unexplained_torques(recording, base).ok()?;
+    let after = fit(true).and_then(|fit| unexplained_torques(recording, &fit.model).ok());
     Some(UnexplainedTorque { run: recording.name.clone(), before, after })
 }
 

@@ -3,7 +3,7 @@
 use whorl_diagnosis::{Fit, Options, fit};
 use whorl_dynamics::PlatformModel;
 use whorl_recording::Recording;
-use whorl_validation::{Whereabouts, explain_where};
+use whorl_validation::{Followed, UnexplainedTorques, Whereabouts, explain_where};
 
 use crate::adopt::belief::farthest;
 use crate::{Case, ExplainError, Say};
@@ -19,7 +19,9 @@ pub struct Located {
     pub pooled: Whereabouts,
     /// Each run by itself, training runs first; empty where there is only one.
     pub runs: Vec<Whereabouts>,
-    /// The model of the residual torque: the platform's own parameters refitted to the training runs.
+    /// The unexplained torques themselves, run by run, for plots.
+    pub torques: Vec<UnexplainedTorques>,
+    /// The model that leaves them: the platform's own parameters refitted to the training runs.
     pub model: PlatformModel,
     /// Why the platform's own parameters were not refitted, if so; then the model is the given one.
     pub not_refitted: Option<String>,
@@ -32,7 +34,7 @@ pub struct Located {
 /// stay as given. Then all runs are analysed together, and each by itself.
 ///
 /// # Errors
-/// When a run holds no residual torque: clamped, too short, without a gyro.
+/// When a run cannot be followed: too short, without a gyro, or on a bench without wheel speeds.
 pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<Located, ExplainError> {
     say(0.0, "fitting the platform's own parameters");
     let fitted = fit(case.training, case.model, case.prior, &[], options);
@@ -45,14 +47,19 @@ pub fn locate(case: &Case<'_>, options: &Options, say: &mut Say<'_>) -> Result<L
         Err(reason) => (case.model.clone(), Some(reason)),
     };
     let all: Vec<&Recording> = case.training.iter().chain(case.held_out).collect();
-    say(0.5, "analysing the runs");
-    let pooled = explain_where(&all, &model)?;
-    let mut runs = Vec::new();
-    for (k, run) in all.iter().enumerate().filter(|_| all.len() > 1) {
-        say(0.6 + 0.4 * k as f64 / all.len() as f64, &format!("analysing {}", run.name));
-        runs.push(explain_where(std::slice::from_ref(run), &model)?);
+    let mut followed = Vec::new();
+    for (k, run) in all.iter().enumerate() {
+        say(0.5 + 0.4 * k as f64 / all.len() as f64, &format!("following {}", run.name));
+        followed.push(Followed::new(run, &model)?);
     }
-    Ok(Located { pooled, runs, model, not_refitted })
+    say(0.9, "analysing the runs");
+    let pooled = explain_where(&followed.iter().collect::<Vec<_>>(), &model)?;
+    let mut runs = Vec::new();
+    for run in followed.iter().filter(|_| all.len() > 1) {
+        runs.push(explain_where(&[run], &model)?);
+    }
+    let torques = followed.into_iter().map(|followed| followed.torques).collect();
+    Ok(Located { pooled, runs, torques, model, not_refitted })
 }
 
 /// Checks that the platform's own parameters have moved within their priors; if not, names the worst one.

@@ -43,8 +43,6 @@ pub struct MeanDrive {
     pub wheel_torque_n_m: Vec<f64>,
     /// Share of the time during which each jet was open.
     pub valve_fraction: Vec<f64>,
-    /// Moment of the linear mass actuators, body axes [N m].
-    pub ballast_moment_b_n_m: Vector3<f64>,
     /// External torque, body axes [N m].
     pub body_torque_b_n_m: Vector3<f64>,
 }
@@ -163,7 +161,6 @@ impl<'a> Commands<'a> {
                 .cloned()
                 .unwrap_or_else(|| vec![0.0; self.wheels]),
             valve_fraction: self.flow.iter().map(open).collect(),
-            ballast_moment_b_n_m: self.ballast_moment_b_n_m.held_at(middle).copied().unwrap_or_default(),
             body_torque_b_n_m: self.body_torque_b_n_m.held_at(middle).copied().unwrap_or_default(),
         }
     }

@@ -9,8 +9,7 @@
 //! - [`commands`]: commands of a run, as the model's actuators receive them;
 //! - [`quiet()`]: the model without noise, with the run's supplies;
 //! - [`gimbals`]: the measured motion of gimbals;
-//! - [`smoothing`]: attitude, rate, wheel speeds and sensor biases from all of a run's data;
-//! - [`residual_torque`]: the unexplained torque over time;
+//! - [`rough_attitude`]: an attitude from two directions, for what begins with one;
 //! - [`spectrum`]: Fourier transforms of series.
 
 pub mod bins;
@@ -20,8 +19,7 @@ pub mod line;
 pub mod noise;
 mod quiet;
 mod refusal;
-mod residual;
-pub mod smoothing;
+pub mod rough_attitude;
 pub mod spectrum;
 #[cfg(test)]
 mod tests;
@@ -29,4 +27,3 @@ pub mod wheel_torque;
 
 pub use quiet::quiet;
 pub use refusal::{Needs, Refusal, check};
-pub use residual::{ResidualTorque, residual_torque};

@@ -20,6 +20,14 @@ pub enum ValidationError {
         /// Why not.
         error: DependenceError,
     },
+    /// The motion of the model does not stay finite.
+    #[error(
+        "{run}: the model's motion is lost in this run: a number of its file is off by far, or a channel has another unit"
+    )]
+    Lost {
+        /// Name of the run.
+        run: String,
+    },
     /// The recording cannot be predicted with the model.
     #[error(transparent)]
     Prediction(#[from] PredictionError),

@@ -1,17 +1,20 @@
 //! Comparison of a model with data: prediction errors, what is left of them, and the quantities that it depends on.
 //!
 //! [`compare`] predicts a recording at several horizons and tests what is left.
-//! [`dependence`] finds the recorded quantities on which a residual torque depends, and [`explain_where`] puts the
-//! result into words.
+//! [`unexplained_torques`] smooths what pushed the platform beside its model, [`dependence`] finds the recorded quantities on which that
+//! depends, and [`explain_where`] puts the result into words.
 
 pub mod comparison;
 pub mod dependence;
 mod error;
+mod remarks;
 pub mod statistics;
 #[cfg(test)]
 mod tests;
+mod unexplained;
 mod whereabouts;
 
 pub use comparison::{Comparison, compare};
 pub use error::ValidationError;
-pub use whereabouts::{Whereabouts, explain_where};
+pub use unexplained::{UnexplainedTorques, unexplained_torques};
+pub use whereabouts::{Followed, OfMotor, Whereabouts, explain_where};

@@ -3,11 +3,14 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 use whorl_dynamics::PlatformModel;
+use whorl_math::three_digits;
 use whorl_recording::Recording;
 
-use crate::dependence::{Dependence, Dependences, Frame, Growth, Parity, Variable, conditions, dependences};
+use crate::dependence::{
+    Dependence, Dependences, Frame, Growth, Parity, Residual, Variable, conditions, dependences,
+};
 use crate::error::ValidationError;
-use whorl_trajectory::{ResidualTorque, residual_torque};
+use crate::unexplained::{UnexplainedTorques, unexplained_torques};
 
 /// Excess over the noise below which there is nothing to locate.
 const LEAST_EXCESS: f64 = 0.05;
@@ -26,108 +29,201 @@ const CONSTANT_MARGIN: f64 = 0.07;
 pub struct Whereabouts {
     /// Names of the runs.
     pub run: String,
-    /// RMS residual torque about each body axis [N m].
+    /// RMS unexplained torque about each body axis [N m].
     pub rms_b_n_m: [f64; 3],
-    /// Typical standard deviation of the residual torque about each body axis [N m].
+    /// Typical standard deviation of its estimate about each body axis [N m].
     pub stddev_b_n_m: [f64; 3],
-    /// Its dependence on recorded quantities.
-    pub dependences: Dependences,
-    /// The residual itself, run by run, for plots.
-    #[serde(skip)]
-    pub residuals: Vec<ResidualTorque>,
+    /// Its dependence on recorded quantities; `None` where nothing on the body is unexplained.
+    pub dependences: Option<Dependences>,
+    /// The same of every wheel's motor.
+    pub motors: Vec<OfMotor>,
+    /// What limits the answer, one sentence each.
+    pub remarks: Vec<String>,
+}
+
+/// What is unexplained of a wheel's motor: torque about the wheel's axis beyond the commanded one and the model's friction.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OfMotor {
+    /// Name of the wheel.
+    pub wheel: String,
+    /// RMS [N m].
+    pub rms_n_m: f64,
+    /// Typical standard deviation of its estimate [N m].
+    pub stddev_n_m: f64,
+    /// Its dependence on recorded quantities; `None` where nothing is unexplained.
+    pub dependences: Option<Dependences>,
+}
+
+/// A run, and what pushed the platform in it beside its model.
+#[derive(Debug, Clone)]
+pub struct Followed<'a> {
+    recording: &'a Recording,
+    /// The torques.
+    pub torques: UnexplainedTorques,
+}
+
+impl<'a> Followed<'a> {
+    /// Follows a run.
+    ///
+    /// # Errors
+    /// As [`unexplained_torques`].
+    pub fn new(recording: &'a Recording, model: &PlatformModel) -> Result<Self, ValidationError> {
+        Ok(Self { recording, torques: unexplained_torques(recording, model)? })
+    }
 }
 
 /// Finds in which regime `model` fails, over all of these runs.
 ///
 /// # Errors
-/// As [`residual_torque`]; also for runs too short to see anything.
-pub fn explain_where(
-    recordings: &[&Recording],
-    model: &PlatformModel,
-) -> Result<Whereabouts, ValidationError> {
-    let names: Vec<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
+/// Where something is unexplained in runs that are too short to see on what it depends.
+pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Whereabouts, ValidationError> {
+    let torques = || runs.iter().map(|run| &run.torques);
+    let names: Vec<&str> = torques().map(|torques| torques.run.as_str()).collect();
     let run = names.join(", ");
-    let wheels: Vec<String> = model.wheels().iter().map(|w| w.name.clone()).collect();
-    let mut residuals = Vec::new();
-    let mut variables: Vec<Vec<Variable>> = Vec::new();
-    for recording in recordings {
-        let residual = residual_torque(recording, model)?;
-        let (times, attitudes, rates) =
-            (&residual.time_s, &residual.q_world_body, &residual.omega_wb_b_rad_s);
-        variables.push(conditions(recording, times, attitudes, rates, &wheels));
-        residuals.push(residual);
-    }
-    let found = dependences(&residuals, &variables)
-        .map_err(|error| ValidationError::Dependence { run: run.clone(), error })?;
-    let rms = |of: fn(&ResidualTorque) -> &[Vector3<f64>]| {
-        let all = || residuals.iter().flat_map(of);
-        let sum: Vector3<f64> = all().map(|v| v.component_mul(v)).sum();
-        (sum / all().count().max(1) as f64).map(f64::sqrt).into()
+    let dependences_of = |residual: &dyn Fn(&UnexplainedTorques) -> Option<Residual>| {
+        let (mut residuals, mut variables) = (Vec::new(), Vec::<Vec<Variable>>::new());
+        for run in runs {
+            if let Some(residual) = residual(&run.torques) {
+                residuals.push(residual);
+                variables.push(conditions(run.recording, model, &run.torques.states));
+            }
+        }
+        if residuals.is_empty() {
+            return Ok(None);
+        }
+        match dependences(&residuals, &variables) {
+            Ok(found) => Ok(Some(found).filter(|found| found.excess >= LEAST_EXCESS)),
+            Err(error) => Err(ValidationError::Dependence { run: run.clone(), error }),
+        }
     };
+    let times = |torques: &UnexplainedTorques| torques.states.iter().map(|state| state.time_s).collect();
+    let of_body = |torques: &UnexplainedTorques| {
+        let noise = torques.noise_of_body(model);
+        let states = &torques.states;
+        let of: Vec<_> = states.iter().map(|state| state.torque_b_n_m).collect();
+        let attitudes: Vec<_> = states.iter().map(|state| state.q_world_body).collect();
+        let pushes = torques.levels.stddev_b_n_m.iter().any(|level| *level > 0.0);
+        pushes.then(|| Residual::of_body(times(torques), &of, &noise, &attitudes))
+    };
+    let mut motors = Vec::new();
+    for (j, wheel) in model.wheels().iter().enumerate() {
+        let of_motor = |torques: &UnexplainedTorques| {
+            let motor = torques.motor(j);
+            (!motor.is_empty()).then(|| Residual::of_motor(times(torques), motor))
+        };
+        let rms = |of: fn(&whorl_prediction::SmoothedState) -> &[f64]| {
+            root_mean_square(torques().flat_map(|t| &t.states).filter_map(|state| of(state).get(j).copied()))
+        };
+        motors.push(OfMotor {
+            wheel: wheel.name.clone(),
+            rms_n_m: rms(|state| &state.motor_torque_n_m),
+            stddev_n_m: rms(|state| &state.motor_torque_stddev_n_m),
+            dependences: dependences_of(&of_motor)?,
+        });
+    }
+    let all = || torques().flat_map(|torques| &torques.states);
+    let mut remarks: Vec<String> = Vec::new();
+    for torques in torques() {
+        for remark in &torques.remarks {
+            let remark = if runs.len() > 1 { format!("{}: {remark}", torques.run) } else { remark.clone() };
+            remarks.push(remark);
+        }
+    }
     Ok(Whereabouts {
-        rms_b_n_m: rms(|r| &r.torque_b_n_m),
-        stddev_b_n_m: rms(|r| &r.stddev_b_n_m),
+        rms_b_n_m: [0, 1, 2].map(|i| root_mean_square(all().map(|state| state.torque_b_n_m[i]))),
+        stddev_b_n_m: [0, 1, 2]
+            .map(|i| root_mean_square(all().map(|state| state.torque_covariance_b[(i, i)].max(0.0).sqrt()))),
+        dependences: dependences_of(&of_body)?,
         run,
-        dependences: found,
-        residuals,
+        motors,
+        remarks,
     })
+}
+
+fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+    let (squares, count) = values.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
+    if count > 0.0 { f64::sqrt(squares / count) } else { 0.0 }
 }
 
 impl Whereabouts {
     /// Whether there is anything to locate; otherwise the shares would describe noise.
     #[must_use]
     pub fn is_anything_left(&self) -> bool {
-        self.dependences.excess >= LEAST_EXCESS
+        self.dependences.is_some() || self.motors.iter().any(|motor| motor.dependences.is_some())
     }
 
-    /// The answer in words: a summary, then one sentence for each named quantity.
+    /// The answer in words: for body and motors each a summary, then one sentence for each named quantity.
     #[must_use]
     pub fn answer(&self) -> Vec<String> {
-        let found = &self.dependences;
-        let rms = self.rms_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
-        let stddev = self.stddev_b_n_m.iter().map(|x| x * x).sum::<f64>().sqrt() * 1e3;
         if !self.is_anything_left() {
             return vec![format!(
-                "{}: the residual torque ({rms:.2} mN m RMS) is consistent with noise ({stddev:.2} mN m): there is nothing to locate.",
+                "{}: no torque beside the model's can be told from noise: there is nothing to locate.",
                 self.run
             )];
         }
-        let mut answer = vec![format!(
-            "{}: the model leaves a torque of {rms:.2} mN m RMS unexplained (noise {stddev:.2} mN m).",
-            self.run
-        )];
-        let best = found.ranked.first().map_or(0.0, |d| d.share);
-        let (constant, frame, mean) = if found.constant_world_share > found.constant_body_share {
-            (found.constant_world_share, "fixed to the room (east, north, up)", found.mean_world_n_m)
-        } else {
-            (found.constant_body_share, "fixed to the platform (x, y, z)", found.mean_b_n_m)
-        };
-        if constant > WORTH_NAMING && constant + CONSTANT_MARGIN >= best {
-            let [x, y, z] = mean.map(|m| m * 1e3);
-            answer.push(format!(
-                "{:.0} % of the excess is a constant torque {frame}: {x:.2}, {y:.2}, {z:.2} mN m.",
-                constant * 100.0
-            ));
+        let mut answer = Vec::new();
+        if let Some(found) = &self.dependences {
+            let size = |by_axis: [f64; 3]| Vector3::from(by_axis).norm();
+            let told = three_digits_milli(size(self.rms_b_n_m), size(self.stddev_b_n_m));
+            answer.push(format!("{}: the model leaves a torque of {told} unexplained.", self.run));
+            answer.extend(named(found));
         }
-        let other = found.ranked.iter().filter(|d| d.variable != "time").map(|d| d.share).fold(0.0, f64::max);
-        let is_named = |d: &&Dependence| {
-            d.share > WORTH_NAMING && (d.variable != "time" || d.share > other + TIME_MARGIN)
-        };
-        answer.extend(found.ranked.iter().filter(is_named).take(NAMED).map(sentence));
-        if let Some(line) = found.line {
-            answer.push(format!(
-                "An oscillation of {:.2} mN m at {:.3} Hz about {} holds {:.0} % of that axis' power.",
-                line.amplitude_n_m * 1e3,
-                line.frequency_hz,
-                axis_name(line.frame, line.axis),
-                line.share * 100.0
-            ));
-        }
-        if answer.len() == 1 {
-            answer.push("No recorded quantity explains more than 15 % of the excess: it depends on something that was not measured.".to_owned());
+        for motor in &self.motors {
+            if let Some(found) = &motor.dependences {
+                let told = three_digits_milli(motor.rms_n_m, motor.stddev_n_m);
+                answer.push(format!(
+                    "{}: the model leaves a torque of {told} of {}'s motor unexplained.",
+                    self.run, motor.wheel
+                ));
+                answer.extend(named(found));
+            }
         }
         answer
     }
+}
+
+/// "14.5 mN m RMS (known to +- 0.48 mN m)".
+fn three_digits_milli(rms_n_m: f64, stddev_n_m: f64) -> String {
+    format!("{} mN m RMS (each value +- {})", three_digits(rms_n_m * 1e3), three_digits(stddev_n_m * 1e3))
+}
+
+/// One sentence for each quantity that explains much.
+fn named(found: &Dependences) -> Vec<String> {
+    let mut sentences = Vec::new();
+    let best = found.ranked.first().map_or(0.0, |d| d.share);
+    let of_wheel = found.ranked.first().is_some_and(|d| d.frame == Frame::Wheel);
+    let (constant, frame, mean) = if found.constant_world_share > found.constant_body_share {
+        (found.constant_world_share, "fixed to the room (east, north, up)", &found.mean_world_n_m[..])
+    } else if of_wheel {
+        (found.constant_body_share, "about the wheel's axis", &found.mean_b_n_m[..1])
+    } else {
+        (found.constant_body_share, "fixed to the platform (x, y, z)", &found.mean_b_n_m[..])
+    };
+    if constant > WORTH_NAMING && constant + CONSTANT_MARGIN >= best {
+        let mean: Vec<String> = mean.iter().map(|x| three_digits(x * 1e3)).collect();
+        sentences.push(format!(
+            "{:.0} % of the excess is a constant torque {frame}: {} mN m.",
+            constant * 100.0,
+            mean.join(", ")
+        ));
+    }
+    let other = found.ranked.iter().filter(|d| d.variable != "time").map(|d| d.share).fold(0.0, f64::max);
+    let is_named =
+        |d: &&Dependence| d.share > WORTH_NAMING && (d.variable != "time" || d.share > other + TIME_MARGIN);
+    sentences.extend(found.ranked.iter().filter(is_named).take(NAMED).map(sentence));
+    if let Some(line) = found.line {
+        sentences.push(format!(
+            "An oscillation of {} mN m at {:.3} Hz about {} holds {:.0} % of that axis' power.",
+            three_digits(line.amplitude_n_m * 1e3),
+            line.frequency_hz,
+            axis_name(line.frame, line.axis),
+            line.share * 100.0
+        ));
+    }
+    if sentences.is_empty() {
+        sentences.push("No recorded quantity explains more than 15 % of the excess: it depends on something that was not measured.".to_owned());
+    }
+    sentences
 }
 
 fn axis_name(frame: Frame, axis: usize) -> &'static str {
@@ -138,12 +234,16 @@ fn axis_name(frame: Frame, axis: usize) -> &'static str {
         (Frame::World, 0) => "east",
         (Frame::World, 1) => "north",
         (Frame::World, _) => "the vertical",
+        (Frame::Wheel, _) => "the wheel's axis",
     }
 }
 
 /// "71 % of the excess is a function of yaw rate (about body z; odd; saturates)".
 fn sentence(d: &Dependence) -> String {
-    let mut notes = vec![format!("mostly about {}", axis_name(d.frame, d.axis))];
+    let mut notes = Vec::new();
+    if d.frame != Frame::Wheel {
+        notes.push(format!("mostly about {}", axis_name(d.frame, d.axis)));
+    }
     match d.parity {
         Parity::Odd => notes.push("odd".to_owned()),
         Parity::Even => notes.push("even".to_owned()),
@@ -155,10 +255,10 @@ fn sentence(d: &Dependence) -> String {
         Growth::Superlinear => notes.push("grows faster than in proportion".to_owned()),
         _ => {}
     }
+    let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
     format!(
-        "{:.0} % of the excess is a function of {} ({}).",
+        "{:.0} % of the excess is a function of {}{notes}.",
         d.share * 100.0,
-        d.variable.replace('_', " "),
-        notes.join("; ")
+        d.variable.replace('_', " ")
     )
 }

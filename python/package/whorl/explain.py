@@ -101,14 +101,21 @@ def horizon_name(horizon: Dict[str, Any]) -> str:
 class Located(Answer):
     """Where the model fails."""
 
+    @property
+    def ranked(self) -> Dict[str, List[Dict[str, Any]]]:
+        """The quantities on which something depends that is unexplained, by share: of `body`, and of the motor of each wheel by its name."""
+        pooled = self.data["pooled"]
+        of = {"body": pooled["dependences"], **{m["wheel"]: m["dependences"] for m in pooled["motors"]}}
+        return {name: found["ranked"] for name, found in of.items() if found is not None}
+
     def _table(self) -> Tuple[List[str], List[List[str]]]:
-        axes = {"body": "xyz", "world": ("east", "north", "up")}
-        ranked = self.data["pooled"]["dependences"]["ranked"][:12]
+        axes = {"body": "xyz", "world": ("east", "north", "up"), "wheel": ("axis",)}
         rows = [
-            [d["variable"], d["frame"], f"{100 * d['share']:.0f}", axes[d["frame"]][d["axis"]], d["parity"], d["growth"]]
-            for d in ranked
+            [of, d["variable"], d["frame"], f"{100 * d['share']:.0f}", axes[d["frame"]][d["axis"]], d["parity"], d["growth"]]
+            for of, ranked in self.ranked.items()
+            for d in ranked[:12]
         ]
-        return ["quantity", "frame", "share of the excess [%]", "axis", "symmetry", "growth"], rows
+        return ["torque on", "quantity", "frame", "share of the excess [%]", "axis", "symmetry", "growth"], rows
 
 
 class Diagnosis(Answer):

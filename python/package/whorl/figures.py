@@ -71,12 +71,14 @@ def of(answer: "explain.Answer") -> Any:
         figure.add_hline(y=1.0, line_dash="dot", annotation_text="noise")
         figure.update_layout(title="Prediction error over noise", yaxis_title="error / noise")
     elif isinstance(answer, explain.Located):
-        ranked = answer.data["pooled"]["dependences"]["ranked"][:12][::-1]
-        figure.add_bar(
-            x=[100 * d["share"] for d in ranked],
-            y=[f"{d['variable']} ({d['frame']})" for d in ranked],
-            orientation="h",
-        )
+        for of, ranked in answer.ranked.items():
+            best = ranked[:12][::-1]
+            figure.add_bar(
+                x=[100 * d["share"] for d in best],
+                y=[f"{d['variable']} ({d['frame'] if of == 'body' else of})" for d in best],
+                orientation="h",
+                name=of,
+            )
         figure.update_layout(title="Share of the excess that each quantity explains", xaxis_title="[%], shares overlap")
     elif isinstance(answer, explain.Diagnosis):
         best = answer.candidates[:12][::-1]

@@ -7,7 +7,7 @@ use whorl_dynamics::PlatformModel;
 use whorl_dynamics::effects::{EffectSet, MAX_HIDDEN_STATES};
 use whorl_dynamics::gyrostat::MAX_WHEELS;
 use whorl_math::{quaternion_exp, rotation_vector, unit};
-use whorl_trajectory::smoothing::{pull, start_attitude};
+use whorl_trajectory::rough_attitude::{pull, start_attitude};
 
 use crate::layout::run::{Run, Wheels};
 

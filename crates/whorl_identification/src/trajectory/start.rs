@@ -2,7 +2,7 @@
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use whorl_math::{integrate_rate, unit_or};
-use whorl_trajectory::smoothing::{pull, start_attitude};
+use whorl_trajectory::rough_attitude::{pull, start_attitude};
 
 use super::dynamics::Motion;
 use crate::data::{AveragedSample, Chain};

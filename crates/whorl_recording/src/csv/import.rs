@@ -66,6 +66,8 @@ pub fn read_csv_beginning(
     known: &KnownPlatform,
     kept_lines: u64,
 ) -> Result<ImportedCsv, RecordingError> {
+    let (map, left_out) = of_fixed_directions(map);
+    let map = &map;
     let (lines, jet_map) = (Lines::new(map), map.jets.clone());
     let mut gathered = Gathered { kept_lines, lines, jet_map, ..Gathered::default() };
     let mut rows = CsvRows::open(csv, map)?;
@@ -86,12 +88,31 @@ pub fn read_csv_beginning(
     if !gathered.samples.keys().any(|(channel, _)| channel.info().is_motion) {
         return Err(RecordingError::NothingInCsv { path: csv.to_owned(), rows: gathered.rows });
     }
-    let imported = gathered.finish(csv, map, known, rows.unread_columns())?;
+    let mut imported = gathered.finish(csv, map, known, rows.unread_columns())?;
+    imported.recording.remarks.extend(left_out);
     if !imported.is_whole && imported.recording.vectors.len() < map.vectors.len() {
         // A vector sensor that begins late: which ones there are must be known before the first message is written.
         return read_csv(csv, map, known);
     }
     Ok(imported)
+}
+
+/// A map without vector sensors whose direction turns in the world, and a sentence on each: a recording holds one direction of each sensor.
+fn of_fixed_directions(map: &CsvMap) -> (CsvMap, Vec<String>) {
+    let (mut kept, mut left_out) = (map.clone(), Vec::new());
+    kept.vectors.clear();
+    for (index, sensor) in map.vectors.iter().enumerate() {
+        if sensor.reference_columns.is_none() {
+            kept.vectors.push(sensor.clone());
+            continue;
+        }
+        left_out.push(format!(
+            "Vector sensor {} is left out: what it sees turns in the world (reference_columns), and a recording holds one direction \
+             of each sensor. `whorl estimate` takes such a sensor.",
+            index + 1
+        ));
+    }
+    (kept, left_out)
 }
 
 /// Numbers of a channel and sensor.
@@ -296,7 +317,8 @@ pub(crate) fn lines_again<'a>(
     imported: &'a ImportedCsv,
     failed: &'a Cell<Option<CsvError>>,
 ) -> Result<impl Iterator<Item = (i64, Vec<Sample>)> + use<'a>, CsvError> {
-    let (mut rows, mut lines) = (CsvRows::open(csv, map)?, Lines::new(map));
+    let (map, _) = of_fixed_directions(map);
+    let (mut rows, mut lines) = (CsvRows::open(csv, &map)?, Lines::new(&map));
     let missing = imported.recording.no_gyro_axis;
     Ok(std::iter::from_fn(move || {
         loop {

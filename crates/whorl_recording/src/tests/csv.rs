@@ -108,7 +108,8 @@ fn every_channel_arrives_in_si_units_and_body_axes() {
 fn a_long_file_is_written_line_by_line() {
     let files = Files::new();
     let gyro_without_x = MAP.replace("[gy, -gx, gz]", "[~, -gx, gz]");
-    for map in [MAP, &gyro_without_x] {
+    let turning = MAP.replace("lz], reference_world: [0, 2, 0]}", "lz], reference_columns: [mx, my, mz]}");
+    for map in [MAP, &gyro_without_x, &turning] {
         // A line without gyro and accelerometer among them, and one that lacks an axis.
         let csv = lines().replace("5150,90,180,15,0,0,-1000", "5150,,,,,,").replace("5160,90,", "5160,,");
         let whole = files.import(map, &csv).unwrap();
@@ -131,6 +132,18 @@ fn a_long_file_is_written_line_by_line() {
         let count = |path| whorl_bag::BagReader::open(path).unwrap().message_count();
         assert_eq!(count(&one.join("bag")), count(&other.join("bag")));
     }
+}
+
+/// A magnetometer in orbit: what it sees turns, and a recording holds one direction of each sensor.
+#[test]
+fn a_sensor_whose_direction_turns_is_left_out_aloud() {
+    let map = MAP.replace("lz], reference_world: [0, 2, 0]}", "lz], reference_columns: [mx, my, mz]}");
+    let imported = Files::new().import(&map, &lines()).unwrap();
+    let r = &imported.recording;
+    assert_eq!(r.vectors.len(), 1);
+    assert!((*r.vectors[0].reference_world - Vector3::new(0.0, 0.6, -0.8)).norm() < 1e-12);
+    let told = r.remarks.iter().any(|remark| remark.contains("Vector sensor 1 is left out"));
+    assert!(told, "{:?}", r.remarks);
 }
 
 #[test]

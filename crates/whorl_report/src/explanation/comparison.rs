@@ -29,6 +29,7 @@ pub fn comparison_html(runs: &[ComparedRun], of_model: Option<&str>, about: &Fac
     for run in runs {
         // Together: findings do not say of which run they are.
         page.paragraph("answer", &run.comparison.answer());
+        page.paragraph("answer", &run.comparison.said_of_innovations());
         page.list(&run.comparison.findings());
     }
     page.heading("Prediction errors");

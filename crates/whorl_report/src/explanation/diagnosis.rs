@@ -4,7 +4,7 @@ use maud::Markup;
 use whorl_diagnosis::{Candidate, Diagnosis, ParameterEstimate, Verdict};
 use whorl_explain::{Explanation, UnexplainedTorque};
 use whorl_math::three_digits;
-use whorl_trajectory::ResidualTorque;
+use whorl_validation::UnexplainedTorques;
 
 use super::versions::versions;
 use super::{Facts, facts};
@@ -65,21 +65,26 @@ fn slow_residual(page: &mut Document, diagnosis: &Diagnosis) {
 
 /// A figure for each axis with a visible torque, the largest first.
 fn unexplained(torque: &UnexplainedTorque) -> Vec<Figure> {
-    let size = |r: &ResidualTorque, i: usize| r.torque_b_n_m.iter().map(|g| g[i] * g[i]).sum::<f64>();
+    let size = |r: &UnexplainedTorques, i: usize| {
+        r.states.iter().map(|state| state.torque_b_n_m[i].powi(2)).sum::<f64>()
+    };
     let mut axes = [0, 1, 2];
     axes.sort_by(|a, b| size(&torque.before, *b).total_cmp(&size(&torque.before, *a)));
     let largest = size(&torque.before, axes[0]);
     let one = |i: usize| {
-        let curve = |name: &str, r: &ResidualTorque, sign: f64| {
-            let points = r.time_s.iter().zip(&r.torque_b_n_m).zip(&r.stddev_b_n_m);
-            Curve::new(name, points.map(|((t, g), s)| (*t, 1e3 * (g[i] + sign * 2.0 * s[i]))))
+        let curve = |name: &str, r: &UnexplainedTorques, sign: f64| {
+            let points = r.states.iter().map(|state| {
+                let stddev = state.torque_covariance_b[(i, i)].max(0.0).sqrt();
+                (state.time_s, 1e3 * (state.torque_b_n_m[i] + sign * 2.0 * stddev))
+            });
+            Curve::new(name, points)
         };
-        let both: Vec<(&str, &ResidualTorque)> = std::iter::once(("before", &torque.before))
+        let both: Vec<(&str, &UnexplainedTorques)> = std::iter::once(("before", &torque.before))
             .chain(torque.after.as_ref().map(|after| ("with the effects named", after)))
             .collect();
         Figure {
             title: format!("{}: unexplained torque about body {}", torque.run, ["x", "y", "z"][i]),
-            caption: "The platform's own parameters are refitted in both cases, unless without the effects they would have to move implausibly far. Bands: two standard deviations. A curve that stays within the band about zero is explained.".to_owned(),
+            caption: "The platform's own parameters are refitted in both cases, unless without the effects they would have to move implausibly far. Bands: two standard deviations. A curve that stays within the band about zero is explained, and one that is zero throughout makes the run no likelier.".to_owned(),
             y_label: "torque [mN m]".to_owned(),
             curves: both.iter().map(|(name, r)| curve(name, r, 0.0)).collect(),
             bands: both.iter().map(|(name, r)| (curve(name, r, -1.0), curve(name, r, 1.0))).collect(),

@@ -1,9 +1,8 @@
 //! The page of `whorl where`.
 
 use whorl_explain::Located;
-use whorl_trajectory::ResidualTorque;
-use whorl_validation::Whereabouts;
-use whorl_validation::dependence::{Dependence, Frame};
+use whorl_validation::dependence::{Dependence, Dependences, Frame};
+use whorl_validation::{UnexplainedTorques, Whereabouts};
 
 use super::{Facts, facts};
 use crate::document::{Document, code, number, text};
@@ -28,42 +27,74 @@ pub fn whereabouts_html(found: &Located, about: &Facts) -> String {
         Some(reason) => format!("The platform's own parameters are as given: {reason}"),
     };
     page.paragraph("rule", &refitted);
-    if found.pooled.is_anything_left() {
-        page.heading(&found.pooled.run);
-        section(&mut page, &found.pooled);
-    }
-    let each = if found.runs.is_empty() { std::slice::from_ref(&found.pooled) } else { &found.runs };
-    for run in each {
-        page.heading(&format!("{} over time", run.run));
-        if !found.runs.is_empty() {
+    page.list(&found.pooled.remarks);
+    section(&mut page, &found.pooled);
+    for (k, torques) in found.torques.iter().enumerate() {
+        page.heading(&format!("{} over time", torques.run));
+        if let Some(run) = found.runs.get(k) {
             run.answer().iter().for_each(|sentence| page.paragraph("answer", sentence));
         }
-        for figure in run.residuals.iter().flat_map(over_time) {
-            page.figure(&figure, None);
+        let wheels: Vec<&str> = found.model.wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+        let figures = over_time(torques, &wheels);
+        if figures.is_empty() {
+            page.paragraph("rule", "No torque beside the model's makes the run likelier.");
         }
+        figures.iter().for_each(|figure| page.figure(figure, None));
     }
     facts(&mut page, about);
     page.finish()
 }
 
 fn section(page: &mut Document, run: &Whereabouts) {
-    let found = &run.dependences;
+    if !run.is_anything_left() {
+        return;
+    }
+    page.heading(&run.run);
     page.paragraph(
         "rule",
-        "Share: how much of the residual torque's mean square beyond noise a smooth curve of each quantity predicts on stretches of \
+        "Share: how much of the unexplained torque's mean square beyond noise a smooth curve of each quantity predicts on stretches of \
          time that it was not fitted to. Shares of quantities that move together overlap: they do not add up.",
     );
+    if let Some(found) = &run.dependences {
+        table(page, found);
+        found
+            .ranked
+            .iter()
+            .take(DRAWN)
+            .filter(|d| d.share > 0.05)
+            .for_each(|d| page.figure(&shape(d, "Unexplained torque"), None));
+    }
+    for motor in &run.motors {
+        if let Some(found) = &motor.dependences {
+            page.heading(&format!("{}: motor of {}", run.run, motor.wheel));
+            table(page, found);
+            let title = format!("Unexplained torque of {}'s motor", motor.wheel);
+            found
+                .ranked
+                .iter()
+                .take(DRAWN)
+                .filter(|d| d.share > 0.05)
+                .for_each(|d| page.figure(&shape(d, &title), None));
+        }
+    }
+}
+
+fn table(page: &mut Document, found: &Dependences) {
     let constant = |name: &str, share: f64, frame: &str| {
         vec![code(name), text(frame), number(share * 100.0, 0), text(""), text(""), text("")]
     };
-    let mut rows = vec![
-        constant("constant", found.constant_body_share, "body"),
-        constant("constant", found.constant_world_share, "world"),
-    ];
+    let mut rows = if found.ranked.first().is_some_and(|d| d.frame == Frame::Wheel) {
+        vec![constant("constant", found.constant_body_share, "wheel")]
+    } else {
+        vec![
+            constant("constant", found.constant_body_share, "body"),
+            constant("constant", found.constant_world_share, "world"),
+        ]
+    };
     rows.extend(found.ranked.iter().map(|d| {
         vec![
             code(&d.variable),
-            text(if d.frame == Frame::Body { "body" } else { "world" }),
+            text(name_of(d.frame)),
             number(d.share * 100.0, 0),
             text(axes(d.frame)[d.axis.min(2)]),
             text(&lower(&d.parity)),
@@ -71,15 +102,21 @@ fn section(page: &mut Document, run: &Whereabouts) {
         ]
     }));
     page.table(&["quantity", "frame", "#share [%]", "axis", "symmetry", "growth"], &rows);
-    for dependence in found.ranked.iter().take(DRAWN).filter(|d| d.share > 0.05) {
-        page.figure(&shape(dependence), None);
-    }
 }
 
 fn axes(frame: Frame) -> [&'static str; 3] {
     match frame {
         Frame::Body => ["x", "y", "z"],
         Frame::World => ["east", "north", "up"],
+        Frame::Wheel => ["axis", "", ""],
+    }
+}
+
+fn name_of(frame: Frame) -> &'static str {
+    match frame {
+        Frame::Body => "body",
+        Frame::World => "world",
+        Frame::Wheel => "wheel",
     }
 }
 
@@ -96,7 +133,7 @@ fn display(unit: &str) -> (&str, f64) {
     }
 }
 
-fn shape(d: &Dependence) -> Figure {
+fn shape(d: &Dependence, title: &str) -> Figure {
     // Wheel speeds are large, so they are not converted to degrees.
     let (unit, factor) =
         if d.variable.starts_with("wheel") { (d.unit.as_str(), 1.0) } else { display(&d.unit) };
@@ -112,44 +149,75 @@ fn shape(d: &Dependence) -> Figure {
         Curve::new("band", at(&values))
     };
     let name = d.variable.replace('_', " ");
+    let drawn = || if d.frame == Frame::Wheel { 0..1 } else { 0..3 };
     Figure {
-        title: format!("Residual torque over {name} ({:.0} % of the excess)", d.share * 100.0),
-        caption: format!(
-            "About {} axes, with bands of two standard deviations.",
-            if d.frame == Frame::Body { "body" } else { "world" }
-        ),
+        title: format!("{title} over {name} ({:.0} % of the excess)", d.share * 100.0),
+        caption: match d.frame {
+            Frame::Wheel => "About the wheel's axis, with a band of two standard deviations.".to_owned(),
+            frame => format!("About {} axes, with bands of two standard deviations.", name_of(frame)),
+        },
         x_label: format!("{name} [{unit}]"),
         y_label: "torque [mN m]".to_owned(),
-        curves: (0..3).map(|i| Curve::new(axes(d.frame)[i], at(&d.shape.torque_n_m[i]))).collect(),
-        bands: (0..3).map(|i| (edge(i, -1.0), edge(i, 1.0))).collect(),
+        curves: drawn().map(|i| Curve::new(axes(d.frame)[i], at(&d.shape.torque_n_m[i]))).collect(),
+        bands: drawn().map(|i| (edge(i, -1.0), edge(i, 1.0))).collect(),
         ..Figure::default()
     }
 }
 
-/// The residual over time, in both frames.
-fn over_time(torque: &ResidualTorque) -> [Figure; 2] {
-    let figure = |frame: Frame| {
-        let values: Vec<nalgebra::Vector3<f64>> = torque
-            .torque_b_n_m
-            .iter()
-            .zip(&torque.q_world_body)
-            .map(|(g, q)| if frame == Frame::World { q * g } else { *g })
-            .collect();
-        let curve = |i: usize, sign: f64| {
-            let points = torque.time_s.iter().zip(&values).zip(&torque.stddev_b_n_m);
-            Curve::new(axes(frame)[i], points.map(|((t, g), s)| (*t, (g[i] + sign * 2.0 * s[i]) * 1e3)))
+/// The torques over time: on the body in both frames, and of the motors; those that there are.
+fn over_time(torques: &UnexplainedTorques, wheels: &[&str]) -> Vec<Figure> {
+    let mut figures = Vec::new();
+    if torques.levels.stddev_b_n_m.iter().any(|level| *level > 0.0) {
+        figures.extend([Frame::Body, Frame::World].map(|frame| body_over_time(torques, frame)));
+    }
+    let motors =
+        torques.levels.motors_n_m.iter().zip(wheels).enumerate().filter(|(_, (level, _))| **level > 0.0);
+    let shown: Vec<(usize, &str)> = motors.map(|(j, (_, wheel))| (j, *wheel)).collect();
+    if !shown.is_empty() {
+        let curve = |(j, wheel): (usize, &str), sign: f64| {
+            let points = torques.states.iter().filter_map(|state| {
+                let (torque, stddev) =
+                    (state.motor_torque_n_m.get(j)?, state.motor_torque_stddev_n_m.get(j)?);
+                Some((state.time_s, (torque + sign * 2.0 * stddev) * 1e3))
+            });
+            Curve::new(wheel, points)
         };
-        let name = if frame == Frame::Body { "body" } else { "world" };
-        Figure {
-            title: format!("Residual torque over time, {name} axes"),
-            caption: "Torque that the model does not explain, smoothed, with two standard deviations. A torque that is steadier in one of the two \
-                      frames is fixed to that frame."
+        figures.push(Figure {
+            title: "Unexplained torque of the motors over time".to_owned(),
+            caption: "Torque about each wheel's axis beyond the commanded one and the model's friction, given all readings of the run, with two \
+                      standard deviations."
                 .to_owned(),
             y_label: "torque [mN m]".to_owned(),
-            curves: (0..3).map(|i| curve(i, 0.0)).collect(),
-            bands: if frame == Frame::Body { (0..3).map(|i| (curve(i, -1.0), curve(i, 1.0))).collect() } else { Vec::new() },
+            curves: shown.iter().map(|of| curve(*of, 0.0)).collect(),
+            bands: shown.iter().map(|of| (curve(*of, -1.0), curve(*of, 1.0))).collect(),
             ..Figure::default()
-        }
+        });
+    }
+    figures
+}
+
+fn body_over_time(torques: &UnexplainedTorques, frame: Frame) -> Figure {
+    let curve = |i: usize, sign: f64| {
+        let points = torques.states.iter().map(|state| {
+            let (torque, covariance) = match frame {
+                Frame::World => {
+                    let r = state.q_world_body.to_rotation_matrix().into_inner();
+                    (r * state.torque_b_n_m, r * state.torque_covariance_b * r.transpose())
+                }
+                _ => (state.torque_b_n_m, state.torque_covariance_b),
+            };
+            (state.time_s, (torque[i] + sign * 2.0 * covariance[(i, i)].max(0.0).sqrt()) * 1e3)
+        });
+        Curve::new(axes(frame)[i], points)
     };
-    [figure(Frame::Body), figure(Frame::World)]
+    Figure {
+        title: format!("Unexplained torque over time, {} axes", name_of(frame)),
+        caption: "Torque that the model does not explain, given all readings of the run, with two standard deviations. A torque that is \
+                  steadier in one of the two frames is fixed to that frame."
+            .to_owned(),
+        y_label: "torque [mN m]".to_owned(),
+        curves: (0..3).map(|i| curve(i, 0.0)).collect(),
+        bands: (0..3).map(|i| (curve(i, -1.0), curve(i, 1.0))).collect(),
+        ..Figure::default()
+    }
 }

@@ -9,6 +9,7 @@ use whorl_prediction::{AheadError, Noise, Prepared};
 use whorl_recording::{Channel, Component, Form};
 
 use super::PredictionError;
+use crate::remarks::MOVES;
 
 /// Error of one channel at one horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -100,7 +101,7 @@ impl Sums {
         let band = |p: f64| (chi_squared_quantile(p, degrees.max(1)) / count).sqrt();
         let about_mean = self.reading_squared - self.reading.powi(2) / count;
         // NaN where a reading is no number.
-        let moves = about_mean > 1.2 * noise * noise * count;
+        let moves = about_mean > MOVES * noise * noise * count;
         HorizonError {
             horizon_s,
             rms: (self.errors_squared / count * components).sqrt(),

@@ -1,13 +1,14 @@
 //! Prediction errors by channel and horizon.
 
 mod channels;
-mod remarks;
 mod verdict;
+mod white;
 mod whiteness;
 mod words;
 
 pub use channels::{ChannelErrors, HorizonError, Overlay};
 pub use verdict::{Absolute, PredictionError, Unexplained};
+pub use white::White;
 pub use whiteness::{InputCorrelation, Whiteness};
 pub use whorl_recording::Channel;
 
@@ -21,6 +22,7 @@ use channels::Errors;
 use whiteness::Innovations;
 
 use crate::error::ValidationError;
+use crate::remarks::remarks;
 
 /// Prediction horizons \[s\], in addition to the whole run; the last is a quarter of runs that are shorter than four of it.
 pub const HORIZONS_S: [f64; 3] = [0.1, 1.0, 10.0];
@@ -50,7 +52,9 @@ pub struct Comparison {
     pub absolute: Absolute,
     /// What pushes the platform beside its model.
     pub unexplained: Unexplained,
-    /// Whiteness of each channel's innovations.
+    /// Whether each channel's innovations are white with the model alone.
+    pub white: Vec<White>,
+    /// What is left in each channel's innovations of the filter that allows for what is unexplained.
     pub whiteness: Vec<Whiteness>,
     /// Whether a controller was running.
     pub closed_loop: bool,
@@ -86,6 +90,17 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         errors.add(horizons_s.len(), error)
     });
 
+    let white = if followed.noise.disturbance.is_some() {
+        let mut alone = Innovations::new(&case);
+        predict(&case, &followed.noise_alone(), &followed.alone.start, &[], &mut |told| {
+            if let Told::Innovation(innovation) = told {
+                alone.add(innovation);
+            }
+        });
+        alone.white(&case)
+    } else {
+        innovations.white(&case)
+    };
     let (channels, overlays, prediction) = errors.finish(&followed.noise, &stated);
     let times = if recording.gyro_b_rad_s.is_empty() {
         &recording.wheel_speed_rad_s.time_s
@@ -100,11 +115,12 @@ pub fn compare(recording: &Recording, model: &PlatformModel) -> Result<Compariso
         run: recording.name.clone(),
         duration_s,
         rate_hz: times.len().saturating_sub(1) as f64 / duration_s,
-        remarks: remarks::remarks(&case, &channels),
+        remarks: remarks(&case, &followed.noise, &stated),
         channels,
         prediction,
         absolute: Absolute::of(&followed.likelihood_alone, followed.alone.determined),
         unexplained: Unexplained::of(&case, &followed),
+        white,
         whiteness: innovations.tests(&case),
         closed_loop: recording.closed_loop,
         gyro_bias_rad_s: [0, 1, 2].map(|axis| bias(axis).unwrap_or(0.0)),

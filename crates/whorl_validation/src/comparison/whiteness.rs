@@ -6,12 +6,10 @@ use serde::Serialize;
 use whorl_prediction::{Innovation, Prepared};
 use whorl_recording::Component;
 
+use super::white::{LAGS, White};
 use crate::statistics::{
     CrossCorrelation, CumulativePeriodogram, LjungBox, cross_correlation, cumulative_periodogram, ljung_box,
 };
-
-/// Lags of the tests.
-const LAGS: usize = 25;
 
 /// Tests of one channel's innovations.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -64,6 +62,17 @@ impl Innovations {
             self.first_s.push(innovation.time_s);
         }
         self.of.entry(innovation.component).or_default().push(innovation.normalised());
+    }
+
+    /// Whether they are white, every component that was read often enough.
+    pub fn white(&self, case: &Prepared<'_>) -> Vec<White> {
+        let wheels: Vec<&str> = case.model().wheels().iter().map(|wheel| wheel.name.as_str()).collect();
+        let enough = self.of.iter().filter(|(_, values)| values.len() > 4 * LAGS);
+        let white = |(component, values): (&Component, &Vec<f64>)| {
+            let step_s = self.span_s / values.len().saturating_sub(1).max(1) as f64;
+            White::of(component.name(&wheels), values, step_s)
+        };
+        enough.filter_map(white).collect()
     }
 
     /// Tests every component that was read often enough.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use whorl_math::three_digits;
 
-use super::{ChannelErrors, Comparison, Unexplained};
+use super::{ChannelErrors, Comparison, Unexplained, white};
 
 /// Largest ratio to the predicted deviation at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
@@ -52,6 +52,12 @@ impl Comparison {
             text.push_str(&format!(" Unexplained: {}.", self.unexplained));
         }
         text
+    }
+
+    /// Whether the innovations of the model alone are white, in a sentence.
+    #[must_use]
+    pub fn said_of_innovations(&self) -> String {
+        white::in_words(&self.white)
     }
 
     /// Findings of the whiteness tests, one sentence each, the most significant first.

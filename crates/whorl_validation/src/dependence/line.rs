@@ -1,10 +1,9 @@
 //! A periodic torque: a line in the spectrum.
 
 use serde::Serialize;
-use whorl_trajectory::ResidualTorque;
 use whorl_trajectory::spectrum::Fourier;
 
-use super::{Frame, seen_in};
+use super::{Frame, Residual};
 
 /// Minimum share of an axis' power for a line to be reported.
 const LEAST_SHARE: f64 = 0.25;
@@ -30,7 +29,7 @@ pub struct SpectralLine {
 /// of significance in harmonic analysis, Proc. R. Soc. A 125, 1929) shows that it is significant.
 /// The lowest two frequencies are left out: they are trends.
 #[must_use]
-pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
+pub fn spectral_line(residual: &Residual) -> Option<SpectralLine> {
     let n = residual.time_s.len();
     let (first, last) = (*residual.time_s.first()?, *residual.time_s.last()?);
     if n < super::FEWEST_VALUES || last <= first {
@@ -39,8 +38,8 @@ pub fn spectral_line(residual: &ResidualTorque) -> Option<SpectralLine> {
     let length_s = (last - first) * n as f64 / (n - 1) as f64;
     let fourier = Fourier::of_length(n);
     let mut best: Option<SpectralLine> = None;
-    for frame in [Frame::Body, Frame::World] {
-        for (axis, values) in seen_in(residual, frame).iter().enumerate() {
+    for (frame, axes) in residual.frames() {
+        for (axis, values) in axes.iter().enumerate() {
             let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
             let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
             let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));

@@ -11,24 +11,29 @@
 mod basis;
 mod line;
 mod regression;
+mod residual;
 mod shape;
 mod variable;
 
 pub use line::{SpectralLine, spectral_line};
+pub use residual::Residual;
 pub use shape::{Growth, Parity, Shape};
 pub use variable::{Variable, conditions};
 
-use nalgebra::Vector3;
 use serde::Serialize;
 use thiserror::Error;
-use whorl_trajectory::ResidualTorque;
 
 use regression::{FOLDS, Regression};
+use residual::Axes;
+use variable::RATE_ABOUT_SAME_AXIS;
 
 /// Minimum number of values of a residual.
 pub const FEWEST_VALUES: usize = 20;
 /// How much more a world-frame curve must explain than the body-frame one to be preferred.
 const FRAME_MARGIN: f64 = 0.02;
+
+/// How much more the rates about all axes must explain than any other quantity.
+const OWN_AXES_MARGIN: f64 = 0.1;
 
 /// Axes in which a torque is resolved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -38,6 +43,8 @@ pub enum Frame {
     Body,
     /// Fixed to the room: east, north, up.
     World,
+    /// About a wheel's axis, the first of three; there are no others.
+    Wheel,
 }
 
 /// Why a residual cannot be analysed.
@@ -98,55 +105,6 @@ pub struct Dependences {
     pub line: Option<SpectralLine>,
 }
 
-/// Number of values of a residual, after validation.
-fn checked(residual: &ResidualTorque) -> Result<usize, DependenceError> {
-    let count = residual.time_s.len();
-    let lengths = [residual.torque_b_n_m.len(), residual.stddev_b_n_m.len(), residual.q_world_body.len()];
-    if lengths.iter().any(|n| *n != count) {
-        return Err(DependenceError::NotUsable("its series differ in length"));
-    }
-    if count < FEWEST_VALUES {
-        return Err(DependenceError::TooFewValues { given: count });
-    }
-    if !residual.torque_b_n_m.iter().flat_map(|v| v.iter()).all(|x| x.is_finite()) {
-        return Err(DependenceError::NotUsable("a value is not finite"));
-    }
-    // An axis about which the rig holds the body has no uncertainty at any time.
-    let held = [0, 1, 2].map(|i| residual.stddev_b_n_m.iter().all(|v| v[i] == 0.0));
-    let is_usable = |v: &Vector3<f64>| {
-        (0..3).all(|i| v[i].is_finite() && (v[i] > 0.0 || held[i])) && held.iter().any(|held| !held)
-    };
-    if !residual.stddev_b_n_m.iter().all(is_usable) {
-        return Err(DependenceError::NotUsable("a standard deviation is not positive"));
-    }
-    Ok(count)
-}
-
-/// Share of the largest standard deviation below which an axis is one about which the rig holds the body.
-const HELD: f64 = 1e-9;
-
-/// Values and standard deviations, axis by axis, in `frame`; infinite, so that it weighs nothing, on an axis about which
-/// the rig holds the body.
-fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
-    let mut axes = [const { Vec::new() }; 3];
-    let torques = residual.torque_b_n_m.iter().zip(&residual.stddev_b_n_m);
-    for ((torque, stddev), q) in torques.zip(&residual.q_world_body) {
-        let (value, sigma) = match frame {
-            Frame::Body => (*torque, *stddev),
-            Frame::World => {
-                let r = q.to_rotation_matrix().into_inner();
-                let squares = r.component_mul(&r) * stddev.component_mul(stddev);
-                (q * torque, squares.map(f64::sqrt))
-            }
-        };
-        let held = HELD * sigma.amax();
-        for (i, axis) in axes.iter_mut().enumerate() {
-            axis.push((value[i], if sigma[i] > held { sigma[i] } else { f64::INFINITY }));
-        }
-    }
-    axes
-}
-
 /// Finds the quantities that a residual torque depends on, in one run or in several that are pooled: one curve for all.
 /// Variables that hardly vary, that are missing in a run, or whose number of values differs from the residual's are
 /// left out.
@@ -154,49 +112,41 @@ fn seen_in(residual: &ResidualTorque, frame: Frame) -> [Vec<(f64, f64)>; 3] {
 /// # Errors
 /// See [`DependenceError`].
 pub fn dependences(
-    residuals: &[ResidualTorque],
+    residuals: &[Residual],
     variables: &[Vec<Variable>],
 ) -> Result<Dependences, DependenceError> {
     let mut count = 0;
     for residual in residuals {
-        count += checked(residual)?;
+        count += residual.checked()?;
     }
     if count == 0 {
         return Err(DependenceError::TooFewValues { given: 0 });
     }
-    let seen = |frame: Frame| {
-        let mut axes = [const { Vec::new() }; 3];
-        for residual in residuals {
-            for (all, own) in axes.iter_mut().zip(seen_in(residual, frame)) {
-                all.extend(own);
-            }
-        }
-        axes
-    };
-    let (body, world) = (seen(Frame::Body), seen(Frame::World));
+    let frames = joined(residuals);
+    let Some((first, body)) = frames.first() else { return Err(DependenceError::TooFewValues { given: 0 }) };
+    let world = frames.iter().find(|(frame, _)| *frame == Frame::World).map(|(_, axes)| axes);
     let variables = together(variables);
-    let total: f64 = sum_of_squares(&body).iter().sum();
+    let total: f64 = sum_of_squares(body).iter().sum();
     let noise = body.iter().flatten().filter(|(_, sigma)| sigma.is_finite()).count().max(1) as f64;
     let folds = folds(count);
 
-    let constants = |axes: &[Vec<(f64, f64)>; 3]| {
-        axes.each_ref().map(|axis| regression::constant_explains(axis, &folds).max(0.0))
-    };
-    let (constants_body, constants_world) = (constants(&body), constants(&world));
+    let constants =
+        |axes: &Axes| axes.each_ref().map(|axis| regression::constant_explains(axis, &folds).max(0.0));
+    let (constants_body, constants_world) = (constants(body), world.map_or([0.0; 3], constants));
     let constant_body: f64 = constants_body.iter().sum();
     let constant_world: f64 = constants_world.iter().sum();
 
     let mut found = Vec::new();
     for variable in variables.iter().filter(|v| v.value.len() == count) {
         let Some(regression) = Regression::new(variable, &folds) else { continue };
-        let in_body = regression.fit(&body);
-        let in_world = regression.fit(&world);
-        let (frame, fit, axes) =
-            if in_world.explained_total() > in_body.explained_total() + FRAME_MARGIN * total {
-                (Frame::World, in_world, &world)
-            } else {
-                (Frame::Body, in_body, &body)
-            };
+        let mut best = (*first, regression.fit(body), body);
+        if let Some(world) = world {
+            let in_world = regression.fit(world);
+            if in_world.explained_total() > best.1.explained_total() + FRAME_MARGIN * total {
+                best = (Frame::World, in_world, world);
+            }
+        }
+        let (frame, fit, axes) = best;
         let shape = Shape::of(&regression, &fit, axes);
         found.push((variable, frame, fit.explained, shape));
     }
@@ -229,16 +179,38 @@ pub fn dependences(
         })
         .collect();
     ranked.sort_by(|a, b| b.share.total_cmp(&a.share));
+    leave_out_needless(&mut ranked);
     Ok(Dependences {
         mean_square_whitened: total / noise,
         excess: ((total - noise) / total.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0),
         constant_body_share: (constant_body / excess).min(1.0),
         constant_world_share: (constant_world / excess).min(1.0),
         mean_b_n_m: body.each_ref().map(|axis| mean(axis)),
-        mean_world_n_m: world.each_ref().map(|axis| mean(axis)),
+        mean_world_n_m: world.map_or([0.0; 3], |axes| axes.each_ref().map(|axis| mean(axis))),
         ranked,
         line: strongest_line(residuals),
     })
+}
+
+/// The rate about each axis' own is worth a word only where it explains more than the rate about one.
+fn leave_out_needless(ranked: &mut Vec<Dependence>) {
+    let best =
+        ranked.iter().filter(|d| d.variable != RATE_ABOUT_SAME_AXIS).map(|d| d.share).fold(0.0, f64::max);
+    ranked.retain(|d| d.variable != RATE_ABOUT_SAME_AXIS || d.share > best + OWN_AXES_MARGIN);
+}
+
+/// All residuals one after the other, in each frame that they have in common with the first.
+fn joined(residuals: &[Residual]) -> Vec<(Frame, Axes)> {
+    let Some((first, others)) = residuals.split_first() else { return Vec::new() };
+    let mut frames: Vec<(Frame, Axes)> = first.frames().map(|(frame, axes)| (frame, axes.clone())).collect();
+    for other in others {
+        frames.retain_mut(|(frame, axes)| {
+            let Some((_, more)) = other.frames().find(|(of, _)| of == frame) else { return false };
+            axes.iter_mut().zip(more).for_each(|(all, own)| all.extend(own));
+            true
+        });
+    }
+    frames
 }
 
 /// Variables of the same name of all runs, one after the other.
@@ -247,7 +219,11 @@ fn together(runs: &[Vec<Variable>]) -> Vec<Variable> {
     let joined = first.iter().map(|variable| {
         let mut joined = variable.clone();
         for run in others {
-            joined.value.extend(&run.iter().find(|v| v.name == variable.name)?.value);
+            let more = run.iter().find(|v| v.name == variable.name)?;
+            joined.value.extend(&more.value);
+            if let Some((all, more)) = joined.of_other_axes.as_mut().zip(more.of_other_axes.as_ref()) {
+                all.iter_mut().zip(more).for_each(|(all, more)| all.extend(more));
+            }
         }
         Some(joined)
     });
@@ -255,7 +231,7 @@ fn together(runs: &[Vec<Variable>]) -> Vec<Variable> {
 }
 
 /// The line with the largest share of its axis' power, among all runs.
-fn strongest_line(residuals: &[ResidualTorque]) -> Option<SpectralLine> {
+fn strongest_line(residuals: &[Residual]) -> Option<SpectralLine> {
     let lines = residuals.iter().filter_map(spectral_line);
     lines.max_by(|a, b| a.share.total_cmp(&b.share))
 }
@@ -266,7 +242,7 @@ fn folds(count: usize) -> Vec<usize> {
     (0..count).map(|i| (i * stretches / count) % FOLDS).collect()
 }
 
-fn sum_of_squares(axes: &[Vec<(f64, f64)>; 3]) -> [f64; 3] {
+fn sum_of_squares(axes: &Axes) -> [f64; 3] {
     axes.each_ref().map(|axis| axis.iter().map(|(value, sigma)| (value / sigma).powi(2)).sum())
 }
 

@@ -16,7 +16,7 @@ const RIDGE: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub(super) struct Regression {
     pub basis: Basis,
-    pub value: Vec<f64>,
+    variable: Variable,
     pub periodic: bool,
     folds: Vec<usize>,
 }
@@ -68,11 +68,11 @@ impl Normal {
 impl Regression {
     /// `None` if the quantity hardly varies or is not finite.
     pub fn new(variable: &Variable, folds: &[usize]) -> Option<Self> {
-        let value = variable.value.clone();
-        if value.iter().any(|x| !x.is_finite()) {
+        let others = variable.of_other_axes.iter().flatten().flatten();
+        let mut sorted: Vec<f64> = variable.value.iter().chain(others).copied().collect();
+        if sorted.iter().any(|x| !x.is_finite()) {
             return None;
         }
-        let mut sorted = value.clone();
         sorted.sort_by(f64::total_cmp);
         let (low, high, periodic) = match variable.period {
             Some(period) => {
@@ -97,12 +97,17 @@ impl Regression {
         if !(high - low > 1e-9 * scale && high - low > variable.resolution) {
             return None;
         }
-        Some(Self { basis: Basis::new(low, high, periodic), value, periodic, folds: folds.to_vec() })
+        Some(Self {
+            basis: Basis::new(low, high, periodic),
+            variable: variable.clone(),
+            periodic,
+            folds: folds.to_vec(),
+        })
     }
 
-    fn normal(&self, axis: &[(f64, f64)], fold: impl Fn(usize) -> bool) -> Normal {
+    fn normal(&self, i: usize, axis: &[(f64, f64)], fold: impl Fn(usize) -> bool) -> Normal {
         let mut normal = Normal::zero(self.basis.len());
-        for ((x, (value, sigma)), at) in self.value.iter().zip(axis).zip(&self.folds) {
+        for ((x, (value, sigma)), at) in self.variable.of_axis(i).iter().zip(axis).zip(&self.folds) {
             if fold(*at) {
                 normal.add(&self.basis.at(*x), *value, sigma.powi(-2));
             }
@@ -113,8 +118,9 @@ impl Regression {
     /// Chooses the smoothness of each axis' curve and computes its score.
     pub fn fit(&self, axes: &[Vec<(f64, f64)>; 3]) -> Fit {
         let mut fit = Fit { explained: [0.0; 3], penalty: [1.0; 3] };
-        for ((axis, explained), penalty) in axes.iter().zip(&mut fit.explained).zip(&mut fit.penalty) {
-            let parts: Vec<Normal> = (0..FOLDS).map(|k| self.normal(axis, |fold| fold == k)).collect();
+        let scores = fit.explained.iter_mut().zip(&mut fit.penalty);
+        for ((i, axis), (explained, penalty)) in axes.iter().enumerate().zip(scores) {
+            let parts: Vec<Normal> = (0..FOLDS).map(|k| self.normal(i, axis, |fold| fold == k)).collect();
             let total = parts.iter().map(|p| p.squares).sum::<f64>();
             let mut best = f64::INFINITY;
             for &candidate in &PENALTIES {
@@ -163,8 +169,8 @@ impl Regression {
 
     /// The curve of one axis from all of the data: its coefficients and their covariance. `inflation`
     /// multiplies the covariance: the ratio of the residual scatter to the stated noise, at least one.
-    pub fn curve(&self, axis: &[(f64, f64)], penalty: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let normal = self.normal(axis, |_| true);
+    pub fn curve(&self, i: usize, axis: &[(f64, f64)], penalty: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let normal = self.normal(i, axis, |_| true);
         let factor = self.penalised(&normal, penalty).cholesky()?;
         let coefficients = factor.solve(&normal.right);
         let inflation = (normal.left(&coefficients) / axis.len() as f64).max(1.0);

@@ -57,7 +57,9 @@ impl Shape {
             x,
         };
         for (i, axis) in axes.iter().enumerate() {
-            let Some((coefficients, covariance)) = regression.curve(axis, fit.penalty[i]) else { continue };
+            let Some((coefficients, covariance)) = regression.curve(i, axis, fit.penalty[i]) else {
+                continue;
+            };
             for x in &shape.x {
                 let functions = regression.basis.at(*x);
                 let value: f64 = functions.iter().map(|(j, b)| b * coefficients[*j]).sum();

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
@@ -34,19 +34,16 @@ impl Run {
         }
     }
 
-    fn residual(
-        &mut self,
-        torque_b: impl Fn(usize, &UnitQuaternion<f64>, f64) -> Vector3<f64>,
-    ) -> ResidualTorque {
-        let mut residual = ResidualTorque { time_s: self.time_s.clone(), ..ResidualTorque::default() };
+    fn residual(&mut self, torque_b: impl Fn(usize, &UnitQuaternion<f64>, f64) -> Vector3<f64>) -> Residual {
+        let (mut torques, mut attitudes) = (Vec::new(), Vec::new());
         for k in 0..self.time_s.len() {
             let q = UnitQuaternion::from_euler_angles(0.03, -0.02, self.yaw_rad[k]);
             let noise = Vector3::from_fn(|_, _| StandardNormal.sample(&mut self.random));
-            residual.torque_b_n_m.push(torque_b(k, &q, self.yaw_rate_rad_s[k]) + noise * SIGMA_N_M);
-            residual.stddev_b_n_m.push(Vector3::repeat(SIGMA_N_M));
-            residual.q_world_body.push(q);
+            torques.push(torque_b(k, &q, self.yaw_rate_rad_s[k]) + noise * SIGMA_N_M);
+            attitudes.push(q);
         }
-        residual
+        let noise = vec![Matrix3::identity() * SIGMA_N_M.powi(2); torques.len()];
+        Residual::of_body(self.time_s.clone(), &torques, &noise, &attitudes)
     }
 
     fn variables(&self) -> Vec<Variable> {
@@ -66,7 +63,7 @@ impl Run {
 }
 
 /// Of one run.
-fn dependences_of(residual: &ResidualTorque, variables: &[Variable]) -> Result<Dependences, DependenceError> {
+fn dependences_of(residual: &Residual, variables: &[Variable]) -> Result<Dependences, DependenceError> {
     dependences(std::slice::from_ref(residual), &[variables.to_vec()])
 }
 
@@ -173,21 +170,38 @@ fn a_line_is_found_at_its_frequency() {
 
 #[test]
 fn unusable_residuals_are_refused() {
-    let mut run = Run::new(40);
-    let good = run.residual(|_, _, _| Vector3::zeros());
-    let mut short = good.clone();
-    for series in [&mut short.torque_b_n_m, &mut short.stddev_b_n_m] {
-        series.truncate(5);
-    }
-    short.time_s.truncate(5);
-    short.q_world_body.truncate(5);
+    let time_s: Vec<f64> = (0..50).map(f64::from).collect();
+    let torques = vec![Vector3::zeros(); 50];
+    let noise = vec![Matrix3::identity(); 50];
+    let level = vec![UnitQuaternion::identity(); 50];
+    let of = |torques: &[Vector3<f64>], noise: &[Matrix3<f64>]| {
+        dependences_of(&Residual::of_body(time_s.clone(), torques, noise, &level), &[])
+    };
+    assert!(of(&torques, &noise).is_ok());
+    let short = Residual::of_body(time_s[..5].to_vec(), &torques[..5], &noise[..5], &level[..5]);
     assert_eq!(dependences_of(&short, &[]), Err(DependenceError::TooFewValues { given: 5 }));
-    let mut poisoned = good.clone();
-    poisoned.torque_b_n_m[7].y = f64::NAN;
-    assert!(matches!(dependences_of(&poisoned, &[]), Err(DependenceError::NotUsable(_))));
-    let mut certain = good;
-    certain.stddev_b_n_m[0].x = 0.0;
-    assert!(matches!(dependences_of(&certain, &[]), Err(DependenceError::NotUsable(_))));
+    let mut poisoned = torques.clone();
+    poisoned[7].y = f64::NAN;
+    assert!(matches!(of(&poisoned, &noise), Err(DependenceError::NotUsable(_))));
+    let mut unknown = noise;
+    unknown[0][(0, 0)] = f64::NAN;
+    assert!(matches!(of(&torques, &unknown), Err(DependenceError::NotUsable(_))));
+    let certain = vec![Matrix3::zeros(); 50];
+    assert!(matches!(of(&torques, &certain), Err(DependenceError::NotUsable(_))));
+}
+
+/// A motor's torque over its speed, in the one direction that it has.
+#[test]
+fn a_motor_has_one_axis() {
+    let mut run = Run::new(41);
+    let residual = run.residual(|_, _, rate| Vector3::new(0.0, 0.0, -0.03 * rate));
+    let (_, axes) = residual.frames().next().unwrap();
+    let motor = Residual::of_motor(run.time_s.clone(), axes[2].clone());
+    let found = dependences_of(&motor, &run.variables()).unwrap();
+    let first = &found.ranked[0];
+    assert_eq!((first.variable.as_str(), first.frame, first.axis), ("yaw_rate", Frame::Wheel, 0));
+    assert!(first.share > 0.8 && first.parity == Parity::Odd && first.growth == Growth::Linear);
+    assert_eq!((found.constant_world_share, found.mean_world_n_m), (0.0, [0.0; 3]));
 }
 
 /// Friction in two runs, one at rest and one that turns: together they show one curve, over the rates of both.

@@ -30,6 +30,8 @@ fn the_right_model_leaves_noise() {
         assert!(w.periodogram.as_ref().unwrap().line_hz.is_none(), "{}", w.channel);
     }
     assert!(comparison.answer().contains("explains the data to the noise"), "{}", comparison.answer());
+    let said = comparison.said_of_innovations();
+    assert!(said.contains("are white") && comparison.white.len() == 3 + 3 + 2 + 3, "{said}");
 }
 
 #[test]
@@ -50,6 +52,8 @@ fn a_missing_torque_shows_more_the_longer_the_horizon() {
     );
     let answer = comparison.answer();
     assert!(answer.contains("does not explain") && answer.contains("Worst is"), "{answer}");
+    let said = comparison.said_of_innovations();
+    assert!(said.contains("are correlated") && said.contains(" over about "), "{said}");
     // With the effect in the model, only noise remains.
     assert!(compare(&recording, &truth).unwrap().is_noise());
 }
@@ -87,6 +91,41 @@ fn the_noise_is_that_of_the_run() {
     assert!(comparison.remarks.iter().any(|r| r.contains("gyro's noise")), "{:?}", comparison.remarks);
     assert!((gyro.stated_noise / 1.7e-3 - 1.0).abs() < 0.01, "{}", gyro.stated_noise);
     assert!((gyro.horizons[0].ratio - 1.0).abs() < 0.08, "{:?}", gyro.horizons);
+}
+
+/// Each vector sensor has its own noise, whatever the platform's file says of them.
+#[test]
+fn vector_sensors_have_noise_of_their_own() {
+    let model = platform();
+    let mut recording = record(&model, &Manoeuvre { jet_period_s: 0.0, ..Manoeuvre::default() });
+    let truth = recording.truth.clone().unwrap();
+    let mut random = rand_pcg::Pcg64::new(6, 4);
+    recording.vectors.clear();
+    let stated = model.sensors.vector.unwrap().noise_stddev_rad;
+    let sensors = [(nalgebra::Vector3::x_axis(), 0.5 * stated), (nalgebra::Vector3::y_axis(), 6.0 * stated)];
+    for (reference_world, stddev_rad) in sensors {
+        let noise = rand_distr::Normal::new(0.0, stddev_rad).unwrap();
+        let seen =
+            truth.q_world_body.time_s.iter().zip(&truth.q_world_body.value).step_by(5).map(|(t, q)| {
+                let turn =
+                    nalgebra::Vector3::from_fn(|_, _| rand_distr::Distribution::sample(&noise, &mut random));
+                let exact = q.inverse_transform_vector(&reference_world);
+                (*t, whorl_math::quaternion_exp(&turn) * exact)
+            });
+        let direction_b = seen.collect();
+        recording.vectors.push(whorl_recording::VectorChannel { reference_world, direction_b });
+    }
+    let comparison = compare(&recording, &model).unwrap();
+    let of = |name: &str| comparison.channels.iter().find(|channel| channel.name == name).unwrap();
+    for (name, (_, stddev_rad)) in ["vector_1", "vector_2"].iter().zip(sensors) {
+        let ratio = of(name).noise_floor / (2f64.sqrt() * stddev_rad);
+        assert!((ratio - 1.0).abs() < 0.06, "{name}: {ratio}");
+        assert!((of(name).horizons[0].ratio - 1.0).abs() < 0.1, "{name}: {:?}", of(name).horizons);
+    }
+    for said in ["vector sensor 1's noise in this run is 0.", "vector sensor 2's noise in this run is "] {
+        assert!(comparison.remarks.iter().any(|r| r.contains(said)), "{said} {:?}", comparison.remarks);
+    }
+    assert!(comparison.is_noise(), "{}", comparison.answer());
 }
 
 #[test]

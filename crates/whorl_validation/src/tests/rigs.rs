@@ -6,7 +6,6 @@ use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, InitialState, MassProperties, Plant, PlatformModel};
 use whorl_recording::{Mounting, Recording, VectorChannel};
-use whorl_trajectory::residual_torque;
 
 use crate::{Comparison, compare};
 
@@ -149,9 +148,10 @@ fn the_residual_torque_of_a_shaft_is_along_it() {
         "bearing_viscous_friction".to_owned(),
         std::collections::BTreeMap::from([("c_n_m_s".to_owned(), friction_n_m_s)]),
     );
-    let found = residual_torque(&record(&truth, &GIMBAL), &model).unwrap();
+    let found = crate::unexplained_torques(&record(&truth, &GIMBAL), &model).unwrap();
     let (mut product, mut square) = (0.0, 0.0);
-    for (torque, rate) in found.torque_b_n_m.iter().zip(&found.omega_wb_b_rad_s) {
+    for state in &found.states {
+        let (torque, rate) = (&state.torque_b_n_m, &state.omega_wb_b_rad_s);
         assert!((torque - axis_b.into_inner() * axis_b.dot(torque)).norm() < 1e-15);
         product -= axis_b.dot(torque) * axis_b.dot(rate);
         square += axis_b.dot(rate).powi(2);

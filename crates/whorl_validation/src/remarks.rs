@@ -1,0 +1,95 @@
+//! What limits what a run says of a model, in sentences.
+
+use whorl_dynamics::Freedom;
+use whorl_prediction::{Noise, Prepared};
+use whorl_recording::{Channel, Component};
+
+/// Ratio of the noise that a run shows to the stated one, and its inverse, from which on it is said.
+const WORTH_SAYING: f64 = 1.25;
+/// Ratio of the variance of readings to that of their noise above which they show a motion.
+pub(crate) const MOVES: f64 = 1.2;
+
+/// Of a run with the noise that it shows, and the stated one.
+pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec<String> {
+    let (recording, model, clamped) = (case.recording(), case.model(), case.is_clamped());
+    let mut remarks = Vec::new();
+    let mut say = |applies: bool, text: &str| {
+        if applies {
+            remarks.push(text.to_owned());
+        }
+    };
+    say(
+        case.commands().wheel_torque_from_speed,
+        "The wheels' torque commands were not recorded: the model's wheels are driven along their measured speeds, so errors of the wheels themselves do not show.",
+    );
+    say(
+        !clamped && recording.wheel_speed_rad_s.is_empty() && !recording.wheel_torque_command_n_m.is_empty(),
+        "The wheels' speeds were not recorded: they are assumed to start at rest.",
+    );
+    say(
+        model.freedom == Freedom::OnBearing && !clamped && recording.specific_force_b_m_s2.is_empty(),
+        "The accelerometer was not recorded: the platform is assumed to start near balance, so tilt, and with it the gravity torque, is poorly known.",
+    );
+    say(
+        model.freedom.axes() == 3 && !clamped && recording.vectors.is_empty(),
+        "No vector sensor was recorded: heading starts at zero and drifts with the gyro; effects fixed to the room cannot be distinguished by heading.",
+    );
+    say(
+        !model.jets().is_empty() && recording.jet_pulses.is_empty() && !clamped,
+        "The jets' commands were not recorded: firings would appear as unknown torques.",
+    );
+    say(
+        !is_moving(case, noise),
+        "No rate and no speed moves beyond its noise in this run: whether the model moves as the platform does, it does not show.",
+    );
+    remarks.extend(levels(case, noise, stated));
+    remarks
+}
+
+/// Sensors whose noise is not the stated one; each vector sensor has its own.
+fn levels(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec<String> {
+    let several = case.recording().vectors.len() > 1;
+    let mut sensors = vec![
+        (Channel::Gyro, 0, "gyro's".to_owned()),
+        (Channel::Accelerometer, 0, "accelerometer's".to_owned()),
+        (Channel::WheelSpeed, 0, "tachometers'".to_owned()),
+    ];
+    let vectors = (0..case.recording().vectors.len()).map(|k| {
+        let name = if several { format!("vector sensor {}'s", k + 1) } else { "vector sensor's".to_owned() };
+        (Channel::Vector, k, name)
+    });
+    sensors.splice(2..2, vectors);
+    let told = sensors.into_iter().filter_map(|(channel, sensor, whose)| {
+        let of = case.components().filter(|c| c.channel == channel && c.sensor() == sensor);
+        let ratios: Vec<f64> = of.map(|component| noise.of(component) / stated.of(component)).collect();
+        let (least, most) =
+            ratios.iter().fold((f64::INFINITY, 0f64), |(least, most), r| (least.min(*r), most.max(*r)));
+        if ratios.is_empty() || (most <= WORTH_SAYING && least >= 1.0 / WORTH_SAYING) {
+            return None;
+        }
+        let times = if least < 0.995 * most { format!("{least:.2} to {most:.2}") } else { format!("{most:.2}") };
+        let text = format!(
+            "The {whose} noise in this run is {times} times what the platform's file states; that of the run is used."
+        );
+        Some(text)
+    });
+    told.collect()
+}
+
+/// Whether any rate or speed changes by more than its noise.
+fn is_moving(case: &Prepared<'_>, noise: &Noise) -> bool {
+    let moves = |component: Component| {
+        let series = case.recording().series(component.channel, component.sensor())?;
+        let numbers = || {
+            let of = |k| series.number(k, component.index()).filter(|x| x.is_finite());
+            (0..series.time_s().len()).filter_map(of)
+        };
+        let first = numbers().next()?;
+        let (sum, squares, count) = numbers().fold((0.0, 0.0, 0.0), |(sum, squares, count), x| {
+            (sum + (x - first), squares + (x - first).powi(2), count + 1.0)
+        });
+        Some(squares - sum * sum / count > MOVES * noise.of(component).powi(2) * count)
+    };
+    let rates = case.components().filter(|c| matches!(c.channel, Channel::Gyro | Channel::WheelSpeed));
+    rates.into_iter().any(|component| moves(component).unwrap_or(false))
+}
