@@ -78,7 +78,7 @@ impl Table {
 
     /// Half a minute of it: what was recorded, and at each sample the torques that the model lacks, on table and motor.
     fn turned(&self, seed: u64) -> (Recording, Vec<[f64; 2]>) {
-        let mut random = Pcg64::new(u128::from(seed), 8);
+        let mut random = Pcg64::new(u128::from(seed).wrapping_mul(0x9e37_79b9_7f4a_7c15_f39c), 8);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
         let mut r = Recording { name: "table".to_owned(), ..Recording::default() };
         r.no_gyro_axis = [true, true, false];

@@ -5,4 +5,5 @@ mod agreement;
 mod generator;
 mod history;
 mod located;
+mod refits;
 mod trends;

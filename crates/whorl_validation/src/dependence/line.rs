@@ -39,7 +39,9 @@ pub fn spectral_line(residual: &Residual) -> Option<SpectralLine> {
     let fourier = Fourier::of_length(n);
     let mut best: Option<SpectralLine> = None;
     for (frame, axes) in residual.frames() {
-        for (axis, values) in axes.iter().enumerate() {
+        // Of an axis about which nothing can turn there is rounding.
+        let turns = |values: &Vec<(f64, f64)>| values.iter().any(|(_, sigma)| sigma.is_finite());
+        for (axis, values) in axes.iter().enumerate().filter(|(_, values)| turns(values)) {
             let mean = values.iter().map(|(x, _)| x).sum::<f64>() / n as f64;
             let power: f64 = values.iter().map(|(x, _)| (x - mean).powi(2)).sum::<f64>() / n as f64;
             let spectrum = fourier.transform(values.iter().map(|(x, _)| x - mean));

@@ -10,7 +10,7 @@ use whorl_dynamics::platform::{TiltLimit, Wheel};
 use whorl_dynamics::{Freedom, MassProperties, PlatformModel};
 use whorl_recording::{Mounting, Recording, VectorChannel};
 
-use crate::compare;
+use crate::{Followed, compare, explain_where};
 
 const GYRO_RAD_S: f64 = 0.02;
 const FORCE_M_S2: f64 = 0.05;
@@ -158,6 +158,26 @@ fn the_exact_model_of_a_pendulum_explains_it() {
                 "{pendulum:?}: {channel:?}"
             );
         }
+    }
+}
+
+/// What a model explains leaves nothing to locate; without its friction the torque that is missing is a function of the rate, and that is the
+/// law.
+#[test]
+fn what_a_pendulum_leaves_unexplained_is_its_friction() {
+    for (seed, pendulum) in (1..).zip(pendulums()) {
+        let run = pendulum.swing(seed);
+        let model = pendulum.model();
+        let right = explain_where(&[&Followed::new(&run, &model).unwrap()], &model).unwrap();
+        assert!(!right.is_anything_left(), "{pendulum:?}: {:?}", right.answer());
+        if pendulum.friction_n_m_s == 0.0 {
+            continue;
+        }
+        let model = Pendulum { friction_n_m_s: 0.0, ..pendulum }.model();
+        let wrong = explain_where(&[&Followed::new(&run, &model).unwrap()], &model).unwrap();
+        let Some(found) = &wrong.dependences else { panic!("{pendulum:?}: {:?}", wrong.answer()) };
+        let rate = found.ranked.iter().find(|d| d.variable == "yaw_rate").unwrap();
+        println!("{pendulum:?}: {:?} share {}", wrong.answer(), rate.share);
     }
 }
 
