@@ -103,7 +103,9 @@ pub fn explain_where(runs: &[&Followed<'_>], model: &PlatformModel) -> Result<Wh
         let of: Vec<_> = states.iter().map(|state| state.torque_b_n_m).collect();
         let attitudes: Vec<_> = states.iter().map(|state| state.q_world_body).collect();
         let pushes = torques.levels.stddev_b_n_m.iter().any(|level| *level > 0.0);
-        pushes.then(|| Residual::of_body(times(torques), &of, &noise, &attitudes))
+        let residual = || Residual::of_body(times(torques), &of, &noise, &attitudes);
+        let on_shaft = model.freedom.axes() == 1;
+        pushes.then(|| if on_shaft { residual().on_shaft() } else { residual() })
     };
     let mut motors = Vec::new();
     for (j, wheel) in model.wheels().iter().enumerate() {

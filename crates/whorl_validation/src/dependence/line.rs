@@ -7,6 +7,8 @@ use super::{Frame, Residual};
 
 /// Minimum share of an axis' power for a line to be reported.
 const LEAST_SHARE: f64 = 0.25;
+/// Share of the mean square on the largest axis below which a line is of no consequence.
+const OF_CONSEQUENCE: f64 = 0.1;
 /// Probability that noise alone shows a line this strong.
 const FALSE_ALARM: f64 = 1e-3;
 
@@ -37,6 +39,8 @@ pub fn spectral_line(residual: &Residual) -> Option<SpectralLine> {
     }
     let length_s = (last - first) * n as f64 / (n - 1) as f64;
     let fourier = Fourier::of_length(n);
+    let mean_square = |axis: &Vec<(f64, f64)>| axis.iter().map(|(x, _)| x * x).sum::<f64>() / n as f64;
+    let largest = residual.frames().flat_map(|(_, axes)| axes).map(mean_square).fold(0.0, f64::max);
     let mut best: Option<SpectralLine> = None;
     for (frame, axes) in residual.frames() {
         // Of an axis about which nothing can turn there is rounding.
@@ -51,7 +55,11 @@ pub fn spectral_line(residual: &Residual) -> Option<SpectralLine> {
                 let frequency_hz = k as f64 / length_s;
                 let amplitude = 2.0 * x.norm() / n as f64;
                 let share = 0.5 * amplitude * amplitude / power.max(f64::MIN_POSITIVE);
-                if share > LEAST_SHARE && best.is_none_or(|b| share > b.share) && is_significant(share, n / 2)
+                let matters = 0.5 * amplitude * amplitude > OF_CONSEQUENCE * largest;
+                if matters
+                    && share > LEAST_SHARE
+                    && best.is_none_or(|b| share > b.share)
+                    && is_significant(share, n / 2)
                 {
                     best = Some(SpectralLine { frequency_hz, amplitude_n_m: amplitude, frame, axis, share });
                 }

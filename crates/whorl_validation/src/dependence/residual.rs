@@ -40,6 +40,13 @@ impl Residual {
         Self { time_s, frames: vec![(Frame::Body, body), (Frame::World, world)] }
     }
 
+    /// The same in body axes alone: of a rig on a shaft, which stands in body and world alike.
+    #[must_use]
+    pub fn on_shaft(mut self) -> Self {
+        self.frames.retain(|(frame, _)| *frame == Frame::Body);
+        self
+    }
+
     /// Of a wheel's motor about its axis: values with the standard deviations of their noise [N m].
     #[must_use]
     pub fn of_motor(time_s: Vec<f64>, torque_n_m: Vec<(f64, f64)>) -> Self {
