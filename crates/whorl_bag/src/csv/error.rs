@@ -46,7 +46,7 @@ pub enum CsvError {
         present: String,
     },
     /// A cell that is not a number.
-    #[error("{}:{line}: column `{column}`: `{text}` is not a number", path.display())]
+    #[error("{}:{line}: column `{column}`: `{text}` is not a number{hint}", path.display())]
     NotANumber {
         /// The file.
         path: PathBuf,
@@ -56,6 +56,8 @@ pub enum CsvError {
         column: String,
         /// The cell.
         text: String,
+        /// What may help.
+        hint: &'static str,
     },
     /// A number that its quantity cannot have.
     #[error("{}:{line}: column `{column}`: {text} is refused; {allowed}", path.display())]
@@ -72,7 +74,14 @@ pub enum CsvError {
         allowed: String,
     },
     /// The time does not increase.
-    #[error("{}:{line}: column `{column}`: time {time_s} s does not come after {previous_s} s", path.display())]
+    #[error(
+        "{}:{line}: column `{column}`: time {time_s} s does not come after {previous_s} s{}", path.display(),
+        if time_s == previous_s {
+            "; where several lines have one time, `duplicates: mean` or `first` of the map's time says which counts"
+        } else {
+            ""
+        }
+    )]
     TimeOrder {
         /// The file.
         path: PathBuf,

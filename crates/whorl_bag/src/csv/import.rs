@@ -11,17 +11,18 @@ use whorl_node::Timestamp;
 use super::error::CsvError;
 use super::map::CsvMap;
 use super::reference::ReferenceSearch;
-use super::rows::{CsvRow, CsvRows};
+use super::rows::CsvRow;
+use super::sequence::CsvRows;
 use crate::channels::{Channel, blank};
 use crate::measurements::Measurement;
 
 /// A CSV file of measurements that was read once and found valid.
 ///
 /// Line by line, at time `t - t_first` after the start:
-/// - `imu/data_raw` where all six numbers are there;
-/// - `vector_sensor/direction` of the first vector sensor, of length 1, where all three are there and differ
-///   from those of the line before: files often repeat the last value of a slower sensor, and a repeated value
-///   is not a measurement (unless the map says otherwise);
+/// - `imu/data_raw` where the gyro has its three numbers, with the latest specific force where the accelerometer has lines of
+///   its own;
+/// - `vector_sensor/direction` of the first vector sensor, of length 1, where all three are there and are no
+///   repetition ([`CsvRows`]);
 /// - `wheels/state`, `battery`, `tank_pressure`, `temperature` where there are numbers;
 /// - `truth/state` where all four numbers are there. Gyro bias is NaN, and the rate if the file does not have it.
 ///   Its health is `HEALTH_OK`, or `HEALTH_DEGRADED` in lines that are not to be scored.
@@ -98,11 +99,10 @@ impl CsvRecording {
     pub fn samples(&self, platform: &str, start: Timestamp) -> Result<CsvSamples, CsvError> {
         Ok(CsvSamples {
             rows: CsvRows::open(&self.path, &self.map)?,
-            repeats: self.map.vectors.first().is_some_and(|vector| vector.repeats),
             frame_id: format!("{platform}/base_link"),
             start,
             first_ns: None,
-            last_vector: None,
+            last_force: None,
             truths: 0,
             pending: Vec::new(),
             failed: false,
@@ -110,14 +110,17 @@ impl CsvRecording {
     }
 }
 
+/// The latest specific force stands for this long beside gyro samples without one \[ns\].
+const HELD_NS: i64 = 500_000_000;
+
 /// The measurements of a [`CsvRecording`]; reads the file as it goes.
 pub struct CsvSamples {
     rows: CsvRows,
-    repeats: bool,
     frame_id: String,
     start: Timestamp,
     first_ns: Option<i64>,
-    last_vector: Option<Unit<Vector3<f64>>>,
+    /// The accelerometer's latest sample, and when that was \[ns\].
+    last_force: Option<(i64, Vec<f64>)>,
     truths: u64,
     /// Of the present line, the next one last.
     pending: Vec<Measurement>,
@@ -147,14 +150,19 @@ impl CsvSamples {
     fn split(&mut self, row: CsvRow) {
         let first_ns = *self.first_ns.get_or_insert(row.time_ns);
         let stamp = Timestamp(self.start.0.saturating_add(row.time_ns - first_ns));
-        let vector = row.vectors_b.first().copied().flatten();
-        let vector =
-            vector.filter(|v| self.last_vector.replace(*v) != Some(*v) || self.repeats).map(Unit::into_inner);
+        let vector = row.vectors_b.first().copied().flatten().map(Unit::into_inner);
+        if let Some(force) = row.numbers.get(&Channel::Accelerometer) {
+            self.last_force = Some((row.time_ns, force.clone()));
+        }
+        let latest = self.last_force.as_ref().filter(|(at_ns, _)| row.time_ns - at_ns <= HELD_NS);
+        let force =
+            latest.filter(|_| row.numbers.contains_key(&Channel::Gyro)).map(|(_, force)| force.clone());
         for topic in Topic::FROM_DRIVER.into_iter().rev() {
             let mut message = None;
             for (channel, _) in Channel::carried_by(topic.info().name) {
                 let numbers = match channel {
                     Channel::Vector => vector.map(|v: Vector3<f64>| v.as_slice().to_vec()),
+                    Channel::Accelerometer => force.clone(),
                     Channel::TrueAttitude => row.q_world_body.map(|q| vec![q.w, q.i, q.j, q.k]),
                     _ => row.numbers.get(&channel).cloned(),
                 };

@@ -169,11 +169,15 @@ fn errors_name_file_line_and_column() {
     );
     assert_eq!(
         error(&format!("{HEADER}{line}{line}")),
-        "a.csv:3: column `t`: time 0 s does not come after 0 s"
+        "a.csv:3: column `t`: time 0 s does not come after 0 s; where several lines have one time, `duplicates: mean` or `first` of the \
+         map's time says which counts"
     );
     assert_eq!(error(&format!("{HEADER}{line}1,2\n")), "a.csv:3: 2 cells, but the header has 15");
     assert_eq!(error(HEADER), "a.csv: there are no measurements");
-    assert_eq!(error(&format!("{HEADER},{}", &line[2..])), "a.csv:2: column `t`: `` is not a number");
+    assert_eq!(
+        error(&format!("{HEADER},{}", &line[2..])),
+        "a.csv:2: column `t`: `` is not a number; the cell is empty"
+    );
 }
 
 #[test]

@@ -8,6 +8,7 @@ use whorl_params::{ParameterTree, Reader};
 
 use super::error::CsvError;
 use super::jets::{JetMap, JetQuantity, Slot};
+use super::time::TimeMap;
 use crate::channels::{Channel, Form};
 use crate::units::{self, Unit as ColumnUnit};
 
@@ -25,7 +26,7 @@ use crate::units::{self, Unit as ColumnUnit};
 ///     true_attitude: {columns: [qw, qx, qy, qz], rotation: body_to_world, scored: movement}
 /// ```
 ///
-/// Only `time` is needed, and one of `gyro`, `accelerometer` and `wheel_speed`. Columns that are not named are
+/// Only `time` is needed (a column, or a rate), and one of `gyro`, `accelerometer` and `wheel_speed`. Columns that are not named are
 /// ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CsvMap {
@@ -47,23 +48,14 @@ pub struct CsvMap {
     pub jets_off: bool,
     /// Character between the cells.
     pub delimiter: u8,
+    /// Whether numbers have a comma where others have a point.
+    pub decimal_comma: bool,
     /// How late samples of gyro and accelerometer are against their stamps, beyond half the interval that they average \[s\].
     pub imu_latency_s: f64,
 }
 
 /// Stands for the column of an axis that a sensor does not have.
 pub const NO_COLUMN: &str = "~";
-
-/// The time column.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TimeMap {
-    /// Its name.
-    pub column: String,
-    /// Its unit is ten to this power seconds.
-    pub unit_power: i32,
-    /// The time in this column that is the start of the run \[ns\]; `None`: its first number.
-    pub start_ns: Option<i64>,
-}
 
 /// Columns of one measured quantity. SI value = `factor` * number + `offset`.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,8 +79,9 @@ pub struct VectorMap {
     /// Columns of the same direction in the world, where it varies in time (a magnetic field along an orbit).
     pub reference_columns: Option<[String; 3]>,
     /// Whether a value that is the same as in the line before is a measurement of its own. Files often repeat
-    /// the last value of a slower sensor: by default such a value is ignored.
-    pub repeats: bool,
+    /// the last value of a slower sensor. `None`: such a value is ignored while it may be that, see
+    /// [`super::CsvRows`].
+    pub repeats: Option<bool>,
 }
 
 /// True attitude, e.g. from motion capture.
@@ -133,7 +126,7 @@ impl CsvMap {
     /// Reads the map from a node's parameters. The single definition of its keys.
     pub fn read(r: &mut Reader<'_>, parts: Option<&PlatformParts>) -> Self {
         let mut map = Self {
-            time: r.group("time", time),
+            time: r.group("time", super::time::read),
             channels: BTreeMap::new(),
             vectors: Vec::new(),
             jets: None,
@@ -142,6 +135,7 @@ impl CsvMap {
             clamped: false,
             jets_off: false,
             delimiter: b',',
+            decimal_comma: false,
             imu_latency_s: 0.0,
         };
         for channel in Channel::ALL {
@@ -248,6 +242,14 @@ impl CsvMap {
         let delimiter =
             r.choice_or("delimiter", ",", &[",", ";", "\t", " ", "|"], "character between the cells");
         self.delimiter = delimiter.bytes().next().unwrap_or(b',');
+        let decimal = r.choice_or("decimal", ".", &[".", ","], "what stands before the decimals of a number");
+        self.decimal_comma = decimal == ",";
+        if self.decimal_comma && self.delimiter == b',' {
+            r.reject(
+                "decimal",
+                "the cells are separated by commas as well; give another delimiter, as \";\"",
+            );
+        }
     }
 }
 
@@ -260,7 +262,7 @@ fn keys() -> Vec<&'static str> {
     ["time"]
         .into_iter()
         .chain(channels)
-        .chain(["closed_loop", "mounting", "jets_off", "imu_latency_s", "delimiter"])
+        .chain(["closed_loop", "mounting", "jets_off", "imu_latency_s", "delimiter", "decimal"])
         .collect()
 }
 
@@ -284,20 +286,6 @@ struct Members<'a> {
     of: &'a str,
     what: &'a str,
     names: &'a [String],
-}
-
-fn time(r: &mut Reader<'_>) -> TimeMap {
-    let column = r.string("column", "name of the time column");
-    let names: Vec<&str> = units::TIME.iter().map(|(name, _)| *name).collect();
-    let chosen = r.choice_or("unit", "s", &names, "unit of the time column");
-    let unit_power = units::TIME.iter().find(|(name, _)| *name == chosen).map_or(0, |(_, power)| *power);
-    let start = r.optional_f64(
-        "start",
-        whorl_params::any(),
-        "time in this column that is the start of the run; left out: the first line",
-    );
-    let start_ns = start.and_then(|start| units::nanoseconds(&format!("{start}"), unit_power));
-    TimeMap { column, unit_power, start_ns }
 }
 
 /// One sensor (`vector`), or several by names of their own (`vectors.<name>`).
@@ -336,11 +324,12 @@ fn vector(r: &mut Reader<'_>, holds: &str) -> VectorMap {
         reference_world: given
             .then(|| r.direction("reference_world", "the same direction in the world (east, north, up)")),
         reference_columns,
-        repeats: r.bool_or(
-            "repeats",
-            false,
-            "whether a value that is the same as in the line before is a measurement of its own",
-        ),
+        repeats: r.has("repeats").then(|| {
+            r.bool(
+                "repeats",
+                "whether a value that is the same as in the line before is a measurement of its own",
+            )
+        }),
     }
 }
 

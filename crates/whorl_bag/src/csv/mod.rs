@@ -3,16 +3,24 @@
 mod error;
 mod export;
 mod flatten;
+pub mod held;
 mod import;
+mod iso;
 mod jets;
 mod map;
 mod reference;
 mod rows;
+mod same_time;
+mod sequence;
+mod source;
 mod table;
+mod time;
 
 pub use error::CsvError;
 pub use export::{ExportedTopic, export_csv};
 pub use import::{CsvRecording, CsvSamples};
 pub use jets::{CsvPulse, JetCommand, JetMap, JetQuantity, Slot};
-pub use map::{ColumnMap, CsvMap, NO_COLUMN, PlatformParts, TimeMap, TruthMap, VectorMap};
-pub use rows::{CsvRow, CsvRows};
+pub use map::{ColumnMap, CsvMap, NO_COLUMN, PlatformParts, TruthMap, VectorMap};
+pub use rows::CsvRow;
+pub use sequence::CsvRows;
+pub use time::{Duplicates, TimeMap, TimeSource};

@@ -37,10 +37,13 @@ struct Interval {
 impl Interval {
     fn add(&mut self, row: &CsvRow) {
         self.start_s.get_or_insert(seconds(row.time_ns));
-        if let Some((gyro, force)) = row.axes(Channel::Gyro).zip(row.axes(Channel::Accelerometer)) {
+        // Sensors may have lines of their own.
+        if let Some(gyro) = row.axes(Channel::Gyro) {
+            self.largest_rate_rad_s = self.largest_rate_rad_s.max(gyro.norm());
+        }
+        if let Some(force) = row.axes(Channel::Accelerometer) {
             self.force_m_s2 += force;
             self.forces += 1;
-            self.largest_rate_rad_s = self.largest_rate_rad_s.max(gyro.norm());
             let (low, high) = self.force_range_m_s2.unwrap_or((force.norm(), force.norm()));
             self.force_range_m_s2 = Some((low.min(force.norm()), high.max(force.norm())));
         }

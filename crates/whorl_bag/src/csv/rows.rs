@@ -9,6 +9,7 @@ use super::error::CsvError;
 use super::jets::{JetCommand, JetMap};
 use super::map::{ColumnMap, CsvMap, NO_COLUMN};
 use super::table::{Column, Table};
+use super::time::TimeSource;
 use crate::channels::Channel;
 
 /// One line, in SI units; `None` where a cell that belongs to the quantity is blank.
@@ -46,19 +47,26 @@ impl CsvRow {
     }
 }
 
-/// Reads lines one after the other and checks them.
-pub struct CsvRows {
+/// Reads lines one after the other, as they stand in the file.
+pub(super) struct RowReader {
     path: PathBuf,
     table: Table,
     map: CsvMap,
-    time: Column,
+    time: Clock,
     channels: Vec<(Channel, Columns)>,
     vectors: Vec<[Column; 3]>,
     references: Vec<Option<[Column; 3]>>,
     jets: Option<(JetMap, Vec<Column>)>,
     truth: Option<[Column; 4]>,
     scored: Option<Column>,
-    previous_ns: Option<i64>,
+}
+
+/// What tells the time of a line.
+enum Clock {
+    Numbers(Column, i32),
+    Dates(Column),
+    /// Lines so far, and in each second.
+    Rate(u64, f64),
 }
 
 /// The columns of one channel.
@@ -69,20 +77,22 @@ struct Columns {
     offset: f64,
 }
 
-impl CsvRows {
-    /// Opens a file, compressed with gzip or not, and finds the map's columns in its header.
-    ///
-    /// # Errors
-    /// [`CsvError::Io`], [`CsvError::Format`], [`CsvError::MissingColumn`].
+impl RowReader {
     pub fn open(path: &Path, map: &CsvMap) -> Result<Self, CsvError> {
-        let table = Table::open(path, map.delimiter)?;
+        let table = Table::open(path, map.delimiter, map.decimal_comma)?;
         let scored = map.true_attitude.as_ref().and_then(|truth| truth.scored_column.as_ref());
         let find = |(channel, columns): (&Channel, &ColumnMap)| {
             Ok::<_, CsvError>((*channel, Columns::find(&table, columns)?))
         };
         Ok(Self {
             path: path.to_owned(),
-            time: table.column(&map.time.column)?,
+            time: match &map.time.source {
+                TimeSource::Numbers { column, unit_power } => {
+                    Clock::Numbers(table.column(column)?, *unit_power)
+                }
+                TimeSource::Dates { column } => Clock::Dates(table.column(column)?),
+                TimeSource::Rate { hz } => Clock::Rate(0, *hz),
+            },
             channels: map.channels.iter().map(find).collect::<Result<_, _>>()?,
             vectors: map.vectors.iter().map(|v| table.columns(&v.columns)).collect::<Result<_, _>>()?,
             references: map
@@ -99,20 +109,14 @@ impl CsvRows {
             scored: scored.map(|name| table.column(name)).transpose()?,
             table,
             map: map.clone(),
-            previous_ns: None,
         })
     }
 
-    /// Names of the columns that the map does not name.
-    #[must_use]
-    pub fn unread_columns(&self) -> Vec<String> {
-        self.table.unread()
+    pub fn table(&mut self) -> &mut Table {
+        &mut self.table
     }
 
     /// The next line; `None` at the end.
-    ///
-    /// # Errors
-    /// What is wrong with it; the time must increase from line to line.
     pub fn next_row(&mut self) -> Result<Option<CsvRow>, CsvError> {
         if !self.table.advance()? {
             return Ok(None);
@@ -157,29 +161,30 @@ impl CsvRows {
     }
 
     fn time(&mut self) -> Result<i64, CsvError> {
-        let line = self.table.line();
-        let text = self.table.text(self.time);
-        let Some(time_ns) = crate::units::nanoseconds(text, self.map.time.unit_power) else {
-            return Err(CsvError::NotANumber {
-                path: self.path.clone(),
-                line,
-                column: self.map.time.column.clone(),
-                text: text.to_owned(),
-            });
-        };
-        let seconds = |ns: i64| ns as f64 / 1e9;
-        if let Some(previous_ns) = self.previous_ns.replace(time_ns)
-            && time_ns <= previous_ns
-        {
-            return Err(CsvError::TimeOrder {
-                path: self.path.clone(),
-                line,
-                column: self.map.time.column.clone(),
-                time_s: seconds(time_ns),
-                previous_s: seconds(previous_ns),
-            });
+        match &mut self.time {
+            Clock::Numbers(column, unit_power) => {
+                let text = self.table.text(*column);
+                let point = text.replacen(',', ".", 1);
+                let text = if self.map.decimal_comma { &point } else { text };
+                let time_ns = crate::units::nanoseconds(text, *unit_power);
+                time_ns.ok_or_else(|| self.table.not_a_number(*column))
+            }
+            Clock::Dates(column) => {
+                let text = self.table.text(*column);
+                super::iso::nanoseconds(text).ok_or_else(|| CsvError::Refused {
+                    path: self.path.clone(),
+                    line: self.table.line(),
+                    column: self.map.time.source.column().unwrap_or_default().to_owned(),
+                    text: format!("`{text}`"),
+                    allowed: "allowed: a date and time as 2026-11-26T23:02:51.123Z".to_owned(),
+                })
+            }
+            Clock::Rate(lines, hz) => {
+                let time_ns = (*lines as f64 * (1e9 / *hz)).round() as i64;
+                *lines += 1;
+                Ok(time_ns)
+            }
         }
-        Ok(time_ns)
     }
 
     fn jets(&self, at_ns: i64) -> Result<Option<JetCommand>, CsvError> {
@@ -232,6 +237,6 @@ fn find_all(table: &Table, names: &[String]) -> Result<Vec<Column>, CsvError> {
 }
 
 /// One of length one stays as it is, to the bit: what was exported comes back.
-fn direction(v: Vector3<f64>) -> Option<Unit<Vector3<f64>>> {
+pub(super) fn direction(v: Vector3<f64>) -> Option<Unit<Vector3<f64>>> {
     if (v.norm() - 1.0).abs() < 1e-12 { Some(Unit::new_unchecked(v)) } else { Unit::try_new(v, 1e-12) }
 }

@@ -9,17 +9,22 @@ use std::path::{Path, PathBuf};
 use flate2::bufread::MultiGzDecoder;
 
 use super::error::CsvError;
+use super::source::Source;
 
 /// A CSV file, compressed with gzip or not, of which some columns are read.
 pub(crate) struct Table {
     path: PathBuf,
-    reader: ::csv::Reader<Box<dyn Read + Send>>,
+    reader: ::csv::Reader<Source>,
     record: ::csv::StringRecord,
     header: ::csv::StringRecord,
     /// Indices of the columns that somebody asked for.
     asked: RefCell<BTreeSet<usize>>,
     /// Line of `record`; the header is line 1.
     line: u64,
+    /// Whether numbers have a comma where others have a point.
+    decimal_comma: bool,
+    /// Lines that are the header again.
+    headers_again: u64,
 }
 
 /// A column, and whether its sign is reversed.
@@ -30,21 +35,17 @@ pub(crate) struct Column {
 }
 
 impl Table {
-    pub fn open(path: &Path, delimiter: u8) -> Result<Self, CsvError> {
+    pub fn open(path: &Path, delimiter: u8, decimal_comma: bool) -> Result<Self, CsvError> {
         let file = File::open(path).map_err(CsvError::io("open", path))?;
         let mut file = BufReader::new(file);
         // By content, because names lie.
         let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
         let source: Box<dyn Read + Send> =
             if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        let source = Source::new(source, delimiter).map_err(CsvError::io("read", path))?;
         let mut reader =
             ::csv::ReaderBuilder::new().delimiter(delimiter).trim(::csv::Trim::All).from_reader(source);
-        let mut header = reader.headers().map_err(|e| CsvError::format(path, 1, &e))?.clone();
-        // Spreadsheet programs write a byte order mark in front.
-        if let Some(first) = header.get(0).and_then(|name| name.strip_prefix('\u{feff}')) {
-            let rest = header.iter().skip(1);
-            header = std::iter::once(first).chain(rest).collect();
-        }
+        let header = reader.headers().map_err(|e| CsvError::format(path, 1, &e))?.clone();
         Ok(Self {
             path: path.to_owned(),
             reader,
@@ -52,7 +53,20 @@ impl Table {
             header,
             asked: RefCell::default(),
             line: 1,
+            decimal_comma,
+            headers_again: 0,
         })
+    }
+
+    /// How often the header stood in the file again.
+    pub fn headers_again(&self) -> u64 {
+        self.headers_again
+    }
+
+    /// Whether the present line is the last and has no end. It looks for a further line: only after an error.
+    pub fn is_torn(&mut self) -> bool {
+        let mut further = ::csv::StringRecord::new();
+        matches!(self.reader.read_record(&mut further), Ok(false)) && self.reader.get_ref().is_torn()
     }
 
     /// Finds a column by name; `-name` is the column with its sign reversed, unless there is one that is
@@ -88,8 +102,18 @@ impl Table {
         Ok(columns)
     }
 
-    /// Goes to the next line; `false` at the end.
+    /// Goes to the next line that is not the header again; `false` at the end.
     pub fn advance(&mut self) -> Result<bool, CsvError> {
+        while self.advance_once()? {
+            if self.record != self.header {
+                return Ok(true);
+            }
+            self.headers_again += 1;
+        }
+        Ok(false)
+    }
+
+    fn advance_once(&mut self) -> Result<bool, CsvError> {
         let next = self.line + 1;
         let more =
             self.reader.read_record(&mut self.record).map_err(|e| CsvError::format(&self.path, next, &e))?;
@@ -115,14 +139,38 @@ impl Table {
         if text.is_empty() || text.eq_ignore_ascii_case("nan") || text.eq_ignore_ascii_case("null") {
             return Ok(None);
         }
-        match text.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(Some(if column.negative { -number } else { number })),
-            _ => Err(CsvError::NotANumber {
-                path: self.path.clone(),
-                line: self.line,
-                column: self.header.get(column.index).unwrap_or_default().to_owned(),
-                text: text.to_owned(),
-            }),
+        match self.parsed(text) {
+            Some(number) if number.is_finite() => Ok(Some(if column.negative { -number } else { number })),
+            _ => Err(self.not_a_number(column)),
+        }
+    }
+
+    fn parsed(&self, text: &str) -> Option<f64> {
+        if self.decimal_comma && text.contains(',') {
+            return text.replacen(',', ".", 1).parse().ok();
+        }
+        text.parse().ok()
+    }
+
+    /// What is wrong with a cell of the present line, and what may help.
+    pub fn not_a_number(&self, column: Column) -> CsvError {
+        let text = self.text(column);
+        let with_point = text.replacen(',', ".", 1);
+        let hint = if text.is_empty() {
+            "; the cell is empty"
+        } else if text.contains(',') && with_point.parse::<f64>().is_ok() {
+            "; is it a decimal comma? `decimal: \",\"` in the map reads it"
+        } else if super::iso::nanoseconds(text).is_some() {
+            "; it is a date and time: `unit: iso` of the time column reads it"
+        } else {
+            ""
+        };
+        CsvError::NotANumber {
+            path: self.path.clone(),
+            line: self.line,
+            column: self.header.get(column.index).unwrap_or_default().to_owned(),
+            text: text.to_owned(),
+            hint,
         }
     }
 

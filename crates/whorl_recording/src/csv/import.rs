@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 use whorl_bag::{
     Channel, CsvError, CsvMap, CsvRecording, CsvRow, CsvRows, Form, JetCommand, JetMap, PlatformParts, Slot,
 };
@@ -88,7 +88,7 @@ pub fn read_csv_beginning(
     if !gathered.samples.keys().any(|(channel, _)| channel.info().is_motion) {
         return Err(RecordingError::NothingInCsv { path: csv.to_owned(), rows: gathered.rows });
     }
-    let mut imported = gathered.finish(csv, map, known, rows.unread_columns())?;
+    let mut imported = gathered.finish(csv, map, known, &mut rows)?;
     imported.recording.remarks.extend(left_out);
     if !imported.is_whole && imported.recording.vectors.len() < map.vectors.len() {
         // A vector sensor that begins late: which ones there are must be known before the first message is written.
@@ -122,21 +122,15 @@ type Sample = (Channel, usize, Vec<f64>);
 #[derive(Debug, Default)]
 struct Lines {
     given_start_ns: Option<i64>,
-    repeats: Vec<bool>,
-    last_vectors: Vec<Option<Unit<Vector3<f64>>>>,
 }
 
 impl Lines {
     fn new(map: &CsvMap) -> Self {
-        Self {
-            given_start_ns: map.time.start_ns,
-            repeats: map.vectors.iter().map(|vector| vector.repeats).collect(),
-            last_vectors: vec![None; map.vectors.len()],
-        }
+        Self { given_start_ns: map.time.start_ns }
     }
 
     /// The samples of a line; `None` before the start that the map gives.
-    fn samples(&mut self, row: &mut CsvRow) -> Option<Vec<Sample>> {
+    fn samples(&self, row: &mut CsvRow) -> Option<Vec<Sample>> {
         if self.given_start_ns.is_some_and(|start| row.time_ns < start) {
             return None;
         }
@@ -144,9 +138,7 @@ impl Lines {
         let numbers = std::mem::take(&mut row.numbers).into_iter().chain(attitude);
         let mut samples: Vec<Sample> = numbers.map(|(channel, numbers)| (channel, 0, numbers)).collect();
         for (sensor, vector) in row.vectors_b.iter().enumerate() {
-            if let (Some(vector), Some(last)) = (*vector, self.last_vectors.get_mut(sensor))
-                && (last.replace(vector) != Some(vector) || self.repeats.get(sensor) == Some(&true))
-            {
+            if let Some(vector) = vector {
                 samples.push((Channel::Vector, sensor, vector.as_slice().to_vec()));
             }
         }
@@ -208,7 +200,7 @@ impl Gathered {
         csv: &Path,
         map: &CsvMap,
         known: &KnownPlatform,
-        ignored: Vec<String>,
+        read: &mut CsvRows,
     ) -> Result<ImportedCsv, RecordingError> {
         let start = self.start_ns();
         let seconds_at = |at: i64| seconds(at - start);
@@ -222,7 +214,7 @@ impl Gathered {
             };
             pulses.iter().map(|pulses| pulses.iter().map(interval).collect()).collect()
         });
-        let mut remarks = Vec::new();
+        let mut remarks = read.notes();
         let mut vectors = Vec::new();
         let mut all = self.samples;
         for (index, sensor) in map.vectors.iter().enumerate() {
@@ -303,7 +295,7 @@ impl Gathered {
             duration_s: seconds(self.last_ns - self.first_ns.unwrap_or(0)),
             is_whole: self.rows <= self.kept_lines,
             channels,
-            ignored,
+            ignored: read.unread_columns(),
             start_ns: start,
         })
     }
@@ -318,7 +310,7 @@ pub(crate) fn lines_again<'a>(
     failed: &'a Cell<Option<CsvError>>,
 ) -> Result<impl Iterator<Item = (i64, Vec<Sample>)> + use<'a>, CsvError> {
     let (map, _) = of_fixed_directions(map);
-    let (mut rows, mut lines) = (CsvRows::open(csv, &map)?, Lines::new(&map));
+    let (mut rows, lines) = (CsvRows::open(csv, &map)?, Lines::new(&map));
     let missing = imported.recording.no_gyro_axis;
     Ok(std::iter::from_fn(move || {
         loop {

@@ -164,7 +164,7 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
         (
             MAP.replace("wheel_speed:", "wheel_sped:"),
             csv.clone(),
-            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, wheel_current, gimbal_angle, gimbal_rate, gimbal_torque, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, closed_loop, mounting, jets_off, imu_latency_s, delimiter",
+            "map.yaml:9: wheel_sped: is no channel; allowed: time, gyro, accelerometer, vector, vectors, wheel_speed, wheel_torque_command, wheel_current, gimbal_angle, gimbal_rate, gimbal_torque, jets, body_torque, ballast_moment, bus_voltage, tank_pressure, temperature, true_attitude, true_rate, closed_loop, mounting, jets_off, imu_latency_s, delimiter, decimal",
         ),
         (
             MAP.replace("u2", "torque_2"),
@@ -184,12 +184,14 @@ fn wrong_files_and_maps_are_refused_with_file_line_and_what_is_allowed() {
         (
             MAP.to_owned(),
             csv.replace("\n5060,", "\n5050,"),
-            "a.csv:8: column `ms`: time 5.05 s does not come after 5.05 s",
+            "a.csv:8: column `ms`: time 5.05 s does not come after 5.05 s; where several lines have one time, \
+         `duplicates: mean` or `first` of the map's time says which counts",
         ),
         (
             MAP.to_owned(),
             csv.replace("\n5060,", "\n5020,"),
-            "a.csv:8: column `ms`: time 5.02 s does not come after 5.05 s",
+            "a.csv:8: column `ms`: time 5.02 s does not come after 5.05 s; where several lines have one time, \
+         `duplicates: mean` or `first` of the map's time says which counts",
         ),
         (MAP.to_owned(), HEADER.to_owned(), "a.csv: there are no measurements"),
         (
