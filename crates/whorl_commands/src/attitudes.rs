@@ -11,6 +11,7 @@ use whorl_recording::{Recording, Series};
 use whorl_tables::{Table, Values};
 
 use crate::estimate::Recorded;
+use crate::own_times::{OwnTimes, Unused};
 
 /// What a filter takes at one time, and the truth to compare with.
 #[derive(Debug, Clone)]
@@ -34,39 +35,43 @@ pub fn recorded_by(map: &CsvMap, name: &Path) -> Recorded {
     }
 }
 
-/// Makes lines of the rows of a CSV file.
+/// Makes lines of the rows of a CSV file: one to each gyro sample, see [`crate::own_times`].
 #[derive(Debug)]
 pub struct CsvLines<'a> {
     map: &'a CsvMap,
-    /// Latest sample of each vector sensor.
-    last: Vec<Option<Vector3<f64>>>,
+    all: OwnTimes,
 }
 
 impl<'a> CsvLines<'a> {
     /// For files of this map.
     #[must_use]
     pub fn new(map: &'a CsvMap) -> Self {
-        Self { map, last: vec![None; map.vectors.len()] }
+        Self { map, all: OwnTimes::new(map.vectors.len()) }
     }
 
-    /// The line of a row; `None` for one without a gyro sample, or without the accelerometer's where that is needed.
+    /// The line of a row; `None` for one without a gyro sample, or without an accelerometer's before it where that is needed.
     pub fn line(&mut self, row: &CsvRow, needs_force: bool) -> Option<Line> {
-        let gyro_rad_s = row.axes(Channel::Gyro)?;
-        let force_m_s2 = row.axes(Channel::Accelerometer);
-        if needs_force && force_m_s2.is_none() {
-            return None;
+        let at_ns = row.time_ns;
+        if let Some(force) = row.axes(Channel::Accelerometer) {
+            self.all.force(at_ns, force);
         }
-        let mut vectors = Vec::with_capacity(self.last.len());
-        for (k, (map, last)) in self.map.vectors.iter().zip(&mut self.last).enumerate() {
-            let seen = vector(row, k);
-            // Files repeat the last value of a slower sensor.
-            let is_new = seen.is_some() && (*last != seen || map.repeats);
-            *last = seen.or(*last);
-            let given = row.references_w.get(k).copied().flatten().or(map.reference_world);
-            vectors.push(seen.filter(|_| is_new).map(|body| Observed { body, reference_w: given }));
+        for (k, map) in self.map.vectors.iter().enumerate() {
+            let reference_w = row.references_w.get(k).copied().flatten().or(map.reference_world);
+            if let Some(body) = vector(row, k) {
+                self.all.vector(k, at_ns, Observed { body, reference_w });
+            }
         }
-        let sample = Sample { stamp_ns: row.time_ns, gyro_rad_s, force_m_s2, vectors };
-        Some(Line { sample, truth: row.q_world_body.filter(|_| row.scored) })
+        if let Some(truth) = row.q_world_body.filter(|_| row.scored) {
+            self.all.truth(at_ns, truth);
+        }
+        let (sample, truth) = self.all.gyro(at_ns, row.axes(Channel::Gyro)?, needs_force)?;
+        Some(Line { sample, truth })
+    }
+
+    /// Samples that were of no use so far.
+    #[must_use]
+    pub fn unused(&self) -> Unused {
+        self.all.unused()
     }
 }
 
@@ -99,10 +104,7 @@ pub fn recorded_in(recording: &Recording) -> Recorded {
     }
 }
 
-/// Truth and gyro are sampled together, to this \[s\].
-const TOGETHER_S: f64 = 1e-4;
-
-/// All lines of a recording: one to each gyro sample, with the latest specific force and the directions since the last.
+/// All lines of a recording: one to each gyro sample, see [`crate::own_times`].
 ///
 /// # Errors
 /// A gyro that lacks axes.
@@ -111,38 +113,50 @@ pub fn lines_of(recording: &Recording, needs_force: bool) -> anyhow::Result<Vec<
         bail!("{}: attitudes need a gyro of three axes", recording.name);
     }
     let gyro = &recording.gyro_b_rad_s;
-    let mut taken = vec![0; recording.vectors.len()];
+    let at_ns = |time_s: f64| (time_s * 1e9).round() as i64;
+    let mut all = OwnTimes::new(recording.vectors.len());
+    let mut force = Upto::new(&recording.specific_force_b_m_s2);
+    let mut vectors: Vec<_> = recording.vectors.iter().map(|sensor| Upto::new(&sensor.direction_b)).collect();
+    let mut truth = recording.truth.as_ref().map(|truth| Upto::new(&truth.q_world_body));
     let mut lines = Vec::with_capacity(gyro.len());
     for (time_s, rate) in gyro.time_s.iter().zip(&gyro.value) {
-        let force_m_s2 = recording.specific_force_b_m_s2.held_at(*time_s).copied();
-        let vectors = recording.vectors.iter().zip(&mut taken).map(|(sensor, taken)| {
-            let series = &sensor.direction_b;
-            let upto = series.time_s.partition_point(|t| t <= time_s);
-            let is_new = upto > *taken;
-            *taken = upto;
-            let body = series.value.get(upto.checked_sub(1)?).filter(|_| is_new)?;
-            Some(Observed { body: *body, reference_w: Some(sensor.reference_world) })
-        });
-        let sample = Sample {
-            stamp_ns: (time_s * 1e9).round() as i64,
-            gyro_rad_s: *rate,
-            force_m_s2,
-            vectors: vectors.collect(),
-        };
-        if needs_force && force_m_s2.is_none() {
-            continue;
+        force.take(*time_s, |at_s, force| all.force(at_ns(at_s), *force));
+        for (k, (seen, sensor)) in vectors.iter_mut().zip(&recording.vectors).enumerate() {
+            let reference_w = Some(sensor.reference_world);
+            seen.take(*time_s, |at_s, body| {
+                all.vector(k, at_ns(at_s), Observed { body: *body, reference_w })
+            });
         }
-        let truth = recording.truth.as_ref().and_then(|truth| at(&truth.q_world_body, *time_s));
-        lines.push(Line { sample, truth });
+        if let Some(truth) = &mut truth {
+            truth.take(*time_s, |at_s, q| all.truth(at_ns(at_s), *q));
+        }
+        let found = all.gyro(at_ns(*time_s), *rate, needs_force);
+        lines.extend(found.map(|(sample, truth)| Line { sample, truth }));
     }
     Ok(lines)
 }
 
-/// The value at this very time.
-fn at(series: &Series<UnitQuaternion<f64>>, time_s: f64) -> Option<UnitQuaternion<f64>> {
-    let index = series.time_s.partition_point(|t| *t < time_s - TOGETHER_S);
-    series.time_s.get(index).filter(|t| (*t - time_s).abs() <= TOGETHER_S)?;
-    series.value.get(index).copied()
+/// A series that is gone through in order of time.
+struct Upto<'a, T> {
+    series: &'a Series<T>,
+    taken: usize,
+}
+
+impl<'a, T> Upto<'a, T> {
+    fn new(series: &'a Series<T>) -> Self {
+        Self { series, taken: 0 }
+    }
+
+    /// Gives what is not later than this and was not given before.
+    fn take(&mut self, time_s: f64, mut give: impl FnMut(f64, &T)) {
+        while let Some((at_s, value)) =
+            self.series.time_s.get(self.taken).zip(self.series.value.get(self.taken))
+            && *at_s <= time_s
+        {
+            give(*at_s, value);
+            self.taken += 1;
+        }
+    }
 }
 
 /// An attitude as it is told: `late_s` after the samples that it is of, with the heading turned by `declination`.

@@ -29,6 +29,7 @@ pub mod identify;
 pub mod locate;
 pub mod model_file;
 pub mod next;
+pub mod own_times;
 pub mod provenance;
 mod rehearsal;
 pub mod report;

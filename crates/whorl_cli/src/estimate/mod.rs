@@ -125,7 +125,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(out) = out {
         out.finish()?;
     }
-    tell(arguments, &map, &chosen, &tally, samples, (last_ns - first_ns) as f64 * 1e-9)
+    let mut notes = rows.notes();
+    notes.extend(reader.unused().notes());
+    tell(arguments, &map, &chosen, &tally, samples, (last_ns - first_ns) as f64 * 1e-9, &notes)
 }
 
 fn tell(
@@ -135,12 +137,16 @@ fn tell(
     tally: &Tally,
     samples: usize,
     duration_s: f64,
+    notes: &[String],
 ) -> anyhow::Result<()> {
     if tally.estimates == 0 {
         bail!("{}", too_few(&arguments.recording.display().to_string(), samples, chosen));
     }
     let smoothed = if arguments.smooth { ", smoothed" } else { "" };
     say!("{samples} samples, {duration_s:.1} s, filter {}{smoothed}", chosen.name());
+    for note in notes {
+        say!("note: {note}");
+    }
     if map.vectors.is_empty() {
         say!("no magnetometer: the heading is relative to the first attitude, and drifts");
     }
@@ -174,6 +180,6 @@ fn tell(
     arguments.json.write(|| {
         Ok(json!({"schema": 1, "samples": samples, "estimates": tally.estimates,
             "duration_s": duration_s, "filter": chosen.name(), "smoothed": arguments.smooth,
-            "error_rms": error, "attitudes": arguments.out}))
+            "notes": notes, "error_rms": error, "attitudes": arguments.out}))
     })
 }
