@@ -60,10 +60,12 @@ pub enum BagError {
     },
     /// A bag in another storage format.
     #[error(
-        "{} is stored as {storage}, and only mcap can be read: convert it with \
+        "{} is stored {}, and only mcap can be read: convert it with \
          `ros2 bag convert -i {} -o <file>` where <file> says `output_bags: [{{uri: <new directory>, storage_id: mcap, all_topics: true}}]`, \
          or with `rosbags-convert --src {} --dst <new directory> --dst-storage mcap` (pip install rosbags)",
-        path.display(), path.display(), path.display()
+        path.display(),
+        if storage.is_empty() { "in a format that its metadata.yaml does not name".to_owned() } else { format!("as {storage}") },
+        path.display(), path.display()
     )]
     Storage {
         /// The bag.
@@ -102,7 +104,11 @@ pub enum BagError {
         index: usize,
     },
     /// One topic, two types.
-    #[error("topic {topic} is recorded as {known}, not as {offered}")]
+    #[error(
+        "topic {topic} is recorded as {}, not as {}",
+        or_unknown(known, "of an unknown type"),
+        or_unknown(offered, "of an unknown type")
+    )]
     TypeConflict {
         /// The topic.
         topic: String,
@@ -120,7 +126,10 @@ pub enum BagError {
         count: usize,
     },
     /// A message of a type that Whorl does not know.
-    #[error("{topic} carries {type_name}, which this program cannot decode")]
+    #[error(
+        "{topic} carries {}, which this program cannot decode",
+        or_unknown(type_name, "messages whose type was not stored")
+    )]
     UnknownType {
         /// The topic.
         topic: String,
@@ -148,6 +157,11 @@ pub enum BagError {
         /// What is wrong.
         source: whorl_msgs::cdr::CdrError,
     },
+}
+
+/// The text, or what stands for an empty one.
+fn or_unknown<'a>(text: &'a str, unknown: &'a str) -> &'a str {
+    if text.is_empty() { unknown } else { text }
 }
 
 impl BagError {

@@ -151,12 +151,56 @@ pub(crate) fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), BagError> {
 
 /// The `.mcap` files of a bag directory, in order.
 pub(crate) fn mcap_files(bag: &Path) -> Result<Vec<PathBuf>, BagError> {
+    Ok(files_and_doubt(bag)?.0)
+}
+
+/// The `.mcap` files of a bag directory, in order, and why its metadata were not believed: files that are MCAP are read
+/// whatever stands beside them.
+pub(crate) fn files_and_doubt(bag: &Path) -> Result<(Vec<PathBuf>, Option<String>), BagError> {
     let path = bag.join(METADATA_FILE);
-    match std::fs::read_to_string(&path) {
-        Ok(text) => files_of_metadata(bag, &path, &text),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => files_of_directory(bag),
-        Err(error) => Err(BagError::io("cannot read", &path, error)),
+    let wrong = match std::fs::read_to_string(&path) {
+        Ok(text) => match files_of_metadata(bag, &path, &text) {
+            Ok(files) => return Ok((files, None)),
+            Err(wrong) => wrong,
+        },
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Ok((files_of_directory(bag)?, None));
+        }
+        Err(error) => return Err(BagError::io("cannot read", &path, error)),
+    };
+    let is_file_missing = matches!(&wrong, BagError::NotFound { .. });
+    match files_of_directory(bag) {
+        Ok(files) if !files.is_empty() && files.iter().all(|file| begins_as_mcap(file)) => {
+            // One of several files that is gone is a loss; a file that was given another name is none.
+            if is_file_missing && files.iter().any(|file| is_listed(&path, file)) {
+                return Err(wrong);
+            }
+            let reason = match &wrong {
+                BagError::Storage { storage, .. } if storage.is_empty() => "it names no storage".to_owned(),
+                BagError::Storage { storage, .. } => format!("it says that the storage is {storage}"),
+                BagError::Metadata { reason, .. } => reason.clone(),
+                BagError::NotFound { path, .. } => format!("{} is not there", path.display()),
+                other => other.to_string(),
+            };
+            let doubt =
+                format!("{} is not right ({reason}): the .mcap files beside it were read.", path.display());
+            Ok((files, Some(doubt)))
+        }
+        _ => Err(wrong),
     }
+}
+
+fn begins_as_mcap(file: &Path) -> bool {
+    let mut magic = [0; mcap::MAGIC.len()];
+    let read =
+        std::fs::File::open(file).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut magic));
+    read.is_ok() && magic == mcap::MAGIC
+}
+
+/// Whether metadata name this file.
+fn is_listed(metadata: &Path, file: &Path) -> bool {
+    let text = std::fs::read_to_string(metadata).unwrap_or_default();
+    file.file_name().is_some_and(|name| text.contains(&*name.to_string_lossy()))
 }
 
 fn files_of_metadata(bag: &Path, path: &Path, text: &str) -> Result<Vec<PathBuf>, BagError> {

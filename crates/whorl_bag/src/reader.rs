@@ -10,7 +10,7 @@ use mcap::sans_io::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
 use whorl_msgs::Message;
 use whorl_node::Timestamp;
 
-use crate::metadata::{both, mcap_files};
+use crate::metadata::{both, files_and_doubt};
 use crate::scan::{Contents, Integrity, LooseMessage, RECORD_LIMIT};
 use crate::zstandard::Zstandard;
 use crate::{BagError, BagFile, BagMetadata, BagTopic};
@@ -24,6 +24,7 @@ pub struct BagReader {
     files: Vec<(PathBuf, BagFile)>,
     topics: Vec<Arc<BagTopic>>,
     integrity: Integrity,
+    doubt: Option<String>,
 }
 
 /// A message as it stands in a bag.
@@ -78,18 +79,19 @@ impl BagReader {
     /// format, [`BagError::Metadata`], [`BagError::Mcap`].
     pub fn open(path: &Path) -> Result<Self, BagError> {
         let kind = std::fs::metadata(path).map_err(|e| BagError::io("cannot open", path, e))?;
-        let files = if kind.is_dir() {
-            mcap_files(path)?
+        let (files, doubt) = if kind.is_dir() {
+            files_and_doubt(path)?
         } else if path.extension().is_some_and(|extension| extension == "db3") {
             return Err(BagError::Storage { path: path.to_owned(), storage: "sqlite3".into() });
         } else {
-            vec![path.to_owned()]
+            (vec![path.to_owned()], None)
         };
         let mut reader = Self {
             path: path.to_owned(),
             files: Vec::new(),
             topics: Vec::new(),
             integrity: Integrity { complete: true, ..Integrity::default() },
+            doubt,
         };
         for file in files {
             let described = reader.add_file(&file)?;
@@ -112,7 +114,14 @@ impl BagReader {
             // Several channels of one topic (writers with different quality of service, or several
             // files) are one topic here.
             match self.topics.iter_mut().find(|topic| topic.name == channel.topic) {
-                Some(topic) => Arc::make_mut(topic).message_count += count,
+                Some(topic) => {
+                    let topic = Arc::make_mut(topic);
+                    topic.message_count += count;
+                    // One of the writers may have stored the type that another did not know.
+                    if topic.type_name.is_empty() {
+                        topic.type_name = topic_of(channel, 0).type_name;
+                    }
+                }
                 None => self.topics.push(Arc::new(topic_of(channel, count))),
             }
         }
@@ -174,6 +183,12 @@ impl BagReader {
     #[must_use]
     pub fn integrity(&self) -> Integrity {
         self.integrity
+    }
+
+    /// Why `metadata.yaml` was not believed, if it was not.
+    #[must_use]
+    pub fn doubt(&self) -> Option<&str> {
+        self.doubt.as_deref()
     }
 
     /// All messages in the order of their log time.

@@ -1,5 +1,7 @@
 //! The numbers of one channel, without an allocation for each sample: an hour at 100 Hz has 360,000.
 
+use whorl_bag::held::{Runs, Thinning};
+
 use crate::recording::is_whole;
 
 /// A time and its numbers.
@@ -84,6 +86,18 @@ impl Columns {
         sorted.extend(order.into_iter().filter_map(|line| self.line(line)));
         *self = sorted;
         left_out
+    }
+
+    /// Without the repetitions of values that a faster log holds: in how many lines each stands, and how many were left out.
+    pub fn leave_out_held(&mut self) -> Option<(u32, u64)> {
+        let mut runs = Runs::default();
+        self.lines().for_each(|(_, numbers)| runs.add(numbers));
+        let held = runs.held()?;
+        let mut thinning = Thinning::new(held);
+        let mut kept = Self { width: self.width, ..Self::default() };
+        kept.extend(self.lines().filter(|(_, numbers)| thinning.is_new(numbers)));
+        *self = kept;
+        Some((held, thinning.left_out))
     }
 
     /// These numbers of every line, in this order; nothing is left where a line does not have them all.

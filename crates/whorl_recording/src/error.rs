@@ -32,9 +32,9 @@ pub enum RecordingError {
     /// No measurement of any platform.
     #[error(
         "{}: there are no measurements of a platform in it: needed is one of <platform>/imu/data_raw \
-         (sensor_msgs/Imu) and <platform>/wheels/state (sensor_msgs/JointState); it has {present}. If other \
+         (sensor_msgs/Imu) and <platform>/wheels/state (sensor_msgs/JointState); it has {}. If other \
          topics hold them, say which in a topic map: --channels FILE, or channels.yaml in the bag's folder (docs/recordings.md shows \
-         one)", path.display()
+         one)", path.display(), or_none(present)
     )]
     NoMeasurements {
         /// The run.
@@ -42,8 +42,43 @@ pub enum RecordingError {
         /// The topics that there are.
         present: String,
     },
+    /// A bag in which nothing can be read.
+    #[error(
+        "{}: nothing in it can be read: {reason}", path.display()
+    )]
+    NothingInBag {
+        /// The bag.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// Messages that are not of the type that their topic is read as.
+    #[error(
+        "{}: the recorder stored no type for {topic}, and its {messages} messages are not {expected}: say in the map what they are",
+        path.display()
+    )]
+    OtherMessages {
+        /// The bag.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// How many messages there are.
+        messages: usize,
+        /// What the map implies.
+        expected: &'static str,
+    },
+    /// Several publishers of one topic.
+    #[error("{}: {topic}: {reason}", path.display())]
+    SeveralPublishers {
+        /// The bag.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// What shows it, and what helps.
+        reason: String,
+    },
     /// The map names a joint that messages do not have.
-    #[error("{}: no joint is called {joint}, as the topic map says; there are: {present}", path.display())]
+    #[error("{}: no joint is called {joint}, as the topic map says; there are: {}", path.display(), or_none(present))]
     NoSuchJoint {
         /// The run.
         path: PathBuf,
@@ -54,7 +89,7 @@ pub enum RecordingError {
     },
     /// The platform that was asked for is not in the run.
     #[error(
-        "{}: there is no platform {platform} in it; there is: {present}{}", path.display(),
+        "{}: there is no platform {platform} in it; there is: {}{}", path.display(), or_none(present),
         or_did_you_mean(platform, present.split(", "))
     )]
     NoSuchPlatform {
@@ -133,7 +168,7 @@ pub enum RecordingError {
         expected: String,
     },
     /// Models of several platforms, and none was chosen.
-    #[error("{}: it holds the models of {present}: choose one with --platform", path.display())]
+    #[error("{}: it holds the models of {}: choose one with --platform", path.display(), or_none(present))]
     SeveralModels {
         /// Parameter file or run.
         path: PathBuf,
@@ -148,6 +183,11 @@ pub enum RecordingError {
         /// What helps.
         hint: String,
     },
+}
+
+/// A list, or a word for an empty one.
+pub(crate) fn or_none(list: &str) -> &str {
+    if list.trim().is_empty() { "nothing" } else { list }
 }
 
 impl RecordingError {

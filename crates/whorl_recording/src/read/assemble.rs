@@ -42,14 +42,31 @@ pub(super) fn recording(
             "{count} messages of the channel {channel} hold no finite numbers and were left out."
         ));
     }
-    if gathered.undecodable > 0 {
-        remarks.push(format!("{} messages could not be decoded and were left out.", gathered.undecodable));
+    let undecodable: usize = gathered.undecodable.values().sum();
+    if undecodable > 0 {
+        remarks.push(format!("{undecodable} messages could not be decoded and were left out."));
+    }
+    if gathered.of_other_frames > 0 {
+        let count = gathered.of_other_frames;
+        remarks.push(format!("{count} messages of other frames than the map's were left out."));
+    }
+    for (topic, clock) in &gathered.topic_clocks {
+        remarks.extend(clock.notes(topic, start.0));
     }
     for ((channel, _), samples) in &mut gathered.samples {
         let doubles = samples.in_order();
         if doubles > 0 && *channel == Channel::Gyro {
             remarks
                 .push(format!("{doubles} messages of the gyro have the stamp of another and were left out."));
+        }
+    }
+    for ((channel, _), samples) in &mut gathered.samples {
+        let info = channel.info();
+        if info.is_motion
+            && !info.is_held
+            && let Some((held, left_out)) = samples.leave_out_held()
+        {
+            remarks.push(whorl_bag::held::said(&format!("the {channel}"), held, left_out));
         }
     }
     gathered.wheel_effort.in_order();

@@ -1,21 +1,22 @@
 //! Messages of one platform, sorted into channels.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use nalgebra::Vector3;
-use whorl_bag::{Carrier, Channel, Form, RecordedMessage};
+use whorl_bag::{BagReader, Carrier, Channel, Form, RecordedMessage};
 use whorl_msgs::Message;
 use whorl_msgs::sensor_msgs::JointState;
 use whorl_msgs::whorl::ControlStatus;
 use whorl_node::Timestamp;
 
+use super::clock::{Clocks, TopicClock};
 use super::commands::Commands;
+use super::poses;
 use super::roles::Role;
 use super::valves::{self, Valves};
 use crate::columns::Columns;
-
-/// Clocks that differ by more are two clocks, and not one and a delay \[ns\].
-const OTHER_CLOCK_NS: i64 = 10_000_000_000;
+use crate::error::RecordingError;
 
 /// Values with their stamps \[ns\], in order of arrival.
 pub(super) type Samples<T> = Vec<(i64, T)>;
@@ -37,8 +38,11 @@ pub(super) struct Gathered {
     pub motion_messages: usize,
     /// Messages with numbers that were not finite, by channel.
     pub not_finite: BTreeMap<Channel, usize>,
-    /// Messages that do not decode.
-    pub undecodable: usize,
+    /// Messages that do not decode, by topic.
+    pub undecodable: BTreeMap<String, usize>,
+    /// Frame that messages of a topic must name, where the map says one, and how many name another.
+    pub frames: BTreeMap<String, String>,
+    pub of_other_frames: usize,
     /// Joints that are the wheels, in their order, by channel; of one without: as those of the wheels' speeds, and
     /// without these all joints of a message.
     pub joints: BTreeMap<Channel, Vec<String>>,
@@ -49,39 +53,93 @@ pub(super) struct Gathered {
     pub missing_joints: BTreeMap<Channel, (String, String)>,
     /// Whether efforts are measured and say nothing of commands.
     pub efforts_are_measured: bool,
+    /// Of the first message.
     pub clocks: Option<Clocks>,
+    /// Of each topic, and of each sender of joints that share one.
+    pub topic_clocks: BTreeMap<String, TopicClock>,
     /// The earliest stamp of what was forgotten.
     pub earliest_ns: Option<i64>,
 }
 
-/// How stamps and log times go together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Clocks {
-    One,
-    /// Stamps of another clock than log times.
-    Two,
-    /// Stamps that nobody set.
-    LogOnly,
-}
-
 impl Gathered {
     pub fn add(&mut self, roles: &[Role], recorded: &RecordedMessage) {
+        if roles.first().is_some_and(|role| role.is_pose()) {
+            self.add_pose(roles, recorded);
+            return;
+        }
         // By the role's type: a MagneticField is read as the Vector3Stamped that it begins with.
         let Some(message_type) = roles.first().map(|role| role.message_type()) else { return };
         match Message::decode(message_type, &recorded.cdr) {
-            Ok(message) => self.add_message(roles, recorded.log_time.0, &message),
-            Err(_) => self.undecodable += 1,
+            Ok(message) => self.add_message(roles, recorded, &message),
+            Err(_) => *self.undecodable.entry(recorded.topic.name.clone()).or_default() += 1,
         }
     }
 
-    fn add_message(&mut self, roles: &[Role], log_ns: i64, message: &Message) {
-        let stamp_ns = whorl_bag::stamp_of(message).map_or(log_ns, |stamp| stamp.0);
-        let clocks = *self.clocks.get_or_insert_with(|| match stamp_ns {
-            0 if log_ns > OTHER_CLOCK_NS => Clocks::LogOnly,
-            _ if stamp_ns.abs_diff(log_ns) > OTHER_CLOCK_NS.unsigned_abs() => Clocks::Two,
-            _ => Clocks::One,
-        });
-        let at = if clocks == Clocks::LogOnly { log_ns } else { stamp_ns };
+    /// When a message was measured \[ns\], and whose clock that is; `None` for one of another frame than is asked for.
+    fn measured(
+        &mut self,
+        roles: &[Role],
+        recorded: &RecordedMessage,
+        stamp_ns: i64,
+        frame_id: &str,
+        sender: &str,
+    ) -> Option<(i64, Clocks)> {
+        let topic = &recorded.topic.name;
+        if self.frames.get(topic).is_some_and(|wanted| wanted != frame_id) {
+            self.of_other_frames += 1;
+            return None;
+        }
+        let key = if sender.is_empty() { topic.clone() } else { format!("{topic} ({sender})") };
+        let clock = self.topic_clocks.entry(key).or_default();
+        if roles.iter().any(|role| role.is_one_sensor()) {
+            clock.sent_by(frame_id);
+        }
+        let at = clock.measured_ns(recorded.log_time.0, stamp_ns);
+        let clocks = clock.clocks().unwrap_or(Clocks::One);
+        self.clocks.get_or_insert(clocks);
+        Some((at, clocks))
+    }
+
+    /// An attitude of another system.
+    fn add_pose(&mut self, roles: &[Role], recorded: &RecordedMessage) {
+        let Ok(pose) = poses::read(&recorded.topic.type_name, &recorded.cdr) else {
+            *self.undecodable.entry(recorded.topic.name.clone()).or_default() += 1;
+            return;
+        };
+        let measured = self.measured(roles, recorded, pose.stamp.0, &pose.frame_id, "");
+        let Some((at, _)) = measured else { return };
+        for role in roles {
+            let numbers = pose.q_world_body.map(|q| match role {
+                Role::PoseDirections(_) => [Vector3::x(), Vector3::z()]
+                    .map(|v_w| q.inverse_transform_vector(&v_w).as_slice().to_vec())
+                    .to_vec(),
+                _ => vec![vec![q.w, q.i, q.j, q.k]],
+            });
+            let (channel, first) = match role {
+                Role::PoseDirections(first) => (Channel::Vector, *first),
+                _ => (Channel::TrueAttitude, 0),
+            };
+            match numbers {
+                None => *self.not_finite.entry(channel).or_default() += 1,
+                Some(all) => {
+                    for (n, numbers) in all.into_iter().enumerate() {
+                        self.keep(channel, first + n, at, Some(numbers));
+                    }
+                }
+            }
+        }
+    }
+
+    fn add_message(&mut self, roles: &[Role], recorded: &RecordedMessage, message: &Message) {
+        let log_ns = recorded.log_time.0;
+        let header = message.header();
+        let stamp_ns = header.map_or(log_ns, |header| Timestamp::from(header.stamp).0);
+        let frame_id = header.map(|header| header.frame_id.as_str()).unwrap_or_default();
+        let sender = match message {
+            Message::JointState(m) => m.name.first().map(String::as_str).unwrap_or_default(),
+            _ => "",
+        };
+        let Some((at, clocks)) = self.measured(roles, recorded, stamp_ns, frame_id, sender) else { return };
         self.motion_messages += usize::from(roles.iter().any(|role| role.is_measured_motion()));
         for role in roles {
             match (*role, message) {
@@ -160,6 +218,38 @@ impl Gathered {
         if let Some(effort) = effort {
             self.wheel_effort.push_finite(at, &effort);
         }
+    }
+
+    /// Refuses messages that are not what they were taken for, and topics of several publishers.
+    pub fn refuse(
+        &self,
+        path: &Path,
+        bag: &BagReader,
+        roles: &BTreeMap<String, (String, Vec<Role>)>,
+    ) -> Result<(), RecordingError> {
+        for (topic, count) in &self.undecodable {
+            let untyped = bag.topic(topic).filter(|found| found.type_name.is_empty());
+            let role = roles.get(topic).and_then(|(_, roles)| roles.first());
+            if let (Some(found), Some(role)) = (untyped, role)
+                && *count as u64 == found.message_count
+            {
+                return Err(RecordingError::OtherMessages {
+                    path: path.to_owned(),
+                    topic: topic.clone(),
+                    messages: *count,
+                    expected: role.message_type().name(),
+                });
+            }
+        }
+        for (topic, clock) in &self.topic_clocks {
+            let one_sensor =
+                roles.get(topic).is_some_and(|(_, roles)| roles.iter().any(|role| role.is_one_sensor()));
+            if let Some(reason) = clock.several_publishers().filter(|_| one_sensor) {
+                let (path, topic) = (path.to_owned(), topic.clone());
+                return Err(RecordingError::SeveralPublishers { path, topic, reason });
+            }
+        }
+        Ok(())
     }
 
     /// Keeps of the samples so far only how early they were.

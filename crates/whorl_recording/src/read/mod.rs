@@ -1,8 +1,10 @@
 //! Run directories and bags as recordings.
 
 mod assemble;
+mod clock;
 mod commands;
 mod gather;
+mod poses;
 mod roles;
 mod topic_map;
 mod valves;
@@ -60,6 +62,9 @@ pub fn read_run(path: &Path, platform: Option<&str>) -> Result<Vec<Recording>, R
 pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recording>, RecordingError> {
     let run = RunDirectory::open(path)?;
     let bag = run.bag()?;
+    if let Some(reason) = nothing_in(&bag) {
+        return Err(RecordingError::NothingInBag { path: path.to_owned(), reason });
+    }
     let map = topic_map(path, &run, &bag, options)?;
     let roles = match &map {
         None => own_roles(&bag),
@@ -70,7 +75,8 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
         }
     };
     let platforms = platforms(path, &run, &bag, &roles, options.platform)?;
-    let mut remarks = Vec::new();
+    let mut remarks: Vec<String> = bag.doubt().map(str::to_owned).into_iter().collect();
+    remarks.extend(untyped(&bag, &roles));
     let integrity = bag.integrity();
     if !integrity.complete || integrity.damaged_chunks > 0 {
         remarks.push(format!(
@@ -97,6 +103,9 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
             // The reader goes on behind a damaged part.
             Err(error) => remarks.push(format!("A part of the bag cannot be read: {error}.")),
         }
+    }
+    for gathered in gathered.values() {
+        gathered.refuse(path, &bag, &roles)?;
     }
     // All platforms share one start, whichever of them is asked for.
     let first_log = bag.bounds().map(|(first, _)| first);
@@ -150,6 +159,32 @@ pub fn read_run_with(path: &Path, options: &ReadOptions<'_>) -> Result<Vec<Recor
         .collect()
 }
 
+/// Why there is nothing at all in a bag, if so.
+fn nothing_in(bag: &BagReader) -> Option<String> {
+    if !bag.topics().is_empty() {
+        return None;
+    }
+    let integrity = bag.integrity();
+    if integrity.complete && integrity.damaged_chunks == 0 {
+        return Some("it has no topics: nothing was recorded".to_owned());
+    }
+    Some(format!(
+        "it is incomplete ({} bytes at its end and {} damaged parts cannot be read): the recorder was killed before its first \
+         part was whole. A recorder that keeps what it has says so: ros2 bag record with a smaller --max-cache-size",
+        integrity.bytes_cut_off, integrity.damaged_chunks
+    ))
+}
+
+/// Says as what topics are read whose type was not stored.
+fn untyped(bag: &BagReader, roles: &BTreeMap<String, (String, Vec<Role>)>) -> Vec<String> {
+    let of_topic = |(name, (_, roles)): (&String, &(String, Vec<Role>))| {
+        bag.topic(name).filter(|topic| topic.type_name.is_empty())?;
+        let read_as = roles.first()?.message_type().name();
+        Some(format!("The recorder stored no type for {name}: its messages were read as {read_as}."))
+    };
+    roles.iter().filter_map(of_topic).collect()
+}
+
 /// The topic map that is asked for, or the one in a plain bag's folder.
 fn topic_map(
     path: &Path,
@@ -171,6 +206,7 @@ fn started(map: Option<&TopicMap>) -> Gathered {
     let Some(map) = map else { return Gathered::default() };
     Gathered {
         joints: map.joints.clone(),
+        frames: map.frames.clone(),
         efforts_are_measured: !map.effort_is_command,
         references: map.references.iter().map(|r| r.map(Unit::into_inner)).collect(),
         ..Gathered::default()
@@ -210,7 +246,7 @@ fn platforms(
     present.retain(|platform| moves(platform));
     if present.is_empty() {
         let topics: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
-        let present = if topics.is_empty() { "no topics".to_owned() } else { topics.join(", ") };
+        let present = topics.join(", ");
         return Err(RecordingError::NoMeasurements { path: path.to_owned(), present });
     }
     match asked {

@@ -14,6 +14,10 @@ pub(super) enum Role {
     ActuatorCommand,
     /// Whether a controller is running.
     ControlStatus,
+    /// The true attitude, in a message of another system.
+    PoseTruth,
+    /// An attitude of another system as two vector sensors, the first of this number, from 0.
+    PoseDirections(usize),
 }
 
 impl Role {
@@ -23,12 +27,24 @@ impl Role {
             Self::VectorReference(_) => MessageType::Vector3Stamped,
             Self::ActuatorCommand => MessageType::ActuatorCommand,
             Self::ControlStatus => MessageType::ControlStatus,
+            Self::PoseTruth | Self::PoseDirections(_) => MessageType::PoseStamped,
         }
+    }
+
+    /// Whether its messages are of any of the types that hold an attitude.
+    pub fn is_pose(self) -> bool {
+        matches!(self, Self::PoseTruth | Self::PoseDirections(_))
     }
 
     /// Whether a platform exists that has only this.
     pub fn is_measured_motion(self) -> bool {
         matches!(self, Self::Measured(channel, _) if channel.info().is_motion)
+    }
+
+    /// Whether one sensor sends its messages: joints and commands come from several.
+    pub fn is_one_sensor(self) -> bool {
+        matches!(self, Self::Measured(Channel::Gyro | Channel::Accelerometer | Channel::Vector, _))
+            || self.is_pose()
     }
 
     /// The roles of a topic by its name in the platform's namespace.

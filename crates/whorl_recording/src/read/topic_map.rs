@@ -8,13 +8,17 @@ use whorl_bag::{BagReader, BagTopic, Channel, Form};
 use whorl_math::words::or_did_you_mean;
 use whorl_params::{ParameterErrors, ParameterTree, Reader};
 
+use super::poses;
 use super::roles::Role;
+use crate::error::or_none;
 
 /// The map beside a bag that is used without being asked for.
 pub(super) const BESIDE_A_BAG: &str = "channels.yaml";
 
 /// `sensor_msgs/MagneticField` begins as a `Vector3Stamped` does: header, then three numbers.
 const MAGNETIC_FIELD: &str = "sensor_msgs/msg/MagneticField";
+/// Inertial sensors whose halves come on topics of their own.
+const HALVES: [(&str, Channel); 2] = [("gyro", Channel::Gyro), ("accelerometer", Channel::Accelerometer)];
 
 /// A map that fits the bag.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,6 +27,8 @@ pub(super) struct TopicMap {
     pub platform: Option<String>,
     /// Topic -> what it holds.
     pub roles: BTreeMap<String, Vec<Role>>,
+    /// Topic -> frame that its messages must name, where several sensors publish it.
+    pub frames: BTreeMap<String, String>,
     /// Of each vector sensor.
     pub references: Vec<Option<Unit<Vector3<f64>>>>,
     /// Joints that are the wheels, in their order, for each of the wheels' channels that names some.
@@ -53,6 +59,15 @@ impl TopicMap {
                 map.read_joints(r, *channel);
             }
         }
+        for (key, channel) in HALVES {
+            if r.has(key) && r.has("imu") {
+                let one =
+                    "imu has gyro and accelerometer already; allowed: imu alone, or gyro and accelerometer";
+                r.reject(&format!("{key}.topic"), one);
+            }
+            map.add(r, key, Role::Measured(channel, 0), bag);
+        }
+        map.read_pose(r, bag);
         map.add(r, "actuator_command", Role::ActuatorCommand, bag);
         map.platform = r.optional_string("platform", "name of the platform");
         map.closed_loop =
@@ -74,6 +89,11 @@ impl TopicMap {
     /// Takes up the topic of a key.
     fn add(&mut self, r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) {
         if let Some(topic) = topic(r, key, role, bag) {
+            let one =
+                "frame that the messages name (header.frame_id), where several sensors publish the topic";
+            if let Some(frame) = r.optional_string(&format!("{key}.frame_id"), one) {
+                self.frames.insert(topic.clone(), frame);
+            }
             self.roles.entry(topic).or_default().push(role);
         }
     }
@@ -94,6 +114,29 @@ impl TopicMap {
             });
             self.references.push(reference);
         }
+    }
+
+    /// Attitudes of another system, as motion capture sends them.
+    fn read_pose(&mut self, r: &mut Reader<'_>, bag: &BagReader) {
+        if !r.has("pose") {
+            return;
+        }
+        let what = r.choice_or(
+            "pose.use",
+            "truth",
+            &["truth", "directions"],
+            "truth: the true attitude, to compare with; directions: measured, as two vector sensors (east and up)",
+        );
+        if what == "directions" {
+            let first = self.references.len();
+            self.references.extend([Vector3::x_axis(), Vector3::z_axis()].map(Some));
+            self.add(r, "pose", Role::PoseDirections(first), bag);
+            return;
+        }
+        if r.has("truth") {
+            r.reject("pose.topic", "truth is given as well; allowed: one of the two, or use: directions");
+        }
+        self.add(r, "pose", Role::PoseTruth, bag);
     }
 
     /// Which joints of a message are the wheels.
@@ -134,21 +177,43 @@ fn topic(r: &mut Reader<'_>, key: &str, role: Role, bag: &BagReader) -> Option<S
     let Some(topic) = bag.topic(&name) else {
         let present: Vec<&str> = bag.topics().iter().map(|topic| topic.name.as_str()).collect();
         let likely = or_did_you_mean(&name, present.iter().copied());
-        r.reject(&full, format!("the bag has no such topic; it has: {}{likely}", present.join(", ")));
+        let present = present.join(", ");
+        r.reject(&full, format!("the bag has no such topic; it has: {}{likely}", or_none(&present)));
         return None;
     };
     if !fits(topic, role) {
-        let also = if sees_direction(role) { " or sensor_msgs/msg/MagneticField" } else { "" };
-        let (given, needed) = (&topic.type_name, role.message_type().name());
-        r.reject(&full, format!("its messages are {given}; allowed: {needed}{also}"));
+        let given = match (topic.type_name.as_str(), topic.encoding.as_str()) {
+            ("", "cdr") => "of a type that the recorder did not store".to_owned(),
+            ("", "") => "of a type and an encoding that the recorder did not store".to_owned(),
+            ("", encoding) => format!("encoded as {encoding}"),
+            (name, "cdr") => name.to_owned(),
+            (name, "") => format!("{name} in an encoding that the recorder did not store"),
+            (name, encoding) => format!("{name}, encoded as {encoding}"),
+        };
+        r.reject(&full, format!("its messages are {given}; allowed: {}", allowed(role)));
         return None;
     }
     Some(name)
 }
 
+/// Messages of a type that was not stored are taken for what they are needed as; whether they are is seen when they are read.
 fn fits(topic: &BagTopic, role: Role) -> bool {
+    if topic.type_name.is_empty() {
+        return topic.encoding == "cdr" && !role.is_pose();
+    }
+    if role.is_pose() {
+        return topic.encoding == "cdr" && poses::TYPES.contains(&topic.type_name.as_str());
+    }
     topic.message_type() == Some(role.message_type())
         || sees_direction(role) && topic.encoding == "cdr" && topic.type_name == MAGNETIC_FIELD
+}
+
+fn allowed(role: Role) -> String {
+    if role.is_pose() {
+        return poses::TYPES.join(", ");
+    }
+    let also = if sees_direction(role) { " or sensor_msgs/msg/MagneticField" } else { "" };
+    format!("{}{also}", role.message_type().name())
 }
 
 fn sees_direction(role: Role) -> bool {

@@ -6,6 +6,7 @@ mod contradictions;
 mod csv;
 mod foreign_bags;
 mod memory;
+mod robot_bags;
 mod round_trip;
 mod simulated_run;
 
