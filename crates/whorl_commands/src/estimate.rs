@@ -3,9 +3,11 @@
 use anyhow::bail;
 use whorl_estimation::{Estimator, FilterKind, Health, ImuSample, Parameters};
 use whorl_free_motion::{
-    DirectionFilter, DirectionParameters, FreeMotionEstimator, FreeMotionParameters, Orientation,
+    Clipping, DirectionFilter, DirectionParameters, FreeMotionEstimator, FreeMotionParameters, Orientation,
     OrientationFilter, Sample, smooth, smooth_free_motion,
 };
+
+use crate::axis_watch::AxisWatch;
 
 /// The filter for sensors that do not turn about a fixed point.
 const FREE_MOTION: &str = FilterKind::FREE_MOTION.name;
@@ -57,12 +59,12 @@ pub struct Recorded {
 /// The chosen filter.
 #[derive(Debug)]
 pub enum Chosen {
-    /// For sensors that move freely; whether smoothing found a magnet.
-    FreeMotion(Box<FreeMotionEstimator>, bool),
+    /// For sensors that move freely; whether smoothing found a magnet, and what is odd about the sensors.
+    FreeMotion(Box<FreeMotionEstimator>, bool, Vec<String>),
     /// For any vehicle with directions.
     Directions(Box<DirectionFilter>, DirectionParameters),
-    /// A filter of the estimator node, and its name.
-    Pivot(Box<Estimator>, &'static str),
+    /// A filter of the estimator node, its name, and what watches over the sensors' axes.
+    Pivot(Box<Estimator>, &'static str, Box<AxisWatch>),
 }
 
 impl Chosen {
@@ -86,7 +88,7 @@ impl Chosen {
         }
         if name == FREE_MOTION {
             let filter = FreeMotionEstimator::new(FreeMotionParameters::default());
-            return Ok(Self::FreeMotion(Box::new(filter), false));
+            return Ok(Self::FreeMotion(Box::new(filter), false, Vec::new()));
         }
         let usable =
             || FilterKind::ALL.into_iter().filter(|kind| !kind.needs_body && kind.name != FREE_MOTION);
@@ -98,7 +100,8 @@ impl Chosen {
             bail!("--smooth works with --filter {FREE_MOTION} and {DIRECTIONS}, not with {name}");
         }
         let parameters = Parameters::freely_moving().with_magnetometer(std::f64::consts::FRAC_PI_2);
-        Ok(Self::Pivot(Box::new(Estimator::new(kind, parameters, None)?), kind.name))
+        let filter = Box::new(Estimator::new(kind, parameters, None)?);
+        Ok(Self::Pivot(filter, kind.name, Box::default()))
     }
 
     /// Its name.
@@ -107,7 +110,7 @@ impl Chosen {
         match self {
             Self::FreeMotion(..) => FREE_MOTION,
             Self::Directions(..) => DIRECTIONS,
-            Self::Pivot(_, name) => name,
+            Self::Pivot(_, name, _) => name,
         }
     }
 
@@ -128,15 +131,34 @@ impl Chosen {
     #[must_use]
     pub fn is_magnetised(&self) -> bool {
         match self {
-            Self::FreeMotion(filter, smoothed) => *smoothed || filter.is_magnetised(),
+            Self::FreeMotion(filter, smoothed, _) => *smoothed || filter.is_magnetised(),
             _ => false,
+        }
+    }
+
+    /// What is odd about the sensors, in words.
+    #[must_use]
+    pub fn doubts(&self) -> Vec<String> {
+        let clipped = |clipping: &Clipping| (clipping.count() > 0).then(|| clipping.to_string());
+        match self {
+            Self::FreeMotion(filter, _, smoothed) => {
+                if smoothed.is_empty() {
+                    filter.doubts()
+                } else {
+                    smoothed.clone()
+                }
+            }
+            Self::Directions(filter, _) => clipped(filter.clipping()).into_iter().collect(),
+            Self::Pivot(filter, _, watch) => {
+                watch.doubts().into_iter().chain(clipped(filter.clipping())).collect()
+            }
         }
     }
 
     /// The estimate from this sample and those before.
     pub fn causal(&mut self, sample: &Sample) -> Option<Orientation> {
         match self {
-            Self::FreeMotion(filter, _) => {
+            Self::FreeMotion(filter, ..) => {
                 filter.on_sample(sample);
                 filter.orientation()
             }
@@ -144,14 +166,20 @@ impl Chosen {
                 filter.on_sample(sample);
                 filter.orientation()
             }
-            Self::Pivot(filter, _) => {
+            Self::Pivot(filter, _, watch) => {
                 let stamp_ns = sample.stamp_ns;
+                if watch.field_turns_out_wrong(sample) {
+                    // Anew, without the magnetometer: the heading is relative from here on.
+                    let without = Estimator::new(filter.kind(), Parameters::freely_moving(), None);
+                    **filter = without.ok()?;
+                }
                 filter.on_imu(&ImuSample {
                     stamp_ns,
                     gyro_rad_s: sample.gyro_rad_s,
                     specific_force_m_s2: sample.force_m_s2?,
                 });
-                if let Some(seen) = sample.vectors.first().copied().flatten() {
+                let seen = sample.vectors.first().copied().flatten();
+                if let Some(seen) = seen.filter(|_| !watch.field_is_wrong()) {
                     filter.on_vector(stamp_ns, &seen.body);
                 }
                 let estimate = filter.estimate(stamp_ns);
@@ -170,15 +198,15 @@ impl Chosen {
     /// A filter that cannot smooth.
     pub fn smoothed(&mut self, samples: &[Sample]) -> anyhow::Result<Vec<Option<Orientation>>> {
         match self {
-            Self::FreeMotion(_, magnetised) => {
-                let (found, with_magnet) = smooth_free_motion(FreeMotionParameters::default(), samples);
-                *magnetised = with_magnet;
-                Ok(found)
+            Self::FreeMotion(_, magnetised, doubts) => {
+                let found = smooth_free_motion(FreeMotionParameters::default(), samples);
+                (*magnetised, *doubts) = (found.is_magnetised, found.doubts);
+                Ok(found.orientations)
             }
             Self::Directions(_, parameters) => {
                 Ok(smooth(|| DirectionFilter::new(parameters.clone()), samples))
             }
-            Self::Pivot(_, name) => bail!("--smooth does not work with --filter {name}"),
+            Self::Pivot(_, name, _) => bail!("--smooth does not work with --filter {name}"),
         }
     }
 }

@@ -18,6 +18,7 @@
 
 pub mod adopt;
 pub mod attitudes;
+pub mod axis_watch;
 pub mod calibrate;
 pub mod campaign;
 pub mod compare;

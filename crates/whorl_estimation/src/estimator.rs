@@ -10,6 +10,7 @@ use crate::supervision::{
 };
 use nalgebra::{Matrix6, UnitQuaternion, Vector3};
 use thiserror::Error;
+use whorl_free_motion::Clipping;
 use whorl_math::rotation_vector;
 
 /// Wheel speeds older than this are not used \[s\].
@@ -163,6 +164,10 @@ impl<K: Kernel> Estimator<K> {
             self.ungated_step(sample, &outcome);
             return outcome;
         }
+        if self.supervisor.is_clipped() {
+            // It goes on from the supervising filter, whose covariance has grown by what was not measured.
+            self.kernel = None;
+        }
         let impulse = std::mem::take(&mut self.jet_impulse_b_n_m_s);
         let before = std::mem::replace(&mut self.gyro_before_rad_s, sample.gyro_rad_s);
         let wheels = self.wheels_at(sample.stamp_ns);
@@ -232,6 +237,12 @@ impl<K: Kernel> Estimator<K> {
         estimate.nis = (self.update.dof > 0).then_some(self.update.nis);
         estimate.nis_dof = self.update.dof;
         estimate
+    }
+
+    /// Samples at the end of the gyro's range.
+    #[must_use]
+    pub fn clipping(&self) -> &Clipping {
+        self.supervisor.clipping()
     }
 
     /// Refused samples of gyro, accelerometer and vector sensor since the start.

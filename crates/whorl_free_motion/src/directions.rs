@@ -26,6 +26,7 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, Unit, UnitQuaternion, Vector3};
 use whorl_math::{attitude_from_two_vectors, covariance, quaternion_exp, skew};
 
+use crate::clipping::Clipping;
 use crate::orientation::{Observed, Orientation, OrientationFilter, Sample};
 
 /// Directions closer than this do not fix an attitude together \[rad\]: 5 degrees, where an error of one is twelve times
@@ -89,6 +90,7 @@ pub struct DirectionFilter {
     covariance: Matrix6<f64>,
     waiting: Option<Waiting>,
     refusals: u32,
+    clipping: Clipping,
 }
 
 impl DirectionFilter {
@@ -107,7 +109,14 @@ impl DirectionFilter {
             covariance,
             waiting: None,
             refusals: 0,
+            clipping: Clipping::default(),
         }
+    }
+
+    /// Samples at the end of the gyro's range.
+    #[must_use]
+    pub fn clipping(&self) -> &Clipping {
+        &self.clipping
     }
 
     fn sigma_rad(&self, sensor: usize) -> f64 {
@@ -246,6 +255,11 @@ impl OrientationFilter for DirectionFilter {
             return;
         }
         self.propagate(dt_s, &((before + gyro) * 0.5));
+        if let Some(variance) = self.clipping.add(dt_s, &gyro) {
+            for axis in 0..3 {
+                self.covariance[(axis, axis)] += variance[axis];
+            }
+        }
         if self.usual_s > 0.0 && dt_s > 2.0 * self.usual_s {
             let unknown = (gyro - before).norm_squared() * dt_s * dt_s / 4.0;
             for axis in 0..3 {

@@ -33,6 +33,11 @@ impl FreeMotionFilter {
             return;
         };
         let p = self.parameters;
+        self.still_field.on_field(&(measured / length));
+        if self.rest.resting(&p) && self.still_field.is_disturbed() {
+            // A field that changes around a resting sensor says nothing of its heading.
+            return;
+        }
         let rotation = *self.q_world_body.to_rotation_matrix().matrix();
         let world = rotation * (measured / length - self.iron_relative);
         let (north, up) = (self.field_relative.y, self.field_relative.z);

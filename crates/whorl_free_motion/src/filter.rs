@@ -2,11 +2,13 @@
 
 use super::FreeMotionParameters;
 use super::anchor::Anchor;
+use super::clipping::Clipping;
 use super::covariance::{
     ATTITUDE, Covariance, FIELD, FORCE_BIAS, GYRO_BIAS, GYRO_MATRIX, IRON, Interval, POSITION, Row, VELOCITY,
     propagate, update,
 };
 use super::rest::RestDetector;
+use super::still_field::{StillField, Verdict};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector2, Vector3};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit};
 
@@ -15,6 +17,12 @@ use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_e
 const COVARIANCE_STEP_S: f64 = 0.05;
 /// A longer gap between samples restarts the filter \[s\].
 const GAP_S: f64 = 1.0;
+/// A steady rate that is off the bias by so many standard deviations is a turn.
+const BIAS_SIGMAS: f64 = 4.0;
+/// Standard deviation of a heading that nothing is known of: a uniform distribution over the whole turn \[rad\].
+const UNKNOWN_RAD: f64 = 1.8;
+/// How wrong an inclination is, about, that a wrong accelerometer corrected until it was found \[rad\].
+const WRONG_FORCE_RAD: f64 = 0.3;
 
 /// The estimate of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,6 +101,12 @@ pub struct FreeMotionFilter {
     pub(super) covariance: Covariance,
     sums: Sums,
     pub(super) rest: RestDetector,
+    pub(super) still_field: StillField,
+    pub(super) clipping: Clipping,
+    /// What samples at the end of the gyro's range add to the covariance of the attitude error, world axes \[rad^2\].
+    clipped_w: Matrix3<f64>,
+    /// Whether the accelerometer is wrong: specific force is then gravity at the attitude of the gyro.
+    pub(super) without_force: bool,
     since_motion_s: f64,
     since_field_s: f64,
     /// Mean square deviation of the field's north and up components, relative to its length.
@@ -137,6 +151,10 @@ impl FreeMotionFilter {
             covariance: Covariance::zeros(),
             sums: Sums::ZERO,
             rest: RestDetector::default(),
+            still_field: StillField::default(),
+            clipping: Clipping::default(),
+            clipped_w: Matrix3::zeros(),
+            without_force: false,
             since_motion_s: 0.0,
             since_field_s: f64::INFINITY,
             inhomogeneity: parameters.inhomogeneity_start.powi(2),
@@ -183,8 +201,15 @@ impl FreeMotionFilter {
             self.finish_start();
             return;
         }
-        self.strapdown(dt_s, &turn, &measured, force);
+        if let Some(variance) = self.clipping.add(dt_s, gyro) {
+            let rotation = *self.q_world_body.to_rotation_matrix().matrix();
+            self.clipped_w += rotation * Matrix3::from_diagonal(&variance) * rotation.transpose();
+        }
+        let alone = self.q_world_body.inverse_transform_vector(&Vector3::z()) * self.parameters.gravity_m_s2;
+        let used = if self.without_force { &alone } else { force };
+        self.strapdown(dt_s, &turn, &measured, used);
         let rate = self.rest.add(&self.parameters, dt_s, gyro, force);
+        self.still_field.on_gyro(self.rest.seems_still(), dt_s, gyro, &self.gyro_bias_rad_s);
         self.since_motion_s += dt_s;
         self.since_field_s += dt_s;
         if self.sums.dt_s >= COVARIANCE_STEP_S {
@@ -194,7 +219,7 @@ impl FreeMotionFilter {
             self.carry_covariance();
             self.use_rest(&rate);
         }
-        if self.since_motion_s >= self.parameters.motion_time_s {
+        if self.since_motion_s >= self.parameters.motion_time_s && !self.without_force {
             self.carry_covariance();
             self.use_motion();
             self.since_motion_s = 0.0;
@@ -361,16 +386,87 @@ impl FreeMotionFilter {
             noise,
         };
         propagate(&mut self.covariance, &interval);
+        let clipped_w = std::mem::replace(&mut self.clipped_w, Matrix3::zeros());
+        let mut attitude = self.covariance.fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE);
+        attitude += clipped_w;
     }
 
     /// Rate, velocity at rest.
     fn use_rest(&mut self, rate: &Vector3<f64>) {
+        if self.turns_slowly(rate) {
+            return;
+        }
         let variance = self.parameters.rest_rate_sigma_rad_s.powi(2);
         for axis in 0..3 {
             self.use_state(GYRO_BIAS + axis, rate[axis] - self.gyro_bias_rad_s[axis], variance);
         }
+        if self.without_force {
+            return;
+        }
         for axis in 0..3 {
-            self.use_state(VELOCITY + axis, -self.velocity_w_m_s[axis], 0.02 * 0.02);
+            self.use_motion_state(VELOCITY + axis, -self.velocity_w_m_s[axis], 0.02 * 0.02);
+        }
+    }
+
+    /// Whether what seems to be rest is a slow turn. The field tells, where it can; else a rate that the bias cannot have come to
+    /// since it was known is a turn: a bias changes no faster than it walks.
+    fn turns_slowly(&mut self, rate: &Vector3<f64>) -> bool {
+        let verdict = self.still_field.verdict();
+        let of_rest = self.parameters.rest_rate_sigma_rad_s.powi(2);
+        let unlikely = (0..3).any(|axis| {
+            let variance = self.covariance[(GYRO_BIAS + axis, GYRO_BIAS + axis)] + of_rest;
+            (rate[axis] - self.gyro_bias_rad_s[axis]).powi(2) > BIAS_SIGMAS.powi(2) * variance
+        });
+        match verdict {
+            // The bias is another than was believed.
+            Verdict::Rests if unlikely => self.forget_bias(*rate),
+            Verdict::Turns => {
+                if let Some(before) = self.still_field.bias_before() {
+                    self.forget_bias(before);
+                }
+            }
+            _ => {}
+        }
+        let turns = verdict == Verdict::Turns || unlikely && verdict != Verdict::Rests;
+        self.rest.refuse(turns);
+        turns
+    }
+
+    /// Sets a bias that is known as little as at the start.
+    fn forget_bias(&mut self, bias_rad_s: Vector3<f64>) {
+        self.gyro_bias_rad_s = bias_rad_s;
+        for state in GYRO_BIAS..GYRO_BIAS + 3 {
+            self.covariance.fill_row(state, 0.0);
+            self.covariance.fill_column(state, 0.0);
+            self.covariance[(state, state)] = self.parameters.gyro_bias_sigma_rad_s.powi(2);
+        }
+    }
+
+    /// Goes on without a magnetometer: the heading is that of the gyro since the start, and from where it counts is not known.
+    pub(super) fn give_up_field(&mut self) {
+        self.turn_heading(-self.turned_rad);
+        self.turned_rad = 0.0;
+        self.field_length = None;
+        for state in [ATTITUDE + 2, FIELD, FIELD + 1, FIELD + 2] {
+            self.covariance.fill_row(state, 0.0);
+            self.covariance.fill_column(state, 0.0);
+        }
+        self.covariance[(ATTITUDE + 2, ATTITUDE + 2)] = UNKNOWN_RAD.powi(2);
+    }
+
+    /// Goes on without an accelerometer: the inclination is carried by the gyro alone.
+    pub(super) fn give_up_force(&mut self) {
+        self.without_force = true;
+        (self.velocity_w_m_s, self.position_w_m) = (Vector3::zeros(), Vector3::zeros());
+        for state in (ATTITUDE..ATTITUDE + 2).chain(VELOCITY..POSITION + 3).chain(FORCE_BIAS..FORCE_BIAS + 3)
+        {
+            let variance = self.covariance[(state, state)];
+            self.covariance.fill_row(state, 0.0);
+            self.covariance.fill_column(state, 0.0);
+            self.covariance[(state, state)] = variance;
+        }
+        for state in ATTITUDE..ATTITUDE + 2 {
+            self.covariance[(state, state)] += WRONG_FORCE_RAD.powi(2);
         }
     }
 
@@ -378,8 +474,8 @@ impl FreeMotionFilter {
     fn use_motion(&mut self) {
         let (velocity, position) = (self.parameters.velocity_sigma_m_s, self.parameters.position_sigma_m);
         for axis in 0..3 {
-            self.use_state(VELOCITY + axis, -self.velocity_w_m_s[axis], velocity * velocity);
-            self.use_state(POSITION + axis, -self.position_w_m[axis], position * position);
+            self.use_motion_state(VELOCITY + axis, -self.velocity_w_m_s[axis], velocity * velocity);
+            self.use_motion_state(POSITION + axis, -self.position_w_m[axis], position * position);
         }
     }
 
@@ -388,6 +484,21 @@ impl FreeMotionFilter {
         let mut h = Row::zeros();
         h[index] = 1.0;
         let (correction, _) = update(&mut self.covariance, &h, innovation, variance, None);
+        self.apply(&correction);
+    }
+
+    /// A measurement of a velocity or a place. These are as probable in every direction: where no field ever told the heading they
+    /// do not either.
+    fn use_motion_state(&mut self, index: usize, innovation: f64, variance: f64) {
+        if self.field_length.is_some() {
+            self.use_state(index, innovation, variance);
+            return;
+        }
+        let mut h = Row::zeros();
+        h[index] = 1.0;
+        let mut mask = Row::repeat(1.0);
+        mask[ATTITUDE + 2] = 0.0;
+        let (correction, _) = update(&mut self.covariance, &h, innovation, variance, Some(&mask));
         self.apply(&correction);
     }
 

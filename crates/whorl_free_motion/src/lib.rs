@@ -19,6 +19,8 @@
 //! The attitude error is a rotation vector in world axes (x east, y magnetic north, z up).
 
 mod anchor;
+mod axes;
+mod clipping;
 mod covariance;
 mod directions;
 mod field;
@@ -31,13 +33,16 @@ mod parameters;
 mod rest;
 #[cfg(test)]
 mod smoothing_tests;
+mod still_field;
 
 #[cfg(test)]
 mod tests;
 
+pub use axes::{AxisCheck, Contradiction, doubts};
+pub use clipping::Clipping;
 pub use directions::{DirectionFilter, DirectionParameters};
 pub use filter::{FreeMotionEstimate, FreeMotionFilter};
-pub use magnetised::{FreeMotionEstimator, smooth_free_motion};
+pub use magnetised::{FreeMotionEstimator, Smoothed, smooth_free_motion};
 pub use orientation::{Observed, Orientation, OrientationFilter, Sample, backward, forward, smooth};
 pub use orientation_error::{OrientationErrors, orientation_error};
 pub use parameters::FreeMotionParameters;

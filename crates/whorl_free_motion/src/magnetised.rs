@@ -1,5 +1,6 @@
 //! Is there iron or a magnet on the sensor?
 
+use super::axes::{AxisCheck, Contradiction};
 use super::iron::IronEstimator;
 use super::orientation::{Observed, Orientation, OrientationFilter, Sample, forward, smooth};
 use super::{FreeMotionEstimate, FreeMotionFilter, FreeMotionParameters};
@@ -17,7 +18,15 @@ pub struct FreeMotionEstimator {
     begin: Option<Begin>,
     /// Azimuth that the start's samples gave the heading's correction at the latest sample \[rad\].
     azimuth_rad: Option<f64>,
+    axes: AxisCheck,
+    /// Samples of the gyro until the axes are looked at again.
+    until_check: u32,
+    /// What contradicts the gyro and is not used: accelerometer, magnetometer.
+    wrong: [Option<Contradiction>; 2],
 }
+
+/// The axes are looked at after so many samples.
+const CHECKED_EVERY: u32 = 100;
 
 /// The field before the sensor moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,12 +43,26 @@ impl FreeMotionEstimator {
     /// An estimator that finds its first attitude from its first samples.
     #[must_use]
     pub fn new(parameters: FreeMotionParameters) -> Self {
-        Self { filter: FreeMotionFilter::new(parameters), iron: None, begin: None, azimuth_rad: None }
+        Self {
+            filter: FreeMotionFilter::new(parameters),
+            iron: None,
+            begin: None,
+            azimuth_rad: None,
+            axes: AxisCheck::default(),
+            until_check: CHECKED_EVERY,
+            wrong: [None, None],
+        }
     }
 
     /// As [`FreeMotionFilter::on_imu`].
     pub fn on_imu(&mut self, stamp_ns: i64, gyro_rad_s: &Vector3<f64>, force_m_s2: &Vector3<f64>) {
         self.filter.on_imu(stamp_ns, gyro_rad_s, force_m_s2);
+        self.axes.on_imu(stamp_ns, gyro_rad_s, Some(force_m_s2));
+        self.until_check = self.until_check.saturating_sub(1);
+        if self.until_check == 0 {
+            self.until_check = CHECKED_EVERY;
+            self.check_axes();
+        }
         if self.filter.start.is_some() && self.begin.take().is_some() {
             // After a gap the orientation of the axes is unknown; the iron is still there.
             self.azimuth_rad = None;
@@ -51,6 +74,10 @@ impl FreeMotionEstimator {
 
     /// As [`FreeMotionFilter::on_magnetometer`].
     pub fn on_magnetometer(&mut self, field: &Vector3<f64>) {
+        if self.wrong.iter().last().is_some_and(Option::is_some) {
+            return;
+        }
+        self.axes.on_field(field);
         let known = self.iron.as_ref().filter(|iron| iron.believed());
         let iron = known.map_or_else(Vector3::zeros, IronEstimator::iron);
         let Some(rotation) = self.filter.on_magnetometer(&(field - iron)) else { return };
@@ -60,6 +87,35 @@ impl FreeMotionEstimator {
         let estimator = self.iron.get_or_insert_with(|| IronEstimator::new(field, p.magnetometer_sigma));
         estimator.step(&rotation, field, p.magnetometer_interval_s, resting);
         self.count_heading_anew();
+    }
+
+    /// Leaves out a sensor that turns against the gyro.
+    fn check_axes(&mut self) {
+        let [force, field] = self.axes.contradictions();
+        let [wrong_force, wrong_field] = &mut self.wrong;
+        if wrong_field.is_none() && field.is_some() {
+            *wrong_field = field;
+            self.filter.give_up_field();
+            self.iron = None;
+        }
+        if wrong_force.is_none() && force.is_some() {
+            *wrong_force = force;
+            self.filter.give_up_force();
+        }
+    }
+
+    /// What contradicts the gyro: accelerometer, magnetometer. It is not used.
+    #[must_use]
+    pub fn contradictions(&self) -> &[Option<Contradiction>; 2] {
+        &self.wrong
+    }
+
+    /// What is odd about the sensors, in words.
+    #[must_use]
+    pub fn doubts(&self) -> Vec<String> {
+        let clipping = &self.filter.clipping;
+        let clipped = (clipping.count() > 0).then(|| clipping.to_string());
+        super::axes::doubts(&self.wrong).into_iter().chain(clipped).collect()
     }
 
     /// Whether a magnet on the sensor has been detected.
@@ -143,22 +199,38 @@ impl OrientationFilter for FreeMotionEstimator {
     }
 }
 
-/// [`super::smooth`] with [`FreeMotionEstimator`]; whether there is a magnet on the sensor is found out first, and its field is
-/// then subtracted from all samples, those before it was found included. Gives the orientations, and whether there is one.
+/// A recording, smoothed.
+#[derive(Clone, Debug)]
+pub struct Smoothed {
+    /// The orientation at each sample.
+    pub orientations: Vec<Option<Orientation>>,
+    /// Whether there is a magnet on the sensor.
+    pub is_magnetised: bool,
+    /// What is odd about the sensors, in words.
+    pub doubts: Vec<String>,
+}
+
+/// [`super::smooth`] with [`FreeMotionEstimator`]; whether there is a magnet on the sensor, and whether its magnetometer turns
+/// against the gyro, is found out first. The magnet's field is then subtracted from all samples, those before it was found included;
+/// a magnetometer that is wrong is not used at all.
 #[must_use]
-pub fn smooth_free_motion(
-    parameters: FreeMotionParameters,
-    samples: &[Sample],
-) -> (Vec<Option<Orientation>>, bool) {
+pub fn smooth_free_motion(parameters: FreeMotionParameters, samples: &[Sample]) -> Smoothed {
     let new = || FreeMotionEstimator::new(parameters);
     let mut first = new();
     forward(&mut first, samples);
+    let doubts = first.doubts();
+    let [_, wrong_field] = first.contradictions();
+    if wrong_field.is_some() {
+        let mut without = samples.to_vec();
+        without.iter_mut().filter_map(|sample| sample.vectors.first_mut()).for_each(|seen| *seen = None);
+        return Smoothed { orientations: smooth(new, &without), is_magnetised: false, doubts };
+    }
     let Some(iron) = first.estimate().filter(|_| first.is_magnetised()) else {
-        return (smooth(new, samples), false);
+        return Smoothed { orientations: smooth(new, samples), is_magnetised: false, doubts };
     };
     let mut clean = samples.to_vec();
     for seen in clean.iter_mut().filter_map(|sample| sample.vectors.first_mut()?.as_mut()) {
         seen.body -= iron.iron_magnetometer_unit;
     }
-    (smooth(new, &clean), true)
+    Smoothed { orientations: smooth(new, &clean), is_magnetised: true, doubts }
 }

@@ -11,7 +11,12 @@ pub(super) struct RestDetector {
     /// Rate, averaged since rest began.
     rate_sum: Vector3<f64>,
     rate_s: f64,
+    /// Whether what seems to be rest is a slow turn.
+    refused: bool,
 }
+
+/// What seems to be rest is looked at from here on \[s\]: the means of its beginning still hold the motion before.
+const SEEMS_S: f64 = 0.5;
 
 impl RestDetector {
     /// Takes a sample; gives the mean rate over each interval of rest.
@@ -31,6 +36,7 @@ impl RestDetector {
             || mean_gyro.norm() > p.rest_rate_limit_rad_s;
         if moving {
             (self.still_s, self.rate_sum, self.rate_s) = (0.0, Vector3::zeros(), 0.0);
+            self.refused = false;
             return None;
         }
         self.still_s += dt_s;
@@ -48,6 +54,16 @@ impl RestDetector {
     }
 
     pub(super) fn resting(&self, p: &FreeMotionParameters) -> bool {
-        self.still_s >= p.rest_time_s
+        self.still_s >= p.rest_time_s && !self.refused
+    }
+
+    /// Whether gyro and accelerometer are as those of a sensor that rests, or turns slowly and steadily.
+    pub(super) fn seems_still(&self) -> bool {
+        self.still_s >= SEEMS_S
+    }
+
+    /// Says whether this is a slow turn and no rest.
+    pub(super) fn refuse(&mut self, is_turn: bool) {
+        self.refused = is_turn;
     }
 }

@@ -127,6 +127,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let mut notes = rows.notes();
     notes.extend(reader.unused().notes());
+    notes.extend(chosen.doubts());
     tell(arguments, &map, &chosen, &tally, samples, (last_ns - first_ns) as f64 * 1e-9, &notes)
 }
 

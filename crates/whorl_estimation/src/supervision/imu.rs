@@ -78,6 +78,10 @@ impl AttitudeBiasEstimator {
             let lost = 0.25 * self.parameters.gap_acceleration_rad_s2 * dt_s * dt_s;
             noise += lost * lost / dt_s;
         }
+        let clipped = self.clipping.add(dt_s, &gyro);
+        self.is_clipped = clipped.is_some();
+        // One number for all axes, which must not be less than the worst.
+        noise += clipped.map_or(0.0, |variance| variance.amax()) / dt_s;
         let omega = gyro - self.state.bias_rad_s;
         let turn = match self.parameters.gyro_sampling {
             GyroSampling::IntervalMean => omega * dt_s,

@@ -22,6 +22,7 @@ use history::History;
 use monitor::{SampleMonitor, SensorMonitor};
 use nalgebra::{Matrix3, Matrix3x2, Matrix6, Unit, UnitQuaternion, Vector3};
 use start::{Carried, Start};
+use whorl_free_motion::Clipping;
 use whorl_math::quaternion_exp;
 
 /// Heading variance above which a vector sample corrects the heading alone, whose innovation is
@@ -85,6 +86,9 @@ pub struct AttitudeBiasEstimator {
     /// Latest normalised innovation squared and its degrees of freedom.
     nis: Option<(f64, u8)>,
     backward_stamps: u32,
+    clipping: Clipping,
+    /// Whether the latest sample stood at the end of the gyro's range.
+    is_clipped: bool,
 }
 
 /// The last accepted gyro sample, and a suspected spike after it.
@@ -155,8 +159,21 @@ impl AttitudeBiasEstimator {
             vector: SensorMonitor::default(),
             nis: None,
             backward_stamps: 0,
+            clipping: Clipping::default(),
+            is_clipped: false,
             parameters,
         })
+    }
+
+    /// Samples at the end of the gyro's range.
+    #[must_use]
+    pub fn clipping(&self) -> &Clipping {
+        &self.clipping
+    }
+
+    /// Whether the latest sample stood at the end of the gyro's range: filters that do not know must not go on by themselves.
+    pub(crate) fn is_clipped(&self) -> bool {
+        self.is_clipped
     }
 
     /// A filter that starts from a known attitude and bias at `stamp_ns` instead of averaging.
