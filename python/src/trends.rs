@@ -6,7 +6,6 @@ use anyhow::{Context, bail};
 use pyo3::prelude::*;
 use whorl_commands::history::{HEADINGS, as_json, began_s, rows, sentences, trends_as_json, write_table};
 use whorl_commands::{calibrate as calibration, model_file, options, simulate::utc_now};
-use whorl_explain::changes::of_calibration;
 use whorl_explain::trends::{DatedRun, trends as over_runs};
 use whorl_identification::calibration::calibrate_imu;
 use whorl_params::ModelStep;
@@ -89,7 +88,7 @@ pub fn history(platform: &Bound<'_, Platform>) -> String {
 
 /// Errors of gyro and accelerometer: JSON, and how many entries were written into `out`.
 #[pyfunction]
-#[pyo3(signature = (training, platform, known_turn_deg=None, turn_error_deg=0.3, level_error_deg=0.5, out=None))]
+#[pyo3(signature = (training, platform, known_turn_deg=None, turn_error_deg=0.3, level_error_deg=0.5, gravity_m_s2=None, out=None))]
 pub fn calibrate_sensors(
     py: Python<'_>,
     training: Given<'_>,
@@ -97,11 +96,12 @@ pub fn calibrate_sensors(
     known_turn_deg: Option<f64>,
     turn_error_deg: f64,
     level_error_deg: f64,
+    gravity_m_s2: Option<f64>,
     out: Option<PathBuf>,
 ) -> PyResult<(String, Option<usize>)> {
     let Material { runs, source } = material(&training, &[], platform, "whorl.calibrate in Python")?;
     watched(py, None, move |_| {
-        let settings = calibration::settings(known_turn_deg, turn_error_deg, level_error_deg)?;
+        let settings = calibration::settings(known_turn_deg, turn_error_deg, level_error_deg, gravity_m_s2)?;
         let recordings: Vec<_> = runs.training.iter().collect();
         let found = calibrate_imu(&recordings, &runs.known.model.sensors, &settings);
         let fatal = found.findings.iter().find(|finding| finding.fatal);
@@ -110,7 +110,14 @@ pub fn calibrate_sensors(
             (Some(_), Some(finding)) => bail!("nothing was written: {}", finding.text),
             (Some(out), None) => {
                 let step = ModelStep::of_source(source);
-                Some(model_file::write_step(out, &runs.known, &of_calibration(&found), step, utc_now())?)
+                model_file::prepare_out(out, &runs.known)?;
+                Some(model_file::write_step(
+                    out,
+                    &runs.known,
+                    &calibration::changes(&found),
+                    step,
+                    utc_now(),
+                )?)
             }
         };
         Ok((calibration::as_json(&runs.known.platform, &found).to_string(), written))

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
-use whorl_commands::calibrate::{as_json, settings};
-use whorl_explain::changes::of_calibration;
-use whorl_identification::calibration::{ImuCalibration, PerAxis, SensorCalibration, calibrate_imu};
+use whorl_commands::calibrate::{as_json, changes, instability, settings, walk, white};
+use whorl_commands::model_file::prepare_out;
+use whorl_identification::calibration::{ImuCalibration, PerAxis, calibrate_imu};
 use whorl_math::three_digits;
 use whorl_params::ModelStep;
 use whorl_recording::Recording;
@@ -44,7 +44,11 @@ struct Imu {
     /// Standard deviation of the levelling of each face [deg].
     #[arg(long, value_name = "DEG", default_value_t = 0.5)]
     level_error_deg: f64,
-    /// Parameter file to write into [default: --model].
+    /// Gravity where it was recorded [m/s^2] [default: estimated, 9.81 within its range over the Earth; a scale error that all axes
+    /// share is then known to 0.2 %].
+    #[arg(long, value_name = "M_S2")]
+    gravity: Option<f64>,
+    /// Parameter file to write into; created as a copy of the model's file if it does not exist [default: --model].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Show, but write nothing into the parameter file.
@@ -57,7 +61,7 @@ struct Imu {
 /// Carries out `whorl calibrate`.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let What::Imu(imu) = &arguments.what;
-    let settings = settings(imu.known_turn_deg, imu.turn_error_deg, imu.level_error_deg)?;
+    let settings = settings(imu.known_turn_deg, imu.turn_error_deg, imu.level_error_deg, imu.gravity)?;
     let runs = imu.runs.read()?;
     let recordings: Vec<&Recording> = runs.training.iter().collect();
     let found = calibrate_imu(&recordings, &runs.known.model.sensors, &settings);
@@ -75,8 +79,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .as_ref()
         .or(imu.runs.context.model.as_ref())
         .context("name the platform's file to write into with --out (or --model), or use --dry-run")?;
-    let changes = of_calibration(&found);
+    let changes = changes(&found);
     let step = ModelStep::of_source(provenance_of_this(&imu.runs)?);
+    prepare_out(out, &runs.known)?;
     let written = model_file::write_step(out, &runs.known, &changes, step)?;
     say!("{written} entries written to {}", out.display());
     Ok(())
@@ -90,12 +95,18 @@ fn print(found: &ImuCalibration) {
     for (name, unit, sensor) in
         [("gyro", "rad/s", &found.gyro), ("accelerometer", "m/s^2", &found.accelerometer)]
     {
-        let per_kelvin = format!("{unit}/K");
-        let lines: [(&str, &PerAxis, &str); 4] = [
-            ("bias", &sensor.bias, unit),
-            ("scale", &sensor.scale, "1"),
-            ("misalignment", &sensor.misalignment_rad, "rad"),
-            ("bias over temperature", &sensor.temperature_slope, &per_kelvin),
+        let with = |of: &str| format!("{unit}{of}");
+        let sample = PerAxis { value: sensor.noise_stddev, stddev: sensor.noise_stddev_stddev };
+        let lines: [(&str, PerAxis, String); 9] = [
+            ("bias", sensor.bias, with("")),
+            ("scale", sensor.scale, "1".to_owned()),
+            ("misalignment", sensor.misalignment_rad, "rad".to_owned()),
+            ("skew: y of x, z of x, z of y", sensor.skew_rad, "rad".to_owned()),
+            ("bias over temperature", sensor.temperature_slope, with("/K")),
+            ("noise of a sample", sample, with("")),
+            ("noise density", white(sensor), with("/sqrt(Hz)")),
+            ("bias instability", instability(sensor), with("")),
+            ("bias random walk", walk(sensor), with("/sqrt(s)")),
         ];
         for (what, v, unit) in lines {
             let mut row = vec![format!("{name} {what}")];
@@ -106,19 +117,14 @@ fn print(found: &ImuCalibration) {
                     row.extend(["not determined".to_owned(), String::new()]);
                 }
             }
-            row.push(unit.to_owned());
+            row.push(unit);
             rows.push(row);
         }
-        rows.push(noise_row(name, unit, sensor));
     }
     table::print(&headings, &rows);
-}
-
-fn noise_row(name: &str, unit: &str, sensor: &SensorCalibration) -> Vec<String> {
-    let mut row = vec![format!("{name} noise of a sample")];
-    for axis in 0..3 {
-        row.extend([three_digits(sensor.noise_stddev[axis]), String::new()]);
+    for (name, sensor) in [("gyro", &found.gyro), ("accelerometer", &found.accelerometer)] {
+        if let Some(ratio) = sensor.misfit.and_then(|misfit| misfit.ratio()) {
+            say!("{name}: residuals are {ratio:.2} times what the noise explains");
+        }
     }
-    row.push(unit.to_owned());
-    row
 }

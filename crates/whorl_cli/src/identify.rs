@@ -1,6 +1,6 @@
 //! `whorl identify`: mass properties from runs.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -130,24 +130,9 @@ fn trajectory(arguments: &Arguments, known: &KnownPlatform, recordings: &[Record
         .with_context(|| format!("nothing was written to {}", out.display()))?;
     let source = provenance_of_this(&arguments.runs)?;
     let changes = changes((&known.model, &model), (&known.prior, &prior), &source);
-    prepare_out(out, known)?;
+    whorl_commands::model_file::prepare_out(out, known)?;
     let written = model_file::write_step(out, known, &changes, ModelStep::of_source(source))?;
     say!("{written} entries written to {}", out.display());
-    Ok(())
-}
-
-fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
-    if out.exists() {
-        return Ok(());
-    }
-    let file = known
-        .files
-        .iter()
-        .rev()
-        .find(|f| std::fs::read_to_string(f).is_ok_and(|text| text.contains("model:")));
-    let file = file.context("no file of the model to copy; name an existing --out")?;
-    std::fs::copy(file, out)
-        .with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))?;
     Ok(())
 }
 

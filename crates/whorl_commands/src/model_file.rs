@@ -30,6 +30,23 @@ pub fn write_step(
     Ok(all.len())
 }
 
+/// Makes sure that there is a file to write into: a copy of the model's where there is none.
+///
+/// # Errors
+/// When nothing can be copied there.
+pub fn prepare_out(out: &Path, known: &KnownPlatform) -> anyhow::Result<()> {
+    if out.exists() {
+        return Ok(());
+    }
+    let has_model =
+        |file: &&std::path::PathBuf| std::fs::read_to_string(file).is_ok_and(|text| text.contains("model:"));
+    let file = known.files.iter().rev().find(has_model);
+    let file = file.context("no file of the model to copy; name an existing --out")?;
+    // The text and not the file: its permissions may be those of a template.
+    let text = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+    std::fs::write(out, text).with_context(|| format!("cannot copy {} to {}", file.display(), out.display()))
+}
+
 /// Writes the changes into a copy of the file, then replaces the file by the copy: all changes or none.
 fn write(file: &Path, platform: &str, changes: &[Change]) -> anyhow::Result<()> {
     let mut beside = file.as_os_str().to_owned();

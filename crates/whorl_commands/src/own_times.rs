@@ -22,6 +22,8 @@ pub struct OwnTimes {
     truth: Option<(i64, UnitQuaternion<f64>)>,
     /// The latest specific force, turned on to the latest gyro sample: when it was measured, and when that was.
     held: Option<(i64, i64, Vector3<f64>)>,
+    /// Whether there was a specific force for a gyro sample.
+    has_force: bool,
     unused: Unused,
 }
 
@@ -94,8 +96,10 @@ impl OwnTimes {
             vectors.map(|kept| observed(kept, at_ns, &gyro_rad_s, &mut self.unused.vectors)).collect();
         let truth = self.truth.take().filter(|(then_ns, _)| is_near(*then_ns, at_ns));
         let truth = truth.map(|(then_ns, q)| q * turned(then_ns, at_ns, &gyro_rad_s));
+        self.has_force |= force_m_s2.is_some();
         if needs_force && force_m_s2.is_none() {
-            self.unused.gyro += 1;
+            // Before the accelerometer begins nothing is lost.
+            self.unused.gyro += u64::from(self.has_force);
             return None;
         }
         Some((Sample { stamp_ns: at_ns, gyro_rad_s, force_m_s2, vectors }, truth))
@@ -207,6 +211,9 @@ mod tests {
     #[test]
     fn what_is_too_old_is_counted() {
         let mut all = OwnTimes::new(1);
+        assert!(all.gyro(-20_000_000, RATE, true).is_none());
+        all.force(-11_000_000, Vector3::z());
+        assert!(all.gyro(-10_000_000, RATE, true).is_some());
         all.force(0, Vector3::z());
         all.vector(0, 0, seen(Vector3::y()));
         assert!(all.gyro(600_000_000, RATE, true).is_none());

@@ -193,5 +193,6 @@ def calibrate_sensors(
     known_turn_deg: Optional[float] = None,
     turn_error_deg: float = 0.3,
     level_error_deg: float = 0.5,
+    gravity_m_s2: Optional[float] = None,
     out: Optional[Path] = None,
 ) -> Tuple[str, Optional[int]]: ...

@@ -186,6 +186,7 @@ def calibrate(
     known_turn_deg: Optional[float] = None,
     turn_error_deg: float = 0.3,
     level_error_deg: float = 0.5,
+    gravity_m_s2: Optional[float] = None,
     out: Optional[PathLike] = None,
     model: Model = None,
     platform: Optional[str] = None,
@@ -196,9 +197,12 @@ def calibrate(
     runs: the sensor lies still for 20 s on each of its six faces, and is turned from one to the next.
     known_turn_deg: turns about the vertical were multiples of this angle [deg].
     turn_error_deg, level_error_deg: standard deviation of these turns, and of the levelling of each face [deg].
-    out: parameter file to write into; without it nothing is written.
+    gravity_m_s2: gravity where it was recorded [m/s^2]; without it, it is estimated within its range over the Earth.
+    out: parameter file to write into, created as a copy of the model's if it does not exist; without it nothing is written.
     """
     case = _Case(runs, (), model, platform, channels)
     training, _, known = case.native
-    text, written = _native.calibrate_sensors(training, known, known_turn_deg, turn_error_deg, level_error_deg, out)
+    text, written = _native.calibrate_sensors(
+        training, known, known_turn_deg, turn_error_deg, level_error_deg, gravity_m_s2, out
+    )
     return Calibration(json.loads(text), written)

@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use whorl_math::{integrate_rate, quaternion_exp, rotation_vector, unit_or};
 use whorl_recording::Recording;
 
+use super::misfit::{Misfit, said};
 use super::still::Still;
 use super::{CalibrationSettings, PerAxis, SensorCalibration};
 use crate::data::Finding;
@@ -22,8 +23,12 @@ pub(super) fn empty() -> SensorCalibration {
         bias: PerAxis::unknown(),
         scale: PerAxis::unknown(),
         misalignment_rad: PerAxis::unknown(),
+        skew_rad: PerAxis::unknown(),
+        misfit: None,
         noise_stddev: Vector3::zeros(),
+        noise_stddev_stddev: Vector3::zeros(),
         noise: [None; 3],
+        noise_fit: [None; 3],
         gaussianity: [None, None, None],
         temperature_slope: PerAxis::unknown(),
     }
@@ -43,14 +48,24 @@ struct Turn<'a> {
     angle_rad: Option<f64>,
 }
 
-type Errors = SVector<f64, 6>;
+/// Scale, misalignment, and what y sees of x, z of x and z of y.
+type Errors = SVector<f64, UNKNOWNS>;
+
+const UNKNOWNS: usize = 9;
+/// What is known of the last three: data sheets state one or two percent \[rad\].
+const SKEW_RAD: f64 = 0.02;
+
+/// What a rate without bias says of the true one.
+fn truth(y: &Vector3<f64>, errors: &Errors) -> Vector3<f64> {
+    let scaled = y.component_div(&Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0));
+    let straight = super::accelerometer::untangled(&scaled, &Vector3::new(errors[6], errors[7], errors[8]));
+    quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5])) * straight
+}
 
 impl Turn<'_> {
     /// The rotation that the gyro measured, with scale (first three) and misalignment removed.
     fn rotation(&self, errors: &Errors) -> UnitQuaternion<f64> {
-        let scale = Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0);
-        let turned = quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5]));
-        let truth = |y: &Vector3<f64>| turned * (y - self.bias).component_div(&scale);
+        let truth = |y: &Vector3<f64>| truth(&(y - self.bias), errors);
         let mut q = UnitQuaternion::identity();
         let samples = self.time_s.iter().zip(self.rate);
         for ((t0, w0), (t1, w1)) in samples.clone().zip(samples.skip(1)) {
@@ -73,15 +88,13 @@ impl Turn<'_> {
 
     /// Angle about the vertical before, whole turns counted.
     fn angle_of(&self, errors: &Errors) -> f64 {
-        let scale = Vector3::new(errors[0], errors[1], errors[2]).add_scalar(1.0);
-        let turned = quaternion_exp(&Vector3::new(errors[3], errors[4], errors[5]));
         let samples = self.time_s.iter().zip(self.rate);
         samples
             .clone()
             .zip(samples.skip(1))
             .map(|((t0, w0), (t1, w1))| {
                 let mean = 0.5 * (w0 + w1) - self.bias;
-                (turned * mean.component_div(&scale)).dot(&self.before) * (t1 - t0)
+                truth(&mean, errors).dot(&self.before) * (t1 - t0)
             })
             .sum()
     }
@@ -106,14 +119,19 @@ pub(super) fn calibrate(
     }
     bias(still, &mut sensor);
     let turns = turns(runs, still, accelerometer, settings);
-    let (mut errors, mut covariance) = (Errors::zeros(), SMatrix::<f64, 6, 6>::identity() * WIDEST.powi(2));
+    type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+    let prior = Errors::from_fn(|n, _| if n < 6 { WIDEST } else { SKEW_RAD });
+    let of_prior = Square::from_diagonal(&prior.map(|stddev| stddev.powi(-2)));
+    let (mut errors, mut covariance) =
+        (Errors::zeros(), Square::from_diagonal(&prior.map(|stddev| stddev.powi(2))));
+    let mut used = 0.0;
     for _ in 0..8 {
-        let mut information = SMatrix::<f64, 6, 6>::identity() * WIDEST.powi(-2);
-        let mut right = -errors * WIDEST.powi(-2);
+        let mut information = of_prior;
+        let mut right = -of_prior * errors;
         for turn in &turns {
             let base = turn.residuals(&errors, settings);
-            let mut jacobian = SMatrix::<f64, 4, 6>::zeros();
-            for n in 0..6 {
+            let mut jacobian = SMatrix::<f64, 4, UNKNOWNS>::zeros();
+            for n in 0..UNKNOWNS {
                 let mut moved = errors;
                 moved[n] += 1e-6;
                 jacobian.set_column(n, &((turn.residuals(&moved, settings) - base) / 1e-6));
@@ -125,26 +143,40 @@ pub(super) fn calibrate(
         let step = factor.solve(&right);
         errors += step;
         covariance = factor.inverse();
+        used = (covariance * (information - of_prior)).trace();
         if step.amax() < 1e-10 {
             break;
         }
     }
-    let mut missing = [Vec::new(), Vec::new()];
-    for n in 0..6 {
+    if !turns.is_empty() {
+        // Of the three numbers of a direction two are free, and one of a known angle.
+        let free: f64 = turns.iter().map(|turn| if turn.angle_rad.is_some() { 3.0 } else { 2.0 }).sum();
+        let squares = turns.iter().map(|turn| turn.residuals(&errors, settings).norm_squared());
+        let misfit = Misfit { chi_squared: squares.sum(), dof: free - used };
+        covariance *= misfit.inflation();
+        findings.extend(said("gyro", &misfit, "directions of gravity after the turns that are off by"));
+        sensor.misfit = Some(misfit);
+    }
+    let mut missing = [Vec::new(), Vec::new(), Vec::new()];
+    for n in 0..UNKNOWNS {
         let (axis, kind) = (n % 3, n / 3);
-        let slot = if kind == 0 { &mut sensor.scale } else { &mut sensor.misalignment_rad };
+        let slot = match kind {
+            0 => &mut sensor.scale,
+            1 => &mut sensor.misalignment_rad,
+            _ => &mut sensor.skew_rad,
+        };
         // Gravity in the body comes from the accelerometer; the gyro cannot show how that is turned in its case.
         let shared = accelerometer.misalignment_rad.stddev[axis];
         let shared = if kind == 1 && shared.is_finite() { shared } else { 0.0 };
         let stddev = covariance[(n, n)].sqrt().hypot(shared);
-        if stddev < DETERMINED * WIDEST {
+        if stddev < DETERMINED * prior[n] {
             slot.value[axis] = errors[n];
             slot.stddev[axis] = stddev;
         } else if let Some(list) = missing.get_mut(kind) {
             list.push(["x", "y", "z"][axis]);
         }
     }
-    let [scale, misalignment] = missing;
+    let [scale, misalignment, _] = missing;
     if !scale.is_empty() {
         findings.push(Finding::warning(format!(
             "Gyro scale not determined about {}: turn the sensor from face to face about {}, or give the angle of turns about the vertical (--known-turn-deg).",
@@ -183,8 +215,7 @@ fn turns<'a>(
     settings: &CalibrationSettings,
 ) -> Vec<Turn<'a>> {
     let direction = |s: &Still| {
-        let x = (s.specific_force_m_s2 - accelerometer.bias.value)
-            .component_div(&accelerometer.scale.value.add_scalar(1.0));
+        let x = super::accelerometer::corrected(&s.specific_force_m_s2, accelerometer);
         let m = quaternion_exp(&accelerometer.misalignment_rad.value);
         unit_or(m * x, Vector3::z_axis()).into_inner()
     };

@@ -3,32 +3,36 @@
 //! The sensor (or the platform) lies still in several orientations and is turned between them; no angles
 //! need be known. Still stretches are found in the data. Then
 //!
-//! - accelerometer: bias and scale from the length of gravity in each position, misalignment from the faces
-//!   it lay on, as exactly as the table was level;
-//! - gyro: bias from still stretches; scale and misalignment from turns, which must carry the direction of
+//! - accelerometer: bias, scale and the angles between its axes from the length of gravity in each position, misalignment from the
+//!   faces it lay on, as exactly as the table was level;
+//! - gyro: bias from still stretches; scale, misalignment and what its axes see of each other from turns, which must carry the direction of
 //!   gravity before to that after, and by known angles about the vertical, which gravity does not show;
 //! - noise from the Allan deviation of the longest still stretch; its distribution by the chi-squared
 //!   test (eqs. 4.41-4.43);
 //! - dependence on temperature, if the temperature changed enough.
 //!
-//! Errors are those of [`whorl_dynamics::platform::TriaxialErrors`]:
-//! y = (1 + s) R(m)^T x + b. Every number has a standard deviation, and what the data do not determine is
+//! Errors are those of [`whorl_dynamics::platform::TriaxialErrors`], with axes that need not be at right angles:
+//! y = (1 + s) T R(m)^T x + b. Deviations grow with the misfit, which is tested ([`Misfit`]). Every number has a standard deviation, and what the data do not determine is
 //! said in a sentence.
 
 mod accelerometer;
 mod gaussianity;
 mod gyro;
+mod misfit;
+mod noise;
 mod still;
 mod temperature;
 
 use nalgebra::Vector3;
 use whorl_dynamics::platform::SensorSuite;
-use whorl_math::{NoiseDensities, allan_deviation, noise_densities};
+use whorl_math::NoiseDensities;
 use whorl_recording::Recording;
 
 use crate::data::Finding;
 
 pub use gaussianity::{Bin, Gaussianity, chi_squared_test};
+pub use misfit::Misfit;
+pub use noise::NoiseFit;
 pub use still::{Still, still_stretches};
 
 /// What is known from outside.
@@ -40,6 +44,8 @@ pub struct CalibrationSettings {
     pub known_turn_rad: Option<f64>,
     /// How exactly they were \[rad\].
     pub turn_stddev_rad: f64,
+    /// Gravity where it was recorded [m/s^2]; `None`: estimated, with its range over the Earth.
+    pub gravity_m_s2: Option<f64>,
 }
 
 impl Default for CalibrationSettings {
@@ -48,6 +54,7 @@ impl Default for CalibrationSettings {
             level_stddev_rad: 0.5_f64.to_radians(),
             known_turn_rad: None,
             turn_stddev_rad: 0.3_f64.to_radians(),
+            gravity_m_s2: None,
         }
     }
 }
@@ -83,10 +90,18 @@ pub struct SensorCalibration {
     pub scale: PerAxis,
     /// Rotation from body to sensor axes \[rad\].
     pub misalignment_rad: PerAxis,
+    /// What y sees of x, z of x and z of y: axes that are not at right angles \[rad\].
+    pub skew_rad: PerAxis,
+    /// Residuals of the fit; `None`: nothing was fitted.
+    pub misfit: Option<Misfit>,
     /// White noise of one sample per axis.
     pub noise_stddev: Vector3<f64>,
+    /// Its standard deviation.
+    pub noise_stddev_stddev: Vector3<f64>,
     /// Noise densities per axis from the Allan deviation; `None`: no still stretch was long enough.
     pub noise: [Option<NoiseDensities>; 3],
+    /// The same with their uncertainty.
+    pub noise_fit: [Option<NoiseFit>; 3],
     /// Is the noise Gaussian? Per axis.
     pub gaussianity: [Option<Gaussianity>; 3],
     /// Change of the bias with temperature, per kelvin.
@@ -164,10 +179,11 @@ fn noise_of(
     let mut not_gaussian = Vec::new();
     for axis in 0..3 {
         let values: Vec<f64> = samples.iter().map(|v| v[axis]).collect();
-        let curve = allan_deviation(&values, sample_time_s, 8);
-        sensor.noise[axis] = noise_densities(&curve);
-        // From neighbours, so that a drifting bias does not count as noise.
-        sensor.noise_stddev[axis] = curve.first().map_or(0.0, |p| p.deviation);
+        let ([sample, sample_stddev], fit) = noise::fit(&values, sample_time_s);
+        sensor.noise[axis] = fit.map(|fit| fit.densities);
+        sensor.noise_fit[axis] = fit;
+        sensor.noise_stddev[axis] = sample;
+        sensor.noise_stddev_stddev[axis] = sample_stddev;
         sensor.gaussianity[axis] = chi_squared_test(&values, 0.01);
         if sensor.gaussianity[axis].as_ref().is_some_and(|g| !g.passes()) {
             not_gaussian.push(["x", "y", "z"][axis]);

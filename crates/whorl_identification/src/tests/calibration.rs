@@ -112,6 +112,136 @@ fn six_positions_and_turns_give_every_error_within_its_uncertainty() {
     assert!(found.gyro.gaussianity.iter().flatten().all(|g| g.passes()));
 }
 
+/// Rests of 8 s in faces and oblique positions, turned from one to the next.
+fn oblique() -> Vec<Vector3<f64>> {
+    let degrees = |x: f64, y: f64, z: f64, angle: f64| Vector3::new(x, y, z).normalize() * angle.to_radians();
+    [
+        degrees(1., 0., 0., 90.),
+        degrees(1., 0., 0., 90.),
+        degrees(1., 0., 0., 90.),
+        degrees(0., 1., 0., 90.),
+        degrees(0., 0., 1., 90.),
+        degrees(0., 1., 0., 90.),
+        degrees(1., 1., 0., 90.),
+        degrees(1., 0., 1., 70.),
+        degrees(0., 1., 1., 110.),
+        degrees(1., -1., 1., 90.),
+        degrees(1., 0., 0., 135.),
+        degrees(0., 1., 0., 55.),
+        degrees(1., 2., 1., 100.),
+        degrees(-1., 1., 2., 80.),
+        degrees(2., 1., -1., 120.),
+    ]
+    .to_vec()
+}
+
+/// What the sensors read whose axes see `skew` of each other (y of x, z of x, z of y), where gravity is `gravity`.
+fn skewed(run: &Recording, sensors: &SensorSuite, skew: [Vector3<f64>; 2], gravity: f64) -> Recording {
+    let mut run = run.clone();
+    let [of_gyro, of_force] = skew;
+    let tangle = |values: &mut Vec<Vector3<f64>>,
+                  errors: &whorl_dynamics::platform::TriaxialErrors,
+                  skew: &Vector3<f64>,
+                  by: f64| {
+        for y in values {
+            let scale = errors.scale.add_scalar(1.0);
+            let x = (*y - errors.bias).component_div(&scale) * by;
+            let tangled = Vector3::new(x.x, x.y + skew.x * x.x, x.z + skew.y * x.x + skew.z * x.y);
+            *y = tangled.component_mul(&scale) + errors.bias;
+        }
+    };
+    tangle(&mut run.gyro_b_rad_s.value, &sensors.gyro.errors, &of_gyro, 1.0);
+    tangle(
+        &mut run.specific_force_b_m_s2.value,
+        &sensors.accelerometer.errors,
+        &of_force,
+        gravity / GRAVITY_M_S2,
+    );
+    run
+}
+
+#[test]
+fn axes_that_are_not_at_right_angles_are_told_from_bias_and_scale() {
+    let mut truth = sensors();
+    truth.accelerometer.errors.misalignment_rad = Vector3::zeros();
+    truth.gyro.errors.misalignment_rad = Vector3::zeros();
+    let before = PlatformModel::whorl_1_reference().sensors;
+    let straight = record(&truth, &oblique(), 8.0, 11);
+    let skew = [Vector3::new(0.01, -0.008, 0.012), Vector3::new(-0.006, 0.01, 0.021)];
+    for (skew, gravity, given) in [
+        ([Vector3::zeros(); 2], GRAVITY_M_S2, None),
+        (skew, GRAVITY_M_S2, None),
+        (skew, 9.781, None),
+        (skew, 9.832, Some(9.832)),
+    ] {
+        let run = skewed(&straight, &truth, skew, gravity);
+        let settings = CalibrationSettings { gravity_m_s2: given, ..CalibrationSettings::default() };
+        let found = calibrate_imu(&[&run], &before, &settings);
+        println!("{skew:?} {gravity} {given:?}: {:?} {:?}", found.accelerometer.misfit, found.gyro.misfit);
+        check("accelerometer bias", &found.accelerometer.bias, &truth.accelerometer.errors.bias);
+        check("accelerometer scale", &found.accelerometer.scale, &truth.accelerometer.errors.scale);
+        check("accelerometer skew", &found.accelerometer.skew_rad, &skew[1]);
+        check("gyro scale", &found.gyro.scale, &truth.gyro.errors.scale);
+        check("gyro skew", &found.gyro.skew_rad, &skew[0]);
+        // A common scale is not told from gravity, unless that is given.
+        let scale = found.accelerometer.scale.stddev.amax();
+        assert!(if given.is_some() { scale < 4e-4 } else { (1e-3..3e-3).contains(&scale) }, "{scale}");
+        assert!(found.accelerometer.skew_rad.stddev.amax() < 1e-3);
+        assert_eq!(found.accelerometer.misfit.unwrap().fits(), Some(true));
+        let said = found.findings.iter().any(|f| f.text.contains("not at right angles: y sees -0.6"));
+        assert_eq!(said, skew[1] != Vector3::zeros(), "{:?}", found.findings);
+    }
+}
+
+#[test]
+fn a_sensor_that_does_not_fit_is_said_and_its_deviations_grow() {
+    let truth = sensors();
+    let before = PlatformModel::whorl_1_reference().sensors;
+    let good = record(&truth, &oblique(), 8.0, 12);
+    let mut bad = good.clone();
+    // A quadratic error of the x axis: 0.02 m/s^2 at 1 g.
+    for y in &mut bad.specific_force_b_m_s2.value {
+        y.x += 2e-4 * y.x * y.x;
+    }
+    let [good, bad] = [good, bad].map(|run| calibrate_imu(&[&run], &before, &CalibrationSettings::default()));
+    let says = |found: &crate::calibration::ImuCalibration| {
+        found.findings.iter().any(|f| f.text.contains("do not fit the model of the accelerometer"))
+    };
+    assert!(!says(&good) && says(&bad), "{:?}", bad.findings);
+    let ratio = bad.accelerometer.misfit.unwrap().ratio().unwrap();
+    let grown = bad.accelerometer.bias.stddev.component_div(&good.accelerometer.bias.stddev);
+    assert!(ratio > 2.0 && (grown / ratio).add_scalar(-1.0).amax() < 0.2, "{ratio} {grown}");
+}
+
+/// Two recordings of one sensor agree within three stated deviations, nearly always.
+#[test]
+fn two_recordings_of_one_sensor_agree_within_what_is_stated() {
+    let truth = sensors();
+    let before = PlatformModel::whorl_1_reference().sensors;
+    let (mut beyond, mut all) = (0, 0);
+    for pair in 0..3 {
+        let one = |seed: u128| {
+            let run = record(&truth, &oblique(), 8.0, seed);
+            calibrate_imu(&[&run], &before, &CalibrationSettings::default())
+        };
+        let [a, b] = [one(100 + 2 * pair), one(101 + 2 * pair)];
+        for (a, b) in [
+            (a.accelerometer.bias, b.accelerometer.bias),
+            (a.accelerometer.scale, b.accelerometer.scale),
+            (a.accelerometer.skew_rad, b.accelerometer.skew_rad),
+            (a.gyro.bias, b.gyro.bias),
+            (a.gyro.scale, b.gyro.scale),
+        ] {
+            for axis in 0..3 {
+                all += 1;
+                let apart = (a.value[axis] - b.value[axis]).abs();
+                beyond += usize::from(apart > 3.0 * a.stddev[axis].hypot(b.stddev[axis]));
+            }
+        }
+    }
+    assert!(beyond <= 1, "{beyond} of {all}");
+}
+
 #[test]
 fn what_was_not_done_is_said() {
     let truth = sensors();
