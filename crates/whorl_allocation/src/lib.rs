@@ -64,6 +64,7 @@
 
 mod allocation;
 mod allocator;
+mod authority;
 mod closed_form;
 mod demand;
 mod dual;
@@ -81,6 +82,7 @@ pub mod zonotope;
 
 pub use allocation::{Allocation, FallbackReason, SolverOutcome, Status};
 pub use allocator::Allocator;
+pub use authority::missing_torque;
 pub use demand::{JetMask, Mode, TorqueDemand, TorqueDemandError};
 pub use effectors::{EffectorError, EffectorLayout, Effectors, MAX_JETS, MAX_MOTORS};
 pub use list::ListError;

@@ -471,7 +471,9 @@ fn a_slow_smooth_turn_is_no_rest_and_its_rate_no_bias() {
         let (found, _) = level(100, turn, still, 10.0);
         let worst = found[5..].iter().map(|[off, sigma, _]| off.abs() / sigma).fold(0.0, f64::max);
         let bias = found[5..].iter().map(|[.., bias]| bias.abs()).fold(0.0, f64::max);
-        assert!(worst < 1.0 && drift(&found) < 2.0, "{worst} {}", drift(&found));
+        // One that turns from the start on has no bias to compare with until the field has turned by 3 deg.
+        let (most, furthest) = if first_s > 0.0 { (1.0, 2.0) } else { (3.0, 8.0) };
+        assert!(worst < most && drift(&found) < furthest, "{worst} {}", drift(&found));
         assert!(bias < if first_s > 0.0 { 0.1 } else { 0.7 }, "{bias}");
         assert!(found[99][2].abs() < 0.1, "{:?}", found[99]);
     }

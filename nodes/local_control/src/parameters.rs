@@ -1,5 +1,6 @@
 //! Local control's parameters: the single definition of their names, ranges and meaning.
 
+mod authority;
 mod excitations;
 
 use std::ops::Range;
@@ -184,6 +185,9 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
     }
     if actuators != Mode::Jets && model.actuators.motor_ranges().iter().all(Range::is_empty) {
         r.reject("actuators", "the model has no wheels and no control moment gyros; allowed: jets");
+    }
+    if actuators != Mode::Motors && !model.jets().is_empty() {
+        authority::refuse_missing_torque(r, model, actuators, &failed_names);
     }
     for margin in ["reference_tilt_margin_rad", "safe_tilt_margin_rad"] {
         let value = if margin.starts_with('r') {

@@ -34,7 +34,8 @@ pub enum CsvError {
     },
     /// A column that the map names is not in the file.
     #[error(
-        "{}:1: there is no column `{column}`; there are: {present}{}", path.display(),
+        "{}:1: there is no column `{column}`; there are: {}{}", path.display(),
+        if present.is_empty() { "none" } else { present.as_str() },
         or_did_you_mean(column, present.split(", "))
     )]
     MissingColumn {
@@ -46,7 +47,10 @@ pub enum CsvError {
         present: String,
     },
     /// A cell that is not a number.
-    #[error("{}:{line}: column `{column}`: `{text}` is not a number{hint}", path.display())]
+    #[error(
+        "{}:{line}: column `{column}`: {} is not a number{hint}", path.display(),
+        if text.is_empty() { "an empty cell".to_owned() } else { format!("`{text}`") }
+    )]
     NotANumber {
         /// The file.
         path: PathBuf,

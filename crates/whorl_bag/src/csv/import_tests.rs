@@ -176,7 +176,7 @@ fn errors_name_file_line_and_column() {
     assert_eq!(error(HEADER), "a.csv: there are no measurements");
     assert_eq!(
         error(&format!("{HEADER},{}", &line[2..])),
-        "a.csv:2: column `t`: `` is not a number; the cell is empty"
+        "a.csv:2: column `t`: an empty cell is not a number"
     );
 }
 

@@ -156,9 +156,7 @@ impl Table {
     pub fn not_a_number(&self, column: Column) -> CsvError {
         let text = self.text(column);
         let with_point = text.replacen(',', ".", 1);
-        let hint = if text.is_empty() {
-            "; the cell is empty"
-        } else if text.contains(',') && with_point.parse::<f64>().is_ok() {
+        let hint = if text.contains(',') && with_point.parse::<f64>().is_ok() {
             "; is it a decimal comma? `decimal: \",\"` in the map reads it"
         } else if super::iso::nanoseconds(text).is_some() {
             "; it is a date and time: `unit: iso` of the time column reads it"

@@ -111,3 +111,27 @@ fn zstandard_chunks_are_read() {
         }
     }
 }
+
+/// Every error with every text empty: a sentence has no hole.
+#[test]
+fn no_error_has_an_empty_blank_in_it() {
+    let path = || Path::new("a").to_owned();
+    let text = String::new;
+    let all: Vec<String> = vec![
+        BagError::Storage { path: path(), storage: text() }.to_string(),
+        BagError::UnknownType { topic: "/a".into(), type_name: text() }.to_string(),
+        BagError::TypeConflict { topic: "/a".into(), known: text(), offered: text() }.to_string(),
+        BagError::NotABag { path: path() }.to_string(),
+        BagError::UnknownPlatform { platform: 1, count: 0 }.to_string(),
+        crate::CsvError::MissingColumn { path: path(), column: "t".into(), present: text() }.to_string(),
+        crate::CsvError::NotANumber { path: path(), line: 1, column: "t".into(), text: text(), hint: "" }
+            .to_string(),
+        crate::CsvError::Empty { path: path() }.to_string(),
+    ];
+    for said in all {
+        for hole in [": ;", ": ,", " ,", " ;", " :", "  ", "``", "( ", "()", "as and", "as ,", "are:  "] {
+            assert!(!said.contains(hole), "{hole:?} in {said}");
+        }
+        assert!(!said.trim_end().ends_with(':'), "{said}");
+    }
+}

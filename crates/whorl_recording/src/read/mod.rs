@@ -170,7 +170,7 @@ fn nothing_in(bag: &BagReader) -> Option<String> {
     }
     Some(format!(
         "it is incomplete ({} bytes at its end and {} damaged parts cannot be read): the recorder was killed before its first \
-         part was whole. A recorder that keeps what it has says so: ros2 bag record with a smaller --max-cache-size",
+         part was whole. With --storage-preset-profile fastwrite, ros2 bag record writes every message at once",
         integrity.bytes_cut_off, integrity.damaged_chunks
     ))
 }

@@ -152,6 +152,16 @@ fn wrong_parameters_are_refused_with_their_reason() {
     assert!(refused(&["actuators:=rockets"]).contains("wheels, motors, jets, both"));
     assert!(refused(&["safe_mode.redamp_rate_rad_s:=0.001"]).contains("coast_rate_rad_s"));
     assert!(refused(&["unloading.engage_share:=0.05"]).contains("release_share"));
+    // Jets that cannot push in some direction: with three wheels beside them they may.
+    let failed = "failed_jets:=[jet_1, jet_2, jet_3, jet_4, jet_5, jet_6, jet_7, jet_8, jet_9]";
+    let text = refused(&["actuators:=jets", failed]);
+    assert!(
+        text.contains("jets that have not failed give no torque along [")
+            && text.contains("A jet whose torque"),
+        "{text}"
+    );
+    let both = tree(&["actuators:=both", failed]).for_node("/whorl_1/local_control");
+    assert!(try_read(&both, crate::parameters::read).is_ok());
     let parameters = parameters("whorl_1", &[]);
     assert_eq!(parameters.platform, PlatformId(0));
     assert!(Vector3::from(parameters.gains.damping).iter().all(|d| *d > 0.5));
