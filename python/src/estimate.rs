@@ -4,7 +4,8 @@ use nalgebra::{Unit, Vector3};
 use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use whorl_commands::estimate::{EstimateOptions, Recorded, estimates};
-use whorl_free_motion::{Observed, Sample};
+use whorl_commands::own_times::OwnTimes;
+use whorl_free_motion::Observed;
 
 use crate::errors::error;
 use crate::watch::watched;
@@ -13,8 +14,8 @@ type Rows<'py> = PyReadonlyArray2<'py, f64>;
 type Floats<'py> = Bound<'py, PyArray2<f64>>;
 
 /// Attitudes w, x, y, z, gyro biases [rad/s] and covariances (36), a row to each sample, NaN before the first; name of the
-/// filter, and whether it found a magnet.
-type Estimated<'py> = (Floats<'py>, Floats<'py>, Floats<'py>, &'static str, bool);
+/// filter, whether it found a magnet, and what was not used or is odd about the sensors.
+type Estimated<'py> = (Floats<'py>, Floats<'py>, Floats<'py>, &'static str, bool, Vec<String>);
 
 /// Three numbers of a row, if all are there.
 fn vector(rows: &Rows<'_>, k: usize) -> Option<Vector3<f64>> {
@@ -61,25 +62,26 @@ pub fn estimate<'py>(
     let references: Vec<Option<Unit<Vector3<f64>>>> =
         references.into_iter().map(|of| Unit::try_new(Vector3::from(of?), 1e-12)).collect();
     let first = time_s.first().copied().unwrap_or(0.0);
+    // As in files: each sensor has times of its own.
+    let mut own = OwnTimes::new(vectors.len());
     let (mut samples, mut places) = (Vec::new(), Vec::new());
     for (k, t) in time_s.iter().enumerate() {
-        let force = force_m_s2.as_ref().and_then(|rows| vector(rows, k));
-        // As in files: a row without a gyro sample, or without the accelerometer's, is none.
-        let Some(gyro) = vector(&gyro_rad_s, k).filter(|_| force_m_s2.is_none() || force.is_some()) else {
-            continue;
-        };
-        let seen = vectors
-            .iter()
-            .zip(&references)
-            .map(|(rows, reference)| vector(rows, k).map(|body| Observed { body, reference_w: *reference }));
-        samples.push(Sample {
-            stamp_ns: ((t - first) * 1e9).round() as i64,
-            gyro_rad_s: gyro,
-            force_m_s2: force,
-            vectors: seen.collect(),
-        });
-        places.push(k);
+        let at_ns = ((t - first) * 1e9).round() as i64;
+        if let Some(force) = force_m_s2.as_ref().and_then(|rows| vector(rows, k)) {
+            own.force(at_ns, force);
+        }
+        for (sensor, (rows, reference_w)) in vectors.iter().zip(&references).enumerate() {
+            if let Some(body) = vector(rows, k) {
+                own.vector(sensor, at_ns, Observed { body, reference_w: *reference_w });
+            }
+        }
+        let Some(gyro) = vector(&gyro_rad_s, k) else { continue };
+        if let Some((sample, _)) = own.gyro(at_ns, gyro, force_m_s2.is_some()) {
+            samples.push(sample);
+            places.push(k);
+        }
     }
+    let mut notes = own.unused().notes();
     let recorded = Recorded {
         name: "the arrays".to_owned(),
         has_force: force_m_s2.is_some(),
@@ -92,6 +94,7 @@ pub fn estimate<'py>(
     let options =
         EstimateOptions { filter, smooth, gyro_noise, gyro_bias_walk, gyro_bias_sigma, vector_noise_deg };
     let (chosen, found) = watched(py, None, move |_| estimates(&options, &recorded, &samples))?;
+    notes.extend(chosen.doubts());
     let blank = |width: usize| vec![vec![f64::NAN; width]; n];
     let (mut attitudes, mut biases, mut covariances) = (blank(4), blank(3), blank(36));
     for (k, orientation) in places.into_iter().zip(found) {
@@ -116,5 +119,6 @@ pub fn estimate<'py>(
         array(&covariances, 36)?,
         chosen.name(),
         chosen.is_magnetised(),
+        notes,
     ))
 }

@@ -187,7 +187,7 @@ pub fn read(r: &mut Reader<'_>) -> Option<Parameters> {
         r.reject("actuators", "the model has no wheels and no control moment gyros; allowed: jets");
     }
     if actuators != Mode::Motors && !model.jets().is_empty() {
-        authority::refuse_missing_torque(r, model, actuators, &failed_names);
+        authority::refuse_missing_torque(r, &model, actuators, &failed_names);
     }
     for margin in ["reference_tilt_margin_rad", "safe_tilt_margin_rad"] {
         let value = if margin.starts_with('r') {

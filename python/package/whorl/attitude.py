@@ -29,6 +29,8 @@ class Attitudes:
     """The filter."""
     is_magnetised: bool
     """Whether iron or a magnet was found on the sensor; its field is estimated and removed."""
+    notes: Sequence[str] = ()
+    """What was not used, and what is odd about the sensors: axes that turn against the gyro, the end of its range."""
 
 
 def estimate(
@@ -51,6 +53,7 @@ def estimate(
     gyro_rad_s: (n, 3), sensor axes [rad/s].
     accelerometer_m_s2: (n, 3), specific force, +9.81 along the vertical at rest [m/s^2].
     vectors: an (n, 3) array to each vector sensor, of any unit; the magnetometer first; NaN where there is no new sample.
+        Sensors may have rows of their own; the attitudes are those of rows with a gyro sample.
     reference_world: what each of them sees in the world; None: not known, which a magnetometer need not be.
     filter: `free_motion` (default with an accelerometer): a sensor in a hand, on a limb, on a trolley; `directions` (default
         without): any vehicle with directions whose references are known; or a filter of the estimator node.
@@ -72,7 +75,7 @@ def estimate(
     if times.ndim != 1:
         raise WhorlError(f"time_s has shape {times.shape}; allowed: (n,)")
     noise = [vector_noise_deg] if isinstance(vector_noise_deg, (int, float)) else list(vector_noise_deg)
-    q, bias, covariance, name, magnetised = _native.estimate(
+    q, bias, covariance, name, magnetised, notes = _native.estimate(
         times,
         given["gyro_rad_s"],
         given.get("accelerometer_m_s2"),
@@ -85,4 +88,4 @@ def estimate(
         gyro_bias_sigma,
         [float(x) for x in noise],
     )
-    return Attitudes(times, q, bias, covariance.reshape(-1, 6, 6), name, magnetised)
+    return Attitudes(times, q, bias, covariance.reshape(-1, 6, 6), name, magnetised, notes)
