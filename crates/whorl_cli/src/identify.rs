@@ -238,6 +238,7 @@ pub fn print_findings(findings: &[Finding]) {
 #[cfg(test)]
 mod tests {
     use std::fs;
+    use std::path::Path;
 
     use clap::Parser;
     use whorl_params::set_in_file;
