@@ -13,7 +13,7 @@ use crate::since::Since;
 use crate::start::Start;
 
 /// Memory for a run's states at most, whatever its length \[bytes\].
-const MOST_BYTES: f64 = 96e6;
+const MOST_BYTES: f64 = 48e6;
 
 /// The state at an instant given all readings of the run, with the standard deviation of each number.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +54,7 @@ struct Node {
 }
 
 /// States every `every_s` seconds, at instants at which anything was read, and further apart where the run is so long that they would
-/// take more than 96 MB on the way. `None` where the motion is lost.
+/// take more than 48 MB on the way. `None` where the motion is lost.
 ///
 /// The filter goes once through the recording. With x, P its state and covariance at an instant, a_i the derivatives of later
 /// innovations by that state, e_i and S_i these innovations and their variances (METHOD.md, "Smoothed"):
