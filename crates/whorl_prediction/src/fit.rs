@@ -168,6 +168,10 @@ impl Search<'_> {
             }
             let Climbed { at, starts, is_top, information } = self.climbed(&levels, round == 0, least)?;
             if at == levels.at {
+                if round == 0 {
+                    // Too little was promised for a rough look.
+                    continue;
+                }
                 // Levels that were found here are found again.
                 best.information = (at == best.standing.at).then_some(information);
                 best.stands = is_top && best.information.is_some();
