@@ -88,6 +88,7 @@ pub fn history(platform: &Bound<'_, Platform>) -> String {
 
 /// Errors of gyro and accelerometer: JSON, and how many entries were written into `out`.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the arguments of a Python function")]
 #[pyo3(signature = (training, platform, known_turn_deg=None, turn_error_deg=0.3, level_error_deg=0.5, gravity_m_s2=None, out=None))]
 pub fn calibrate_sensors(
     py: Python<'_>,

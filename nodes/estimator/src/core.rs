@@ -212,6 +212,10 @@ impl EstimatorCore {
                 value: counts.total().to_string(),
             })
             .collect();
+        values.push(KeyValue {
+            key: "gyro samples at the end of its range".to_owned(),
+            value: self.filter.clipping().count().to_string(),
+        });
         values.push(KeyValue { key: "samples ahead of the clock".to_owned(), value: self.ahead.to_string() });
         let runs = self.filter.chosen_filter_runs();
         values.push(KeyValue {

@@ -114,7 +114,10 @@ fn six_positions_and_turns_give_every_error_within_its_uncertainty() {
 
 /// Rests of 8 s in faces and oblique positions, turned from one to the next.
 fn oblique() -> Vec<Vector3<f64>> {
-    let degrees = |x: f64, y: f64, z: f64, angle: f64| Vector3::new(x, y, z).normalize() * angle.to_radians();
+    let degrees = |x: f64, y: f64, z: f64, angle: f64| {
+        let axis = Vector3::new(x, y, z);
+        axis * (angle.to_radians() / axis.norm())
+    };
     [
         degrees(1., 0., 0., 90.),
         degrees(1., 0., 0., 90.),

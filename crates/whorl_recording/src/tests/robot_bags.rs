@@ -148,8 +148,8 @@ fn attitudes_of_other_systems_are_truth_or_directions() {
         |q: UnitQuaternion<f64>| whorl_msgs::geometry_msgs::Quaternion { x: q.i, y: q.j, z: q.k, w: q.w };
     let pose = |i: u32, header: Header| {
         let mut m = PoseStamped { header, ..PoseStamped::default() };
+        m.pose.orientation = ros(q(i));
         // Motion capture lost it: zeros.
-        m.pose.orientation = if i == 7 { ros(q(i)) } else { ros(q(i)) };
         if i == 7 {
             m.pose.orientation = whorl_msgs::geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
         }
