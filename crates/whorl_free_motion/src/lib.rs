@@ -21,6 +21,9 @@
 mod anchor;
 mod axes;
 mod clipping;
+mod contradicted;
+#[cfg(test)]
+mod contradiction_tests;
 mod covariance;
 mod directions;
 mod field;
