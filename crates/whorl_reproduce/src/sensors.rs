@@ -54,7 +54,8 @@ fn positions(sensors: &SensorSuite) -> Recording {
 pub fn accelerometer() -> Reproduction {
     let sensors = unit();
     let run = positions(&sensors);
-    let found = calibrate_imu(&[&run], &sensors, &CalibrationSettings::default()).accelerometer;
+    let settings = CalibrationSettings { gravity_m_s2: Some(GRAVITY_M_S2), ..CalibrationSettings::default() };
+    let found = calibrate_imu(&[&run], &sensors, &settings).accelerometer;
     let axis = |n: usize| {
         let series = &run.specific_force_b_m_s2;
         let points = series.time_s.iter().zip(&series.value).step_by(10).map(|(t, v)| (*t, v[n]));

@@ -82,7 +82,9 @@ fn torques_of_the_earth_and_of_the_air() {
 
 #[test]
 fn calibrations_find_what_was_put_in() {
-    // "bias 0.1201 +- 0.0005 m/s^2 (truth 0.1200), scale error 1.794 +- 0.005 % (truth 1.800)"
+    // "bias 0.1201 +- 0.0073 m/s^2 (truth 0.1200), scale error 1.794 +- 0.090 % (truth 1.800)": faces that lie 0.5 deg off level, and
+    // angles between the axes of which six faces say nothing, up to 0.1 rad, leave 9.81 m/s^2 * 0.5 deg * 0.1 = 0.0086 m/s^2
+    // for each of two angles.
     let numbers = |sentence: &str| -> Vec<f64> {
         sentence.split([' ', '(', ')', ',']).filter_map(|word| word.parse().ok()).collect()
     };
@@ -92,7 +94,7 @@ fn calibrations_find_what_was_put_in() {
         for n in [0, 3] {
             assert!((found[n] - found[n + 2]).abs() < 4.0 * found[n + 1], "{sentence}");
         }
-        assert!(found[1] < 1e-3 && found[4] < 0.01, "{sentence}");
+        assert!(found[1] < 0.0172 && found[4] < 0.1, "{sentence}");
     }
     // The level error: 1 - cos 0.5 deg = 3.8e-5, and 9.81 m/s^2 * sin 0.5 deg = 0.0856 m/s^2.
     assert!(

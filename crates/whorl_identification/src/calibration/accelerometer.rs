@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use whorl_math::GRAVITY_M_S2;
 
 use super::misfit::{Misfit, said};
+use super::skew::untangled;
 use super::still::Still;
 use super::{CalibrationSettings, SensorCalibration};
 use crate::data::Finding;
@@ -62,12 +63,6 @@ pub(super) fn calibrate(
 pub(super) fn corrected(reading: &Vector3<f64>, sensor: &SensorCalibration) -> Vector3<f64> {
     let scaled = (reading - sensor.bias.value).component_div(&sensor.scale.value.add_scalar(1.0));
     untangled(&scaled, &sensor.skew_rad.value)
-}
-
-/// `T^-1 x`: forward substitution.
-pub(super) fn untangled(x: &Vector3<f64>, skew: &Vector3<f64>) -> Vector3<f64> {
-    let y = x.y - skew.x * x.x;
-    Vector3::new(x.x, y, x.z - skew.y * x.x - skew.z * y)
 }
 
 /// Bias, scale and the angles between the axes from |T^-1 ((y - b) / (1 + s))| = g, each position once; level or not does not matter.

@@ -20,6 +20,7 @@ mod gaussianity;
 mod gyro;
 mod misfit;
 mod noise;
+mod skew;
 mod still;
 mod temperature;
 
