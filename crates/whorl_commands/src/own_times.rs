@@ -3,7 +3,7 @@
 //! A gyro sample is the mean rate over the interval that ends with it. What another sensor measured within that interval is turned
 //! on by the gyro to its end: `v_1 = exp(-omega (t_1 - t)) v`, for specific forces, directions and, the other way round,
 //! attitudes. Several samples of one sensor in an interval are averaged, as the gyro averages. A specific force stands until the
-//! next one, turned on, for at most [`LONGEST_S`]: the accelerometer may be slower than the gyro.
+//! next one, turned on, for at most `LONGEST_S`: the accelerometer may be slower than the gyro.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_free_motion::{Observed, Sample};

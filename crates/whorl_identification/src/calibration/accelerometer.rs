@@ -31,7 +31,7 @@ pub(super) fn calibrate(
     settings: &CalibrationSettings,
     findings: &mut Vec<Finding>,
 ) -> SensorCalibration {
-    let mut sensor = super::gyro::empty();
+    let mut sensor = SensorCalibration::empty();
     if still.is_empty() {
         return sensor;
     }

@@ -6,7 +6,7 @@ use whorl_recording::Recording;
 
 use super::misfit::{Misfit, said};
 use super::still::Still;
-use super::{CalibrationSettings, PerAxis, SensorCalibration};
+use super::{CalibrationSettings, SensorCalibration};
 use crate::data::Finding;
 
 /// Widest scale error \[1\] and misalignment \[rad\] that are considered.
@@ -17,22 +17,6 @@ const DETERMINED: f64 = 0.2;
 const SMALLEST_TURN_RAD: f64 = 0.3;
 /// Gravity moved by less than this during a turn: it was about the vertical \[rad\].
 const ABOUT_VERTICAL_RAD: f64 = 0.1;
-
-pub(super) fn empty() -> SensorCalibration {
-    SensorCalibration {
-        bias: PerAxis::unknown(),
-        scale: PerAxis::unknown(),
-        misalignment_rad: PerAxis::unknown(),
-        skew_rad: PerAxis::unknown(),
-        misfit: None,
-        noise_stddev: Vector3::zeros(),
-        noise_stddev_stddev: Vector3::zeros(),
-        noise: [None; 3],
-        noise_fit: [None; 3],
-        gaussianity: [None, None, None],
-        temperature_slope: PerAxis::unknown(),
-    }
-}
 
 /// A turn between two still stretches: the gyro's samples, gravity before and after.
 struct Turn<'a> {
@@ -113,7 +97,7 @@ pub(super) fn calibrate(
     settings: &CalibrationSettings,
     findings: &mut Vec<Finding>,
 ) -> SensorCalibration {
-    let mut sensor = empty();
+    let mut sensor = SensorCalibration::empty();
     if still.is_empty() {
         return sensor;
     }

@@ -109,6 +109,25 @@ pub struct SensorCalibration {
     pub temperature_slope: PerAxis,
 }
 
+impl SensorCalibration {
+    /// Nothing is known.
+    fn empty() -> Self {
+        Self {
+            bias: PerAxis::unknown(),
+            scale: PerAxis::unknown(),
+            misalignment_rad: PerAxis::unknown(),
+            skew_rad: PerAxis::unknown(),
+            misfit: None,
+            noise_stddev: Vector3::zeros(),
+            noise_stddev_stddev: Vector3::zeros(),
+            noise: [None; 3],
+            noise_fit: [None; 3],
+            gaussianity: [None, None, None],
+            temperature_slope: PerAxis::unknown(),
+        }
+    }
+}
+
 /// Calibration of gyro and accelerometer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImuCalibration {
