@@ -75,9 +75,10 @@ pub fn diagnose(
         return Ok(diagnosis);
     }
     progress(Progress { share: 0.0, doing: "comparing what the sensors' low-pass may be" });
-    let delaying = low_pass(&problem, training, options)?;
-    let (stated, model) = (model, delaying.as_ref().unwrap_or(model));
-    if delaying.is_some() {
+    let delaying = delaying(&problem, training, options)?;
+    let stated = model;
+    let model = &delaying;
+    if model != stated {
         (problem, held) = prepare(training, held_out, model, prior, options, None, progress)?;
     }
     let noted = |mut diagnosis: Diagnosis| {
@@ -139,14 +140,35 @@ fn answer(
     Ok(diagnosis)
 }
 
-/// The model without those low-passes of inertial sensors that do not delay as stated; `None` if all do.
-fn low_pass(
+/// The model without those low-passes of its inertial sensors that do not delay as stated. Whoever diagnoses and fits the same recordings finds
+/// it once, for [`Options::delaying`].
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn with_low_passes_that_delay(
+    training: &[Recording],
+    model: &PlatformModel,
+    prior: &ModelPrior,
+    options: &Options,
+) -> Result<PlatformModel, DiagnosisError> {
+    let (problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
+    delaying(&problem, training, options)
+}
+
+fn delaying(
     problem: &evidence::problem::Problem,
     training: &[Recording],
     options: &Options,
-) -> Result<Option<PlatformModel>, DiagnosisError> {
-    let available = parameters::available::Available::of(&problem.runs);
-    low_pass::without_those_that_do_not_delay(&problem.reference, &available, training, options.threads)
+) -> Result<PlatformModel, DiagnosisError> {
+    let stated = &problem.reference.model;
+    match &options.delaying {
+        Some(known) => Ok(known.clone()),
+        None if problem.runs.iter().any(layout::run::Run::is_blind) => Ok(stated.clone()),
+        None => {
+            let found = low_pass::without_those_that_do_not_delay(problem, training, options.threads)?;
+            Ok(found.unwrap_or_else(|| stated.clone()))
+        }
+    }
 }
 
 /// Checks the inputs and divides the recordings into bins. `late_s` is the latency of the inertial units' stamps, if it
