@@ -78,13 +78,37 @@ fn a_formation_is_held_for_days_at_the_price_of_its_rates() {
     }
 }
 
+/// The Earth is the same in a mirror that holds its axis: a retrograde orbit costs what its prograde image does, near the equator too,
+/// where a plane has hardly a node.
+#[test]
+fn a_retrograde_orbit_costs_what_its_image_does() {
+    for inclination_deg in [45.0, 5.0, 0.5, 0.05, 0.0] {
+        let spent = [inclination_deg, 180.0 - inclination_deg].map(|inclination_deg| {
+            let elements = chief(inclination_deg);
+            let keeper = keeper(10.0, 3.0);
+            let kept = kept(&elements, 0.7, &keeper);
+            let inside = kept.inside_since_s(&keeper.half_width_m);
+            println!("{inclination_deg}: {:?} {inside:?} {}", kept.spent(), kept.furthest_m(0.0));
+            assert_eq!(inside, Some(0.0), "{inclination_deg}: {:?} {}", kept.spent(), kept.furthest_m(0.0));
+            kept.spent().0
+        });
+        let [prograde, retrograde] = spent;
+        assert!((retrograde / prograde - 1.0).abs() < 0.1, "{inclination_deg}: {spent:?}");
+    }
+}
+
 /// Without oblateness, a velocity that is off across the track is taken out by its own opposite, once.
 #[test]
 fn a_tilt_costs_what_made_it() {
     let elements = chief(51.6);
     let start = elements.state();
-    let place =
-        Place { latitude_rad: 1e-3, node_rad: 0.0, inclination_rad: 0.0, eccentricity: Vector2::zeros() };
+    let place = Place {
+        latitude_rad: 1e-3,
+        node_rad: 0.0,
+        inclination_rad: 0.0,
+        eccentricity: Vector2::zeros(),
+        mirrored: false,
+    };
     let at_place = place.relative(Propagator::TwoBody, &start).unwrap();
     let mut off = at_place;
     off.velocity_m_s.z += 0.05;
