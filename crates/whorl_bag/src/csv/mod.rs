@@ -1,5 +1,6 @@
 //! CSV files: importing measurements, exporting recordings.
 
+mod angle;
 mod error;
 mod export;
 mod flatten;
@@ -17,6 +18,7 @@ mod source;
 mod table;
 mod time;
 
+pub use angle::AngleMap;
 pub use error::CsvError;
 pub use export::{ExportedTopic, export_csv};
 pub use import::{CsvRecording, CsvSamples};
