@@ -13,7 +13,7 @@ use whorl_recording::read_model;
 
 use crate::output::{JsonArgument, say};
 use crate::progress;
-use crate::runs::{RunArguments, RunContext, write};
+use crate::runs::{RunArguments, RunContext, link_pages_beside, write};
 use crate::table::print;
 
 #[derive(Debug, clap::Args)]
@@ -124,6 +124,7 @@ fn over_runs(arguments: &Arguments) -> anyhow::Result<()> {
         if first.is_dir() { first.join("history.html") } else { first.with_file_name("history.html") }
     });
     write(&page, &whorl_report::trends_html(&found, &answer, &HEADINGS, &rows, &read.facts))?;
+    link_pages_beside(&page)?;
     for sentence in &answer {
         say!("{sentence}");
     }

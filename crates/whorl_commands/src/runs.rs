@@ -219,6 +219,15 @@ fn effects_of(known: &KnownPlatform) -> String {
     if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
 }
 
+/// Links the pages of a run that stand beside this one.
+///
+/// # Errors
+/// When one cannot be written.
+pub fn link_pages_beside(page: &Path) -> anyhow::Result<()> {
+    let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    whorl_report::link_pages(folder).with_context(|| format!("cannot link the pages in {}", folder.display()))
+}
+
 /// Writes a file.
 ///
 /// # Errors
