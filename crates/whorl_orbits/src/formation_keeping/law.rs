@@ -19,6 +19,9 @@ const ACT: f64 = 0.7;
 const BEYOND: f64 = 0.5;
 /// Revolutions over which an error along the track may be worked off: the least and the most.
 const COAST: (f64, f64) = (1.0, 15.0);
+/// Sine of the inclination below which the node is not known: what the mean elements leave, metres, turns the tilt of a formation by a
+/// hundredth of itself there.
+const LEAST_TILT: f64 = 3.4e-3;
 /// Corrections below this are left out \[m/s\]: no thruster gives them.
 const LEAST_M_S: f64 = 1e-5;
 
@@ -79,8 +82,12 @@ impl Place {
     /// Of a deputy beside its chief.
     ///
     /// # Errors
-    /// No ellipse; J2 near the critical inclination.
+    /// No ellipse; J2 near the critical inclination, or within 0.2 deg of the equator.
     pub fn of(propagator: Propagator, chief: &OrbitState, deputy: &OrbitState) -> Result<Self, KeepingError> {
+        let inclination_rad = Elements::of(chief)?.inclination_rad;
+        if propagator == Propagator::J2 && inclination_rad.sin() < LEAST_TILT {
+            return Err(KeepingError::Equatorial { inclination_deg: inclination_rad.to_degrees() });
+        }
         let mirrored = chief.position_m.cross(&chief.velocity_m_s).z < 0.0;
         let [chief, deputy] = [chief, deputy].map(|state| mean(propagator, &seen(mirrored, state)));
         Ok(Self::between(&chief?, &deputy?, mirrored))
