@@ -69,7 +69,8 @@ impl MapDraft {
                 .iter()
                 .map(|name| if name == "~" { name.clone() } else { quoted(name) })
                 .collect();
-            parts.push(match (self.is_bag, Self::is_single(entry.channel)) {
+            let is_single = Self::is_single(entry.channel) || entry.key == "hinge_angle";
+            parts.push(match (self.is_bag, is_single) {
                 (true, _) => format!("topic: {}", entry.columns.concat()),
                 (false, true) => format!("column: {}", names.concat()),
                 (false, false) => format!("columns: [{}]", names.join(", ")),

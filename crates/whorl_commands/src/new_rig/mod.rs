@@ -196,8 +196,10 @@ fn parts_of(draft: &MapDraft, parts: &mut Parts) {
     parts.gyro_axes = match gyro {
         None => [false; 3],
         Some(_) if draft.is_bag => [true; 3],
+        Some(entry) if entry.key == "hinge_angle" => [false, false, true],
         Some(entry) => [0, 1, 2].map(|k| entry.columns.get(k).is_some_and(|name| name != NO_COLUMN)),
     };
+    parts.is_angle = gyro.is_some_and(|entry| entry.key == "hinge_angle");
     let both = draft.is_bag && gyro.is_some_and(|entry| entry.key == "imu");
     parts.accelerometer = both || draft.entry(Channel::Accelerometer).is_some();
     parts.vectors = draft.entries.iter().filter(|entry| entry.channel == Channel::Vector).count();

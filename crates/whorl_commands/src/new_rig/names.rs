@@ -35,11 +35,13 @@ pub enum Meaning {
     Time,
     /// A counter of lines.
     Count,
+    /// What an encoder counts: of a hinge, where there is nothing else.
+    Angle,
     /// A channel of maps.
     Channel(Channel),
 }
 
-use Meaning::{Channel as Is, Count, Time};
+use Meaning::{Angle, Channel as Is, Count, Time};
 
 /// Whole stems, and what they are. One or two letters are what people write who have few columns.
 const STEMS: &[(&str, Meaning)] = &[
@@ -61,6 +63,15 @@ const STEMS: &[(&str, Meaning)] = &[
     ("line", Count),
     ("count", Count),
     ("packetcounter", Count),
+    ("angle", Angle),
+    ("theta", Angle),
+    ("phi", Angle),
+    ("enc", Angle),
+    ("encoder", Angle),
+    ("pos", Angle),
+    ("position", Angle),
+    ("counts", Angle),
+    ("ticks", Angle),
     ("g", Is(Channel::Gyro)),
     ("w", Is(Channel::Gyro)),
     ("gyr", Is(Channel::Gyro)),
@@ -186,6 +197,11 @@ const UNITS: &[(&str, &str)] = &[
     ("c", "degC"),
     ("degf", "degF"),
     ("k", "K"),
+    ("rad", "rad"),
+    ("deg", "deg"),
+    ("°", "deg"),
+    ("rev", "rev"),
+    ("counts", "counts"),
     ("s", "s"),
     ("sec", "s"),
     ("ms", "ms"),
@@ -319,6 +335,8 @@ mod tests {
             ("battery_v", Some(Is(Channel::BusVoltage)), None, Some("V")),
             ("qw", Some(Is(Channel::TrueAttitude)), Some(Axis::W), None),
             ("lamp_x", Some(Is(Channel::Vector)), Some(Axis::Body(0)), None),
+            ("encoder", Some(Angle), None, None),
+            ("theta_deg", Some(Angle), None, Some("deg")),
             ("sample", Some(Count), None, None),
             ("mode", None, None, None),
         ] {

@@ -16,6 +16,8 @@ const WHEEL_SHARE: f64 = 0.01;
 /// Turn-on biases of MEMS sensors: 0.5 deg/s, 10 mg [rad/s, m/s^2].
 const GYRO_BIAS_RAD_S: f64 = 0.01;
 const FORCE_BIAS_M_S2: f64 = 0.1;
+/// The rate of an encoder has none: a small number that no fit divides by [rad/s].
+const ENCODER_BIAS_RAD_S: f64 = 1e-6;
 /// A centre of mass that nobody measured is this far off, standard deviation \[m\].
 const ARM_M: f64 = 0.01;
 /// A hinge this close to level or upright is so \[1\].
@@ -31,6 +33,8 @@ const NO_STOP_RAD: f64 = 3.1;
 pub struct Parts {
     /// Which axes the gyro has; none: no gyro.
     pub gyro_axes: [bool; 3],
+    /// Whether that is an encoder's angle.
+    pub is_angle: bool,
     /// Whether there is an accelerometer.
     pub accelerometer: bool,
     /// Vector sensors.
@@ -256,7 +260,12 @@ fn sensors(lines: &mut Lines, parts: &Parts, seen: &Measured) {
             lines.add(5, format!("axes: [{}]", names.join(", ")), Origin::Stated, "those in the map");
         }
         if let Some(noise) = &seen.gyro {
-            triaxial(lines, noise, seen.rest_s, parts.gyro_axes, ("rad_s", "rad/s"), GYRO_BIAS_RAD_S);
+            let bias = if parts.is_angle { ENCODER_BIAS_RAD_S } else { GYRO_BIAS_RAD_S };
+            triaxial(lines, noise, seen.rest_s, parts.gyro_axes, ("rad_s", "rad/s"), bias);
+        }
+        if let Some(rate_hz) = seen.rate_hz.filter(|_| parts.is_angle) {
+            let words = "half the time over which a rate is taken, at whose end it is stamped";
+            lines.add(5, format!("time_constant_s: {}", number(0.5 / rate_hz)), Origin::Measured, words);
         }
     }
     if let Some(noise) = seen.force.as_ref().filter(|_| parts.accelerometer) {

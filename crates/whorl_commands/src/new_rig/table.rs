@@ -60,6 +60,11 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
         }
     }
     take_wheels(&mut draft, wheels);
+    if !draft.entries.iter().any(|entry| entry.channel.info().is_motion) {
+        let angles = groups.iter().filter(|((_, meaning), _)| *meaning == Some(Meaning::Angle));
+        let first = angles.filter_map(|(_, group)| group.first()).next();
+        draft.entries.extend(first.map(|(name, column)| angle(name, column)));
+    }
     take_vectors(&mut draft, vectors);
     draft.entries.sort_by_key(|entry| entry.channel);
     draft.ignored = ignored(look, &draft);
@@ -214,6 +219,41 @@ fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
         unit: units::of(channel, &members, steady_length(group)),
         more: Vec::new(),
     })
+}
+
+/// A hinge's encoder, where there is nothing else that moves.
+fn angle(name: &Named, column: &LookedColumn) -> Entry {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut is_whole = true;
+    for x in column.present() {
+        (low, high) = (low.min(x), high.max(x));
+        is_whole &= x == x.round();
+    }
+    let range = high - low;
+    let assumed = |unit: &str| {
+        let words = format!("from {} to {}; check it", number(low), number(high));
+        Sourced::new(unit.to_owned(), Origin::Assumed, words)
+    };
+    let unit = match name.unit.filter(|unit| ["rad", "deg", "rev", "counts"].contains(unit)) {
+        Some(unit) => Sourced::new(unit.to_owned(), Origin::Stated, "its name says the unit"),
+        None if is_whole && range > 400.0 => assumed("counts"),
+        None if range > 7.0 => assumed("deg"),
+        None => assumed("rad"),
+    };
+    let mut more = Vec::new();
+    if unit.value == "counts" {
+        // Encoders count powers of two in a turn more often than not.
+        let per_turn = 2f64.powf((range + 1.0).max(2.0).log2().ceil());
+        more.push(format!("counts_per_turn: {}", number(per_turn)));
+    }
+    Entry {
+        key: "hinge_angle".to_owned(),
+        channel: Channel::Gyro,
+        columns: vec![name.column.clone()],
+        of: Sourced::new((), Origin::Assumed, "of a hinge about z"),
+        unit: Some(unit),
+        more,
+    }
 }
 
 /// Wheels' channels must have one column for each wheel: those with another number than the first are left out.

@@ -257,6 +257,27 @@ fn a_wheels_inertia_is_torque_over_acceleration() {
     is_taken(&made, &folder.path().join("hand.csv"));
 }
 
+/// A hinge with an encoder of 4096 counts and nothing else.
+#[test]
+fn an_encoder_alone_is_a_hinge() {
+    let mut text = "t,encoder\n".to_owned();
+    for k in 0..3000 {
+        let t = f64::from(k) / 100.0;
+        let turns = 0.4 * t + 0.2 * (0.8 * t).sin();
+        let _ = writeln!(text, "{t:.2},{}", (turns * 4096.0).floor().rem_euclid(4096.0));
+    }
+    let (made, folder) = of_text(&text, &mut Nobody);
+    let (text, origin) = line(&made, "hinge_angle: {");
+    assert_eq!(text, "hinge_angle: {column: encoder, unit: counts, counts_per_turn: 4096.0}");
+    assert_eq!(origin, Origin::Assumed);
+    let recording = is_taken(&made, &folder.path().join("hand.csv"));
+    let mean =
+        recording.gyro_b_rad_s.value.iter().map(|v| v.z).sum::<f64>() / recording.gyro_b_rad_s.len() as f64;
+    // 0.4 turns a second, and what the sine adds from 0 to 30 s.
+    let expected = std::f64::consts::TAU * (0.4 + 0.2 * (0.8 * 29.99_f64).sin() / 29.99);
+    assert!((mean - expected).abs() < 1e-3, "{mean} {expected}");
+}
+
 #[test]
 fn what_cannot_be_a_rig_is_refused_and_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();

@@ -63,7 +63,7 @@ pub struct ImuSample {
 /// - the gyro is integrated in an undisturbed inertial frame, and corrections turn that frame:
 ///   a late vector sample meets the attitude of its own time.
 ///
-/// A pure state machine without allocation: `Clone` is the save and the restore.
+/// A pure state machine, without allocation while its sensors agree: `Clone` is the save and the restore.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AttitudeBiasEstimator {
     parameters: Parameters,
