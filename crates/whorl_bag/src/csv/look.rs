@@ -142,7 +142,7 @@ impl CsvLook {
         let words: usize = self.columns.iter().map(|column| column.words).sum();
         let numbers: usize = self.columns.iter().map(|column| column.present().count() + column.dates).sum();
         let usual = if self.decimal_comma { 0.0 } else { 0.5 };
-        if numbers == 0 { 0.0 } else { numbers as f64 - 2.0 * words as f64 + usual }
+        if numbers == 0 { 0.0 } else { numbers as f64 - 0.5 * words as f64 + usual }
     }
 }
 
