@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 use whorl_params::{Reader, range};
 
 use super::error::CsvError;
-use super::map::NO_COLUMN;
-use super::table::{Column, Table};
+use super::table::{Column, NO_COLUMN, Table};
 use crate::channels::Channel;
 
 /// Keys of angles, and the channel of rates that each becomes.

@@ -8,6 +8,7 @@ use whorl_params::{ParameterTree, Reader};
 
 use super::error::CsvError;
 use super::jets::{JetMap, JetQuantity, Slot};
+use super::table::NO_COLUMN;
 use super::time::TimeMap;
 use crate::channels::{Channel, Form};
 use crate::units::{self, Unit as ColumnUnit};
@@ -55,9 +56,6 @@ pub struct CsvMap {
     /// How late samples of gyro and accelerometer are against their stamps, beyond half the interval that they average \[s\].
     pub imu_latency_s: f64,
 }
-
-/// Stands for the column of an axis that a sensor does not have.
-pub const NO_COLUMN: &str = "~";
 
 /// Columns of one measured quantity. SI value = `factor` * number + `offset`.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,8 +8,8 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 use super::angle::Rates;
 use super::error::CsvError;
 use super::jets::{JetCommand, JetMap};
-use super::map::{ColumnMap, CsvMap, NO_COLUMN};
-use super::table::{Column, Table};
+use super::map::{ColumnMap, CsvMap};
+use super::table::{Column, NO_COLUMN, Table};
 use super::time::TimeSource;
 use crate::channels::Channel;
 

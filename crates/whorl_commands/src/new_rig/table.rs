@@ -298,9 +298,3 @@ fn ignored(look: &CsvLook, draft: &MapDraft) -> Vec<String> {
     let names = look.columns.iter().map(|column| column.name.clone());
     names.filter(|name| !name.is_empty() && !used(name)).collect()
 }
-
-/// What a length of gravity says of its unit, in words.
-#[must_use]
-pub fn gravity_words(length: f64) -> String {
-    format!("its usual length is {}", number(length))
-}

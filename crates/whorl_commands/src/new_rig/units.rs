@@ -5,7 +5,6 @@ use whorl_math::statistics::median;
 
 use super::lines::{Origin, Sourced, number};
 use super::names::Named;
-use super::table::gravity_words;
 
 /// Standard gravity in the units of specific force.
 const GRAVITY: [(&str, f64); 3] = [("m/s^2", 9.806_65), ("g", 1.0), ("mg", 1000.0)];
@@ -49,7 +48,11 @@ pub fn of(
     let size = number(largest);
     Some(match (channel, stated) {
         (Channel::Accelerometer, _) => match (length.and_then(|length| of_gravity(length, NEAR)), stated) {
-            (Some(seen), _) => say(seen, Origin::Measured, gravity_words(length.unwrap_or_default())),
+            (Some(seen), _) => say(
+                seen,
+                Origin::Measured,
+                format!("its usual length is {}", number(length.unwrap_or_default())),
+            ),
             (None, Some(unit)) => by_name(unit),
             (None, None) => assumed("m/s^2", "its length is no steady gravity"),
         },
