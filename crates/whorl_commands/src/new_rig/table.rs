@@ -61,8 +61,8 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
     }
     take_wheels(&mut draft, wheels);
     if !draft.entries.iter().any(|entry| entry.channel.info().is_motion) {
-        let angles = groups.iter().filter(|((_, meaning), _)| *meaning == Some(Meaning::Angle));
-        let first = angles.filter_map(|(_, group)| group.first()).next();
+        let mut angles = groups.iter().filter(|((_, meaning), _)| *meaning == Some(Meaning::Angle));
+        let first = angles.find_map(|(_, group)| group.first());
         draft.entries.extend(first.map(|(name, column)| angle(name, column)));
     }
     take_vectors(&mut draft, vectors);
