@@ -170,7 +170,7 @@ fn weight(
         // Of small swings: (2 pi f)^2 = m g r / J. The centre of mass hangs below the hinge.
         let about = inertia.value.get(axis).copied().unwrap_or(INERTIA_KG_M2);
         let moment_n_m = about * (std::f64::consts::TAU * swing_hz).powi(2);
-        let offset = -moment_n_m * across.normalize();
+        let offset = -moment_n_m * across.try_normalize(1e-9)?;
         let origin = if inertia.origin == Origin::Answered { Origin::Measured } else { Origin::Assumed };
         let words = format!(
             "hangs where it rests and swings at {} Hz, measured, with the inertia above: if that is wrong, so is this, in proportion",
