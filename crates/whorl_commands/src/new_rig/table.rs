@@ -40,7 +40,8 @@ pub fn draft(look: &CsvLook) -> anyhow::Result<MapDraft> {
         }
     }
     let mut draft = MapDraft { form: form(look), ..MapDraft::default() };
-    draft.time = Some(time(&groups.values().flatten().copied().collect::<Vec<_>>(), look.lines));
+    let in_order: Group<'_> = names.iter().zip(&look.columns).collect();
+    draft.time = Some(time(&in_order, look.lines));
     let (mut vectors, mut wheels): (Vec<(String, Entry)>, Vec<Entry>) = Default::default();
     for ((stem, meaning), group) in &groups {
         let Some(meaning) = meaning.or_else(|| by_numbers(group)) else { continue };
@@ -244,7 +245,7 @@ fn angle(name: &Named, column: &LookedColumn) -> Entry {
     if unit.value == "counts" {
         // Encoders count powers of two in a turn more often than not.
         let per_turn = 2f64.powf((range + 1.0).max(2.0).log2().ceil());
-        more.push(format!("counts_per_turn: {}", number(per_turn)));
+        more.push(format!("counts_per_turn: {per_turn:.1}"));
     }
     Entry {
         key: "hinge_angle".to_owned(),

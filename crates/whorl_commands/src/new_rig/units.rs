@@ -19,6 +19,8 @@ pub fn of_gravity(length: f64, share: f64) -> Option<&'static str> {
 const NEAR: f64 = 0.25;
 /// No usual gyro turns as fast: 2000 deg/s in rad/s.
 const FASTEST_RAD_S: f64 = 35.0;
+/// Nor as fast: the widest ranges there are, in deg/s.
+const FASTEST_DEG_S: f64 = 4_000.0;
 /// Gyros are noisier than this in deg/s, and less so in rad/s: MEMS sensors have 0.02 to 0.3 deg/s per sample.
 const NOISE_BETWEEN: f64 = 0.01;
 /// Wheels of such rigs turn slower than 19,000 revolutions a minute \[rad/s\].
@@ -57,6 +59,9 @@ pub fn of(
             (None, None) => assumed("m/s^2", "its length is no steady gravity"),
         },
         (_, Some(unit)) => by_name(unit),
+        (Channel::Gyro | Channel::TrueRate, None) if largest > FASTEST_DEG_S => {
+            assumed("mdeg/s", &format!("up to {size}, more than a usual gyro measures in deg/s"))
+        }
         (Channel::Gyro | Channel::TrueRate, None) if largest > FASTEST_RAD_S => {
             assumed("deg/s", &format!("up to {size}, more than a usual gyro measures in rad/s"))
         }
