@@ -101,6 +101,7 @@ pub fn write(path: &Path, html: Option<&Path>) -> anyhow::Result<Written> {
     );
     std::fs::write(&page, whorl_report::html(&data, &summary, &verdict, &description))
         .with_context(|| format!("cannot write {}", page.display()))?;
+    crate::runs::link_pages_beside(&page)?;
     if let serde_json::Value::Object(mut entries) = serde_json::to_value(&summary)? {
         entries.insert("verdict".to_owned(), serde_json::to_value(&verdict)?);
         run.update_summary(&entries)?;

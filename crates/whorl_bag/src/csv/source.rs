@@ -63,7 +63,8 @@ impl Source {
                 text.extend(line);
             } else {
                 if let Some(found) = comment.filter(|_| begins_with_a_number(&line, delimiter)) {
-                    uncomment(text.get_mut(found).unwrap_or_default());
+                    let signs = comment_signs(text.get(found.clone()).unwrap_or_default());
+                    text.drain(found.start..found.start + signs);
                 }
                 text.extend(line);
                 break;
@@ -149,14 +150,9 @@ fn begins_with_a_number(line: &[u8], delimiter: u8) -> bool {
     std::str::from_utf8(cell).is_ok_and(|cell| cell.trim().parse::<f64>().is_ok())
 }
 
-/// The signs of the comment become spaces.
-fn uncomment(line: &mut [u8]) {
-    for byte in line {
-        if !matches!(byte, b'#' | b'%' | b'/' | b' ' | b'\t') {
-            break;
-        }
-        *byte = b' ';
-    }
+/// How many signs of a comment, and spaces, a line begins with: where spaces separate cells, none may stay before the first.
+fn comment_signs(line: &[u8]) -> usize {
+    line.iter().take_while(|byte| matches!(byte, b'#' | b'%' | b'/' | b' ' | b'\t')).count()
 }
 
 /// Comment lines without their text: their ends stay.
@@ -186,7 +182,7 @@ mod tests {
     #[test]
     fn comments_become_empty_lines_and_a_header_among_them_is_found() {
         assert_eq!(read(b"# made by x\nt,a\n1,2\n% pause\n2,3\n"), ("\nt,a\n1,2\n\n2,3\n".into(), false));
-        assert_eq!(read(b"# made by x\n# t,a\n1,2\n"), ("\n  t,a\n1,2\n".into(), false));
+        assert_eq!(read(b"# made by x\n# t,a\n1,2\n"), ("\nt,a\n1,2\n".into(), false));
         assert_eq!(read(b"t,a\n1,2\n2"), ("t,a\n1,2\n2".into(), true));
         assert_eq!(read(b"t,#a\n1,2\n# end"), ("t,#a\n1,2\n".into(), true));
         assert_eq!(read(b""), (String::new(), false));

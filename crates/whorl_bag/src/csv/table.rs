@@ -11,6 +11,9 @@ use flate2::bufread::MultiGzDecoder;
 use super::error::CsvError;
 use super::source::Source;
 
+/// Stands for the column of an axis that a sensor does not have.
+pub const NO_COLUMN: &str = "~";
+
 /// A CSV file, compressed with gzip or not, of which some columns are read.
 pub(crate) struct Table {
     path: PathBuf,

@@ -181,7 +181,7 @@ impl RecordingPlan {
             Err(error) => match error.downcast::<answers::Unwritten>() {
                 Ok(error) => return Err(io::Error::other(error)),
                 Err(error) => {
-                    ("failed", here.told(&format!("{error:#}")).replace(['\n', '\r'], " "), Value::Null)
+                    ("failed", here.told(&crate::in_words(&error)).replace(['\n', '\r'], " "), Value::Null)
                 }
             },
         };
