@@ -4,7 +4,7 @@
 //! `-J^-1 a u t`, a gimbal that was turned by an angle d by
 //! `-J^-1 h0 t d`, its rotor's momentum times the direction in which it moves (momentum of the whole is conserved). Direction tells signs and exchanged wires; size tells scales, as
 //! far as the priors of inertia and actuator leave anything to tell. Gravity, the wheels' part of the inertia and what
-//! friction varies by are left out: they are part of the deviation ([`METHOD`]).
+//! friction varies by are left out: they are part of the deviation.
 
 use nalgebra::Vector3;
 use whorl_dynamics::{ModelPrior, PlatformModel};
@@ -209,11 +209,12 @@ fn prior_share(
 ) -> f64 {
     let axis = expected.normalize();
     let along = |matrix: &nalgebra::Matrix3<f64>| (axis.transpose() * matrix * axis).x;
-    // Of an inertia whose elements are uncertain by themselves.
+    // Of an inertia whose elements are uncertain by themselves; each product of inertia stands in it twice.
     let variances = prior.inertia_b_kg_m2.component_mul(&prior.inertia_b_kg_m2);
     let squares = axis.component_mul(&axis);
-    let inertia =
-        (squares.transpose() * variances * squares).x.sqrt() / along(model.mass_properties.inertia_b_kg_m2());
+    let of_all = (squares.transpose() * variances * squares).x;
+    let of_moments = squares.component_mul(&squares).dot(&variances.diagonal());
+    let inertia = (2.0 * of_all - of_moments).sqrt() / along(model.mass_properties.inertia_b_kg_m2());
     let of = |list: &[f64], index: usize| list.get(index).copied().unwrap_or(0.0);
     let own = match part {
         Part::Jet(index) => of(&prior.actuators.jets.thrust, index),

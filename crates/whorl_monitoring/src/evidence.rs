@@ -20,7 +20,7 @@
 //! column that is spread most is spread: what is left of q = z^T V^1/2 (I + V^1/2 A V^1/2)^-1 V^1/2 z is (sqrt q - eps sqrt n)^2.
 //!
 //! What no rig can have (friction that drives, more than a tank holds) is no explanation: a ratio counts as far as its
-//! estimate lies in the ranges of the catalogue's parameters ([`crate::ratio`]).
+//! estimate lies in the ranges of the catalogue's parameters (`ratio.rs`).
 //!
 //! What is wrong from the first bin on is learned by the filter as far as the priors of the platform's constants allow, and
 //! what they do not allow is evidence: against a constant that is several times further off than its prior says. It is
