@@ -9,6 +9,8 @@ use whorl_dynamics::gyrostat::MAX_WHEELS;
 
 /// Messages further apart are a gap \[s\], unless the source is always that slow.
 pub(crate) const GAP_S: f64 = 0.05;
+/// What local control says may be further apart \[s\]: it moves nothing itself, and a hand is not faster.
+const CONTROL_GAP_S: f64 = 0.25;
 /// A source is always that slow where its messages are usually more than a part of this apart.
 const USUALLY: f64 = 3.0;
 /// Messages so much further apart than usual are late, or one between them is lost.
@@ -129,7 +131,8 @@ impl Sources {
         let since_s = stamp_ns.saturating_sub(before) as f64 * 1e-9;
         // Gaps are not usual, however many.
         let usual_s = stream.usual_s.get_or_insert(since_s.min(GAP_S));
-        let gap_s = GAP_S.max(USUALLY * *usual_s);
+        let least_s = if source == Source::Control { CONTROL_GAP_S } else { GAP_S };
+        let gap_s = least_s.max(USUALLY * *usual_s);
         *usual_s += (since_s.min(2.0 * *usual_s) - *usual_s) / LEARNED_IN;
         if since_s > gap_s { Err(Hole::Gap(source)) } else { Ok(Some(since_s)) }
     }
@@ -185,5 +188,73 @@ impl WheelTorque {
             *before = *now;
         }
         variance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    /// Streams of 100 Hz that have all reached `ms`.
+    fn all_until(ms: i64) -> Sources {
+        let mut sources = Sources::new(true, true);
+        for at in (0..=ms).step_by(10) {
+            for source in Source::ALL {
+                sources.heard(source, at * MS).unwrap();
+            }
+        }
+        sources
+    }
+
+    #[test]
+    fn an_interval_is_complete_when_every_source_has_reached_its_end() {
+        let mut sources = all_until(1000);
+        assert_eq!(sources.complete(1000 * MS), Ok(true));
+        assert_eq!(sources.complete(1010 * MS), Ok(false));
+        for source in Source::ALL.into_iter().filter(|source| *source != Source::Valves) {
+            for at in (1010..=3100).step_by(10) {
+                sources.heard(source, at * MS).unwrap();
+            }
+        }
+        assert_eq!(sources.complete(1200 * MS), Ok(false));
+        assert_eq!(sources.complete(1050 * MS), Err(Hole::Silent(Source::Valves)));
+        // A platform without jets has no valves to wait for.
+        let mut sources = Sources::new(false, false);
+        for source in [Source::Gyro, Source::Attitude, Source::Control] {
+            sources.heard(source, 5 * MS).unwrap();
+        }
+        assert_eq!(sources.complete(5 * MS), Ok(true));
+    }
+
+    #[test]
+    fn gaps_and_disorder_are_found_and_slow_sources_are_not_gaps() {
+        let mut sources = all_until(1000);
+        assert_eq!(sources.heard(Source::Wheels, 1040 * MS).unwrap(), Some(0.04));
+        assert_eq!(sources.heard(Source::Wheels, 1040 * MS), Err(Hole::Disorder(Source::Wheels)));
+        assert_eq!(sources.heard(Source::Gyro, 900 * MS), Err(Hole::Disorder(Source::Gyro)));
+        assert_eq!(sources.heard(Source::Valves, 1080 * MS), Err(Hole::Gap(Source::Valves)));
+        assert_eq!(sources.heard(Source::Control, 1200 * MS).unwrap(), Some(0.2));
+        sources.forget();
+        assert_eq!(sources.heard(Source::Wheels, 0).unwrap(), None, "the first after a hole");
+        // Drives that answer 15 times a second.
+        let mut slow = Sources::new(true, false);
+        for at in (0..2000).step_by(66) {
+            assert!(slow.heard(Source::Wheels, at * MS).is_ok(), "{at}");
+        }
+    }
+
+    /// A torque that changed by 0.1 N m at some time in 20 ms: 0.1 * 0.02 N m s, uniform.
+    #[test]
+    fn a_torque_is_uncertain_by_when_it_took_force() {
+        let mut torque = WheelTorque::default();
+        let of = |x: f64| [x; MAX_WHEELS];
+        torque.is(&of(0.1));
+        assert_eq!(torque.took_force(&of(0.1), 0.01, Some(0.01))[0], 0.0);
+        let variance = torque.took_force(&of(0.2), 0.01, Some(0.01))[0];
+        assert!((variance - (0.1_f64 * 0.01).powi(2) / 3.0).abs() < 1e-12);
+        // Late, and nothing has changed: one that is lost may have said something else.
+        assert!(torque.took_force(&of(0.2), 0.03, Some(0.01))[0] > 0.0);
     }
 }
