@@ -5,17 +5,10 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
-use std::time::Duration;
 
 use thiserror::Error;
 
 use crate::security::{self, Choice, SecurityRefusal};
-
-/// How long a command waits for a node: discovery takes one to two seconds.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// The same where traffic is secured: eleven participants on two cores had not shaken hands with a twelfth after 5 s, eight times of
-/// eight.
-const PATIENCE_SECURED: Duration = Duration::from_secs(30);
 
 /// An environment variable with an invalid value.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -199,13 +192,6 @@ impl Network {
             }
         };
         Ok(Self { enclave: folder, ..self })
-    }
-
-    /// How long a node may take to be found and to answer: where everybody has to shake hands with a new participant first that
-    /// takes many times as long.
-    #[must_use]
-    pub fn patience(&self) -> Duration {
-        if self.enclave.is_some() { PATIENCE_SECURED } else { PATIENCE }
     }
 
     /// Whether all traffic stays on this machine.
