@@ -51,8 +51,10 @@ const STARTUP: Duration = Duration::from_secs(20);
 /// not believed.
 const SHORTEST: f64 = 0.5;
 const LONGEST: f64 = 4.0;
-/// A part that seems wrong is tried so often in all.
+/// A part that seems wrong, or whose size is not known, is tried so often in all.
 const ATTEMPTS: usize = 6;
+/// A size that is known to this standard deviation is known: less than the priors usually leave open.
+const SURE: f64 = 0.05;
 /// Samples that are so many times as far apart as usual were read late.
 const GAP: f64 = 3.0;
 /// Samples may come so late.
@@ -412,7 +414,7 @@ impl<'a> Bench<'a> {
         Ok(checked)
     }
 
-    /// What is found of a part, and whether that is sure: that it is right where one attempt finds it so, wrong where two find the same
+    /// What is found of a part, and whether that is sure: that its size is known from the mean of attempts, or two find the same
     /// wrong, as a busy computer, or somebody who touches the platform, spoils one.
     fn find(
         &mut self,
@@ -422,19 +424,30 @@ impl<'a> Bench<'a> {
         answers: &[f64],
         (model, prior): (&PlatformModel, &ModelPrior),
     ) -> anyhow::Result<(Finding, bool)> {
-        let mut found: Vec<Finding> = Vec::new();
+        let (mut found, mut alike): (Vec<Finding>, Vec<Trial>) = (Vec::new(), Vec::new());
         let mut attempt = 0;
         loop {
             attempt += 1;
             let Tried { trial, is_good } = self.try_once(part, command, length_s, model)?;
-            let finding = judge(model, prior, &trial).context("the model has this part")?;
+            let alone = judge(model, prior, &trial).context("the model has this part")?;
             self.bring_back(part, command, answers, model)?;
-            let same = |other: &Finding| std::mem::discriminant(other) == std::mem::discriminant(&finding);
-            let settled = is_good && (finding.is_right() || found.iter().any(same));
-            if settled || attempt == ATTEMPTS {
-                return Ok((finding, settled));
+            if is_good && let Some(of_one) = alone.size() {
+                // In the right direction: its size is the mean of all that were.
+                alike.push(trial);
+                let mean = Trial::mean(&alike).context("one at least")?;
+                let finding = judge(model, prior, &mean).context("the model has this part")?;
+                let known = finding.size().is_some_and(|size| size.stddev <= SURE);
+                if known && (finding.is_right() || alike.len() > 1) || attempt == ATTEMPTS {
+                    return Ok((finding, alike.len() > 1 || of_one.stddev <= SURE));
+                }
+                continue;
             }
-            found.extend(is_good.then_some(finding));
+            let same = |other: &Finding| std::mem::discriminant(other) == std::mem::discriminant(&alone);
+            let settled = is_good && found.iter().any(same);
+            if settled || attempt == ATTEMPTS {
+                return Ok((alone, settled));
+            }
+            found.extend(is_good.then_some(alone));
         }
     }
 

@@ -112,11 +112,27 @@ impl Size {
         let how = if off > 0.0 { "stronger" } else { "weaker" };
         let scale = if (1.0 / FACTOR..=FACTOR).contains(&self.size) { "" } else { "; is the scale right?" };
         format!(
-            "{how} than the model by {:.0} % +- {:.0} %; the model's priors allow {:.0} %{scale}",
+            "{how} than the model by {:.0} % +- {:.0} %; priors and measurement allow {:.0} %{scale}",
             100.0 * off.abs(),
             100.0 * self.stddev,
             100.0 * self.tolerance
         )
+    }
+}
+
+impl Trial {
+    /// The mean of attempts of one part, as if each had lasted as long as the first. `None` without any.
+    #[must_use]
+    pub fn mean(attempts: &[Self]) -> Option<Self> {
+        let first = attempts.first()?;
+        let count = attempts.len() as f64;
+        let per_attempt = |trial: &Self| trial.rate_change_b_rad_s * (first.length_s / trial.length_s);
+        let noise = |trial: &Self| (trial.noise_rad_s * first.length_s / trial.length_s).powi(2);
+        Some(Self {
+            rate_change_b_rad_s: attempts.iter().map(per_attempt).sum::<Vector3<f64>>() / count,
+            noise_rad_s: attempts.iter().map(noise).sum::<f64>().sqrt() / count,
+            ..first.clone()
+        })
     }
 }
 
@@ -170,7 +186,7 @@ impl Finding {
         let name = part.name(model);
         match (self, part) {
             (Self::Right(Size { size, stddev, tolerance }), _) => format!(
-                "right, {:.0} % +- {:.0} % of the model's size; the model's priors allow {:.0} % off",
+                "right, {:.0} % +- {:.0} % of the model's size; priors and measurement allow {:.0} % off",
                 100.0 * size,
                 100.0 * stddev,
                 100.0 * tolerance
@@ -414,6 +430,13 @@ mod tests {
         let trial = trial(Part::Wheel(0), -0.0108, 0.0, 0.0);
         let (loose, tight) = (judge(&model, &prior, &trial).unwrap(), judge(&model, &known, &trial).unwrap());
         assert!(loose.size().unwrap().tolerance > tight.size().unwrap().tolerance);
+        // Two attempts, of which one lasted twice as long, have the mean of their sizes, and less noise.
+        let twice =
+            Trial { rate_change_b_rad_s: Vector3::new(-0.024, 0.0, 0.0), length_s: 1.0, ..trial.clone() };
+        let mean = Trial::mean(&[trial.clone(), twice]).unwrap();
+        assert!((mean.rate_change_b_rad_s.x + 0.0114).abs() < 1e-12, "{mean:?}");
+        assert!((mean.noise_rad_s - 1e-4 * 1.25_f64.sqrt() / 2.0).abs() < 1e-12, "{mean:?}");
+        assert!(Trial::mean(&[]).is_none());
         // A noisy gyro widens what is right.
         let noisy = Trial { noise_rad_s: 1e-3, ..trial.clone() };
         assert!(judge(&model, &known, &noisy).unwrap().size().unwrap().stddev > 0.1);
