@@ -330,6 +330,8 @@ impl<'a> Bench<'a> {
         model: &PlatformModel,
     ) -> anyhow::Result<Tried> {
         let (no_jets, no_wheels) = (vec![0.0; model.jets().len()], vec![0.0; model.wheels().len()]);
+        // Nothing of what brought it back may be in the first mean.
+        self.command(SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
         // A pendulum turns by itself: it goes on as it did in as long before.
         let earlier = self.rate()?;
         self.command(length_s + SETTLES_S + WINDOW_S, &no_jets, |_| no_wheels.clone())?;
