@@ -144,7 +144,7 @@ fn circumstances(
 /// The parameters of the run; one without any, such as an imported one, has none.
 #[must_use]
 pub fn effective_parameters(path: &Path) -> Option<ParameterTree> {
-    let text = std::fs::read_to_string(path.join("params/effective.yaml")).ok()?;
+    let text = whorl_params::read_text(&path.join("params/effective.yaml")).ok()?;
     ParameterTree::from_texts(&[("effective.yaml", text.as_str())], &[]).ok()
 }
 

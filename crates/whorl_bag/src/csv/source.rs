@@ -4,6 +4,8 @@ use std::io::{self, BufRead, BufReader, Read};
 
 /// Longest line: a longer one is no line of numbers.
 const LONGEST_LINE: usize = 1 << 20;
+/// Longest record: a quote that is never closed makes one of all lines behind it.
+const LONGEST_RECORD: usize = 4 << 20;
 /// Lines before the header, of comments, that are kept to find it in.
 const LONGEST_PREAMBLE: usize = 10_000;
 
@@ -17,6 +19,8 @@ pub(super) struct Source {
     /// Whether the last line has no end.
     torn: bool,
     ended: bool,
+    /// Bytes that were given out for the present record.
+    given: usize,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -41,7 +45,8 @@ impl Source {
             _ => (Encoding::Utf8, 0),
         };
         input.consume(mark);
-        let mut source = Self { input, encoding, ready: Vec::new(), read: 0, torn: false, ended: false };
+        let mut source =
+            Self { input, encoding, ready: Vec::new(), read: 0, torn: false, ended: false, given: 0 };
         source.find_header(delimiter)?;
         Ok(source)
     }
@@ -51,10 +56,18 @@ impl Source {
         self.torn
     }
 
+    /// What is read from here on is another record.
+    pub fn begin_record(&mut self) {
+        self.given = 0;
+    }
+
     fn find_header(&mut self, delimiter: u8) -> io::Result<()> {
         let mut text = Vec::new();
         let mut comment: Option<std::ops::Range<usize>> = None;
         for _ in 0..LONGEST_PREAMBLE {
+            if text.len() > LONGEST_RECORD {
+                break;
+            }
             let Some(line) = self.line()? else { break };
             if is_blank(&line) {
                 text.extend(line);
@@ -88,6 +101,11 @@ impl Source {
             }
             Encoding::Utf16 { little_endian } => self.line_of_units(little_endian, &mut line)?,
         };
+        // A line of 16-bit units has as many bytes, or up to three times as many.
+        if line.len() >= LONGEST_LINE && line.last() != Some(&b'\n') {
+            let why = format!("a line is longer than {} MB: this is no file of numbers", LONGEST_LINE >> 20);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
         if ended {
             self.ended = true;
             self.torn = !is_blank(&line);
@@ -125,12 +143,17 @@ impl Read for Source {
             self.ready = if is_comment(&line) { without_comments(line) } else { line };
             self.read = 0;
         }
+        if self.given > LONGEST_RECORD {
+            let why = format!("a record is longer than {} MB: is a quote not closed?", LONGEST_RECORD >> 20);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+        }
         let rest = self.ready.get(self.read..).unwrap_or_default();
         let count = rest.len().min(buffer.len());
         if let (Some(to), Some(from)) = (buffer.get_mut(..count), rest.get(..count)) {
             to.copy_from_slice(from);
         }
         self.read += count;
+        self.given += count;
         Ok(count)
     }
 }

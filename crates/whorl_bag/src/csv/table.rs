@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
@@ -39,7 +38,7 @@ pub(crate) struct Column {
 
 impl Table {
     pub fn open(path: &Path, delimiter: u8, decimal_comma: bool) -> Result<Self, CsvError> {
-        let file = File::open(path).map_err(CsvError::io("open", path))?;
+        let file = whorl_params::open_file(path).map_err(CsvError::io("open", path))?;
         let mut file = BufReader::new(file);
         // By content, because names lie.
         let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
@@ -118,6 +117,7 @@ impl Table {
 
     fn advance_once(&mut self) -> Result<bool, CsvError> {
         let next = self.line + 1;
+        self.reader.get_mut().begin_record();
         let more =
             self.reader.read_record(&mut self.record).map_err(|e| CsvError::format(&self.path, next, &e))?;
         // Where the record begins is before the empty lines that were skipped; where the reader stands now is

@@ -108,7 +108,7 @@ impl RecordingPlan {
         text.push_str(&format!("effects: {}\n", ids.join(", ")));
         for (key, file) in self.files() {
             let content =
-                std::fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+                whorl_params::read_text(&file).with_context(|| format!("cannot read {}", file.display()))?;
             text.push_str(&format!("# {key}\n{content}\n"));
         }
         text.push_str(&format!("{:#?}\n", self.definition));
