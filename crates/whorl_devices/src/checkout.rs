@@ -223,7 +223,8 @@ fn prior_share(
     expected: &Vector3<f64>,
     command: f64,
 ) -> f64 {
-    let axis = expected.normalize();
+    // What has no torque is no part of a checkout; about any axis it is as uncertain.
+    let axis = whorl_math::unit_or(*expected, Vector3::z_axis()).into_inner();
     let along = |matrix: &nalgebra::Matrix3<f64>| (axis.transpose() * matrix * axis).x;
     // Of an inertia whose elements are uncertain by themselves; each product of inertia stands in it twice.
     let variances = prior.inertia_b_kg_m2.component_mul(&prior.inertia_b_kg_m2);

@@ -85,9 +85,10 @@ fn ln_possible(suspect: &Suspect, lower: &Matrix, y: &Vector, count: usize, size
     }
     for i in 0..count {
         inverse[i][i] = 1.0 / lower[i][i];
-        for j in 0..i {
-            let sum: f64 = (j..i).map(|k| lower[i][k] * inverse[k][j]).sum();
-            inverse[i][j] = -sum / lower[i][i];
+        let (above, row) = inverse.split_at_mut(i);
+        for (j, slot) in row[0].iter_mut().enumerate().take(i) {
+            let sum: f64 = (j..i).map(|k| lower[i][k] * above[k][j]).sum();
+            *slot = -sum / lower[i][i];
         }
     }
     let within = |(low, high): (f64, f64), mean: f64, stddev: f64| {

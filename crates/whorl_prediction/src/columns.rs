@@ -58,6 +58,10 @@ enum Differs {
 
 /// What a varied model does over a step.
 #[derive(Clone)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "made anew at every step: a box costs an allocation, and few are small"
+)]
 enum Does {
     /// What shows only when it has made the step.
     Step,
