@@ -6,10 +6,10 @@ use whorl_dynamics::PlatformModel;
 /// disturbance usually has on a platform of 8.6 kg m^2.
 const BACKGROUND_RAD_S2: f64 = 5.8e-5;
 
-/// Systematic error of a whitened reading, over its standard deviation. A filter whose background torque is there or not has
-/// innovations that correlate with what it corrected by up to 0.11 (measured: 600 s of holding, wheels, no background torque at
-/// all); twice that.
-const SYSTEMATIC: f64 = 0.2;
+/// Systematic error of a whitened reading, over its standard deviation: innovations of a filter whose background torque is there or not
+/// correlate with what it corrected by as much (measured: 600 s of holding, wheels, no background torque at all). Twice that hides a jet
+/// that was weak from the start.
+const SYSTEMATIC: f64 = 0.11;
 
 /// Settings of a monitor.
 #[derive(Debug, Clone, PartialEq)]

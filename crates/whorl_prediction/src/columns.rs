@@ -12,8 +12,8 @@ use whorl_recording::Channel;
 use crate::error::PredictionError;
 use crate::known::KnownBefore;
 use crate::prepared::{OtherModel, Prepared};
-use crate::propagation::add_product_transposed;
 use crate::rows::Row;
+use crate::transition::add_product_transposed;
 
 /// Innovations that are added to the information together.
 const TOGETHER: usize = 64;

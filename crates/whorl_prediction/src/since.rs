@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::propagation::add_product_transposed;
+use crate::transition::add_product_transposed;
 
 /// Of the readings since an instant. With x and P the filter's state and covariance there, before these readings, the readings
 /// move the state to x + P `slope` and leave P - P `information` P.
