@@ -171,12 +171,12 @@ struct Found {
     named: String,
 }
 
-fn weak_jet(index: usize, seed: u64, start_s: f64) -> Found {
+fn weak_jet(index: usize, seed: u64, start_s: f64, thrust: f64) -> Found {
     let jet = format!("jet_{}", index + 1);
     let faults = [
         "/whorl_1/driver:faults.weak.kind:=jet_weak".to_owned(),
         format!("/whorl_1/driver:faults.weak.jet:={jet}"),
-        "/whorl_1/driver:faults.weak.thrust:=0.7".to_owned(),
+        format!("/whorl_1/driver:faults.weak.thrust:={thrust}"),
         format!("/whorl_1/driver:faults.weak.start_s:={start_s}"),
     ];
     let faults: Vec<&str> = faults.iter().map(String::as_str).collect();
@@ -195,16 +195,17 @@ fn weak_jet(index: usize, seed: u64, start_s: f64) -> Found {
     }
 }
 
-/// Every jet at 70 %, from mid-run on and from the start.
+/// Every jet at 70 % from mid-run on, and at half from the start: of a weakness that was always there the monitor takes a ninth of a reading's
+/// deviation for an error that every reading may have.
 #[test]
 fn weak_jets_are_found_by_how_long_they_fired() {
     let slow = std::env::var_os("WHORL_SLOW_TESTS").is_some();
     let (jets, seeds) = if slow { (0..12, 5..7) } else { (5..6, 5..6) };
     // From the start a thrust that the prior calls certain to 5 % must be refuted, beside all else that the priors leave open.
-    for (start_s, enough_s, share) in [(60.0, 1.9, 1.0), (0.0, 5.0, 0.5)] {
+    for (start_s, thrust, enough_s, share) in [(60.0, 0.7, 1.9, 1.0), (0.0, 0.5, 5.0, 0.5)] {
         let (mut fired, mut hit) = (0_u32, 0_u32);
         for (jet, seed) in jets.clone().flat_map(|jet| seeds.clone().map(move |seed| (jet, seed))) {
-            let found = weak_jet(jet, seed, start_s);
+            let found = weak_jet(jet, seed, start_s, thrust);
             println!(
                 "{} weak from {start_s} s, seed {seed}: fired {:.2} s, found after {:.2?} s of it: {}",
                 found.jet, found.fired_s, found.after_s, found.named
