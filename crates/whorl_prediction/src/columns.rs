@@ -3,73 +3,20 @@
 //! For each parameter another plant begins every step in the filter's own state, with the model a little further along the
 //! parameter: what it does otherwise is what drives the column, whatever the effect is. See METHOD.md, "Sensitivities".
 
-use nalgebra::{DMatrix, DVector, DVectorView, Vector3};
-use whorl_dynamics::effects::EffectKind;
+use nalgebra::{DMatrix, DVector, DVectorView};
+use whorl_dynamics::Plant;
 use whorl_dynamics::plant::Acts;
-use whorl_dynamics::{Gyrostat, Plant, PlatformModel};
 use whorl_recording::Channel;
 
 use crate::error::PredictionError;
 use crate::known::KnownBefore;
+use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
 use crate::rows::Row;
 use crate::transition::add_product_transposed;
 
 /// Innovations that are added to the information together.
 const TOGETHER: usize = 64;
-
-/// A model a little further along a parameter.
-#[derive(Debug, Clone)]
-pub struct Varied {
-    /// The model there.
-    pub model: PlatformModel,
-    /// How far along the parameter, in its unit.
-    pub step: f64,
-}
-
-/// A varied model on the way of a filter.
-#[derive(Clone)]
-struct Other<'a> {
-    with: OtherModel<'a>,
-    step: f64,
-    /// How much later than the filter's model it takes the readings of gyro and accelerometer to be \[s\].
-    late_s: [f64; 2],
-    /// What is behind the sensors' low-pass less what is there with the filter's model, of a model with another low-pass.
-    behind: Option<[Vector3<f64>; 2]>,
-    differs: Differs,
-    /// Its vector sensors are others.
-    turns_vectors: bool,
-    /// What it does over the present step.
-    does: Does,
-}
-
-/// In what a varied model differs from the filter's.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Differs {
-    /// Its motion goes its own way within a step: valves at other times, hidden states, another low-pass.
-    WithinSteps,
-    /// In what inertial and other sensors read of the same motion.
-    InReadings,
-    /// In what jets do while they push.
-    InJets,
-    /// Anyhow.
-    InMotion,
-}
-
-/// What a varied model does over a step.
-#[derive(Clone)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "made anew at every step: a box costs an allocation, and few are small"
-)]
-enum Does {
-    /// What shows only when it has made the step.
-    Step,
-    /// What it does in the filter's state, until the end.
-    Act(Acts),
-    /// The same as the filter's model.
-    TheSame,
-}
 
 /// Steps up to this share of the time of the fastest motion may be taken with what a parameter does at their start: the motion turns
 /// what it does by as many radians meanwhile.
@@ -399,55 +346,5 @@ impl<'a> Columns<'a> {
     /// How many parameters there are.
     pub fn count(&self) -> usize {
         self.others.len()
-    }
-}
-
-impl<'a> Other<'a> {
-    fn new(case: &Prepared<'a>, varied: &Varied) -> Result<Self, PredictionError> {
-        let with = case.varied(&varied.model)?;
-        let (sensors, of) = (&with.sensors, &case.model().sensors);
-        let late_s = [
-            sensors.gyro.errors.latency_s - of.gyro.errors.latency_s,
-            sensors.accelerometer.errors.latency_s - of.accelerometer.errors.latency_s,
-        ];
-        let behind = with.has_own_low_pass.then(Default::default);
-        let (own, of_case) = (with.plant.gyrostat(), case.plant().gyrostat());
-        let turns_vectors = own.model().sensors.vector != of_case.model().sensors.vector;
-        let differs =
-            if with.has_own_low_pass || !own.model().gyros().is_empty() || !own.has_valves_of(of_case) {
-                Differs::WithinSteps
-            } else {
-                Differs::of(own, of_case)
-            };
-        Ok(Self { with, step: varied.step, late_s, behind, differs, turns_vectors, does: Does::Step })
-    }
-
-    fn take_motion_of(&mut self, plant: &Plant, change: &[f64]) {
-        self.with.plant.take_motion_of(plant, change);
-        self.behind.iter().for_each(|behind| self.with.plant.move_behind_filter(behind));
-    }
-
-    fn is_late(&self) -> bool {
-        self.late_s != [0.0; 2]
-    }
-}
-
-impl Differs {
-    fn of(own: &Gyrostat, other: &Gyrostat) -> Self {
-        // What no sensor does.
-        let moving = |gyrostat: &Gyrostat| -> Vec<(&'static str, Vec<f64>)> {
-            let all = gyrostat.effects().iter().filter(|e| e.effect().info().kind != EffectKind::Sensor);
-            all.map(|e| (e.effect().info().id, e.values().to_vec())).collect()
-        };
-        // Constants, as effects have corrected them.
-        let of = other.model();
-        let mut alike =
-            PlatformModel { sensors: of.sensors, effects: of.effects.clone(), ..own.model().clone() };
-        if alike == *of {
-            return if moving(own) == moving(other) { Self::InReadings } else { Self::InMotion };
-        }
-        // What jets do is part of their constants, whatever effect has made them so.
-        *alike.jets_mut() = of.jets().to_vec();
-        if alike == *of { Self::InJets } else { Self::InMotion }
     }
 }
