@@ -53,6 +53,7 @@ impl<'a> Fitter<'a> {
         prior: &ModelPrior,
         options: &'a Options,
     ) -> Result<Self, DiagnosisError> {
+        let model = options.delaying.as_ref().unwrap_or(model);
         let (mut problem, _) = prepare(training, &[], model, prior, options, None, &mut |_| {})?;
         let delaying = delaying(&problem, training, options)?;
         if delaying != *model {

@@ -64,6 +64,8 @@ pub fn diagnose(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Diagnosis, DiagnosisError> {
+    let stated = model;
+    let model = options.delaying.as_ref().unwrap_or(stated);
     let (mut problem, mut held) = prepare(training, held_out, model, prior, options, None, progress)?;
     if let Some(run) = problem.runs.iter().find(|run| run.is_blind()) {
         let mut diagnosis = Diagnosis::not_enough_information();
@@ -76,11 +78,10 @@ pub fn diagnose(
     }
     progress(Progress { share: 0.0, doing: "comparing what the sensors' low-pass may be" });
     let delaying = delaying(&problem, training, options)?;
-    let stated = model;
-    let model = &delaying;
-    if model != stated {
-        (problem, held) = prepare(training, held_out, model, prior, options, None, progress)?;
+    if delaying != *model {
+        (problem, held) = prepare(training, held_out, &delaying, prior, options, None, progress)?;
     }
+    let model = &delaying;
     let noted = |mut diagnosis: Diagnosis| {
         diagnosis.remarks.extend(low_pass::remarks(stated, model));
         diagnosis

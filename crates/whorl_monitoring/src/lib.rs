@@ -19,6 +19,7 @@
 
 pub mod evidence;
 pub mod filter;
+mod fit;
 pub mod lanes;
 mod monitor;
 pub mod motors;
@@ -29,6 +30,7 @@ mod ratio;
 mod settings;
 mod sources;
 
-pub use monitor::{Fit, Likeliest, Monitor, MonitorError, State};
+pub use fit::{Fit, Likeliest, Parameter, State};
+pub use monitor::{Monitor, MonitorError};
 pub use settings::Settings;
 pub use sources::{Hole, Source};

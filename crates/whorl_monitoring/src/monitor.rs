@@ -13,6 +13,7 @@ use whorl_dynamics::{ModelPrior, PlatformModel};
 use crate::Settings;
 use crate::evidence::{Evidence, UNKNOWN_TORQUE};
 use crate::filter::{Filter, turned};
+use crate::fit::{Fit, Likeliest, Parameter, State};
 use crate::lanes::Lanes;
 use crate::motors::MotorNoise;
 use crate::predictor::{Input, Predictor, Supplies};
@@ -25,8 +26,6 @@ const SETTLED_S: f64 = 0.05;
 const FROM_STOP_RAD: f64 = 0.005;
 /// Bins after a gap in which the motion is found, before anything is concluded.
 const SETTLING_BINS: u32 = 10;
-/// A probability that is plain.
-const PLAIN: f64 = 0.95;
 /// Data that wait at most; more is lost.
 const MOST_WAITING: usize = 4096;
 /// Sums of on-times are rounded to this \[s\].
@@ -44,68 +43,6 @@ pub enum MonitorError {
         /// Their kind.
         what: String,
     },
-}
-
-/// What the monitor says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
-    /// Not enough to say anything yet, or nobody moves the platform.
-    Waiting,
-    /// The platform moves as its model says.
-    Agrees,
-    /// The evidence is half-way to the limit.
-    Doubt,
-    /// The platform no longer moves as its model says.
-    Mismatch,
-}
-
-/// The effect that explains the mismatch best.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Likeliest {
-    /// Id in the catalogue, or `unknown_torque`.
-    pub effect: String,
-    /// Its probability among single effects that begin within memory.
-    pub probability: f64,
-    /// Parameters of the likeliest way in which it enters, with estimates, standard deviations and units.
-    pub parameters: Vec<Parameter>,
-    /// It had begun by \[ns\].
-    pub since_ns: i64,
-}
-
-/// One parameter and its change.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Its name.
-    pub name: String,
-    /// What it has become.
-    pub estimate: f64,
-    /// Standard deviation.
-    pub stddev: f64,
-    /// Unit, "1" for none.
-    pub unit: String,
-}
-
-/// How well the model fits.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
-    /// End of the newest bin \[ns\].
-    pub stamp_ns: i64,
-    /// What the monitor says.
-    pub state: State,
-    /// Whitened residual of the newest bin: gyro; NaN where nothing was read.
-    pub gyro: Vector3<f64>,
-    /// The same of each wheel's speed.
-    pub wheel_speed: Vec<f64>,
-    /// Sum of squares of the whitened residuals since the last fit, and their number.
-    pub squares: (f64, u32),
-    /// ln of the running evidence against the model \[nats\].
-    pub ln_evidence: f64,
-    /// The likeliest single effect, once there is a mismatch.
-    pub likeliest: Option<Likeliest>,
-    /// What of the data was missing last, while the monitor waits.
-    pub hole: Option<Hole>,
-    /// How often something was missing.
-    pub holes: u64,
 }
 
 /// The valves as they were last.
@@ -510,14 +447,6 @@ impl Monitor {
             parameters,
             since_ns: first.since_ns,
         })
-    }
-}
-
-impl Likeliest {
-    /// Whether it is plain.
-    #[must_use]
-    pub fn is_plain(&self) -> bool {
-        self.probability >= PLAIN
     }
 }
 

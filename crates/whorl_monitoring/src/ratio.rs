@@ -105,11 +105,11 @@ fn ln_possible(suspect: &Suspect, lower: &Matrix, y: &Vector, count: usize, size
         let unit = suspect.stddev[i] * size;
         let range = (range.0 / unit, range.1 / unit);
         let stddev = (i..count).map(|k| inverse[k][i] * inverse[k][i]).sum::<f64>().sqrt();
-        let before = if count == 1 { within(range, 0.0, 1.0) } else { 1.0 };
-        ln = f64::min(ln, (within(range, mean[i], stddev) / before).ln());
+        let now = within(range, mean[i], stddev);
         if count == 1 {
-            ln = (within(range, mean[i], stddev) / before).ln();
+            return (now / within(range, 0.0, 1.0)).ln();
         }
+        ln = f64::min(ln, now.ln());
     }
     ln
 }

@@ -1,10 +1,6 @@
 //! What a CSV file holds, before anybody said which column is what.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-
-use flate2::bufread::MultiGzDecoder;
 
 use super::error::CsvError;
 use super::source::Source;
@@ -80,12 +76,7 @@ pub fn look(path: &Path, most_lines: usize) -> Result<CsvLook, CsvError> {
 }
 
 fn with(path: &Path, delimiter: u8, decimal_comma: bool, most_lines: usize) -> Result<CsvLook, CsvError> {
-    let file = File::open(path).map_err(CsvError::io("open", path))?;
-    let mut file = BufReader::new(file);
-    let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
-    let source: Box<dyn Read + Send> =
-        if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
-    let source = Source::new(source, delimiter).map_err(CsvError::io("read", path))?;
+    let source = Source::open(path, delimiter)?;
     let mut reader = ::csv::ReaderBuilder::new()
         .delimiter(delimiter)
         .flexible(true)

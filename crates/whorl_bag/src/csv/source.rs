@@ -1,6 +1,11 @@
 //! The text of a CSV file as people write it: comment lines, another encoding, the last line torn.
 
 use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+use flate2::bufread::MultiGzDecoder;
+
+use super::error::CsvError;
 
 /// Longest line: a longer one is no line of numbers.
 const LONGEST_LINE: usize = 1 << 20;
@@ -30,9 +35,18 @@ enum Encoding {
 }
 
 impl Source {
+    /// Opens a file, compressed with gzip or not: by its content, because names lie.
+    pub fn open(path: &Path, delimiter: u8) -> Result<Self, CsvError> {
+        let mut file = BufReader::new(whorl_params::open_file(path).map_err(CsvError::io("open", path))?);
+        let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
+        let input: Box<dyn Read + Send> =
+            if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        Self::new(input, delimiter).map_err(CsvError::io("read", path))
+    }
+
     /// Finds the encoding and the header: the last comment line where the first other line begins with a number, as NumPy's
     /// `savetxt` writes it.
-    pub fn new(input: Box<dyn Read + Send>, delimiter: u8) -> io::Result<Self> {
+    fn new(input: Box<dyn Read + Send>, delimiter: u8) -> io::Result<Self> {
         let mut input = BufReader::with_capacity(1 << 16, input);
         let start = input.fill_buf()?;
         // A byte order mark, or ASCII of which every second byte is zero.

@@ -2,10 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-
-use flate2::bufread::MultiGzDecoder;
 
 use super::error::CsvError;
 use super::source::Source;
@@ -38,13 +35,7 @@ pub(crate) struct Column {
 
 impl Table {
     pub fn open(path: &Path, delimiter: u8, decimal_comma: bool) -> Result<Self, CsvError> {
-        let file = whorl_params::open_file(path).map_err(CsvError::io("open", path))?;
-        let mut file = BufReader::new(file);
-        // By content, because names lie.
-        let compressed = file.fill_buf().map_err(CsvError::io("read", path))?.starts_with(&[0x1f, 0x8b]);
-        let source: Box<dyn Read + Send> =
-            if compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
-        let source = Source::new(source, delimiter).map_err(CsvError::io("read", path))?;
+        let source = Source::open(path, delimiter)?;
         let mut reader =
             ::csv::ReaderBuilder::new().delimiter(delimiter).trim(::csv::Trim::All).from_reader(source);
         let header = reader.headers().map_err(|e| CsvError::format(path, 1, &e))?.clone();

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use whorl_dynamics::PlatformModel;
+use whorl_math::GRAVITY_M_S2;
 use whorl_math::statistics::median;
 use whorl_recording::{Recording, Series, usual_rate_hz};
 use whorl_trajectory::noise::from_second_differences;
@@ -261,7 +262,7 @@ fn most_tilt_rad(force: &Series<Vector3<f64>>, up: &Vector3<f64>) -> f64 {
 }
 
 fn force_off(force: &Series<Vector3<f64>>) -> f64 {
-    let mut off: Vec<f64> = force.value.iter().map(|f| (f.norm() / 9.81 - 1.0).abs()).collect();
+    let mut off: Vec<f64> = force.value.iter().map(|f| (f.norm() / GRAVITY_M_S2 - 1.0).abs()).collect();
     off.sort_by(f64::total_cmp);
     off.get(off.len() * 9 / 10).copied().unwrap_or(0.0)
 }

@@ -1,13 +1,12 @@
 //! The lines of the platform's file.
 
 use nalgebra::Vector3;
+use whorl_math::GRAVITY_M_S2;
 
 use super::lines::{Lines, Origin, Sourced, list, number};
 use super::measure::{Measured, Noise};
 use super::questions::{Ask, choice, positive, three};
 
-/// Standard gravity [m/s^2].
-const GRAVITY_M_S2: f64 = 9.806_65;
 /// What stands for a body that nobody weighed: 1 kg, as wide as a loaf of bread \[kg, kg m^2\].
 const MASS_KG: f64 = 1.0;
 const INERTIA_KG_M2: f64 = 0.01;

@@ -3,11 +3,13 @@
 use whorl_bag::{Channel, LookedColumn};
 use whorl_math::statistics::median;
 
+use whorl_math::GRAVITY_M_S2;
+
 use super::lines::{Origin, Sourced, number};
 use super::names::Named;
 
 /// Standard gravity in the units of specific force.
-const GRAVITY: [(&str, f64); 3] = [("m/s^2", 9.806_65), ("g", 1.0), ("mg", 1000.0)];
+const GRAVITY: [(&str, f64); 3] = [("m/s^2", GRAVITY_M_S2), ("g", 1.0), ("mg", 1000.0)];
 
 /// The unit in which a length is gravity, within a share of it.
 #[must_use]
