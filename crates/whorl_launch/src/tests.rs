@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use whorl_node::Node;
@@ -134,7 +134,7 @@ fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
     assert!(text.contains("ROS domain 3") && text.contains("stop_all.sh"), "{text}");
     assert!(domain().share("whorl_1").unwrap_err().to_string().contains("an experiment"));
     // A program that inherits the lease and has nothing to do with it does not keep the domain.
-    let mut stranger = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+    let mut stranger = Command::new("sleep").arg("60").spawn().unwrap();
     drop(experiment);
     let first = domain().share("whorl_1");
     stranger.kill().unwrap();
@@ -147,13 +147,16 @@ fn a_domain_is_for_one_experiment_or_for_pieces_that_are_there_once() {
     Domain::at(4, folder.path().join("other"), folder.path()).take().unwrap();
 }
 
-/// Programs that write down when they start and end.
+/// Programs that write down when they start and end. Another process makes them executable: a file that this process
+/// has written could still be open for writing in a child that another test has just forked ("text file busy").
 fn programs(folder: &Path, text: &str) -> Programs {
     for node in [Node::Driver, Node::Recorder] {
         let path = folder.join(node.name());
         let text = text.replace("NAME", node.name()).replace("FOLDER", &folder.display().to_string());
-        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let script = path.with_extension("sh");
+        std::fs::write(&script, format!("#!/bin/sh\n{text}\n")).unwrap();
+        let copied = Command::new("install").args(["-m", "755"]).args([&script, &path]).status().unwrap();
+        assert!(copied.success());
     }
     Programs::in_folder(folder)
 }
