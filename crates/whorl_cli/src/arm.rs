@@ -1,7 +1,5 @@
 //! `whorl arm` and `whorl disarm`: whether platforms may move.
 
-use std::time::Duration;
-
 use anyhow::bail;
 use clap::Args;
 use whorl_params::Value;
@@ -10,9 +8,6 @@ use whorl_ros::{ParameterClient, Participant};
 use whorl_security::policy::OPERATOR;
 
 use crate::output::say;
-
-/// How long a driver may take to be found and to answer.
-const TIMEOUT: Duration = Duration::from_secs(5);
 
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -36,7 +31,7 @@ pub fn set(platforms: &[String], armed: bool) -> anyhow::Result<()> {
     let (participant, clients) = Participant::with(&network, clients)?;
     let mut failed = Vec::new();
     for (platform, client) in platforms.iter().zip(&clients) {
-        match client.set(&participant, "armed", &Value::Bool(armed), TIMEOUT) {
+        match client.set(&participant, "armed", &Value::Bool(armed), network.patience()) {
             Ok(()) => say!("{platform}: {}", if armed { "armed" } else { "disarmed" }),
             Err(error) => failed.push(format!("{platform}: {error}")),
         }

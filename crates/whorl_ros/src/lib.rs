@@ -43,6 +43,7 @@ mod participant;
 mod peers;
 mod raw;
 pub mod recovery;
+mod relay;
 mod requests;
 mod runner;
 mod security;

@@ -21,6 +21,7 @@ use crate::names;
 use crate::nudge::Nudge;
 use crate::peers::PeerEvent;
 use crate::raw::{EndpointId, RawCdr, RawReader, RawWriter};
+use crate::relay::Relay;
 use crate::worker::{Kept, LONGEST_CREATION, Worker};
 
 /// How an endpoint is created, beyond what the table of topics says.
@@ -106,6 +107,7 @@ pub struct Participant {
     entities: Kept<Entities>,
     network: Network,
     worker: Worker,
+    _relay: Option<Relay>,
 }
 
 #[derive(Clone)]
@@ -146,10 +148,12 @@ impl Participant {
         let worker = Worker::start().map_err(RosError::io("starting a thread"))?;
         let joining = format!("joining domain {}", network.domain_id);
         let own = network.clone();
+        // Before DDS chooses our number.
+        let relay = Relay::for_network(network)?;
         let entities = worker
             .run(LONGEST_JOINING, move || Entities::new(&own))
             .ok_or(RosError::Stuck { doing: joining })??;
-        Ok(Self { entities: worker.keep(entities), network: network.clone(), worker })
+        Ok(Self { entities: worker.keep(entities), network: network.clone(), worker, _relay: relay })
     }
 
     /// Reads a ROS topic, e.g. `/whorl_1/imu/data_raw` of `sensor_msgs/msg/Imu`.
@@ -294,6 +298,15 @@ impl Participant {
                 }
                 Event::ReaderLost { guid, .. } => PeerEvent::ReaderLost(guid.into()),
                 Event::WriterLost { guid, .. } => PeerEvent::WriterLost(guid.into()),
+                #[cfg(feature = "security")]
+                Event::Authentication { participant, status } => {
+                    // The type of `status` has no public name.
+                    match format!("{status:?}").as_str() {
+                        "Authenticating" => PeerEvent::Authenticating(prefix(participant.as_ref())),
+                        "Rejected" => PeerEvent::Rejected(prefix(participant.as_ref())),
+                        _ => continue,
+                    }
+                }
                 _ => continue,
             };
             match event {
