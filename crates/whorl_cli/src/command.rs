@@ -47,8 +47,9 @@ pub fn request_hold(reason: String) -> anyhow::Result<String> {
 fn call(service: Service, request: &impl Serialize) -> anyhow::Result<String> {
     let client = |participant: &_| ServiceClient::new(participant, service.name(), service.type_name());
     let network = Network::from_environment()?.secured(OPERATOR)?;
-    let (participant, client) = Participant::with(&network, client)?;
-    let response: ExperimentResponse = client.call(&participant, request, network.patience())?;
+    let response: ExperimentResponse = Participant::ask(&network, client, |participant, client, time| {
+        client.call(participant, request, time)
+    })?;
     if !response.success {
         bail!("{}", response.message);
     }

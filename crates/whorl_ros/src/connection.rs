@@ -89,6 +89,11 @@ impl Connection {
         self.participant.is_alive()
     }
 
+    /// Whether they wait for each other for ever.
+    pub(crate) fn is_stuck(&self) -> bool {
+        self.participant.is_stuck()
+    }
+
     /// The same endpoints in a new participant, after the background threads of the old one have ended.
     pub(crate) fn rebuilt(&self, registry: &Registry) -> Result<Self, RosError> {
         self.rebuilt_on(self.participant.network(), registry)

@@ -36,6 +36,8 @@ const SILENCE_CHECK: Duration = Duration::from_secs(5);
 const DIAGNOSTICS: Duration = Duration::from_secs(1);
 /// Why a connection is rebuilt after the process was stopped and continued.
 const INTERRUPTED: &str = "the background threads of DDS had been interrupted";
+/// Why, after they have stopped for good, each waiting for the other.
+const LOCKED_UP: &str = "the background threads of DDS had locked up";
 
 /// Why, after its addresses changed.
 const READDRESSED: &str = "the addresses of this computer have changed";
@@ -148,7 +150,8 @@ impl<C: Configurable> Runner<C> {
             if now >= diagnostics {
                 diagnostics = now + DIAGNOSTICS;
                 if !self.connection.is_alive() {
-                    self.rebuild_connection(INTERRUPTED)?;
+                    let why = if self.connection.is_stuck() { LOCKED_UP } else { INTERRUPTED };
+                    self.rebuild_connection(why)?;
                 }
                 self.shell.report(&self.connection);
             }

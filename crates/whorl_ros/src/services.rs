@@ -224,7 +224,7 @@ impl ServiceClient {
     /// Calls the service; waits for the server and its answer up to `timeout`.
     ///
     /// # Errors
-    /// [`RosError::NoServer`], [`RosError::NoAnswer`], or when DDS fails.
+    /// [`RosError::NoServer`], [`RosError::NoAnswer`]; [`RosError::Stuck`] before anything was asked; or when DDS fails.
     pub fn call<Q: Serialize, A: DeserializeOwned>(
         &self,
         participant: &Participant,
@@ -233,8 +233,12 @@ impl ServiceClient {
     ) -> Result<A, RosError> {
         let deadline = Instant::now() + timeout;
         let pause = Duration::from_millis(5);
+        let stuck = || RosError::Stuck { doing: format!("calling {}", self.name) };
         let no_answer = || RosError::NoAnswer { service: self.name.clone(), seconds: timeout.as_secs_f64() };
         while !self.server_is_there(participant) {
+            if participant.is_stuck() {
+                return Err(stuck());
+            }
             if Instant::now() > deadline {
                 let (service, seconds) = (self.name.clone(), timeout.as_secs_f64());
                 return Err(RosError::NoServer { service, seconds });
