@@ -52,6 +52,7 @@ mod shell;
 mod sole;
 mod statistics;
 mod wake;
+mod watchdog;
 mod worker;
 
 pub use addresses::AddressWatch;

@@ -21,6 +21,7 @@ use crate::parameters::ParameterSet;
 use crate::recovery::Reason;
 use crate::shell::{Read, Shell};
 use crate::wake::{self, Alarm, Signals};
+use crate::watchdog::Watchdog;
 
 const SIGNALS: Token = Token(0);
 const ALARM: Token = Token(1);
@@ -54,6 +55,7 @@ pub(crate) struct Runner<C: Configurable> {
     continued: Signals,
     wakers: Vec<UnixStream>,
     addresses: Option<AddressWatch>,
+    watchdog: Watchdog,
 }
 
 impl<C: Configurable> Runner<C> {
@@ -90,7 +92,20 @@ impl<C: Configurable> Runner<C> {
         let connection = Connection::new(context.network(), plan, poll.registry())?;
         let period = shell.timer_period().unwrap_or_default();
         let schedule = Schedule::new(monotonic(), period);
-        Ok(Self { shell, connection, schedule, period, poll, alarm, signals, continued, wakers, addresses })
+        let watchdog = Watchdog::start(context.name().full())?;
+        Ok(Self {
+            shell,
+            connection,
+            schedule,
+            period,
+            poll,
+            alarm,
+            signals,
+            continued,
+            wakers,
+            addresses,
+            watchdog,
+        })
     }
 
     /// Runs until the core has finished or a signal comes.
@@ -111,6 +126,7 @@ impl<C: Configurable> Runner<C> {
         let mut silence_check = housekeeping + SILENCE_CHECK;
         let mut silence = None;
         while !self.shell.stop {
+            self.watchdog.turn();
             let next_firing = self.schedule.map_or(housekeeping, |s| s.next().min(housekeeping));
             self.alarm.set(next_firing)?;
             match self.poll.poll(&mut events, None) {
@@ -158,6 +174,8 @@ impl<C: Configurable> Runner<C> {
             housekeeping =
                 now + if self.connection.is_renewing() { HOUSEKEEPING_WHILE_RENEWING } else { HOUSEKEEPING };
         }
+        // What follows has limits of its own.
+        self.watchdog.waits(true);
         self.shell.step(&self.connection, Event::Shutdown);
         self.shell.say(&self.connection, LogLevel::Info, "stopped".to_owned());
         let failure = self.shell.core.failure();
@@ -213,7 +231,9 @@ impl<C: Configurable> Runner<C> {
             Ok(None) => Ok(()),
             Ok(Some(network)) => {
                 self.shell.step(&self.connection, Event::Interruption);
+                self.watchdog.waits(true);
                 self.connection = self.connection.rebuilt_on(&network, self.poll.registry())?;
+                self.watchdog.waits(false);
                 self.rejoined(READDRESSED);
                 Ok(())
             }
@@ -228,7 +248,9 @@ impl<C: Configurable> Runner<C> {
     fn rebuild_connection(&mut self, reason: &str) -> Result<(), RosError> {
         // Joining takes from a tenth of a second to several, in which nothing is watched.
         self.shell.step(&self.connection, Event::Interruption);
+        self.watchdog.waits(true);
         self.connection = self.connection.rebuilt(self.poll.registry())?;
+        self.watchdog.waits(false);
         self.rejoined(reason);
         Ok(())
     }
