@@ -1,9 +1,9 @@
 //! Carries announcements to participants that RustDDS does not tell of the others.
 //!
 //! Where the loopback interface carries no multicast, RustDDS announces a participant to the first twelve of this machine
-//! (`SPDP_LOCALHOST_PEER_COUNT`) and to those with which it has exchanged keys. The thirteenth hears of nobody: it ignores
-//! the handshakes that others begin, and exchanges nothing, for ever. Without security a dummy participant ([`Nudge`])
-//! leads announcements to it; secured participants refuse one without a certificate.
+//! (`SPDP_LOCALHOST_PEER_COUNT`) and to those that it has met. Secured, the thirteenth hears of nobody: it ignores the handshakes
+//! that others begin, and exchanges nothing, for ever. Open, two that are both beyond the twelfth meet by dummy participants
+//! ([`Nudge`]), which nodes have and commands have not, and only when the next announcement is due, 10 s later at the most.
 //!
 //! So nobody takes the last of these twelve numbers as a participant: one process at a time, whichever comes first, listens
 //! at its port and sends what arrives there on, unchanged, to all that RustDDS leaves out. When it ends, another takes its
@@ -35,12 +35,12 @@ const RTPS: &[u8] = b"RTPS";
 pub(crate) struct Relay(Arc<AtomicBool>);
 
 impl Relay {
-    /// For a participant that is about to join; `None` where it is not needed: the network is open, or has multicast.
+    /// For a participant that is about to join; `None` where it is not needed: the network has multicast.
     ///
     /// # Errors
     /// When no thread can be started.
     pub(crate) fn for_network(network: &Network) -> Result<Option<Self>, RosError> {
-        if network.enclave.is_none() || !network.is_localhost() {
+        if !network.is_localhost() {
             return Ok(None);
         }
         Self::start(network.domain_id).map(Some).map_err(RosError::io("starting a thread"))
@@ -143,10 +143,8 @@ mod tests {
     }
 
     #[test]
-    fn only_a_secured_network_of_this_machine_needs_one() {
-        let open = Network::localhost(1);
-        assert!(Relay::for_network(&open).unwrap().is_none());
-        let wide = Network { interfaces: None, enclave: Some("/keys".into()), ..open };
+    fn only_a_network_of_this_machine_needs_one() {
+        let wide = Network { interfaces: None, ..Network::localhost(1) };
         assert!(Relay::for_network(&wide).unwrap().is_none());
     }
 }
