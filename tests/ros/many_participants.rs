@@ -6,7 +6,7 @@ use whorl_ros::Participant;
 use crate::support::formation::{Formation, LONG_HOLD_ALONE};
 
 /// RustDDS does not announce itself to participants beyond this number.
-const TOLD_BY_RUSTDDS: u16 = 12;
+pub(super) const TOLD_BY_RUSTDDS: u16 = 12;
 
 #[test]
 fn nodes_beyond_the_twelfth_participant_meet() {
