@@ -108,6 +108,9 @@ fn readings_over_a_window_are_predicted_as_such() {
     }
 }
 
+/// Moves a parameter of a model.
+type Moved = fn(&mut PlatformModel, f64);
+
 /// Of thrust, valve delay (no edge at an end of a window) and a sensor's lever arm: what a window averages moves with the valves.
 #[test]
 fn sensitivities_are_slopes_of_the_innovations() {
@@ -116,7 +119,7 @@ fn sensitivities_are_slopes_of_the_innovations() {
     // Without noise: what gains change is no part of a sensitivity, and nothing where nothing is left.
     let recording = recording(&truth, window_s, 0.0);
     let settings = Settings { derivatives_held: 0.0, ..Settings::default() };
-    let moves: [(&str, f64, fn(&mut PlatformModel, f64)); 3] = [
+    let moves: [(&str, f64, Moved); 3] = [
         ("thrust", 1e-4, |model, by| model.jets_mut().iter_mut().for_each(|jet| jet.thrust_n += by)),
         ("delay", 1e-5, |model, by| {
             model.jets_mut().iter_mut().for_each(|jet| {

@@ -17,14 +17,16 @@ use std::time::{Duration, Instant};
 pub(crate) const LONGEST_CREATION: Duration = Duration::from_secs(4);
 
 type Job = Box<dyn FnOnce() + Send>;
+/// When work was given, and where its end is told.
+type Given = (Instant, Receiver<()>);
 
 /// The thread. It ends when the last handle is dropped and all work is done.
 #[derive(Clone)]
 pub(crate) struct Worker {
     jobs: Sender<Job>,
     stuck: Arc<AtomicBool>,
-    /// When work was given that nobody waits for, and where its end is told.
-    probe: Arc<Mutex<Option<(Instant, Receiver<()>)>>>,
+    /// Work that nobody waits for.
+    probe: Arc<Mutex<Option<Given>>>,
 }
 
 impl Worker {
@@ -170,7 +172,12 @@ mod tests {
         let limit = Duration::from_millis(20);
         assert!(worker.probe(LONGEST_CREATION, || ()));
         assert_eq!(worker.run(LONGEST_CREATION, || 7), Some(7), "the probe has returned");
-        assert!(worker.probe(limit, move || drop(wait.recv())), "not at once");
+        assert!(
+            worker.probe(limit, move || {
+                let _ = wait.recv();
+            }),
+            "not at once"
+        );
         std::thread::sleep(2 * limit);
         assert!(!worker.probe(limit, || ()) && worker.is_stuck());
         drop(release);
