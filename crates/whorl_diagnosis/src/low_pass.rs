@@ -74,7 +74,10 @@ pub(crate) fn without_those_that_do_not_delay(
         try_other(other, &mut best, &as_stated.at)?;
     }
     if let (Some(mut other), from, _) = best.clone() {
-        inertial_errors(&mut other.model).into_iter().for_each(|errors| errors.averaging_window_s = 0.0);
+        for (errors, stated_s) in inertial_errors(&mut other.model).into_iter().zip(windows(&reference.model))
+        {
+            errors.averaging_window_s = stated_s;
+        }
         best.2 += DOUBT_NATS;
         try_other(other, &mut best, &from)?;
     }

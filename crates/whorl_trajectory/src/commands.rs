@@ -145,7 +145,8 @@ impl<'a> Commands<'a> {
             // Pulses are sorted by their beginning, and few are open at once.
             let end = intervals.partition_point(|(on, _)| *on < to_s);
             let near = intervals[..end].iter().rev().take_while(|(_, off)| *off > from_s);
-            *slot = near.map(|(on, off)| off.min(to_s) - on.max(from_s)).sum::<f64>() / length_s;
+            // A pulse that is shorter than its valve takes to open ends before it begins: nothing flows.
+            *slot = near.map(|(on, off)| (off.min(to_s) - on.max(from_s)).max(0.0)).sum::<f64>() / length_s;
         }
         held_between(&self.wheel_torque_n_m, from_s, to_s, |torque_n_m, share_s| {
             for (slot, torque_n_m) in mean.wheel_torque_n_m.iter_mut().zip(torque_n_m) {
@@ -237,4 +238,38 @@ fn held_between<T>(series: &Series<T>, from_s: f64, to_s: f64, mut told: impl Fn
 #[must_use]
 pub fn ns(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use whorl_recording::OnInterval;
+
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_what_jumps_within() {
+        let mut model = PlatformModel::whorl_1_reference();
+        for jet in model.jets_mut() {
+            (jet.opening_delay_s, jet.closing_delay_s) = (0.006, 0.004);
+        }
+        let mut recording = Recording { jet_pulses: vec![Vec::new(); 12], ..Recording::default() };
+        // Gas flows from 0.106 to 0.124 s; of the other jet's pulse none does.
+        recording.jet_pulses[0].push(OnInterval { on_s: 0.1, off_s: 0.12 });
+        recording.jet_pulses[1].push(OnInterval { on_s: 0.1, off_s: 0.101 });
+        for (time_s, torque_n_m) in [(0.0, 0.1), (0.11, 0.2), (0.13, 0.4)] {
+            recording.wheel_torque_command_n_m.time_s.push(time_s);
+            recording.wheel_torque_command_n_m.value.push(vec![torque_n_m, 0.0, -torque_n_m]);
+        }
+        let gyrostat = Gyrostat::new(&model).unwrap();
+        let commands = Commands::of(&recording, &gyrostat);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        let mean = commands.mean_between(0.1, 0.12);
+        near(mean.valve_fraction[0], 0.7);
+        assert_eq!(mean.valve_fraction[1], 0.0);
+        near(mean.wheel_torque_n_m[0], 0.15);
+        near(mean.wheel_torque_n_m[2], -0.15);
+        let mean = commands.mean_between(0.12, 0.14);
+        near(mean.valve_fraction[0], 0.2);
+        near(mean.wheel_torque_n_m[0], 0.3);
+    }
 }

@@ -38,18 +38,10 @@ impl Plant {
         let jets = drive.actuators.jets.valves.drive(self.now_ns, 0.0);
         // Most of the time no jet blows, and a power is expensive.
         if jets.thrust_n != 0.0 || mean.valve_fraction.iter().any(|fraction| *fraction != 0.0) {
-            let nominal: Vector3<f64> = self
-                .gyrostat
-                .model()
-                .jets()
-                .iter()
-                .zip(mean.valve_fraction)
-                .filter(|(_, fraction)| *fraction != 0.0)
-                .map(|(jet, fraction)| jet.torque_b_n_m() * fraction)
-                .sum();
+            let over = Environment { valve_fraction: &mean.valve_fraction, ..*seen };
             let pressure = self.gyrostat.thrust_factor(seen.pressure_ratio());
-            torque +=
-                (nominal - jets.torque_b_n_m) * (pressure * self.gyrostat.effects().thrust_factor(seen));
+            let now = jets.torque_b_n_m * (pressure * self.gyrostat.effects().thrust_factor(seen));
+            torque += self.gyrostat.jet_torque_b_n_m(&over) - now;
         }
         let wheels = self.gyrostat.model().wheels().iter().zip(mean.wheel_torque_n_m);
         let now_n_m = drive.actuators.wheels.motor_torque_n_m;
@@ -84,3 +76,40 @@ impl Plant {
 
 /// Instants of which the mean rate is made: by the midpoint rule a jump of acceleration then errs by a 64th of what it does to the mean.
 const MEAN_OF: usize = 8;
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+    use crate::{InitialState, MassProperties, PlatformModel};
+
+    /// A platform at rest that is pushed from now on: its sensors show the mean of rest and of a constant acceleration.
+    #[test]
+    fn a_sensor_shows_the_mean_over_its_window() {
+        let mut model = PlatformModel::whorl_1_reference();
+        model.mass_properties =
+            MassProperties::new(Matrix3::identity() * 8.0, Vector3::zeros(), 80.0).unwrap();
+        model.wheels_mut().clear();
+        model.sensors.accelerometer.lever_arm_b_m = Vector3::new(0.3, -0.2, 0.1);
+        let sensors = &mut model.sensors;
+        for errors in [&mut sensors.gyro.errors, &mut sensors.accelerometer.errors] {
+            (errors.noise_stddev, errors.bias_turn_on_stddev) = (Vector3::zeros(), Vector3::zeros());
+            errors.bias_walk = Vector3::zeros();
+            (errors.averaging_window_s, errors.latency_s) = (0.02, 0.01);
+        }
+        let mut plant = Plant::new(&model, &InitialState::default(), 1).unwrap();
+        plant.advance_to(100_000_000).unwrap();
+        plant.set_body_torque(Vector3::new(0.0, 0.0, 1.6));
+        // The window ends now and is pushed for its last 5 ms of 20.
+        plant.advance_to(105_000_000).unwrap();
+        let read = plant.sample_imu();
+        let acceleration = Vector3::new(0.0, 0.0, 0.2);
+        let force = (acceleration * 0.25).cross(&model.sensors.accelerometer.lever_arm_b_m);
+        let expected = force + Vector3::new(0.0, 0.0, 9.81);
+        assert!((read.specific_force_m_s2 - expected).norm() < 1e-5, "{read:?} {expected}");
+        // The rate grows to 1 mrad/s meanwhile: half of that over a quarter of the time.
+        let rate = read.angular_velocity_rad_s.z;
+        assert!((rate - 1.25e-4).abs() < 0.02 * 1.25e-4, "{rate}");
+    }
+}
