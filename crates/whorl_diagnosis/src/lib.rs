@@ -126,7 +126,7 @@ fn answer(
 ) -> Result<Diagnosis, DiagnosisError> {
     search.judge(recordings.0, recordings.1, progress)?;
     progress(Progress { share: 0.95, doing: "writing the answer" });
-    let mut diagnosis = search.answer()?;
+    let mut diagnosis = search.answer(recordings.0)?;
     if let Some(remark) = verdict::unrecorded::pulses(&search)? {
         return Ok(diagnosis.withheld(remark));
     }

@@ -7,7 +7,7 @@
 
 use whorl_dynamics::PlatformModel;
 use whorl_dynamics::platform::TriaxialErrors;
-use whorl_prediction::{Fitted, Settings};
+use whorl_prediction::{Rival, Settings};
 use whorl_recording::Recording;
 
 use crate::DiagnosisError;
@@ -38,23 +38,21 @@ pub(crate) fn without_those_that_do_not_delay(
     }
     let parts: Vec<Recording> = training.iter().map(first_part).collect();
     let settings = Settings { threads, fit_stands_nats: STANDS_NATS, ..Settings::default() };
-    let fitted = |reference: &Reference, start: &[f64]| -> Result<Option<Fitted>, DiagnosisError> {
-        DiagnosisError::possible(Refit::own(reference, available).likeliest(
-            &parts,
-            &[start.to_vec()],
-            &settings,
-        ))
+    let fitted = |reference: &Reference, start: &[f64], rival: Rival<'_>| {
+        let refit = Refit::own(reference, available);
+        DiagnosisError::possible(refit.likeliest(&parts, &[start.to_vec()], rival, &settings))
     };
     // Near the end already, if the motion can be smoothed.
     let refit = Refit::own(reference, available);
     let smoothed = DiagnosisError::possible(base_point_with(&mut problem.clone(), &mut None))?;
     let start = smoothed.map_or_else(|| vec![0.0; refit.columns.len()], |point| refit.units_of(&point));
-    let Some(as_stated) = fitted(reference, &start)? else { return Ok(None) };
+    let Some(as_stated) = fitted(reference, &start, Rival::NONE)? else { return Ok(None) };
     // The likeliest so far: the model if it is another one, values, and how likely they are.
     let mut best: (Option<Reference>, Vec<f64>, f64) =
         (None, as_stated.at.clone(), as_stated.log_posterior + DOUBT_NATS);
     let try_other = |other: Reference, best: &mut (Option<Reference>, Vec<f64>, f64), from: &[f64]| {
-        if let Some(found) = fitted(&other, from)?.filter(|found| found.log_posterior > best.2) {
+        let rival = Rival { followed: &as_stated.followed, log_posterior_needed: best.2 };
+        if let Some(found) = fitted(&other, from, rival)?.filter(|found| found.log_posterior > best.2) {
             *best = (Some(other), found.at, found.log_posterior);
         }
         Ok::<(), DiagnosisError>(())

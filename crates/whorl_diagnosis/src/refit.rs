@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::effects::Role;
 use whorl_dynamics::{Effect, Gyrostat, ModelPrior, PlatformModel};
-use whorl_prediction::{Fitted, Parameter, Settings};
+use whorl_prediction::{Fitted, Parameter, Rival, Settings, fit_beside};
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::Layout;
@@ -139,22 +139,28 @@ impl<'a> Refit<'a> {
         options: &Options,
     ) -> Result<(Fitted, Fit), DiagnosisError> {
         let settings = Settings { threads: options.threads, ..Settings::default() };
-        let fitted = self.likeliest(recordings, starts, &settings)?;
+        let fitted = self.likeliest(recordings, starts, Rival::NONE, &settings)?;
         let fit = self.described(&fitted)?;
         Ok((fitted, fit))
     }
 
-    /// The likeliest values alone.
+    /// The likeliest values alone, as [`fit_beside`] finds them.
     pub fn likeliest(
         &self,
         recordings: &[Recording],
         starts: &[Vec<f64>],
+        rival: Rival<'_>,
         settings: &Settings,
     ) -> Result<Fitted, DiagnosisError> {
-        let of = |(column, stddev): (&Column, &f64)| Parameter { stddev: *stddev, range: column.range };
-        let parameters: Vec<Parameter> = self.columns.iter().zip(&self.stddevs).map(of).collect();
+        let parameters = self.parameters();
         let model_at = |units: &[f64]| self.model_at(units);
-        Ok(whorl_prediction::fit(recordings, &parameters, &model_at, starts, settings)?)
+        Ok(fit_beside(recordings, &parameters, &model_at, starts, rival, settings)?)
+    }
+
+    /// What is fitted, with what is known of it before.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let of = |(column, stddev): (&Column, &f64)| Parameter { stddev: *stddev, range: column.range };
+        self.columns.iter().zip(&self.stddevs).map(of).collect()
     }
 
     /// The model with these values, in units; `None` where no platform is so.

@@ -5,11 +5,12 @@
 
 use nalgebra::{DMatrix, DVector, DVectorView};
 use whorl_dynamics::Plant;
-use whorl_dynamics::plant::Acts;
+use whorl_dynamics::plant::{Acts, LinearisedPlant};
 use whorl_recording::Channel;
 
 use crate::error::PredictionError;
 use crate::known::KnownBefore;
+use crate::laws::{Law, Push};
 use crate::other::{Differs, Does, Other, Varied};
 use crate::prepared::{OtherModel, Prepared};
 use crate::rows::Row;
@@ -22,10 +23,14 @@ const TOGETHER: usize = 64;
 /// what it does by as many radians meanwhile.
 const SHORT_STEP: f64 = 0.05;
 
-/// Columns of sensitivities, one for each parameter.
+/// Columns of sensitivities, one for each parameter, then one for the size of each law.
 #[derive(Clone)]
 pub(crate) struct Columns<'a> {
     others: Vec<Other<'a>>,
+    /// What has no parameter, behind the others,
+    laws: &'a [Box<Law<'a>>],
+    /// and what it does over the present step.
+    pushes: Vec<Push>,
     /// The filter's own model, which takes the steps that the others take.
     reference: OtherModel<'a>,
     /// Where the filter's plant was before the step, where readings are taken to be late.
@@ -106,14 +111,21 @@ impl Sums {
 
 impl<'a> Columns<'a> {
     /// For a filter that has not begun.
-    pub fn new(case: &Prepared<'a>, size: usize, varied: &[Varied]) -> Result<Self, PredictionError> {
-        let n = varied.len();
+    pub fn new(
+        case: &Prepared<'a>,
+        size: usize,
+        varied: &[Varied],
+        laws: &'a [Box<Law<'a>>],
+    ) -> Result<Self, PredictionError> {
+        let n = varied.len() + laws.len();
         let others: Vec<Other<'a>> =
             varied.iter().map(|varied| Other::new(case, varied)).collect::<Result<_, _>>()?;
         let mut reference = case.varied(case.given_model())?;
         reference.plant = reference.plant.for_differences(others.iter().any(|other| other.behind.is_some()));
         Ok(Self {
             others,
+            laws,
+            pushes: Vec::new(),
             reference,
             before: None,
             acts: None,
@@ -138,6 +150,8 @@ impl<'a> Columns<'a> {
     /// than that shows, the model in the state that the filter would have with it.
     pub fn set_out(&mut self, case: &Prepared<'_>, plant: &Plant, end_ns: i64, instant_ns: i64) {
         let n = self.rates.len();
+        self.pushes.clear();
+        self.pushes.extend(self.laws.iter().map(|law| law(plant)));
         self.reference.plant.take_motion_of(plant, &[]);
         let step_s = (end_ns - plant.now_ns()) as f64 * 1e-9;
         let is_simple =
@@ -167,7 +181,13 @@ impl<'a> Columns<'a> {
     }
 
     /// Behind a step of the plant, over which errors moved by this transition. False where a motion is lost.
-    pub fn follow(&mut self, case: &Prepared<'_>, plant: &Plant, transition: &DMatrix<f64>) -> bool {
+    pub fn follow(
+        &mut self,
+        case: &Prepared<'_>,
+        plant: &Plant,
+        linearised: &LinearisedPlant,
+        transition: &DMatrix<f64>,
+    ) -> bool {
         let (m, n) = (transition.nrows(), self.rates.len());
         let step_s = (plant.now_ns() - self.reference.plant.now_ns()) as f64 * 1e-9;
         if !self.reference.run_to(case, plant.now_ns()) {
@@ -175,7 +195,11 @@ impl<'a> Columns<'a> {
         }
         let reference = &self.reference.plant;
         // Half of what a model does goes through the whole step: s <- F (s + h/2 r) + h/2 r.
-        let mut half = DMatrix::zeros(self.others.len(), n);
+        let mut half = DMatrix::zeros(self.count(), n);
+        for (k, push) in self.pushes.iter().enumerate() {
+            let rates = push.rates(plant, linearised);
+            half.row_mut(self.others.len() + k).tr_copy_from(&(rates * (0.5 * step_s)));
+        }
         for (other, mut row) in self.others.iter_mut().zip(half.row_iter_mut()) {
             let Some(of_reference) = &self.acts else { break };
             match &other.does {
@@ -217,7 +241,7 @@ impl<'a> Columns<'a> {
         let mut moving = self.of_state.columns(0, m).into_owned();
         let mut from_now = moving.columns_mut(0, n);
         from_now += &half;
-        let mut behind = DMatrix::zeros(self.others.len(), m);
+        let mut behind = DMatrix::zeros(self.count(), m);
         behind.columns_mut(0, n).copy_from(&half);
         add_product_transposed(&mut behind, &moving, transition);
         for (k, moved) in stepped {
@@ -241,6 +265,7 @@ impl<'a> Columns<'a> {
     pub fn of_readings(
         &mut self,
         plant: &Plant,
+        linearised: &LinearisedPlant,
         rows: &[Row],
         read: &dyn Fn(&Plant) -> Vec<Row>,
     ) -> DMatrix<f64> {
@@ -252,7 +277,14 @@ impl<'a> Columns<'a> {
             self.reference.plant.take_motion_of(plant, &[]);
             self.reference.plant.acts()
         });
-        let mut found = DMatrix::zeros(self.others.len(), rows.len());
+        let mut found = DMatrix::zeros(self.count(), rows.len());
+        for (k, law) in self.laws.iter().enumerate() {
+            // What a sensor adds it adds to what it reads now; of a torque, what it was over the step.
+            let push = self.pushes.get(k).copied().filter(Push::is_torque).unwrap_or_else(|| law(plant));
+            for (row, slot) in rows.iter().zip(found.row_mut(self.others.len() + k).iter_mut()) {
+                *slot = push.of_reading(plant, linearised, row);
+            }
+        }
         for (other, mut slots) in self.others.iter_mut().zip(found.row_iter_mut()) {
             let moves = |row: &Row, late_s: f64| {
                 if late_s == 0.0 { 0.0 } else { row.by_state.rows(0, n).dot(&self.rates) * late_s }
@@ -343,8 +375,13 @@ impl<'a> Columns<'a> {
         &self.latest
     }
 
-    /// How many parameters there are.
+    /// How many parameters and laws there are.
     pub fn count(&self) -> usize {
-        self.others.len()
+        self.others.len() + self.laws.len()
+    }
+
+    /// Whether derivatives by a torque are needed.
+    pub fn has_laws(&self) -> bool {
+        !self.laws.is_empty()
     }
 }

@@ -93,7 +93,7 @@ impl<'a> Filter<'a> {
         let mut plant = case.plant().clone();
         start.put(&mut plant);
         let event = case.first_event();
-        let linearised = linearised(&plant, noise);
+        let linearised = linearised(&plant, noise.disturbance.is_some());
         let heading = UnseenHeading::of(case, &plant, &linearised);
         let layout = start.layout;
         let mut filter = Self {
@@ -136,8 +136,16 @@ impl<'a> Filter<'a> {
 
     /// The same, which finds how it changes with parameters.
     pub fn varying(mut self, columns: Columns<'a>) -> Self {
+        if columns.has_laws() {
+            self.plant.linearise_torque(&mut self.linearised);
+        }
         self.columns = Some(columns);
         self
+    }
+
+    /// Whether derivatives by a torque are needed: of disturbances, or of laws.
+    pub(super) fn has_torques(&self) -> bool {
+        self.noise.disturbance.is_some() || self.columns.as_ref().is_some_and(Columns::has_laws)
     }
 
     /// What the model alone claims to know now, without disturbances.
@@ -157,9 +165,10 @@ impl<'a> Filter<'a> {
             let due = self.due(instant_ns);
             let rows = self.rows(&due);
             let mut columns = self.columns.take();
-            let direct = columns
-                .as_mut()
-                .map(|columns| columns.of_readings(&self.plant, &rows, &|plant| self.values_of(plant, &due)));
+            let direct = columns.as_mut().map(|columns| {
+                let read = |plant: &Plant| self.values_of(plant, &due);
+                columns.of_readings(&self.plant, &self.linearised, &rows, &read)
+            });
             self.columns = columns;
             self.take_in(&rows, direct.as_ref(), told);
             !self.lost

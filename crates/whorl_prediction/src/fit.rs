@@ -7,6 +7,7 @@ use whorl_recording::Recording;
 
 use crate::error::PredictionError;
 use crate::fitted::LARGEST_MISFIT;
+use crate::laws::Law;
 use crate::levels::{Followed, follow, follow_again, stands};
 use crate::noise::Noise;
 use crate::other::Varied;
@@ -55,13 +56,33 @@ pub fn fit(
     starts: &[Vec<f64>],
     settings: &Settings,
 ) -> Result<Fitted, PredictionError> {
+    fit_beside(recordings, parameters, model_at, starts, Rival::NONE, settings)
+}
+
+/// The same of a model that competes with another one: with its levels and starts it begins, and it is given up where twice what a
+/// step promises does not bring it to what it needs; [`Fitted::stands`] then is false.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_beside(
+    recordings: &[Recording],
+    parameters: &[Parameter],
+    model_at: &ModelAt<'_>,
+    starts: &[Vec<f64>],
+    rival: Rival<'_>,
+    settings: &Settings,
+) -> Result<Fitted, PredictionError> {
     let settings = &Settings { derivatives_held: settings.fit_derivatives_held, ..*settings };
     let search = Search { recordings, parameters, model_at, settings };
-    let begun = search.begun(starts)?;
+    let begun = match rival.followed {
+        [] => search.begun(starts)?,
+        followed => search.begun_beside(starts, followed)?,
+    };
     let before = begun.log_posterior;
-    let mut best = search.settled(begun, f64::NEG_INFINITY)?;
+    let mut best = search.settled(begun, rival.log_posterior_needed)?;
     // Beside disturbances parameters hardly matter, and both shrink slowly: the model alone may explain everything by now.
-    if let Some(alone) = search.alone(&best.standing) {
+    let alone = search.alone(&best.standing).filter(|_| !best.is_hopeless);
+    if let Some(alone) = alone {
         let alone = search.settled(alone, best.standing.log_posterior)?;
         if alone.standing.log_posterior > best.standing.log_posterior {
             best = alone;
@@ -75,12 +96,64 @@ pub fn fit(
     Ok(search.fitted(best.standing, before, &information, &held, best.stands))
 }
 
+/// A model that was fitted to the same recordings.
+#[derive(Debug, Clone, Copy)]
+pub struct Rival<'a> {
+    /// Each recording with it; none: a fit begins anew.
+    pub followed: &'a [Followed],
+    /// What a fit must reach to be of use [natural logarithm].
+    pub log_posterior_needed: f64,
+}
+
+impl Rival<'_> {
+    /// Nobody.
+    pub const NONE: Self = Self { followed: &[], log_posterior_needed: f64::NEG_INFINITY };
+}
+
+/// What recordings say of parameters and of laws that no model has, about a model that was fitted to them: log p of a small change x
+/// is `slope . x - x . information x / 2` more. Parameters first, in their units, then the sizes of the laws.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hints {
+    /// -d^2 log p / dx^2, Gauss and Newton's, without what is known before.
+    pub information: DMatrix<f64>,
+    /// d log p / dx of the recordings alone.
+    pub slope: DVector<f64>,
+}
+
+/// Looks for laws beside a model with these values; `laws` of each recording, which are as many.
+///
+/// # Errors
+/// As [`fit`].
+pub fn hints(
+    recordings: &[Recording],
+    parameters: &[Parameter],
+    model_at: &ModelAt<'_>,
+    at: &[f64],
+    followed: &[Followed],
+    laws: &[Vec<Box<Law<'_>>>],
+    settings: &Settings,
+) -> Result<Hints, PredictionError> {
+    let search = Search { recordings, parameters, model_at, settings };
+    let runs: Vec<(Noise, Start)> =
+        followed.iter().map(|run| (run.noise.clone(), run.fitted.start.clone())).collect();
+    let found = search.passes_with(at, &runs, &search.varied(at)?, laws)?;
+    let size = parameters.len() + laws.first().map_or(0, Vec::len);
+    let mut hints = Hints { information: DMatrix::zeros(size, size), slope: DVector::zeros(size) };
+    for pass in &found.0 {
+        hints.information += &pass.sums.information;
+        hints.slope += &pass.sums.slope;
+    }
+    Ok(hints)
+}
+
 /// Where a search ended.
 struct Settled {
     standing: Standing,
     /// The information on the parameters there, if it is known.
     information: Option<DMatrix<f64>>,
     stands: bool,
+    /// Too little was promised to become as likely as it should.
+    is_hopeless: bool,
 }
 
 /// A place of the search: values, and the recordings with the model there.
@@ -102,10 +175,21 @@ struct Climbed {
     at: Vec<f64>,
     /// The recordings' starts there.
     starts: Vec<Start>,
-    is_top: bool,
-    /// Too little was promised to become as likely as it should.
-    is_hopeless: bool,
+    end: End,
     information: DMatrix<f64>,
+}
+
+/// How a climb ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    /// Nothing likelier is promised.
+    Top,
+    /// Too little is promised to become as likely as it should.
+    Hopeless,
+    /// What is promised is not found.
+    Stuck,
+    /// It took as many steps as it may.
+    Steps,
 }
 
 struct Search<'a> {
@@ -159,22 +243,52 @@ impl Search<'_> {
         best.ok_or(PredictionError::NoModel)
     }
 
+    /// The same with the levels of a rival, of which only the likeliest needs its own: if it is not as likely as the rival, which it may
+    /// be itself.
+    fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Standing, PredictionError> {
+        let rivals = Standing { at: Vec::new(), log_posterior: 0.0, followed: rival.to_vec() };
+        let runs = rivals.runs();
+        let mut best: Option<(f64, &Vec<f64>)> = None;
+        for at in starts {
+            let log = match self.passes_alone(at, &runs) {
+                Err(PredictionError::NoModel) => continue,
+                passes => passes?.log_likelihood(),
+            };
+            let here = log + self.log_prior(at);
+            if best.is_none_or(|(most, _)| here > most) {
+                best = Some((here, at));
+            }
+        }
+        let (log_posterior, at) = best.ok_or(PredictionError::NoModel)?;
+        let of_rival = self.log_posterior(at, rival);
+        let followed = if (log_posterior - of_rival).abs() < self.settings.fit_round_nats {
+            rivals.followed
+        } else {
+            self.followed(at, Some(rival))?
+        };
+        Ok(Standing { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed })
+    }
+
     /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
     fn settled(&self, begun: Standing, least: f64) -> Result<Settled, PredictionError> {
         let settings = self.settings;
-        let mut best = Settled { standing: begun, information: None, stands: self.parameters.is_empty() };
+        let nothing_varies = self.parameters.is_empty();
+        let mut best =
+            Settled { standing: begun, information: None, stands: nothing_varies, is_hopeless: false };
         let mut levels = best.standing.clone();
         for round in 0..settings.fit_rounds {
             if best.stands {
                 break;
             }
-            let Climbed { at, starts, is_top, is_hopeless, information } =
-                self.climbed(&levels, round == 0, least)?;
-            if is_hopeless {
+            let Climbed { at, starts, end, information } = self.climbed(&levels, round == 0, least)?;
+            let is_top = end == End::Top;
+            if end == End::Hopeless {
+                best.information = (at == best.standing.at).then_some(information);
+                best.is_hopeless = true;
                 break;
             }
             if at == levels.at {
-                if round == 0 {
+                if round == 0 && is_top {
                     // Too little was promised for a rough look.
                     continue;
                 }
@@ -223,13 +337,7 @@ impl Search<'_> {
         let (mut at, mut runs) = (begun.at.clone(), begun.runs());
         let starts = |runs: Vec<(Noise, Start)>| runs.into_iter().map(|(_, start)| start).collect();
         let mut here = self.passes(&at, &runs)?;
-        let ended = |at, runs, is_top, is_hopeless, information| Climbed {
-            at,
-            starts: starts(runs),
-            is_top,
-            is_hopeless,
-            information,
-        };
+        let ended = |at, runs, end, information| Climbed { at, starts: starts(runs), end, information };
         for _ in 0..settings.fit_steps {
             let log = here.log_likelihood() + self.log_prior(&at);
             let slope = here.slope(parameters, &at);
@@ -237,11 +345,11 @@ impl Search<'_> {
             let information = here.information(parameters);
             let Some(step) = solved(&information, &slope, &held) else { break };
             if 0.5 * step.dot(&slope) <= stands_nats * here.misfit() {
-                return Ok(ended(at, runs, true, false, information));
+                return Ok(ended(at, runs, End::Top, information));
             }
             // Twice what a parabola promises.
             if log + step.dot(&slope) < least {
-                return Ok(ended(at, runs, false, true, information));
+                return Ok(ended(at, runs, End::Hopeless, information));
             }
             // The change of gains is no part of the slope: at the top nothing is likelier in its direction.
             let is_close = 0.5 * step.dot(&slope) <= settings.fit_round_nats * here.misfit();
@@ -250,16 +358,22 @@ impl Search<'_> {
                 let next = self.within(&at, &(&step * *share));
                 let moved = DVector::from_iterator(at.len(), next.iter().zip(&at).map(|(a, b)| a - b));
                 let next_runs = here.moved(&runs, &moved, *share);
+                let is_likelier = |passes: &Passes| passes.log_likelihood() + self.log_prior(&next) > log;
+                // A whole step mostly is likelier, and its columns are needed next; of a part of one nobody knows.
+                if *share < 1.0 && !is_likelier(&self.passes_alone(&next, &next_runs).ok()?) {
+                    return None;
+                }
                 let passes = self.passes(&next, &next_runs).ok()?;
-                (passes.log_likelihood() + self.log_prior(&next) > log).then_some((next, next_runs, passes))
+                is_likelier(&passes).then_some((next, next_runs, passes))
             });
             let Some(next) = tried else {
-                return Ok(ended(at, runs, is_close, false, information));
+                let end = if is_close { End::Top } else { End::Stuck };
+                return Ok(ended(at, runs, end, information));
             };
             (at, runs, here) = next;
         }
         let information = here.information(parameters);
-        Ok(ended(at, runs, false, false, information))
+        Ok(ended(at, runs, End::Steps, information))
     }
 
     /// Which parameters stand at an end of their range that the slope does not lead away from.
@@ -275,12 +389,27 @@ impl Search<'_> {
 
     /// Passes over all recordings.
     fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        self.passes_with(at, runs, &self.varied(at)?, &[])
+    }
+
+    /// The same without what they say of parameters.
+    fn passes_alone(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        self.passes_with(at, runs, &[], &[])
+    }
+
+    fn passes_with(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+        varied: &[Varied],
+        laws: &[Vec<Box<Law<'_>>>],
+    ) -> Result<Passes, PredictionError> {
         let model = self.model(at)?;
-        let varied = self.varied(at)?;
-        let pairs: Vec<_> = self.recordings.iter().zip(runs).collect();
-        let found = each(&pairs, self.settings.threads, |(recording, (noise, start))| {
-            let case = Prepared::new(recording, &model, *self.settings)?;
-            pass(&case, noise, start, &varied)
+        let numbers: Vec<usize> = (0..self.recordings.len().min(runs.len())).collect();
+        let found = each(&numbers, self.settings.threads, |run| {
+            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
+            let (noise, start) = &runs[*run];
+            pass(&case, noise, start, varied, laws.get(*run).map_or(&[], Vec::as_slice))
         });
         Ok(Passes(found.into_iter().collect::<Result<_, _>>()?))
     }

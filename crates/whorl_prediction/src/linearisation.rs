@@ -3,8 +3,6 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use whorl_dynamics::plant::{LinearisedPlant, Plant};
 
-use crate::noise::Noise;
-
 /// Where derivatives were made, as far as they depend on it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Place {
@@ -43,10 +41,10 @@ impl Place {
     }
 }
 
-/// Derivatives in the present state, those by a torque if the noise has disturbances.
-pub(crate) fn linearised(plant: &Plant, noise: &Noise) -> LinearisedPlant {
+/// Derivatives in the present state, those by a torque if they are needed.
+pub(crate) fn linearised(plant: &Plant, by_torque: bool) -> LinearisedPlant {
     let mut linearised = plant.linearised();
-    if noise.disturbance.is_some() {
+    if by_torque {
         plant.linearise_torque(&mut linearised);
     }
     linearised

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::columns::{Columns, Sums};
 use crate::error::PredictionError;
 use crate::filter::Filter;
+use crate::laws::Law;
 use crate::likelihood::Likelihood;
 use crate::noise::Noise;
 use crate::other::Varied;
@@ -17,7 +18,7 @@ pub(crate) struct Pass {
     likelihood: Likelihood,
     /// How the start moves that the run shows.
     shift: DVector<f64>,
-    sums: Sums,
+    pub sums: Sums,
 }
 
 /// Passes over all recordings at one place.
@@ -66,8 +67,9 @@ pub(crate) fn pass(
     noise: &Noise,
     start: &Start,
     varied: &[Varied],
+    laws: &[Box<Law<'_>>],
 ) -> Result<Pass, PredictionError> {
-    let columns = Columns::new(case, start.layout.size(), varied)?;
+    let columns = Columns::new(case, start.layout.size(), varied, laws)?;
     let mut filter = Filter::new(case, noise, start).looking_back().varying(columns);
     let mut likelihood = Likelihood::default();
     while filter.step(&mut |innovation| likelihood.add(innovation)) {}
@@ -75,7 +77,7 @@ pub(crate) fn pass(
     let heading = filter.heading;
     let size = start.layout.size();
     let (Some(origin), Some(columns)) = (filter.origin, filter.columns) else {
-        let sums = Sums::none(size, varied.len());
+        let sums = Sums::none(size, varied.len() + laws.len());
         return Ok(Pass { likelihood, shift: DVector::zeros(size), sums });
     };
     let mut shift = origin.shift;

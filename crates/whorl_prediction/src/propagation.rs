@@ -51,7 +51,7 @@ impl Filter<'_> {
             let h_s = (end_ns - from_ns) as f64 * 1e-9;
             let (step, holds) = self.errors_over(end_ns - from_ns);
             if let Some(columns) = &mut self.columns {
-                self.lost |= !columns.follow(self.case, &self.plant, &step.transition);
+                self.lost |= !columns.follow(self.case, &self.plant, &self.linearised, &step.transition);
             }
             self.grow(&step, h_s);
             self.push_motors(&step.transition);
@@ -74,7 +74,7 @@ impl Filter<'_> {
         let now = Place::of(&self.plant);
         if self.place.distance_rad(&now, self.fastest_1_s) > self.case.settings().derivatives_held {
             let before = self.motion();
-            self.linearised = linearised(&self.plant, self.noise);
+            self.linearised = linearised(&self.plant, self.has_torques());
             self.place = now;
             let after = self.motion();
             self.fastest_1_s = fastest_rate_1_s(&after);

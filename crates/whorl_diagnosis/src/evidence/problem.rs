@@ -300,7 +300,12 @@ impl Problem {
 
     /// Whether the slow random torque of this noise is more than background: a good part of what turns the platform.
     pub fn is_large(&self, nuisance: Nuisance) -> bool {
-        self.background(nuisance).stddev_n_m > LARGE * self.torques.body_n_m
+        self.is_large_torque(self.background(nuisance).stddev_n_m)
+    }
+
+    /// The same of a torque of this standard deviation [N m].
+    pub fn is_large_torque(&self, stddev_n_m: f64) -> bool {
+        stddev_n_m > LARGE * self.torques.body_n_m
     }
 
     /// Log prior of the noise beside what the model states. A torque that is no background is something without a name.

@@ -1,12 +1,14 @@
 //! Laws that nobody has a formula for: functions of one recorded variable that act about an axis, along the rate, on
 //! a wheel, or in a sensor's reading.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
+use whorl_dynamics::Plant;
 use whorl_math::{azimuth_rad, vertical_b};
+use whorl_prediction::Push;
 
 use crate::explanations::place::Place;
 use crate::layout::motion::Motion;
-use crate::layout::run::Run;
+use crate::layout::run::{Run, Wheels};
 use crate::layout::torques::Torques;
 use crate::whitening::columns::Stray;
 
@@ -58,7 +60,59 @@ const SLOWEST: f64 = 0.01;
 /// One column's torque, as a share of what was at work.
 const SHARE: f64 = 0.02;
 
-type Value = Box<dyn Fn(&Run, &Motion, usize) -> f64 + Sync + Send>;
+/// What a law may depend on, at one instant.
+pub(crate) struct At<'a> {
+    run: &'a Run,
+    /// The node at or before it.
+    node: usize,
+    /// Since the start of the run \[s\], and of how long a time that is the beginning.
+    time_s: f64,
+    length_s: f64,
+    omega: Vector3<f64>,
+    q: UnitQuaternion<f64>,
+    wheel: Wheels,
+    /// Angle that each wheel has turned since the first node \[rad\].
+    wheel_angle: Wheels,
+}
+
+impl<'a> At<'a> {
+    /// Of a node of a smoothed motion.
+    pub fn node(run: &'a Run, motion: &Motion, node: usize) -> Self {
+        Self {
+            run,
+            node,
+            time_s: run.time(node),
+            length_s: run.length_or_zero(node),
+            omega: motion.omega.get(node).copied().unwrap_or_default(),
+            q: motion.q.get(node).copied().unwrap_or_default(),
+            wheel: motion.wheel.get(node).copied().unwrap_or_default(),
+            wheel_angle: motion.wheel_angle.get(node).copied().unwrap_or_default(),
+        }
+    }
+
+    /// Of a plant on its way through the same run. The motion tells the angles that wheels have turned.
+    pub fn plant(run: &'a Run, motion: &Motion, plant: &Plant) -> Self {
+        let (state, time_s) = (plant.state(), plant.now_ns() as f64 * 1e-9);
+        let node = run.node_at(time_s);
+        let of_node = Self::node(run, motion, node);
+        let (mut wheel, mut wheel_angle) = (Wheels::default(), of_node.wheel_angle);
+        for ((slot, angle), speed) in wheel.iter_mut().zip(&mut wheel_angle).zip(state.wheel_speed_rad_s()) {
+            *slot = *speed;
+            *angle += speed * (time_s - of_node.time_s);
+        }
+        Self {
+            time_s,
+            length_s: 0.0,
+            omega: state.omega_wb_b_rad_s,
+            q: state.q_world_body,
+            wheel,
+            wheel_angle,
+            ..of_node
+        }
+    }
+}
+
+type Value = Box<dyn Fn(&At<'_>) -> f64 + Sync + Send>;
 
 pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     let mut groups: Vec<Vec<Shape>> = Vec::new();
@@ -77,25 +131,24 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
         let value = std::sync::Arc::new(value);
         for (parity, power) in [("odd", 1), ("even", 2), ("odd", 3)] {
             let value = std::sync::Arc::clone(&value);
-            let shape: Value =
-                Box::new(move |run, motion, k| ((value(run, motion, k) - centre) / scale).powi(power));
+            let shape: Value = Box::new(move |at| ((value(at) - centre) / scale).powi(power));
             groups.push(vec![Shape { way, ..single(variable, parity, shape) }]);
         }
         if slow {
             // A line through a zero of its own.
             let linear = std::sync::Arc::clone(&value);
-            let shape: Value = Box::new(move |run, motion, k| (linear(run, motion, k) - centre) / scale);
+            let shape: Value = Box::new(move |at| (linear(at) - centre) / scale);
             let first = Shape { way, ..single(variable, "odd", shape) };
-            let second = Shape { way, ..single(variable, "odd", Box::new(|_, _, _| 1.0)) };
+            let second = Shape { way, ..single(variable, "odd", Box::new(|_| 1.0)) };
             groups.push(vec![first, second]);
         }
         let other = std::sync::Arc::clone(&value);
-        let sense: Value = Box::new(move |run, motion, k| {
-            let x = (other(run, motion, k) - centre) / scale;
+        let sense: Value = Box::new(move |at| {
+            let x = (other(at) - centre) / scale;
             x / x.hypot(0.05)
         });
         // What differs with the sense has a kink.
-        let kink: Value = Box::new(move |run, motion, k| ((value(run, motion, k) - centre) / scale).abs());
+        let kink: Value = Box::new(move |at| ((value(at) - centre) / scale).abs());
         groups.push(vec![Shape { way, ..single(variable, "even", kink) }]);
         groups.push(vec![Shape { way, ..single(variable, "odd", sense) }]);
     };
@@ -108,16 +161,16 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     let rate = largest(&|m, k| m.omega.get(k).map_or(0.0, Vector3::norm)).max(1e-12);
     let tilt = largest(&|m, k| m.q.get(k).map_or(0.0, |q| vertical_b(q).xy().norm())).max(1e-9);
     for (i, name) in ["roll_rate", "pitch_rate", "yaw_rate"].into_iter().enumerate() {
-        add(name, 0.5 * rate, 0.0, Box::new(move |_, m, k| m.omega.get(k).map_or(0.0, |w| w[i])));
+        add(name, 0.5 * rate, 0.0, Box::new(move |at| at.omega[i]));
     }
-    add("rate", 0.5 * rate, 0.0, Box::new(|_, m, k| m.omega.get(k).map_or(0.0, Vector3::norm)));
+    add("rate", 0.5 * rate, 0.0, Box::new(|at| at.omega.norm()));
     for (i, name) in ["tilt_x", "tilt_y"].into_iter().enumerate() {
-        add(name, 0.5 * tilt, 0.0, Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| vertical_b(q)[i])));
+        add(name, 0.5 * tilt, 0.0, Box::new(move |at| vertical_b(&at.q)[i]));
     }
     for (j, wheel) in place.problem.reference.model.wheels().iter().enumerate() {
         let name = format!("{}_speed", wheel.name);
         let scale = largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
-        add(&name, 0.5 * scale, 0.0, Box::new(move |_, m, k| m.wheel.get(k).map_or(0.0, |w| w[j])));
+        add(&name, 0.5 * scale, 0.0, Box::new(move |at| at.wheel[j]));
     }
     let of_run = |values: fn(&Run) -> &Vec<f64>| -> (f64, f64) {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -132,7 +185,8 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     let mut slow = |name: &str, values: fn(&Run) -> &Vec<f64>| {
         let (centre, half) = of_run(values);
         if half > 1e-9 * centre.abs().max(1e-9) {
-            add(name, half, centre, Box::new(move |run, _, k| values(run).get(k).copied().unwrap_or(0.0)));
+            let value = move |at: &At<'_>| values(at.run).get(at.node).copied().unwrap_or(0.0);
+            add(name, half, centre, Box::new(value));
         }
     };
     if place.problem.runs.iter().all(|r| r.has_pressure) {
@@ -145,14 +199,13 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
         slow("temperature", |r| &r.temperature_k);
     }
     slow("time", |r| &r.times.node_s);
-    groups.push(vec![single("constant", "even", Box::new(|_, _, _| 1.0))]);
+    groups.push(vec![single("constant", "even", Box::new(|_| 1.0))]);
     // Friction of any law: along the rate, with a size of its own at every rate.
     let slowest = SLOWEST * rate;
     let friction = (0..FRICTION_KNOTS).map(|knot| {
-        let size: Value = Box::new(move |_, m, k| {
-            let rate = m.omega.get(k).map_or(0.0, Vector3::norm);
-            let at = (rate / slowest).asinh().min(f64::from(FRICTION_KNOTS - 1));
-            (1.0 - (at - f64::from(knot)).abs()).max(0.0)
+        let size: Value = Box::new(move |at| {
+            let place = (at.omega.norm() / slowest).asinh().min(f64::from(FRICTION_KNOTS - 1));
+            (1.0 - (place - f64::from(knot)).abs()).max(0.0)
         });
         Shape { way: Way::AlongRate, ..single("rate", "odd", size) }
     });
@@ -160,37 +213,37 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     // Drag of a wheel by any law, which may change with time.
     for (j, wheel) in place.problem.reference.model.wheels().iter().enumerate() {
         let scale = 0.5 * largest(&|m, k| m.wheel.get(k).map_or(0.0, |w| w[j])).max(1e-9);
-        let speed = move |m: &Motion, k: usize| m.wheel.get(k).map_or(0.0, |w| w[j]) / scale;
-        let late = |run: &Run, k: usize| {
-            let whole_s = run.time(run.nodes().saturating_sub(1)) - run.time(0);
-            2.0 * (run.time(k) - run.time(0)) / whole_s.max(1e-9)
+        let speed = move |at: &At<'_>| at.wheel[j] / scale;
+        let late = |at: &At<'_>| {
+            let (run, first_s) = (at.run, at.run.time(0));
+            let whole_s = run.time(run.nodes().saturating_sub(1)) - first_s;
+            2.0 * (at.time_s - first_s) / whole_s.max(1e-9)
         };
         let shape = |value: Value| Shape {
             way: Way::Wheel(j),
             ..single(&format!("{}_speed", wheel.name), "odd", value)
         };
         groups.push(vec![
-            shape(Box::new(move |_, m, k| speed(m, k))),
-            shape(Box::new(move |_, m, k| speed(m, k) / speed(m, k).hypot(0.02))),
-            shape(Box::new(move |_, m, k| speed(m, k).powi(3))),
-            shape(Box::new(move |run, m, k| speed(m, k) * late(run, k))),
-            shape(Box::new(move |run, m, k| speed(m, k) * late(run, k).powi(2))),
+            shape(Box::new(speed)),
+            shape(Box::new(move |at| speed(at) / speed(at).hypot(0.02))),
+            shape(Box::new(move |at| speed(at).powi(3))),
+            shape(Box::new(move |at| speed(at) * late(at))),
+            shape(Box::new(move |at| speed(at) * late(at).powi(2))),
         ]);
     }
     groups.extend(of_sensors(rate));
     // Heading: the first harmonics.
     for n in [1.0, 2.0, 3.0] {
-        let sine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).sin()));
-        let cosine: Value = Box::new(move |_, m, k| m.q.get(k).map_or(0.0, |q| (n * azimuth_rad(q)).cos()));
+        let sine: Value = Box::new(move |at| (n * azimuth_rad(&at.q)).sin());
+        let cosine: Value = Box::new(move |at| (n * azimuth_rad(&at.q)).cos());
         let first = single("yaw", "none", sine);
         groups.push(vec![first, single("yaw", "none", cosine)]);
     }
     for hz in &place.lines.torque_hz {
         let hz = *hz;
         let w = std::f64::consts::TAU * hz;
-        let sine: Value = Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).sin());
-        let cosine: Value =
-            Box::new(move |run, _, k| (w * (run.time(k) + 0.5 * run.length_or_zero(k))).cos());
+        let sine: Value = Box::new(move |at| (w * (at.time_s + 0.5 * at.length_s)).sin());
+        let cosine: Value = Box::new(move |at| (w * (at.time_s + 0.5 * at.length_s)).cos());
         let shape =
             |value| Shape { frequency_hz: Some(hz), is_picked: true, ..single("time", "none", value) };
         groups.push(vec![shape(sine), shape(cosine)]);
@@ -198,9 +251,9 @@ pub(crate) fn shapes(place: Place<'_>) -> Vec<Vec<Shape>> {
     for (wheel, order) in &place.lines.orders {
         let (wheel, order) = (*wheel, *order);
         let name = place.problem.reference.model.wheels().get(wheel).map_or("wheel", |w| w.name.as_str());
-        let phase = move |m: &Motion, k: usize| order * m.wheel_angle.get(k).map_or(0.0, |a| a[wheel]);
-        let sine: Value = Box::new(move |_, m, k| phase(m, k).sin());
-        let cosine: Value = Box::new(move |_, m, k| phase(m, k).cos());
+        let phase = move |at: &At<'_>| order * at.wheel_angle[wheel];
+        let sine: Value = Box::new(move |at| phase(at).sin());
+        let cosine: Value = Box::new(move |at| phase(at).cos());
         let angle = format!("{name}_angle");
         let shape = |value| Shape { way: Way::Body, is_picked: true, ..single(&angle, "none", value) };
         groups.push(vec![shape(sine), shape(cosine)]);
@@ -220,16 +273,16 @@ fn of_sensors(largest_rate_rad_s: f64) -> Vec<Vec<Shape>> {
         way,
     };
     // Of the rate about its own axis, in units of 1 rad/s: the caller scales by the component.
-    let gyro = |width: f64| -> Value { Box::new(move |_, _, _| width) };
+    let gyro = |width: f64| -> Value { Box::new(move |_| width) };
     let widths = [0.003, 0.012, 0.05, 0.2].map(|share| share * largest_rate_rad_s);
     let mut groups = vec![
         widths.iter().map(|width| shape("gyro_rate", "odd", Way::Gyro, gyro(*width))).collect::<Vec<_>>(),
     ];
     let mut heading = Vec::new();
     for n in [1.0, 2.0] {
-        let azimuth = move |m: &Motion, k: usize| m.q.get(k).map_or(0.0, |q| n * azimuth_rad(q));
-        heading.push(shape("yaw", "none", Way::Heading, Box::new(move |_, m, k| azimuth(m, k).sin())));
-        heading.push(shape("yaw", "none", Way::Heading, Box::new(move |_, m, k| azimuth(m, k).cos())));
+        let azimuth = move |at: &At<'_>| n * azimuth_rad(&at.q);
+        heading.push(shape("yaw", "none", Way::Heading, Box::new(move |at| azimuth(at).sin())));
+        heading.push(shape("yaw", "none", Way::Heading, Box::new(move |at| azimuth(at).cos())));
     }
     groups.push(heading);
     groups
@@ -323,8 +376,34 @@ impl Shape {
     }
 }
 
-/// What a column adds where its shape is 1: a share of the torque that was at work, a turn of 1e-3 rad; for the gyro, the
+/// What a column adds at an instant where its size is 1: a share of the torque that was at work, a turn of 1e-3 rad; for the gyro, the
 /// reading at which a dead band of the shape's width would leave nothing.
+pub(crate) fn push(groups: &[Vec<Shape>], column: &Column, at: &At<'_>, torques: &Torques) -> Push {
+    let Some(shape) = groups.get(column.group).and_then(|g| g.get(column.shape)) else {
+        return Push::Body(Vector3::zeros());
+    };
+    let size = (shape.value)(at);
+    let torque_n_m = SHARE * torques.body_n_m;
+    let axis = Vector3::ith(column.axis, 1.0);
+    match shape.way {
+        // Smooth where the sense of turning is uncertain.
+        Way::AlongRate => Push::Body(at.omega * (torque_n_m * size / at.omega.norm().hypot(5e-4))),
+        Way::Wheel(wheel) => {
+            Push::Wheel(wheel, SHARE * torques.wheel_n_m.get(wheel).copied().unwrap_or(0.0) * size)
+        }
+        Way::Gyro => {
+            let rate = at.omega[column.axis];
+            Push::Gyro(axis * (rate * (-(rate / size).powi(2)).exp()))
+        }
+        Way::Heading => Push::Turn(vertical_b(&at.q) * (1e-3 * size)),
+        Way::Body | Way::BodyOrRoom if column.world => {
+            Push::Body(at.q.inverse_transform_vector(&axis) * (torque_n_m * size))
+        }
+        Way::Body | Way::BodyOrRoom => Push::Body(axis * (torque_n_m * size)),
+    }
+}
+
+/// The same at every node of a run.
 pub(crate) fn stray(
     groups: &[Vec<Shape>],
     column: &Column,
@@ -332,38 +411,22 @@ pub(crate) fn stray(
     motion: &Motion,
     torques: &Torques,
 ) -> Stray {
-    let Some(shape) = groups.get(column.group).and_then(|g| g.get(column.shape)) else {
-        return Stray::Torque(Vec::new());
+    let pushes: Vec<Push> =
+        (0..run.nodes()).map(|k| push(groups, column, &At::node(run, motion, k), torques)).collect();
+    let vectors = || {
+        let of = |push: &Push| match *push {
+            Push::Body(v) | Push::Gyro(v) | Push::Turn(v) => v,
+            Push::Wheel(..) => Vector3::zeros(),
+        };
+        pushes.iter().map(of).collect()
     };
-    let nodes = 0..run.nodes();
-    let size = |k: usize| (shape.value)(run, motion, k);
-    let omega = |k: usize| motion.omega.get(k).copied().unwrap_or_default();
-    let q = |k: usize| motion.q.get(k).copied().unwrap_or_default();
-    let mut unit = Vector3::zeros();
-    let torque_n_m = SHARE * torques.body_n_m;
-    unit[column.axis] = torque_n_m;
-    match shape.way {
-        // Smooth where the sense of turning is uncertain.
-        Way::AlongRate => Stray::Torque(
-            nodes.map(|k| omega(k) * (torque_n_m * size(k) / omega(k).norm().hypot(5e-4))).collect(),
-        ),
-        Way::Wheel(wheel) => {
-            let torque_n_m = SHARE * torques.wheel_n_m.get(wheel).copied().unwrap_or(0.0);
-            Stray::Wheel(wheel, nodes.map(|k| torque_n_m * size(k)).collect())
+    match pushes.first() {
+        Some(Push::Wheel(wheel, _)) => {
+            let of = |push: &Push| if let Push::Wheel(_, torque) = *push { torque } else { 0.0 };
+            Stray::Wheel(*wheel, pushes.iter().map(of).collect())
         }
-        Way::Gyro => {
-            let mut axis = Vector3::zeros();
-            axis[column.axis] = 1.0;
-            let dead = |k: usize| {
-                let rate = omega(k)[column.axis];
-                rate * (-(rate / size(k)).powi(2)).exp()
-            };
-            Stray::Gyro(nodes.map(|k| axis * dead(k)).collect())
-        }
-        Way::Heading => Stray::Direction(nodes.map(|k| vertical_b(&q(k)) * (1e-3 * size(k))).collect()),
-        Way::Body | Way::BodyOrRoom if column.world => {
-            Stray::Torque(nodes.map(|k| q(k).inverse_transform_vector(&unit) * size(k)).collect())
-        }
-        Way::Body | Way::BodyOrRoom => Stray::Torque(nodes.map(|k| unit * size(k)).collect()),
+        Some(Push::Gyro(_)) => Stray::Gyro(vectors()),
+        Some(Push::Turn(_)) => Stray::Direction(vectors()),
+        Some(Push::Body(_)) | None => Stray::Torque(vectors()),
     }
 }

@@ -5,7 +5,11 @@
 //! explain nothing. The causal filter at the rate of the samples ([`whorl_prediction`]) has no bins: with it the platform's own
 //! parameters are fitted alone, and beside each set that is nearly the most probable one.
 
-use whorl_prediction::{Fitted, Noise, PredictionError, Prepared, Settings, follow};
+use std::sync::Arc;
+
+use whorl_prediction::{
+    Fitted, Followed, Noise, PredictionError, Prepared, Rival, Settings, follow, follow_again,
+};
 use whorl_recording::Recording;
 
 use crate::explanations::candidates::effect;
@@ -13,11 +17,13 @@ use crate::explanations::hypothesis::Member;
 use crate::parameters::available::Available;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
-use crate::search::standing::{Converged, Judged, Likelihoods};
+use crate::search::prior::log_prior;
+use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
+use crate::verdict::posterior::WORTH_MENTIONING;
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
-const MOST_JUDGED: usize = 6;
+const MOST_JUDGED: usize = 12;
 
 /// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
 const UNSHOWN: f64 = 0.975;
@@ -37,13 +43,11 @@ struct Judge<'a> {
 /// The platform's own parameters where they are likeliest alone.
 struct Alone {
     /// In units of their deviations.
-    units: Vec<f64>,
+    fit: Arc<JudgedFit>,
     /// Which of them the recordings show.
     shown: Vec<bool>,
-}
-
-fn numbers(fitted: &Fitted) -> usize {
-    fitted.followed.iter().map(|run| run.likelihood_alone.numbers).sum()
+    /// Recordings that were held out, with them.
+    held_out: Vec<Followed>,
 }
 
 impl Search<'_> {
@@ -59,26 +63,59 @@ impl Search<'_> {
         let judge = Judge { training, held_out, available, threads: self.options.threads };
         let mut base: Option<Alone> = None;
         for k in 0..MOST_JUDGED {
-            let Some((set, larger)) = self.next_to_judge() else { break };
+            let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) else { break };
             let share = 0.85 + 0.1 * k as f64 / MOST_JUDGED as f64;
             progress(Progress { share, doing: "comparing every sample" });
             if base.is_none() {
-                let Some(without) = self.fitted.get(&Vec::new()).cloned() else { break };
-                let Some((alone, found)) = DiagnosisError::possible(judge.alone(self, &without))? else {
-                    break;
-                };
-                self.set_judged(without, Judged { likelihoods: found, weakest: None }, None);
-                base = Some(alone);
+                base = self.judge_alone(&judge)?;
             }
             let Some(base) = &base else { break };
             // A set with which no filter can be run is left to its bins.
             let Some(found) = DiagnosisError::possible(judge.beside(self, &set, base))? else { break };
             self.set_judged(set, found, larger.as_deref());
         }
-        if base.is_some() && self.most_probable().is_some_and(|most| most.judged.is_none()) {
+        if base.is_some() {
             self.forget_what_was_not_judged();
         }
         self.settle_most_probable()
+    }
+
+    /// Of the sets that are not much less probable than the most probable one, the first that was not judged.
+    fn next_rival(&self) -> Option<(Converged, Option<Vec<String>>)> {
+        let least = self.most_probable()?.log_posterior() + WORTH_MENTIONING.ln();
+        let is_open =
+            |set: &&Converged| set.judged.is_none() && !set.names.is_empty() && set.log_posterior() > least;
+        let open = self.admissible().filter(is_open);
+        let set = open.max_by(|a, b| a.log_posterior().total_cmp(&b.log_posterior()))?;
+        Some((set.clone(), None))
+    }
+
+    /// Judges the set of no effects; `None` where no filter can be run.
+    fn judge_alone(&mut self, judge: &Judge<'_>) -> Result<Option<Alone>, DiagnosisError> {
+        let Some(without) = self.fitted.get(&Vec::new()).cloned() else { return Ok(None) };
+        let Some((alone, found)) = DiagnosisError::possible(judge.alone(self, &without))? else {
+            return Ok(None);
+        };
+        let fit = Arc::clone(&alone.fit);
+        self.set_judged(without, Judged { likelihoods: found, weakest: None, fit }, None);
+        Ok(Some(alone))
+    }
+
+    /// The platform's own parameters where the samples are likeliest, if a filter can be run.
+    pub(crate) fn judged_alone(
+        &mut self,
+        training: &[Recording],
+    ) -> Result<Option<Arc<JudgedFit>>, DiagnosisError> {
+        let judged = |search: &Self| {
+            let judged = search.fitted.get(&Vec::new())?.judged.as_ref()?;
+            Some(Arc::clone(&judged.fit))
+        };
+        if judged(self).is_none() {
+            let available = Available::of(&self.problem.runs);
+            let judge = Judge { training, held_out: &[], available, threads: self.options.threads };
+            self.judge_alone(&judge)?;
+        }
+        Ok(judged(self))
     }
 
     /// The most probable set; if it was judged that without its weakest member, and the names of the larger one. What bins of a smoothed motion
@@ -104,9 +141,8 @@ impl Search<'_> {
 
     /// Beside sets that were judged none is believed that was not: bins may promise more than the samples hold.
     fn forget_what_was_not_judged(&mut self) {
-        while let Some(most) = self.most_probable().filter(|set| set.judged.is_none()) {
-            let names = most.names.clone();
-            self.fitted.remove(&names);
+        while let Some((set, _)) = self.next_rival() {
+            self.fitted.remove(&set.names);
         }
     }
 
@@ -135,29 +171,47 @@ impl Judge<'_> {
         without: &Converged,
     ) -> Result<(Alone, Likelihoods), DiagnosisError> {
         let refit = Refit::own(&search.problem.reference, &self.available);
-        let fitted = self.likeliest(&refit, &[refit.units_of(&without.point)])?;
-        let found = self.likelihoods(&refit, &fitted.at, fitted.log_evidence, numbers(&fitted))?;
+        let fitted = self.likeliest(&refit, &[refit.units_of(&without.point)], Rival::NONE)?;
+        let held_out = self.follow_held_out(&refit, &fitted.at, &[])?;
+        let found = likelihoods(&fitted, &held_out);
         let deviations = fitted.covariance.diagonal().map(f64::sqrt);
         let shown = deviations.iter().map(|deviation| *deviation < UNSHOWN).collect();
-        Ok((Alone { units: fitted.at, shown }, found))
+        Ok((Alone { fit: judged_fit(refit, fitted), shown, held_out }, found))
     }
 
     /// How likely a set beside them makes all recordings at its own likeliest values.
     fn beside(&self, search: &Search<'_>, set: &Converged, alone: &Alone) -> Result<Judged, DiagnosisError> {
         let mut refit = Refit::own(&search.problem.reference, &self.available);
-        let own = alone.units.iter().zip(&alone.shown).take(refit.columns.len());
+        let own = alone.fit.fitted.at.iter().zip(&alone.shown).take(refit.columns.len());
         refit.keep(&alone.shown);
         let entered = Entered::of(&set.layout, &set.members);
         for effect in set.names.iter().filter_map(|id| effect(id)) {
             refit.add(effect, &set.point, entered.get(effect.info().id));
         }
-        // As the search found them, and the platform's own parameters where they are alone.
+        // As the search found them; with the platform's own parameters where they are alone; and those without any effect, which is
+        // as likely as the platform alone.
         let found = refit.units_of(&set.point);
         let mut beside = found.clone();
         let shown = own.filter(|(_, shown)| **shown);
-        beside.iter_mut().zip(shown).for_each(|(from, (alone, _))| *from = *alone);
-        let fitted = self.likeliest(&refit, &[found, beside])?;
-        let likelihoods = self.likelihoods(&refit, &fitted.at, fitted.log_evidence, numbers(&fitted))?;
+        let mut counted = 0;
+        for (from, (alone, _)) in beside.iter_mut().zip(shown) {
+            *from = *alone;
+            counted += 1;
+        }
+        let mut without = beside.clone();
+        without.iter_mut().skip(counted).for_each(|units| *units = 0.0);
+        let rival = Rival {
+            followed: &alone.fit.fitted.followed,
+            log_posterior_needed: alone.fit.fitted.log_posterior - log_prior(&set.names),
+        };
+        let fitted = self.likeliest(&refit, &[found, beside, without], rival)?;
+        // Where nothing is gained held-out recordings say nothing of it.
+        let gains = fitted.log_posterior > alone.fit.fitted.log_posterior;
+        let likelihoods = if gains {
+            likelihoods(&fitted, &self.follow_held_out(&refit, &fitted.at, &alone.held_out)?)
+        } else {
+            likelihoods(&fitted, &alone.held_out)
+        };
         // How many deviations an effect is from none.
         let distance = |id: &str| {
             let own =
@@ -165,40 +219,54 @@ impl Judge<'_> {
             own.map(|(i, _)| fitted.at[i].abs() / fitted.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
         };
         let weakest = set.names.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned();
-        Ok(Judged { likelihoods, weakest })
+        Ok(Judged { likelihoods, weakest, fit: judged_fit(refit, fitted) })
     }
 
-    fn likeliest(&self, refit: &Refit<'_>, starts: &[Vec<f64>]) -> Result<Fitted, DiagnosisError> {
+    fn likeliest(
+        &self,
+        refit: &Refit<'_>,
+        starts: &[Vec<f64>],
+        rival: Rival<'_>,
+    ) -> Result<Fitted, DiagnosisError> {
         let settings = Settings {
             threads: self.threads,
             fit_stands_nats: STANDS_NATS,
             fit_rounds: ROUNDS,
             ..Settings::default()
         };
-        refit.likeliest(self.training, starts, &settings)
+        refit.likeliest(self.training, starts, rival, &settings)
     }
 
-    /// With held-out recordings as values that were fitted to the training ones make them.
-    fn likelihoods(
+    /// Held-out recordings with values that were fitted to the training ones; `before`: with another model close by, or none.
+    fn follow_held_out(
         &self,
         refit: &Refit<'_>,
         units: &[f64],
-        log_evidence: f64,
-        numbers: usize,
-    ) -> Result<Likelihoods, DiagnosisError> {
+        before: &[Followed],
+    ) -> Result<Vec<Followed>, DiagnosisError> {
         let model = refit.model_at(units).ok_or(PredictionError::NoModel)?;
-        let tried = |recording: &Recording| -> Result<(f64, usize), DiagnosisError> {
-            let case = Prepared::new(recording, &model, Settings::default())?;
-            let followed = follow(&case, &Noise::stated(&case)?);
-            Ok((followed.log_likelihood(), followed.likelihood_alone.numbers))
+        let runs: Vec<usize> = (0..self.held_out.len()).collect();
+        let tried = |run: &usize| -> Result<Followed, DiagnosisError> {
+            let case = Prepared::new(&self.held_out[*run], &model, Settings::default())?;
+            let stated = Noise::stated(&case)?;
+            let before = before.get(*run);
+            Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
         };
-        let tried: Vec<(f64, usize)> = crate::threads::map(self.threads, self.held_out, tried)
-            .into_iter()
-            .collect::<Result<_, DiagnosisError>>()?;
-        Ok(Likelihoods {
-            training: log_evidence,
-            held_out: (!tried.is_empty()).then(|| tried.iter().map(|(log, _)| log).sum()),
-            numbers: numbers + tried.iter().map(|(_, numbers)| numbers).sum::<usize>(),
-        })
+        crate::threads::map(self.threads, &runs, tried).into_iter().collect()
+    }
+}
+
+fn judged_fit(refit: Refit<'_>, fitted: Fitted) -> Arc<JudgedFit> {
+    Arc::new(JudgedFit { fitted, columns: refit.columns, stddevs: refit.stddevs })
+}
+
+/// How likely recordings are.
+fn likelihoods(fitted: &Fitted, held_out: &[Followed]) -> Likelihoods {
+    let all = fitted.followed.iter().chain(held_out);
+    let held_log: f64 = held_out.iter().map(Followed::log_likelihood).sum();
+    Likelihoods {
+        training: fitted.log_evidence,
+        held_out: (!held_out.is_empty()).then_some(held_log),
+        numbers: all.map(|run| run.likelihood_alone.numbers).sum(),
     }
 }

@@ -12,6 +12,7 @@ pub(crate) mod prospect;
 pub(crate) mod rest;
 pub(crate) mod standing;
 pub(crate) mod step;
+mod unmodelled;
 pub(crate) mod weigh;
 
 pub(crate) use proposals::Search;

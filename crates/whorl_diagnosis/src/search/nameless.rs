@@ -44,6 +44,10 @@ pub(crate) struct Nameless {
     pub unknown: Unknown,
     /// Log evidence of the law and the set together, its prior included.
     pub log_evidence: f64,
+    /// Which of the laws it is; `None`: a torque that is free in time.
+    pub law: Option<usize>,
+    /// Log prior odds against no law, the choice among all that were tried included.
+    pub log_prior: f64,
 }
 
 /// Normal equations of the columns of a set and of laws, those of the set first.
@@ -91,6 +95,8 @@ impl Search<'_> {
             Nameless {
                 beside: at.names.clone(),
                 log_evidence: at.standing.log_evidence + gain - 6f64.ln(),
+                law: None,
+                log_prior: -6f64.ln(),
                 unknown: Unknown {
                     frame: frame.to_owned(),
                     axis: axis_name(usize::from(axis)).to_owned(),
@@ -150,18 +156,11 @@ impl Search<'_> {
         // The set itself was weighed with its own noise.
         let alone = if nuisance == at.standing.nuisance { at.standing.log_evidence } else { relinearised };
         let price = NAMELESS.ln() - ((laws.len() * SIZES.len()) as f64).ln();
-        let scored = threads::map(self.problem.threads, &laws, |law| {
-            let all: Vec<usize> =
-                own.iter().copied().chain(law.columns.iter().map(|c| active.len() + c)).collect();
-            let with = |size: f64| Estimate::new(&joint.normal, &all, |i| known(i).unwrap_or(size * size));
-            SIZES
-                .iter()
-                .filter_map(|size| with(*size))
-                .max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-        });
+        let scored =
+            threads::map(self.problem.threads, &laws, |law| beside(&joint.normal, &own, law, &known));
         let excess = (joint.normal.sum_of_squares - without.drop - joint.normal.rows).max(1.0);
         let mut found = Vec::new();
-        for (law, with) in laws.iter().zip(&scored) {
+        for ((index, law), with) in laws.iter().enumerate().zip(&scored) {
             let Some(with) = with else { continue };
             let gain = with.log_evidence - without.log_evidence;
             let drop = with.drop - without.drop;
@@ -173,6 +172,8 @@ impl Search<'_> {
             found.push(Nameless {
                 beside: at.names.clone(),
                 log_evidence: alone + gain + price - picked,
+                law: Some(index),
+                log_prior: price - picked,
                 unknown: Unknown {
                     variable: shape.variable.clone(),
                     frame: if law.world { "world" } else { "body" }.to_owned(),
@@ -187,6 +188,19 @@ impl Search<'_> {
         }
         Ok(found)
     }
+}
+
+/// A regression with the columns of a law behind its `own`, at the likeliest of the prior sizes; `known`: variances of its own columns.
+pub(crate) fn beside(
+    normal: &Normal,
+    own: &[usize],
+    law: &Law,
+    known: &(impl Fn(usize) -> Option<f64> + Sync),
+) -> Option<Estimate> {
+    let all: Vec<usize> = own.iter().copied().chain(law.columns.iter().map(|c| own.len() + c)).collect();
+    let with = |size: f64| Estimate::new(normal, &all, |i| known(i).unwrap_or(size * size));
+    let found = SIZES.iter().filter_map(|size| with(*size));
+    found.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
 }
 
 /// The axis about which a law explains most of what it does about several.

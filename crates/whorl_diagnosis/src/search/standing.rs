@@ -9,7 +9,7 @@ use crate::evidence::nuisance::Nuisance;
 use crate::explanations::candidates::Layout;
 use crate::explanations::hypothesis::{Hypothesis, Member};
 use crate::layout::motion::Motion;
-use crate::parameters::Point;
+use crate::parameters::{Column, Point};
 use crate::search::Search;
 use crate::search::prior::{is_no_echo, log_prior, smaller_sets};
 use crate::search::step::NO_FIT;
@@ -110,6 +110,26 @@ pub(crate) struct Judged {
     pub likelihoods: Likelihoods,
     /// The effect that is fewest deviations from none.
     pub weakest: Option<String>,
+    /// Where it was fitted.
+    pub fit: Arc<JudgedFit>,
+}
+
+/// A set fitted to the samples.
+#[derive(Debug, Clone)]
+pub(crate) struct JudgedFit {
+    pub fitted: whorl_prediction::Fitted,
+    /// What was fitted, and the standard deviation known before, in their units.
+    pub columns: Vec<Column>,
+    pub stddevs: Vec<f64>,
+}
+
+impl JudgedFit {
+    /// Standard deviation of the slow random torque beside it, root mean square of all axes and runs [N m].
+    pub fn torque_n_m(&self) -> f64 {
+        let runs = &self.fitted.followed;
+        let squares = runs.iter().flat_map(|run| run.noise.disturbance.stddev_b_n_m).map(|x| x * x);
+        (squares.sum::<f64>() / (3 * runs.len()).max(1) as f64).sqrt()
+    }
 }
 
 impl Converged {

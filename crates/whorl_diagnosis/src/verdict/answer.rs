@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 
 use whorl_dynamics::effects::find;
 use whorl_math::statistics::median;
-use whorl_recording::{Channel, Component};
+use whorl_recording::{Channel, Component, Recording};
 
 use crate::diagnosis::{
     BackgroundTorque, Candidate, Explanation, NoiseScale, ParameterEstimate, SlowResidual, Unknown,
 };
-use crate::evidence::nuisance::Nuisance;
 use crate::evidence::nuisance::{LARGE, NAMELESS};
 use crate::evidence::problem::{Dataset, Problem};
 use crate::evidence::regression::{BLOCKS_PER_RUN, Estimate};
@@ -123,23 +122,24 @@ impl Search<'_> {
     fn weighed_sets(&self) -> Vec<Weighted> {
         let weighted = |set: &Converged| Weighted {
             effects: set.names.clone(),
-            unknown: self.large_background(set.standing.nuisance),
+            unknown: self.large_background(set),
             log_posterior: set.log_posterior(),
             probability: 0.0,
         };
         self.admissible().map(weighted).collect()
     }
 
-    /// A slow random torque that is more than background.
-    fn large_background(&self, nuisance: Nuisance) -> Option<Unknown> {
-        let stddev_n_m = self.problem.background(nuisance).stddev_n_m;
-        self.problem.is_large(nuisance).then(|| Unknown::torque_in_time(stddev_n_m))
+    /// A slow random torque that is more than background: what the samples show beside a set, or bins where they were not asked.
+    fn large_background(&self, set: &Converged) -> Option<Unknown> {
+        let of_bins = || self.problem.background(set.standing.nuisance).stddev_n_m;
+        let stddev_n_m = set.judged.as_ref().map_or_else(of_bins, |judged| judged.fit.torque_n_m());
+        self.problem.is_large_torque(stddev_n_m).then(|| Unknown::torque_in_time(stddev_n_m))
     }
 
     /// What is believed of the data: sets of the catalogue's effects, and where something is left, laws without a name
     /// beside the best of them and alone.
-    fn belief(&mut self, left: f64) -> Result<Belief, DiagnosisError> {
-        let mut all = self.weighed_sets();
+    fn belief(&mut self, left: f64, training: &[Recording]) -> Result<Belief, DiagnosisError> {
+        let mut all = Vec::new();
         let standing = self.standing(&self.best);
         let rhythm = self.rhythm();
         let best = self.fitted(&self.best).map(Converged::log_posterior);
@@ -169,7 +169,8 @@ impl Search<'_> {
             }
             for anchor in &anchors {
                 let Some(at) = self.fitted(anchor).cloned() else { continue };
-                let nameless = self.nameless_beside(&at)?;
+                let mut nameless = self.nameless_beside(&at)?;
+                self.judge_laws(&at, &mut nameless, training)?;
                 let explained = at.standing.log_evidence
                     - self.standing(&self.base).map_or(f64::INFINITY, |base| base.log_evidence);
                 // What is left of a set is another law's only where it is a good part of it.
@@ -187,6 +188,7 @@ impl Search<'_> {
                 }));
             }
         }
+        all.extend(self.weighed_sets());
         Ok(Belief::new(all))
     }
 
@@ -287,7 +289,7 @@ impl Search<'_> {
     }
 
     /// The answer.
-    pub(crate) fn answer(&mut self) -> Result<Diagnosis, DiagnosisError> {
+    pub(crate) fn answer(&mut self, training: &[Recording]) -> Result<Diagnosis, DiagnosisError> {
         let mut candidates = self.rows();
         let slow_residual = self.slow_residual();
         let before = rest(self.problem, &self.data, &self.layout, &self.base);
@@ -309,7 +311,7 @@ impl Search<'_> {
         self.turning = seen.turning;
         direct.extend(seen.rows);
         let contradiction = self.contradiction();
-        let belief = self.belief(left)?;
+        let belief = self.belief(left, training)?;
         let mut verdict = belief.verdict(self.could_have_seen());
         for row in &direct {
             remarks.push(format!(

@@ -15,7 +15,7 @@ pub(crate) struct Weighted {
 }
 
 /// Explanations below this are not mentioned.
-const WORTH_MENTIONING: f64 = 1e-3;
+pub(crate) const WORTH_MENTIONING: f64 = 1e-3;
 
 /// Explanations with their probabilities, most probable first.
 pub(crate) fn normalised(mut all: Vec<Weighted>) -> Vec<Weighted> {

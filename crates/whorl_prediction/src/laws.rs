@@ -1,0 +1,77 @@
+//! What a model may lack without anybody having a formula for it: laws that act in the state in which a filter is.
+
+use nalgebra::{DVector, Vector3};
+use whorl_dynamics::Plant;
+use whorl_dynamics::plant::{LinearisedPlant, ROTATION};
+use whorl_recording::Channel;
+
+use crate::rows::Row;
+
+/// What a law adds in one state, per unit of its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Push {
+    /// A torque on the body, body axes [N m].
+    Body(Vector3<f64>),
+    /// A torque on a wheel, by its position, about its axis, and the opposite one on the body [N m].
+    Wheel(usize, f64),
+    /// To the gyro's reading, sensor axes [rad/s].
+    Gyro(Vector3<f64>),
+    /// What vector sensors see is turned by so much, body axes \[rad\].
+    Turn(Vector3<f64>),
+}
+
+/// A law: what it adds in the state of a plant. What it does at the start of a step it does throughout, so that it knows nothing of
+/// readings to come.
+pub type Law<'a> = dyn Fn(&Plant) -> Push + Send + Sync + 'a;
+
+impl Push {
+    /// Whether it moves the platform; else it is an error of a sensor.
+    pub(crate) fn is_torque(&self) -> bool {
+        matches!(self, Self::Body(_) | Self::Wheel(..))
+    }
+
+    /// What it does to the body [N m].
+    fn on_body_n_m(&self, plant: &Plant) -> Vector3<f64> {
+        match *self {
+            Self::Body(torque_n_m) => torque_n_m,
+            Self::Wheel(position, torque_n_m) => {
+                let wheel = plant.gyrostat().model().wheels().get(position);
+                wheel.map_or(Vector3::zeros(), |wheel| wheel.spin_axis_b.into_inner() * -torque_n_m)
+            }
+            Self::Gyro(_) | Self::Turn(_) => Vector3::zeros(),
+        }
+    }
+
+    /// How fast the coordinates of a plant move by it [unit/s]; a wheel that friction holds nothing pushes.
+    pub(crate) fn rates(&self, plant: &Plant, linearised: &LinearisedPlant) -> DVector<f64> {
+        let mut rates = DVector::zeros(plant.tangent().size());
+        let is_held = |wheel: usize| plant.held_wheels().nth(wheel).unwrap_or(true);
+        if matches!(self, Self::Wheel(wheel, _) if is_held(*wheel)) || !self.is_torque() {
+            return rates;
+        }
+        rates.gemv(1.0, &linearised.rate_by_torque, &self.on_body_n_m(plant), 0.0);
+        if let Self::Wheel(position, torque_n_m) = *self
+            && let Some(wheel) = plant.gyrostat().model().wheels().get(position)
+        {
+            rates[plant.tangent().wheels().start + position] += torque_n_m / wheel.spin_inertia_kg_m2;
+        }
+        rates
+    }
+
+    /// How much a reading less its prediction changes by it where the state does not.
+    pub(crate) fn of_reading(&self, plant: &Plant, linearised: &LinearisedPlant, row: &Row) -> f64 {
+        let index = row.component.index();
+        match (row.component.channel, *self) {
+            (Channel::Gyro, Self::Gyro(error)) => -error.get(index).copied().unwrap_or(0.0),
+            (Channel::Accelerometer, Self::Body(_) | Self::Wheel(..)) => {
+                let force_m_s2 = linearised.force_by_torque * self.on_body_n_m(plant);
+                -force_m_s2.get(index).copied().unwrap_or(0.0)
+            }
+            // As if the body were turned the other way.
+            (Channel::Vector, Self::Turn(rotation)) => {
+                row.by_state.fixed_rows::<3>(ROTATION.start).dot(&rotation)
+            }
+            _ => 0.0,
+        }
+    }
+}
