@@ -125,7 +125,7 @@ impl<'a> Refit<'a> {
         self.columns.iter().map(within).collect()
     }
 
-    fn point(&self, units: &[f64]) -> Point {
+    pub fn point(&self, units: &[f64]) -> Point {
         let moved =
             |point: Point, (column, units): (&Column, &f64)| self.reference.moved(&point, column, *units);
         self.columns.iter().zip(units).fold(self.reference.point(), moved)

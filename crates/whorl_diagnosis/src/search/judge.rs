@@ -5,6 +5,7 @@
 //! explain nothing. The causal filter at the rate of the samples ([`whorl_prediction`]) has no bins: with it the platform's own
 //! parameters are fitted alone, and beside each set that is nearly the most probable one.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use whorl_prediction::{
@@ -18,12 +19,15 @@ use crate::parameters::available::Available;
 use crate::refit::{Entered, Refit};
 use crate::search::Search;
 use crate::search::prior::log_prior;
+use crate::search::sampled::entered;
 use crate::search::standing::{Converged, Judged, JudgedFit, Likelihoods};
 use crate::verdict::posterior::WORTH_MENTIONING;
 use crate::{DiagnosisError, Progress};
 
 /// Sets that are judged at most, besides that of no effects.
 const MOST_JUDGED: usize = 12;
+/// Effects that the samples may add one after the other to what bins propose.
+const MOST_EFFECTS: usize = 3;
 
 /// Recordings show a parameter if they leave it less than this share of its deviation: half a tenth of its information is theirs.
 const UNSHOWN: f64 = 0.975;
@@ -51,33 +55,77 @@ struct Alone {
 }
 
 impl Search<'_> {
-    /// Judges the most probable set beside that of no effects, parts of it while they are more probable, and the next ones as long as they
-    /// explain nothing.
+    /// Judges that of no effects and the most probable set, parts of it while they are more probable, and the next ones as long as they
+    /// explain nothing; then those with an effect more that the samples ask for.
     pub(crate) fn judge(
         &mut self,
         training: &[Recording],
         held_out: &[Recording],
         progress: &mut dyn FnMut(Progress),
     ) -> Result<(), DiagnosisError> {
+        progress(Progress { share: 0.85, doing: "comparing every sample" });
         let available = Available::of(&self.problem.runs);
         let judge = Judge { training, held_out, available, threads: self.options.threads };
-        let mut base: Option<Alone> = None;
-        for k in 0..MOST_JUDGED {
-            let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) else { break };
-            let share = 0.85 + 0.1 * k as f64 / MOST_JUDGED as f64;
-            progress(Progress { share, doing: "comparing every sample" });
-            if base.is_none() {
-                base = self.judge_alone(&judge)?;
+        // Where no filter can be run bins are left alone.
+        let Some(base) = self.judge_alone(&judge)? else { return self.settle_most_probable() };
+        let mut left = MOST_JUDGED;
+        for _ in 0..MOST_EFFECTS {
+            while let Some((set, larger)) = self.next_to_judge().or_else(|| self.next_rival()) {
+                let Some(fewer) = left.checked_sub(1) else { break };
+                left = fewer;
+                progress(Progress {
+                    share: 0.95 - 0.1 * left as f64 / MOST_JUDGED as f64,
+                    doing: "comparing every sample",
+                });
+                let entered = entered(&set, None);
+                let Some(found) = DiagnosisError::possible(judge.beside(self, &set, &base, &entered))? else {
+                    break;
+                };
+                self.set_judged(set, found, larger.as_deref());
             }
-            let Some(base) = &base else { break };
-            // A set with which no filter can be run is left to its bins.
-            let Some(found) = DiagnosisError::possible(judge.beside(self, &set, base))? else { break };
-            self.set_judged(set, found, larger.as_deref());
+            if !self.judge_asked(&judge, &base)? {
+                break;
+            }
         }
-        if base.is_some() {
-            self.forget_what_was_not_judged();
-        }
+        self.forget_what_was_not_judged();
         self.settle_most_probable()
+    }
+
+    /// Judges the most probable set with each effect more that the samples ask for; whether another set is the most probable one then.
+    fn judge_asked(&mut self, judge: &Judge<'_>, base: &Alone) -> Result<bool, DiagnosisError> {
+        let Some(set) = self.most_probable().cloned() else { return Ok(false) };
+        let Some(judged) = &set.judged else { return Ok(false) };
+        let asked = DiagnosisError::possible(self.asked_for(&set.names, &judged.fit, judge.training))?;
+        for asked in asked.into_iter().flatten() {
+            let Some(larger) = self.with_effect(&set, asked.id)?.filter(|set| set.judged.is_none()) else {
+                continue;
+            };
+            let entered = entered(&larger, Some(&asked));
+            if let Some(found) = DiagnosisError::possible(judge.beside(self, &larger, base, &entered))? {
+                self.set_asked(larger, found);
+            }
+        }
+        Ok(self.most_probable().is_some_and(|most| most.names != set.names))
+    }
+
+    /// What bins did not propose is as sure as the samples say.
+    fn set_asked(&mut self, mut set: Converged, found: Judged) {
+        let base = self.fitted.get(&Vec::new());
+        let gain = base.and_then(|base| {
+            let judged = base.judged.as_ref()?;
+            Some(base.standing.log_evidence + found.likelihoods.gain(&judged.likelihoods))
+        });
+        if let Some(log_evidence) = gain {
+            set.standing.log_evidence = log_evidence;
+        }
+        let refit = Refit {
+            reference: &self.problem.reference,
+            columns: found.fit.columns.clone(),
+            stddevs: found.fit.stddevs.clone(),
+        };
+        set.point = refit.point(&found.fit.fitted.at);
+        set.judged = Some(found);
+        self.fitted.insert(set.names.clone(), set);
     }
 
     /// Of the sets that are not much less probable than the most probable one, the first that was not judged.
@@ -99,23 +147,6 @@ impl Search<'_> {
         let fit = Arc::clone(&alone.fit);
         self.set_judged(without, Judged { likelihoods: found, weakest: None, fit }, None);
         Ok(Some(alone))
-    }
-
-    /// The platform's own parameters where the samples are likeliest, if a filter can be run.
-    pub(crate) fn judged_alone(
-        &mut self,
-        training: &[Recording],
-    ) -> Result<Option<Arc<JudgedFit>>, DiagnosisError> {
-        let judged = |search: &Self| {
-            let judged = search.fitted.get(&Vec::new())?.judged.as_ref()?;
-            Some(Arc::clone(&judged.fit))
-        };
-        if judged(self).is_none() {
-            let available = Available::of(&self.problem.runs);
-            let judge = Judge { training, held_out: &[], available, threads: self.options.threads };
-            self.judge_alone(&judge)?;
-        }
-        Ok(judged(self))
     }
 
     /// The most probable set; if it was judged that without its weakest member, and the names of the larger one. What bins of a smoothed motion
@@ -180,11 +211,16 @@ impl Judge<'_> {
     }
 
     /// How likely a set beside them makes all recordings at its own likeliest values.
-    fn beside(&self, search: &Search<'_>, set: &Converged, alone: &Alone) -> Result<Judged, DiagnosisError> {
+    fn beside(
+        &self,
+        search: &Search<'_>,
+        set: &Converged,
+        alone: &Alone,
+        entered: &BTreeMap<&'static str, Entered>,
+    ) -> Result<Judged, DiagnosisError> {
         let mut refit = Refit::own(&search.problem.reference, &self.available);
         let own = alone.fit.fitted.at.iter().zip(&alone.shown).take(refit.columns.len());
         refit.keep(&alone.shown);
-        let entered = Entered::of(&set.layout, &set.members);
         for effect in set.names.iter().filter_map(|id| effect(id)) {
             refit.add(effect, &set.point, entered.get(effect.info().id));
         }

@@ -10,6 +10,7 @@ pub(crate) mod prior;
 pub(crate) mod proposals;
 pub(crate) mod prospect;
 pub(crate) mod rest;
+mod sampled;
 pub(crate) mod standing;
 pub(crate) mod step;
 mod unmodelled;

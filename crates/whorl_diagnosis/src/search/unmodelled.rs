@@ -20,7 +20,7 @@ use crate::verdict::posterior::WORTH_MENTIONING;
 impl Search<'_> {
     /// Takes from laws beside a set what the samples do not say.
     pub(crate) fn judge_laws(
-        &mut self,
+        &self,
         at: &Converged,
         found: &mut Vec<Nameless>,
         training: &[Recording],
@@ -29,14 +29,9 @@ impl Search<'_> {
         if !found.iter().any(is_likely) {
             return Ok(());
         }
-        let fit = match &at.judged {
-            Some(judged) => Some(std::sync::Arc::clone(&judged.fit)),
-            None if at.names.is_empty() => self.judged_alone(training)?,
-            None => None,
-        };
-        let Some(fit) = fit else { return Ok(()) };
+        let Some(fit) = at.judged.as_ref().map(|judged| &judged.fit) else { return Ok(()) };
         let is_large = self.problem.is_large_torque(fit.torque_n_m());
-        let Some(gains) = DiagnosisError::possible(self.gains_of_laws(at, &fit, training))? else {
+        let Some(gains) = DiagnosisError::possible(self.gains_of_laws(at, fit, training))? else {
             return Ok(());
         };
         found.retain_mut(|one| {

@@ -1,0 +1,265 @@
+//! Values and levels of noise by turns.
+
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+use whorl_dynamics::PlatformModel;
+use whorl_recording::Recording;
+
+use super::climb::{Climbed, End};
+use super::{Fitted, ModelAt};
+use crate::error::PredictionError;
+use crate::fitted::LARGEST_MISFIT;
+use crate::laws::Law;
+use crate::levels::{Followed, follow, follow_again, stands};
+use crate::noise::Noise;
+use crate::other::Varied;
+use crate::parameter::Parameter;
+use crate::passes::{Passes, pass};
+use crate::prepared::Prepared;
+use crate::settings::Settings;
+use crate::start::Start;
+
+/// Where a search ended.
+pub(super) struct Settled {
+    pub standing: Standing,
+    /// The information on the parameters there, if it is known.
+    pub information: Option<DMatrix<f64>>,
+    pub stands: bool,
+    /// Too little was promised to become as likely as it should.
+    pub is_hopeless: bool,
+}
+
+/// A place of the search: values, and the recordings with the model there.
+#[derive(Debug, Clone)]
+pub(super) struct Standing {
+    pub at: Vec<f64>,
+    pub log_posterior: f64,
+    pub followed: Vec<Followed>,
+}
+
+impl Standing {
+    pub fn runs(&self) -> Vec<(Noise, Start)> {
+        runs_of(&self.followed)
+    }
+}
+
+/// With what filters run through recordings that were followed.
+pub(super) fn runs_of(followed: &[Followed]) -> Vec<(Noise, Start)> {
+    followed.iter().map(|run| (run.noise.clone(), run.fitted.start.clone())).collect()
+}
+
+pub(super) struct Search<'a> {
+    pub recordings: &'a [Recording],
+    pub parameters: &'a [Parameter],
+    pub model_at: &'a ModelAt<'a>,
+    pub settings: &'a Settings,
+}
+
+impl Search<'_> {
+    fn model(&self, at: &[f64]) -> Result<PlatformModel, PredictionError> {
+        (self.model_at)(at).ok_or(PredictionError::NoModel)
+    }
+
+    pub fn log_prior(&self, at: &[f64]) -> f64 {
+        self.parameters.iter().zip(at).map(|(p, x)| -0.5 * (x / p.stddev).powi(2)).sum()
+    }
+
+    fn log_posterior(&self, at: &[f64], followed: &[Followed]) -> f64 {
+        followed.iter().map(Followed::log_likelihood).sum::<f64>() + self.log_prior(at)
+    }
+
+    /// Each recording with the levels and the start that it shows with the model there.
+    fn followed(&self, at: &[f64], before: Option<&[Followed]>) -> Result<Vec<Followed>, PredictionError> {
+        let model = self.model(at)?;
+        let runs: Vec<usize> = (0..self.recordings.len()).collect();
+        each(&runs, self.settings.threads, |run| {
+            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
+            let stated = Noise::stated(&case)?;
+            let before = before.and_then(|before| before.get(*run));
+            Ok(before.map_or_else(|| follow(&case, &stated), |before| follow_again(&case, &stated, before)))
+        })
+        .into_iter()
+        .collect()
+    }
+
+    /// The likeliest of these values with the levels that it shows.
+    pub fn begun(&self, starts: &[Vec<f64>]) -> Result<Standing, PredictionError> {
+        let mut best: Option<Standing> = None;
+        for at in starts {
+            let followed = match self.followed(at, best.as_ref().map(|best| &best.followed[..])) {
+                Err(PredictionError::NoModel) => continue,
+                other => other?,
+            };
+            let here =
+                Standing { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed };
+            if best.as_ref().is_none_or(|best| here.log_posterior > best.log_posterior) {
+                best = Some(here);
+            }
+        }
+        best.ok_or(PredictionError::NoModel)
+    }
+
+    /// The same with the levels of a rival, of which only the likeliest needs its own: if it is not as likely as the rival, which it may
+    /// be itself.
+    pub fn begun_beside(&self, starts: &[Vec<f64>], rival: &[Followed]) -> Result<Standing, PredictionError> {
+        let runs = runs_of(rival);
+        let mut best: Option<(f64, &Vec<f64>)> = None;
+        for at in starts {
+            let log = match self.passes_alone(at, &runs) {
+                Err(PredictionError::NoModel) => continue,
+                passes => passes?.log_likelihood(),
+            };
+            let here = log + self.log_prior(at);
+            if best.is_none_or(|(most, _)| here > most) {
+                best = Some((here, at));
+            }
+        }
+        let (log_posterior, at) = best.ok_or(PredictionError::NoModel)?;
+        let of_rival = self.log_posterior(at, rival);
+        let followed = if (log_posterior - of_rival).abs() < self.settings.fit_round_nats {
+            rival.to_vec()
+        } else {
+            self.followed(at, Some(rival))?
+        };
+        Ok(Standing { log_posterior: self.log_posterior(at, &followed), at: at.clone(), followed })
+    }
+
+    /// Values and levels by turns, until both stand, or nothing likelier than `least` is in sight.
+    pub fn settled(&self, begun: Standing, least: f64) -> Result<Settled, PredictionError> {
+        let settings = self.settings;
+        let nothing_varies = self.parameters.is_empty();
+        let mut best =
+            Settled { standing: begun, information: None, stands: nothing_varies, is_hopeless: false };
+        let mut levels = best.standing.clone();
+        for round in 0..settings.fit_rounds {
+            if best.stands {
+                break;
+            }
+            let Climbed { at, starts, end, information } = self.climbed(&levels, round == 0, least)?;
+            let is_top = end == End::Top;
+            if end == End::Hopeless {
+                best.information = (at == best.standing.at).then_some(information);
+                best.is_hopeless = true;
+                break;
+            }
+            if at == levels.at {
+                if round == 0 && is_top {
+                    // Too little was promised for a rough look.
+                    continue;
+                }
+                // Levels that were found here are found again.
+                best.information = (at == best.standing.at).then_some(information);
+                best.stands = is_top && best.information.is_some();
+                break;
+            }
+            for (run, start) in levels.followed.iter_mut().zip(starts) {
+                run.fitted.start = start;
+            }
+            let Ok(followed) = self.followed(&at, Some(&levels.followed)) else { break };
+            let same = levels.followed.iter().zip(&followed).all(|(a, b)| {
+                a.noise.disturbance.is_some() == b.noise.disturbance.is_some()
+                    && stands(&a.noise, &b.noise, settings.level_stands)
+            });
+            let log_before = levels.log_posterior;
+            levels = Standing { log_posterior: self.log_posterior(&at, &followed), at, followed };
+            if levels.log_posterior > best.standing.log_posterior {
+                best.standing = levels.clone();
+                // Levels that stand make the same of the parameters.
+                best.information = same.then_some(information);
+            }
+            let gains = levels.log_posterior - log_before > settings.fit_round_nats;
+            best.stands = same && is_top || !gains;
+        }
+        Ok(best)
+    }
+
+    /// The same values without disturbances, where there are any and the model is close to the recordings without them.
+    pub fn alone(&self, standing: &Standing) -> Option<Standing> {
+        let runs = &standing.followed;
+        let is_close = |run: &Followed| run.likelihood_alone.misfit() < LARGEST_MISFIT;
+        if !runs.iter().any(|run| run.noise.disturbance.is_some()) || !runs.iter().all(is_close) {
+            return None;
+        }
+        let followed: Vec<Followed> = runs.iter().map(Followed::without_disturbance).collect();
+        let log_posterior = self.log_posterior(&standing.at, &followed);
+        Some(Standing { at: standing.at.clone(), log_posterior, followed })
+    }
+
+    /// Passes over all recordings.
+    pub fn passes(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        self.passes_with(at, runs, &self.varied(at)?, &[])
+    }
+
+    /// The same without what they say of parameters.
+    pub fn passes_alone(&self, at: &[f64], runs: &[(Noise, Start)]) -> Result<Passes, PredictionError> {
+        self.passes_with(at, runs, &[], &[])
+    }
+
+    pub fn passes_with(
+        &self,
+        at: &[f64],
+        runs: &[(Noise, Start)],
+        varied: &[Varied],
+        laws: &[Vec<Box<Law<'_>>>],
+    ) -> Result<Passes, PredictionError> {
+        let model = self.model(at)?;
+        let numbers: Vec<usize> = (0..self.recordings.len().min(runs.len())).collect();
+        let found = each(&numbers, self.settings.threads, |run| {
+            let case = Prepared::new(&self.recordings[*run], &model, *self.settings)?;
+            let (noise, start) = &runs[*run];
+            pass(&case, noise, start, varied, laws.get(*run).map_or(&[], Vec::as_slice))
+        });
+        Ok(Passes(found.into_iter().collect::<Result<_, _>>()?))
+    }
+
+    /// Models a little further along each parameter, on the side where there is one.
+    pub fn varied(&self, at: &[f64]) -> Result<Vec<Varied>, PredictionError> {
+        let step = |(i, parameter): (usize, &Parameter)| {
+            let size = self.settings.fit_difference * parameter.stddev.min(1.0);
+            [size, -size].into_iter().find_map(|step| {
+                let mut moved = at.to_vec();
+                moved[i] += step;
+                let inside = (parameter.range.0..=parameter.range.1).contains(&moved[i]);
+                inside.then(|| (self.model_at)(&moved)).flatten().map(|model| Varied { model, step })
+            })
+        };
+        let all: Option<Vec<Varied>> = self.parameters.iter().enumerate().map(step).collect();
+        all.ok_or(PredictionError::NoModel)
+    }
+
+    pub fn fitted(
+        &self,
+        best: Standing,
+        before: f64,
+        information: &DMatrix<f64>,
+        held: &[bool],
+        stands: bool,
+    ) -> Fitted {
+        let n = self.parameters.len();
+        let inverse = Cholesky::new(information.clone());
+        let covariance =
+            inverse.as_ref().map_or_else(|| DMatrix::from_element(n, n, f64::NAN), |c| c.inverse());
+        // log of the posterior's determinant over the prior's.
+        let narrower: f64 =
+            inverse.as_ref().map_or(f64::NAN, |c| c.l().diagonal().iter().map(|x| x.ln()).sum());
+        let known: f64 = self.parameters.iter().filter(|p| p.stddev.is_finite()).map(|p| p.stddev.ln()).sum();
+        Fitted {
+            log_evidence: best.log_posterior - narrower - known,
+            log_posterior: best.log_posterior,
+            log_posterior_before: before,
+            covariance,
+            at_bound: held.to_vec(),
+            at: best.at,
+            followed: best.followed,
+            stands,
+        }
+    }
+}
+
+/// The same for each, in order; on one thread, or on all.
+fn each<T: Sync, R: Send>(items: &[T], threads: usize, of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    if threads.min(items.len()) < 2 {
+        return items.iter().map(of).collect();
+    }
+    items.par_iter().map(&of).collect()
+}
