@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Makes what others need to have a look without compiling: an archive of the Linux programs with parameters and scripts, and a wheel
-# of the Python package. usage: packaging/release.sh [FOLDER_FOR_THEM]
+# Makes what others need to have a look without compiling: an archive of the Linux programs with parameters and pages, and a wheel
+# of the Python package. usage: [WHORL_FEATURES=security] packaging/release.sh [FOLDER_FOR_THEM]
 # Needs what building from source needs, and for the wheel maturin (`pip install maturin`); without it only the archive is made.
+# With security, programs need OpenSSL 3 where they run; without it they are not secured (docs/security.md).
 # Programs run on systems whose C library is not older than this one's: build in a container of an old system to reach more.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -10,7 +11,7 @@ version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 name=whorl-$version-$(uname -m)-linux
 programs=(whorl driver estimator local_control model_monitor coordinator recorder)
 
-cargo build --release --workspace --locked "${programs[@]/#/--bin=}"
+cargo build --release --workspace --locked ${WHORL_FEATURES:+"--features=$WHORL_FEATURES"} "${programs[@]/#/--bin=}"
 built=${CARGO_TARGET_DIR:-target}/release
 stage=$(mktemp -d)
 trap 'rm -rf "$stage"' EXIT

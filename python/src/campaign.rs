@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use whorl_campaign::work::{Folder, Hold, Tasks, run};
 use whorl_commands::campaign::{Campaign as Planned, planned};
 
-use crate::errors::error;
+use crate::errors::{error, refused};
 use crate::watch::watched;
 
 /// A campaign file with its folder.
@@ -55,7 +55,7 @@ impl Campaign {
     /// Computes a task and stores its row, unless it has one.
     fn run(&self, py: Python<'_>, index: u64) -> PyResult<()> {
         if index >= self.plan.len() {
-            return Err(error(format!("run {index}: allowed: 0 to {}", self.plan.len().saturating_sub(1))));
+            return Err(refused(format!("run {index}: allowed: 0 to {}", self.plan.len().saturating_sub(1))));
         }
         if self.folder.has(index) {
             return Ok(());

@@ -8,7 +8,7 @@ use whorl_bag::{Channel, Form};
 use whorl_dynamics::effects::{catalogue, describe, find};
 use whorl_dynamics::{Effect, PlatformModel};
 
-use crate::errors::error;
+use crate::errors::{error, refused};
 use crate::platform::Platform;
 
 /// The table of channels as JSON.
@@ -70,7 +70,7 @@ pub fn effects(platform: Option<&Bound<'_, Platform>>) -> String {
 pub fn describe_effect(id: &str, platform: Option<&Bound<'_, Platform>>) -> PyResult<String> {
     let reference = PlatformModel::whorl_1_reference();
     let effect =
-        find(id).ok_or_else(|| error(format!("there is no effect {id}; `whorl effects` lists them")))?;
+        find(id).ok_or_else(|| refused(format!("there is no effect {id}; `whorl effects` lists them")))?;
     Ok(describe(effect, of(platform, &reference)))
 }
 

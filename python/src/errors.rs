@@ -13,8 +13,12 @@ create_exception!(
     "What is wrong, where, and what is allowed: the words of the `whorl` command."
 );
 
-/// An error of a library.
-pub fn error(error: impl Display) -> PyErr {
-    // `{:#}` of an `anyhow::Error` is the whole chain.
-    WhorlError::new_err(format!("{error:#}"))
+/// An error of a library, with its causes, each once.
+pub fn error(error: impl Into<anyhow::Error>) -> PyErr {
+    refused(whorl_commands::in_words(&error.into()))
+}
+
+/// What is not allowed, in words.
+pub fn refused(text: impl Display) -> PyErr {
+    WhorlError::new_err(text.to_string())
 }

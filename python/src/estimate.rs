@@ -7,7 +7,7 @@ use whorl_commands::estimate::{EstimateOptions, Recorded, estimates};
 use whorl_commands::own_times::OwnTimes;
 use whorl_free_motion::Observed;
 
-use crate::errors::error;
+use crate::errors::{error, refused};
 use crate::watch::watched;
 
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
@@ -51,17 +51,25 @@ pub fn estimate<'py>(
     for (name, rows) in all {
         let (rows, columns) = rows.as_array().dim();
         if (rows, columns) != (n, 3) {
-            return Err(error(format!("{name} has shape ({rows}, {columns}); allowed: ({n}, 3)")));
+            return Err(refused(format!("{name} has shape ({rows}, {columns}); allowed: ({n}, 3)")));
         }
     }
     for (k, pair) in time_s.windows(2).enumerate() {
         if !matches!(pair, [a, b] if b > a) {
-            return Err(error(format!("time {} is not after the one before it; allowed: in order", k + 1)));
+            return Err(refused(format!("time {} is not after the one before it; allowed: in order", k + 1)));
         }
     }
     let references: Vec<Option<Unit<Vector3<f64>>>> =
         references.into_iter().map(|of| Unit::try_new(Vector3::from(of?), 1e-12)).collect();
     let first = time_s.first().copied().unwrap_or(0.0);
+    // A column without a single number is an axis that is not measured.
+    let axes = |rows: &Rows<'_>| {
+        let has = |axis: usize| {
+            (0..time_s.len()).any(|k| rows.as_array().get((k, axis)).is_some_and(|x| x.is_finite()))
+        };
+        [0, 1, 2].map(has)
+    };
+    let (gyro_axes, force_axes) = (axes(&gyro_rad_s), force_m_s2.as_ref().map_or([false; 3], axes));
     // As in files: each sensor has times of its own.
     let mut own = OwnTimes::new(vectors.len());
     let (mut samples, mut places) = (Vec::new(), Vec::new());
@@ -76,21 +84,23 @@ pub fn estimate<'py>(
             }
         }
         let Some(gyro) = vector(&gyro_rad_s, k) else { continue };
-        if let Some((sample, _)) = own.gyro(at_ns, gyro, force_m_s2.is_some()) {
+        if let Some((sample, _)) = own.gyro(at_ns, gyro, force_axes == [true; 3]) {
             samples.push(sample);
             places.push(k);
         }
     }
-    let mut notes = own.unused().notes();
     let recorded = Recorded {
         name: "the arrays".to_owned(),
-        has_force: force_m_s2.is_some(),
+        gyro_axes,
+        force_axes,
         vectors: references
             .iter()
             .enumerate()
             .map(|(k, reference)| (format!("vectors[{k}]"), reference.is_some()))
             .collect(),
     };
+    let mut notes = own.unused().notes();
+    notes.extend(recorded.partial_force());
     let options =
         EstimateOptions { filter, smooth, gyro_noise, gyro_bias_walk, gyro_bias_sigma, vector_noise_deg };
     let (chosen, found) = watched(py, None, move |_| estimates(&options, &recorded, &samples))?;

@@ -8,7 +8,7 @@ use whorl_allocation::{EffectorLayout, Effectors, JetMask, Mode, TorqueDemand};
 use whorl_orbits::hill::HillState;
 use whorl_orbits::{Elements, relative_motion as relative};
 
-use crate::errors::error;
+use crate::errors::{error, refused};
 
 /// Shares a torque among jets and motors: the quadratic program of the local control node.
 #[pyclass(module = "whorl._native", unsendable)]
@@ -20,7 +20,7 @@ fn columns(name: &str, given: &PyReadonlyArray2<'_, f64>) -> PyResult<Matrix3xX<
     let array = given.as_array();
     if array.nrows() != 3 {
         let (rows, columns) = (array.nrows(), array.ncols());
-        return Err(error(format!(
+        return Err(refused(format!(
             "{name} has shape ({rows}, {columns}); allowed: (3, n), a column to each jet or motor"
         )));
     }
@@ -59,7 +59,7 @@ impl Allocator {
             "motors" => Mode::Motors,
             "jets" => Mode::Jets,
             "both" => Mode::Both,
-            other => return Err(error(format!("mode is {other}; allowed: motors, jets, both"))),
+            other => return Err(refused(format!("mode is {other}; allowed: motors, jets, both"))),
         };
         let mut demand = TorqueDemand::nominal(self.inner.effectors(), mode, Vector3::from(torque_b_n_m));
         demand.jet_available = failed_jets.into_iter().fold(JetMask::ALL, JetMask::without);

@@ -16,7 +16,7 @@ use whorl_recording::{
     read_run_with, recording_of,
 };
 
-use crate::errors::error;
+use crate::errors::{error, refused};
 use crate::platform::Platform;
 
 /// What was measured of one platform in one run.
@@ -74,7 +74,8 @@ impl Recording {
         };
         let read = py.detach(move || {
             let here = local(&path)?;
-            read_here(here.path()).map_err(|error| anyhow::Error::msg(here.told(&format!("{error:#}"))))
+            read_here(here.path())
+                .map_err(|error| anyhow::Error::msg(here.told(&whorl_commands::in_words(&error))))
         });
         Ok(Self { inner: Arc::new(read.map_err(error)?), source: Some(source) })
     }
@@ -194,16 +195,27 @@ impl Recording {
         Ok(shared_1(slf, series.time_s()))
     }
 
-    /// Numbers of a channel: the recording's own memory where they lie side by side in it, else a copy.
+    /// Numbers of a channel: the recording's own memory where they lie side by side in it, else a copy; NaN on axes that the sensor
+    /// does not have.
     fn values<'py>(slf: &Bound<'py, Self>, key: &str, sensor: usize) -> PyResult<Bound<'py, PyAny>> {
         let series = slf.get().inner.series(channel(key)?, sensor).ok_or_else(|| absent(key, sensor))?;
         if let Some(scalars) = series.as_any().downcast_ref::<Series<f64>>() {
             return Ok(shared_1(slf, &scalars.value));
         }
-        if let Some(vectors) = series.as_any().downcast_ref::<Series<Vector3<f64>>>() {
+        let lacks = slf.get().inner.lacks(channel(key)?);
+        if let Some(vectors) = series.as_any().downcast_ref::<Series<Vector3<f64>>>()
+            && lacks == [false; 3]
+        {
             return Ok(shared_3(slf, &vectors.value));
         }
-        let rows: Vec<Vec<f64>> = (0..series.time_s().len()).map(|k| series.numbers(k)).collect();
+        let rows: Vec<Vec<f64>> = (0..series.time_s().len())
+            .map(|k| {
+                let mut row = series.numbers(k);
+                // Not measured is not zero.
+                row.iter_mut().zip(lacks).filter(|(_, lacks)| *lacks).for_each(|(x, _)| *x = f64::NAN);
+                row
+            })
+            .collect();
         Ok(PyArray2::from_vec2(slf.py(), &rows).map_err(error)?.into_any())
     }
 }
@@ -224,7 +236,7 @@ fn absent(key: &str, sensor: usize) -> PyErr {
 pub fn channel(key: &str) -> PyResult<Channel> {
     Channel::find(key).ok_or_else(|| {
         let keys: Vec<&str> = Channel::ALL.iter().map(|channel| channel.info().key).collect();
-        error(format!("there is no channel {key}; allowed: {}", keys.join(", ")))
+        refused(format!("there is no channel {key}; allowed: {}", keys.join(", ")))
     })
 }
 

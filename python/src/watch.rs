@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 
-use crate::errors::error;
+use crate::errors::{error, refused};
 
 /// Time between two looks for signals.
 const TICK: Duration = Duration::from_millis(100);
@@ -55,6 +55,6 @@ pub fn watched<T: Send + 'static>(
     }
     match py.detach(|| worker.join()) {
         Ok(result) => result.map_err(error),
-        Err(_) => Err(error("the computation ended abnormally; please report this, with the recording")),
+        Err(_) => Err(refused("the computation ended abnormally; please report this, with the recording")),
     }
 }

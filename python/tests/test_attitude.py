@@ -88,6 +88,8 @@ def test_wrong_arrays_are_refused():
         ("needs directions", lambda: whorl.estimate(t, gyro)),
         (r"vector sensor 1 .* has no direction in the world", lambda: whorl.estimate(t, gyro, vectors=[field])),
         ("allowed: free_motion, directions", lambda: whorl.estimate(t, gyro, force, filter="kalman")),
+        ("no axis y: x and z alone do not tell the vertical, and are left out", lambda: whorl.estimate(t, gyro, force * [1, np.nan, 1])),
+        ("gyro of three axes", lambda: whorl.estimate(t, gyro * [1, 1, np.nan], force)),
         ("time 1 is not after", lambda: whorl.estimate(t * 0, gyro, force)),
         ("are too few for a first attitude", lambda: whorl.estimate(t[:1], gyro[:1], force[:1], [field[:1]])),
         ("reference_world has 2 entries; allowed: one for each of 1", lambda: whorl.estimate(t, gyro, vectors=[field], reference_world=[None, None])),

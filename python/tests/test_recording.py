@@ -158,3 +158,18 @@ def test_wrong_frames_are_refused():
 def test_notebooks_show_a_table(recording):
     text = recording._repr_html_()
     assert "<td>gyro</td><td>5701</td><td>100</td><td>rad/s</td><td>x, y, z</td>" in text
+
+
+def test_a_cause_is_said_once(tmp_path):
+    (tmp_path / "a.mcap").write_bytes(b"no bag at all, only some text that is long enough to be one")
+    with pytest.raises(whorl.WhorlError) as error:
+        whorl.read(tmp_path / "a.mcap")
+    parts = str(error.value).split(": ")
+    assert len(parts) > 1 and len(parts) == len(set(parts)), error.value
+
+
+def test_an_accelerometer_may_lack_axes():
+    t = np.arange(300) / 100
+    force = np.column_stack([np.sin(t), np.full(300, np.nan), 9.8 + 0.01 * np.cos(t)])
+    recording = whorl.Recording.from_arrays({"gyro": (t, np.column_stack([np.sin(t)] * 3)), "accelerometer": (t, force)})
+    np.testing.assert_array_equal(recording["accelerometer"].values, force)

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::bail;
 use nalgebra::{UnitQuaternion, Vector3};
-use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows, VectorMap};
+use whorl_bag::{Channel, CsvMap, CsvRow, CsvRows, NO_COLUMN, VectorMap};
 use whorl_free_motion::{Observed, Orientation, OrientationErrors, Sample, orientation_error};
 use whorl_math::quaternion_exp;
 use whorl_recording::{Recording, Series};
@@ -30,9 +30,19 @@ pub fn recorded_by(map: &CsvMap, name: &Path) -> Recorded {
     };
     Recorded {
         name: name.display().to_string(),
-        has_force: map.has(Channel::Accelerometer),
+        gyro_axes: axes_of(map, Channel::Gyro).unwrap_or([true; 3]),
+        force_axes: axes_of(map, Channel::Accelerometer).unwrap_or_default(),
         vectors: map.vectors.iter().map(vector).collect(),
     }
+}
+
+/// Which axes of a channel a map names; `None` where it does not have the channel.
+fn axes_of(map: &CsvMap, channel: Channel) -> Option<[bool; 3]> {
+    let columns = match map.channels.get(&channel) {
+        Some(of) => &of.columns,
+        None => &map.angles.iter().find(|of| of.channel == channel)?.columns,
+    };
+    Some([0, 1, 2].map(|k| columns.get(k).is_some_and(|name| name != NO_COLUMN)))
 }
 
 /// Makes lines of the rows of a CSV file: one to each gyro sample, see [`crate::own_times`].
@@ -99,7 +109,12 @@ pub fn lines_of_csv(path: &Path, map: &CsvMap, needs_force: bool) -> anyhow::Res
 pub fn recorded_in(recording: &Recording) -> Recorded {
     Recorded {
         name: recording.name.clone(),
-        has_force: !recording.specific_force_b_m_s2.is_empty(),
+        gyro_axes: recording.gyro_axes(),
+        force_axes: if recording.specific_force_b_m_s2.is_empty() {
+            [false; 3]
+        } else {
+            recording.force_axes()
+        },
         vectors: (1..=recording.vectors.len()).map(|k| (format!("vector_{k}"), true)).collect(),
     }
 }
@@ -115,7 +130,9 @@ pub fn lines_of(recording: &Recording, needs_force: bool) -> anyhow::Result<Vec<
     let gyro = &recording.gyro_b_rad_s;
     let at_ns = |time_s: f64| (time_s * 1e9).round() as i64;
     let mut all = OwnTimes::new(recording.vectors.len());
-    let mut force = Upto::new(&recording.specific_force_b_m_s2);
+    let none = Series::default();
+    let whole = recording.has_whole_accelerometer();
+    let mut force = Upto::new(if whole { &recording.specific_force_b_m_s2 } else { &none });
     let mut vectors: Vec<_> = recording.vectors.iter().map(|sensor| Upto::new(&sensor.direction_b)).collect();
     let mut truth = recording.truth.as_ref().map(|truth| Upto::new(&truth.q_world_body));
     let mut lines = Vec::with_capacity(gyro.len());

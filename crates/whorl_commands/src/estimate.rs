@@ -50,10 +50,32 @@ impl Default for EstimateOptions {
 pub struct Recorded {
     /// Name, for messages.
     pub name: String,
-    /// Whether there is an accelerometer.
-    pub has_force: bool,
+    /// Which axes the gyro has.
+    pub gyro_axes: [bool; 3],
+    /// Which axes the accelerometer has; none: there is no accelerometer.
+    pub force_axes: [bool; 3],
     /// Vector sensors: name, and whether its direction in the world is known.
     pub vectors: Vec<(String, bool)>,
+}
+
+impl Recorded {
+    /// What is not used of an accelerometer without all axes, in a sentence; `None` of one that has all, or none.
+    #[must_use]
+    pub fn partial_force(&self) -> Option<String> {
+        let named = |there: bool| {
+            let axes = ["x", "y", "z"].into_iter().zip(self.force_axes);
+            axes.filter(|(_, has)| *has == there).map(|(axis, _)| axis).collect::<Vec<_>>().join(" and ")
+        };
+        let is_partial = self.force_axes != [true; 3] && self.force_axes != [false; 3];
+        is_partial.then(|| {
+            let (do_not, are) = if named(true).len() > 1 { ("do not", "are") } else { ("does not", "is") };
+            format!(
+                "the accelerometer has no axis {}: {} alone {do_not} tell the vertical, and {are} left out",
+                named(false),
+                named(true)
+            )
+        })
+    }
 }
 
 /// The chosen filter.
@@ -73,7 +95,19 @@ impl Chosen {
     /// # Errors
     /// A filter that does not exist, or that needs what was not recorded; a parameter out of range.
     pub fn new(arguments: &EstimateOptions, recorded: &Recorded) -> anyhow::Result<Self> {
-        let has_force = recorded.has_force;
+        if recorded.gyro_axes != [true; 3] {
+            bail!("{}: attitudes need a gyro of three axes", recorded.name);
+        }
+        let has_force = recorded.force_axes == [true; 3];
+        let seen = recorded.vectors.len();
+        if let Some(partial) = recorded.partial_force().filter(|_| seen < 2) {
+            bail!(
+                "{}: {partial}, and an attitude needs two directions; there {}. With a platform's file, whorl compare and diagnose use \
+                 each axis for itself",
+                recorded.name,
+                if seen == 1 { "is one vector sensor" } else { "are no vector sensors" }
+            );
+        }
         let default = if has_force { FREE_MOTION } else { DIRECTIONS };
         let name = arguments.filter.as_deref().unwrap_or(default);
         if name == DIRECTIONS {
@@ -81,10 +115,8 @@ impl Chosen {
             return Ok(Self::Directions(Box::new(DirectionFilter::new(parameters.clone())), parameters));
         }
         if !has_force {
-            bail!(
-                "{}: the map has no accelerometer, and --filter {name} needs one; allowed: {DIRECTIONS}",
-                recorded.name
-            );
+            let lack = recorded.partial_force().unwrap_or_else(|| "there is no accelerometer".to_owned());
+            bail!("{}: {lack}, and --filter {name} needs all axes; allowed: {DIRECTIONS}", recorded.name);
         }
         if name == FREE_MOTION {
             let filter = FreeMotionEstimator::new(FreeMotionParameters::default());
@@ -270,4 +302,50 @@ pub fn estimates(
 pub fn too_few(name: &str, samples: usize, chosen: &Chosen) -> String {
     let of = if chosen.needs_force() { "gyro and accelerometer" } else { "gyro and two directions" };
     format!("{name}: {samples} samples of {of} are too few for a first attitude")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Chosen, EstimateOptions, Recorded};
+
+    fn recorded(force_axes: [bool; 3], vectors: usize) -> Recorded {
+        let vectors = (1..=vectors).map(|k| (format!("vector_{k}"), true)).collect();
+        Recorded { name: "a.csv".to_owned(), gyro_axes: [true; 3], force_axes, vectors }
+    }
+
+    /// Name of the filter that is chosen, or what is wrong.
+    fn chosen(recorded: &Recorded) -> Result<&'static str, String> {
+        let chosen = Chosen::new(&EstimateOptions::default(), recorded);
+        chosen.map(|chosen| chosen.name()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn an_accelerometer_without_all_axes_is_left_out_in_words() {
+        assert_eq!(chosen(&recorded([true; 3], 0)), Ok("free_motion"));
+        assert_eq!(recorded([true; 3], 0).partial_force(), None);
+        assert_eq!(recorded([false; 3], 2).partial_force(), None);
+        let two = recorded([true, false, true], 2);
+        assert_eq!(chosen(&two), Ok("directions"));
+        assert_eq!(
+            two.partial_force().unwrap(),
+            "the accelerometer has no axis y: x and z alone do not tell the vertical, and are left out"
+        );
+        for (axes, vectors, said) in [
+            (
+                [true, false, false],
+                0,
+                "no axis y and z: x alone does not tell the vertical, and is left out, and an attitude needs",
+            ),
+            ([true, false, true], 1, "there is one vector sensor"),
+        ] {
+            let error = chosen(&recorded(axes, vectors)).unwrap_err();
+            assert!(error.starts_with("a.csv: ") && error.contains(said), "{error}");
+        }
+        let needs_force =
+            EstimateOptions { filter: Some("free_motion".to_owned()), ..EstimateOptions::default() };
+        let error = Chosen::new(&needs_force, &two).unwrap_err().to_string();
+        assert!(error.contains("--filter free_motion needs all axes; allowed: directions"), "{error}");
+        let no_gyro = Recorded { gyro_axes: [true, true, false], ..recorded([true; 3], 0) };
+        assert!(chosen(&no_gyro).unwrap_err().contains("gyro of three axes"));
+    }
 }

@@ -49,7 +49,7 @@ pub fn write_recording(
         let mut table = Table::default().with("time_s", Values::Numbers(times));
         for (index, name) in column_names(channel, sensor, count, wheels).into_iter().enumerate() {
             // Not measured is not zero.
-            let lacks = channel == Channel::Gyro && recording.no_gyro_axis.get(index) == Some(&true);
+            let lacks = recording.lacks(channel).get(index) == Some(&true);
             let number = |k| series.number(k, index).filter(|_| !lacks).unwrap_or(f64::NAN);
             table = table.with(name, Values::Numbers((0..samples).map(number).collect()));
         }

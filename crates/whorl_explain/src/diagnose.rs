@@ -1,8 +1,8 @@
 //! Which physical effect a model lacks.
 
-use whorl_diagnosis::{Diagnosis, Options, Progress};
+use whorl_diagnosis::{Diagnosis, Options, Progress, Verdict};
 use whorl_recording::Mounting;
-use whorl_validation::{UnexplainedTorques, unexplained_torques};
+use whorl_validation::{SMALL_ERROR, UnexplainedTorques, unexplained_torques};
 
 use crate::adopt::{Values, Version, versions};
 use crate::locate::believed;
@@ -86,6 +86,44 @@ impl Explanation {
                 ));
             }
         }
+        answer.extend(self.said_of_size());
         answer
+    }
+
+    /// How much the model is off without what it lacks, where that is little: that something is missing, and how much it matters, are
+    /// two statements.
+    fn said_of_size(&self) -> Option<String> {
+        let base = self.versions.iter().rfind(|version| version.effects.is_empty())?;
+        let error = base.prediction_error(true).or_else(|| base.prediction_error(false))?;
+        let lacks =
+            !matches!(self.diagnosis.verdict, Verdict::NothingMissing | Verdict::NotEnoughInformation);
+        in_size(lacks, error, &base.name)
+    }
+}
+
+/// That what is missing is small; `error`: of predictions without it, over noise.
+fn in_size(lacks: bool, error: f64, name: &str) -> Option<String> {
+    (lacks && error <= 1.0 + SMALL_ERROR).then(|| {
+        let percent = (100.0 * (error - 1.0)).ceil().max(1.0);
+        format!(
+            "What is missing is significant, and small: {name}, the model predicts within {percent} % of what noise allows."
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_size;
+
+    #[test]
+    fn how_much_is_missing_is_told_apart_from_whether_something_is() {
+        let said = in_size(true, 1.013, "base refitted").unwrap();
+        assert_eq!(
+            said,
+            "What is missing is significant, and small: base refitted, the model predicts within 2 % of what noise allows."
+        );
+        assert!(in_size(true, 0.99, "base refitted").unwrap().contains("within 1 %"));
+        assert_eq!(in_size(true, 1.15, "base refitted"), None, "large");
+        assert_eq!(in_size(false, 1.0, "base refitted"), None, "nothing is missing");
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Unit, UnitQuaternion, Vector3};
 use whorl_dynamics::plant::{RATE, ROTATION};
 use whorl_math::{attitude_from_two_vectors, attitude_from_vertical, quaternion_exp, unit_or};
-use whorl_recording::{Channel, Component};
+use whorl_recording::Channel;
 
 use crate::layout::Layout;
 use crate::noise::Noise;
@@ -98,8 +98,7 @@ pub(crate) fn fastest_change(case: &Prepared<'_>) -> (f64, Vec<f64>) {
 /// The first sample of a channel as a vector.
 fn first(case: &Prepared<'_>, channel: Channel, sensor: usize) -> Option<Vector3<f64>> {
     let track = case.tracks().iter().find(|track| (track.channel, track.sensor) == (channel, sensor))?;
-    let has_all = track.components.len() == Component::of(channel, sensor, 0).count();
-    track.vector(0).filter(|_| has_all)
+    track.vector(0).filter(|_| track.is_whole())
 }
 
 /// A guess of the attitude, and how well its readings tell it.
@@ -185,7 +184,8 @@ fn attitude_guess(case: &Prepared<'_>, noise: &Noise, rate_stddev_rad_s: f64) ->
 /// weight acts on.
 pub(crate) fn guesses(case: &Prepared<'_>, wide: &Start) -> Vec<Start> {
     let model = case.model();
-    let sees = |channel| case.tracks().iter().any(|track| track.channel == channel);
+    // An accelerometer that lacks axes sees no direction.
+    let sees = |channel| case.tracks().iter().any(|track| track.channel == channel && track.is_whole());
     let weight = model.freedom.has_weight() && model.mass_properties.gravity_offset_b_n_m().norm() > 0.0;
     if case.is_clamped() || !weight || sees(Channel::Accelerometer) || sees(Channel::Vector) {
         return vec![wide.clone()];

@@ -28,6 +28,11 @@ impl Track<'_> {
         Some(ns(*self.time_s.get(k)?) - self.latency_ns)
     }
 
+    /// Whether it measures all that a sensor of its channel may; not asked of wheels.
+    pub fn is_whole(&self) -> bool {
+        self.components.len() == Component::of(self.channel, self.sensor, 0).count()
+    }
+
     /// A number of sample `k`; `None` where it says nothing: not finite, or at the sensor's limit.
     pub fn number(&self, k: usize, index: usize) -> Option<f64> {
         self.series.number(k, index).filter(|y| y.is_finite() && y.abs() < self.range)

@@ -44,7 +44,7 @@ impl Recording {
     pub fn contradictions(&self, model: Option<&PlatformModel>) -> Vec<String> {
         let mut found = Vec::new();
         found.extend(frozen(&self.gyro_b_rad_s, self.gyro_axes(), "gyro"));
-        found.extend(frozen(&self.specific_force_b_m_s2, [true; 3], "accelerometer"));
+        found.extend(frozen(&self.specific_force_b_m_s2, self.force_axes(), "accelerometer"));
         found.extend(self.time_unit(model.map(|model| model.sensors.rate_hz)));
         if self.mounting == Mounting::OnBearing && self.has_whole_gyro() {
             found.extend(self.gyro_unit());
@@ -98,7 +98,12 @@ impl Recording {
     /// compared.
     #[must_use]
     pub fn turns_seen(&self) -> Vec<SeenTurns> {
-        let force = averaged(&self.specific_force_b_m_s2, 0.1);
+        // Without all of its axes an accelerometer shows no direction.
+        let force = if self.has_whole_accelerometer() {
+            averaged(&self.specific_force_b_m_s2, 0.1)
+        } else {
+            Series::default()
+        };
         let seen = self.vectors.iter().map(|v| (&v.direction_b, "vector sensor"));
         let compared = seen.chain([(&force, "accelerometer")]).filter_map(|(directions, sensor)| {
             let turns = Turns::of(directions, &self.gyro_b_rad_s)?;

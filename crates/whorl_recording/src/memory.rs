@@ -49,7 +49,7 @@ pub struct Circumstances {
 }
 
 /// A recording of samples in memory. Times count from the first sample of all. As in files, a sample without a number in
-/// every place is left out, and so is a gyro's axis that never has one.
+/// every place is left out, and so is an axis of gyro or accelerometer that never has one.
 ///
 /// # Errors
 /// [`RecordingError::Samples`] with what is wrong and what is allowed: a channel twice, another number of times than of
@@ -86,8 +86,8 @@ pub fn recording_of(
             sensors.push((of.sensor, VectorChannel { reference_world, direction_b: direction_b.collect() }));
             continue;
         }
-        if of.channel == Channel::Gyro {
-            recording.no_gyro_axis = take_out_missing_axes(&mut numbers);
+        if of.channel.info().may_lack_axes {
+            recording.set_lacks(of.channel, take_out_missing_axes(&mut numbers));
         }
         if of.channel.info().form == Form::Attitude {
             normalise(&mut numbers).map_err(wrong)?;

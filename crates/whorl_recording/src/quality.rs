@@ -186,7 +186,25 @@ impl Recording {
         let missing = COSTS.iter().filter(|cost| {
             (cost.matters)(model) && !(cost.is_of_body && held) && !cost.any_of.iter().any(recorded)
         });
-        missing.map(|cost| cost.in_words(model)).chain(partial).collect()
+        let tilt = (!held && model.freedom.has_weight()).then(|| self.partial_accelerometer()).flatten();
+        missing.map(|cost| cost.in_words(model)).chain(partial).chain(tilt).collect()
+    }
+
+    /// What an accelerometer of one or two axes is used for, in a sentence; `None` of one that has all, or none.
+    #[must_use]
+    pub fn partial_accelerometer(&self) -> Option<String> {
+        let axes = ["x", "y", "z"].into_iter().zip(self.no_force_axis);
+        let (there, missing): (Vec<_>, Vec<_>) = axes.partition(|(_, missing)| !*missing);
+        let named =
+            |axes: Vec<(&str, bool)>| axes.iter().map(|(axis, _)| *axis).collect::<Vec<_>>().join(", ");
+        (!self.specific_force_b_m_s2.is_empty() && !missing.is_empty()).then(|| {
+            format!(
+                "No accelerometer axis {}: what {} shows is used where a model predicts it; by itself it does not show the \
+                 vertical.",
+                named(missing),
+                named(there)
+            )
+        })
     }
 
     /// One sentence for each suspicious finding: a channel that never changes, an implausible unit, a run
@@ -205,7 +223,9 @@ impl Recording {
         found.extend(self.contradictions(model));
         if model.is_none_or(|model| model.freedom.has_weight()) {
             let upright = model.is_none_or(|model| model.freedom.hinge_axis_b().is_none());
-            force_unit(&self.specific_force_b_m_s2, upright, &mut found);
+            if self.has_whole_accelerometer() {
+                force_unit(&self.specific_force_b_m_s2, upright, &mut found);
+            }
         }
         if let Some(model) = model {
             let range = model.sensors.gyro.errors.range;

@@ -59,8 +59,10 @@ pub struct Recording {
     pub gyro_b_rad_s: Series<Vector3<f64>>,
     /// Which of the body's axes the gyro does not have.
     pub no_gyro_axis: [bool; 3],
-    /// Accelerometer: specific force, body axes [m/s^2], +9.81 on z at rest.
+    /// Accelerometer: specific force, body axes [m/s^2], +9.81 on z at rest; zero on the axes that it does not have.
     pub specific_force_b_m_s2: Series<Vector3<f64>>,
+    /// Which of the body's axes the accelerometer does not have.
+    pub no_force_axis: [bool; 3],
     /// Vector sensors.
     pub vectors: Vec<VectorChannel>,
     /// Measured wheel speeds relative to the body [rad/s], one per wheel of the platform.
@@ -143,11 +145,41 @@ impl Recording {
         self.no_gyro_axis.map(|missing| !missing)
     }
 
-    /// Whether this component of a channel is measured at all: a gyro may lack axes.
+    /// Which of the body's axes the accelerometer measures.
+    #[must_use]
+    pub fn force_axes(&self) -> [bool; 3] {
+        self.no_force_axis.map(|missing| !missing)
+    }
+
+    /// Which of the body's axes a channel's sensor does not have: zero stands there, and says nothing.
+    #[must_use]
+    pub fn lacks(&self, channel: Channel) -> [bool; 3] {
+        match channel {
+            Channel::Gyro => self.no_gyro_axis,
+            Channel::Accelerometer => self.no_force_axis,
+            _ => [false; 3],
+        }
+    }
+
+    /// Says which axes a sensor does not have.
+    pub(crate) fn set_lacks(&mut self, channel: Channel, missing: [bool; 3]) {
+        match channel {
+            Channel::Gyro => self.no_gyro_axis = missing,
+            Channel::Accelerometer => self.no_force_axis = missing,
+            _ => {}
+        }
+    }
+
+    /// Whether this component of a channel is measured at all: gyro and accelerometer may lack axes.
     #[must_use]
     pub fn measures(&self, component: Component) -> bool {
-        let lacks = || self.no_gyro_axis.get(component.index()) == Some(&true);
-        component.channel != Channel::Gyro || !lacks()
+        self.lacks(component.channel).get(component.index()) != Some(&true)
+    }
+
+    /// Whether there is an accelerometer that measures all three axes: one that shows the vertical by itself.
+    #[must_use]
+    pub fn has_whole_accelerometer(&self) -> bool {
+        !self.specific_force_b_m_s2.is_empty() && self.no_force_axis == [false; 3]
     }
 
     /// Whether the gyro measures all three axes.

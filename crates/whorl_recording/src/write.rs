@@ -226,12 +226,10 @@ impl<'a> Messages<'a> {
             state.name = self.wheels.to_vec();
         }
         for (channel, mut numbers) in samples {
-            if channel == Channel::Gyro {
-                // Not measured is not zero.
-                for (x, missing) in numbers.iter_mut().zip(self.recording.no_gyro_axis) {
-                    if missing {
-                        *x = f64::NAN;
-                    }
+            // Not measured is not zero.
+            for (x, missing) in numbers.iter_mut().zip(self.recording.lacks(channel)) {
+                if missing {
+                    *x = f64::NAN;
                 }
             }
             channel.info().carrier.write(&numbers, &mut message);

@@ -155,9 +155,10 @@ pub fn check(recording: &Recording, model: &PlatformModel, needs: &Needs) -> Res
         let (channel, key) = ("accelerometer", "sensors.accelerometer");
         return Err(Refusal::NotInModel { run: run(), channel, key });
     }
-    if needs.accelerometer && recording.specific_force_b_m_s2.is_empty() {
+    if needs.accelerometer && !recording.has_whole_accelerometer() {
+        let partial = !recording.specific_force_b_m_s2.is_empty();
         return missing(
-            "accelerometer",
+            if partial { "accelerometer x, y, z" } else { "accelerometer" },
             "without the direction of gravity neither the gravity offset nor the bias of the gyro can be determined",
         );
     }
@@ -244,7 +245,8 @@ fn accelerometer(recording: &Recording, model: &PlatformModel) -> Result<(), Ref
     if forces.iter().all(|v| v == first) {
         return Err(Refusal::Constant { run: recording.name.clone(), channel: "accelerometer".to_owned() });
     }
-    if !model.freedom.has_weight() {
+    // Without all of its axes neither length nor direction of gravity is there to be checked.
+    if !model.freedom.has_weight() || !recording.has_whole_accelerometer() {
         return Ok(());
     }
     let mean = |of: fn(&Vector3<f64>) -> f64| forces.iter().map(of).sum::<f64>() / forces.len() as f64;

@@ -42,6 +42,7 @@ pub(crate) fn remarks(case: &Prepared<'_>, noise: &Noise, stated: &Noise) -> Vec
         !is_moving(case, noise),
         "No rate and no speed moves beyond its noise in this run: whether the model moves as the platform does, it does not show.",
     );
+    remarks.extend(recording.partial_accelerometer().filter(|_| !clamped && model.freedom.has_weight()));
     remarks.extend(levels(case, noise, stated));
     remarks
 }

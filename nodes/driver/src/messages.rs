@@ -24,7 +24,7 @@ pub(crate) fn joint_names(actuators: &Actuators) -> Vec<(Kind, Topic, Vec<String
     measured.collect()
 }
 
-/// What the platform's inertial sensors send: NaN on gyro axes that it does not have, and an accelerometer that it does
+/// What the platform's inertial sensors send: NaN on axes that they do not have, and an accelerometer that it does
 /// not have marked as such (`sensor_msgs/Imu`). Body axes [rad/s], [m/s^2].
 pub(crate) fn imu_message(
     header: &Header,
@@ -32,9 +32,10 @@ pub(crate) fn imu_message(
     mut rate_b_rad_s: Vector3<f64>,
     mut specific_force_b_m_s2: Vector3<f64>,
 ) -> Imu {
-    for (rate, fitted) in rate_b_rad_s.iter_mut().zip(sensors.gyro.axes) {
+    let rates = rate_b_rad_s.iter_mut().zip(sensors.gyro.axes);
+    for (x, fitted) in rates.chain(specific_force_b_m_s2.iter_mut().zip(sensors.accelerometer.axes)) {
         if !fitted {
-            *rate = f64::NAN;
+            *x = f64::NAN;
         }
     }
     let mut force_covariance = [0.0; 9];

@@ -97,7 +97,7 @@ impl PreArm {
             let force = self.samples.iter().map(|sample| sample.2).sum::<Vector3<f64>>() / count;
             found.extend(self.rate_of_samples(model));
             found.extend(turning(rate));
-            if model.sensors.accelerometer.fitted {
+            if model.sensors.accelerometer.shows_vertical() {
                 found.extend(tilted(force, model));
             }
         }

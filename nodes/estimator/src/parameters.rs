@@ -263,6 +263,9 @@ fn refuse_sensors(r: &mut Reader<'_>, model: &PlatformModel) {
     }
     if !model.sensors.accelerometer.fitted {
         r.reject("model.sensors", "the attitude needs an accelerometer; add model.sensors.accelerometer");
+    } else if !model.sensors.accelerometer.shows_vertical() {
+        let problem = "the vertical needs all axes; allowed: axes left out, or [x, y, z]";
+        r.reject("model.sensors.accelerometer", problem);
     }
 }
 

@@ -140,6 +140,7 @@ channels! {
         topic_key: "imu",
         carrier: Carrier::LinearAcceleration,
         is_motion: true,
+        may_lack_axes: true,
     }
     /// Vector sensors: directions in body axes. Their unit does not matter; errors of a direction are angles \[rad\].
     Vector {

@@ -38,11 +38,11 @@ pub struct CsvRow {
 }
 
 impl CsvRow {
-    /// Numbers of a channel of axes.
+    /// Numbers of a channel of axes; `None` where an axis is not measured.
     #[must_use]
     pub fn axes(&self, channel: Channel) -> Option<Vector3<f64>> {
         match self.numbers.get(&channel)?.as_slice() {
-            &[x, y, z] => Some(Vector3::new(x, y, z)),
+            &[x, y, z] if (x + y + z).is_finite() => Some(Vector3::new(x, y, z)),
             _ => None,
         }
     }

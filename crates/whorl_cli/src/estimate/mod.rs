@@ -80,7 +80,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let map = CsvMap::load(&arguments.channels)?;
     let mut rows = CsvRows::open(&arguments.recording, &map)?;
-    let mut chosen = Chosen::new(&arguments.options(), &recorded_by(&map, &arguments.channels))?;
+    let recorded = recorded_by(&map, &arguments.channels);
+    let mut chosen = Chosen::new(&arguments.options(), &recorded)?;
     let mut out =
         arguments.out.as_deref().map(|path| Output::create(path, arguments.covariance)).transpose()?;
     // Clockwise from above, seen from north to east.
@@ -126,6 +127,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         out.finish()?;
     }
     let mut notes = rows.notes();
+    notes.extend(recorded.partial_force());
     notes.extend(reader.unused().notes());
     notes.extend(chosen.doubts());
     tell(arguments, &map, &chosen, &tally, samples, (last_ns - first_ns) as f64 * 1e-9, &notes)

@@ -196,7 +196,7 @@ async fn command(
     // The coordinator may take seconds to answer; frames go on meanwhile.
     match tokio::task::spawn_blocking(call).await {
         Ok(Ok(said)) => said.into_response(),
-        Ok(Err(error)) => (StatusCode::CONFLICT, format!("{error:#}")).into_response(),
+        Ok(Err(error)) => (StatusCode::CONFLICT, whorl_commands::in_words(&error)).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
     }
 }

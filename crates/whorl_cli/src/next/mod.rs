@@ -11,7 +11,7 @@ use serde_json::json;
 use whorl_commands::next::{common_file, proposal};
 use whorl_diagnosis::Progress;
 use whorl_explain::Proposal;
-use whorl_explain::propose::{Judged, yaml};
+use whorl_explain::propose::{Judged, needs_run, yaml};
 use whorl_report::{NextPage, PlannedMotion};
 
 use crate::explain::{ExplainArguments, SearchArguments};
@@ -88,7 +88,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     );
     let given: Vec<String> = arguments.explain.runs.runs.iter().map(|r| r.display().to_string()).collect();
     say!("then:       whorl diagnose {} NEW_RUN", given.join(" "));
-    arguments.explain.write_json(|| Ok(as_json(&known.platform, &proposal, best, &answer)))?;
+    let needed = needs_run(diagnosis.verdict);
+    arguments.explain.write_json(|| Ok(as_json(&known.platform, &proposal, best, (needed, &answer))))?;
     let shown = NextPage {
         answer,
         headings: tables::HEADINGS.map(str::to_owned).to_vec(),
@@ -113,7 +114,12 @@ fn motion(best: &Judged) -> PlannedMotion {
     }
 }
 
-fn as_json(platform: &str, proposal: &Proposal, best: &Judged, answer: &[String]) -> serde_json::Value {
+fn as_json(
+    platform: &str,
+    proposal: &Proposal,
+    best: &Judged,
+    (needed, answer): (bool, &[String]),
+) -> serde_json::Value {
     let one = |j: &Judged| {
         json!({
             "name": j.manoeuvre.name,
@@ -128,6 +134,7 @@ fn as_json(platform: &str, proposal: &Proposal, best: &Judged, answer: &[String]
         "schema": SCHEMA,
         "platform": platform,
         "answer": answer,
+        "needed": needed,
         "explanations": proposal.explanations,
         "log_odds_now": proposal.now.log_odds,
         "effects_shown_now": proposal.now.shown,

@@ -60,8 +60,10 @@ fn signs(draft: &mut MapDraft, recording: &Recording, scale: f64) -> bool {
     }
     let mut check = AxisCheck::default();
     let field = recording.vectors.first().map(|sensor| &sensor.direction_b);
-    let (mut of_force, mut of_field) =
-        (Samples::of(&recording.specific_force_b_m_s2), field.map(Samples::of));
+    let none = Series::default();
+    let whole = recording.has_whole_accelerometer();
+    let force = if whole { &recording.specific_force_b_m_s2 } else { &none };
+    let (mut of_force, mut of_field) = (Samples::of(force), field.map(Samples::of));
     for (time_s, rate) in recording.gyro_b_rad_s.time_s.iter().zip(&recording.gyro_b_rad_s.value) {
         let force = of_force.since(*time_s);
         check.on_imu((time_s * 1e9) as i64, &(rate * scale), force.as_ref());

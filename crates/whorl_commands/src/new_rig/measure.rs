@@ -113,7 +113,8 @@ pub fn measure(recording: &Recording, draft: &PlatformModel) -> Measured {
     let rests = rests(recording, &gyro_noise, &force_noise);
     let rest_s = rests.iter().map(|[from, to]| to - from).sum();
     let times = [&gyro.time_s, &force.time_s, &recording.wheel_speed_rad_s.time_s];
-    let up_b = up(force, &rests);
+    let whole = recording.has_whole_accelerometer();
+    let up_b = up(force, &rests).filter(|_| whole || sees_hanging(recording));
     let wheels = &recording.wheel_speed_rad_s.value;
     Measured {
         rate_hz: times.into_iter().find_map(|times| usual_rate_hz(times)),
@@ -121,7 +122,7 @@ pub fn measure(recording: &Recording, draft: &PlatformModel) -> Measured {
         gyro: noise(gyro, &gyro_noise, &rests),
         force: noise(force, &force_noise, &rests),
         up_b,
-        most_tilt_rad: up_b.map_or(0.0, |up| most_tilt_rad(force, &up)),
+        most_tilt_rad: up_b.filter(|_| whole).map_or(0.0, |up| most_tilt_rad(force, &up)),
         force_off: force_off(force),
         vectors: vectors(recording, &rests),
         wheels: (!wheels.is_empty()).then(|| {
@@ -252,6 +253,14 @@ fn up(force: &Series<Vector3<f64>>, rests: &[[f64; 2]]) -> Option<Vector3<f64>> 
     first.or_else(|| (!force.is_empty()).then(all))?.try_normalize(1e-9)
 }
 
+/// Whether what an accelerometer of one or two axes reads on a hinge is all of gravity: then it shows up as well as three axes do,
+/// to 18 deg.
+fn sees_hanging(recording: &Recording) -> bool {
+    let forces = recording.specific_force_b_m_s2.value.iter().map(Vector3::norm);
+    let is_hinge = recording.gyro_axes().iter().filter(|there| **there).count() == 1;
+    is_hinge && (median(forces) / GRAVITY_M_S2 - 1.0).abs() < 0.05
+}
+
 fn most_tilt_rad(force: &Series<Vector3<f64>>, up: &Vector3<f64>) -> f64 {
     let step = (force.len() / 5_000).max(1);
     let angles = force.value.iter().step_by(step).map(|f| f.angle(up));
@@ -268,7 +277,8 @@ fn force_off(force: &Series<Vector3<f64>>) -> f64 {
 }
 
 fn vectors(recording: &Recording, rests: &[[f64; 2]]) -> Vec<SeenVector> {
-    let force = &recording.specific_force_b_m_s2;
+    let none = Series::default();
+    let force = if recording.has_whole_accelerometer() { &recording.specific_force_b_m_s2 } else { &none };
     // Where the rig rests; else anywhere.
     let windows: Vec<[f64; 2]> = match (rests, force.time_s.as_slice()) {
         ([], [first, .., last]) => {

@@ -151,6 +151,12 @@ fn complete(
     let seen = measure(&recording, &known.model);
     place_vectors(draft, &seen);
     parts_of(draft, &mut parts);
+    // A bag's messages always have three numbers; which of them are measured, their numbers say.
+    for (axes, channel) in
+        [(&mut parts.gyro_axes, Channel::Gyro), (&mut parts.force_axes, Channel::Accelerometer)]
+    {
+        *axes = [0, 1, 2].map(|k| axes[k] && !recording.lacks(channel)[k]);
+    }
     let rig_lines = rig::lines(platform, &parts, &seen, ask);
     let map_lines = draft.lines(platform);
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -192,16 +198,23 @@ fn recording_of(file: &Path, map: &Path, known: &KnownPlatform) -> anyhow::Resul
 
 /// What of the platform's file depends on the map.
 fn parts_of(draft: &MapDraft, parts: &mut Parts) {
+    let there = |entry: &channels::Entry| {
+        [0, 1, 2].map(|k| entry.columns.get(k).is_some_and(|name| name != NO_COLUMN))
+    };
     let gyro = draft.entry(Channel::Gyro);
     parts.gyro_axes = match gyro {
         None => [false; 3],
         Some(_) if draft.is_bag => [true; 3],
         Some(entry) if entry.key == "hinge_angle" => [false, false, true],
-        Some(entry) => [0, 1, 2].map(|k| entry.columns.get(k).is_some_and(|name| name != NO_COLUMN)),
+        Some(entry) => there(entry),
     };
     parts.is_angle = gyro.is_some_and(|entry| entry.key == "hinge_angle");
     let both = draft.is_bag && gyro.is_some_and(|entry| entry.key == "imu");
-    parts.accelerometer = both || draft.entry(Channel::Accelerometer).is_some();
+    parts.force_axes = match draft.entry(Channel::Accelerometer) {
+        None => [both; 3],
+        Some(_) if draft.is_bag => [true; 3],
+        Some(entry) => there(entry),
+    };
     parts.vectors = draft.entries.iter().filter(|entry| entry.channel == Channel::Vector).count();
     parts.tachometer = draft.entry(Channel::WheelSpeed).is_some();
     parts.bus = draft.entry(Channel::BusVoltage).is_some();

@@ -148,6 +148,19 @@ fn steady_length(group: &Group<'_>) -> Option<f64> {
     (usual > 0.0 && spread < STEADY * usual).then_some(usual)
 }
 
+/// The usual length of the columns that there are, where they are fewer than three axes.
+fn usual_length(members: &Group<'_>) -> Option<f64> {
+    if members.len() >= 3 {
+        return None;
+    }
+    let lines = members.iter().map(|(_, column)| column.numbers.len()).max()?;
+    let square = |k: usize| {
+        members.iter().map(|(_, column)| column.numbers.get(k).map_or(f64::NAN, |x| x * x)).sum::<f64>()
+    };
+    let usual = median((0..lines).map(|k| square(k).sqrt()).filter(|length| length.is_finite()));
+    (usual > 0.0).then_some(usual)
+}
+
 /// The entry of a channel, where there are the columns that it needs.
 fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
     let info = channel.info();
@@ -161,7 +174,7 @@ fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
         Form::Axes | Form::Directions => {
             let found = axes(&body);
             let there = found.iter().flatten().count();
-            if there == 0 && info.may_lack_axes {
+            if there == 0 && channel == Channel::Gyro {
                 // One column without an axis.
                 let [only] = group[..] else { return None };
                 of = Sourced::new((), Origin::Assumed, "about z; check it");
@@ -217,7 +230,7 @@ fn entry(channel: Channel, group: &Group<'_>) -> Option<Entry> {
         channel,
         columns,
         of,
-        unit: units::of(channel, &members, steady_length(group)),
+        unit: units::of(channel, &members, steady_length(group), usual_length(&members)),
         more: Vec::new(),
     })
 }

@@ -270,6 +270,10 @@ fn an_encoder_alone_is_a_hinge() {
     let (text, origin) = line(&made, "hinge_angle: {");
     assert_eq!(text, "hinge_angle: {column: encoder, unit: counts, counts_per_turn: 4096.0}");
     assert_eq!(origin, Origin::Assumed);
+    // A rate from one angle to the next is the mean over 0.01 s, stamped at its end.
+    assert_eq!(line(&made, "averaging_window_s: 0.01").1, Origin::Measured);
+    assert_eq!(line(&made, "latency_s: 0.005").1, Origin::Measured);
+    assert!(!std::fs::read_to_string(&made.rig).unwrap().contains("time_constant_s"));
     let recording = is_taken(&made, &folder.path().join("hand.csv"));
     let mean =
         recording.gyro_b_rad_s.value.iter().map(|v| v.z).sum::<f64>() / recording.gyro_b_rad_s.len() as f64;
@@ -310,5 +314,43 @@ fn numbers_are_floating_point_numbers_of_yaml() {
         (-2.5e9, "-2.5e9"),
     ] {
         assert_eq!(number(x), text);
+    }
+}
+
+/// A pendulum about z whose accelerometer has only the axes of a header: taken by `compare`, what is missing is absent.
+#[test]
+fn an_accelerometer_of_one_or_two_axes_keeps_those_that_it_has() {
+    let omega = std::f64::consts::TAU * 1.25;
+    for (axes, per_m_s2, unit) in
+        [("xy", 1.0, "m/s^2"), ("xz", 1.0 / 9.806_65, "g"), ("y", 1.0, "m/s^2"), ("x", 1e3 / 9.806_65, "mg")]
+    {
+        let mut noise = Noise(8);
+        let names: Vec<String> = axes.chars().map(|axis| format!("acc_{axis}")).collect();
+        let mut text = format!("time,rate_z,{}\n", names.join(","));
+        for k in 0..2000 {
+            let t = f64::from(k) / 100.0;
+            let angle = 0.1 * (omega * t).cos();
+            let rate = -0.1 * omega * (omega * t).sin() + 0.01 * noise.next();
+            let force = [9.81 * angle.cos(), -9.81 * angle.sin(), 0.0].map(|f| f + 0.02 * noise.next());
+            let _ = write!(text, "{t:.2},{rate:.5}");
+            for axis in axes.chars() {
+                let _ = write!(text, ",{:.5}", per_m_s2 * force["xyz".find(axis).unwrap()]);
+            }
+            text.push('\n');
+        }
+        let (made, folder) = of_text(&text, &mut Nobody);
+        let there = ["x", "y", "z"].map(|axis| axes.contains(axis));
+        let named: Vec<String> = axes.chars().map(String::from).collect();
+        let known = read_model(&made.rig, None).unwrap();
+        assert_eq!(known.model.sensors.accelerometer.axes, there, "{axes}");
+        assert_eq!(line(&made, &format!("axes: [{}]", named.join(", "))).1, Origin::Stated);
+        assert!(line(&made, "accelerometer: {").0.ends_with(&format!("unit: {unit}}}")), "{axes}");
+        let recording = is_taken(&made, &folder.path().join("hand.csv"));
+        assert_eq!(recording.force_axes(), there, "{axes}");
+        assert_eq!(recording.specific_force_b_m_s2.len(), 2000);
+        // Only where all of gravity is seen does it show where the pendulum hangs.
+        let offset = known.model.mass_properties.gravity_offset_b_n_m();
+        assert_eq!(offset.x < 0.0, axes.contains('x'), "{axes}: {offset}");
+        assert!(made.notes.iter().all(|note| !note.contains("mean length")), "{:?}", made.notes);
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use whorl_bag::{BagReader, BagTopic, Channel};
+use whorl_msgs::geometry_msgs::Vector3;
 use whorl_msgs::{Message, MessageType};
 
 use super::channels::{Entry, MapDraft};
@@ -159,9 +160,12 @@ fn look(bag: &BagReader, topic: &str) -> Inertial {
         let Ok(Message::Imu(imu)) = Message::decode(MessageType::Imu, &message.cdr) else { continue };
         *found.frames.entry(imu.header.frame_id.clone()).or_default() += 1;
         // A covariance that begins with -1 means that there is no such sensor.
-        let has = |covariance: &[f64; 9], x: f64| covariance.first() != Some(&-1.0) && x.is_finite();
-        found.gyro += usize::from(has(&imu.angular_velocity_covariance, imu.angular_velocity.x));
-        found.force += usize::from(has(&imu.linear_acceleration_covariance, imu.linear_acceleration.x));
+        // Of a sensor that lacks axes the others have numbers.
+        let has = |covariance: &[f64; 9], v: &Vector3| {
+            covariance.first() != Some(&-1.0) && [v.x, v.y, v.z].iter().any(|x| x.is_finite())
+        };
+        found.gyro += usize::from(has(&imu.angular_velocity_covariance, &imu.angular_velocity));
+        found.force += usize::from(has(&imu.linear_acceleration_covariance, &imu.linear_acceleration));
     }
     found
 }

@@ -31,12 +31,14 @@ const FASTEST_WHEEL_RAD_S: f64 = 2_000.0;
 const STRONGEST_N_M: f64 = 2.0;
 const LARGEST_A: f64 = 40.0;
 
-/// The unit of a channel's columns; `None` where it has none. `length`: the steady length of three columns.
+/// The unit of a channel's columns; `None` where it has none. `length`: the steady length of three columns; `partial`: the usual
+/// length of fewer.
 #[must_use]
 pub fn of(
     channel: Channel,
     members: &[(&Named, &LookedColumn)],
     length: Option<f64>,
+    partial: Option<f64>,
 ) -> Option<Sourced<String>> {
     let info = channel.info();
     if info.units.is_empty() || channel == Channel::Vector {
@@ -58,7 +60,17 @@ pub fn of(
                 format!("its usual length is {}", number(length.unwrap_or_default())),
             ),
             (None, Some(unit)) => by_name(unit),
-            (None, None) => assumed("m/s^2", "its length is no steady gravity"),
+            (None, None) => match (partial, partial.and_then(|length| of_gravity(length, NEAR))) {
+                (Some(length), Some(unit)) => {
+                    let size = number(length);
+                    assumed(
+                        unit,
+                        &format!("without all axes it is usually {size} long, which is gravity in {unit}"),
+                    )
+                }
+                (Some(_), None) => assumed("m/s^2", "without all axes it does not show gravity's size"),
+                (None, _) => assumed("m/s^2", "its length is no steady gravity"),
+            },
         },
         (_, Some(unit)) => by_name(unit),
         (Channel::Gyro | Channel::TrueRate, None) if largest > FASTEST_DEG_S => {

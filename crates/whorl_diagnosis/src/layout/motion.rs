@@ -45,6 +45,7 @@ impl Motion {
         let rates = filled_rates(run, model);
         let mut bias = model.sensors.gyro.errors.bias;
         let start = initial_attitude(run);
+        let sees_vertical = run.accel_axes == [true; 3];
         for pass in 0..2 {
             let mut q = start;
             motion.q.clear();
@@ -54,7 +55,7 @@ impl Motion {
                 motion.omega.push(rate - bias);
                 let dt = if k + 1 < nodes { run.length(k) } else { 0.0 };
                 let mut total = Vector3::zeros();
-                if let Some(accel) = run.accel.get(k).filter(|a| a.count > 0.0)
+                if let Some(accel) = run.accel.get(k).filter(|a| a.count > 0.0 && sees_vertical)
                     && let Ok(measured) = unit(accel.value)
                 {
                     total += pull(&q, &measured, &Vector3::z());
@@ -190,7 +191,8 @@ fn initial_attitude(run: &Run) -> UnitQuaternion<f64> {
         let sum: Vector3<f64> = means.iter().take(until).map(|m| m.value * m.count.min(1.0)).sum();
         unit(sum).ok()
     };
-    let up = mean(&run.accel, early.max(1)).unwrap_or_else(Vector3::z_axis);
+    let accel = if run.accel_axes == [true; 3] { run.accel.as_slice() } else { &[] };
+    let up = mean(accel, early.max(1)).unwrap_or_else(Vector3::z_axis);
     // The first vector that is not nearly vertical.
     let seen = run.vectors.iter().find_map(|vector| {
         let reference = unit(vector.reference_world).ok().filter(|r| r.z.abs() <= 0.98)?;
@@ -199,7 +201,7 @@ fn initial_attitude(run: &Run) -> UnitQuaternion<f64> {
     });
     match seen {
         // Without a vertical, the shortest turn to what one sensor sees.
-        Some((seen_b, reference)) if run.accel.iter().all(|a| a.count == 0.0) => {
+        Some((seen_b, reference)) if accel.iter().all(|a| a.count == 0.0) => {
             UnitQuaternion::rotation_between(&seen_b, &reference).unwrap_or_default()
         }
         _ => start_attitude(up, seen),

@@ -38,20 +38,26 @@ impl NoiseLevels {
         let axes = recording.gyro_axes();
         let mut gyro =
             triaxial(&recording.gyro_b_rad_s, &sensors.gyro.errors.noise_stddev, sensors.gyro.errors.quantum);
-        let of_axes = |levels: &Vector3<f64>| {
+        let of_axes = |levels: &Vector3<f64>, axes: [bool; 3]| {
             let present = levels.iter().zip(axes).filter(|(_, has)| *has).map(|(x, _)| x * x);
             (present.clone().sum::<f64>() / present.count().max(1) as f64).sqrt()
         };
-        let gyro_level = of_axes(&gyro);
-        // Axes that the gyro does not have are like those that it has.
-        for (slot, _) in gyro.iter_mut().zip(axes).filter(|(_, has)| !has) {
-            *slot = gyro_level;
-        }
-        let accel = triaxial(
+        // Axes that a sensor does not have are like those that it has.
+        let fill = |levels: &mut Vector3<f64>, axes: [bool; 3]| {
+            let level = of_axes(levels, axes);
+            for (slot, _) in levels.iter_mut().zip(axes).filter(|(_, has)| !has) {
+                *slot = level;
+            }
+            level
+        };
+        let gyro_level = fill(&mut gyro, axes);
+        let mut accel = triaxial(
             &recording.specific_force_b_m_s2,
             &sensors.accelerometer.errors.noise_stddev,
             sensors.accelerometer.errors.quantum,
         );
+        let accel_axes = recording.force_axes();
+        let accel_level = fill(&mut accel, accel_axes);
         let wheels = model.wheels().len();
         let spreads: Vec<f64> = (0..wheels)
             .filter_map(|j| spread(&recording.wheel_speed_rad_s, |v| v.get(j).copied().unwrap_or(0.0)))
@@ -60,10 +66,9 @@ impl NoiseLevels {
         let (modelled, quantum) = (sensors.wheel_speed.noise_stddev_rad_s, sensors.wheel_speed.quantum_rad_s);
         let wheel = floor(measured, modelled, quantum);
         let modelled_wheel = sensors.wheel_speed.one_sample_stddev_rad_s();
-        let ratio = |measured: &Vector3<f64>, modelled: &Vector3<f64>| measured.norm() / modelled.norm();
         Self {
-            gyro_ratio: gyro_level / of_axes(&sensors.gyro.errors.noise_stddev),
-            accel_ratio: ratio(&accel, &sensors.accelerometer.errors.noise_stddev),
+            gyro_ratio: gyro_level / of_axes(&sensors.gyro.errors.noise_stddev, axes),
+            accel_ratio: accel_level / of_axes(&sensors.accelerometer.errors.noise_stddev, accel_axes),
             gyro,
             accel,
             wheel: wheel.max(1e-4),

@@ -82,6 +82,8 @@ pub(crate) struct Run {
     pub times: SampleTimes,
     pub gyro: Vec<Mean3>,
     pub accel: Vec<Mean3>,
+    /// Which axes the accelerometer has; zero stands in its means on the others.
+    pub accel_axes: [bool; 3],
     pub vectors: Vec<VectorRun>,
     pub wheel_speed: Vec<(Wheels, f64, f64)>,
     /// A controller turns the gyro's readings into torque.
@@ -242,6 +244,7 @@ impl Run {
             clamped,
             gyro_axes: recording.gyro_axes(),
             gyro,
+            accel_axes: recording.force_axes(),
             accel: bins.means(&recording.specific_force_b_m_s2, accel_latency_s),
             vectors,
             wheel_speed: wheel_means(&bins, &recording.wheel_speed_rad_s),

@@ -16,15 +16,17 @@ fn list(set: &[String]) -> String {
     set.iter().map(|id| title(id)).collect::<Vec<_>>().join(" and ")
 }
 
+/// A unit behind its number; nothing behind a plain number.
+fn behind(unit: &str) -> String {
+    if unit == "1" { String::new() } else { format!(" {unit}") }
+}
+
 fn sizes(candidate: &Candidate) -> String {
     let mut parts: Vec<String> = candidate
         .parameters
         .iter()
         .take(4)
-        .map(|p| {
-            let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
-            format!("{} = {:.3e} +- {:.1e}{unit}", p.name, p.estimate, p.stddev)
-        })
+        .map(|p| format!("{} = {:.3e} +- {:.1e}{}", p.name, p.estimate, p.stddev, behind(&p.unit)))
         .collect();
     if candidate.parameters.len() > 4 {
         parts.push("...".to_owned());
@@ -101,7 +103,11 @@ impl Diagnosis {
                         u.variable, u.axis, u.frame, 100.0 * u.share
                     ));
                     if u.size > 0.0 {
-                        text.push(format!("Its size is {:.1e} {} (root mean square).", u.size, u.unit));
+                        text.push(format!(
+                            "Its size is {:.1e}{} (root mean square).",
+                            u.size,
+                            behind(&u.unit)
+                        ));
                     }
                 }
             }
@@ -112,8 +118,10 @@ impl Diagnosis {
                         "Effects of ordinary size would have shown; for example {} from {}.",
                         title(&best.effect),
                         best.parameters.first().map_or_else(String::new, |p| format!(
-                            "{} = {:.1e} {}",
-                            p.name, p.smallest_detectable, p.unit
+                            "{} = {:.1e}{}",
+                            p.name,
+                            p.smallest_detectable,
+                            behind(&p.unit)
                         ))
                     ));
                 }
@@ -162,5 +170,15 @@ impl Diagnosis {
             text.push(format!("Next: {}.", next.manoeuvre));
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::behind;
+
+    #[test]
+    fn a_plain_number_has_no_unit() {
+        assert_eq!([behind("1"), behind("N m")], ["", " N m"]);
     }
 }

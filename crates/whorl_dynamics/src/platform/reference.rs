@@ -130,6 +130,7 @@ fn sensors() -> SensorSuite {
         },
         accelerometer: Accelerometer {
             fitted: true,
+            axes: [true; 3],
             errors: TriaxialErrors {
                 noise_stddev: Vector3::repeat(0.02),
                 bias_turn_on_stddev: Vector3::repeat(0.01),

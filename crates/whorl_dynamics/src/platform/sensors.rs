@@ -74,15 +74,25 @@ pub struct RateGyro {
     pub errors: TriaxialErrors,
 }
 
-/// Three-axis accelerometer; unit m/s^2, specific force (REP-145): +9.81 on z at rest.
+/// Accelerometer; unit m/s^2, specific force (REP-145): +9.81 on z at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accelerometer {
     /// Whether the platform has one. The rest says nothing where it has not.
     pub fitted: bool,
+    /// Which body axes it measures.
+    pub axes: [bool; 3],
     /// Its errors [m/s^2].
     pub errors: TriaxialErrors,
     /// Position from the centre of rotation, body axes \[m\].
     pub lever_arm_b_m: Vector3<f64>,
+}
+
+impl Accelerometer {
+    /// Whether it shows the vertical by itself: it is there, with all of its axes.
+    #[must_use]
+    pub fn shows_vertical(&self) -> bool {
+        self.fitted && self.axes == [true; 3]
+    }
 }
 
 /// Measures the direction to a fixed target, in body axes (sun sensor, star, lamp, magnetometer).

@@ -15,7 +15,7 @@ use whorl_recording::{Mounting, Recording};
 pub use demand::ManoeuvreDemand;
 pub use experiment::yaml;
 pub use family::{Actuators, Drive, Envelope, Excitation, Manoeuvre, Step, family};
-pub use words::log_odds_in_words;
+pub use words::{log_odds_in_words, needs_run};
 
 use crate::{Case, ExplainError, Say};
 

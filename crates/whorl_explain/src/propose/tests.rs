@@ -1,6 +1,9 @@
 use std::path::{Path, PathBuf};
 
-use super::{Envelope, Manoeuvre, Step, family};
+use whorl_diagnosis::{Prospect, Verdict};
+use whorl_recording::Recording;
+
+use super::{Envelope, Judged, Manoeuvre, ManoeuvreDemand, Proposal, Step, family};
 
 fn parameters() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../params")
@@ -34,5 +37,49 @@ fn a_smaller_scale_makes_everything_gentler() {
     for (a, b) in full.iter().zip(&half) {
         let (full, half) = (a.demand_deg_s(), b.demand_deg_s());
         assert!(half.0 <= full.0 && half.1 <= full.1, "{}: {half:?} {full:?}", a.name);
+    }
+}
+
+/// Where nothing is in doubt no run is needed, and the answer begins with that; else it says which run comes next.
+#[test]
+fn a_run_is_proposed_only_where_something_is_in_doubt() {
+    let (envelope, all) = manoeuvres("whorl_1", 1.0);
+    let known = whorl_recording::read_model(&parameters().join("whorl_1.yaml"), None).unwrap();
+    let sets = [vec!["bearing_viscous_friction".to_owned()], vec!["harness_spring".to_owned()]];
+    let prospect = |odds: Option<f64>, shown: &[&str]| Prospect {
+        log_odds: odds,
+        told_apart: odds.map(|_| 0.9),
+        shown: shown.iter().map(|id| (*id).to_owned()).collect(),
+        not_shown: vec!["slosh".to_owned()],
+    };
+    for (verdict, explanations, needed, says) in [
+        (Verdict::Confounded, sets.to_vec(), true, "The data leave open"),
+        (Verdict::Unknown, Vec::new(), true, "Something is missing"),
+        (Verdict::NotEnoughInformation, Vec::new(), true, "The data cannot say"),
+        (Verdict::Named, sets.to_vec(), false, "No run is needed: the data name viscous friction"),
+        (Verdict::Named, sets[..1].to_vec(), false, "No run is needed: the data name viscous friction"),
+        (Verdict::NothingMissing, Vec::new(), false, "No run is needed: nothing is missing, and 2 of 3"),
+    ] {
+        let odds = (explanations.len() > 1).then_some(7.0);
+        let best = Judged {
+            manoeuvre: all[0].clone(),
+            envelope: envelope.clone(),
+            demand: ManoeuvreDemand::of(&Recording::default(), &known.model),
+            prospect: prospect(odds, &["gyro_scale", "wheel_drag", "slosh"]),
+            motion: Recording::default(),
+        };
+        let now = prospect(odds, &["gyro_scale", "wheel_drag"]);
+        let separates = odds.is_some();
+        let proposal =
+            Proposal { explanations, now, judged: vec![best.clone()], left_out: Vec::new(), separates };
+        let answer = proposal.answer(&best, verdict, "whorl_1");
+        assert!(answer[0].starts_with(says), "{verdict:?}: {answer:#?}");
+        assert_eq!(answer[0].contains("No run is needed"), !needed, "{verdict:?}");
+        assert_eq!(answer[1].starts_with("Next: whorl_1 "), needed, "{verdict:?}: {answer:#?}");
+        assert!(
+            answer.iter().all(|sentence| !sentence.contains("none") && !sentence.contains("..")),
+            "{answer:#?}"
+        );
+        assert_eq!(super::needs_run(verdict), needed);
     }
 }

@@ -22,6 +22,15 @@ fn title(set: &[String]) -> String {
     set.iter().map(one).collect::<Vec<_>>().join(" with ")
 }
 
+/// Whether anything is in doubt that a further run may decide.
+#[must_use]
+pub fn needs_run(verdict: Verdict) -> bool {
+    match verdict {
+        Verdict::Confounded | Verdict::Unknown | Verdict::NotEnoughInformation => true,
+        Verdict::Named | Verdict::NothingMissing => false,
+    }
+}
+
 impl Proposal {
     /// The proposal, the reasons, and the demands on the platform.
     #[must_use]
@@ -36,13 +45,13 @@ impl Proposal {
             format!("The data leave open: {} (log odds now {}).", sets.join("; or "), log_odds_in_words(now))
         }
         Verdict::Named => format!(
-            "The data name {}; the next run can only confirm it, for example against {}.",
+            "No run is needed: the data name {}.{}",
             sets.first().map_or("", String::as_str),
-            sets.get(1).map_or("none", String::as_str)
+            sets.get(1).map_or_else(String::new, |other| format!(" A further one can only confirm it, for example against {other}."))
         ),
         Verdict::Unknown => "Something is missing that no effect explains. A run that can show more effects can rule out more of them.".to_owned(),
         Verdict::NothingMissing => format!(
-            "Nothing is missing as far as the data can say; {} of {} effects would have shown.",
+            "No run is needed: nothing is missing, and {} of {} effects would have shown at their ordinary size.",
             design.now.shown.len(),
             design.now.shown.len() + design.now.not_shown.len()
         ),
@@ -52,7 +61,8 @@ impl Proposal {
             design.now.shown.len() + design.now.not_shown.len()
         ),
     });
-        text.push(format!("Next: {platform} {} ({}).", best.manoeuvre.words, best.manoeuvre.name));
+        let next = if needs_run(verdict) { "Next" } else { "If you make one all the same" };
+        text.push(format!("{next}: {platform} {} ({}).", best.manoeuvre.words, best.manoeuvre.name));
         if design.separates {
             let worth = format!(
                 "Whichever is true, it is expected to lead by {} in log odds",

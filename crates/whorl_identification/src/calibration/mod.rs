@@ -151,9 +151,22 @@ pub fn calibrate_imu(
     settings: &CalibrationSettings,
 ) -> ImuCalibration {
     let mut findings = Vec::new();
-    let still: Vec<Still> =
-        runs.iter().enumerate().flat_map(|(index, run)| still_stretches(index, run, sensors)).collect();
-    if still.is_empty() {
+    let is_whole = |run: &Recording| run.has_whole_gyro() && run.has_whole_accelerometer();
+    for run in runs.iter().filter(|run| !is_whole(run)) {
+        findings.push(Finding::fatal(format!(
+            "{}: gyro and accelerometer need all three axes: which way is up at each rest, and the turn from one to the next, \
+             follow from all of them. {} Nothing was calibrated.",
+            run.name,
+            axes_there(run)
+        )));
+    }
+    let still: Vec<Still> = runs
+        .iter()
+        .enumerate()
+        .filter(|(_, run)| is_whole(run))
+        .flat_map(|(index, run)| still_stretches(index, run, sensors))
+        .collect();
+    if still.is_empty() && findings.is_empty() {
         findings.push(Finding::fatal(
             "No still stretch of two seconds was found: the sensor must lie still between turns. Nothing was calibrated.".to_owned(),
         ));
@@ -178,6 +191,20 @@ pub fn calibrate_imu(
     }
     temperature::slopes(runs, &still, &mut gyro, &mut accelerometer, &mut findings);
     ImuCalibration { gyro, accelerometer, still, rate_hz, findings }
+}
+
+/// Which axes a run has, in a sentence.
+fn axes_there(run: &Recording) -> String {
+    let of = |what: &str, axes: [bool; 3], is_empty: bool| {
+        let there = ["x", "y", "z"].into_iter().zip(axes).filter(|(_, has)| *has && !is_empty);
+        let there: Vec<&str> = there.map(|(axis, _)| axis).collect();
+        if there.is_empty() { format!("no {what}") } else { format!("{what} {}", there.join(", ")) }
+    };
+    format!(
+        "The recording has: {}; {}.",
+        of("gyro", run.gyro_axes(), run.gyro_b_rad_s.is_empty()),
+        of("accelerometer", run.force_axes(), run.specific_force_b_m_s2.is_empty())
+    )
 }
 
 fn rate_hz(run: &Recording) -> f64 {

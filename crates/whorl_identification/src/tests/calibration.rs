@@ -97,6 +97,14 @@ fn six_positions_and_turns_give_every_error_within_its_uncertainty() {
     let found = calibrate_imu(&[&run], &before, &CalibrationSettings::default());
     println!("{:?}", found.findings);
     assert_eq!(found.still.len(), 13);
+    // Without an axis nothing is calibrated, and the reason is said.
+    let mut partial = run.clone();
+    partial.no_force_axis = [false, true, false];
+    partial.specific_force_b_m_s2.value.iter_mut().for_each(|force| force.y = 0.0);
+    let refused = calibrate_imu(&[&partial], &before, &CalibrationSettings::default());
+    assert!(refused.still.is_empty() && refused.findings[0].fatal, "{:?}", refused.findings);
+    let said = &refused.findings[0].text;
+    assert!(said.contains("The recording has: gyro x, y, z; accelerometer x, z."), "{said}");
     check("accelerometer bias", &found.accelerometer.bias, &truth.accelerometer.errors.bias);
     check("accelerometer scale", &found.accelerometer.scale, &truth.accelerometer.errors.scale);
     check(

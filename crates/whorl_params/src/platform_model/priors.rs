@@ -15,7 +15,8 @@ use crate::value::{Kind, Value};
 
 const SOURCE: &str = "source";
 /// The model parameters that are words.
-const TEXTS: [&str; 3] = ["tilt_limit.kind", "freedom.kind", "sensors.gyro.axes"];
+const TEXTS: [&str; 4] =
+    ["tilt_limit.kind", "freedom.kind", "sensors.gyro.axes", "sensors.accelerometer.axes"];
 
 /// How well a platform is known, and from where.
 #[derive(Debug, Clone, PartialEq)]

@@ -36,6 +36,7 @@ pub(super) fn read(r: &mut Reader<'_>, freedom: &Freedom) -> SensorSuite {
         let accelerometer = if r.has("accelerometer") {
             r.group("accelerometer", |r| Accelerometer {
                 fitted: true,
+                axes: axes(r, "body axes that it measures").unwrap_or([true; 3]),
                 errors: triaxial(r, "m_s2", "m/s^2", USUAL_ACCELEROMETER_RANGE_M_S2),
                 lever_arm_b_m: r.vector3(
                     "lever_arm_m",
@@ -44,9 +45,14 @@ pub(super) fn read(r: &mut Reader<'_>, freedom: &Freedom) -> SensorSuite {
                 ),
             })
         } else {
-            Accelerometer { fitted: false, errors: NO_ERRORS, lever_arm_b_m: Vector3::zeros() }
+            Accelerometer {
+                fitted: false,
+                axes: [false; 3],
+                errors: NO_ERRORS,
+                lever_arm_b_m: Vector3::zeros(),
+            }
         };
-        let sees_weight = accelerometer.fitted && freedom.has_weight();
+        let sees_weight = accelerometer.shows_vertical() && freedom.has_weight();
         let vector = r.has("vector").then(|| r.group("vector", |r| vector(r, sees_weight)));
         let wheel_speed = r.group("wheel_speed", |r| {
             let ScalarSensor { noise_stddev, quantum } = scalar(r, "rad_s", "rad/s", USUAL_TACHOMETER_RAD_S);
@@ -96,16 +102,23 @@ const NO_ERRORS: TriaxialErrors = TriaxialErrors {
     averaging_window_s: 0.0,
 };
 
-/// Which axes a gyro has: all, unless the file names them.
-fn gyro_axes(r: &mut Reader<'_>, freedom: &Freedom) -> [bool; 3] {
-    let names = ["x", "y", "z"];
-    let doc = "body axes that it measures; a hinge needs one that sees its axis";
-    let Some(given) = r.optional_string_array("axes", doc) else { return [true; 3] };
-    let axes = names.map(|name| given.iter().any(|axis| axis == name));
+/// Which axes a sensor has, where the file names them.
+fn axes(r: &mut Reader<'_>, doc: &str) -> Option<[bool; 3]> {
+    let given = r.optional_string_array("axes", doc)?;
+    let axes = ["x", "y", "z"].map(|name| given.iter().any(|axis| axis == name));
     let count = axes.iter().filter(|axis| **axis).count();
     if count == 0 || count != given.len() {
         r.reject("axes", "allowed: a list of x, y, z, at least one and each at most once");
-    } else if matches!(freedom, Freedom::Hinge { .. })
+        return None;
+    }
+    Some(axes)
+}
+
+/// Which axes a gyro has: all, unless the file names them.
+fn gyro_axes(r: &mut Reader<'_>, freedom: &Freedom) -> [bool; 3] {
+    let doc = "body axes that it measures; a hinge needs one that sees its axis";
+    let Some(axes) = axes(r, doc) else { return [true; 3] };
+    if matches!(freedom, Freedom::Hinge { .. })
         && freedom.rate_from_gyro_b_rad_s(&Vector3::zeros(), axes).is_none()
     {
         r.reject(

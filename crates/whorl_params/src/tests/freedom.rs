@@ -45,6 +45,22 @@ fn a_hinge_needs_neither_weight_nor_stop_nor_accelerometer() {
     let one =
         model(&lines, "gyro: {axes: [z], noise_stddev_rad_s: 1.0e-3, bias_turn_on_stddev_rad_s: 2.0e-3}");
     assert_eq!(one.sensors.gyro.axes, [false, false, true]);
+    let force = |axes: &str| {
+        format!(
+            "{GYRO}\n        accelerometer: {{{axes}noise_stddev_m_s2: 0.02, bias_turn_on_stddev_m_s2: 0.1, lever_arm_m: [0.0, 0.0, 0.0]}}"
+        )
+    };
+    for (axes, there, vertical) in [
+        ("", [true; 3], true),
+        ("axes: [x, y, z], ", [true; 3], true),
+        ("axes: [x], ", [true, false, false], false),
+        ("axes: [x, z], ", [true, false, true], false),
+    ] {
+        let sensor = model(&lines, &force(axes)).sensors.accelerometer;
+        assert!(sensor.fitted && sensor.axes == there && sensor.shows_vertical() == vertical, "{axes}");
+    }
+    let twice = error(&lines, &force("axes: [x, x], "));
+    assert!(twice.contains("accelerometer.axes = [x, x]: allowed: a list of x, y, z"), "{twice}");
     let given = model(
         &format!(
             "{lines}\n      gravity_offset_n_m: [0.1, 0.0, 0.0]\n      tilt_limit: {{kind: cone, max_rad: 3.0}}"

@@ -150,7 +150,7 @@ impl Parts<'_> {
     /// Names of a channel's columns, and its cells at times \[ns\]; `None` where it was not recorded.
     fn columns(&self, recording: &Recording, channel: Channel, sensor: usize) -> Option<Columns> {
         let info = channel.info();
-        let lacks = if channel == Channel::Gyro { recording.no_gyro_axis } else { [false; 3] };
+        let lacks = recording.lacks(channel);
         let cells = match recording.series(channel, sensor) {
             Some(series) => samples(series, lacks),
             None if info.form == Form::Pulses => pulses(recording),

@@ -157,8 +157,8 @@ struct Gathered {
     /// Of each channel and sensor; those without a sample are not in it.
     samples: BTreeMap<(Channel, usize), Columns>,
     counts: BTreeMap<Channel, usize>,
-    /// Axes of the gyro that have a number in some line.
-    gyro_axes: [bool; 3],
+    /// Axes of gyro and accelerometer that have a number in some line.
+    axes: BTreeMap<Channel, [bool; 3]>,
     /// How the file tells of jets, what it tells but repetitions, and how many lines tell it.
     jet_map: Option<JetMap>,
     jets: Vec<JetCommand>,
@@ -178,8 +178,8 @@ impl Gathered {
         self.rows += 1;
         for (channel, sensor, numbers) in samples {
             *self.counts.entry(channel).or_default() += 1;
-            if channel == Channel::Gyro {
-                for (seen, x) in self.gyro_axes.iter_mut().zip(&numbers) {
+            if channel.info().may_lack_axes {
+                for (seen, x) in self.axes.entry(channel).or_default().iter_mut().zip(&numbers) {
                     *seen |= x.is_finite();
                 }
             }
@@ -265,16 +265,16 @@ impl Gathered {
             (false, true) => Vec::new(),
             (false, false) => jet_pulses,
         };
-        let missing = self.gyro_axes.map(|seen| !seen);
-        let no_gyro_axis = all
-            .get_mut(&(Channel::Gyro, 0))
-            .map(|gyro| gyro.take_out_missing_axes(missing))
-            .unwrap_or_default();
+        let mut lacks = Vec::new();
+        for (channel, seen) in self.axes {
+            if let Some(samples) = all.get_mut(&(channel, 0)) {
+                lacks.push((channel, samples.take_out_missing_axes(seen.map(|seen| !seen))));
+            }
+        }
         let held = map.clamped || !known.model.freedom.turns();
         let mut recording = Recording {
             name: csv.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             platform: known.platform.clone(),
-            no_gyro_axis,
             mounting: if held { Mounting::Clamped } else { Mounting::OnBearing },
             vectors,
             jet_pulses,
@@ -282,6 +282,9 @@ impl Gathered {
             remarks,
             ..Recording::default()
         };
+        for (channel, missing) in lacks {
+            recording.set_lacks(channel, missing);
+        }
         for ((channel, sensor), samples) in all {
             if let Some(series) = recording.series_mut(channel, sensor) {
                 series.fill(&mut samples.lines().map(|(at, numbers)| (seconds_at(at), numbers.to_vec())));
@@ -311,7 +314,7 @@ pub(crate) fn lines_again<'a>(
 ) -> Result<impl Iterator<Item = (i64, Vec<Sample>)> + use<'a>, CsvError> {
     let (map, _) = of_fixed_directions(map);
     let (mut rows, lines) = (CsvRows::open(csv, &map)?, Lines::new(&map));
-    let missing = imported.recording.no_gyro_axis;
+    let recording = &imported.recording;
     Ok(std::iter::from_fn(move || {
         loop {
             let mut row = match rows.next_row() {
@@ -322,8 +325,9 @@ pub(crate) fn lines_again<'a>(
                 }
             };
             let Some(mut samples) = lines.samples(&mut row) else { continue };
-            samples
-                .retain_mut(|(channel, _, numbers)| *channel != Channel::Gyro || is_whole(numbers, missing));
+            samples.retain_mut(|(channel, _, numbers)| {
+                !channel.info().may_lack_axes || is_whole(numbers, recording.lacks(*channel))
+            });
             return Some((row.time_ns - imported.start_ns, samples));
         }
     }))

@@ -24,19 +24,17 @@ pub(super) fn recording(
     model: Option<&PlatformModel>,
     mut remarks: Vec<String>,
 ) -> Recording {
-    let no_gyro_axis = match gathered.samples.get_mut(&(Channel::Gyro, 0)) {
-        None => [false; 3],
-        Some(samples) => {
-            let before = samples.len();
-            let missing = missing_axes(samples.lines().map(|(_, v)| v));
-            let missing = samples.take_out_missing_axes(missing);
-            let taken_out = before - samples.len();
-            if taken_out > 0 {
-                *gathered.not_finite.entry(Channel::Gyro).or_default() += taken_out;
-            }
-            missing
+    let [no_gyro_axis, no_force_axis] = [Channel::Gyro, Channel::Accelerometer].map(|channel| {
+        let Some(samples) = gathered.samples.get_mut(&(channel, 0)) else { return [false; 3] };
+        let before = samples.len();
+        let missing = missing_axes(samples.lines().map(|(_, v)| v));
+        let missing = samples.take_out_missing_axes(missing);
+        let taken_out = before - samples.len();
+        if taken_out > 0 {
+            *gathered.not_finite.entry(channel).or_default() += taken_out;
         }
-    };
+        missing
+    });
     for (channel, count) in &gathered.not_finite {
         remarks.push(format!(
             "{count} messages of the channel {channel} hold no finite numbers and were left out."
@@ -109,6 +107,7 @@ pub(super) fn recording(
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
         platform: platform.to_owned(),
         no_gyro_axis,
+        no_force_axis,
         mounting: match noted_in(run, MOUNTING_NOTE) {
             Some("clamped") => Mounting::Clamped,
             _ if model.is_some_and(|model| !model.freedom.turns()) => Mounting::Clamped,

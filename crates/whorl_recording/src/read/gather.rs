@@ -183,7 +183,7 @@ impl Gathered {
     /// Keeps a sample if there is one, and counts it if its numbers are not finite.
     fn keep(&mut self, channel: Channel, sensor: usize, at: i64, numbers: Option<Vec<f64>>) {
         let Some(numbers) = numbers else { return };
-        // A gyro may lack axes: which ones is known when all samples are.
+        // A sensor may lack axes: which ones is known when all samples are.
         if channel.info().may_lack_axes && numbers.len() == 3 && numbers.iter().any(|x| x.is_finite()) {
             self.samples.entry((channel, sensor)).or_default().push(at, &numbers);
             return;

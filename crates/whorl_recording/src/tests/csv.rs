@@ -366,11 +366,47 @@ fn a_gyro_may_lack_axes() {
         ("[~, ~, ~]", "has no value"),
         ("['~', '~', '~']", "~ stands for an axis that is not measured, and here at least one must be"),
         (
-            "[~, ~, g]}\n    accelerometer: {columns: [a, ~, c]",
+            "[~, ~, g]}\n    true_rate: {columns: [a, ~, c]",
             "~ stands for an axis that is not measured, and here all three must be",
         ),
     ] {
         let error = files.error(&map.replace("[~, ~, -g]", wrong).replace(", unit: deg/s", ""), &table);
         assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// An accelerometer with x and z: in by its map, out to CSV and to a bag, and back; its absent axis is never a zero in a file.
+#[test]
+fn an_accelerometer_may_lack_axes() {
+    let map = "    time: {column: t}\n    gyro: {columns: [a, b, c]}\n    accelerometer: {columns: [-f, ~, g], unit: g}\n";
+    let lines: String =
+        (0..50).map(|i| format!("0.{i:02},0.{i},0.1{i},-0.{i},0.0{},1.00{}\n", i % 7, i % 5)).collect();
+    let (files, known) = (Files::new(), whorl_1());
+    let recording = files.import(map, &format!("t,a,b,c,f,g\n{lines}")).unwrap().recording;
+    assert_eq!((recording.force_axes(), recording.gyro_axes()), ([true, false, true], [true; 3]));
+    let third = recording.specific_force_b_m_s2.value[3];
+    assert!((third - Vector3::new(-0.03, 0.0, 1.003) * 9.806_65).norm() < 1e-12, "{third}");
+    assert!(
+        recording.remarks.iter().all(|remark| !remark.contains("accelerometer")),
+        "{:?}",
+        recording.remarks
+    );
+    let said = recording.missing_channels(&known.model);
+    assert!(
+        said.iter().any(|cost| cost.starts_with("No accelerometer axis y: what x, z shows is used")),
+        "{said:?}"
+    );
+
+    let parts = platform_parts(&known);
+    let out = files.directory.path().join("out");
+    let exported = export_csv(&recording, &parts.wheels, &parts.jets, &out).unwrap();
+    let text = std::fs::read_to_string(&exported.csv).unwrap();
+    assert!(text.contains("force_x_m_s2,force_z_m_s2") && !text.contains("force_y"), "{text}");
+    let again = read_csv(&exported.csv, &CsvMap::load_for(&exported.map, &parts).unwrap(), &known).unwrap();
+    let run = files.directory.path().join("run");
+    write_run(&recording, &known, &RunOrigin::default(), &run).unwrap();
+    for read in [again.recording, read_run(&run, None).unwrap().remove(0)] {
+        assert_eq!(read.force_axes(), [true, false, true]);
+        assert_eq!(read.specific_force_b_m_s2, recording.specific_force_b_m_s2);
     }
 }

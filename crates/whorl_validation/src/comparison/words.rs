@@ -8,6 +8,9 @@ use super::{ChannelErrors, Comparison, Unexplained, white};
 
 /// Largest ratio to the predicted deviation at which a channel counts as explained.
 const EXPLAINED: f64 = 1.1;
+/// Errors of predictions and of the whole run beyond noise up to which a model is right to all purposes: what is left then adds a
+/// tenth to the noise's variance.
+pub const SMALL_ERROR: f64 = 0.05;
 /// Motors' torques below this share of the largest torque go without saying.
 const LEAST_TOLD: f64 = 0.01;
 /// Largest number of findings to report.
@@ -34,7 +37,15 @@ impl Comparison {
         if self.is_noise() {
             return format!("{run}: the model explains the data to the noise: {error} ({of_test}).");
         }
-        let mut text = format!("{run}: the model does not explain the data: {error} ({of_test}).");
+        // Whether something is left is one question, how much of it another: a long run shows the smallest error for certain.
+        let size = match self.small_error() {
+            Some(size) => {
+                let percent = (100.0 * size).ceil().max(1.0);
+                format!("the model explains the data within {percent} %, though what is left is significant")
+            }
+            None => "the model does not explain the data".to_owned(),
+        };
+        let mut text = format!("{run}: {size}: {error} ({of_test}).");
         let worst = self.channels.iter().filter_map(|c| worst_horizon(c).map(|h| (c, h)));
         if let Some((channel, (horizon_s, rms, ratio))) =
             worst.max_by(|a, b| a.1.2.total_cmp(&b.1.2)).filter(|(_, (_, _, ratio))| *ratio > EXPLAINED)
@@ -52,6 +63,16 @@ impl Comparison {
             text.push_str(&format!(" Unexplained: {}.", self.unexplained));
         }
         text
+    }
+
+    /// How much larger errors are than noise makes them, where that is little: of predictions, of the whole run, and in no channel
+    /// more than chance may explain.
+    #[must_use]
+    pub fn small_error(&self) -> Option<f64> {
+        let whole = self.absolute.chi_squared_per_degree.sqrt();
+        let size = self.prediction_error().unwrap_or(whole).max(whole) - 1.0;
+        let worst = self.channels.iter().filter_map(worst_horizon).map(|(.., ratio)| ratio);
+        (size <= SMALL_ERROR && worst.fold(0.0, f64::max) <= EXPLAINED).then_some(size.max(0.0))
     }
 
     /// Whether the innovations of the model alone are white, in a sentence.

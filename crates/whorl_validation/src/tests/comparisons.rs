@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::generator::{Manoeuvre, platform, record};
-use crate::{ValidationError, compare};
+use crate::{Comparison, ValidationError, compare};
 use whorl_trajectory::Refusal;
 
 #[test]
@@ -32,6 +32,47 @@ fn the_right_model_leaves_noise() {
     assert!(comparison.answer().contains("explains the data to the noise"), "{}", comparison.answer());
     let said = comparison.said_of_innovations();
     assert!(said.contains("are white") && comparison.white.len() == 3 + 3 + 2 + 3, "{said}");
+}
+
+/// Whether something is left and how much of it are two statements: a long run shows the smallest error for certain.
+#[test]
+fn an_error_that_is_significant_and_small_is_said_to_be_small() {
+    let model = platform();
+    let right = compare(&record(&model, &Manoeuvre::default()), &model).unwrap();
+    assert!(right.is_noise() && right.prediction_error().unwrap() < 1.03);
+    let said = |change: &dyn Fn(&mut Comparison)| {
+        let mut changed = right.clone();
+        for channel in &mut changed.channels {
+            channel.horizons.iter_mut().for_each(|h| h.ratio = h.ratio.min(1.05));
+        }
+        change(&mut changed);
+        assert!(!changed.is_noise());
+        changed.answer()
+    };
+    // The square root of 1.0609 is 1.03.
+    let small = said(&|c| c.absolute.chi_squared_per_degree = 1.0608);
+    assert!(
+        small.contains("the model explains the data within 3 %, though what is left is significant: "),
+        "{small}"
+    );
+    assert!(small.contains("chi-squared per degree of freedom 1.06") && !small.contains("Worst"), "{small}");
+    let torque = said(&|c| c.unexplained.torque_b_n_m[2] = 1e-3);
+    assert!(
+        torque.contains(" %, though what is left is significant") && torque.contains("Unexplained"),
+        "{torque}"
+    );
+    for large in [
+        said(&|c| c.absolute.chi_squared_per_degree = 1.3),
+        said(&|c| {
+            c.absolute.chi_squared_per_degree = 1.06;
+            c.channels[0].horizons[2].ratio = 3.0;
+        }),
+    ] {
+        assert!(
+            large.contains("the model does not explain the data") && !large.contains("within"),
+            "{large}"
+        );
+    }
 }
 
 #[test]

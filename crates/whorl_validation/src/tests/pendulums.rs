@@ -243,3 +243,31 @@ fn a_wheel_that_its_loop_holds_is_explained() {
         assert!(comparison.is_noise() && (error - 1.0).abs() < 0.05, "{}", comparison.answer());
     }
 }
+
+/// An accelerometer of one or two axes: what it lacks is not there, neither as a reading nor as a zero.
+#[test]
+fn a_pendulum_is_explained_with_an_accelerometer_that_lacks_axes() {
+    let with = pendulums().into_iter().filter(|pendulum| pendulum.has_accelerometer);
+    let lacking = [
+        [true, false, false],
+        [false, true, false],
+        [false, false, true],
+        [true, false, true],
+        [false, true, true],
+        [true, true, false],
+    ];
+    for (seed, (pendulum, lacks)) in (20..).zip(with.zip(lacking.into_iter().cycle())) {
+        let mut run = pendulum.swing(seed);
+        run.no_force_axis = lacks;
+        for force in &mut run.specific_force_b_m_s2.value {
+            *force = force.zip_map(&Vector3::from(lacks), |f, lacks| if lacks { 0.0 } else { f });
+        }
+        let comparison = compare(&run, &pendulum.model()).unwrap();
+        let error = comparison.prediction_error().unwrap();
+        assert!((error - 1.0).abs() < 0.06, "{pendulum:?} {lacks:?}: {error}");
+        assert!(comparison.is_noise(), "{pendulum:?} {lacks:?}: {}", comparison.answer());
+        let axes = lacks.iter().filter(|lacks| !**lacks).count();
+        let of_vector = usize::from(pendulum.sees_vertical);
+        assert_eq!(comparison.channels.len(), 1 + axes + of_vector, "{pendulum:?} {lacks:?}");
+    }
+}

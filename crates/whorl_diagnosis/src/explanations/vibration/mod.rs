@@ -71,7 +71,8 @@ impl<'a> Fast<'a> {
                 let d = y - a.lerp(b, share);
                 let at = at as usize;
                 there[sensor][at] = true;
-                for i in 0..3 {
+                let axes = if sensor == 0 { run.gyro_axes } else { run.accel_axes };
+                for i in (0..3).filter(|i| axes[*i]) {
                     channel[3 * sensor + i][at] = d[i];
                 }
             }

@@ -86,7 +86,7 @@ impl System<'_> {
                 // d/dw of w x (w x r) = (w . r) I + w r^T - 2 r w^T.
                 let by_rate =
                     Matrix3::identity() * omega.dot(&r) + omega * r.transpose() - r * omega.transpose() * 2.0;
-                for i in 0..3 {
+                for i in (0..3).filter(|i| run.accel_axes[*i]) {
                     let mut parts = [(0, 0.0); 7];
                     for j in 0..3 {
                         parts[j] = (ANGLE + j, by_angle[(i, j)]);
