@@ -15,6 +15,7 @@ mod identification;
 mod identification_sentences;
 mod noise_map;
 mod perturbations;
+pub mod prepared;
 mod printed_tables;
 pub mod regression;
 pub mod rigid_body;

@@ -13,7 +13,7 @@ use super::misfit::{Misfit, said};
 use super::skew::untangled;
 use super::still::Still;
 use super::{CalibrationSettings, SensorCalibration};
-use crate::data::Finding;
+use crate::finding::Finding;
 
 /// Largest plausible values: bias [m/s^2], scale \[1\] and angles between the axes \[rad\].
 const WIDEST: [f64; 3] = [2.0, 0.2, 0.1];

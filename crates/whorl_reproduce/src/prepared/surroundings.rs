@@ -1,56 +1,28 @@
 //! Inputs of a model's effects besides the motion: gas, voltage, temperature, moving masses.
 
 use nalgebra::Vector3;
-use whorl_dynamics::{Gyrostat, PlatformModel};
+use whorl_dynamics::Gyrostat;
+use whorl_identification::sequential::Surroundings;
 use whorl_recording::{Recording, Series};
 
-/// Surroundings of the platform at one time of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surroundings {
-    /// Tank pressure \[Pa\].
-    pub tank_pressure_pa: f64,
-    /// Gas gone from the full tank \[kg\].
-    pub gas_used_kg: f64,
-    /// Bus voltage \[V\].
-    pub bus_voltage_v: f64,
-    /// Temperature of the platform \[K\].
-    pub temperature_k: f64,
-    /// Sense of the last travel of the linear mass actuators along body x, y, z: -1, 0 (never moved), 1.
-    pub ballast_direction: Vector3<f64>,
-}
-
-impl Surroundings {
-    /// A full tank, a full battery and a platform as warm as the room.
-    #[must_use]
-    pub fn at_start(model: &PlatformModel) -> Self {
-        Self {
-            tank_pressure_pa: model.tank().initial_pressure_pa,
-            gas_used_kg: 0.0,
-            bus_voltage_v: model.bus.initial_v,
-            temperature_k: model.sensors.ambient_temperature_k,
-            ballast_direction: Vector3::zeros(),
-        }
-    }
-
-    /// At a time of a run: measured, else as the model predicts.
-    pub(super) fn at(run: &Recording, gyrostat: &Gyrostat, time_s: f64) -> Self {
-        let (model, full_kg) = (gyrostat.model(), gyrostat.initial_gas_kg());
-        let measured = |series: &Series<f64>| series.held_at(time_s).copied();
-        let pressure = measured(&run.tank_pressure_pa);
-        let gas_used_kg = match pressure {
-            // Gas goes with pressure in an isothermal tank.
-            Some(pa) => full_kg * (1.0 - pa / model.tank().initial_pressure_pa),
-            None => used_by_pulses_kg(run, gyrostat, time_s),
-        };
-        let (bus, sensors) = (&model.bus, &model.sensors);
-        Self {
-            tank_pressure_pa: pressure.unwrap_or_else(|| gyrostat.pressure_pa(full_kg - gas_used_kg)),
-            gas_used_kg,
-            bus_voltage_v: measured(&run.bus_voltage_v).unwrap_or(bus.initial_v - bus.discharge_v_s * time_s),
-            temperature_k: measured(&run.temperature_k)
-                .unwrap_or(sensors.ambient_temperature_k + sensors.temperature_drift_k_s * time_s),
-            ballast_direction: last_travel(&run.ballast_moment_b_n_m, time_s),
-        }
+/// At a time of a run: measured, else as the model predicts.
+pub fn at(run: &Recording, gyrostat: &Gyrostat, time_s: f64) -> Surroundings {
+    let (model, full_kg) = (gyrostat.model(), gyrostat.initial_gas_kg());
+    let measured = |series: &Series<f64>| series.held_at(time_s).copied();
+    let pressure = measured(&run.tank_pressure_pa);
+    let gas_used_kg = match pressure {
+        // Gas goes with pressure in an isothermal tank.
+        Some(pa) => full_kg * (1.0 - pa / model.tank().initial_pressure_pa),
+        None => used_by_pulses_kg(run, gyrostat, time_s),
+    };
+    let (bus, sensors) = (&model.bus, &model.sensors);
+    Surroundings {
+        tank_pressure_pa: pressure.unwrap_or_else(|| gyrostat.pressure_pa(full_kg - gas_used_kg)),
+        gas_used_kg,
+        bus_voltage_v: measured(&run.bus_voltage_v).unwrap_or(bus.initial_v - bus.discharge_v_s * time_s),
+        temperature_k: measured(&run.temperature_k)
+            .unwrap_or(sensors.ambient_temperature_k + sensors.temperature_drift_k_s * time_s),
+        ballast_direction: last_travel(&run.ballast_moment_b_n_m, time_s),
     }
 }
 
